@@ -1,1 +1,1 @@
-"""The easel: a machine with its camera, opened and watched in a process of its own."""
+"""The easel: a robot with its camera, opened and supervised in a separate process."""

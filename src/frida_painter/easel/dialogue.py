@@ -1,4 +1,4 @@
-"""Calibration as a conversation: a procedure asks, whoever leads it answers, and in the end there is a finding."""
+"""Dialogues of calibration: a procedure asks questions, a caller answers, and the procedure returns a finding."""
 
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
@@ -16,10 +16,11 @@ Corners = tuple[tuple[float, float], ...]
 
 @dataclass(frozen=True)
 class Confirm:
-    """Is something so, or done? Answered with True or False.
+    """Yes-or-no question, answered with True or False.
 
-    text: the question in plain words; picture [3, h, w]: what to look at, or None; proposal: what the
-    procedure would answer itself.
+    text: the question in plain words
+    picture: [3, h, w] to look at, or None
+    proposal: answer that the procedure suggests
     """
 
     text: str
@@ -29,10 +30,10 @@ class Confirm:
 
 @dataclass(frozen=True)
 class PointCorners:
-    """Where are the four corners of something in this photograph? Answered with (column, row) pixels.
+    """Question for the four corners of an object in a photograph, answered with (column, row) pixels.
 
-    They go round clockwise from the top left as it would be read. proposal: the corners that were
-    found, or None.
+    The corners go clockwise from the top left of the upright object.
+    proposal: corners that the procedure found, or None
     """
 
     text: str
@@ -42,10 +43,11 @@ class PointCorners:
 
 @dataclass(frozen=True)
 class Jog:
-    """Up or down? Answered with a `JogMove`, until one says that the height is right.
+    """Question for a height, answered with one `JogMove` after another until the height is right.
 
-    height: robot z in metres now; lowest, highest: what the workspace allows; proposal: the move
-    that the procedure would make, or None where only a person can tell.
+    height: current robot z in metres
+    lowest, highest: limits of the workspace
+    proposal: move that the procedure suggests; None if only a person can tell
     """
 
     text: str
@@ -58,7 +60,11 @@ class Jog:
 
 @dataclass(frozen=True)
 class JogMove:
-    """One press of a jog key: step in metres, up positive; settled: the height is right as it is now."""
+    """Press of a jog key.
+
+    step: metres, positive is up
+    settled: True if the current height is right
+    """
 
     step: float = 0.0
     settled: bool = False
@@ -66,9 +72,9 @@ class JogMove:
 
 @dataclass(frozen=True)
 class Measure:
-    """How long is something? Answered with metres from lowest to highest.
+    """Question for a length, answered with metres from lowest to highest.
 
-    proposal: what is known of it so far, or None.
+    proposal: known value, or None
     """
 
     text: str
@@ -83,24 +89,24 @@ Procedure = Generator[Question, Answer, Found]
 
 
 class Finding(Protocol):
-    """What a procedure found at an easel; implemented by a frozen dataclass of each procedure."""
+    """Result of a procedure; each procedure implements it as a frozen dataclass."""
 
     @property
     def sentence(self) -> str:
-        """What was found and how exactly, in plain words of one or two lines."""
+        """Result and its accuracy, in one or two lines of plain words."""
 
     @property
     def picture(self) -> "Tensor | None":
-        """What was found, to look at: sRGB [3, h, w] in [0, 1]; None where there is nothing to see."""
+        """Picture of the result: sRGB [3, h, w] in [0, 1]; None if there is nothing to see."""
 
     def enter(self, record: "Calibration") -> "Calibration":
-        """The record with this part renewed, by way of `record.with_<procedure>(...)`."""
+        """Returns the calibration with this part replaced, through `record.with_<procedure>(...)`."""
 
 
 def lead(procedure: Procedure[Found], answer: Callable[[Question], Answer]) -> Found:
-    """Leads a procedure to its end by answering all that it asks, and returns what it found.
+    """Runs a procedure to its end with the answers of `answer`, and returns its finding.
 
-    Raises whatever the procedure or the answers raise; the procedure is closed then.
+    Raises the errors of the procedure and of `answer`; the procedure is closed then.
     """
     try:
         question = next(procedure)

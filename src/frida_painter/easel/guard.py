@@ -1,8 +1,8 @@
-"""A robot under guard: it stays stopped once it was stopped, and whatever its driver does becomes an error with a name.
+"""The guard around a robot: a stop lasts until a person re-arms, and every failure of a driver becomes a typed error.
 
-The guard stands around a driver, in the process that owns the robot. It does not trust the driver:
-a call that never comes back is given up, nonsense that it reports is not passed on, and after any
-fault the robot is stopped and latched. What a driver keeps to by itself is in drivers/interlock.py.
+The guard wraps a driver, in the process that owns the robot. It does not trust the driver: it abandons a call that
+does not return, refuses invalid reports, and stops and latches the robot after any fault. The driver's own checks
+are in hardware/drivers/interlock.py.
 """
 
 import contextlib
@@ -33,20 +33,21 @@ from frida_painter.hardware.robot import Camera, Frame, LiveCamera, MotionReport
 
 T = TypeVar("T")
 
-# How long, s, a driver may take to end its motion after a stop and to send the stop itself, and a disk to take it down.
+# Seconds that a driver may take to end its motion after a stop and to send the stop, and a disk to store it.
 _WIND_DOWN, _SENDING, _WRITING = 1.0, 1.0, 10.0
 _TOLERANCE, _ARRIVED = 1e-6, 0.002
 
 
 class GuardedRobot:
-    """Implements hardware.robot.Robot over another.
+    """Robot under guard: wraps another robot. Implements hardware.robot.Robot.
 
-    latch: keeps a stop over restarts, or, of a simulated robot, does not.
-    claim: takes the robot for this process by the serial number that it states once it is connected, and raises
-    RobotBusy where another one has it.
-    patience, grace: a motion is given up after `patience` times the time that its way takes, and
-    `grace` seconds more; connecting: seconds that the robot may take to be reached. Raises RobotStopped
-    where a person has to re-arm first.
+    latch: keeps a stop over restarts (Latch); for a simulated robot it does not (Unlatched)
+    claim: reserves the robot for this process by the serial number that it states once connected; raises RobotBusy
+        if another process has it
+    patience, grace: time limit of a motion: `patience` times the duration of its way, plus `grace` seconds
+    connecting: seconds that the connection may take
+
+    Every motion raises RobotStopped if a person must re-arm the robot first.
     """
 
     def __init__(
@@ -64,7 +65,7 @@ class GuardedRobot:
         self.robot, self.workspace, self.latch = robot, workspace, latch
         self._patience, self._grace, self._connecting = patience, grace, connecting
         self._caller = Caller("robot")
-        self._lock = threading.RLock()  # a signal may come while it is held, and stop as well
+        self._lock = threading.RLock()  # reentrant: a signal handler may stop the robot while the lock is held
         self._stop: StopRecord | None = latch.read()
         self._stopped_at = steady()
         self._asked = False
@@ -75,16 +76,20 @@ class GuardedRobot:
 
     @property
     def moving(self) -> bool:
-        """Whether a motion is on its way."""
+        """True while a motion is in progress."""
         return self._moving.is_set()
 
     @property
     def stopped(self) -> StopRecord | None:
-        """Why the robot stands still and has to be re-armed; None where it has not."""
+        """Stop that holds until the robot is re-armed; None if there is none."""
         return self._stop
 
     def connect(self) -> None:
-        """Reaches the robot and reads where it is. Raises RobotStopped; WorkspaceViolation where it is outside."""
+        """Connects to the robot and reads its position.
+
+        Raises RobotStopped if it is stopped, RobotBusy if another process has it, WorkspaceViolation if the tip is
+        outside the workspace, RobotError and its subclasses.
+        """
         self._require_armed("connect")
         self._call("connect", self.robot.connect, self._connecting)
         self._recognise()
@@ -100,7 +105,7 @@ class GuardedRobot:
         self._tip, self._lifted = tip, False
 
     def _recognise(self) -> None:
-        """Of a robot that says which one it is: whether it was stopped, or is in use, under another name."""
+        """Checks by the robot's serial number if it was stopped, or is in use, under another name."""
         number = str(getattr(self.robot, "serial_number", "") or "")
         if not number or isinstance(self.latch, Unlatched):
             return
@@ -115,13 +120,13 @@ class GuardedRobot:
             raise
 
     def home(self) -> MotionReport:
-        """Goes aside. Raises RobotError and its kinds."""
+        """Moves to the home position. Raises RobotError and its subclasses."""
         self._lift_first()
         reach = float(np.linalg.norm(np.subtract(self.workspace.upper, self.workspace.lower)))
         return self._move("home", self.robot.home, reach / self.workspace.travel_speed)
 
     def pose(self) -> NDArray[np.float64]:
-        """Where the tip is, [3] metres. Raises RobotError where the robot does not know."""
+        """Returns the position of the tip, [3] metres. Raises RobotError if the robot does not know it."""
         tip = np.asarray(self._call("pose", self.robot.pose, self._grace))
         if not (tip.shape == (3,) and tip.dtype.kind in "fi" and np.isfinite(tip).all()):
             raise RobotError(
@@ -131,16 +136,20 @@ class GuardedRobot:
         return tip.astype(np.float64)
 
     def follow(self, waypoints: Waypoints) -> MotionReport:
-        """Moves along waypoints that lie in the workspace. Raises WorkspaceViolation before anything moves."""
+        """Moves along waypoints inside the workspace.
+
+        Raises WorkspaceViolation before anything moves, RobotStopped if the robot is stopped, RobotError and its
+        subclasses.
+        """
         gateway.check([waypoints], self.workspace)
         self._lift_first()
         way = waypoints.length + self._away_from(waypoints.position[0])
         return self._move(waypoints.label, lambda: self.robot.follow(waypoints), way / waypoints.speed)
 
     def stop(self, reason: str = "it was asked for", *, asked: bool = False) -> None:
-        """Stops at once, from any thread, and latches. As often as one likes: the first reason stays.
+        """Stops at once and latches; may be called from any thread, repeatedly. The first reason stays.
 
-        asked: whether a person asked for it, as RobotStopped tells.
+        asked: True if a person asked for the stop, for RobotStopped
         """
         with self._lock:
             first = self._stop is None
@@ -149,21 +158,21 @@ class GuardedRobot:
                 self._asked = asked
         sending = threading.Thread(target=self._send_stop, daemon=True)
         sending.start()
-        if first:  # the disk may be slow or gone; the robot is stopped beside it, and sooner
+        if first:  # In a separate thread, because the disk may be slow or missing, and the robot must stop first.
             self._latching = threading.Thread(target=self._latch, args=(reason,), daemon=True)
             self._latching.start()
         sending.join(_SENDING)
 
     def close(self) -> None:
-        """Lets go of the robot, and waits until a stop is on the disk."""
+        """Disconnects from the robot, and waits until a stop is stored."""
         if self._latching is not None:
             self._latching.join(_WRITING)
-        with contextlib.suppress(FridaError):  # whatever is wrong was said before
+        with contextlib.suppress(FridaError):  # the errors were reported before
             self._call("close", self.robot.close, self._grace)
         self._caller.end()
 
     def _send_stop(self) -> None:
-        with contextlib.suppress(Exception):  # of any driver: the latch holds all the same
+        with contextlib.suppress(Exception):  # any driver may fail here; the latch holds all the same
             self.robot.stop()
 
     def _latch(self, reason: str) -> None:
@@ -171,9 +180,9 @@ class GuardedRobot:
             self._stop = self.latch.engage(reason)
 
     def _lift_first(self) -> None:
-        """Straight up, once after connecting, where the brush was left low: it may stand on the canvas or in a well."""
+        """Raises a low brush vertically, once after connection: it may stand on the canvas or in a well."""
         here, hover = self.workspace, self.workspace.hover
-        surface = here.canvas_origin[2] if here.rack is None else here.top  # the hand may be among standing brushes
+        surface = here.canvas_origin[2] if here.rack is None else here.top  # or among brushes
         clear = min(surface + hover, self.workspace.upper[2])
         if self._lifted or self._tip is None or self._tip[2] >= surface + hover / 2:
             self._lifted = True
@@ -204,7 +213,7 @@ class GuardedRobot:
         return report
 
     def _call(self, label: str, act: Callable[[], T], within: float) -> T:
-        """What the driver returns, or an error of the tree whatever it raises and however long it takes."""
+        """Returns the driver's result; an exception or a delay becomes a FridaError."""
         began = steady()
 
         def until() -> float:
@@ -274,11 +283,14 @@ def _shortly(value: object) -> str:
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
-# A camera under guard: whatever its driver does becomes a photograph or an error with a name, in bounded time.
+# The guard around a camera: a call ends in limited time, with a photograph or with a typed error.
 
 
 class GuardedCamera:
-    """Implements hardware.robot.Camera over another; a call is given up after `patience` seconds."""
+    """Camera under guard: wraps another camera, with a time limit of `patience` seconds per call.
+
+    Implements hardware.robot.Camera.
+    """
 
     def __init__(self, camera: Camera, *, patience: float = 30.0) -> None:
         self.camera = camera
@@ -287,11 +299,11 @@ class GuardedCamera:
         self._turn = threading.Lock()
 
     def connect(self) -> None:
-        """Reaches the camera. Raises CameraError and its kinds."""
+        """Connects to the camera. Raises CameraError and its subclasses."""
         self._call(self.camera.connect)
 
     def capture(self, newer_than: float) -> Frame:
-        """A photograph taken after `newer_than` (s). Raises CameraError and its kinds."""
+        """Returns a photograph taken after `newer_than` (s). Raises CameraError and its subclasses."""
         with self._turn:
             frame = self._call(lambda: self.camera.capture(newer_than))
         if not _is_photograph(frame):
@@ -302,7 +314,7 @@ class GuardedCamera:
         return frame
 
     def glance(self) -> NDArray[np.uint8] | None:
-        """The picture that a live camera has now; None where it is none, or is being used. Raises CameraError."""
+        """Returns the current picture of a live camera; None if it is not live or is in use. Raises CameraError."""
         if not isinstance(self.camera, LiveCamera) or not self._turn.acquire(blocking=False):
             return None
         try:
@@ -311,7 +323,7 @@ class GuardedCamera:
             self._turn.release()
 
     def close(self) -> None:
-        """Lets go of the camera. Raises CameraError and its kinds."""
+        """Disconnects from the camera. Raises CameraError and its subclasses."""
         try:
             self._call(self.camera.close)
         finally:

@@ -1,7 +1,7 @@
-"""The easel's end of the link: does what the painting process asks for, one thing after another.
+"""The easel's process: owns robot and camera, and answers the painting process's requests one after another.
 
-A request names a part of the easel and what it is to do; the answer holds the result, or the kind and
-the sentence of an error of the tree in errors.py.
+A request names a part of the easel and its task. The answer contains the result, or the class and the message of a
+FridaError.
 """
 
 import contextlib
@@ -41,18 +41,18 @@ from frida_painter.hardware.latch import HOW_TO_ARM, Latch, Unlatched, latch_pat
 from frida_painter.hardware.robot import Camera, LiveCamera, MotionReport, Reach, Robot, Timing, Waypoints, Workspace
 from frida_painter.palette import Palette
 
-# One robot, one process: a lock that the system lets go of when its process ends, however it ends.
+# One robot, one process: a lock that the system releases when its process ends for any reason.
 
 
 class RobotLock:
-    """Holds a robot for this process until `release`. Raises RobotBusy, with the other's process id, where it is held.
+    """Lock on a robot, held by this process until `release`.
 
-    The file stays behind, with the number of the process that held it last; a lock of a process that
-    died is free. Raises StorageError where there can be no such file.
+    Raises RobotBusy, with the id of the process that holds it, or StorageError if the file cannot be created.
+    The file remains, with the id of the last process that held the lock. The lock of a dead process is free.
     """
 
     def __init__(self, path: Path, robot: str) -> None:
-        # Only a lock of the system's own will do: a mere marker file would outlive a process that dies.
+        # Only a lock of the system will do: a marker file would outlive a process that dies.
         self._lock = FileLock(
             path, mode=0o644, fallback_to_soft=False, preserve_lock_file=True, thread_local=False, on_acquired=_sign
         )
@@ -69,18 +69,18 @@ class RobotLock:
             raise storage.cannot_write(path, error) from error
 
     def release(self) -> None:
-        """Lets others have the robot."""
+        """Releases the lock."""
         self._lock.release()
 
 
 def _sign(file: int) -> None:
-    with contextlib.suppress(OSError):  # the lock holds without the number, too
+    with contextlib.suppress(OSError):  # the lock holds without the process id, too
         os.ftruncate(file, 0)
         os.pwrite(file, str(os.getpid()).encode(), 0)
 
 
 def _process(path: Path) -> int | None:
-    """The process id in a lock's file, None where there is none (yet)."""
+    """Returns the process id in a lock file; None if there is none (yet)."""
     try:
         with path.open("rb") as file:
             text = file.read(20)
@@ -94,7 +94,10 @@ Answer = tuple[dict[str, Any], dict[str, NDArray[Any]]]
 
 @dataclass(frozen=True)
 class Host:
-    """Serves an easel over a wire, with robot and camera under guard; reach: of its arm, where that is asked for."""
+    """Server of an easel over a wire, with guarded robot and camera.
+
+    reach: of the robot's arm, None if it is not asked for
+    """
 
     robot: Robot
     camera: Camera
@@ -102,9 +105,9 @@ class Host:
     reach: Reach | None = None
 
     def serve(self, wire: Wire) -> bool:
-        """Answers requests until the painting process asks for the end, which is then still to be answered (True).
+        """Answers requests until the painting process asks for the end. That request is left for the caller to answer.
 
-        False where it is gone, and nobody is left to tell.
+        Returns True if the end was asked for, False if the painting process is gone.
         """
         try:
             while True:
@@ -166,7 +169,7 @@ class Host:
 
 
 def told(error: FridaError) -> dict[str, Any]:
-    """An error as words for the other end, which `heard` makes one again."""
+    """Returns an error as plain values for the other end, which converts it back with `heard`."""
     details: dict[str, Any] = {}
     if isinstance(error, RobotBusy):
         details = {"pid": error.pid}
@@ -182,7 +185,7 @@ def _report(report: MotionReport) -> Answer:
     return times, {"reached": np.asarray(report.reached, np.float64)}
 
 
-# The picture that a camera has now, in a file, about once a second: for people to watch what the robot does.
+# The live picture: the camera's current picture in a file, renewed about once a second, for people to watch.
 
 BETWEEN = 1.0
 """Seconds between two pictures."""
@@ -190,10 +193,10 @@ _WIDEST, _QUALITY = 960, 75
 
 
 class LivePicture:
-    """Keeps a JPEG of a live camera in `path` until it is dismissed; of another camera there is none.
+    """Live picture: a JPEG at `path`, renewed until `dismiss`. A camera that is not live has none.
 
-    Nobody waits for it: a photograph that the painter takes comes first, and a picture that cannot be had, or not be
-    written, is left out.
+    It has no priority: the painter's photographs come first, and a picture that cannot be taken or written is
+    skipped.
     """
 
     def __init__(self, camera: GuardedCamera, path: Path, between: float = BETWEEN) -> None:
@@ -204,7 +207,7 @@ class LivePicture:
             self._thread.start()
 
     def dismiss(self) -> None:
-        """Ends it and removes the file."""
+        """Ends the live picture and removes the file."""
         self._over.set()
         if self._thread.is_alive():
             self._thread.join(2 * self._between)
@@ -221,25 +224,28 @@ class LivePicture:
 
 
 def encoded(picture: NDArray[np.uint8]) -> bytes:
-    """A picture [rows, columns, 3] sRGB as JPEG, at most 960 pixels wide."""
+    """Returns a picture [rows, columns, 3] sRGB as JPEG, at most 960 pixels wide."""
     share = min(1.0, _WIDEST / picture.shape[1])
     small = cv2.resize(picture, None, fx=share, fy=share, interpolation=cv2.INTER_AREA) if share < 1 else picture
     _, content = cv2.imencode(".jpg", cv2.cvtColor(small, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
     return content.tobytes()
 
 
-# The easel's own process: owns robot and camera, does what the painting asks for, and stops when it must.
-#
-# Started by easel_process.py as `python -m frida_painter.easel.host WIRE LINE ROBOT`, two sockets that
-# it inherits, and the easel that will be ordered, or nothing: requests come over the first socket, heartbeats
-# and stops over the second. Nothing that the painting process is busy with delays a stop here.
+# The main program of the easel's process. It stops the robot if it must.
+# easel/launch.py starts it as `python -m frida_painter.easel.host WIRE LINE ROBOT`: two inherited sockets, and the
+# name of the easel that will be ordered, or "". Requests come over the first socket, heartbeats and stops over the
+# second. No work of the painting process delays a stop here.
 
 
 @dataclass(frozen=True)
 class _Deadlines:
-    """Seconds that robot and camera are given; patience: how many times longer than its way takes a motion may last.
+    """Time limits of robot and camera, seconds.
 
-    answer: after which the painting process gives this one up, where it asked for no motion.
+    patience: factor by which a motion may exceed the duration of its way
+    grace: added to the limit of a motion
+    connecting: for the connection
+    photograph: for a call of the camera
+    answer: after which the painting process gives up this one, for requests without motion
     """
 
     patience: float
@@ -250,14 +256,14 @@ class _Deadlines:
 
 
 _REAL = _Deadlines(patience=2.0, grace=5.0, connecting=30.0, photograph=30.0, answer=60.0)
-# A simulated robot has the pace of the computer, which may be busy, or asleep. Whoever does not want to wait stops it.
+# The speed of a simulated robot depends on the computer, which may be busy or asleep. A person can always stop it.
 _DAY = 86400.0
 _SLOW = _Deadlines(patience=20.0, grace=_DAY, connecting=_DAY, photograph=_DAY, answer=_DAY + 60.0)
 
 
 def main(wire_file: int, line_file: int, robot: str) -> None:
-    """Loads what that robot needs, waits for the order, and serves the easel until the painting is done or gone."""
-    # Ctrl-C and a closed terminal concern the painting; it says here what is to be done.
+    """Loads the parts for that robot, waits for the order, and serves the easel until the painting ends or is gone."""
+    # Ctrl-C and a closed terminal concern the painting process, which then tells this one what to do.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
     prepare_process()
@@ -266,7 +272,7 @@ def main(wire_file: int, line_file: int, robot: str) -> None:
     try:
         order = EaselOrder.of(wire.receive()[0]["order"])
     except RobotDisconnected:
-        return  # the painting process ended before it wanted anything
+        return  # the painting process ended before it sent an order
     last_words: dict[str, Any] = {}
     try:
         asked_to_end = _serve(order, wire, line)
@@ -278,7 +284,7 @@ def main(wire_file: int, line_file: int, robot: str) -> None:
 
 
 def _serve(order: EaselOrder, wire: Wire, line: socket.socket) -> bool:
-    """Whether the painting process asked for the end. Raises errors of the tree where the easel cannot be had."""
+    """Returns True if the painting process asked for the end. Raises a FridaError if the easel cannot be opened."""
     with ExitStack() as stack:
         known = machines(order)
         for identity in sorted(known):
@@ -326,7 +332,7 @@ def _is_stopped(robot: GuardedRobot) -> bool:
 
 
 def _about(easel: Easel) -> dict[str, Any]:
-    """What the painting process has to know of the easel, as plain values."""
+    """Returns the facts about the easel for the painting process, as plain values."""
     return {
         "workspace": TypeAdapter(Workspace).dump_python(easel.workspace, mode="json"),
         "calibration": TypeAdapter(Calibration).dump_python(easel.calibration, mode="json"),

@@ -1,4 +1,4 @@
-"""Kinds of whole easels: a simulated studio, or a person's hand, with all that stands around it."""
+"""Kinds of whole easels: a simulated studio or a person's hand, each with its own surroundings."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -20,7 +20,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class OpenEasel:
-    """An easel that is open. close: ends what is beyond robot and camera, such as a diary; may raise StorageError."""
+    """Open easel.
+
+    close: ends what is beyond robot and camera, such as a diary; may raise StorageError
+    """
 
     easel: "Easel"
     close: Callable[[], None]
@@ -28,15 +31,20 @@ class OpenEasel:
 
 @dataclass(frozen=True)
 class EaselKind:
-    """A kind of easel that knows its own workspace and calibration, and its own camera where it is simulated.
+    """Kind of easel with its own workspace and calibration, and, if simulated, its own camera.
 
-    name: by which it is registered, and as it is written after --robot; title: what people call it; open: opens
-    what is ordered, with robot and camera not connected yet, and raises ConfigError and StorageError;
-    simulated: whether no real machine is moved; person: whether somebody paints by hand; needed: what has to be
-    installed for it; load: loads and compiles what it computes with, before anybody knows what is ordered; require:
-    refuses an order before a process is started for it, with ConfigError; why_no_film: what keeps its arm from being
-    filmed, None if nothing does; reach_from: how an arm of the kind reaches and moves off if its foot is the origin of
-    a workspace. The module that holds one imports what computes inside these functions.
+    name: under which it is registered, and which is written after --robot
+    title: what people call it
+    open: opens an order, with robot and camera not yet connected; raises ConfigError and StorageError
+    simulated: True if no real robot moves
+    person: True if a person paints by hand
+    needed: what must be installed for it
+    load: loads and compiles its computations, before the order is known
+    require: raises ConfigError for an invalid order, before a process starts for it
+    why_no_film: returns the reason why its arm cannot be filmed, None if it can
+    reach_from: returns reach and timing of its arm in a workspace whose origin is the arm's foot
+
+    The module of a kind imports numerical libraries only inside these functions.
     """
 
     name: str
@@ -52,21 +60,20 @@ class EaselKind:
 
 
 def easel_kind(name: str) -> EaselKind | None:
-    """Returns the kind of easel of that name; None for a robot that stands in a workspace of its own."""
+    """Returns the kind of easel of that name; None for a robot that stands in a separate workspace."""
     part = registry.parts(registry.EASELS).get(name)
     return None if part is None else part.load(EaselKind)
 
 
-# Names on which processes agree: robots and cameras, as a person gives them, a painting's files, the state's folder.
-#
-# A real robot is named like "xarm:192.168.1.10" or "gcode:/dev/ttyUSB0,homing=yes", its camera like "opencv:0".
-# Whoever only passes names on loads no driver for that, nor anything that computes.
+# Names on which the processes agree: robots, cameras, files of a painting, and the state folder.
+# A real robot has a name like "xarm:192.168.1.10" or "gcode:/dev/ttyUSB0,homing=yes", its camera one like "opencv:0".
+# Code that only passes names on must load no driver and no numerical library.
 
 JOURNAL = "journal"
 STOP_FILE = "stop"
 DIARY = "studio.diary"
 ARM_FILM = "arm.mp4"
-LIVE_PICTURE = ".camera.jpg"  # hidden: it is there only while somebody paints
+LIVE_PICTURE = ".camera.jpg"  # hidden: it exists only during a painting
 
 HUMAN, VIRTUAL, SAWYER_SIM = "human", "virtual", "sawyer-sim"
 
@@ -84,7 +91,7 @@ def _title_of_simulated(name: str) -> str:
 
 @dataclass(frozen=True)
 class _Registered(Mapping[str, str]):
-    """What is told of parts that are registered, by name; a part is loaded when it is asked for."""
+    """Mapping from the names of registered parts to a text about each. A part is loaded when it is asked for."""
 
     group: str
     tell: Callable[[str], str]
@@ -97,7 +104,7 @@ class _Registered(Mapping[str, str]):
             try:
                 self.tell(name)
             except (KeyError, PluginError):
-                continue  # whoever asks for it by name hears why
+                continue  # a request for that name reports the reason
             yield name
 
     def __len__(self) -> int:
@@ -106,36 +113,36 @@ class _Registered(Mapping[str, str]):
 
 @dataclass(frozen=True)
 class _Machines(_Registered):
-    """The same, of robots whose names alone tell what they are, so that none is loaded."""
+    """Mapping of real robots: `in` needs their names only, so it loads none."""
 
     def __contains__(self, name: object) -> bool:
         return name in registry.parts(self.group)
 
 
 MACHINES: Mapping[str, str] = _Machines(registry.ROBOTS, _form_of_robot)
-"""How each kind of real robot is named."""
+"""Form of the name of each kind of real robot."""
 SIMULATED: Mapping[str, str] = _Registered(registry.EASELS, _title_of_simulated)
-"""The simulated robots, with what pages call them."""
+"""Titles of the simulated robots, by name."""
 TITLES = SIMULATED
 
 
 def state_folder() -> Path:
-    """Where stops are latched and robots locked when nobody says otherwise."""
+    """Returns the default folder for latches and locks."""
     return user_state_path("frida-painter", appauthor=False)
 
 
 def robot_forms() -> list[str]:
-    """How real robots are named; the bare name of one that cannot be loaded."""
+    """Returns the forms of the names of real robots; the bare name if its driver cannot be loaded."""
     return [_told(part, RobotKind, lambda kind: kind.form) for part in registry.parts(registry.ROBOTS).values()]
 
 
 def camera_forms() -> list[str]:
-    """How cameras are named; the bare name of one that cannot be loaded."""
+    """Returns the forms of the names of cameras; the bare name if its driver cannot be loaded."""
     return [_told(part, CameraKind, lambda kind: kind.form) for part in registry.parts(registry.CAMERAS).values()]
 
 
 def require_known(robot: str) -> str:
-    """The kind of a robot that is named so; a whole easel has its name alone. Raises ConfigError."""
+    """Returns the kind of a named robot; for a whole easel the name itself. Raises ConfigError if it is unknown."""
     kind = MachineName.of(robot).kind
     easels = registry.parts(registry.EASELS)
     if robot not in easels and kind not in MACHINES:

@@ -1,4 +1,4 @@
-"""The start of an easel's process, before anything heavy is loaded here: both processes load at the same time."""
+"""The start of an easel's process, before the heavy imports here: both processes then load at the same time."""
 
 import socket
 import subprocess
@@ -9,11 +9,13 @@ from typing import Self
 
 
 class EaselLaunch:
-    """An easel's process that was started and waits for its order; `EaselProcess` takes it over.
+    """Started easel process that waits for its order; `EaselProcess` takes it over.
 
-    Used in a `with` block, which ends the process where nothing took it over. wire, line: this end of the two sockets
-    that easel_host.py explains; complaints: what the process says when it dies, never on the painter's terminal.
-    robot: the easel that will be ordered, which is loaded before; nothing is where it is not known yet.
+    robot: name of the easel that will be ordered, to be loaded early; "" if it is not known yet
+    wire, line: this end of the two sockets (see easel/host.py)
+    complaints: error output of the process, never shown on the painter's terminal
+
+    Used in a `with` block, which ends the process if nothing took it over.
     """
 
     def __init__(self, robot: str = "") -> None:
@@ -27,14 +29,14 @@ class EaselLaunch:
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=self.complaints,
-            start_new_session=True,  # Ctrl-C at the terminal is for the painting process alone
+            start_new_session=True,  # Ctrl-C at the terminal is for the painting process only
         )
         its_wire.close()
         its_line.close()
         self._taken_over = False
 
     def take_over(self) -> Self:
-        """Leaves the end of the process to the caller."""
+        """Hands the process over to the caller, which must end it."""
         self._taken_over = True
         return self
 
@@ -45,7 +47,7 @@ class EaselLaunch:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         if not self._taken_over:
-            self.process.kill()  # it has nothing yet
+            self.process.kill()  # it holds nothing yet
             self.process.wait()
             self.wire.close()
             self.line.close()

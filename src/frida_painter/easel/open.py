@@ -1,8 +1,7 @@
-"""Opens easels by name: what is wanted of one, and how it is put together.
+"""Opens easels by name.
 
-A whole easel opens itself (easel_kinds/), a real robot stands with its camera in a workspace that a file tells of.
-Both are found through entry points (registry.py); everything else, their process, stop, latch and lock, is the
-same for all.
+A whole easel opens itself. A real robot stands with its camera in a workspace that a file describes. Both are found
+through entry points (registry.py). Process, stop, latch and lock are the same for all.
 """
 
 import hashlib
@@ -29,7 +28,7 @@ from frida_painter.hardware.workcell import WorkcellConfig
 
 
 def open_easel(order: EaselOrder) -> OpenEasel:
-    """Opens the easel of that name; its robot and camera are not connected yet. Raises ConfigError and StorageError."""
+    """Opens an ordered easel; its robot and camera are not connected yet. Raises ConfigError and StorageError."""
     kind = require_known(order.robot)
     if kind in MACHINES:
         return _open_real(order)
@@ -37,21 +36,22 @@ def open_easel(order: EaselOrder) -> OpenEasel:
 
 
 def load_easel(robot: str) -> None:
-    """Loads what an easel of that name computes with; of one that there is not, opening it will tell."""
+    """Loads the computations of a named easel. Ignores unknown names and failures, which `open_easel` reports."""
     with suppress(FridaError):
         if (known := registry.parts(registry.EASELS).get(robot)) is not None:
             known.load(EaselKind).load()
 
 
 def is_simulated(order: EaselOrder) -> bool:
-    """Whether no real machine is moved: then a stop is not latched, and a slow computer is waited for."""
+    """Returns True if no real robot moves: a stop is then not latched, and a slow computer is not a fault."""
     return order.robot in SIMULATED
 
 
 def machines(order: EaselOrder) -> frozenset[str]:
-    """What only one process may have at a time, by every identity that it has; nothing where nobody could know of it.
+    """Returns the identities that only one process may hold at a time.
 
-    Of a simulated machine that is the world of one painting, of a real one the machine, whatever it is called.
+    For a simulated robot this is the world of one painting; without a folder there is none. For a real robot these
+    are all identities of the machine.
     """
     if is_simulated(order):
         return frozenset(() if order.folder is None else {f"the {order.robot} studio of {order.folder.resolve()}"})
@@ -61,12 +61,12 @@ def machines(order: EaselOrder) -> frozenset[str]:
 
 
 def lock_path(state: Path, name: str) -> Path:
-    """Where the lock of the machine of that name is kept."""
+    """Returns the path of a machine's lock."""
     return state / "locks" / f"{hashlib.sha256(name.encode()).hexdigest()[:16]}.lock"
 
 
 def _open_real(order: EaselOrder) -> OpenEasel:
-    """Robot and camera as they are named, where the workspace file says that things stand."""
+    """Opens a named robot and camera in the workspace of the order's file."""
     if order.workspace is None or not order.camera:
         raise ConfigError(
             f"The robot {order.robot[:60]!r} needs a workspace file (--workspace) and a camera (--camera "
@@ -91,7 +91,7 @@ def _open_real(order: EaselOrder) -> OpenEasel:
 
 
 def robot_named(text: str, workspace: Workspace) -> Robot:
-    """The driver of a machine that stands in a workspace; not connected. Raises ConfigError."""
+    """Returns the driver of a named robot in a workspace, not connected. Raises ConfigError."""
     known = registry.parts(registry.ROBOTS).get(MachineName.of(text).kind)
     if known is None:
         raise ConfigError(f"There is no robot {text[:60]!r}; take one of {', '.join(robot_forms())}.")
@@ -100,7 +100,7 @@ def robot_named(text: str, workspace: Workspace) -> Robot:
 
 
 def camera_named(text: str) -> Camera:
-    """The driver of a camera; not connected. Raises ConfigError."""
+    """Returns the driver of a named camera, not connected. Raises ConfigError."""
     name, _, where = text.partition(":")
     known = registry.parts(registry.CAMERAS).get(name)
     if known is None:

@@ -1,4 +1,4 @@
-"""Who prepares what is needed at a real easel: a person, who is asked."""
+"""Operators of real easels: a person who is asked, and a stand-in for a process that cannot ask."""
 
 from collections.abc import Callable, Sequence
 
@@ -16,21 +16,24 @@ _SWATCH = 150  # pixels
 
 
 class PersonAsOperator:
-    """Implements hardware.easel.Operator by questions; `answer` leads the dialogue with the person."""
+    """Operator that asks a person. Implements hardware.easel.Operator.
+
+    answer: shows a question to the person and returns the answer
+    """
 
     def __init__(self, answer: Callable[[Question], Answer]) -> None:
         self._answer = answer
         self._filled = False
 
     def fill_wells(self, palette: Palette) -> None:
-        """Returns when the person says that the wells are filled. Raises Interrupted where they will not be."""
+        """Returns when the person says that the wells are filled. Raises Interrupted if the person declines."""
         first, self._filled = ("Empty and wash the wells. " if self._filled else ""), True
         paints = ", ".join(f"{number} {to_hex(color)}" for number, color in enumerate(palette.color, start=1))
         if self._answer(Confirm(first + self._asking_for(paints), _swatches(palette))) is not True:
             raise Interrupted("The paints were not there, and nothing was painted; the plan is kept.")
 
     def tone(self, ground: tuple[float, float, float]) -> None:
-        """Returns when the person says that the canvas is toned and dry. Raises Interrupted where it will not be."""
+        """Returns when the person says that the canvas is toned and dry. Raises Interrupted if the person declines."""
         question = (
             f"Tone the whole canvas evenly in {ground_recipe(ground)}. Let it dry, and put it back exactly where it "
             "was. Is it there?"
@@ -39,7 +42,7 @@ class PersonAsOperator:
             raise Interrupted("The canvas was not toned, and nothing was painted; resume the painting when it is.")
 
     def change_brush(self, brush: str) -> None:
-        """Returns when the person says that the brush is in the holder. Raises Interrupted where it will not be."""
+        """Returns when the person says that the brush is in the holder. Raises Interrupted if the person declines."""
         question = f"{self._changing_to(brush)} Is it done?"
         if self._answer(Confirm(question)) is not True:
             raise Interrupted(
@@ -47,7 +50,7 @@ class PersonAsOperator:
             )
 
     def let_dry(self, seconds: float) -> None:
-        """Real paint dries by itself."""
+        """Does nothing: real paint dries without help."""
 
     def _changing_to(self, brush: str) -> str:
         return (
@@ -59,50 +62,54 @@ class PersonAsOperator:
         return f"Mix these paints and fill the wells, the first with paint 1: {paints}. Are all of them filled?"
 
     def lay_paper(self) -> bool:
-        """False: procedures ask the person themselves."""
+        """Returns False: procedures ask the person themselves."""
         return False
 
     def lay_checker(self) -> bool:
-        """False: procedures ask the person themselves."""
+        """Returns False: procedures ask the person themselves."""
         return False
 
     def take_checker_away(self) -> bool:
-        """False: procedures ask the person themselves."""
+        """Returns False: procedures ask the person themselves."""
         return False
 
 
 class AbsentOperator:
-    """Implements hardware.easel.Operator in a process that nobody talks with: the one that talks has the person."""
+    """Operator of a process without a dialogue; the painting process asks the person.
+
+    Implements hardware.easel.Operator.
+    """
 
     def fill_wells(self, palette: Palette) -> None:
-        """Leaves it to the other process."""
+        """Does nothing: the painting process asks the person."""
 
     def change_brush(self, brush: str) -> None:
-        """Leaves it to the other process."""
+        """Does nothing: the painting process asks the person."""
 
     def tone(self, ground: tuple[float, float, float]) -> None:
-        """Leaves it to the other process."""
+        """Does nothing: the painting process asks the person."""
 
     def let_dry(self, seconds: float) -> None:
-        """Real paint dries by itself."""
+        """Does nothing: real paint dries without help."""
 
     def lay_paper(self) -> bool:
-        """False: a person is to be asked."""
+        """Returns False: a person must be asked."""
         return False
 
     def lay_checker(self) -> bool:
-        """False: a person is to be asked."""
+        """Returns False: a person must be asked."""
         return False
 
     def take_checker_away(self) -> bool:
-        """False: a person is to be asked."""
+        """Returns False: a person must be asked."""
         return False
 
 
 def brush_in_hand(brushes: Sequence[str], answer: Callable[[Question], Answer] | None) -> str:
-    """Which brush a robot holds that broke off while it put one back or took one, "" for none; a person is asked.
+    """Asks a person for the brush in the hand of a robot that broke off during a change of brushes.
 
-    Raises Interrupted where nobody answers, or where it is none of these and the hand is not empty.
+    Returns the brush's name, or "" for an empty hand.
+    Raises Interrupted if nobody answers, or if it is none of `brushes` and the hand is not empty.
     """
     broke_off = "The painting broke off while the robot changed its brush. "
     if answer is not None:
@@ -120,18 +127,18 @@ def brush_in_hand(brushes: Sequence[str], answer: Callable[[Question], Answer] |
 
 
 def ground_recipe(ground: tuple[float, float, float]) -> str:
-    """The colour of a ground and how to mix it of six usual paints, "#c8a878 (6 titanium white + 1 hansa yellow)"."""
+    """Returns a ground's colour with its mixture of six usual paints: "#c8a878 (6 titanium white + 1 hansa yellow)"."""
     (recipe,) = recipes(torch.tensor([ground]), usual_paints())
     return f"{to_hex(recipe.target)} ({recipe.words})"
 
 
 def _even(color: tuple[float, float, float]) -> Tensor:
-    """A swatch [3, 150, 150]."""
+    """Returns a swatch [3, 150, 150]."""
     return torch.tensor(color)[:, None, None].expand(3, _SWATCH, _SWATCH).contiguous()
 
 
 def _swatches(palette: Palette) -> Tensor:
-    """The paints with their numbers, from the first on, in rows of eight, [3, 150 rows, 150 columns]."""
+    """Returns the numbered paints in rows of eight, [3, 150 rows, 150 columns]."""
     across = min(len(palette), 8)
     sheet = Sheet(_SWATCH * across, _SWATCH * -(-len(palette) // across), CREAM)
     for index, color in enumerate(palette.color):

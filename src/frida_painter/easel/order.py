@@ -1,4 +1,4 @@
-"""An order of an easel: what is wanted, as it goes to the process of the easel."""
+"""The order of an easel, as it goes to the easel's process."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -15,16 +15,19 @@ from frida_painter.virtual.table import PlacementError
 
 @dataclass(frozen=True)
 class EaselOrder:
-    """Which easel is wanted, and for what: everything that its process has to know, as plain values.
+    """Order of an easel: all that its process must know, as plain values.
 
-    robot: by the name of a whole easel or of a real robot; canvas, seed: as
-    the painting's settings say; brushes: that it is painted with, the first of them in the holder;
-    state: the folder in which stops are latched and robots locked; folder:
-    of the painting, where the stop file is looked for and a virtual studio keeps its diary; pace,
-    placement_error, faults: of a virtual studio; canvas_picture: what is on its canvas at first, a file, None where
-    that is bare; film: whether a simulated arm is filmed at work, into
-    that folder, and meshes: the folder of shapes in which it is seen there, None for its own; workspace,
-    camera: of a real easel, its file and its camera's name.
+    robot: name of a whole easel or of a real robot
+    canvas, seed: from the painting's settings
+    brushes: of the painting; the first is in the holder
+    state: folder of latches and locks
+    folder: of the painting, for the stop file and a virtual studio's diary
+    pace, placement_error, faults: of a virtual studio
+    canvas_picture: file with the first content of a virtual studio's canvas; None if it is bare
+    workspace: file of a real easel
+    camera: name of a real easel's camera
+    film: True if a simulated arm is filmed at work, into `folder`
+    meshes: folder of the shapes that the film shows; None for the arm's own
     """
 
     __pydantic_config__ = ConfigDict(extra="forbid", allow_inf_nan=False)
@@ -45,12 +48,12 @@ class EaselOrder:
     meshes: Path | None = None
 
     def record(self) -> dict[str, Any]:
-        """The order as plain values."""
+        """Returns the order as plain values."""
         return TypeAdapter(EaselOrder).dump_python(self, mode="json")
 
     @classmethod
     def of(cls, record: Mapping[str, Any]) -> Self:
-        """An order from plain values. Raises ConfigError where they are none."""
+        """Returns an order from plain values. Raises ConfigError if they are invalid."""
         try:
             return TypeAdapter(cls).validate_python(record)
         except ValidationError as error:

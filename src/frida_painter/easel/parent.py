@@ -1,4 +1,4 @@
-"""An easel in a process of its own, as the painting process sees it: an easel like any other."""
+"""The easel's process as the painting process sees it: an easel like any other."""
 
 import contextlib
 import math
@@ -28,23 +28,25 @@ from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.robot import Frame, MotionReport, Timing, Waypoints, Workspace
 from frida_painter.palette import Palette
 
-# The painting process's end of the link: a robot, a camera and an operator that are really in another process.
+# The link: robot, camera and operator of another process.
 
-# The guard in the easel's process gives up a driver sooner; this is for a process that hangs as a whole.
+# For a process that hangs as a whole; the guard in the easel's process gives up a driver earlier.
 _MARGIN = 10.0
 _CALL = 60.0
-# One that sends no heartbeat for so long hangs, or was frozen.
+# Seconds without a heartbeat after which the process counts as hung or frozen.
 _MOST_SILENCE = 10.0
 _LOOK_EVERY = 0.25
-_END = "end"  # while it closes everything there are no heartbeats any more
+_END = "end"  # the process sends no heartbeats while it closes everything
 
 
 class Link:
-    """Asks the easel's process, one request at a time; after one that was not answered it is broken for good.
+    """Link to the easel's process: sends one request at a time.
 
-    patience: seconds for an answer, where a request does not say; most_silence: seconds without a heartbeat from there,
-    while an answer is waited for. Raises RobotDisconnected, having sent a stop, where
-    there is no answer; otherwise what the easel raised.
+    patience: default seconds to wait for an answer
+    most_silence: greatest time without a heartbeat during the wait, seconds
+
+    Raises RobotDisconnected if there is no answer, after sending a stop. The link is then broken for good.
+    Raises the errors that the easel reports.
     """
 
     def __init__(self, wire: Wire, pulse: Pulse) -> None:
@@ -56,7 +58,15 @@ class Link:
     def ask(
         self, do: str, arrays: Arrays | None = None, *, within: float | None = None, **words: object
     ) -> tuple[Mapping[str, Any], Mapping[str, NDArray[Any]]]:
-        """What the easel's process answers to a request, within so many seconds, by default the link's patience."""
+        """Returns the answer of the easel's process to a request.
+
+        do: name of the request
+        arrays: sent with it
+        within: seconds to wait; None for the link's patience
+        words: other plain values of the request
+
+        Raises RobotDisconnected if there is no answer, and the errors that the easel reports.
+        """
         with self._turn:
             if self._broken is not None:
                 raise RobotDisconnected(str(self._broken))
@@ -84,11 +94,16 @@ class Link:
         return self._wire.receive(max(began + within - time.monotonic(), 0.0))
 
     def stop(self) -> None:
-        """Stops the robot at once, whatever is being asked."""
+        """Stops the robot at once, also during a request."""
         self._pulse.stop()
 
     def end(self, *, ask: bool = True) -> None:
-        """Lets go of the easel's process; ask: has it say first that all is closed. Raises what went wrong there."""
+        """Disconnects from the easel's process.
+
+        ask: True to wait first until the process has closed everything
+
+        Raises the errors that the process reports.
+        """
         try:
             if ask and self._broken is None:
                 self.ask(_END)
@@ -98,7 +113,10 @@ class Link:
 
 
 class RemoteRobot:
-    """Implements hardware.robot.Robot over a link; patience, grace: see easel.guard.GuardedRobot."""
+    """Robot in the easel's process. Implements hardware.robot.Robot.
+
+    patience, grace: see easel.guard.GuardedRobot
+    """
 
     def __init__(self, link: Link, workspace: Workspace, *, patience: float, grace: float) -> None:
         self._link, self._patience, self._grace = link, patience, grace
@@ -106,19 +124,19 @@ class RemoteRobot:
         self._travel_speed = workspace.travel_speed
 
     def connect(self) -> None:
-        """Reaches the robot. Raises RobotError and its kinds."""
+        """Connects to the robot. Raises RobotError and its subclasses."""
         self._link.ask("robot.connect")
 
     def home(self) -> MotionReport:
-        """Goes aside. Raises RobotError and its kinds."""
+        """Moves to the home position. Raises RobotError and its subclasses."""
         return self._report("robot.home", self._reach / self._travel_speed)
 
     def pose(self) -> NDArray[np.float64]:
-        """Where the tip is, [3] metres. Raises RobotError and its kinds."""
+        """Returns the position of the tip, [3] metres. Raises RobotError and its subclasses."""
         return self._link.ask("robot.pose")[1]["pose"]
 
     def follow(self, waypoints: Waypoints) -> MotionReport:
-        """Moves along the waypoints. Raises RobotError and its kinds."""
+        """Moves along the waypoints. Raises RobotError and its subclasses."""
         position = np.asarray(waypoints.position, np.float64)
         seconds = (waypoints.length + self._reach) / waypoints.speed if waypoints.speed > 0 else 0.0
         return self._report(
@@ -126,11 +144,11 @@ class RemoteRobot:
         )
 
     def stop(self) -> None:
-        """Stops at once, over a line of its own."""
+        """Stops at once, over the separate line."""
         self._link.stop()
 
     def close(self) -> None:
-        """Lets go of the robot. Raises RobotError and its kinds."""
+        """Disconnects from the robot. Raises RobotError and its subclasses."""
         self._link.ask("robot.close")
 
     def _report(self, do: str, seconds: float, arrays: Arrays | None = None, **words: object) -> MotionReport:
@@ -140,74 +158,74 @@ class RemoteRobot:
 
 
 class RemoteReach:
-    """Implements hardware.robot.Reach over a link."""
+    """Reach of the arm in the easel's process. Implements hardware.robot.Reach."""
 
     def __init__(self, link: Link) -> None:
         self._link = link
 
     def reachable(self, position: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Whether the tip can be at each place [k, 3] metres: [k]."""
+        """Returns True for each position [k, 3] (m) that the tip reaches: [k]."""
         _, result = self._link.ask("robot.reaches", {"position": np.asarray(position, np.float64)})
         return result["reachable"].astype(np.bool_)
 
 
 class RemoteCamera:
-    """Implements hardware.robot.Camera over a link."""
+    """Camera in the easel's process. Implements hardware.robot.Camera."""
 
     def __init__(self, link: Link) -> None:
         self._link = link
 
     def connect(self) -> None:
-        """Reaches the camera. Raises CameraError and its kinds."""
+        """Connects to the camera. Raises CameraError and its subclasses."""
         self._link.ask("camera.connect")
 
     def capture(self, newer_than: float) -> Frame:
-        """A photograph taken after `newer_than` (s). Raises CameraError and its kinds."""
+        """Returns a photograph taken after `newer_than` (s). Raises CameraError and its subclasses."""
         answer, result = self._link.ask("camera.capture", newer_than=float(newer_than))
         return Frame(result["image"], answer["captured_at"], answer["sequence"])
 
     def close(self) -> None:
-        """Lets go of the camera. Raises CameraError and its kinds."""
+        """Disconnects from the camera. Raises CameraError and its subclasses."""
         self._link.ask("camera.close")
 
 
 class RemoteOperator:
-    """Implements hardware.easel.Operator over a link."""
+    """Operator in the easel's process. Implements hardware.easel.Operator."""
 
     def __init__(self, link: Link) -> None:
         self._link = link
 
     def fill_wells(self, palette: Palette) -> None:
-        """Has well i filled with paint i."""
+        """Returns when well i holds paint i."""
         self._link.ask("operator.fill_wells", {"color": palette.color.detach().cpu().numpy()})
 
     def tone(self, ground: tuple[float, float, float]) -> None:
-        """Has the canvas toned in that colour (sRGB)."""
+        """Returns when the canvas is toned in that sRGB colour."""
         self._link.ask("operator.tone", ground=list(ground))
 
     def change_brush(self, brush: str) -> None:
-        """Has the brush of that name put into the holder."""
+        """Returns when the brush of that name is in the holder."""
         self._link.ask("operator.change_brush", brush=brush)
 
     def let_dry(self, seconds: float) -> None:
-        """Has the paint dry for so long."""
+        """Returns when the paint has dried for `seconds`."""
         self._link.ask("operator.let_dry", seconds=seconds)
 
     def lay_paper(self) -> bool:
-        """Whether a fresh canvas lies there now."""
+        """Returns True if a fresh canvas is on the easel now."""
         return bool(self._link.ask("operator.lay_paper")[0]["done"])
 
     def lay_checker(self) -> bool:
-        """Whether the colour checker lies there now."""
+        """Returns True if the colour checker is in view of the camera now."""
         return bool(self._link.ask("operator.lay_checker")[0]["done"])
 
     def take_checker_away(self) -> bool:
-        """Whether the colour checker is gone again."""
+        """Returns True if the colour checker is gone."""
         return bool(self._link.ask("operator.take_checker_away")[0]["done"])
 
 
 def heard(answer: Mapping[str, Any]) -> FridaError:
-    """The error that the other end told of; a plain RobotError where it is of an unknown kind."""
+    """Returns the error that the other end reported; a RobotError if its class is unknown."""
     kind, message, details = getattr(errors, str(answer["error"]), None), str(answer["message"]), answer["details"]
     if kind is RobotBusy:
         return RobotBusy(message, details.get("pid"))
@@ -220,16 +238,18 @@ def heard(answer: Mapping[str, Any]) -> FridaError:
     return RobotError(message)
 
 
-# A diary of many thousand strokes is lived through before the easel is there.
+# The virtual studio replays a diary of many thousand strokes before the easel is ready.
 _OPENING = 600.0
 _ENDING = 30.0
 
 
 class EaselProcess:
-    """Starts the process, which loads meanwhile; `open` gives the easel; used in a `with` block.
+    """Process of an easel, which loads in the background; `open` returns the easel. Used in a `with` block.
 
-    When the block ends the robot is let go of and the process ends; where it is left by an exception
-    likewise, and one that does not end is killed. launch: one that was started before, which is taken over.
+    launch: process that was started before, to be taken over
+
+    The end of the block disconnects the robot and ends the process, also after an exception. A process that does
+    not end is killed.
     """
 
     def __init__(self, launch: EaselLaunch | None = None) -> None:
@@ -246,7 +266,7 @@ class EaselProcess:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         if not self._opened:
-            self._process.terminate()  # it has nothing yet
+            self._process.terminate()  # it holds nothing yet
         try:
             self._link.end(ask=self._opened)
         except FridaError:
@@ -256,14 +276,14 @@ class EaselProcess:
             self._end()
 
     def open(self, order: EaselOrder) -> Easel:
-        """The easel of that order, its robot and camera not connected yet.
+        """Returns the ordered easel; its robot and camera are not connected yet.
 
-        Raises RobotStopped where somebody has to re-arm it first, RobotBusy where another process has
-        it, ConfigError and StorageError where it cannot be opened, RobotDisconnected where its process died.
+        Raises RobotStopped if a person must re-arm it first, RobotBusy if another process has it, ConfigError or
+        StorageError if it cannot be opened, RobotDisconnected if its process died.
         """
         try:
             self._wire.send({"order": order.record()})
-            # A simulated easel takes as long as the computer does; where its process dies, that is heard at once.
+            # A simulated easel may take any time; the death of its process ends the wait at once.
             about, _ = self._wire.receive(None if is_simulated(order) else _OPENING)
         except RobotDisconnected as gone:
             raise RobotDisconnected(f"The easel's process did not start{self._complaint()}.") from gone
@@ -271,20 +291,20 @@ class EaselProcess:
             raise heard(about)
         self._opened = True
         self._link.patience = about["answer"]
-        if is_simulated(order):  # it is waited for, however slow the computer is
+        if is_simulated(order):  # a slow computer is not a fault
             self._link.most_silence = math.inf
         return _easel(about, self._link)
 
     @property
     def stopped(self) -> bool:
-        """Whether the robot was stopped, by whom or whatever: nothing that is planned from then on is painted."""
+        """True if the robot was stopped for any reason: later motions are not painted."""
         return self._pulse.stopped
 
     @contextmanager
     def hearing_signals(self) -> Iterator[None]:
-        """Signals reach the easel's process as well, from the system's own handler, whatever Python is busy with.
+        """Passes signals on to the easel's process from the system's own handler, even while Python is busy.
 
-        Only for signals that have a handler, and in the main thread.
+        Works only for signals with a handler, and in the main thread.
         """
         before = signal.set_wakeup_fd(self._pulse.file, warn_on_full_buffer=False)
         try:
@@ -301,7 +321,7 @@ class EaselProcess:
         self._complaints.close()
 
     def _complaint(self) -> str:
-        """The last line that it complained with before it died."""
+        """Returns the last line of the dead process's error output."""
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(5)
         self._complaints.seek(0)

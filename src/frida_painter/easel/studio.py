@@ -1,4 +1,4 @@
-"""The virtual studio as an easel, with the arm that does exactly what it is told."""
+"""The virtual studio as an easel, with an ideal arm."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -16,10 +16,12 @@ if TYPE_CHECKING:
 
 
 def furnished(order: "EaselOrder", arm: str, **furniture: Any) -> "tuple[VirtualStudio, Easel]":
-    """The studio with one of its arms, and its easel, which knows its brushes by the names in the order.
+    """Opens the studio with one of its arms; returns it with its easel, which has the order's brush names.
 
-    furniture: fields of StudioSettings that are otherwise than ordered, or than usual. Raises ConfigError where the
-    studio has no such brush, and StorageError.
+    furniture: fields of StudioSettings that replace those of the order or the defaults
+
+    Raises ConfigError if the studio has no such brush, PluginError if a stroke model cannot be loaded, and
+    StorageError.
     """
     from frida_painter.virtual.studio import StudioSettings, load_kernels, open_studio
 
@@ -47,10 +49,10 @@ def furnished(order: "EaselOrder", arm: str, **furniture: Any) -> "tuple[Virtual
 
 
 def _true_colors_of(camera: "CameraSpec") -> "Matrix":
-    """From the light that the camera sees to true light, as a studio is delivered with its camera measured.
+    """Returns the map from the camera's light to true light; a studio comes with a measured camera.
 
-    Each of its bands holds a little of the others' light. Evenly lit white looks white to it, and a deep yellow ground
-    would look so much bluer than it is that a painter who trusts the photograph paints against it.
+    Each band of the camera contains some light of the others. Even white looks white, but a deep yellow ground
+    looks too blue. A painter that trusts the photograph would then correct an error that does not exist.
     """
     import numpy as np
 
@@ -61,7 +63,7 @@ def _true_colors_of(camera: "CameraSpec") -> "Matrix":
 def _having_seen_it_bare(
     known: "Calibration", order: "EaselOrder", brushes: Mapping[str, str], settings: "StudioSettings"
 ) -> "Calibration":
-    """The record with what the same camera saw before anything was on the canvas."""
+    """Returns the calibration with the bare canvas as the same camera sees it."""
     from frida_painter.perception.flatfield import bare_canvas
     from frida_painter.virtual.studio import FREE, open_studio
 
@@ -72,7 +74,7 @@ def _having_seen_it_bare(
 
 
 def studio_brush(name: str) -> str:
-    """The brush that paints in the studio for the one of that name. Raises PluginError."""
+    """Returns the studio's brush that stands for a named brush. Raises PluginError."""
     from frida_painter.brush.kinds import BrushModel
 
     known = registry.parts(registry.STROKE_MODELS).get(name)
@@ -80,7 +82,7 @@ def studio_brush(name: str) -> str:
 
 
 def with_brush(easel: "Easel", name: str) -> "Easel":
-    """The same easel, which knows its brush by that name."""
+    """Returns the easel with another name of its brush."""
     return replace(easel, calibration=replace(easel.calibration, brush=name))
 
 
@@ -92,7 +94,7 @@ def _open_virtual(order: "EaselOrder") -> OpenEasel:
 
 
 def load_loops() -> None:
-    """Compiles or loads the studio's loops, which are the same for all brushes."""
+    """Compiles or loads the studio's numerical loops, which are the same for all brushes."""
     from frida_painter.virtual.studio import load_kernels
 
     load_kernels("broad")

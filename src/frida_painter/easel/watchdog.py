@@ -1,7 +1,7 @@
-"""The watch beside a robot: stop asked for on a line of its own, a stop file, and a painting process that falls silent.
+"""The watchdog of a robot: stops it on request, because of a stop file, or if the painting process falls silent.
 
-Nothing here waits for a motion, a message or the painting process. Whatever touches the disk, and so
-may wait for it, has a thread of its own.
+Nothing here waits for a motion, a message or the painting process. Disk access may block, and therefore has
+separate threads.
 """
 
 import contextlib
@@ -18,23 +18,25 @@ from typing import Protocol
 
 from frida_painter.hardware.deadline import asleep, steady
 
-# When a robot is stopped because its painting process fell silent: the rule alone, without clocks or processes.
-#
-# A silent process may be dead, or merely slow. The rule therefore does not count time in which the process
-# could not have spoken: time in which it was ready to run and no processor was free, and time in which the
-# watch itself did not run. Upper bounds hold whatever the reason.
+# The silence rule, without clocks or processes: when to stop a robot because its painting process is silent.
+# A silent process may be dead or only slow. Therefore the rule ignores time in which the process could not send:
+# while it was ready to run and no processor was free, and while the watch itself did not run. Upper bounds hold in
+# any case.
 
 LOOK_EVERY = 0.02
-_USUAL = 0.1  # seconds between two looks that nobody has to explain
+_USUAL = 0.1  # seconds between two looks that need no explanation
 
 
 @dataclass(frozen=True)
 class Patience:
-    """Limits in seconds; infinity where there is none.
+    """Limits of the silence rule in seconds; infinity for no limit.
 
-    silence: that counts, before the robot is stopped; starved_moving: of any kind, while something moves;
-    absence: of any kind, while nothing moves, and also that of a process that computes; standstill: of the watch
-    itself, within a motion; nap: of the computer; orphaned: within a motion, once the painting process is gone.
+    silence: silence that counts, before the robot is stopped
+    starved_moving: silence of any kind, during a motion
+    absence: silence of any kind, without a motion; also of a process that computes
+    standstill: pause of the watch itself, during a motion
+    nap: sleep of the computer
+    orphaned: silence during a motion after the painting process is gone
     """
 
     silence: float = 2.5
@@ -45,19 +47,21 @@ class Patience:
     orphaned: float = 2.5
 
 
-# A robot is stopped within 3 s of silence; half a second of it is for the stop itself.
+# A robot stops within 3 s of silence; half a second of that is for the stop itself.
 MACHINE = Patience()
-# A simulated robot hurts nobody: whoever commands it is waited for as long as it exists.
+# A simulated robot hurts nobody: its painting process may be silent for as long as it exists.
 SIMULATED = Patience(silence=math.inf, starved_moving=math.inf, absence=math.inf, standstill=math.inf, nap=math.inf)
 
 
 @dataclass(frozen=True)
 class LinkState:
-    """What is seen at one moment.
+    """State of the link at one moment.
 
-    at: seconds; moving: whether a motion is on its way; gone: whether the painting process closed its line;
-    thinking: whether it took processor time of late; starved: seconds so far in which it was ready to run and
-    had no processor, None where nobody looked.
+    at: seconds
+    moving: True during a motion
+    gone: True if the painting process closed its line
+    thinking: True if the process used processor time recently
+    starved: total seconds in which the process was ready to run without a free processor; None if not measured
     """
 
     at: float
@@ -68,7 +72,7 @@ class LinkState:
 
 
 class SilenceRule:
-    """Is told of every heartbeat and shown every look, in the order of time."""
+    """Silence rule: receives heartbeats and looks in the order of time, and decides when to stop the robot."""
 
     def __init__(self, now: float, patience: Patience = MACHINE) -> None:
         self._patience = patience
@@ -76,15 +80,15 @@ class SilenceRule:
         self._looked, self._moved = now, False
 
     def hear(self, at: float) -> None:
-        """A heartbeat came."""
+        """Records a heartbeat."""
         self._heard = _Span(at)
 
     def silence(self, at: float) -> float:
-        """Seconds since the last heartbeat."""
+        """Returns the seconds since the last heartbeat."""
         return at - self._heard.since
 
     def judge(self, look: LinkState) -> str | None:
-        """Why the robot is to be stopped; None where it is not. A silence is reported once, then counted anew."""
+        """Returns the reason to stop the robot; None if there is none. Reports a silence once, then counts from 0."""
         late = max(look.at - self._looked - _USUAL, 0.0)
         stood_still = late if self._moved else 0.0
         self._looked, self._moved = look.at, look.moving
@@ -104,7 +108,7 @@ class SilenceRule:
     def _too_long(self, look: LinkState) -> bool:
         most = self._patience
         if look.moving:
-            # Whoever asked for a motion was there when it began.
+            # A process that asks for a motion is alive when the motion begins.
             span = self._heard if self._heard.since >= self._still.since else self._still
             if look.gone:
                 return span.counted(look) > most.orphaned
@@ -117,7 +121,7 @@ class SilenceRule:
 
 
 class _Span:
-    """A time that has lasted since a moment, and how much of it nobody could have spoken in."""
+    """Time since a moment, with the part of it in which the process could not send."""
 
     def __init__(self, since: float) -> None:
         self.since = since
@@ -134,35 +138,39 @@ class _Span:
             self._starved = look.starved - self._starved_before
 
     def counted(self, look: LinkState) -> float:
-        """Seconds that count: without those in which the process, or the watch, had no processor."""
+        """Returns the seconds that count: without those in which the process, or the watch, had no processor."""
         return look.at - self.since - max(0.0 if look.gone else self._starved, self._late)
 
 
-# What comes over the line, one byte each: a heartbeat, a stop, or the number of a signal, which the
-# system's own handler writes there (signal.set_wakeup_fd) whatever the painting process is doing.
+# Bytes on the line: a heartbeat, a stop, or the number of a signal. The system's own handler writes the latter
+# (signal.set_wakeup_fd), even while the painting process is busy.
 BEAT, STOP = b"\x00", b"\xff"
 BEAT_EVERY = 0.25
 
 
 class Process(Protocol):
-    """What is seen of the painting process from outside."""
+    """Painting process as seen from outside."""
 
     def thinking(self) -> bool:
-        """Whether it took processor time of late."""
+        """Returns True if it used processor time recently."""
         ...
 
     def starved(self) -> float:
-        """Seconds so far in which it was ready to run and no processor was free."""
+        """Returns the total seconds in which it was ready to run and no processor was free."""
         ...
 
 
 class Watch:
-    """Stops the robot by `stop(reason)`, from a thread of its own, until `dismiss`.
+    """Watch on the painting process: stops the robot by `stop(reason)`, from a separate thread, until `dismiss`.
 
-    line: bytes as above come over it. A silence that is longer than `patience` allows stops the robot, as
-    silence.py tells, and so does a computer that slept. Once the line was closed (the painting process
-    ended), nothing can move any more but what moves already. stopped: whether the robot stands still for whatever
-    reason, which the heartbeats tell the painting process.
+    line: socket that carries the bytes above
+    moving: returns True during a motion
+    process: painting process, for its use of processors
+    patience: limits of the silence rule
+    stopped: returns True if the robot is stopped for any reason; the heartbeats tell it to the painting process
+
+    Sleep of the computer stops the robot too. After the painting process has closed its line, only a motion in
+    progress can go on.
     """
 
     def __init__(
@@ -199,7 +207,7 @@ class Watch:
             else:
                 self._dismissed.wait(LOOK_EVERY)
             now = steady()
-            # Before anything is read: what was sent before the computer slept says nothing of now.
+            # Before reading: bytes from before the computer's sleep say nothing about now.
             slept, self._asleep = asleep() - self._asleep, asleep()
             if slept > self._nap:
                 self._stop(f"the computer slept for {slept:.0f} s")
@@ -212,12 +220,12 @@ class Watch:
     def _beat(self, now: float) -> None:
         if now - self._beaten >= BEAT_EVERY:
             self._beaten = now
-            with contextlib.suppress(OSError):  # the painting process is gone, or has not read for long
+            with contextlib.suppress(OSError):  # the painting process is gone, or has not read for a long time
                 self._line.send(STOP if self._stopped() else BEAT)
 
     def _look(self, now: float) -> LinkState:
         thinking = self._process.thinking()
-        # What it waited for is asked of each of its threads, and of no use while it is heard.
+        # Expensive: it looks at each thread of the process. It is needed only during a silence.
         starved = self._process.starved() if self._rule.silence(now) > 2 * BEAT_EVERY else None
         return LinkState(now, self._moving(), not self._open, thinking, starved)
 
@@ -244,7 +252,7 @@ class Watch:
 
 
 class StopFile:
-    """Stops the robot when a file appears, and takes the file away; until `dismiss`."""
+    """Watch on a stop file: stops the robot when the file appears and deletes the file, until `dismiss`."""
 
     def __init__(self, path: Path, stop: Callable[[str], None]) -> None:
         self._path, self._stop = path, stop
@@ -259,17 +267,14 @@ class StopFile:
         while not self._dismissed.wait(LOOK_EVERY):
             if self._path.exists():
                 self._stop(f"the stop file {self._path.name} appeared")
-                # Where it cannot be taken away it stops the next painting in this folder as well.
+                # A file that cannot be deleted also stops the next painting in this folder.
                 with contextlib.suppress(OSError):
                     self._path.unlink()
                 return
 
 
 class Pulse:
-    """The painting process's end of the line: sends and hears heartbeats on a thread of its own; stops when asked.
-
-    file: the line's file number, for signal.set_wakeup_fd.
-    """
+    """Painting process's end of the line: exchanges heartbeats in a separate thread, and sends stops."""
 
     def __init__(self, line: socket.socket) -> None:
         self._line = line
@@ -280,21 +285,21 @@ class Pulse:
 
     @property
     def file(self) -> int:
-        """The line's file number."""
+        """File number of the line, for signal.set_wakeup_fd."""
         return self._line.fileno()
 
     @property
     def silent(self) -> float:
-        """Seconds since the watch was heard; of a time in which this process did not run, next to nothing counts."""
+        """Seconds since the last byte of the watch. Time in which this process did not run hardly counts."""
         return self._silent
 
     @property
     def stopped(self) -> bool:
-        """Whether the watch has told that the robot was stopped, for whatever reason, and stays so."""
+        """True if the watch reported that the robot was stopped for any reason; stays True."""
         return self._stopped
 
     def stop(self) -> None:
-        """Has the robot stopped at once."""
+        """Makes the watch stop the robot at once."""
         self._send(STOP)
 
     def end(self) -> None:
@@ -312,7 +317,7 @@ class Pulse:
             looked = now
 
     def _heard(self) -> bool:
-        """Whether anything came since this was asked before."""
+        """Returns True if anything came since the last call."""
         try:
             content = self._line.recv(4096)
         except OSError:
@@ -325,16 +330,16 @@ class Pulse:
             self._line.send(byte)
 
 
-# Whether a process computes, stands still, or waits for a processor: by what the system counts of its threads.
+# Activity of a process: computing, idle or waiting for a processor, from the system's counters of its threads.
 
 _LOOK_EVERY = 0.5  # seconds
-_BUSY = 0.02  # of that time on a processor; a process that was stopped, or hangs, takes none
+_BUSY = 0.02  # share of that time on a processor; a stopped or hung process uses none
 _COUNT_EVERY = 0.1
 _READY = "R"
 
 
 class CpuActivity:
-    """Of the process of that number; where the system does not tell (Linux does), it neither computes nor waits."""
+    """Activity of the process `pid`. On systems without /proc it neither computes nor waits."""
 
     def __init__(self, pid: int) -> None:
         self._place = Path(f"/proc/{pid}")
@@ -344,7 +349,7 @@ class CpuActivity:
         self._threads: dict[str, _Thread] = {}
 
     def thinking(self) -> bool:
-        """Whether it was busy in the last second; to be asked often."""
+        """Returns True if it was busy in the last second; must be called often."""
         now = steady()
         if now - self._at >= _LOOK_EVERY:
             used = self._taken()
@@ -353,9 +358,9 @@ class CpuActivity:
         return self._busy
 
     def starved(self) -> float:
-        """Seconds so far in which a thread of it was ready to run and no processor was free.
+        """Returns the total seconds in which one of its threads was ready to run without a free processor.
 
-        Only the difference of two answers means anything, and only where it was asked often in between.
+        Only the difference of two results is meaningful, and only with frequent calls in between.
         """
         now = steady()
         if now - self._counted_at >= _COUNT_EVERY:
@@ -365,7 +370,7 @@ class CpuActivity:
         return self._starved
 
     def _waited(self, now: float) -> float:
-        """Seconds that the thread which waited longest has waited since this was asked before."""
+        """Returns the seconds of the longest wait of a thread since the last call."""
         threads: dict[str, _Thread] = {}
         longest = 0.0
         try:
@@ -377,7 +382,7 @@ class CpuActivity:
                 state, _ = _state_and_ticks(task / "stat")
                 ran, delayed, *_ = map(int, (task / "schedstat").read_text().split())
             except (OSError, ValueError, IndexError):
-                continue  # it has ended meanwhile, or the system does not count
+                continue  # the thread has ended, or the system does not count
             before = self._threads.get(task.name)
             threads[task.name] = after = _Thread.after(before, now, state, ran, delayed / 1e9)
             if before is not None:
@@ -386,7 +391,7 @@ class CpuActivity:
         return longest
 
     def _taken(self) -> float:
-        """Seconds of all processors that it has taken so far."""
+        """Returns the total processor seconds of the process."""
         try:
             return _state_and_ticks(self._place / "stat")[1] / os.sysconf("SC_CLK_TCK")
         except (OSError, ValueError, IndexError):
@@ -395,9 +400,15 @@ class CpuActivity:
 
 @dataclass(frozen=True)
 class _Thread:
-    """What was counted of a thread; changed: when the counts last moved; waited: seconds, the wait under way included.
+    """Counters of a thread.
 
-    The system counts a wait when it ends, so that one that lasts is seen by a thread that is ready and does not run.
+    ran: its time on a processor, as the system counts it
+    delayed: seconds of its completed waits
+    changed: time of the last change of the counters
+    waited: seconds of all waits, including the current one
+
+    The system counts a wait only when it ends. A thread that is ready, but whose counters stand still, is in a
+    wait.
     """
 
     ran: int
@@ -415,6 +426,6 @@ class _Thread:
 
 
 def _state_and_ticks(stat: Path) -> tuple[str, int]:
-    """The state letter of a process or thread, and the ticks of processors that it has taken."""
-    fields = stat.read_text().rpartition(")")[2].split()  # its name may hold anything
+    """Returns the state letter of a process or thread, and its processor ticks."""
+    fields = stat.read_text().rpartition(")")[2].split()  # the name in parentheses may contain anything
     return fields[0], int(fields[11]) + int(fields[12])

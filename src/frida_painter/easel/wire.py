@@ -1,7 +1,7 @@
-"""Messages between two processes over a socket: a JSON object with arrays of numbers behind it, nothing that can run.
+"""Messages between two processes over a socket: a JSON object with arrays of numbers, without executable content.
 
-Eight bytes give the lengths of the object and of the arrays' bytes, each with a cap; the object's
-"arrays" says what they are. Whatever else comes is refused.
+Eight bytes give the lengths of the object and of the arrays' bytes, each with an upper limit. The object's entry
+"arrays" describes the arrays. All other content is refused.
 """
 
 import json
@@ -28,9 +28,9 @@ _KINDS = {kind: np.dtype(kind) for kind in ("|u1", "<f4", "<f8")}
 
 
 class Wire:
-    """One end of a link; sends and receives whole messages.
+    """End of a link: sends and receives whole messages.
 
-    Raises RobotDisconnected where the other end is gone, too late, or does not speak this language.
+    Raises RobotDisconnected if the other end is gone, too late, or sends anything but messages.
     """
 
     def __init__(self, socket: socket.socket) -> None:
@@ -38,7 +38,7 @@ class Wire:
         self._sending = threading.Lock()
 
     def send(self, words: Mapping[str, Any], arrays: Arrays | None = None) -> None:
-        """Sends a JSON object and arrays of uint8, float32 or float64 of any shape."""
+        """Sends a JSON object and arrays of uint8, float32 or float64 of any shape. Raises RobotDisconnected."""
         parts = {name: np.asarray(array, order="C") for name, array in (arrays or {}).items()}
         kinds = {name: [array.dtype.str, list(array.shape)] for name, array in parts.items()}
         head = json.dumps({**words, "arrays": kinds}).encode()
@@ -47,13 +47,16 @@ class Wire:
             with self._sending:
                 self._socket.settimeout(None)
                 self._socket.sendall(_LENGTHS.pack(len(head), size) + head)
-                for array in parts.values():  # as they lie in memory: a photograph is millions of bytes
+                for array in parts.values():  # without a copy: a photograph has millions of bytes
                     self._socket.sendall(array.reshape(-1).view(np.uint8).data)
         except OSError as error:
             raise RobotDisconnected(f"The other end of the easel's link is gone ({error}).") from error
 
     def receive(self, within: float | None = None) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-        """The next message: its object and its arrays; within: seconds to wait for all of it, None for ever."""
+        """Returns the next message: its object and its arrays. Raises RobotDisconnected.
+
+        within: seconds to wait for the whole message; None for no limit
+        """
         until = None if within is None else time.monotonic() + within
         words, size = _LENGTHS.unpack(bytes(self._exactly(_LENGTHS.size, until)))
         if words > _MOST_WORDS or size > _MOST_BYTES:
@@ -68,19 +71,19 @@ class Wire:
             raise RobotDisconnected(f"What came over the easel's link is no message ({error}).") from error
 
     def waits(self, seconds: float) -> bool:
-        """Whether something came, or the other end went, within so many seconds: `receive` tells which."""
+        """Returns True if a message came, or the other end closed, within `seconds`."""
         return bool(select.select([self._socket], [], [], seconds)[0])
 
     def close(self) -> None:
-        """Closes this end; the other one hears of it."""
+        """Closes this end; the other end notices it."""
         self._socket.close()
 
     def _exactly(self, count: int, until: float | None) -> NDArray[np.uint8]:
-        """The next so many bytes [count]."""
+        """Returns the next `count` bytes [count]."""
         content = np.empty(count, np.uint8)
         room, got = content.data, 0
         while got < count:
-            # What is there already is read however late it is: it was this process that did not run.
+            # Bytes that are already there are read even if it is late: then this process did not run.
             left = None if until is None else max(until - time.monotonic(), 0.0)
             try:
                 self._socket.settimeout(left)
@@ -98,7 +101,7 @@ class Wire:
 
 
 def _unpacked(kinds: Mapping[str, Any], body: NDArray[np.uint8]) -> dict[str, NDArray[Any]]:
-    """The arrays of a message. Raises ValueError, KeyError or TypeError where their bytes are others than announced."""
+    """Returns the arrays of a message. Raises ValueError, KeyError or TypeError if the bytes do not match."""
     arrays, start = {}, 0
     for name, (kind, shape) in kinds.items():
         if not all(isinstance(length, int) and 0 <= length <= _MOST_BYTES for length in shape):

@@ -1,1 +1,1 @@
-"""Plans in the formats of other programs: SVG and CSV."""
+"""Plans in the formats of other programs: G-code, SVG and CSV."""

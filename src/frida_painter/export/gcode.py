@@ -1,7 +1,7 @@
-"""A plan as a G-code file, for machines that take one: strokes in order, and every dip a pause or a motion.
+"""Plans as G-code files: strokes in order, with a pause or a motion for every dip.
 
-No line has more than 70 characters, the serial buffers of GRBL (127) and Marlin (96) have room for that, and what a
-person reads is printable ASCII without the characters that GRBL obeys wherever they stand, in comments too.
+No line has more than 70 characters, which fits the serial buffers of GRBL (127) and Marlin (96). Texts are
+printable ASCII, without the characters that GRBL obeys even in comments.
 """
 
 import textwrap
@@ -18,10 +18,10 @@ from frida_painter.session.choreography import Action
 from frida_painter.session.events import DRYING, Dipped, StrokePainted
 
 MAX_LINE = 70
-"""Characters of a line."""
+"""Greatest number of characters in a line."""
 _SHOWN = 20  # characters of a brush's name on the machine's display
 _OBEYED = str.maketrans("!?~;()", "...,::")
-"""What GRBL takes out of the stream as a command of its own (!?~), and what begins or ends a comment."""
+"""Characters that GRBL takes out of the stream as commands (!?~), and those that begin or end a comment."""
 
 
 def gcode(
@@ -34,14 +34,20 @@ def gcode(
     drying: float = DRYING,
     change: Callable[[str, str], Iterable[Waypoints]] | None = None,
 ) -> str:
-    """The plan as a G-code program whose zero, x and y are those of the actions' motions, in millimetres.
+    """Returns the plan as a G-code program in millimetres, in the frame of the actions' motions.
 
-    actions: what painting the plan takes. A plan of several brushes waits (M0) for the first of them. After each
-    layer but the last the machine waits until a person finds it dry. With `pauses` the machine waits at each dip
-    (travelling height) until a person has put paint on the brush or changed the pen; without, it dips, rinses and
-    wipes itself, as the motions say. ending: what it does after the last stroke; drying: seconds that a layer is let
-    dry; change: what the machine does to put back one brush ("" for none) and take another, None where a person does.
-    Raises ConfigError where a servo does not reach a height.
+    actions: actions that paint the plan
+    language: dialect of the machine
+    pauses: True to wait at each dip, at travel height, until a person has put paint on the brush or changed the
+        pen; False to dip, rinse and wipe by the actions' motions
+    ending: motions after the last stroke
+    drying: seconds for which a layer dries
+    change: returns the motions that put back one brush ("" for none) and take another; None if a person changes
+        brushes
+
+    A plan of several brushes waits (M0) for the first of them, unless `change` takes it. After each layer but the
+    last, the machine waits until a person finds it dry.
+    Raises ConfigError if a servo does not reach a height.
     """
     head = (
         *_comment(f"frida-painter: {len(plan)} strokes in {len(plan.palette)} paints on {plan.canvas}"),
@@ -58,14 +64,14 @@ def gcode(
 
 
 def _canvas(plan: Plan) -> Iterator[str]:
-    """On what it is painted, where that is no bare canvas."""
+    """Yields a comment about the ground, unless it is white."""
     if plan.ground != WHITE:
         ground = to_hex(torch.tensor(plan.ground))
         yield from _comment(f"ground {ground}: tone the whole canvas in it, and let it dry, before")
 
 
 def _paints(plan: Plan) -> Iterator[str]:
-    """What is in which well, and with which brush it is painted, layer by layer where they differ."""
+    """Yields comments with the paint of each well and the brush, for each layer that differs from the one before."""
     before: Layer | None = None
     for number, layer in enumerate(plan.layers, start=1):
         if len(plan.brushes) > 1:
@@ -107,9 +113,11 @@ def _body(
 
 
 def _between(plan: Plan, done: int, drying: float, changed: bool) -> list[str]:
-    """What a person does before the next layer begins, `done` strokes being painted, one thing after another.
+    """Returns a person's tasks before the next layer, in order.
 
-    drying: seconds; changed: whether the machine has cleaned the brush and taken the next one by itself.
+    done: number of strokes already painted
+    drying: seconds
+    changed: True if the machine has already cleaned the brush and taken the next one
     """
     numbers = plan.layer
     before, after = plan.layers[int(numbers[done - 1])], plan.layers[int(numbers[done])]
@@ -144,7 +152,7 @@ def _dip(wells: Palette, dip: Dipped, language: Gcode) -> Iterator[str]:
 
 
 def _wait(todo: Iterable[str], language: Gcode) -> Iterator[str]:
-    """Pauses in which a person does what is to be done: as many things in each as its line has room for."""
+    """Yields pauses for a person's tasks, as many tasks in one pause as fit into its line."""
     said = ""
     for thing in map(_printable, todo):
         longer = f"{said}, {thing}" if said else thing
@@ -157,16 +165,16 @@ def _wait(todo: Iterable[str], language: Gcode) -> Iterator[str]:
 
 
 def _pause(text: str, language: Gcode) -> str:
-    # Marlin shows the words behind M0 on its display; GRBL takes them for a comment in brackets only.
+    # Marlin shows the text after M0 on its display; GRBL treats it as a comment only in parentheses.
     return f"M0 {text}" if language.flavour == "marlin" else f"M0 ({text})"
 
 
 def _comment(text: str) -> Iterator[str]:
-    """The text as comments of as many lines as it takes."""
+    """Returns the text as comments, on as many lines as needed."""
     return (f"; {line}" for line in textwrap.wrap(_printable(text), MAX_LINE - len("; ")))
 
 
 def _printable(text: str) -> str:
-    """The text in printable ASCII on one line: a machine may obey any other byte."""
+    """Returns the text in printable ASCII on one line: a machine may obey any other byte."""
     signs = unicodedata.normalize("NFKD", " ".join(text.split())).translate(_OBEYED)
     return "".join(sign if " " <= sign <= "~" else "_" for sign in signs if not unicodedata.combining(sign))

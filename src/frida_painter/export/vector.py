@@ -1,4 +1,4 @@
-"""A plan as SVG in real millimetres, for Inkscape, vpype, plotters and lasers: layers are paints."""
+"""Plans as SVG in real millimetres, for Inkscape, vpype, plotters and lasers, and as CSV. SVG layers are paints."""
 
 import csv
 import io
@@ -17,14 +17,14 @@ from frida_painter.palette import to_hex
 from frida_painter.plan import Plan
 from frida_painter.strokes import Strokes
 
-# What other programs need of a stroke: the control points of its path, and one width that stands for its mark.
+# Strokes for other programs: the control points of each path, and one width that approximates its mark.
 
 _AT_A_TIME = 64
 _THINNEST = 0.0001
 
 
 def control_points(strokes: Strokes) -> Tensor:
-    """The four control points of each stroke's cubic Bezier, canvas metres, [n, 4, 2]."""
+    """Returns the four control points of each stroke's cubic Bezier curve, canvas metres, [n, 4, 2]."""
     along = strokes.length[:, None] * torch.arange(4, dtype=strokes.length.dtype, device=strokes.length.device) / 3
     aside = strokes.bend[:, None] * strokes.bend.new_tensor([0.0, 1.0, 1.0, 0.0])
     cos, sin = torch.cos(strokes.angle)[:, None], torch.sin(strokes.angle)[:, None]
@@ -34,17 +34,20 @@ def control_points(strokes: Strokes) -> Tensor:
 
 
 def plan_widths(plan: Plan, models: Mapping[str, StrokeModel]) -> Tensor:
-    """The width [n] in metres of each stroke of a plan, as `mark_widths` has it; models: of its brushes, by name."""
+    """Returns the width [n] of each stroke of a plan in metres, from `mark_widths`.
+
+    models: stroke models of the plan's brushes, by name
+    """
     widths = [mark_widths(part.strokes, models[part.layers[0].brush]) for part in plan.filled_layers()]
     return torch.cat(widths) if widths else torch.zeros(0)
 
 
 @torch.no_grad()
 def mark_widths(strokes: Strokes, model: StrokeModel) -> Tensor:
-    """The width [n] in metres of round-ended lines that cover as much canvas as the strokes' marks.
+    """Returns the width [n] in metres of round-ended lines that cover the same area as the strokes' marks.
 
-    A line of length l and width w with round ends covers l w + pi/4 w^2; what a mark covers is the
-    sum of its magnitude map. Solved for w, and at least a tenth of a millimetre.
+    A line of length l and width w with round ends covers l w + pi/4 w^2. A mark covers the sum of its magnitude
+    map. The function solves for w, with a minimum of a tenth of a millimetre.
     """
     across, along = model.frame.pitch
     area = [
@@ -63,7 +66,10 @@ _DECIMALS = 3
 
 @dataclass(frozen=True)
 class _Layer:
-    """Strokes of one well in one layer of the plan, by index; pause: whether the brush is dipped before them."""
+    """Consecutive strokes of one well in one layer of the plan, by index.
+
+    pause: True if the brush is dipped before them
+    """
 
     layer: int
     paint: int
@@ -72,15 +78,18 @@ class _Layer:
 
 
 def svg(plan: Plan, width: Tensor, *, keep_order: bool = True, dips: Collection[int] = ()) -> str:
-    """The plan as an SVG document: one path per stroke, one layer per paint.
+    """Returns the plan as an SVG document: one path per stroke, one SVG layer per paint.
 
-    width [n]: of each stroke in metres. A new layer begins wherever the paint changes, so that
-    layers painted from first to last give the plan's picture: one layer per palette colour as long
-    as each colour is painted in one go, and more where the plan has several layers or colours come back. With
-    `keep_order=False` there is always one layer per colour in each of the plan's layers, lightest first, for plotters
-    where a change of pen costs more than the order. dips: indices of the strokes before which the brush is
-    dipped: a layer begins there whose name starts with "!", where software for AxiDraws pauses; in
-    painting order only. Raises PlanError where widths are not above 0 and finite.
+    width: [n] of each stroke, metres
+    keep_order: True for painting order; False for one SVG layer per colour in each layer of the plan, lightest
+        first, for plotters on which a change of pen costs more than the order
+    dips: indices of the strokes before which the brush is dipped, in painting order only; an SVG layer whose name
+        starts with "!" begins there, at which software for AxiDraws pauses
+
+    In painting order a new SVG layer begins at each change of paint, so that the layers give the plan's picture if
+    painted from first to last. There is one SVG layer per palette colour if each colour is painted in one go, and
+    more if the plan has several layers or colours return.
+    Raises PlanError if a width is not above 0 and below 1 m, or if dips are given without painting order.
     """
     if dips and not keep_order:
         raise PlanError("Dips are marked in painting order only; leave out either the dips or the regrouping.")
@@ -124,7 +133,7 @@ def _drawn(number: int, plan: Plan, layer: _Layer, paths: list[str]) -> str:
     count = f"{len(paths)} stroke{'s' if len(paths) > 1 else ''}"
     of = f" layer {layer.layer + 1}" if len(plan.layers) > 1 else ""
     of += f" {of_plan.brush} brush" if len(plan.brushes) > 1 else ""
-    # Plotter software takes the number at the start of a label as the layer's, and an exclamation mark as a pause.
+    # Plotter software reads the number at the start of a label as the layer's number, and "!" as a pause.
     label = quoteattr(f"{'!' if layer.pause else ''}{number} paint {layer.paint + 1} {color} {count}{of}")
     return (
         f'  <g inkscape:groupmode="layer" id="layer{number}" inkscape:label={label} fill="none" stroke="{color}"'
@@ -152,7 +161,7 @@ def _millimetres(metres: float) -> str:
     return f"{metres * 1000:.{_DECIMALS}f}".rstrip("0").rstrip(".")
 
 
-# A plan as CSV: one row per stroke in painting order, for spreadsheets and for machines of any make.
+# Plans as CSV: one row per stroke in painting order, for spreadsheets and machines of any make.
 
 COLUMNS = (
     *("stroke", "layer", "brush", "paint", "color", "start_x_mm", "start_y_mm", "end_x_mm", "end_y_mm"),
@@ -162,10 +171,10 @@ COLUMNS = (
 
 
 def table(plan: Plan) -> str:
-    """The strokes as CSV with a header row.
+    """Returns the strokes as CSV with a header row.
 
-    Millimetres from the canvas's bottom-left corner, x right, y up; angles in degrees,
-    counter-clockwise from x, in [-180, 180); thickness in [0, 1]; strokes, layers and the wells of paints count from 1.
+    Lengths are millimetres from the canvas's bottom-left corner, x right, y up. Angles are degrees,
+    counter-clockwise from x, in [-180, 180). Thickness is in [0, 1]. Strokes, layers and wells count from 1.
     """
     content = io.StringIO()
     rows = csv.writer(content, lineterminator="\n")

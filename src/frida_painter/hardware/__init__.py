@@ -1,1 +1,1 @@
-"""Robots, cameras and the place they stand in; protocols here, one thin file per device."""
+"""Robots, cameras and the easel: protocols in this package, one file per device in its subpackages."""

@@ -1,7 +1,7 @@
-"""Calls with a deadline: whatever does not return in time is given up, by a clock that counts sleep as well.
+"""Calls with a deadline, by a clock that also counts the time for which the computer sleeps.
 
-Drivers, makers' libraries and cameras may hang, and Python cannot end a thread. A call that is given
-up is left behind in a thread that does not keep the program alive.
+Drivers, makers' libraries and cameras may hang, and Python cannot end a thread. An overdue call is left in a daemon
+thread, which does not keep the program alive.
 """
 
 import queue
@@ -19,29 +19,31 @@ _LONGEST = 200
 
 
 def steady() -> float:
-    """Seconds that no setting of the clock changes and that also pass while the computer sleeps."""
+    """Returns seconds of a clock that ignores changes of the system time and includes the computer's sleep."""
     if hasattr(time, "CLOCK_BOOTTIME"):
         return time.clock_gettime(time.CLOCK_BOOTTIME)
     return time.monotonic()
 
 
 def asleep() -> float:
-    """Seconds that the computer has slept since it was started, as far as the system tells (Linux does)."""
+    """Returns the seconds that the computer has slept since its start; 0 if the system does not tell (Linux does)."""
     return steady() - time.monotonic()
 
 
 class Overdue(Exception):
-    """A call was given up; not a TimeoutError, which drivers raise themselves."""
+    """Error of an overdue call. Not a TimeoutError, because drivers raise that themselves."""
 
 
 class LibraryExit(Exception):
-    """A library wanted to end the program, as by SystemExit; its cause is what the library raised."""
+    """Error of a library that tried to end the program, for example by SystemExit; chained to its exception."""
 
 
 class Caller:
-    """Makes calls one after another on a thread of its own, and waits for each only as long as it is told to.
+    """Runs calls one after another in its own thread, each with a deadline.
 
-    A call that is given up goes on; no other is made beside it. name: of the thread and in messages.
+    name: of the thread, also in messages
+
+    An overdue call goes on in the thread. No other call runs at the same time.
     """
 
     def __init__(self, name: str) -> None:
@@ -51,10 +53,12 @@ class Caller:
         self._thread: threading.Thread | None = None
 
     def call(self, act: Callable[[], T], until: Callable[[], float]) -> T:
-        """What `act` returns or raises; until: the moment of `steady` to give up at, asked again while waiting.
+        """Returns the result of `act`, or raises its exception.
 
-        Raises Overdue where that moment passes first, LibraryExit where `act` wanted to end the program.
-        An earlier call that was given up is waited for, too.
+        until: returns the deadline on the clock of `steady`; it is asked repeatedly during the wait
+
+        The call first waits for an earlier overdue call.
+        Raises Overdue if the deadline passes, LibraryExit if `act` tried to end the program.
         """
         if self._current is not None:
             self._wait_for(self._current, until)
@@ -71,7 +75,7 @@ class Caller:
         return call.result
 
     def end(self) -> None:
-        """Ends the thread, once the call that it makes has come back; a later call begins another."""
+        """Ends the thread when its current call has returned. A later call starts another thread."""
         self._calls.put(None)
         self._thread = None
 
@@ -86,7 +90,7 @@ class Caller:
 
 
 class _Call:
-    """One call, and what came of it."""
+    """One call with its result or its error."""
 
     def __init__(self, act: Callable[[], Any]) -> None:
         self.finished = threading.Event()
@@ -97,16 +101,18 @@ class _Call:
     def make(self) -> None:
         try:
             self.result = self._act()
-        except BaseException as error:  # whatever a driver or a library raises; the caller sorts it
+        except BaseException as error:  # any exception of a driver or a library; the caller sorts it
             self.error = error
         finally:
             self.finished.set()
 
 
 def within(seconds: float, what: str, call: Callable[[], T]) -> T:
-    """What `call` returns or raises, on a thread of its own, named after `what`.
+    """Returns the result of `call`, or raises its exception; the call runs in its own thread.
 
-    Raises Overdue where it does not return within `seconds`, LibraryExit as Caller does.
+    what: name of the thread, also in messages
+
+    Raises Overdue if it takes more than `seconds`, LibraryExit if `call` tried to end the program.
     """
     caller, until = Caller(what), steady() + seconds
     try:
@@ -116,10 +122,12 @@ def within(seconds: float, what: str, call: Callable[[], T]) -> T:
 
 
 def in_our_errors(call: Callable[[], T], *, late: Callable[[], FridaError], failed: Callable[[str], FridaError]) -> T:
-    """What `call` returns; whatever it raises becomes an error of errors.py.
+    """Returns the result of `call` and converts its exceptions to FridaErrors.
 
-    late: what to raise where the call is overdue; failed: what to raise for everything else, given what
-    was raised as part of a sentence. Errors of errors.py pass as they are.
+    late: makes the error for an overdue call
+    failed: makes the error for any other exception, from its description as part of a sentence
+
+    Raises FridaErrors of `call` unchanged.
     """
     try:
         return call()
@@ -132,7 +140,7 @@ def in_our_errors(call: Callable[[], T], *, late: Callable[[], FridaError], fail
 
 
 def one_line(failure: BaseException) -> str:
-    """What a library raised, as part of a sentence."""
+    """Returns the description of an exception as part of a sentence."""
     text = " ".join(str(failure).split())[:_LONGEST]
     if isinstance(failure, LibraryExit):
         return text

@@ -1,4 +1,4 @@
-"""An easel: the robot, the camera and the person beside them, with all that is known about the three."""
+"""The easel: robot, camera and operator, with all that is known about them."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -11,43 +11,44 @@ from frida_painter.palette import Palette
 
 
 class Operator(Protocol):
-    """Whoever prepares what is needed: a person at a real easel, the virtual studio for itself."""
+    """Operator of an easel, who prepares what the robot needs: a person, or the virtual studio itself."""
 
     def fill_wells(self, palette: Palette) -> None:
         """Returns when well i holds paint i of the palette."""
 
     def tone(self, ground: tuple[float, float, float]) -> None:
-        """Returns when the bare canvas is toned in that colour (sRGB) and dry, or where nobody can be asked."""
+        """Returns when the bare canvas is toned in that sRGB colour and dry, or at once if nobody can be asked."""
 
     def change_brush(self, brush: str) -> None:
-        """Returns when the brush of that name, clean, is in the robot's holder, or in the hand."""
+        """Returns when the clean brush of that name is in the robot's holder, or in the hand of a person who paints."""
 
     def let_dry(self, seconds: float) -> None:
-        """The paint on the canvas has dried for so many seconds more, which were waited for at the easel's pace."""
+        """Returns when the paint on the canvas has dried for `seconds` more, at the easel's pace."""
 
     def lay_paper(self) -> bool:
-        """Whether a fresh, bare canvas lies on the easel now; False where a person is to be asked for one."""
+        """Returns True if a fresh, bare canvas is on the easel now; False if a person must be asked for one."""
 
     def lay_checker(self) -> bool:
-        """Whether the colour checker lies in the camera's sight now; False where a person is to be asked for it."""
+        """Returns True if the colour checker is in view of the camera now; False if a person must be asked for it."""
 
     def take_checker_away(self) -> bool:
-        """Whether the colour checker is gone again; False where a person is to be asked to take it away."""
+        """Returns True if the colour checker is gone; False if a person must be asked to take it away."""
 
 
 def _unheard(motions: Sequence[Waypoints]) -> None:
-    """A robot need not know what comes next."""
+    """Ignores the next motions: a robot need not know them."""
 
 
 @dataclass(frozen=True)
 class Easel:
-    """Everything that differs between a virtual and a real painting.
+    """Easel: everything that differs between a virtual and a real painting.
 
-    reach: where the robot's arm gets, None where it gets everywhere in its workspace; timing: how it
-    starts and stops, None where it is not known and its full speed is reckoned with; simulated: no real
-    robot is moved; pace: seconds that a second of its clock takes, 0 where it is as fast as can be computed;
-    foretell: hears what the robot will be sent next, in that order, for a person who paints by hand and wants
-    to see more than one stroke.
+    reach: of the robot's arm; None if it reaches every point of its workspace
+    timing: acceleration of the robot; None if unknown, then estimates assume full speed
+    simulated: True if no real robot moves
+    pace: real seconds per second of the easel's clock; 0 for as fast as possible
+    foretell: receives the next motions in order, for a person who paints by hand and wants to see more than one
+        stroke
     """
 
     robot: Robot

@@ -1,4 +1,4 @@
-"""The one way to the robot: painting, calibration and stroke libraries move it through a gateway."""
+"""The gateway: the only way to the robot for painting, calibration and stroke libraries."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -11,19 +11,18 @@ from frida_painter.errors import PoseMismatch, WorkspaceViolation
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.robot import MotionReport, Reach, Waypoints, Workspace
 
-# The limits of the workspace: a batch of motions is allowed as a whole, or nothing of it is sent.
-#
-# Nothing is clamped. The checks are written so that NaN fails them.
+# Limits of the workspace. A batch of motions is allowed as a whole, or nothing of it is sent. Nothing is clamped, and
+# NaN fails every check.
 
 FASTEST = 1.0
 _TOLERANCE = 1e-6
-_BESIDE = 0.01  # metres: so near to the canvas counts as over it, for strokes end beside it
-_ASKED_EVERY = 10  # waypoints, a millimetre apart: reach is not asked for each
+_BESIDE = 0.01  # metres around the canvas that count as over it, because strokes end beside it
+_ASKED_EVERY = 10  # waypoints are one millimetre apart, so reach is checked for each tenth only
 
 
 @dataclass(frozen=True)
 class Surface:
-    """The canvas as what the brush must not go through: its size, and robot z of the hardest press, metres."""
+    """Canvas as an obstacle: its size, and robot z of the hardest press in metres."""
 
     size: CanvasSize
     press_height: float
@@ -31,7 +30,11 @@ class Surface:
 
 @dataclass(frozen=True)
 class Fault:
-    """Why a motion is not allowed: the motion's label, and what is wrong with which axis."""
+    """Fault of a motion that is not allowed, with its remedy.
+
+    label: of the motion
+    reason: part of a sentence; names the axis if there is one
+    """
 
     label: str
     reason: str
@@ -41,10 +44,10 @@ class Fault:
 def check(
     batch: Iterable[Waypoints], workspace: Workspace, surface: Surface | None = None, reach: Reach | None = None
 ) -> None:
-    """Raises WorkspaceViolation, naming the motion and the axis, unless every motion is allowed.
+    """Raises WorkspaceViolation, which names motion and axis, unless every motion is allowed.
 
-    surface: how deep the brush may go over the canvas, as far as that is known; reach: of the robot,
-    where its arm does not get everywhere.
+    surface: depth limit over the canvas; None if unknown
+    reach: of the robot's arm; None if it reaches every point
     """
     for fault in faults(batch, workspace, surface, reach):
         raise WorkspaceViolation(f"{fault.label}: {fault.reason}. Nothing was sent to the robot; {fault.remedy}.")
@@ -53,7 +56,7 @@ def check(
 def faults(
     batch: Iterable[Waypoints], workspace: Workspace, surface: Surface | None = None, reach: Reach | None = None
 ) -> Iterator[Fault]:
-    """Every motion that is not allowed, with the first of its faults."""
+    """Yields each motion that is not allowed, with its first fault."""
     for motion in batch:
         found = _of_form(motion) or _outside(motion, workspace)
         found = found or (_too_deep(motion, workspace, surface) if surface else None)
@@ -116,16 +119,15 @@ _ARRIVED = 0.002
 
 
 class RobotGateway:
-    """Checks motions as a whole, sends them one after another, and compares where the tip arrived.
+    """Gateway to the robot: checks each batch of motions as a whole, and that the tip arrives at each motion's end.
 
-    lowest: robot z (m) below which the tip does not go over the canvas, the hardest press of the
-    easel's record where it is None; the brush procedure, which finds that press, gives the floor of
-    the workspace. last_motion: when the robot last moved, s of its clock.
+    lowest: robot z (m) of the lowest tip position over the canvas; None for the hardest press of the calibration.
+        The brush procedure, which measures that press, gives the floor of the workspace.
+    last_motion: time of the last motion, seconds of the robot's clock
 
-    Every wait for a motion has a deadline, which is kept where the wait is: the guard in the easel's
-    process gives up a driver (easel/guard.py), and the link gives up that process
-    (easel/parent.py); both raise RobotDisconnected. A person who paints by hand may take any
-    time, and so may the virtual studio where an experiment opens it without a process of its own.
+    Every wait for a motion has a deadline. The guard in the easel's process gives up a driver (easel/guard.py), and
+    the link gives up that process (easel/parent.py); both raise RobotDisconnected. A person who paints by hand has
+    no deadline. Neither has the virtual studio if an experiment opens it without its own process.
     """
 
     def __init__(self, easel: Easel, *, lowest: float | None = None) -> None:
@@ -135,22 +137,23 @@ class RobotGateway:
         self._surface = Surface(easel.canvas, self._calibrated)
 
     def follow_touch(self, lower: float) -> None:
-        """From now on the tip goes `lower` metres lower than the hardest press; not higher where that is below 0."""
+        """Lets the tip go `lower` metres below the hardest press from now on. A negative value counts as 0."""
         self._surface = Surface(self.easel.canvas, self._calibrated - max(lower, 0.0))
 
     def check(self, motions: Iterable[Waypoints]) -> None:
         """Raises WorkspaceViolation unless every motion of the batch is allowed; nothing is clamped.
 
-        A motion is refused where a number of it is NaN, it leaves the workspace, is faster than 1 m/s,
-        goes over the canvas below the hardest press, or is out of the arm's reach.
+        A motion is refused if it contains NaN, leaves the workspace, is faster than 1 m/s, goes over the canvas
+        below the hardest press, or is out of the arm's reach.
         """
         check(motions, self.easel.workspace, self._surface, self.easel.reach)
 
     def perform(self, motions: Iterable[Waypoints]) -> bool:
-        """Makes the motions, once all of them are allowed; whether a person who paints by hand left one out.
+        """Makes the motions if all are allowed; returns True if a person who paints by hand left one out.
 
-        Raises WorkspaceViolation before anything moves, as `check` does; PoseMismatch where the tip
-        arrives more than 2 mm from where it was sent, and then sends nothing more; RobotError and its kinds.
+        Raises WorkspaceViolation before anything moves, if a motion is not allowed.
+        Raises PoseMismatch if the tip arrives more than 2 mm from where it was sent, and sends nothing more.
+        Raises RobotError and its subclasses.
         """
         batch = list(motions)
         self.check(batch)
@@ -162,10 +165,11 @@ class RobotGateway:
         return left_out
 
     def step_aside(self) -> None:
-        """Moves the arm out of the camera's sight.
+        """Moves the arm out of the camera's view.
 
-        Raises PoseMismatch where the tip ends more than 2 mm from the workspace's home, or outside the
-        workspace where that names none; RobotError and its kinds.
+        Raises PoseMismatch if the tip ends more than 2 mm from the workspace's home, or, without a home, more than
+        2 mm outside the workspace.
+        Raises RobotError and its subclasses.
         """
         report = self._done(self.easel.robot.home())
         workspace = self.easel.workspace
@@ -173,7 +177,7 @@ class RobotGateway:
         _require_arrived("home", report.reached, inside if workspace.home is None else np.array(workspace.home))
 
     def pose(self) -> NDArray[np.float64]:
-        """Where the tip is, [3] metres. Raises RobotError where the robot does not know."""
+        """Returns the position of the tip, [3] metres. Raises RobotError if the robot does not know it."""
         return self.easel.robot.pose()
 
     def _done(self, report: MotionReport) -> MotionReport:

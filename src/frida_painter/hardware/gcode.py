@@ -1,4 +1,4 @@
-"""Waypoints as G-code, for machines that move a brush or a pen in x and y and raise it by an axis or a servo."""
+"""Waypoints as G-code, for machines that move a brush or pen in x and y and raise it by an axis or a servo."""
 
 import math
 from collections.abc import Iterator
@@ -9,17 +9,20 @@ from frida_painter.errors import ConfigError
 from frida_painter.hardware.robot import Waypoints
 
 PREAMBLE = ("G21", "G90", "G94")
-"""Millimetres, places instead of steps, feeds per minute."""
+"""Millimetres, absolute coordinates, feed per minute."""
 _FINEST = 0.0005  # mm; half of the last digit that is written
 
 
 @dataclass(frozen=True)
 class Servo:
-    """A servo that raises the brush: two calibrated heights (m) and their values, linear in between.
+    """Servo that raises the brush: two calibrated heights with their values, linear in between.
 
-    low, high: (height, value): the value is an S word for GRBL (its servo or spindle output), degrees
-    for Marlin (M280). speed: m/s that it manages, to be waited for where it rises or sinks on the spot.
-    Raises ConfigError.
+    low, high: (height in metres, value); the value is an S word for GRBL (its servo or spindle output) and degrees
+        for Marlin (M280)
+    speed: m/s of the servo; the machine waits for it if only the height changes
+
+    Raises ConfigError if the numbers are not finite, the heights not ascending, a value negative or the speed not
+    positive.
     """
 
     low: tuple[float, float]
@@ -44,7 +47,7 @@ class Servo:
         return cls((low, at_low), (high, at_high))
 
     def value(self, height: float) -> float:
-        """What the servo is told for a height (m). Raises ConfigError beyond its two heights."""
+        """Returns the servo's value for a height in metres. Raises ConfigError if it is outside the two heights."""
         (low, at_low), (high, at_high) = self.low, self.high
         if not low - 1e-6 <= height <= high + 1e-6:
             raise ConfigError(
@@ -56,10 +59,13 @@ class Servo:
 
 @dataclass(frozen=True)
 class Gcode:
-    """How G-code is written for one machine: its work coordinates are the robot's frame, in millimetres.
+    """G-code dialect of one machine. Its work coordinates are the robot's frame, in millimetres.
 
-    flavour: "grbl" or "marlin"; approach: m/s to the first waypoint of a motion; servo: what raises
-    the brush, None where an axis Z does. Raises ConfigError.
+    flavour: "grbl" or "marlin"
+    approach: m/s to the first waypoint of a motion
+    servo: raises the brush; None if an axis Z does
+
+    Raises ConfigError if a value is not allowed.
     """
 
     flavour: str = "grbl"
@@ -73,10 +79,10 @@ class Gcode:
             raise ConfigError(f"An approach at {self.approach} m/s was given; it is above 0 and finite.")
 
     def lines(self, waypoints: Waypoints) -> Iterator[tuple[int, str]]:
-        """The motion line by line, each with the index of its waypoint.
+        """Yields the lines of a motion, each with the index of its waypoint.
 
-        Straight to the first waypoint at the approach's speed, then on through all of them. Raises
-        ConfigError where the servo does not reach a height.
+        The machine goes straight to the first waypoint at the approach speed, then through all others.
+        Raises ConfigError if the servo does not reach a height.
         """
         height = math.nan
         for index, (x, y, z) in enumerate(waypoints.position.tolist()):
@@ -85,7 +91,7 @@ class Gcode:
             if self.servo is None:
                 yield index, f"G1 {ground} Z{_millimetres(z)} F{feed:.0f}"
                 continue
-            if index == 0:  # From wherever the machine was: first up, then across.
+            if index == 0:  # The start is unknown: rise first, then move across.
                 top = self.servo.high[0]
                 yield from ((index, line) for line in self._servo_on_the_spot(self.servo, math.nan, top))
                 yield index, f"G1 {ground} F{feed:.0f}"
@@ -100,14 +106,14 @@ class Gcode:
             height = z
 
     def rise(self, height: float) -> Iterator[str]:
-        """Straight up to a height (m), from wherever the machine is, before anything else."""
+        """Yields the lines that raise the brush vertically to a height in metres, from an unknown position."""
         if self.servo is None:
             yield f"G1 Z{_millimetres(height)} F{60_000 * self.approach:.0f}"
         else:
             yield from self._servo_on_the_spot(self.servo, math.nan, height)
 
     def _servo_on_the_spot(self, servo: Servo, before: float, height: float) -> Iterator[str]:
-        """The servo goes to a height and is waited for; from an unknown one (NaN) as if from farthest away."""
+        """Yields the lines that set the servo and wait for it; NaN as the old height means the full travel."""
         value = _number(servo.value(height))
         far = abs(height - before) if math.isfinite(before) else servo.high[0] - servo.low[0]
         seconds = max(far / servo.speed, 0.01)
@@ -120,9 +126,9 @@ class Gcode:
             yield f"G4 P{1000 * seconds:.0f}"
 
     def _servo_on_the_way(self, servo: Servo, before: float, height: float, ground: str, feed: float) -> Iterator[str]:
-        """A step across with the brush rising or sinking meanwhile."""
+        """Yields the lines of a move across during which the servo changes the height."""
         value = _number(servo.value(height))
-        if self.flavour == "grbl":  # The S word of a motion is set as the motion begins (laser mode, $32=1).
+        if self.flavour == "grbl":  # GRBL applies the S word as the motion begins (laser mode, $32=1).
             yield f"G1 {ground} S{value} F{feed:.0f}"
         else:
             if value != _number(servo.value(before)):

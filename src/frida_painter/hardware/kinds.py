@@ -1,7 +1,7 @@
-"""Kinds of real robots and cameras: all that the rest of the program has to know before one of them is opened.
+"""Kinds of real robots and cameras: what the program must know before it opens one of them.
 
-Each driver says it of itself in an object that is registered as an entry point (registry.py). A module that
-holds one is imported to print a list, too: it leaves the library of its device to `connect`.
+Each driver describes itself in an object that is registered as an entry point (registry.py). The program imports
+the driver's module even to print a list. Therefore the module loads the library of its device only in `connect`.
 """
 
 import ipaddress
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from frida_painter.hardware.robot import Camera, Point, Robot, Workspace
 
 
-# A real robot as a person names it: "xarm:192.168.1.10", or "gcode:/dev/ttyUSB0,homing=yes".
+# Names of machines, such as "xarm:192.168.1.10" or "gcode:/dev/ttyUSB0,homing=yes".
 
 Value = TypeVar("Value")
 Default = TypeVar("Default")
@@ -26,9 +26,9 @@ Default = TypeVar("Default")
 
 @dataclass(frozen=True)
 class MachineName:
-    """A machine as it was named: its kind, where it is, and what else was said of it.
+    """Machine name as a person wrote it: kind, address and options.
 
-    form: how machines of its kind are named, for messages.
+    form: how names of this kind are written, for messages
     """
 
     kind: str
@@ -38,7 +38,7 @@ class MachineName:
 
     @classmethod
     def of(cls, text: str, form: str = "") -> "MachineName":
-        """Reads "kind:where,name=value". Raises ConfigError."""
+        """Reads "kind:where,name=value". Raises ConfigError if an option is malformed or given twice."""
         named, *parts = text.split(",")
         kind, _, where = named.partition(":")
         options = {}
@@ -52,7 +52,7 @@ class MachineName:
         return cls(kind.strip(), where.strip(), options, form)
 
     def choose(self, name: str, read: Callable[[str], Value], default: Default) -> Value | Default:
-        """An option as `read` understands it. Raises ConfigError where it does not."""
+        """Returns an option as converted by `read`, or the default. Raises ConfigError if `read` fails."""
         if name not in self.options:
             return default
         try:
@@ -61,7 +61,7 @@ class MachineName:
             raise ConfigError(f"{name}={self.options[name][:40]} is not understood; write {self.form}.") from error
 
     def require(self, *known: str, where: bool = True) -> None:
-        """Raises ConfigError where something is said that this kind does not know, or not where it is."""
+        """Raises ConfigError if the name has an unknown option, or no place although `where` is True."""
         strangers = sorted(set(self.options) - set(known))
         if strangers:
             raise ConfigError(f"{self.kind} does not know {', '.join(strangers)}; write {self.form}.")
@@ -70,39 +70,38 @@ class MachineName:
 
 
 def yes_or_no(text: str) -> bool:
-    """What "yes" and "no" mean, for `MachineName.choose`. Raises KeyError."""
+    """Converts "yes" and "no" to a bool, for `MachineName.choose`. Raises KeyError for other words."""
     return {"yes": True, "no": False}[text]
 
 
-# What a machine is, whatever it is called: two names that lead to one machine have an identity in common.
-#
+# Identities of machines: two names of the same machine share an identity.
 # A stop is latched, and a machine is locked, under each of its identities. "localhost", "127.0.0.1" and the
-# computer's
-# own address are one; so are /dev/ttyUSB0, a link to it, and the serial number of what is plugged in there.
+# computer's own address are one identity. So are /dev/ttyUSB0, a link to it, and the serial number of the device
+# there.
 
 _HERE = "this computer"
 
 
 def by_name(name: MachineName) -> frozenset[str]:
-    """That of a machine of which no more is known than what it was called."""
+    """Returns the identity of a machine of which only the name is known."""
     return frozenset({f"{name.kind}:{name.where}"})
 
 
 def at_host(host: str, port: int | None = None) -> frozenset[str]:
-    """Those of a machine on the network: every address that `host` has, with the port where several may listen there.
+    """Returns the identities of a machine on the network: the addresses of `host`, with the port if one is given.
 
-    The name service is asked; a host that it does not know keeps its name.
+    A host that the name service does not know keeps its name.
     """
     try:
         found = {str(place[4][0]) for place in socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)}
-    except (OSError, UnicodeError):  # which is what names of more than 63 letters become
+    except (OSError, UnicodeError):  # names of more than 63 letters raise UnicodeError
         found = {host.lower().rstrip(".")}
     beside = "" if port is None else f" port {port}"
     return frozenset(f"{_address(one)}{beside}" for one in found)
 
 
 def at_port(device: str) -> frozenset[str]:
-    """Those of a machine on a serial port: the device that a link leads to, and the serial number of what is there."""
+    """Returns the identities of a machine on a serial port: the resolved device path and its serial number."""
     path = str(Path(device).resolve())
     numbers = {
         f"serial number {port.serial_number}"
@@ -113,7 +112,7 @@ def at_port(device: str) -> frozenset[str]:
 
 
 def _address(text: str) -> str:
-    """An address in one form; of all that this computer itself has, one."""
+    """Returns an address in its canonical form; all addresses of this computer become one."""
     try:
         address = ipaddress.ip_address(text.partition("%")[0])
     except ValueError:
@@ -123,7 +122,7 @@ def _address(text: str) -> str:
 
 
 def _is_own(address: str) -> bool:
-    """Whether the system lets this computer listen there."""
+    """Returns True if the system lets this computer listen at the address."""
     family = socket.AF_INET6 if ":" in address else socket.AF_INET
     try:
         with socket.socket(family, socket.SOCK_DGRAM) as probe:
@@ -136,17 +135,18 @@ def _is_own(address: str) -> bool:
 def _ports() -> list[Any]:
     try:
         from serial.tools.list_ports import comports
-    except ImportError:  # then nothing is driven over a port either
+    except ImportError:  # without pyserial, nothing is driven over a port either
         return []
     return list(comports())
 
 
 @dataclass(frozen=True)
 class Needed:
-    """What has to be installed for a device: how a person does it, and the module that is there afterwards.
+    """Requirement of a device: how a person installs it, and the module that is importable afterwards.
 
-    module: "" where it cannot be looked for, such as packages of the system outside of a virtual environment;
-    such a thing always counts as lacking.
+    install: command that installs it
+    module: "" if it cannot be looked for, such as system packages outside of a virtual environment; the requirement
+        then always counts as lacking
     """
 
     install: str
@@ -154,18 +154,21 @@ class Needed:
 
     @property
     def lacking(self) -> bool:
-        """Whether it is not known to be installed."""
+        """True if the module is not known to be installed."""
         return not self.module or find_spec(self.module.partition(".")[0]) is None
 
 
 @dataclass(frozen=True)
 class RobotKind:
-    """A kind of real robot.
+    """Kind of real robot.
 
-    name: by which it is registered; form: how it is written after --robot; title: what people call it;
-    open: makes the driver, not connected, of a machine of that name in a workspace, and raises ConfigError
-    where the name makes no sense; needed: what has to be installed for it, None for nothing; identify: what the
-    machine of a name is, whatever else it is called (machine_identity.py).
+    name: under which it is registered
+    form: how it is written after --robot
+    title: what people call it
+    open: makes the driver, not yet connected, of a named machine in a workspace; raises ConfigError if the name is
+        invalid
+    needed: what must be installed for it; None for nothing
+    identify: returns the identities of the machine of a name
     """
 
     name: str
@@ -178,12 +181,15 @@ class RobotKind:
 
 @dataclass(frozen=True)
 class CameraKind:
-    """A kind of camera.
+    """Kind of camera.
 
-    name: by which it is registered; form: how it is written after --camera; title: what people call it;
-    open: makes the driver, not connected, from what stands behind the name's colon, and raises ConfigError
-    where that makes no sense; needed: what has to be installed for it, None for nothing; is_path: whether
-    that is a path, which is then completed from the folder in which the program was started.
+    name: under which it is registered
+    form: how it is written after --camera
+    title: what people call it
+    open: makes the driver, not yet connected, from the text after the name's colon; raises ConfigError if it is
+        invalid
+    needed: what must be installed for it; None for nothing
+    is_path: True if that text is a path, which is then relative to the folder in which the program started
     """
 
     name: str
@@ -195,7 +201,7 @@ class CameraKind:
 
 
 def require_home(name: MachineName, workspace: "Workspace") -> "Point":
-    """Where the tip waits while the camera looks, for robots that know no such place. Raises ConfigError."""
+    """Returns the workspace's home position, for robots that have none. Raises ConfigError if it is missing."""
     if workspace.home is None:
         raise ConfigError(
             f"The workspace says no home, and {name.kind} knows none of its own; write [motion] home = [x, y, z], "

@@ -1,6 +1,6 @@
-"""The latch: a robot that was stopped stays stopped, also after a restart, until a person re-arms it.
+"""The latch: a stopped robot stays stopped, also after a restart, until a person re-arms it.
 
-A simulated robot hurts nobody: it stands still until its process ends, and nothing is kept of that (Unlatched).
+A simulated robot hurts nobody. It stands still until its process ends, and its stop is not stored (Unlatched).
 """
 
 import re
@@ -20,9 +20,11 @@ _VERSION = 1
 
 @dataclass(frozen=True)
 class StopRecord:
-    """Why and when a robot was stopped; at: seconds since 1970; machines: what it is (machine_identity.py), if known.
+    """Record of a stop of a robot, with its reason.
 
-    damaged: whether the record of it cannot be read, so that it may be of any robot.
+    at: seconds since 1970
+    machines: identities of the robot (hardware/kinds.py), if known
+    damaged: True if the record cannot be read; it may then concern any robot
     """
 
     easel: str
@@ -37,20 +39,21 @@ class StopRecord:
 
 
 class Latch:
-    """The latch of one easel, kept in a file that only `release` takes away.
+    """Latch of one easel, kept in a file that only `release` deletes.
 
-    machines: what the robot is, whatever it is called: a stop holds it under every name of easel and robot. A file
-    that cannot be read counts as a stop of any robot: whatever damaged it, a person has to look.
+    machines: identities of the robot; a stop holds it under every name of easel and robot
+
+    An unreadable file counts as a stop of any robot: a person has to look at the cause.
     """
 
     remedy = HOW_TO_ARM
-    """What a person has to do before it moves again."""
+    """Task for a person before the robot moves again."""
 
     def __init__(self, path: Path, easel: str, machines: Iterable[str] = ()) -> None:
         self.path, self.easel, self.machines = path, easel, frozenset(machines)
 
     def read(self) -> StopRecord | None:
-        """The stop that holds, None where the robot may move."""
+        """Returns the stop that holds; None if the robot may move."""
         own = _read(self.path, self.easel)
         if own is not None or not self.machines:
             return own
@@ -58,16 +61,16 @@ class Latch:
         return next((stop for stop in others if stop and (stop.damaged or stop.machines & self.machines)), None)
 
     def engage(self, reason: str) -> StopRecord:
-        """Puts a stop down, flushed to the disk; the first reason stays. Raises StorageError."""
+        """Stores a stop, flushed to the disk; an earlier reason stays. Raises StorageError."""
         stopped, before = StopRecord(self.easel, reason, time.time(), self.machines), _read(self.path, self.easel)
         if before is None:
             self._write(stopped)
-        elif not before.damaged and not self.machines <= before.machines:  # another robot at an easel of that name
+        elif not before.damaged and not self.machines <= before.machines:  # another robot at an easel of the same name
             self._write(replace(before, machines=before.machines | self.machines))
         return stopped
 
     def release(self) -> None:
-        """Re-arms: for the person who has looked at the robot, and for nobody else. Raises StorageError."""
+        """Re-arms the robot. Only a person who has looked at it may cause this call. Raises StorageError."""
         try:
             self.path.unlink(missing_ok=True)
         except OSError as error:
@@ -79,7 +82,7 @@ class Latch:
 
 
 class Unlatched:
-    """In place of a latch, for a simulated easel: a stop holds for as long as the easel's process lives."""
+    """Stand-in for the latch of a simulated easel: a stop lasts as long as the easel's process."""
 
     remedy = "it is simulated and needs no re-arming; resume the painting"
 
@@ -87,15 +90,15 @@ class Unlatched:
         self.easel = easel
 
     def read(self) -> None:
-        """No stop holds from before, whatever files say."""
+        """Returns None: no earlier stop holds."""
 
     def engage(self, reason: str) -> StopRecord:
-        """The stop, of which nothing is written."""
+        """Returns a stop without storing it."""
         return StopRecord(self.easel, reason, time.time())
 
 
 def _read(path: Path, easel: str) -> StopRecord | None:
-    """The stop in a file, of an easel of that name where the file does not say; None where there is none."""
+    """Reads the stop in a file, None if there is no file; `easel` is the name to use if the record is damaged."""
     if not path.exists():
         return None
     try:
@@ -108,12 +111,12 @@ def _read(path: Path, easel: str) -> StopRecord | None:
 
 
 def latch_path(state: Path, easel: str) -> Path:
-    """Where the latch of an easel of that name is kept, below the folder `state`."""
+    """Returns the path of the latch of an easel, below the folder `state`."""
     return state / "stopped" / f"{re.sub(r'[^A-Za-z0-9._]+', '-', easel)}.json"
 
 
 def latches(state: Path) -> list[Latch]:
-    """All latches below `state` that hold a robot, the first that was stopped first."""
+    """Returns all latches below `state` that hold a robot, the earliest stop first."""
     found = [Latch(path, path.stem) for path in (state / "stopped").glob("*.json")]
     held = [(stop.at, latch) for latch in found if (stop := latch.read()) is not None]
     return [latch for _, latch in sorted(held, key=lambda entry: entry[0])]

@@ -1,7 +1,7 @@
-"""From painting to moving: strokes, dips, rinses, wipes and changes of brushes as waypoints of the brush's tip.
+"""From painting to motion: strokes, dips, rinses, wipes and changes of brushes as waypoints of the brush's tip.
 
-Every motion begins and ends at one height, above everything that stands there, so that any of
-them may follow any other.
+Every motion begins and ends at one height, above every object in the workspace. Therefore any motion may follow any
+other.
 """
 
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from frida_painter.hardware.robot import BrushRack, Point, Waypoints, Workspace
 from frida_painter.strokes import Strokes
 
 STIR_RADIUS = 0.008
-"""How far around the middle of a well or of the water the tip goes, metres."""
+"""Radius of the tip's circle in a well or in the water, metres."""
 _STEP = 0.001
 _CLEARANCE = 0.005
 _STIRS = 3
@@ -24,18 +24,18 @@ _STIRS = 3
 
 @dataclass(frozen=True)
 class Motion:
-    """Turns what a painter does into waypoints, for one workspace and one calibration."""
+    """Planner of motions: converts painting actions to waypoints, for one workspace and one calibration."""
 
     workspace: Workspace
     calibration: Calibration
 
     @property
     def travel_height(self) -> float:
-        """Robot z at which the tip travels: so high that it clears all things, wherever the next one is."""
+        """Robot z at which the tip travels: above every object in the workspace."""
         return max(self.workspace.top, self.calibration.touch_height) + self.workspace.hover
 
     def stroke(self, strokes: Strokes, index: int, name: str | None = None) -> Waypoints:
-        """Stroke `index` of `strokes` on the canvas: down, along its path pressed by its thickness, and up."""
+        """Returns the motion of stroke `index`: down, along its path at the depth for its thickness, and up."""
         on_canvas, thickness = stroke_path(strokes, index, step=_STEP)  # [k, 2], [k]
         height = self.calibration.height(thickness)
         path = self.workspace.to_robot(self.calibration.place(on_canvas), height)
@@ -45,10 +45,10 @@ class Motion:
         return Waypoints(name or f"stroke {index}", position, self.workspace.painting_speed)
 
     def swift_stroke(self, strokes: Strokes, index: int, name: str) -> tuple[Waypoints, Waypoints, Waypoints]:
-        """The same stroke, but through the air at the speed of travel: to above its start, the stroke, and up again.
+        """Returns the same stroke as three motions: to above its start, the stroke, and up; the outer two are fast.
 
-        A robot goes to the first waypoint of a motion at the speed of travel; so the stroke begins and ends a little
-        above the canvas, and only the last bit is gone at the speed of painting.
+        A robot goes to the first waypoint of a motion at travel speed. The stroke itself begins and ends slightly
+        above the canvas, so that only a short way is gone at painting speed.
         """
         slow = self.stroke(strokes, index, name)
         above, low = slow.position[[0, -1]], slow.position[[0, -1]]
@@ -63,11 +63,11 @@ class Motion:
 
     @property
     def clearance_height(self) -> float:
-        """Robot z from which the tip goes down to the canvas at the speed of painting."""
+        """Robot z from which the tip goes down to the canvas at painting speed."""
         return min(self.travel_height, self.calibration.touch_height + _CLEARANCE)
 
     def dip(self, well: int) -> Waypoints:
-        """Into paint well `well`, a small stir, and out. Raises WorkspaceViolation where there is no such well."""
+        """Returns the dip into a paint well with one stirring turn. Raises WorkspaceViolation if it does not exist."""
         if not 0 <= well < len(self.workspace.wells):
             raise WorkspaceViolation(
                 f"Paint well {well + 1} was wanted; the workspace has {len(self.workspace.wells)} wells; "
@@ -76,11 +76,11 @@ class Motion:
         return self._circle(f"dip into well {well + 1}", self.workspace.wells[well], turns=1)
 
     def rinse(self) -> Waypoints:
-        """Into the water, stirred, and out."""
+        """Returns the motion into the water, three stirring turns, and out."""
         return self._circle("rinse", self.workspace.water, turns=_STIRS)
 
     def wipe(self) -> Waypoints:
-        """To and fro across the rag."""
+        """Returns the motion across the rag: there, back, and there again."""
         x, y, z = self.workspace.rag
         half = self.workspace.rag_width / 2
         across = np.array([(x - half, y, z), (x + half, y, z)])
@@ -88,21 +88,25 @@ class Motion:
         return self._from_above("wipe", position)
 
     def take(self, brush: str) -> Waypoints:
-        """With the empty hand down onto a brush in its fork, out of the fork, and up with it.
+        """Returns the motion that takes a brush: the empty hand down onto it, out of its fork, and up.
 
-        The workspace has a rack that holds it.
+        The workspace must have a rack that holds the brush. Raises ConfigError without a rack, KeyError if it lacks
+        the brush.
         """
         rack = self._rack
         place, front = rack.places[brush], rack.front(brush)
         return self._way(f"take the {brush} brush", self._above(place), self._clear_of(place), place, front)
 
     def put_back(self, brush: str) -> Waypoints:
-        """The brush in the hand down before its fork, into it, and up without it; the same way back as `take`."""
+        """Returns the motion that puts a brush back into its fork: the path of `take`, reversed."""
         there = self.take(brush)
         return Waypoints(f"put the {brush} brush back", there.position[::-1].copy(), there.speed)
 
     def change(self, held: str | None, brush: str) -> tuple[Waypoints, ...]:
-        """What it takes to have another brush in the hand; held: the one that is there, "" or None for none."""
+        """Returns the motions that change the brush in the hand.
+
+        held: name of the brush in the hand; "" or None for none
+        """
         return (*((self.put_back(held),) if held else ()), self.take(brush))
 
     @property
@@ -118,7 +122,7 @@ class Motion:
         return place[0], place[1], place[2] + self._rack.lift
 
     def _way(self, label: str, *places: Point) -> Waypoints:
-        """From place to place at the speed of painting, and up at the end."""
+        """Returns a path through the places at painting speed, and up at the end."""
         position = np.array([*places, self._above(places[-1])], np.float64)
         return Waypoints(label, position, self.workspace.painting_speed)
 

@@ -1,4 +1,4 @@
-"""What every robot can do: be connected, follow waypoints with the tip of its brush, stop."""
+"""Protocols of robots and cameras, with the workspace, reach, timing, waypoints and frames that they use."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -7,17 +7,18 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-# Where things stand around the robot, in metres of its frame: canvas, paint wells, water, rag, and the bounds.
+# Layout around the robot, in metres of its frame: canvas, paint wells, water, rag and bounds.
 
 Point = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
 class BrushRack:
-    """Forks in which brushes stand, each open to one side; the robot's hand holds a brush less firmly than its fork.
+    """Rack with forks for brushes, each open to one side. A fork holds a brush more firmly than the robot's hand.
 
-    places: where the tip is of each brush that stands in its fork, by the brush's name; slide: x and y, metres,
-    from there to where the brush is clear of its fork; lift: metres that the hand rises to be clear of a brush.
+    places: position of the tip of each brush in its fork, by the brush's name
+    slide: x and y from the fork to the point at which the brush is clear of it, metres
+    lift: metres that the hand rises to be clear of a brush
     """
 
     places: Mapping[str, Point]
@@ -25,21 +26,25 @@ class BrushRack:
     lift: float
 
     def front(self, brush: str) -> Point:
-        """Where the tip of a brush is when it is clear of its fork, and still as low."""
+        """Returns the position of a brush's tip when the brush is clear of its fork, at the same height."""
         x, y, z = self.places[brush]
         return x + self.slide[0], y + self.slide[1], z
 
 
 @dataclass(frozen=True)
 class Workspace:
-    """The place in which a robot paints.
+    """Layout of a robot's workspace: canvas, paint and tools. Lengths in metres of the robot's frame.
 
-    lower, upper: corners of the box that the tip never leaves; canvas_origin: the canvas's
-    bottom-left corner on its surface; canvas_angle: radians from the robot's x axis to the canvas's
-    lower edge; wells: the tip's place in each paint well; water, rag: likewise; rag_width: how far
-    one wipes along x; hover: height of the tip above things while it travels; painting_speed,
-    travel_speed: m/s; home: where the tip waits while the camera looks, None where the robot knows
-    a home of its own; rack: where the robot finds its brushes, None where a person changes them.
+    lower, upper: corners of the box that the tip never leaves
+    canvas_origin: the canvas's bottom-left corner on its surface
+    canvas_angle: radians from the robot's x axis to the canvas's lower edge
+    wells: position of the tip in each paint well
+    water, rag: position of the tip in the water and on the rag
+    rag_width: length of a wipe along x
+    hover: height of the tip above objects while it travels
+    painting_speed, travel_speed: m/s
+    home: position of the tip while the camera looks; None if the robot has its own
+    rack: of the brushes; None if a person changes them
     """
 
     lower: Point
@@ -58,18 +63,18 @@ class Workspace:
 
     @property
     def top(self) -> float:
-        """Robot z of the highest thing that stands there, metres."""
+        """Robot z of the highest object in the workspace, metres."""
         things = [self.canvas_origin[2], self.water[2], self.rag[2], *(well[2] for well in self.wells)]
-        if self.rack is not None:  # over a brush in its fork the empty hand passes free of it
+        if self.rack is not None:  # the empty hand passes over a brush in its fork
             things += [place[2] + self.rack.lift for place in self.rack.places.values()]
         return max(things)
 
     def to_robot(self, position: NDArray[np.float64], height: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Canvas metres [k, 2] and robot heights [k] to the robot's frame [k, 3]."""
+        """Converts canvas metres [k, 2] and robot heights [k] to the robot's frame [k, 3]."""
         return np.c_[position @ self._turn + np.array(self.canvas_origin[:2]), height]
 
     def to_canvas(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Places in the robot's frame [k, 3], seen from above, in canvas metres [k, 2]."""
+        """Converts positions in the robot's frame [k, 3] to canvas metres [k, 2], as seen from above."""
         return (position[:, :2] - np.array(self.canvas_origin[:2])) @ self._turn.T
 
     @property
@@ -78,38 +83,37 @@ class Workspace:
         return np.array([[cos, sin], [-sin, cos]])
 
 
-# Reach: what a robot can answer whose arm does not get everywhere in its workspace.
+# Reach of a robot whose arm does not get to every point of its workspace.
 
 
 class Reach(Protocol):
-    """Whoever knows the arm, by inverse kinematics; asked before anything moves."""
+    """Reach of an arm, by inverse kinematics or by its length; checked before anything moves."""
 
     def reachable(self, position: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Whether the tip can be at each place [k, 3], metres of the robot's frame, brush as it is held: [k]."""
+        """Returns True for each position [k, 3] in the robot's frame (m) that the tip reaches with its brush: [k]."""
 
 
 @dataclass(frozen=True)
 class ArmLength:
-    """The reach of an arm of which only this is known: how near to its shoulder, and how far, its tip gets, metres."""
+    """Reach of an arm of known length: nearest and farthest distance of the tip from the shoulder, metres."""
 
     shoulder: Point
     nearest: float
     farthest: float
 
     def reachable(self, position: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Whether each place [k, 3] lies between the two spheres: [k]."""
+        """Returns True for each position [k, 3] between the two spheres: [k]."""
         away = np.linalg.norm(position - np.array(self.shoulder), axis=1)
         return (away >= self.nearest) & (away <= self.farthest)
 
 
-# When an arm's tip is where on a path of waypoints: no faster than motors can start and stop.
-#
-# The tip stays on the path: it slows down before corners, and stops in sharp ones, as a controller in
-# "exact path" mode does. Speeds between are found by one pass forward and one backward over the path
-# (as in Bobrow, Dubowsky and Gibson, "Time-Optimal Control of Robotic Manipulators Along Specified
-# Paths", IJRR 1985, for limits of speed and acceleration alone).
+# Timing of a path: the tip goes no faster than motors can start and stop.
+# The tip stays on the path. It slows down before corners and stops in sharp ones, as a controller in "exact path"
+# mode does. Its speeds are found by one pass forward and one backward over the path (as in Bobrow, Dubowsky and
+# Gibson, "Time-Optimal Control of Robotic Manipulators Along Specified Paths", IJRR 1985, for limits of speed and
+# acceleration only).
 
-# A corner sharper than this (radians) is a stop; in a blunter one the velocity jumps by at most _JUMP (m/s).
+# The tip stops in a corner sharper than _SHARP (radians). In a blunter one its velocity jumps by at most _JUMP (m/s).
 _SHARP = np.radians(50)
 _JUMP = 0.02
 _FINE = 0.002
@@ -118,16 +122,22 @@ _SHORTEST = 1e-7
 
 @dataclass(frozen=True)
 class Timing:
-    """How a tip may move: acceleration (m/s2), smoothing (s) over which speed changes are spread, period (s)."""
+    """Limits on the motion of a tip.
+
+    acceleration: greatest acceleration, m/s2
+    smoothing: seconds over which changes of speed are spread
+    period: seconds between two positions
+    """
 
     acceleration: float
     smoothing: float
     period: float
 
     def places(self, path: NDArray[np.float64], speed: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The tip's place [n, 3] at every period, from rest at the first to rest at the last waypoint.
+        """Returns the tip's position [n, 3] at every period, from rest at the first to rest at the last waypoint.
 
-        path: waypoints [k, 3] in metres; speed: of each of the pieces between them [k - 1], m/s.
+        path: waypoints [k, 3] in metres
+        speed: of each segment between them [k - 1], m/s
         """
         path, speed = _moving(path, speed)
         if len(speed) == 0:
@@ -138,7 +148,7 @@ class Timing:
         return np.stack([np.interp(reached, along, column) for column in fine.T], -1)
 
     def seconds(self, path: NDArray[np.float64], speed: NDArray[np.float64]) -> float:
-        """How long the tip takes for that path, from rest to rest; the arguments are those of `places`."""
+        """Returns the duration of a path from rest to rest; the arguments are those of `places`."""
         path, speed = _moving(path, speed)
         if len(speed) == 0:
             return 0.0
@@ -147,16 +157,16 @@ class Timing:
     def _ramped(
         self, fine: NDArray[np.float64], fastest: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Of every point of a fine-grained path: metres from its start, speed, and seconds from the start."""
+        """Returns for each point of a fine-grained path: metres from the start, speed, and seconds from the start."""
         along = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(fine, axis=0), axis=1))]
         pace = _feasible(along, fastest, self.acceleration)
-        # A step of constant acceleration takes its length over the mean of the speeds at its ends.
+        # At constant acceleration, a segment takes its length over the mean of the speeds at its ends.
         return along, pace, np.r_[0.0, np.cumsum(2 * np.diff(along) / (pace[1:] + pace[:-1]))]
 
     def _smoothed(
         self, moment: NDArray[np.float64], along: NDArray[np.float64], pace: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Metres covered at every period, each averaged over the time around it, so that no force sets in at once."""
+        """Returns the distance covered at every period. A moving average lets forces set in gradually."""
         width = max(1, round(self.smoothing / self.period))
         count = int(np.ceil(moment[-1] / self.period)) + 1
         time = np.arange(count) * self.period
@@ -169,7 +179,7 @@ class Timing:
 
 
 def _moving(path: NDArray[np.float64], speed: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The path and its speeds without pieces that lead nowhere; of a path all of them, its end alone."""
+    """Returns path and speeds without segments of length 0; of a path without motion, only its end."""
     moving = np.linalg.norm(np.diff(path, axis=0), axis=1) > _SHORTEST
     if not moving.any():
         return path[-1:].copy(), speed[:0]
@@ -179,7 +189,7 @@ def _moving(path: NDArray[np.float64], speed: NDArray[np.float64]) -> tuple[NDAr
 def _fine_grained(
     path: NDArray[np.float64], speed: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The path with points at most _FINE apart, and the greatest speed at each of them, 0 where the tip stops."""
+    """Returns the path with points at most _FINE apart, and the greatest speed at each; 0 if the tip stops there."""
     vector = np.diff(path, axis=0)
     length = np.linalg.norm(vector, axis=1)
     cosine = (vector[1:] * vector[:-1]).sum(1) / (length[1:] * length[:-1])
@@ -196,7 +206,7 @@ def _fine_grained(
 
 
 def _feasible(along: NDArray[np.float64], fastest: NDArray[np.float64], acceleration: float) -> NDArray[np.float64]:
-    """Speeds that never exceed `fastest` and can be reached from one another under the acceleration."""
+    """Returns speeds that are at most `fastest` and reachable from one another under the acceleration."""
     gain = (2 * acceleration * np.diff(along)).tolist()
     square = (fastest**2).tolist()
     for k, more in enumerate(gain):
@@ -208,9 +218,11 @@ def _feasible(along: NDArray[np.float64], fastest: NDArray[np.float64], accelera
 
 @dataclass(frozen=True)
 class Waypoints:
-    """A path of the brush's tip: position [k, 3] in metres of the robot's frame (z up), at `speed` m/s.
+    """Path of the brush's tip.
 
-    label says in messages what the motion is for ("stroke 12", "dip into well 3").
+    label: purpose of the motion in messages ("stroke 12", "dip into well 3")
+    position: waypoints [k, 3] in metres of the robot's frame, z up
+    speed: m/s
     """
 
     label: str
@@ -225,9 +237,11 @@ class Waypoints:
 
 @dataclass(frozen=True)
 class MotionReport:
-    """What was really done: times in seconds of the robot's own clock, and where the tip ended [3], metres.
+    """Result of a motion.
 
-    left_out: whether nothing was done, because a person who paints by hand chose so.
+    started_at, finished_at: seconds of the robot's own clock
+    reached: final position of the tip [3], metres
+    left_out: True if a person who paints by hand chose not to make the motion
     """
 
     label: str
@@ -238,36 +252,41 @@ class MotionReport:
 
 
 class Robot(Protocol):
-    """A driver: thin, without any knowledge of painting. Raises RobotError and its kinds.
+    """Driver of a robot. It knows nothing of painting. Raises RobotError and its subclasses.
 
-    One whose controller states its serial number says it, once connected, as `serial_number`.
+    If the controller states its serial number, the driver has it as `serial_number` once connected.
     """
 
     def connect(self) -> None:
-        """Reaches the robot; a failed attempt leaves nothing open and may be repeated."""
+        """Connects to the robot. A failed attempt leaves nothing open and may be repeated."""
 
     def home(self) -> MotionReport:
-        """Goes where the camera sees the whole canvas."""
+        """Moves to the home position, from which the camera sees the whole canvas."""
 
     def pose(self) -> NDArray[np.float64]:
-        """Where the tip is now, [3] metres."""
+        """Returns the position of the tip, [3] metres."""
 
     def follow(self, waypoints: Waypoints) -> MotionReport:
         """Moves the tip along the waypoints and returns when it has arrived."""
 
     def stop(self) -> None:
-        """Stops at once, on a channel of its own; may be called from any thread."""
+        """Stops at once, over a separate channel; may be called from any thread."""
 
     def close(self) -> None:
-        """Lets go of the robot."""
+        """Disconnects from the robot."""
 
 
-# What every camera can do: give a photograph that is newer than a given moment.
+# Cameras: each gives a photograph that is newer than a given moment.
 
 
 @dataclass(frozen=True)
 class Frame:
-    """A photograph: image [rows, columns, 3] uint8 sRGB, when it was taken (s, the robot's clock), its number."""
+    """Photograph with its time and number.
+
+    image: [rows, columns, 3] uint8 sRGB
+    captured_at: seconds of the robot's clock
+    sequence: number of the photograph
+    """
 
     image: NDArray[np.uint8]
     captured_at: float
@@ -275,21 +294,21 @@ class Frame:
 
 
 class Camera(Protocol):
-    """A driver. Raises CameraError and its kinds."""
+    """Driver of a camera. Raises CameraError and its subclasses."""
 
     def connect(self) -> None:
-        """Reaches the camera; a failed attempt leaves nothing open and may be repeated."""
+        """Connects to the camera. A failed attempt leaves nothing open and may be repeated."""
 
     def capture(self, newer_than: float) -> Frame:
-        """A photograph taken after `newer_than` (s). Raises StaleFrame where there is none."""
+        """Returns a photograph taken after `newer_than` (s). Raises StaleFrame if there is none."""
 
     def close(self) -> None:
-        """Lets go of the camera."""
+        """Disconnects from the camera."""
 
 
 @runtime_checkable
 class LiveCamera(Camera, Protocol):
-    """A camera that always has a picture, like a webcam, for people to watch."""
+    """Camera that always has a picture to watch, like a webcam."""
 
     def glance(self) -> NDArray[np.uint8]:
-        """The picture that it has now, [rows, columns, 3] sRGB; nothing is decided by it. Raises CameraError."""
+        """Returns the current picture [rows, columns, 3] sRGB, for display only. Raises CameraError."""

@@ -1,4 +1,4 @@
-"""A workspace file: a person's TOML of where things stand, read whole or refused with all its faults at once."""
+"""Workspace files: TOML that describes a person's layout. All faults of a file are reported at once."""
 
 import itertools
 import math
@@ -21,12 +21,12 @@ from frida_painter.hardware.motion import STIR_RADIUS
 from frida_painter.hardware.robot import ArmLength, BrushRack, Point, Workspace
 from frida_painter.palette import MOST_COLORS
 
-# The sections of a workspace file: which entries each has, and what each may be on its own.
+# Sections of a workspace file, with their entries and the range of each.
 
 MOST_BRUSHES = 16
-"""In a rack."""
+"""Greatest number of brushes in a rack."""
 FARTHEST = 10.0
-"""Metres: what is more is a slip of the unit."""
+"""Greatest coordinate in metres; a larger number means a wrong unit."""
 
 Metre = Annotated[float, Field(ge=-FARTHEST, le=FARTHEST, allow_inf_nan=False)]
 Position = Annotated[tuple[Metre, Metre, Metre], Field(strict=False)]
@@ -35,20 +35,20 @@ Speed = Annotated[float, Field(gt=0, le=FASTEST, allow_inf_nan=False)]
 
 
 class Section(BaseModel):
-    """Entries that are all known, all of their kind, and never changed."""
+    """Section of a workspace file: unknown entries are refused, types are strict, values are frozen."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
 
 class Bounds(Section):
-    """The box that the tip never leaves."""
+    """Box that the tip never leaves."""
 
     lower: Position
     upper: Position
 
 
 class CanvasPlace(Section):
-    """Size and place of the canvas; turn in degrees."""
+    """Size and position of the canvas; turn in degrees."""
 
     width: Side
     height: Side
@@ -64,7 +64,7 @@ class BrushHeights(Section):
 
 
 class PaintPlaces(Section):
-    """Wells, water and rag."""
+    """Positions of wells, water and rag."""
 
     wells: Annotated[tuple[Position, ...], Field(strict=False, min_length=1, max_length=MOST_COLORS)]
     water: Position
@@ -73,7 +73,7 @@ class PaintPlaces(Section):
 
 
 class RackPlaces(Section):
-    """Forks in which brushes stand, by the names of the brushes; left out where a person changes the brush."""
+    """Forks for brushes, by the names of the brushes; omitted if a person changes the brush."""
 
     places: Annotated[dict[str, Position], Field(min_length=1, max_length=MOST_BRUSHES)]
     slide: Annotated[tuple[Metre, Metre], Field(strict=False)]
@@ -81,7 +81,7 @@ class RackPlaces(Section):
 
 
 class Travel(Section):
-    """How high, how fast, and where to wait."""
+    """Hover height, speeds and home position."""
 
     hover: Annotated[float, Field(ge=0.005, le=0.5, allow_inf_nan=False)]
     painting_speed: Speed
@@ -90,18 +90,18 @@ class Travel(Section):
 
 
 class ArmReach(Section):
-    """How far the arm gets around its shoulder; left out where it gets everywhere within the bounds."""
+    """Reach of the arm around its shoulder; omitted if it reaches every point within the bounds."""
 
     shoulder: Position
     nearest: Annotated[float, Field(ge=0, le=FARTHEST, allow_inf_nan=False)]
     farthest: Annotated[float, Field(gt=0, le=FARTHEST, allow_inf_nan=False)]
 
 
-# What is wrong between the entries of a workspace file, each of which may be right on its own.
+# Contradictions between entries that are each in range.
 
-_DEEPEST = 0.05  # metres from the lightest touch to the hardest press: no brush bends further
-_BRUSH_ROOM = 0.02  # metres that everything keeps from a brush in the rack: what is carried there has a width too
-_UNEVEN = 0.03  # metres that the lightest touch may lie from where the canvas is said to be
+_DEEPEST = 0.05  # metres from the lightest touch to the hardest press: the most that a brush bends
+_BRUSH_ROOM = 0.02  # metres of distance from a brush in the rack, because a carried brush is wide too
+_UNEVEN = 0.03  # metres between the lightest touch and the stated height of the canvas
 
 
 def contradictions(
@@ -112,7 +112,7 @@ def contradictions(
     motion: Travel | None,
     rack: RackPlaces | None = None,
 ) -> list[str]:
-    """A sentence for each contradiction between the sections that could be read; None for one that could not."""
+    """Returns a sentence for each contradiction between the sections; None stands for an unreadable section."""
     found: list[str] = []
     if bounds:
         upside_down = [
@@ -143,7 +143,7 @@ def _outside(
     motion: Travel | None,
     rack: RackPlaces | None,
 ) -> Iterator[str]:
-    """What lies outside the bounds."""
+    """Yields a sentence for each place outside the bounds."""
     if canvas:
         for name, place in _corners(canvas).items():
             yield from _beyond(bounds, f"the canvas's {name} corner", place)
@@ -191,7 +191,7 @@ def _heights(brush: BrushHeights, canvas: CanvasPlace | None) -> Iterator[str]:
 
 
 def _too_near(paint: PaintPlaces, canvas: CanvasPlace | None) -> Iterator[str]:
-    """Things that overlap: what is stirred in one would be in the other as well."""
+    """Yields a sentence for each pair of overlapping things: stirring in one would reach the other."""
     places = _places(paint)
     stirred = {name: place for name, place in places.items() if name != "the rag"}
     for (one, here), (other, there) in itertools.combinations(stirred.items(), 2):
@@ -213,7 +213,7 @@ def _too_near(paint: PaintPlaces, canvas: CanvasPlace | None) -> Iterator[str]:
 
 
 def _in_the_rack(rack: RackPlaces) -> list[str]:
-    """Brushes that overlap, or one that another is drawn against."""
+    """Returns a sentence for each pair of brushes that overlap or collide as one leaves its fork."""
     way = math.hypot(*rack.slide)
     if not way >= _BRUSH_ROOM:
         return [
@@ -241,7 +241,7 @@ def _in_the_rack(rack: RackPlaces) -> list[str]:
 def _in_the_way(
     rack: RackPlaces, canvas: CanvasPlace | None, paint: PaintPlaces | None, motion: Travel | None
 ) -> Iterator[str]:
-    """Brushes in the rack that stand where the hand carries another one: between any two things."""
+    """Yields a sentence for each brush in the rack that stands in the way of carried brushes."""
     things = [_front(rack, name) for name in rack.places]
     things += _corners(canvas).values() if canvas else []
     if paint:
@@ -270,7 +270,7 @@ def _places(paint: PaintPlaces) -> dict[str, Point]:
 
 
 def _room_across(name: str) -> float:
-    """Metres along y that are needed to either side; a rag is wiped along x."""
+    """Returns the metres needed on each side along y; none for the rag, which is wiped along x."""
     return 0.0 if name == "the rag" else STIR_RADIUS
 
 
@@ -287,7 +287,7 @@ def _corners(canvas: CanvasPlace) -> dict[str, Point]:
 
 
 def _on_canvas(place: Point, canvas: CanvasPlace, room: float) -> bool:
-    """Whether the circle of radius `room` around a place meets the canvas, seen from above."""
+    """Returns True if the circle of radius `room` around a place meets the canvas, seen from above."""
     cos, sin = math.cos(math.radians(canvas.turn)), math.sin(math.radians(canvas.turn))
     x, y = place[0] - canvas.corner[0], place[1] - canvas.corner[1]
     over = np.array([cos * x + sin * y, -sin * x + cos * y])
@@ -322,10 +322,11 @@ _OPTIONAL = ("rack", "arm")
 
 @dataclass(frozen=True)
 class WorkcellConfig:
-    """What a workspace file says of one easel: its name, its workspace, its canvas, and the brush's heights there.
+    """Content of a workspace file for one easel.
 
-    touch_height, press_height: robot z in metres, for an easel whose brush was not calibrated yet;
-    reach: of the arm, None where it gets everywhere within the bounds.
+    easel: name of the easel
+    touch_height, press_height: robot z in metres, used until the brush is calibrated
+    reach: of the arm; None if it reaches every point within the bounds
     """
 
     easel: str
@@ -342,9 +343,10 @@ class WorkcellConfig:
         camera: str = "camera",
         others: Sequence[str] = (),
     ) -> Calibration:
-        """The record to begin with, before any procedure was done: the canvas fills the photograph.
+        """Returns the calibration before any procedure: the canvas fills the photograph.
 
-        others: brushes that are put into the holder later.
+        photograph: rows and columns
+        others: brushes that are put into the holder later
         """
         rows, columns = photograph
         right, bottom = columns - 1.0, rows - 1.0
@@ -362,12 +364,12 @@ class WorkcellConfig:
 
     @classmethod
     def load(cls, path: Path) -> Self:
-        """Reads a TOML file. Raises ConfigError naming every entry that is missing, unknown, wrong or contradictory."""
+        """Reads a TOML file. Raises ConfigError, which names each missing, unknown, wrong or contradictory entry."""
         return cls.of(storage.read_toml(path, "a workspace file (TOML)", _MOST_BYTES, _ADVICE), str(path))
 
     @classmethod
     def of(cls, values: dict[str, Any], name: str) -> Self:
-        """The stand of these entries; `name` stands for them in messages. Raises ConfigError as `load` does."""
+        """Returns the configuration with these entries. `name` is for messages. Raises ConfigError as `load` does."""
         faults: list[str] = []
         easel = values.get("easel")
         if "easel" not in values:
@@ -432,7 +434,7 @@ class WorkcellConfig:
 
 
 def example() -> str:
-    """A whole workspace file with comments, to be filled with one's own measures."""
+    """Returns a complete, commented workspace file as a template."""
     return (resources.files("frida_painter.hardware") / "examples" / "workspace.toml").read_text(encoding="utf-8")
 
 
@@ -441,7 +443,7 @@ def _wanted(model: type[Section]) -> list[str]:
 
 
 def _sentence(section: str, model: type[Section], fault: Any) -> str:
-    """One of pydantic's faults in plain words."""
+    """Returns one of pydantic's faults in plain words."""
     where = section + "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in fault["loc"])
     match fault["type"]:
         case "missing" if isinstance(fault["loc"][-1], int):
@@ -474,7 +476,7 @@ def _form(fault: Any) -> str:
 
 
 def _range(model: type[Section], place: tuple[Any, ...]) -> str:
-    """What a number may be, in words."""
+    """Returns the range of a number in words."""
     field = model.model_fields[place[0]]
     if len(place) > 1:
         return f"allowed is from {-FARTHEST:g} to {FARTHEST:g} metres"

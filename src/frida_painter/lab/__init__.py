@@ -1,23 +1,26 @@
-"""The paper's figures and tables, and ours, each one command: `frida-painter experiments NAME`.
+"""The laboratory: the paper's figures and tables, and our own. Each has a command: `frida-painter experiments NAME`.
 
-An experiment is a list of trials, a judge and a report (`trials.py`). A trial that is a painting is a RunSpec, and
-PaintingRun plans and paints it (`paintings.py`). Every module has a `FULL` scale and a `QUICK` one: the same work, of
-which the quick one does just enough to see that all of it runs.
+An experiment is a list of trials with a measurement and a report (`base.py`). A trial of a painting is a RunSpec,
+which PaintingRun plans and paints (`paintings.py`). Every module has a `FULL` scale and a `QUICK` one. The quick
+scale does the least work that runs every step.
 """
 
 from dataclasses import dataclass
 
 from frida_painter.cli.commands import Deferred
 
-# How much an experiment about strokes does; one about paintings has a RunSpec in its place.
+# Scales of experiments about strokes; experiments about paintings use a RunSpec instead.
 
 
 @dataclass(frozen=True, kw_only=True)
 class ExperimentScale:
-    """strokes: that are painted, in a sweep or for a library; held_out: strokes that no model learns from.
+    """Scale of an experiment about strokes.
 
-    sizes: numbers of strokes for training and validation, where there are several; folds: trainings of each;
-    quick: as little as possible, so that figures mean nothing.
+    strokes: number of painted strokes, in a sweep or in a library
+    held_out: number of strokes that no model learns from
+    sizes: numbers of strokes for training and validation, if there are several
+    folds: number of trainings for each size
+    quick: True for the least possible work; the figures then mean nothing
     """
 
     strokes: int

@@ -1,4 +1,4 @@
-"""What an experiment gives: tables of plain values, sentences that say what they show, and pictures."""
+"""Parts of experiments: outcomes with tables, notes and pictures; trials; measures of pictures."""
 
 import hashlib
 import json
@@ -35,7 +35,11 @@ Task = TypeVar("Task")
 
 @dataclass(frozen=True)
 class Progress:
-    """How far an experiment has come: `share` in [0, 1] of its work, and what it is `doing`."""
+    """Progress of an experiment.
+
+    share: of the work that is done, in [0, 1]
+    doing: current work in words
+    """
 
     share: float
     doing: str
@@ -45,34 +49,38 @@ Notify = Callable[[Progress], None]
 
 
 def silent(progress: Progress) -> None:
-    """Hears progress and tells nobody."""
+    """Ignores progress."""
 
 
 def within(notify: Notify, first: float, last: float) -> Notify:
-    """Tells the progress of a part that takes an experiment from share `first` to share `last`."""
+    """Returns a listener for a part that takes an experiment from share `first` to share `last`."""
     return lambda progress: notify(Progress(first + (last - first) * progress.share, progress.doing))
 
 
 def each(tasks: Sequence[Task], notify: Notify) -> Iterator[tuple[Task, Notify]]:
-    """The tasks, which take equally long, each with whom to tell its own progress."""
+    """Yields the tasks, assumed to be equally long, each with a listener for its own progress."""
     for number, task in enumerate(tasks):
         yield task, within(notify, number / len(tasks), (number + 1) / len(tasks))
 
 
 @dataclass(frozen=True)
 class ResultTable:
-    """Rows with the same columns. `title` stands above it, `columns` are those of the first row."""
+    """Table of results.
+
+    title: above the table
+    rows: all with the columns of the first one
+    """
 
     title: str
     rows: tuple[Row, ...]
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """The names of the columns."""
+        """Names of the columns."""
         return tuple(self.rows[0]) if self.rows else ()
 
     def markdown(self) -> str:
-        """The table in Markdown, numbers to the right and to four significant digits."""
+        """Returns the table in Markdown, numbers at the right and with four significant digits."""
         numeric = {name: all(_is_number(row[name]) for row in self.rows) for name in self.columns}
         lines = [
             _line(self.columns),
@@ -84,11 +92,14 @@ class ResultTable:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came out.
+    """Outcome of an experiment.
 
-    name: of the command; title: one line for people; settings: all that it was run with, seeds
-    included; notes: sentences that say what the tables show; pictures: sRGB [3, H, W] in [0, 1] by
-    name of the file to be, without its ending.
+    name: of the command
+    title: one line for people
+    settings: all parameters of the run, including seeds
+    tables: results
+    notes: sentences that explain the tables
+    pictures: sRGB [3, H, W] in [0, 1], by the name of the file without its ending
     """
 
     name: str
@@ -99,7 +110,7 @@ class Outcome:
     pictures: Mapping[str, Tensor] = field(default_factory=dict)
 
     def markdown(self) -> str:
-        """The outcome as a page."""
+        """Returns the outcome as a Markdown page."""
         parts = [f"# {self.title}\n", *(f"{note}\n" for note in self.notes)]
         parts += [f"![{name.replace('-', ' ')}]({name}.png)\n" for name in self.pictures]
         parts += [table.markdown() for table in self.tables]
@@ -107,7 +118,7 @@ class Outcome:
         return "\n".join(parts) + "\n"
 
     def record(self) -> dict[str, object]:
-        """The outcome as plain values; numbers that are not finite become null."""
+        """Returns the outcome as plain values; numbers that are not finite become null."""
         return {
             "format": "frida-painter experiment",
             "experiment": self.name,
@@ -122,7 +133,7 @@ class Outcome:
         }
 
     def save(self, folder: Path) -> None:
-        """Writes table.json, table.md and the pictures into `folder`. Raises StorageError."""
+        """Writes table.json, table.md and the pictures to `folder`. Raises StorageError."""
         for name, picture in self.pictures.items():
             images.save(picture, folder / f"{name}.png")
         storage.write_text(folder / "table.md", self.markdown())
@@ -138,7 +149,7 @@ def _is_number(value: Value) -> bool:
 
 
 def _shown(value: Value) -> str:
-    """A value as people read it."""
+    """Returns a value as people read it."""
     if value is None or (isinstance(value, float) and not math.isfinite(value)):
         return "-"
     if isinstance(value, bool):
@@ -158,35 +169,37 @@ def _finite(value: Value) -> Value:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-# An experiment: a list of trials, what is measured of each, and a report of what all of them show.
-#
-# A trial stands alone. Everything that its measurement depends on is in it, so that trials can run in any order and
-# in
-# any process. Finished ones are kept on the disk, and an experiment that was interrupted goes on from there.
+# Experiments: a list of trials, a measurement of each, and a report about all.
+# A trial is independent. It contains everything that its measurement depends on, so that trials can run in any order
+# and in any process. Finished ones are stored on the disk, and an interrupted experiment continues from there.
 
 Labels = Mapping[str, str | int]
-"""What tells a trial from the others: the first columns of its row in the table of results."""
+"""Labels that distinguish a trial from the others: the first columns of its row in the table of results."""
 
 
 @dataclass(frozen=True)
 class ExperimentTrial:
-    """One part of an experiment. depends_on: plain values, all that its measurement follows from beside its labels."""
+    """Trial: one part of an experiment.
+
+    labels: distinguish it from the others
+    depends_on: plain values that determine its measurement, besides the labels
+    """
 
     labels: Labels
     depends_on: Mapping[str, object] = field(default_factory=dict)
 
     def __getitem__(self, label: str) -> str:
-        """A label as text."""
+        """Returns a label as text."""
         return str(self.labels[label])
 
     @property
     def name(self) -> str:
-        """The labels as the name of a file."""
+        """Name for its files, from the labels."""
         return re.sub(r"[^\w.]+", "-", "-".join(map(str, self.labels.values()))).strip("-.")
 
     @property
     def fingerprint(self) -> str:
-        """sha256 of everything that the measurement follows from, the version of this program included."""
+        """sha256 of everything that determines the measurement, including the version of this program."""
         everything = [version("frida-painter"), dict(self.labels), dict(self.depends_on)]
         return hashlib.sha256(json.dumps(everything, sort_keys=True).encode()).hexdigest()
 
@@ -196,7 +209,7 @@ AnyTrial = TypeVar("AnyTrial", bound=ExperimentTrial)
 
 @dataclass(frozen=True)
 class Measurement:
-    """What was measured in a trial: numbers by name, and pictures [3, H, W] by name."""
+    """Measurement of a trial: numbers by name, and pictures [3, H, W] by name."""
 
     numbers: Mapping[str, float]
     pictures: Mapping[str, Tensor] = field(default_factory=dict)
@@ -204,33 +217,33 @@ class Measurement:
 
 @dataclass(frozen=True)
 class Results:
-    """The measurements of all trials, in their order."""
+    """Measurements of all trials, in order, with their labels."""
 
     found: tuple[tuple[Labels, Measurement], ...]
 
     def having(self, **labels: str | int) -> list[Measurement]:
-        """Those of the trials with these labels."""
+        """Returns the measurements of the trials with these labels."""
         return [found for its, found in self.found if all(its[name] == value for name, value in labels.items())]
 
     def one(self, **labels: str | int) -> Measurement:
-        """That of the one trial with these labels."""
+        """Returns the measurement of the only trial with these labels."""
         (found,) = self.having(**labels)
         return found
 
     def values(self, number: str, **labels: str | int) -> list[float]:
-        """One of the numbers of the trials with these labels."""
+        """Returns one of the numbers for all trials with these labels."""
         return [found.numbers[number] for found in self.having(**labels)]
 
     def mean(self, number: str, **labels: str | int) -> float:
-        """The mean of `values`."""
+        """Returns the mean of `values`."""
         return float(np.mean(self.values(number, **labels)))
 
     def rows(self) -> tuple[Row, ...]:
-        """A table with a row for every trial: its labels and its numbers."""
+        """Returns a table with a row for every trial: its labels and its numbers."""
         return tuple({**labels, **found.numbers} for labels, found in self.found)
 
     def means(self, label: str) -> tuple[Row, ...]:
-        """A table with a row for every value of a label: the means of all numbers."""
+        """Returns a table with a row for every value of a label: the means of all numbers."""
         values = dict.fromkeys(its[label] for its, _ in self.found)
         names = list(self.found[0][1].numbers)
         return tuple({label: value, **{name: self.mean(name, **{label: value}) for name in names}} for value in values)
@@ -238,10 +251,12 @@ class Results:
 
 @dataclass(frozen=True)
 class Experiment(Generic[AnyTrial]):
-    """What an experiment does.
+    """Experiment: trials, a measurement and a report.
 
-    measure: does one trial, and tells how far it is; report: makes tables, notes and pictures of all measurements;
-    sharing: the label of trials that share work where only this label differs, and are measured by one process.
+    trials: its parts
+    measure: measures one trial, and reports its progress
+    report: makes the outcome of all measurements
+    sharing: label; trials that differ only in this label share work, and one process measures them
     """
 
     trials: Sequence[AnyTrial]
@@ -250,9 +265,12 @@ class Experiment(Generic[AnyTrial]):
     sharing: str = ""
 
     def run(self, keep: Path | None = None, notify: Notify = silent) -> Outcome:
-        """Does every trial that is not in `keep`, a folder in which finished ones wait in case the rest is interrupted.
+        """Measures every trial that is not in `keep`, and returns the outcome.
 
-        Raises what `measure` raises, and StorageError.
+        keep: folder that stores finished trials in case of an interruption; None to store nothing
+        notify: hears the progress
+
+        Raises the errors of `measure`, and StorageError.
         """
         found = []
         for trial, telling in each(self.trials, notify):
@@ -260,7 +278,7 @@ class Experiment(Generic[AnyTrial]):
         return self.report(Results(tuple(found)))
 
     def shares(self, keep: Path) -> list[tuple[int, ...]]:
-        """The numbers of the trials that are not in `keep`: those that share work together, the others alone."""
+        """Returns the numbers of the trials that are not in `keep`, grouped by shared work."""
         found: dict[str, list[int]] = {}
         for number, trial in enumerate(self.trials):
             if _read(keep, trial) is None:
@@ -269,7 +287,10 @@ class Experiment(Generic[AnyTrial]):
         return [tuple(numbers) for numbers in found.values()]
 
     def measured(self, trial: AnyTrial, keep: Path | None, notify: Notify) -> Measurement:
-        """The measurement of a trial, from `keep` where it waits there. Raises what `measure` raises, StorageError."""
+        """Returns the measurement of a trial, from `keep` if it is stored there.
+
+        Raises StorageError and the errors of `measure`.
+        """
         if keep is None:
             return self.measure(trial, notify)
         measured = _read(keep, trial)
@@ -287,7 +308,7 @@ def _keep(folder: Path, trial: ExperimentTrial, measured: Measurement) -> None:
 
 
 def _read(folder: Path, trial: ExperimentTrial) -> Measurement | None:
-    """What was kept of a trial, with pictures in 8 bits; None where it depended on something else or is damaged."""
+    """Returns a stored measurement, with pictures in 8 bits; None if it is missing, outdated or damaged."""
     try:
         record = storage.read_json(folder / f"{trial.name}.json", "a measurement of an experiment")
         if record["of"] != trial.fingerprint:
@@ -298,28 +319,28 @@ def _read(folder: Path, trial: ExperimentTrial) -> Measurement | None:
     return Measurement(record["numbers"], pictures)
 
 
-# How near a painting is to what it was to be, in ways that its planner did not optimise.
+# Measures of the distance between a painting and its goal that its planner did not optimise.
 
-_ROWS = 256  # of the pictures in which edges are sought
-_BLUR = 1.6  # pixels of those
-_LOW, _HIGH = 40, 100  # slopes, of 255, at which Canny's edges go on and begin
+_ROWS = 256  # of the pictures in which edges are detected
+_BLUR = 1.6  # its pixels
+_LOW, _HIGH = 40, 100  # of 255: slopes at which Canny's edges continue and start
 _TOLERANCE = 0.015  # of the picture's diagonal
-_AREA = 12  # pixels of those, half the width over which a composition's edges are looked at
+_AREA = 12  # its pixels: half the width over which a composition's edges are measured
 _VIEWS = 6
 
 
 def mse(picture: Tensor, target: Tensor) -> float:
-    """Mean squared difference of two pictures [3, H, W] in [0, 1]."""
+    """Returns the mean squared difference of two pictures [3, H, W] in [0, 1]."""
     return float((picture - target).square().mean())
 
 
 def psnr(picture: Tensor, target: Tensor) -> float:
-    """Peak signal to noise of two pictures [3, H, W] in [0, 1], in dB."""
+    """Returns the peak signal-to-noise ratio of two pictures [3, H, W] in [0, 1], in dB."""
     return -10 * float((picture - target).square().mean().clamp(min=1e-12).log10())
 
 
 def near_borders(regions: Tensor) -> Tensor:
-    """Where a map [H, W] of regions has a border between two of them within one pixel, [H, W] of bool."""
+    """Returns the pixels within one pixel of a border between two regions of a map [H, W]: [H, W] of bool."""
     down, across = regions[1:] != regions[:-1], regions[:, 1:] != regions[:, :-1]
     border = functional.pad(down, (0, 0, 0, 1)) | functional.pad(down, (0, 0, 1, 0))
     border |= functional.pad(across, (0, 1)) | functional.pad(across, (1, 0))
@@ -328,9 +349,10 @@ def near_borders(regions: Tensor) -> Tensor:
 
 @torch.no_grad()
 def feature_distance(seer: Seer, picture: Tensor, target: Tensor, side: int, seed: int = 0) -> float:
-    """Mean cosine distance, in [0, 2], of what a network sees where, over its layers and several views.
+    """Returns the mean cosine distance, in [0, 2], of a network's features, over layers, places and several views.
 
-    picture, target: [3, H, W] in [0, 1]; side: pixels of a view.
+    picture, target: [3, H, W] in [0, 1]
+    side: pixels of a view
     """
     views, which = Views(_VIEWS, side, seed), torch.arange(_VIEWS)
     seen, wanted = seer.features(views.of(picture, which)), seer.features(views.of(target, which))
@@ -339,9 +361,9 @@ def feature_distance(seer: Seer, picture: Tensor, target: Tensor, side: int, see
 
 @torch.no_grad()
 def perceptual_distance(vgg: Vgg16, picture: Tensor, target: Tensor) -> float:
-    """A distance in the manner of LPIPS (Zhang et al. 2018), without its learned weights for channels.
+    """Returns a distance like LPIPS (Zhang et al. 2018), without its learned weights of channels.
 
-    Squared differences of unit features of five layers of VGG16, each averaged over places.
+    It is the mean squared difference of unit features of five layers of VGG16, averaged over places and layers.
     """
     layers = ("conv1_2", "conv2_2", "conv3_3", "conv4_3", "conv5_3")
     a, b = vgg.features(picture, layers), vgg.features(target, layers)
@@ -349,9 +371,9 @@ def perceptual_distance(vgg: Vgg16, picture: Tensor, target: Tensor) -> float:
 
 
 def edge_score(picture: Tensor, target: Tensor) -> float:
-    """How well the edges of two pictures [3, H, W] agree: the F-score of Canny's edges, in [0, 1].
+    """Returns the agreement of the edges of two pictures [3, H, W]: the F-score of Canny's edges, in [0, 1].
 
-    An edge is found again where there is one within 1.5 % of the picture's diagonal.
+    Two edges match if their distance is at most 1.5 % of the picture's diagonal.
     """
     found, wanted = _edges(picture), _edges(target)
     reach = _TOLERANCE * float(np.hypot(*wanted.shape))
@@ -360,20 +382,20 @@ def edge_score(picture: Tensor, target: Tensor) -> float:
 
 
 def edge_correlation(picture: Tensor, target: Tensor) -> float:
-    """The correlation, in [-1, 1], of the coarse steps of lightness of two pictures, where they are.
+    """Returns the correlation, in [-1, 1], of the coarse edges of lightness of two pictures, place by place.
 
-    target is cropped as it fills the shape of `picture` [3, H, W].
+    target: cropped to the shape of `picture` [3, H, W]
     """
     steps = [_steps(images.fit(one, *_shape(picture)).mean(0)).flatten() for one in (picture, target)]
     return float(torch.corrcoef(torch.stack(steps))[0, 1])
 
 
 def direction_agreement(strokes: Strokes, style: Tensor, size: CanvasSize) -> float:
-    """How far strokes go the way of a style picture's marks where they lie: the circular correlation, in [-1, 1].
+    """Returns the agreement of strokes with the directions of a style picture: circular correlation, in [-1, 1].
 
-    It is the mean cosine of twice the angle between them (an angle and the opposite one are one direction), each stroke
-    counting by its length and by how clear the direction of the style [3, H, W], cropped to the canvas, is there: 1 the
-    same directions, 0 any, -1 across them.
+    It is the mean cosine of twice the angle between a stroke and the style's direction in its middle (opposite
+    angles are the same direction). The weight of a stroke is its length times the clarity of the direction of the
+    style [3, H, W], cropped to the canvas. 1 means the same directions, 0 no relation, -1 perpendicular ones.
     """
     filled = images.fit(style, _ROWS, round(_ROWS * size.width / size.height))
     doubled, coherence, _ = directions(filled)
@@ -384,9 +406,9 @@ def direction_agreement(strokes: Strokes, style: Tensor, size: CanvasSize) -> fl
 
 
 def exact_emd(cost: Tensor) -> float:
-    """The Earth Mover's Distance for a square cost [n, n] between two clouds of n equal weights.
+    """Returns the Earth Mover's Distance for a square cost [n, n] between two clouds of n equal weights.
 
-    Between equal weights the best transport is an assignment, so this is exact.
+    The best transport between equal weights is an assignment, so this is exact.
     """
     values = cost.detach().cpu().double().numpy()
     rows, columns = linear_sum_assignment(values)
@@ -398,7 +420,7 @@ def _cosine(a: Tensor, b: Tensor) -> float:
 
 
 def _edges(picture: Tensor) -> NDArray[np.bool_]:
-    """Canny's edges [h, w] of a picture, blurred first: the grain of a brush is no edge."""
+    """Returns Canny's edges [h, w] of a blurred picture; the blur removes the grain of a brush."""
     pixels = images.to_uint8(images.fit(picture, *_shape(picture)))
     gray = cv2.GaussianBlur(cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY), (0, 0), _BLUR)
     found: NDArray[np.bool_] = cv2.Canny(gray, _LOW, _HIGH, L2gradient=True) > 0
@@ -406,7 +428,7 @@ def _edges(picture: Tensor) -> NDArray[np.bool_]:
 
 
 def _steps(gray: Tensor) -> Tensor:
-    """How steeply lightness [h, w] changes over the size of an area rather than of a mark."""
+    """Returns the gradient of lightness [h, w] at the scale of areas, not of marks."""
     smooth = functional.avg_pool2d(gray[None, None], 2 * _AREA + 1, 1, _AREA, count_include_pad=False)[0, 0]
     across = smooth[_AREA:-_AREA, 2 * _AREA :] - smooth[_AREA:-_AREA, : -2 * _AREA]
     down = smooth[2 * _AREA :, _AREA:-_AREA] - smooth[: -2 * _AREA, _AREA:-_AREA]
@@ -418,7 +440,7 @@ def _shape(picture: Tensor) -> tuple[int, int]:
 
 
 def _share_near(edges: NDArray[np.bool_], others: NDArray[np.bool_], reach: float) -> float:
-    """The share of edges that have one of the others within `reach` pixels."""
+    """Returns the share of edges that have another edge within `reach` pixels."""
     if not edges.any() or not others.any():
         return 0.0
     away = cv2.distanceTransform((~others).astype(np.uint8), cv2.DIST_L2, 5)

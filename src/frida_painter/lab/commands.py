@@ -1,4 +1,4 @@
-"""The commands that print the paper's figures and tables, and more: experiments NAME, experiments list."""
+"""The commands for the experiments of the paper and more: experiments NAME, experiments list."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -17,13 +17,13 @@ if TYPE_CHECKING:
     from frida_painter.lab.targets import Target
 
 
-# What commands of experiments are given alike: brush, seeds, pictures, library, folder, jobs; and how one is run.
+# Common options of the commands (brush, seeds, pictures, library, folder, jobs), and how they run an experiment.
 
 _seed = whole_number_within(0, 2**31 - 1)
 
 
 def seeds_of(text: str) -> tuple[int, ...]:
-    """ "0,1,2" as numbers. Raises typer.BadParameter."""
+    """Parses "0,1,2" to numbers. Raises typer.BadParameter."""
     seeds = tuple(_seed(part) for part in text.split(","))
     if len(set(seeds)) < len(seeds):
         raise typer.BadParameter(f"{text[:40]!r} names a seed twice")
@@ -31,8 +31,8 @@ def seeds_of(text: str) -> tuple[int, ...]:
 
 
 def _brush(name: str) -> str:
-    """The name of a brush that has a stroke model, asked before any work begins. Raises WeightsError."""
-    from frida_painter.brush.weights import load_stroke_model  # whoever asks for help waits for no network
+    """Returns the name of a brush after a check for its stroke model. Raises WeightsError."""
+    from frida_painter.brush.weights import load_stroke_model  # imported late: help loads no networks
 
     load_stroke_model(name)
     return name
@@ -85,14 +85,14 @@ HERE = Path("experiments")
 
 
 def pictures_of(given: Sequence[Path] | None, shipped: Sequence[str]) -> "tuple[Target, ...]":
-    """A person's own pictures, or some of the project's by their names."""
+    """Returns the user's own pictures, or some of the project's by their names."""
     from frida_painter.lab import targets
 
     return targets.given(given) if given else targets.shipped(shipped)
 
 
 def run_under_progress(name: str, out: Path, run: "Callable[[Path, Notify], Outcome]") -> None:
-    """Runs the experiment of that name under a progress bar; what comes out goes into out/NAME."""
+    """Runs an experiment under a progress bar, and writes its outcome to out/NAME."""
     from frida_painter.lab.conduct import conduct
 
     conduct(name, out, run)
@@ -107,7 +107,7 @@ def run_trials(name: str, out: Path, make: "MakeExperiment", jobs: int | None) -
 
 # The commands of experiments about paintings: experiments ladder, replanning, text and others.
 
-_PROMPTS = 20  # that the experiment `text` has
+_PROMPTS = 20  # number of prompts in the experiment `text`
 
 
 def sim2real(
@@ -376,7 +376,7 @@ def _conduct_on_library(
     scale: "ExperimentScale",
     run: "Callable[[StrokeLibrary, str, Path, Notify], Outcome]",
 ) -> None:
-    """Runs an experiment on a library that is given, or that is painted first."""
+    """Runs an experiment on a given library, or on one that is painted first."""
     from frida_painter.lab.paintings import library_of
 
     def on_library(keep: Path, notify: "Notify") -> "Outcome":

@@ -1,9 +1,9 @@
-"""Words painted in a style, begun with the style picture: is its composition kept, and do the words still show?
+"""Experiment: prompts painted in a style, begun with the style picture or with the prompt's own picture.
 
-(Paper: "Style", as in StyleCLIPDraw.) Every prompt is painted in every style twice, with the same
-number of strokes: begun with a picture of the words' own, and begun with the style picture, as
-`--init-style` does it. The floor is the style painted without any words. What the paintings show is
-judged by a classifier that no optimiser asked.
+It measures if the style picture's composition lasts, and if the prompt is still seen (paper: "Style", as in
+StyleCLIPDraw). Every prompt is painted in every style twice, with the same number of strokes: begun with the
+prompt's own picture, and begun with the style picture, as with `--init-style`. The floor is the style painted
+without a prompt. A classifier that no optimiser uses judges what the paintings show.
 """
 
 from collections.abc import Sequence
@@ -39,16 +39,18 @@ def experiment(
     encoders: EncoderRegistry | None = None,
     judge: EfficientNetLite | None = None,
 ) -> Experiment[PaintingTrial]:
-    """Paints every prompt in every style, begun in both ways, and every style alone, once per seed.
+    """Returns the experiment: every prompt in every style, begun in both ways, and every style alone, once per seed.
 
-    encoders: the networks that goals are seen through; judge: the one that they do not ask, by default
-    EfficientNet-Lite2. Raises WeightsError where a network is missing.
+    encoders: networks of the goals
+    judge: network that they do not use; None for EfficientNet-Lite2
+
+    Raises WeightsError if a network is missing.
     """
     judge = judge or EfficientNetLite(weights.tensors(JUDGE))
     pictures = {style.name: style.picture for style in styles}
 
     def measure(trial: PaintingTrial, painted: Painted) -> Measurement:
-        """How far the style's composition is kept, and the judge's log probability of every class."""
+        """Measures how well the style's composition is kept, and the judge's log probability of every class."""
         picture = painted.photograph
         logs = log_probabilities(judge, picture).tolist()
         numbers = {EDGES: edge_correlation(picture, pictures[trial["style"]]), SECONDS: painted.seconds}
@@ -97,12 +99,12 @@ def _spec(scale: RunSpec, style: Target, words: str, seed: int, way: str) -> Run
 
 
 def _found(results: Results, style: str, prompt: Prompt, seed: int, way: str) -> Measurement:
-    """What a painting showed; the style alone is held against every one of the prompts."""
+    """Returns the measurement of a painting; that of the style alone serves for every prompt."""
     return results.one(style=style, prompt="" if way == STYLE else prompt.words, seed=seed, painted=way)
 
 
 def _figures(finding: Measurement, prompt: Prompt) -> dict[str, float]:
-    """What a painting shows of a prompt."""
+    """Returns the figures of a painting for a prompt."""
     logs = Tensor([value for name, value in finding.numbers.items() if name.isdigit()])
     probability = float(logs[list(prompt.classes)].logsumexp(0)) / float(np.log(10))
     numbers = finding.numbers

@@ -1,4 +1,4 @@
-"""How the command line runs an experiment: a progress bar while it lasts, a folder with what came out."""
+"""Running an experiment from the command line: a progress bar, and a folder with the outcome."""
 
 import math
 import shutil
@@ -21,13 +21,15 @@ from frida_painter.lab.sweeps.runner import open_engine
 from frida_painter.session.time_left import duration
 
 UNFINISHED = "unfinished"
-"""The folder, in that of an experiment, in which finished parts wait."""
+"""Name of the folder for finished parts, inside the experiment's folder."""
 
 
 def conduct(name: str, out: Path, experiment: Callable[[Path, Notify], Outcome]) -> None:
-    """Runs an experiment under a progress bar, writes what comes out, and says where it is.
+    """Runs an experiment under a progress bar, writes its outcome, and prints where it is.
 
-    experiment: is given a folder in which finished parts wait, which goes when all is done, and whom to tell.
+    experiment: gets a folder for finished parts, which is deleted at the end, and a listener for its progress
+
+    Raises the errors of `experiment`, and StorageError.
     """
     folder = out / name
     unfinished = folder / UNFINISHED
@@ -55,16 +57,21 @@ def conduct(name: str, out: Path, experiment: Callable[[Path, Notify], Outcome])
     print(f"{len(found.pictures)} picture{'s' if len(found.pictures) != 1 else ''}.")
 
 
-# The trials of an experiment in several processes at once, by the engine that does sweeps.
+# The trials of an experiment in several processes at once, with the engine of sweeps.
 
 MakeExperiment = Callable[[], Experiment[Any]]
-"""Makes the experiment anew in every process: a function of a module, with its arguments bound by functools.partial."""
+"""Makes the experiment in every process: a function of a module, with arguments bound by functools.partial."""
 _LIMITS = TaskLimits(seconds=6 * 3600.0, threads=1, memory=1500, tries=2)
 
 
 @dataclass(frozen=True)
 class TrialShare:
-    """Trials that one process measures, one after the other: their numbers, and the folder where finished ones wait."""
+    """Share of an experiment: trials that one process measures, one after another.
+
+    make: makes the experiment
+    numbers: of the trials
+    keep: folder of finished trials
+    """
 
     make: MakeExperiment
     numbers: tuple[int, ...]
@@ -72,24 +79,26 @@ class TrialShare:
 
 
 def measure_share(share: TrialShare) -> None:
-    """Measures the trials of a share that were not measured yet."""
+    """Measures those trials of a share that are not measured yet."""
     experiment = share.make()
     for number in share.numbers:
         experiment.measured(experiment.trials[number], Path(share.keep), silent)
 
 
 def run_in_processes(make: MakeExperiment, keep: Path, notify: Notify, jobs: int | None = None) -> Outcome:
-    """Runs the experiment with as many trials at once as there are cores and memory for; with one, in this process.
+    """Runs the experiment with as many trials at once as cores and memory allow; with one, in this process.
 
-    keep: the folder in which finished trials wait; jobs: not more at once than so many. Raises TryFailed where trials
-    failed, once all others are measured.
+    keep: folder of finished trials
+    jobs: greatest number of trials at once; None for no limit
+
+    Raises TryFailed if trials failed, after all others are measured.
     """
     experiment = make()
     shares = [TrialShare(make, numbers, str(keep)) for numbers in experiment.shares(keep)]
     if min(slots_here(_LIMITS, jobs), len(shares)) > 1:
         total, failures = len(experiment.trials), list[str]()
         left = sum(len(share.numbers) for share in shares)
-        engine = open_engine(_LIMITS, len(shares), engine="processes", jobs=jobs)  # soon begun, and of this machine
+        engine = open_engine(_LIMITS, len(shares), engine="processes", jobs=jobs)  # starts fast
         notify(Progress_of_base((total - left) / total, f"{engine.slots} at the same time"))
         for ended in engine.run(measure_share, shares):
             left -= len(ended.task.numbers)

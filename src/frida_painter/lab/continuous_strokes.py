@@ -1,7 +1,7 @@
-"""Thickness, length and bend, each swept from one extreme to the other (paper, Fig. "continuous strokes").
+"""Experiment: sweeps of thickness, length and bend from one extreme to the other (paper, Fig. "continuous strokes").
 
-Above, what the learned stroke model says. Below, what the robot of the virtual studio paints when it
-is asked for the same strokes; or, for a stroke library, the real strokes that come nearest.
+The upper row shows the learned stroke model. The lower row shows the same strokes as painted by the robot of the
+virtual studio or, for a stroke library, the most similar real strokes.
 """
 
 from collections.abc import Callable, Iterator
@@ -30,19 +30,19 @@ from frida_painter.virtual.studio import open_studio
 NAME = "continuous-strokes"
 PARAMETERS = ("thickness", "length", "bend")
 _INK = 0.04
-_ACROSS = 3  # strokes beside one another on a paper
+_ACROSS = 3  # strokes side by side on a paper
 
 
-# Strokes in each sweep.
+# Number of strokes in each sweep.
 FULL = ExperimentScale(strokes=9)
 QUICK = ExperimentScale(strokes=3, quick=True)
 
 
 @dataclass(frozen=True)
 class _Sweep:
-    """Strokes that were asked for and those below them, with their magnitudes [n, rows, columns] each.
+    """Sweep of one parameter: requested strokes and the real ones below, with magnitudes [n, rows, columns] each.
 
-    pixel: area of a pixel, square metres.
+    pixel: area of a pixel, square metres
     """
 
     asked: Strokes
@@ -53,9 +53,9 @@ class _Sweep:
 
 
 def run(*, brush: str = "broad", seed: int = 0, scale: ExperimentScale = FULL, notify: Notify = silent) -> Outcome:
-    """Sweeps the strokes of a brush that ships with the project, and has the virtual robot paint them.
+    """Sweeps the strokes of a brush of the project, and lets the virtual robot paint them.
 
-    Raises ConfigError where there is no such brush.
+    Raises ConfigError if there is no such brush.
     """
     kind, model = brush_kind(brush), load_stroke_model(brush)
 
@@ -81,9 +81,11 @@ def run(*, brush: str = "broad", seed: int = 0, scale: ExperimentScale = FULL, n
 def run_on_library(
     library: StrokeLibrary, name: str, *, seed: int = 0, scale: ExperimentScale = FULL, notify: Notify = silent
 ) -> Outcome:
-    """Learns from a library called `name`, sweeps between its extremes, and shows the nearest strokes in it.
+    """Learns from a library, sweeps between its extremes, and shows its nearest strokes.
 
-    Raises LibraryError where the library is too small to learn from.
+    name: of the library
+
+    Raises LibraryError if the library is too small to learn from.
     """
     notify(Progress(0.0, "learning"))
     model = learn_model(DEFAULT, library, seed=seed, quick=scale.quick)
@@ -126,12 +128,12 @@ def _cells(magnitude: Tensor, parameter: str, strokes: Strokes) -> list[Cell]:
 
 
 def _magnitude(pictures: Tensor) -> Tensor:
-    """Pictures [n, 3, rows, columns] of ink on white paper as magnitudes [n, rows, columns]."""
+    """Converts pictures [n, 3, rows, columns] of ink on white paper to magnitudes [n, rows, columns]."""
     return ((1 - pictures.mean(1)) / (1 - _INK)).clamp(0, 1)
 
 
 def _nearest(asked: Strokes, library: StrokeLibrary) -> tuple[Strokes, Tensor]:
-    """The library's strokes that come nearest in all three parameters, and their marks [n, rows, columns]."""
+    """Returns the library's strokes that are nearest in all three parameters, and their marks [n, rows, columns]."""
     there = torch.stack(library.shapes(), 1)
     span = (there.amax(0) - there.amin(0)).clamp(min=1e-9)
     wanted = torch.stack((asked.thickness, asked.length, asked.bend), 1)
@@ -142,7 +144,7 @@ def _nearest(asked: Strokes, library: StrokeLibrary) -> tuple[Strokes, Tensor]:
 
 
 def sweep(parameter: str, limits: StrokeLimits, steps: int) -> Strokes:
-    """`steps` strokes at the origin, in dark ink, that differ in one parameter only, from its least to its most."""
+    """Returns `steps` strokes at the origin, in dark ink, that differ only in one parameter, over its whole range."""
     (shortest, longest), (least, most) = limits.length, limits.bend
     middling = {"thickness": 0.5, "length": shortest + 0.75 * (longest - shortest), "bend": 0.0}
     extremes = {"thickness": (0.0, 1.0), "length": (shortest, longest), "bend": (least, most)}
@@ -157,23 +159,23 @@ def sweep(parameter: str, limits: StrokeLimits, steps: int) -> Strokes:
 
 
 def _rows(scale: ExperimentScale) -> int:
-    """Height of a painted stroke's picture, pixels."""
+    """Returns the height of a painted stroke's picture, pixels."""
     return 60 if scale.quick else 240
 
 
 class _Paper:
-    """A paper with a place for every stroke of a sweep, and where the places are in its photograph."""
+    """Paper with a place for every stroke of a sweep."""
 
     def __init__(self, kind: BrushKind, scale: ExperimentScale) -> None:
         self.kind = kind
         frame = kind.frame
-        # Two rows at least: no stroke may be longer than nine tenths of the paper's shorter side.
+        # At least two rows, because no stroke may be longer than nine tenths of the paper's shorter side.
         self.down = max(2, -(-scale.strokes // _ACROSS))
         size = CanvasSize(_ACROSS * (frame.right - frame.left), self.down * (frame.top - frame.bottom))
         self.grid = PixelGrid.of_height(size, self.down * _rows(scale))
 
     def plan(self, shapes: Strokes) -> Plan:
-        """The strokes, each in the middle of its own place."""
+        """Returns the plan of the strokes, each in the middle of its place."""
         frame, size = self.kind.frame, self.grid.size
         place = torch.arange(len(shapes))
         x = (place % _ACROSS) * (frame.right - frame.left) - frame.left
@@ -188,7 +190,7 @@ class _Paper:
         )
 
     def cut(self, picture: Tensor, count: int) -> Iterator[Tensor]:
-        """The first `count` places of a picture of the paper."""
+        """Yields the first `count` places of a picture of the paper."""
         rows, columns = picture.shape[1] // self.down, picture.shape[2] // _ACROSS
         for place in range(count):
             top, left = place // _ACROSS * rows, place % _ACROSS * columns

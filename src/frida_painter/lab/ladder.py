@@ -1,8 +1,8 @@
-"""Where a painting's quality is lost: from the plan down to the painting, and back up as imperfections are taken away.
+"""Experiment: the steps at which a painting loses quality, and the gain without each cause.
 
-Every rung is the same first plan, in the same studio, with one thing changed; its picture is compared with the
-photograph. Paintings are judged as they are, not as the camera sees them. What planning again wins and what knowing the
-placement wins stand on rungs of their own.
+The ladder leads from the plan to the painting. Every rung is the same first plan, in the same studio, with one
+change. Its picture is compared with the photograph. Paintings are judged by their true colours, not by the camera.
+Separate rungs show the gain of replanning and the gain of a known placement.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -53,17 +53,18 @@ from frida_painter.virtual.paint import absorption_and_scattering, to_srgb
 from frida_painter.virtual.studio import StudioSettings, open_studio
 from frida_painter.virtual.table import HandNoise
 
-# What a plan would look like if every stroke left a real mark and nothing else went wrong.
-#
-# Each stroke is painted alone by the virtual studio, in black with a full brush, on a fresh canvas that lies where
-# the
-# robot believes it to be. What it covers is then composited in the colours of the plan, as a renderer does it.
+# Real marks: a plan as it would look if every stroke left a real mark and there were no other errors.
+# The virtual studio paints each stroke alone, in black with a full brush, on a fresh canvas at the exact place. Its
+# coverage is then composited in the colours of the plan, as in a renderer.
 
 _BLACK = torch.zeros(1, 3)
 
 
 def with_real_marks(plan: Plan, canvas: Tensor, seed: int, tell: Callable[[float], None]) -> Tensor:
-    """The picture [3, H, W] of a canvas after the plan, with real marks. tell: hears the share that is done."""
+    """Returns the picture [3, H, W] of a canvas after the plan, with real marks.
+
+    tell: hears the share that is done
+    """
     picture, rows, columns = canvas, *canvas.shape[1:]
     for number, coverage in enumerate(_marks(plan, rows, seed)):
         opacity = images.fit(coverage, rows, columns)
@@ -73,7 +74,7 @@ def with_real_marks(plan: Plan, canvas: Tensor, seed: int, tell: Callable[[float
 
 
 def _marks(plan: Plan, rows: int, seed: int) -> Iterator[Tensor]:
-    """How much of each pixel every stroke covers, [1, rows, columns] in [0, 1]."""
+    """Yields the coverage of every stroke, [1, rows, columns] in [0, 1]."""
     for part in plan.filled_layers():
         yield from _marks_of_layer(part, rows, seed)
 
@@ -96,7 +97,7 @@ def _marks_of_layer(plan: Plan, rows: int, seed: int) -> Iterator[Tensor]:
 
 
 def _seen(color: Tensor) -> float:
-    """How dark a thick film of that paint [1, 3] is, sRGB: the studio has no paint that reflects nothing."""
+    """Returns the sRGB of a thick film of a paint [1, 3]: no paint of the studio is perfectly black."""
     absorption, _, _, scattering, _, _ = absorption_and_scattering(color.numpy())[0]
     ratio = absorption / scattering
     return float(to_srgb(1 + ratio - np.sqrt(ratio**2 + 2 * ratio)))
@@ -108,18 +109,19 @@ QUICK = RunSpec.of(strokes=14, colors=3, render_height=64, effort=0.05, replans=
 PHOTOGRAPHS = ("rocket", "astronaut", "coffee", "cat")
 MOST_LOOKS = 12
 SIMILARITY, LOSS, NEAR, AREA = "PSNR, dB", "loss", "loss near borders of paints", "canvas near borders of paints"
-"""What is measured: losses are squared errors beyond those of the plan as rendered, in the mean over the canvas."""
-_PLANNING = 0.5  # share of the time of a rung on which nothing is painted as usual
+"""Names of the measures. Losses are squared errors beyond those of the rendered plan, averaged over the canvas."""
+_PLANNING = 0.5  # share of the time of a rung that does not paint normally
 _COLUMNS = 5  # of a sheet
-_OPAQUE = 0.5  # coverage from which a stroke is what is seen
+_OPAQUE = 0.5  # coverage from which a stroke is visible
 
 
 @dataclass(frozen=True)
 class Rung:
-    """One line of the ladder: how the plan is painted.
+    """Rung of the ladder: one way to paint the plan.
 
-    than: the name of the rung that it is compared with, "" for none; looks: how often the painter looks and plans
-    again; without: what the studio lacks.
+    than: name of the rung for comparison, "" for none
+    looks: number of looks with a replan
+    without: imperfections that the studio lacks
     """
 
     name: str
@@ -156,15 +158,16 @@ RUNGS = (
 
 _ALONE = tuple(rung.name for rung in RUNGS if rung.without and rung.name != PERFECT and rung.without != (PLACEMENT,))
 _GAPS = (MARKS, PERFECT, KNOWN, BLIND, USUAL)
-"""Of these it is told where they are farther from the photograph than the plan is."""
+"""Rungs for the table of distances from the photograph beyond the plan's."""
 
 
 @dataclass(frozen=True)
 class _FirstPlan:
-    """A plan and what follows from it alone.
+    """First plan with its derived values.
 
-    picture [3, H, W]: as rendered; expected: the similarity of its paintings, PSNR in dB; borders [H, W]: where two
-    paints border on each other within one pixel.
+    picture: [3, H, W], rendered
+    expected: expected similarity of its paintings, PSNR in dB
+    borders: [H, W], True within one pixel of a border between two paints
     """
 
     plan: Plan
@@ -174,13 +177,13 @@ class _FirstPlan:
 
 
 class _FirstPlans:
-    """The plan of every photograph and seed, made when it is first needed: all of its rungs are painted from it."""
+    """First plans of each photograph and seed, made when needed: all rungs paint them."""
 
     def __init__(self) -> None:
         self._made: dict[tuple[str, str], _FirstPlan] = {}
 
     def of(self, trial: PaintingTrial, notify: Notify) -> _FirstPlan:
-        """That of a rung's photograph and seed."""
+        """Returns the first plan for a rung's photograph and seed."""
         whose = trial["target"], trial["seed"]
         if whose not in self._made:
             with PaintingRun(trial.spec) as run:
@@ -193,7 +196,7 @@ class _FirstPlans:
         return self._made[whose]
 
     def handed_out(self, target: str, seed: int) -> MakePlan:
-        """The same for the painter, who is not to plan another."""
+        """Returns a planner that returns the stored first plan instead of a new one."""
 
         def make_plan(run: PaintingRun, tell: Tell) -> tuple[Plan, Tensor]:
             first = self._made[target, str(seed)]
@@ -205,7 +208,7 @@ class _FirstPlans:
 def experiment(
     targets: Sequence[Target], *, seeds: Sequence[int] = (0,), scale: RunSpec = FULL
 ) -> Experiment[PaintingTrial]:
-    """Plans every photograph once per seed, and paints that plan on every rung."""
+    """Returns the experiment: every photograph planned once per seed, and that plan painted on every rung."""
     plans = _FirstPlans()
     pictures = {target.name: target.picture for target in targets}
 
@@ -268,7 +271,7 @@ def _numbers(picture: Tensor, first: _FirstPlan, wanted: Tensor) -> dict[str, fl
 
 @torch.no_grad()
 def _top_paint(plan: Plan, models: Mapping[str, StrokeModel], rows: int, columns: int) -> Tensor:
-    """The number of the paint on top at every pixel, [rows, columns]; -1 on the bare canvas."""
+    """Returns the index of the topmost paint at every pixel, [rows, columns]; -1 for bare canvas."""
     top, black = torch.full((rows, columns), -1), torch.zeros(3, rows, columns)
     white = plan.strokes.with_groups(color=torch.ones_like(plan.strokes.color))
     for number, (paint, layer) in enumerate(zip(plan.paint.tolist(), plan.layer.tolist(), strict=True)):
@@ -278,7 +281,7 @@ def _top_paint(plan: Plan, models: Mapping[str, StrokeModel], rows: int, columns
 
 
 def _ladder(results: Results, targets: Sequence[str]) -> tuple[Row, ...]:
-    """A row for every rung: the similarity of its picture, and what it wins over the rung that it is compared with."""
+    """Returns a row for every rung: the similarity of its picture, and the gain over its comparison rung."""
     return tuple(
         {
             "picture": rung.name,
@@ -292,12 +295,12 @@ def _ladder(results: Results, targets: Sequence[str]) -> tuple[Row, ...]:
 
 
 def _win(results: Results, name: str, than: str) -> float:
-    """By how much pictures of one rung are nearer to the photograph than those of another, dB in the mean."""
+    """Returns the mean gain of one rung over another in similarity to the photograph, dB."""
     return results.mean(SIMILARITY, painting=name) - results.mean(SIMILARITY, painting=than)
 
 
 def _gaps(results: Results) -> tuple[Row, ...]:
-    """A row for every rung below the plan: how much of the loss lies near borders of paints, and how much canvas."""
+    """Returns a row for every rung below the plan: its loss, and how much is near borders of paints."""
     return tuple(
         {
             "picture": name,
@@ -312,7 +315,7 @@ def _gaps(results: Results) -> tuple[Row, ...]:
 
 
 def _share(results: Results, name: str) -> float | None:
-    """The share of the loss that lies near borders of paints; None where nothing is lost."""
+    """Returns the share of the loss that is near borders of paints; None if there is no loss."""
     loss, near = (results.mean(number, painting=name) for number in (LOSS, NEAR))
     return near / loss if loss > 0 else None
 
@@ -341,7 +344,7 @@ def _where(share: float, area: float) -> str:
 
 
 def _sheet(target: Target, results: Results, seed: int) -> Tensor:
-    """The photograph, and the picture of every rung that has one."""
+    """Returns a sheet with the photograph, and the picture of every rung that has one."""
     cells = []
     for rung in RUNGS:
         found = results.one(target=target.name, seed=seed, painting=rung.name)

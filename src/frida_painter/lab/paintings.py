@@ -1,7 +1,7 @@
-"""Experiments about paintings: a trial is a RunSpec, which is planned and painted, and a judge measures the painting.
+"""Experiments about paintings: a trial is a RunSpec that is planned and painted, and a judge measures the painting.
 
-Every painting is planned on a bare canvas and painted in the virtual studio through PaintingRun. A scale is a RunSpec
-as well: everything that all paintings of an experiment share.
+Every painting is planned on a bare canvas and painted in the virtual studio by PaintingRun. A scale is a RunSpec
+too: the common settings of all paintings of an experiment.
 """
 
 import time
@@ -48,17 +48,16 @@ from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.studio import FREE, VirtualStudio
 from frida_painter.virtual.table import HandNoise, PlacementError, Table
 
-# What experiments about strokes and arms have the virtual robot paint: strokes as they are, or a stroke library.
-#
-# No painting is made here; those go through PaintingRun (paintings.py).
+# Direct work with the virtual robot, for experiments about strokes and arms: given strokes, or a stroke library.
+# Paintings do not use this; they go through PaintingRun.
 
 EXACT = PlacementError((0.0, 0.0), 0.0)
-"""A robot that has been calibrated perfectly."""
-_PAINTING = 0.2  # share of the time that painting a library takes
+"""Placement of a perfectly calibrated robot."""
+_PAINTING = 0.2  # share of the time for painting a library
 
 
 def connected(studio: VirtualStudio) -> VirtualStudio:
-    """The studio with its robot and camera connected."""
+    """Connects robot and camera of a studio, and returns the studio."""
     studio.easel.robot.connect()
     studio.easel.camera.connect()
     return studio
@@ -67,7 +66,7 @@ def connected(studio: VirtualStudio) -> VirtualStudio:
 def execute(plan: Plan, easel: Easel, rows: int) -> Tensor:
     """Paints the plan on a bare easel and returns the photograph of the canvas, [3, rows, columns].
 
-    Raises RobotError, CameraError and their kinds.
+    Raises RobotError, CameraError and their subclasses.
     """
     brushwork, observer = Brushwork(easel, brush_kind(plan.layers[0].brush).for_any_order), CanvasObserver(easel)
     brushwork.step_aside()
@@ -82,7 +81,7 @@ def execute(plan: Plan, easel: Easel, rows: int) -> Tensor:
 def library_of(
     path: Path | None, brush: str, seed: int, scale: ExperimentScale, notify: Notify
 ) -> tuple[StrokeLibrary, str, Notify]:
-    """The library to learn from, from a file or painted now; what it is called, and whom to tell of the rest."""
+    """Returns the library to learn from (loaded, or painted now), its name, and a listener for the remaining work."""
     if path is not None:
         return StrokeLibrary.load(path), path.stem, notify
     painted = virtual_library(brush, scale.strokes, seed, within(notify, 0.0, _PAINTING))
@@ -90,7 +89,7 @@ def library_of(
 
 
 def virtual_library(brush: str, count: int, seed: int, notify: Notify) -> StrokeLibrary:
-    """`count` strokes of a brush that ships with the project. Raises ConfigError where there is no such brush."""
+    """Paints a library of `count` strokes of a brush of the project. Raises ConfigError if there is no such brush."""
 
     def hear(progress: StrokesProgress) -> None:
         notify(Progress(progress.done / progress.of, "painting a stroke library"))
@@ -99,11 +98,8 @@ def virtual_library(brush: str, count: int, seed: int, notify: Notify) -> Stroke
     return lead(painting, lambda question: question.proposal or False).library
 
 
-# The virtual studio without some of its imperfections: what is each of them worth to a painting?
-#
-# The studio itself stays as it is. What its settings can leave out is left out there; the rest is taken from the
-# studio
-# once it is open.
+# Imperfections of the virtual studio that can be removed, to measure the effect of each.
+# Some are switched off by the studio's settings. The others are removed from the open studio.
 
 _ENDLESS = 1000.0  # times the paint that a brush holds
 _COVERING = 100.0  # times the absorption and the scattering of a paint
@@ -112,9 +108,11 @@ _AT_ONCE = 1e-3  # seconds in which paint dries
 
 @dataclass(frozen=True)
 class Imperfection:
-    """Something that is not perfect in the studio.
+    """Imperfection of the virtual studio.
 
-    name: as tables show it; furniture: fields of StudioSettings without it; remove: takes it from an open studio.
+    name: in tables
+    furniture: fields of StudioSettings that switch it off
+    remove: removes it from an open studio
     """
 
     name: str
@@ -123,7 +121,7 @@ class Imperfection:
 
 
 def _never_runs_out(studio: VirtualStudio) -> None:
-    """Its share of the capacity decides what a bristle leaves: one that holds a thousand times as much stays full."""
+    """Multiplies the capacity of each brush: the mark depends on the remaining share, which then stays near full."""
     for tuft in studio.tufts.values():
         tuft.capacity *= _ENDLESS
 
@@ -133,7 +131,7 @@ def _lies_flat(studio: VirtualStudio) -> None:
 
 
 def _covers(studio: VirtualStudio) -> None:
-    """A film of paint whose absorption and scattering grow alike keeps its colour and hides what lies below it."""
+    """Makes the paint opaque: a film with more absorption and scattering, by the same factor, keeps its colour."""
     studio.easel = replace(studio.easel, operator=_OpaquePaint(studio.easel.operator, studio.table))
 
 
@@ -148,14 +146,14 @@ IMPERFECTIONS = (PLACEMENT, HAND, LOAD, WETNESS, TRANSLUCENCY, TOOTH, CAMERA)
 
 
 class StudioWithout:
-    """Opens the virtual studio without some imperfections, and shows its canvas as it is afterwards."""
+    """Virtual studio without some imperfections, with access to its true canvas."""
 
     def __init__(self, imperfections: Sequence[Imperfection] = ()) -> None:
         self._without = imperfections
         self._studio: VirtualStudio | None = None
 
     def open(self, order: EaselOrder) -> OpenEasel:
-        """The studio that is ordered. Raises ConfigError where it has no such brush."""
+        """Opens the ordered studio. Raises ConfigError if it has no such brush."""
         furniture = {name: value for one in self._without for name, value in one.furniture.items()}
         studio, easel = furnished(order, FREE, **furniture)
         for one in self._without:
@@ -164,62 +162,67 @@ class StudioWithout:
         return OpenEasel(replace(easel, operator=studio.easel.operator), studio.close)
 
     def truth(self, rows: int) -> Tensor:
-        """The canvas as it is, sRGB [3, rows, columns], straight on and in even light. Never for the painter."""
+        """Returns the true canvas, sRGB [3, rows, columns], from the front and in even light; not for the painter."""
         assert self._studio is not None, "open comes first"
         return self._studio.truth(rows)
 
 
 @dataclass(frozen=True)
 class _OpaquePaint:
-    """The studio's operator, who fills the wells with paint that hides what it is laid on."""
+    """Operator of the studio who fills the wells with opaque paint. Implements hardware.easel.Operator."""
 
     usual: Operator
     table: Table
 
     def fill_wells(self, palette: Palette) -> None:
-        """Fills well i with paint i."""
+        """Fills well i with paint i, made opaque."""
         self.usual.fill_wells(palette)
         self.table.paints = tuple(_COVERING * paint for paint in self.table.paints)
 
     def tone(self, ground: tuple[float, float, float]) -> None:
-        """As usual, and so are the others."""
+        """Tones the canvas as usual."""
         self.usual.tone(ground)
 
     def change_brush(self, brush: str) -> None:
-        """The same."""
+        """Changes the brush as usual."""
         self.usual.change_brush(brush)
 
     def let_dry(self, seconds: float) -> None:
-        """Time passes."""
+        """Lets the paint dry as usual."""
         self.usual.let_dry(seconds)
 
     def lay_paper(self) -> bool:
-        """Fresh paper."""
+        """Returns True if a fresh paper is on the easel."""
         return self.usual.lay_paper()
 
     def lay_checker(self) -> bool:
-        """The colour checker."""
+        """Returns True if the colour checker is in view."""
         return self.usual.lay_checker()
 
     def take_checker_away(self) -> bool:
-        """And away."""
+        """Returns True if the colour checker is gone."""
         return self.usual.take_checker_away()
 
 
 FULL = RunSpec.of(strokes=100, layers=1, colors=12, effort=0.3, replans=0)
 QUICK = RunSpec.of(strokes=6, colors=3, render_height=64, effort=0.05, replans=0)
-"""Of experiments with goals that networks judge."""
-_PLANNING = 0.7  # share of the time that a painting takes
+"""Scale of experiments with goals that networks judge, for a test."""
+_PLANNING = 0.7  # share of the time of a painting
 
 Tell = Callable[[float], None]
 """Hears the share, in [0, 1], of a part of the work that is done."""
 MakePlan = Callable[[PaintingRun, Tell], tuple[Plan, Tensor]]
-"""Makes the plan of a run, and the picture [3, rows, columns] that it is thought to make."""
+"""Makes the plan of a run, and its simulated picture [3, rows, columns]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PaintingTrial(ExperimentTrial):
-    """One painting. make_plan: what plans it, by default the planner of its run; without: what its studio lacks."""
+    """Trial of one painting.
+
+    spec: its run
+    make_plan: makes the plan; by default the planner of the run
+    without: imperfections that the studio lacks
+    """
 
     spec: RunSpec
     make_plan: MakePlan
@@ -233,7 +236,10 @@ class PaintingTrial(ExperimentTrial):
         make_plan: MakePlan | None = None,
         without: tuple[Imperfection, ...] = (),
     ) -> Self:
-        """The trial of a painting, which depends on its spec and on the content of the files that are its goal."""
+        """Returns the trial of a painting, which depends on its spec and on the content of its goal's files.
+
+        Raises StorageError if a file cannot be read.
+        """
         files = {part: [_content(item) for item in getattr(spec, part)] for part in ("goal", "initial")}
         depends_on = {"spec": spec.record(), **files, "without": [one.name for one in without]}
         return cls(labels=labels, depends_on=depends_on, spec=spec, make_plan=make_plan or planned, without=without)
@@ -241,12 +247,16 @@ class PaintingTrial(ExperimentTrial):
 
 @dataclass(frozen=True)
 class Painted:
-    """A painting.
+    """Painting of a trial. Pictures are [3, rows, columns] of the planning image.
 
-    run: that made it; plan: the first one; planned: that plan as a picture, photograph: of the canvas in the end, and
-    truth: the canvas as it is, which no camera sees, all [3, rows, columns] of the planning image; seconds: of the CPU,
-    for planning; expected: by strokes painted, whenever the canvas was seen: the picture of the canvas with the rest of
-    the plan on it.
+    run: that made it
+    plan: the first plan
+    planned: picture of that plan
+    photograph: of the finished canvas
+    truth: true canvas, which no camera sees
+    seconds: of the CPU, for planning
+    expected: expected picture (the canvas with the remaining plan) whenever the canvas was seen, by number of
+        strokes
     """
 
     run: PaintingRun
@@ -262,16 +272,17 @@ Judge = Callable[[PaintingTrial, Painted], Measurement]
 
 
 def like(scale: RunSpec, picture: Tensor, goal: Sequence[Any], seed: int, **changes: Any) -> RunSpec:
-    """The painting of a goal at that scale, on a canvas that lies as the picture [3, H, W] does.
+    """Returns the run that paints a goal at a scale, on a canvas with the orientation of a picture [3, H, W].
 
-    goal: as in a TOML file, such as {"image": "photo.jpg"}; changes: other fields of the spec.
+    goal: as in a TOML file, such as {"image": "photo.jpg"}
+    changes: other fields of the spec
     """
     canvas = scale.canvas.turned_like(*picture.shape[1:])
     return scale.changed(**{"goal": goal, "seed": seed, "canvas": canvas, "fit": "crop", "film": False, **changes})
 
 
 def settings(scale: RunSpec) -> dict[str, Value]:
-    """What all paintings of an experiment share, as its outcome names it."""
+    """Returns the common settings of all paintings of an experiment, for its outcome."""
     return {
         "brush": ", ".join(scale.brush_names),
         "canvas": str(scale.canvas),
@@ -290,7 +301,12 @@ def experiment(
     report: Callable[[Results], Outcome],
     encoders: EncoderRegistry | None = None,
 ) -> Experiment[PaintingTrial]:
-    """The experiment that paints all trials. encoders: the networks that goals are seen through."""
+    """Returns the experiment that paints all trials.
+
+    judge: measures a painting
+    report: makes the outcome
+    encoders: networks of the goals
+    """
 
     def measure(trial: PaintingTrial, notify: Notify) -> Measurement:
         measured = judge(trial, paint(trial, notify, encoders))
@@ -301,7 +317,7 @@ def experiment(
 
 
 def paint(trial: PaintingTrial, notify: Notify, encoders: EncoderRegistry | None = None) -> Painted:
-    """Plans and paints a trial. Raises WeightsError where a network is missing."""
+    """Plans and paints a trial. Raises WeightsError if a network is missing."""
     expected: dict[int, Tensor] = {}
     doing = _words(trial)
 
@@ -333,17 +349,17 @@ def paint(trial: PaintingTrial, notify: Notify, encoders: EncoderRegistry | None
 
 
 def planned(run: PaintingRun, tell: Tell) -> tuple[Plan, Tensor]:
-    """The plan that the run's own planner makes, and its picture."""
+    """Returns the plan of the run's own planner, and its picture."""
     plan = run.plan(lambda step: tell(step.iteration / step.of))
     return plan, run.planner.expected(plan, run.planner.bare)
 
 
 def _content(item: GoalItem) -> list[str | float]:
-    """A goal as what it really is: words, or the content of a file."""
+    """Returns a goal as its kind, its content (words, or the hash of a file) and its weight."""
     content = item.value if item.path is None else storage.sha256(item.path, "a picture of the goal")
     return [item.kind, content, item.weight]
 
 
 def _words(trial: PaintingTrial) -> str:
-    """What is being painted."""
+    """Returns a description of the trial."""
     return ", ".join(f"seed {value}" if label == "seed" else str(value) for label, value in trial.labels.items())

@@ -1,8 +1,8 @@
-"""How well every model predicts strokes that it has not seen, over several splits of one library.
+"""Experiment: errors of every stroke model on unseen strokes, over several splits of one library.
 
-The table that the project is measured by: on each seeded split of 42 strokes for the test and the
-rest for training and validation, every rival learns from the second part and is tested on the
-first, and the learned ones again from fewer strokes of it.
+This is the project's main table of stroke models. Each seeded split has 42 strokes for the test, and the rest for
+training and validation. Every model learns from the rest and is tested on the 42. The learned models and the fitted
+Bezier also learn from fewer strokes.
 """
 
 from collections.abc import Sequence
@@ -47,7 +47,10 @@ QUICK = ExperimentScale(strokes=16, held_out=4, sizes=(6,), quick=True)
 def experiment(
     library: StrokeLibrary, name: str, *, seeds: Sequence[int] = (0, 1, 2, 3, 4), scale: ExperimentScale = FULL
 ) -> Experiment[ExperimentTrial]:
-    """Learns and tests on a library called `name`, once per seed. Raises LibraryError where it is too small."""
+    """Returns the experiment on a library, with one split per seed. Raises LibraryError if the library is too small.
+
+    name: of the library
+    """
     rest = len(library) - scale.held_out
     if rest < FEWEST_STROKES:
         raise LibraryError(
@@ -119,7 +122,7 @@ def _row(model: str, size: int, results: Results) -> Row:
 
 
 def _likelihood_row(seed: int, size: int, results: Results) -> Row:
-    """How well mean and variance foretell the strokes of one split, against one variance for all cells."""
+    """Returns the log likelihood of one split: with predicted variances, and with one variance for all cells."""
     names = ("log likelihood", "with one variance")
     predicted, constant = (results.values(name, model=DEFAULT, strokes=size, split=seed)[0] for name in names)
     return {"split": seed, "mean and variance": predicted, "one variance": constant}

@@ -1,12 +1,12 @@
-"""A painting with and without looking: how far it strays from its first plan, and from its target.
+"""Experiment: a painting with and without looks. How far does it stray from its first plan, and from its target?
 
-After every batch of strokes the canvas is photographed, and the picture that is to be expected is
-computed: the photograph with what is left of the plan on top. Its difference to the first plan is
-the deviation (paper, Fig. "deviation from the initial plan"), its difference to the target the
-error. With looking, what is left is planned again on each photograph; without, it stays as it was.
+After every batch of strokes the canvas is photographed, and the expected picture is computed: the photograph with
+the remaining plan on top. Its difference from the first plan is the deviation (paper, Fig. "deviation from the
+initial plan"), its difference from the target the error. With looks, the remaining plan is replanned on each
+photograph; without, it stays the same.
 
-A painter who looks also learns where the robot paints. To tell this from planning again, the same is
-painted by a robot whose placement is known from the start.
+A painter who looks also learns the placement of the robot. To separate this from replanning, a robot with known
+placement paints the same.
 """
 
 from collections.abc import Sequence
@@ -34,10 +34,10 @@ QUICK = RunSpec.of(strokes=9, colors=3, render_height=64, effort=0.05, replans=2
 
 
 def experiment(target: Target, *, seeds: Sequence[int] = (0, 1, 2), scale: RunSpec = FULL) -> Experiment[PaintingTrial]:
-    """Paints the target four times per seed, from the same first plan: on a robot that is a little off, and on one
-    that is not, with looks and without.
+    """Returns the experiment: the target painted four times per seed, from the same first plan.
 
-    Without looking the canvas is photographed as often, as for a film, by which nothing is decided.
+    The four ways are with and without looks, by a robot with a small placement error and by one without.
+    Without looks the canvas is photographed equally often, as for a film, which has no effect.
     """
     every = scale.strokes // (scale.replans + 1)
     points = [*range(0, scale.strokes, every), scale.strokes]
@@ -51,9 +51,10 @@ def experiment(target: Target, *, seeds: Sequence[int] = (0, 1, 2), scale: RunSp
     }
 
     def measure(trial: PaintingTrial, painted: Painted) -> Measurement:
-        """After so many strokes: the differences of the picture to be expected to the first plan and to the target.
+        """Measures how the expected picture differs from the first plan and the target, during the painting.
 
-        Frames of a film are not taken after exactly so many: between two of them it is interpolated.
+        The differences are given for certain numbers of strokes. Frames of a film come at slightly different
+        numbers, so the values are interpolated.
         """
         wanted = images.fit(target.picture, *painted.planned.shape[1:])
         numbers = {SIMILARITY: psnr(painted.truth, wanted)}
@@ -111,7 +112,7 @@ def _point(found: Measurement, done: int) -> Row:
 
 
 def _notes(results: Results, looks: int) -> tuple[str, ...]:
-    """What knowing the placement wins, and what planning again does, each alone."""
+    """Returns sentences on the gain of a known placement and the gain of replanning, each alone."""
 
     def wins(way: str, than: str) -> str:
         gains = np.array(results.values(SIMILARITY, painted=way)) - results.values(SIMILARITY, painted=than)
@@ -125,7 +126,7 @@ def _notes(results: Results, looks: int) -> tuple[str, ...]:
 
 
 def _curve(title: str, what: str, results: Results, points: Sequence[int]) -> Tensor:
-    """The mean over the seeds, and from the least to the most of them as a band."""
+    """Returns a chart of the mean over the seeds, with their range as a band."""
     lines = []
     for way in WAYS:
         values = np.array([results.values(f"{what} {done}", painted=way) for done in points])

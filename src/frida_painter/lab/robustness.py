@@ -1,8 +1,7 @@
-"""Reality is dirtier: what calibration does where paint, camera, light, paper, dots or checker are not in order.
+"""Experiment: calibration with faults of paint, camera, light, paper, dots and checker.
 
-Every case is painted in the virtual studio twice, undisturbed and with something going wrong. It is
-survived, detected (what is wrong is left out), or refused with a sentence; what must not happen is a
-model or a calibration that is wrong without anybody being told.
+The virtual studio paints every case twice, undisturbed and with a fault. A fault is survived, detected (the bad
+parts are left out), or refused with a sentence. A wrong model or calibration without a message must not happen.
 """
 
 import math
@@ -43,12 +42,12 @@ NAME = "robustness"
 REFUSED, DETECTED, SURVIVED = "refused", "detected", "survived"
 _CANVAS = CanvasSize(0.3556, 0.2794)
 _MODEL_ERROR, _PLACEMENT, _COLORS = "error of the stroke model", "placement, mm", "colours, CIEDE2000"
-# How much worse than undisturbed still counts as the same; trainings differ that much between seeds.
+# Factors of error that still count as equal; trainings differ that much between seeds.
 _TOLERATED = {_MODEL_ERROR: 1.10, _PLACEMENT: 1.5, _COLORS: 1.25}
 # The picture, pixels.
 _WIDTH, _MARGIN, _TOP = 1500, 44, 128
 _ROW, _TEXT_WIDTH = 120, 108
-_LEFT = 900  # where the bars begin
+_LEFT = 900  # left edge of the bars
 _LONGEST = 330
 _CHIP, _CHIP_HEIGHT = 118, 28
 _CHIPS = {SURVIVED: (0, 138, 100), DETECTED: (0, 114, 178), REFUSED: (171, 92, 20)}
@@ -63,11 +62,15 @@ QUICK = ExperimentScale(strokes=12, held_out=6, quick=True)
 
 @dataclass(frozen=True)
 class Case:
-    """Something that goes wrong.
+    """Case: a fault and its effect. None stands for a value that was not measured.
 
-    what: in words; outcome: "survived", "detected" or "refused"; figure: what is measured; undisturbed,
-    disturbed: without and with it; untold: with it, had nobody been told and nothing been done about
-    it; said: what the person is told; harmless: whether nothing is silently wrong. None: not measured.
+    what: the fault in words
+    outcome: "survived", "detected" or "refused"
+    figure: name of the measured value
+    undisturbed, disturbed: value without and with the fault
+    untold: value with the fault if nothing were detected or done about it
+    said: message to the person
+    harmless: True unless the result is wrong without a message
     """
 
     what: str
@@ -81,7 +84,7 @@ class Case:
 
 
 def run(*, brush: str = "broad", seed: int = 0, scale: ExperimentScale = FULL, notify: Notify = silent) -> Outcome:
-    """Runs all cases with a brush of the project. Raises ConfigError where there is no such brush."""
+    """Runs all cases with a brush of the project. Raises ConfigError if there is no such brush."""
     libraries = _Libraries(brush, seed, scale)
     undisturbed = libraries.prepare(within(notify, 0.0, 0.2))
     cases: list[Case] = []
@@ -135,27 +138,28 @@ def _count(cases: list[Case], outcome: str) -> int:
 
 
 class _Libraries:
-    """Stroke libraries that are painted while something goes wrong, and models that learn from them."""
+    """Stroke libraries painted with faults, and models that learn from them."""
 
     def __init__(self, brush: str, seed: int, scale: ExperimentScale) -> None:
         self.kind = brush_kind(brush)
         self.seed, self.scale = seed, scale
 
     def prepare(self, notify: Notify) -> float:
-        """The error of a model that learned from an undisturbed library, on other clean strokes."""
+        """Returns the error of a model from an undisturbed library, on other clean strokes."""
         brush, strokes = self.kind.name, self.scale.strokes
         self.test = virtual_library(brush, self.scale.held_out, self.seed + 1, within(notify, 0.0, 0.3))
         return self._error(virtual_library(brush, strokes, self.seed, within(notify, 0.3, 1.0)))
 
     def faults(self) -> dict[str, Faults]:
-        """What goes wrong, by its name."""
+        """Returns the faults, by name."""
         number = np.arange(self.scale.strokes)
         tenth = [int(stroke) for stroke in number[number % 10 == 5]]
         lamps = [(0.7, 0.7, 0.7), (0.95, 0.85, 0.65), (0.85, 0.9, 0.95), (0.55, 0.55, 0.55), (1.0, 1.0, 1.0)]
         leans = [(0.0, 0.0), (0.1, 0.0), (-0.1, 0.15), (0.0, 0.0), (0.0, -0.2)]
         every = max(1, self.scale.strokes // len(lamps))
         return {
-            # Every tenth finds nothing on the brush; and seven times running the well is empty, until the brush is.
+            # Every tenth stroke has no paint on the brush. Also, the well is empty for seven strokes in a row,
+            # repeatedly.
             "20 % of the strokes run out of paint": Faults(
                 dropped_touches=frozenset(number[number % 10 == 9].tolist()),
                 dry_dips=frozenset(number[number % 30 >= 23].tolist()),
@@ -176,7 +180,7 @@ class _Libraries:
         }
 
     def case(self, what: str, faults: Faults, undisturbed: float) -> tuple[Case, StrokeLibrary | None]:
-        """What becomes of a library that is painted with these faults."""
+        """Returns the case of a library painted with faults, and the library; None instead of a refused library."""
         studio = _studio(PAPER, self.kind.name, self.seed, EXACT, faults)
         with TemporaryDirectory() as folder:
             out = Path(folder) / "library.npz"
@@ -196,13 +200,13 @@ class _Libraries:
         return _case(what, outcome, _MODEL_ERROR, undisturbed, with_flags, without, said), library
 
     def _error(self, library: StrokeLibrary) -> float:
-        """On the test strokes, of a model that learned from the clean strokes of a library."""
+        """Returns the error on the test strokes of a model that learned from a library's clean strokes."""
         predict = learn(DEFAULT, clean(library), seed=self.seed, quick=self.scale.quick)
         return float(errors(predict, clean(self.test)).mean())
 
 
 def _dots(brush: str, seed: int) -> Case:
-    """Two of the sixteen dots do not come onto the canvas."""
+    """Returns the case of two missing dots out of sixteen."""
     error = PlacementError((0.0032, -0.0024), math.radians(2))
     remaining = []
     said = ""
@@ -218,7 +222,7 @@ def _dots(brush: str, seed: int) -> Case:
 
 
 def _missed(studio: VirtualStudio, place: Callable[[NDArray[np.float64]], NDArray[np.float64]]) -> float:
-    """How far the studio's robot paints beside where it is meant to, mean over the canvas, metres."""
+    """Returns the robot's placement error, averaged over the canvas, metres."""
     size = studio.easel.canvas
     meant = np.stack(np.meshgrid(np.linspace(0, size.width, 21), np.linspace(0, size.height, 17)), -1).reshape(-1, 2)
     landed = studio.placement_error.moved(place(meant), np.array([size.width, size.height]) / 2)
@@ -226,7 +230,7 @@ def _missed(studio: VirtualStudio, place: Callable[[NDArray[np.float64]], NDArra
 
 
 def _checker(brush: str, seed: int) -> Case:
-    """The colour checker lies upside down."""
+    """Returns the case of a colour checker that lies upside down."""
     what, after, said = "the checker is rotated by 180 degrees", [], ""
     before: float | None = None
     for turn in (0.0, math.pi):
@@ -259,12 +263,12 @@ def _attempt(calibrate: Callable[[], Found]) -> Found | FridaError:
 
 
 def _proposal(question: Question) -> Answer:
-    """What the procedure would answer itself; no where it does not know."""
+    """Returns the procedure's own proposal; False if it has none."""
     return question.proposal if question.proposal is not None else False
 
 
 def robustness_sheet(title: str, cases: Sequence[Case]) -> Tensor:
-    """All cases below one another, sRGB [3, H, 1500] in [0, 1]; bars of one kind of figure have one scale."""
+    """Returns all cases in rows, sRGB [3, H, 1500] in [0, 1]; bars of the same figure have the same scale."""
     sheet = Sheet(_WIDTH, _TOP + _ROW * len(cases) + _MARGIN // 2)
     sheet.text((_MARGIN, 34), title, 32, INK)
     _legend(sheet)
@@ -290,7 +294,7 @@ def _legend(sheet: Sheet) -> None:
 
 
 def _chip(color: _Color) -> Image.Image:
-    """A rounded field for a word, drawn larger and then made smaller, which smooths its corners."""
+    """Returns a rounded field for a word, supersampled for smooth corners."""
     large = Sheet(4 * _CHIP, 4 * _CHIP_HEIGHT)
     large.draw.rounded_rectangle((0, 0, *large.image.size), 2 * _CHIP_HEIGHT, fill=color)
     return large.image.resize((_CHIP, _CHIP_HEIGHT), Image.Resampling.LANCZOS)

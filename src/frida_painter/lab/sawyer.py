@@ -1,13 +1,13 @@
-"""What an arm's own errors do to a painting: one plan, painted by the simulated Sawyer and executed kinematically.
+"""Experiment: the effect of an arm's own errors on a painting.
 
-The kinematic arm stands at the Sawyer's table, and its tip is at every moment exactly where the
-Sawyer's is meant to be: what differs between the two is the tracking error and nothing else. Whether
-that explains the difference is tried by an arm that is displaced at random, stroke by stroke, as
-much as the Sawyer is. What the brush's own luck does, and the virtual studio's own arm, with a steady
-hand and with its usual one, gives the scale.
+One plan is painted by the simulated Sawyer, and by an arm with the same timing but without errors. This kinematic
+arm stands at the Sawyer's table, and its tip is always exactly at the Sawyer's intended position. The two differ
+only in the tracking error. A third arm, displaced at random for each stroke by the same amount, tests if that
+explains the difference. The brush's own randomness, and the studio's default arm with a steady and with its usual
+hand, give the scale.
 
-How the hairs part is drawn anew for every motion, and alike for all arms. Otherwise a stroke that is
-a hair longer would draw once more, and change the luck of all that follow.
+The split of the brush's hairs is drawn again for every motion, equally for all arms. Otherwise a slightly longer
+stroke would draw one more random number, and change all strokes after it.
 """
 
 import time
@@ -40,8 +40,8 @@ KINEMATIC, DYNAMIC, DISPLACED, LUCKY = "kinematic", "Sawyer", "kinematic, displa
 STEADY, USUAL = "studio, steady hand", "studio, usual hand"
 _PLANNING = 0.25  # share of the time
 _PIXEL = 0.0004  # metres of the canvas, the side of one of its cells
-_CLEAR = 3.0  # steps of lightness from pixel to pixel: there is an edge of paint
-_TELLING = 5.0  # distance in Lab that an eye sees when two pictures lie side by side
+_CLEAR = 3.0  # change of lightness per pixel above which there is an edge of paint
+_TELLING = 5.0  # distance in Lab that is visible side by side
 _AMPLIFIED = 2
 _MM = 1000.0
 
@@ -52,7 +52,12 @@ QUICK = RunSpec.of(strokes=2, colors=1, render_height=64, effort=0.05, replans=0
 
 @dataclass(frozen=True)
 class Execution:
-    """A plan as it was painted: the canvas [3, H, W] as it is, the robot's seconds, and seconds of one core."""
+    """Executed plan.
+
+    canvas: [3, H, W], true colours
+    seconds: of the robot's clock
+    spent: seconds of one core
+    """
 
     canvas: Tensor
     seconds: float
@@ -61,10 +66,11 @@ class Execution:
 
 @dataclass
 class Tracking:
-    """Looks on while the arm works: how far the tip is from where it is meant to be while it paints, metres.
+    """Watcher of an arm: records the distance between tip and intended position while it paints, metres.
 
-    table, size: what says whether it paints; press: from lightest to hardest touch, metres; luck: of the
-    brush, drawn from that seed for every motion.
+    table, size: for the test if the brush touches the canvas
+    press: from the lightest to the hardest touch, metres
+    luck: seed of the brush's randomness for every motion
     """
 
     table: StudioTable
@@ -75,10 +81,10 @@ class Tracking:
     off: list[NDArray[np.float64]] = field(default_factory=list)  # [k, 3] of every motion
 
     def open(self) -> None:
-        """Needs nothing."""
+        """Does nothing."""
 
     def watch(self, course: Course) -> None:
-        """Takes down the errors of a motion, and gives the brush its luck for the next."""
+        """Records the errors of a motion, and sets the brush's randomness for the next one."""
         self.motions += 1
         self.table.tuft.draw_luck_from(np.random.default_rng((self.luck, self.motions)))
         if course.meant is not None:
@@ -87,10 +93,10 @@ class Tracking:
             self.off.append((course.places - course.meant)[inside.all(1) & (place[:, 2] > 0)])
 
     def close(self) -> None:
-        """Has seen enough."""
+        """Does nothing."""
 
     def row(self) -> Row:
-        """The errors in millimetres: in the canvas's plane, and in depth."""
+        """Returns the errors in millimetres: in the canvas's plane, and in depth."""
         off = np.concatenate(self.off) * _MM
         plane, depth = np.hypot(off[:, 0], off[:, 1]), np.abs(off[:, 2])
         return {
@@ -103,13 +109,13 @@ class Tracking:
         }
 
     def noise(self) -> HandNoise:
-        """A hand that is off by as much from stroke to stroke."""
+        """Returns a hand with random errors of the same size for each stroke."""
         off = np.concatenate(self.off)
         return HandNoise(float(np.sqrt((off[:, :2] ** 2).mean())), float(off[:, 2].std()) / self.press)
 
 
 def run(target: Target, *, seed: int = 0, scale: RunSpec = FULL, notify: Notify = silent) -> Outcome:
-    """Plans the target once, and paints it by every arm. Raises RobotError where MuJoCo is not installed."""
+    """Plans the target once, and paints it with every arm. Raises RobotError if MuJoCo is not installed."""
     with PaintingRun(paintings.like(scale, target.picture, [{"image": str(target.path)}], seed)) as planning:
         plan = planning.plan(lambda step: notify(Progress(_PLANNING * step.iteration / step.of, "planning")))
     notify(Progress(_PLANNING, f"painting: {DYNAMIC}"))
@@ -143,10 +149,10 @@ def run(target: Target, *, seed: int = 0, scale: RunSpec = FULL, notify: Notify 
 
 
 def edges_apart(first: Tensor, second: Tensor) -> NDArray[np.float64]:
-    """How far edges of paint lie apart in two pictures sRGB [3, H, W] that hardly differ, at each edge of the first.
+    """Returns the distance between edges of paint in two similar pictures sRGB [3, H, W], at each edge of the first.
 
-    Pixels [k]: the change of lightness over its slope, the first term of Taylor's series (Lucas and Kanade
-    1981, for the way across an edge).
+    Pixels [k]: the change of lightness divided by its slope, the first term of Taylor's series (Lucas and Kanade
+    1981, for motion perpendicular to an edge).
     """
     light, other = (cv2.GaussianBlur(_lightness(picture), (0, 0), 1.0) for picture in (first, second))
     slope = np.hypot(cv2.Sobel(light, -1, 1, 0, scale=1 / 8), cv2.Sobel(light, -1, 0, 1, scale=1 / 8))
@@ -159,7 +165,7 @@ def _lightness(picture: Tensor) -> NDArray[np.float32]:
 
 
 def _painted(plan: Plan, settings: StudioSettings, seed: int, luck: int) -> tuple[Execution, Tracking]:
-    """The plan painted where the canvas lies exactly where it is believed to be, and whoever looked on."""
+    """Paints the plan on an exactly placed canvas; returns the result and the watcher."""
     studio = connected(
         open_studio(plan.canvas, plan.layers[0].brush, seed=seed, settings=settings, placement_error=EXACT)
     )
@@ -213,7 +219,7 @@ def _notes(errors: Row, apart: Sequence[Row], sawyer: Execution) -> tuple[str, .
 
 
 def _sheet(found: Mapping[str, Execution], apart: Sequence[Row]) -> Tensor:
-    """What each painted, and below it how that differs from what it is compared with."""
+    """Returns a sheet with all paintings, and below each its difference from the one it is compared with."""
     painted = [Cell(found[KINEMATIC].canvas, KINEMATIC)]
     strange: list[Cell | None] = [None]
     for row in apart:

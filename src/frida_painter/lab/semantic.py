@@ -1,8 +1,8 @@
-"""Painting by meaning against painting by pixels (paper: "Semantic Replication", where people preferred the former).
+"""Experiment: painting by meaning against painting by pixels (paper: "Semantic Replication"; people preferred meaning).
 
-Each photograph is painted twice with the same few strokes. Nobody is asked; four figures say what
-each painting is nearer in: what a network that no optimiser asked sees where (EfficientNet-Lite1),
-VGG16's features in the manner of LPIPS, edges, and pixels.
+Each photograph is painted twice with the same few strokes. Instead of people, four figures compare the paintings
+with the photograph: features of a network that no optimiser uses (EfficientNet-Lite1), VGG16's features as in
+LPIPS, edges, and pixels.
 """
 
 from collections.abc import Sequence
@@ -48,10 +48,12 @@ def experiment(
     encoders: EncoderRegistry | None = None,
     judge: Seer | None = None,
 ) -> Experiment[PaintingTrial]:
-    """Paints every photograph by pixels and by meaning, once per seed.
+    """Returns the experiment: every photograph painted by pixels and by meaning, once per seed.
 
-    encoders: the networks that the goal is seen through; judge: the one that they do not ask, by
-    default EfficientNet-Lite1. Raises WeightsError where a network is missing.
+    encoders: networks of the goal
+    judge: network that they do not use; None for EfficientNet-Lite1
+
+    Raises WeightsError if a network is missing.
     """
     encoders = encoders or EncoderRegistry(device=planning_device())
     judge = judge or EfficientNetLite(weights.tensors(JUDGE))
@@ -98,7 +100,7 @@ def experiment(
 
 
 def _note(measure: str, results: Results, names: Sequence[str]) -> str:
-    """In how many of the paintings meaning is better by a measure, and in which photographs it is not."""
+    """Returns a sentence on one measure: the number of paintings in which meaning is better, and the exceptions."""
     sign = 1 if _MORE_IS_BETTER[measure] else -1
     gain = {}
     for name in names:

@@ -1,9 +1,8 @@
-"""How far a painting is from its simulation, for three planners and one robot (paper, Fig. "sim2real gap").
+"""Experiment: the gap between a painting and its simulation, for three planners (paper, Fig. "sim2real gap").
 
-The same target is planned with (a) our planner; (b) unconstrained soft strokes of any size, opacity
-and colour, in the manner of Huang et al. 2019; (c) soft strokes held to what a brush can do, opaque
-and in a few paints, in the manner of Schaldenbrand and Oh 2021. All pursue the same squared
-difference. The same virtual robot paints all plans, without looking in between.
+Three planners plan the same target: (a) ours; (b) unconstrained soft strokes of any size, opacity and colour, as in
+Huang et al. 2019; (c) soft strokes within the limits of a brush, opaque and in a few paints, as in Schaldenbrand
+and Oh 2021. All minimise the same squared difference. The same virtual robot paints all plans, without looks.
 """
 
 import math
@@ -34,24 +33,25 @@ from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.spec import RunSpec
 from frida_painter.strokes import Strokes
 
-# Strokes as painting programs of the screen have them: of any size and opacity, and with no brush behind them.
-#
-# A stroke is a quadratic Bezier whose radius and opacity run from one end to the other, the ten
-# numbers and the colour that Huang et al. paint with ("Learning to Paint With Model-Based Deep
-# Reinforcement Learning", ICCV 2019, section 3.3). The comparators of the sim2real experiment.
+# Soft strokes, as in digital painting: of any size and opacity, without a brush. Used by the comparison planners.
+# A stroke is a quadratic Bezier curve whose radius and opacity change from one end to the other: the ten numbers and
+# the colour of Huang et al. ("Learning to Paint With Model-Based Deep Reinforcement Learning", ICCV 2019, section
+# 3.3).
 
 _PIECES = 10
 _CELLS = 40
 _EDGE = 0.15  # share of the radius over which a stroke fades out
-_LEAST_EDGE = 0.0012  # metres: about a pixel of the picture in which is planned
+_LEAST_EDGE = 0.0012  # metres: about a pixel of the planning image
 
 
 @dataclass(frozen=True)
 class SoftStrokes:
-    """n strokes in painting order.
+    """Soft strokes in painting order.
 
-    points [n, 3, 2]: start, control point and end, canvas metres; radius [n, 2] in metres and
-    opacity [n, 2] in [0, 1]: at the start and at the end; color [n, 3] sRGB.
+    points: [n, 3, 2], start, control point and end, canvas metres
+    radius: [n, 2], metres at the start and at the end
+    opacity: [n, 2] in [0, 1], likewise
+    color: [n, 3], sRGB
     """
 
     points: Tensor
@@ -66,26 +66,26 @@ class SoftStrokes:
         return replace(self, **{name: tensor[index] for name, tensor in self.arrays().items()})
 
     def arrays(self) -> dict[str, Tensor]:
-        """The groups by name."""
+        """Returns the groups by name."""
         return {part.name: getattr(self, part.name) for part in fields(self)}
 
     @classmethod
     def join(cls, first: Self, second: Self) -> Self:
-        """All strokes of the first, then those of the second."""
+        """Returns the strokes of the first, then those of the second."""
         pairs = ((first.arrays()[name], second.arrays()[name]) for name in first.arrays())
         return cls(*(torch.cat(pair) for pair in pairs))
 
     def length(self) -> Tensor:
-        """From start to end, straight, [n] metres."""
+        """Returns the straight distances from start to end, [n] metres."""
         return (self.points[:, 2] - self.points[:, 0]).norm(dim=1)
 
 
 @dataclass(frozen=True)
 class Freedom:
-    """What strokes may be: (least, most) length, radius, bow and opacity; metres, and opacity in [0, 1].
+    """Limits of soft strokes: (least, most) length, radius and bow in metres, opacity in [0, 1].
 
-    bow: how far the control point lies off the straight line; tapered: whether the two ends may
-    have different radii and opacities.
+    bow: distance of the control point from the straight line
+    tapered: True if the two ends may have different radii and opacities
     """
 
     length: tuple[float, float]
@@ -95,7 +95,7 @@ class Freedom:
     tapered: bool
 
     def project(self, strokes: SoftStrokes, size: CanvasSize) -> SoftStrokes:
-        """The nearest strokes that may be, their middles on the canvas."""
+        """Returns the nearest strokes within the limits, with their middles on the canvas."""
         start, control, end = strokes.points.unbind(1)
         middle, chord = (start + end) / 2, end - start
         along = chord / chord.norm(dim=1, keepdim=True).clamp(min=1e-6)  # [n, 2]
@@ -118,24 +118,23 @@ class Freedom:
 
 
 def render(strokes: SoftStrokes, canvas: Tensor, size: CanvasSize) -> Tensor:
-    """The picture [3, H, W] of the strokes over `canvas` [3, H, W]; differentiable in all that a stroke has.
+    """Returns the picture [3, H, W] of the strokes over `canvas` [3, H, W]; differentiable in all parameters.
 
-    Every stroke is drawn on cells of a rectangle around it. The rectangle itself is not varied:
-    whatever moves, moves inside of it.
+    Every stroke is drawn on the cells of a rectangle around it. The rectangle itself is constant in the gradient.
     """
     maps, affine = marks(strokes, canvas, size)
     return composite(maps, affine, strokes.color, canvas)
 
 
 def marks(strokes: SoftStrokes, canvas: Tensor, size: CanvasSize) -> tuple[Tensor, Tensor]:
-    """The strokes' magnitude maps [n, cells, cells] and their places [n, 2, 3], as `render.composite` takes them."""
+    """Returns magnitude maps [n, cells, cells] and affine maps [n, 2, 3] of the strokes, for `render.composite`."""
     with torch.no_grad():
         around = strokes.radius.amax(1)[:, None] * (1 + _EDGE) + 2 * _LEAST_EDGE
         least, most = strokes.points.amin(1) - around, strokes.points.amax(1) + around  # [n, 2]
         pitch = (most - least) / _CELLS
         grid = PixelGrid(size, *canvas.shape[1:])
         across, down = grid.pitch
-        # Pixel (column, row) lies at x = (column + 1/2) across, y = height - (row + 1/2) down.
+        # Pixel (column, row) is at x = (column + 1/2) across, y = height - (row + 1/2) down.
         affine = torch.zeros(len(strokes), 2, 3).to(canvas)
         affine[:, 0, 0] = across / pitch[:, 0]
         affine[:, 0, 2] = (across / 2 - least[:, 0]) / pitch[:, 0] - 0.5
@@ -148,7 +147,7 @@ def marks(strokes: SoftStrokes, canvas: Tensor, size: CanvasSize) -> tuple[Tenso
 
 
 def _magnitude(strokes: SoftStrokes, x: Tensor, y: Tensor) -> Tensor:
-    """Opacity at cells: fades out beyond the radius, both as they are at the nearest point of the curve."""
+    """Returns the opacity of cells: that of the nearest point of the curve, fading out beyond its radius."""
     fraction = torch.linspace(0, 1, _PIECES + 1).to(x)
     weight = torch.stack(((1 - fraction) ** 2, 2 * fraction * (1 - fraction), fraction**2))  # [3, pieces + 1]
     path = torch.einsum("nkd,kt->ntd", strokes.points, weight)  # [n, pieces + 1, 2]
@@ -169,12 +168,12 @@ def _magnitude(strokes: SoftStrokes, x: Tensor, y: Tensor) -> Tensor:
 
 
 def _between(ends: Tensor, share: Tensor) -> Tensor:
-    """Values [n, 2] at the ends, at shares [n, cells, cells] of the way."""
+    """Returns values between the ends [n, 2], at shares [n, cells, cells] of the way."""
     first, last = ends[:, 0, None, None], ends[:, 1, None, None]
     return first + (last - first) * share
 
 
-# Planning with soft strokes by gradient descent: large ones first, each where the picture is most wrong.
+# Planning with soft strokes by gradient descent: large ones first, each at a place of large error.
 
 # First steps in metres (points, radii), shares (opacity) and sRGB.
 _UNITS = {"points": 0.002, "radius": 0.001, "opacity": 0.04, "color": 0.03}
@@ -183,25 +182,30 @@ _FIRST_OPACITY = 0.8
 
 @dataclass(frozen=True)
 class SoftEffort:
-    """rounds of placing, steps of `settling` after each, and of `polishing` at the end."""
+    """Effort of planning with soft strokes.
+
+    rounds: number of placements
+    settling: steps after each placement
+    polishing: steps in each of the two final phases
+    """
 
     rounds: int = 6
     settling: int = 30
     polishing: int = 120
 
     def scaled(self, factor: float) -> Self:
-        """So many times the steps, and at least one of each."""
+        """Returns the effort with `factor` times the steps, at least one of each."""
         return replace(self, settling=math.ceil(factor * self.settling), polishing=math.ceil(factor * self.polishing))
 
     @property
     def steps(self) -> int:
-        """All steps."""
+        """Total number of steps."""
         return self.rounds * self.settling + 2 * self.polishing
 
 
 @dataclass(frozen=True)
 class SoftPlan:
-    """Strokes and the picture [3, H, W] that they are thought to make."""
+    """Planned soft strokes, and their simulated picture [3, H, W]."""
 
     strokes: SoftStrokes
     picture: Tensor
@@ -218,10 +222,10 @@ def plan_soft_strokes(
     seed: int,
     notify: Callable[[float], None] = lambda share: None,
 ) -> SoftPlan:
-    """`count` strokes on a white canvas towards `target` [3, H, W], by the mean squared difference.
+    """Plans `count` strokes on a white canvas for `target` [3, H, W], by the mean squared difference.
 
-    colors: how many paints there are (None: every stroke has its own colour). notify: hears the
-    share of the work that is done.
+    colors: number of paints; None for a separate colour of each stroke
+    notify: hears the share of the work that is done
     """
     generator = torch.Generator().manual_seed(seed)
     bare = torch.ones_like(target)
@@ -249,7 +253,10 @@ def plan_soft_strokes(
 
 @torch.no_grad()
 def seen_colors(strokes: SoftStrokes, canvas: Tensor, size: CanvasSize) -> Tensor:
-    """What colour [n, 3] each stroke's place has once it is laid over those before it: opacity mixed in."""
+    """Returns the colour [n, 3] at each stroke's place when the stroke has been laid on those before it.
+
+    The opacity of the stroke is included.
+    """
     maps, affine = marks(strokes, canvas, size)
     found, picture = [], canvas
     ones = torch.ones(1, 3).to(canvas)
@@ -272,7 +279,7 @@ def _placed(
     freedom: Freedom,
     generator: torch.Generator,
 ) -> SoftStrokes:
-    """New strokes where the error is large, from the largest that may be (smallness 0) down to small ones (1)."""
+    """Returns new strokes at places of large error, from the largest (smallness 0) to small ones (1)."""
     picture = render(strokes, bare, size) if len(strokes) else bare
     least, most = freedom.radius
     radius = most * max(least / most, 0.12) ** smallness
@@ -309,7 +316,7 @@ def _settled(
     *,
     vary_color: bool = True,
 ) -> SoftStrokes:
-    """Adam on all strokes together; the best that were seen."""
+    """Optimises all strokes together by Adam; returns the best ones found."""
     varied = [name for name in _UNITS if vary_color or name != "color"]
     leaves = {name: (strokes.arrays()[name] / _UNITS[name]).clone().requires_grad_() for name in varied}
     adam = torch.optim.Adam(leaves.values(), lr=1.0, betas=(0.9, 0.98), foreach=True)
@@ -334,21 +341,22 @@ def _settled(
     return best
 
 
-# From soft strokes to what a robot can paint with its brush, as nearly as that goes.
+# From soft strokes to the nearest strokes of a robot with its brush.
 
 _THICKNESSES = 33
-# The middle of a quadratic Bezier lies half of its bow aside, that of a brush stroke three quarters of its bend.
+# The middle of a quadratic Bezier is half of its bow aside, that of a brush stroke three quarters of its bend.
 _BOW_OF_BEND = 1.5
-# A round end is half as wide as the stroke at this share of its radius beyond the curve's end.
+# Beyond the curve's end, a round end is half as wide as the stroke at this share of its radius.
 _ROUND_END = 3**0.5 / 2
 
 
 @dataclass(frozen=True)
 class MarkSizes:
-    """How large the marks of a brush are, by thickness, as a stroke model knows them; all [k], metres.
+    """Sizes of a brush's marks by thickness, from a stroke model; all [k], metres.
 
-    thickness: from 0 to 1; width: in the middle of a long straight stroke; before, behind: how far
-    the mark reaches beyond the start and the end of the path, to where it is half as wide.
+    thickness: from 0 to 1
+    width: in the middle of a long straight stroke
+    before, behind: extent of the mark beyond the start and the end of the path, to half its width
     """
 
     thickness: NDArray[np.float64]
@@ -359,7 +367,7 @@ class MarkSizes:
     @classmethod
     @torch.no_grad()
     def of(cls, model: StrokeModel) -> Self:
-        """Measured on the model's own marks."""
+        """Returns the sizes, measured on the model's own marks."""
         thickness = torch.linspace(0, 1, _THICKNESSES)
         longest = model.limits.length[1]
         marks = model(thickness, torch.full_like(thickness, longest), torch.zeros_like(thickness))
@@ -378,7 +386,7 @@ class MarkSizes:
 
 
 def held_to(model: StrokeModel, size: CanvasSize) -> Freedom:
-    """Opaque strokes of even width, as long, as wide and as bent as the brush paints them."""
+    """Returns the limits of opaque strokes of even width, within the lengths, widths and bends of the brush."""
     limits = model.limits.within(size)
     width = MarkSizes.of(model).width
     return Freedom(
@@ -391,13 +399,13 @@ def held_to(model: StrokeModel, size: CanvasSize) -> Freedom:
 
 
 def as_plan(soft: SoftStrokes, model: StrokeModel, size: CanvasSize, colors: int, canvas: Tensor, seed: int) -> Plan:
-    """The robot's plan that comes nearest to soft strokes: as many strokes, in the same order, in `colors` paints.
+    """Returns the robot's nearest plan to soft strokes: the same number and order of strokes, in `colors` paints.
 
-    The radius becomes the thickness whose mark is as wide; the path is as long, and lies so, that
-    the mark with its ends covers what the stroke with its round ends covers. Lengths and bends are
-    cut to what the brush can do, around the middle. Opacity is mixed into the colour: a stroke is
-    painted in the colour that its place has once it is laid on `canvas` [3, H, W] and the strokes
-    before it. The colours are then clustered, weighed by the area of their strokes.
+    The radius becomes the thickness whose mark has the same width. Length and position are chosen so that the mark
+    with its ends covers the area of the stroke with its round ends. Lengths and bends are limited to those of the
+    brush, around the middle.
+    Opacity is mixed into the colour: a stroke gets the colour of its place after it is laid on `canvas` [3, H, W]
+    and the strokes before it. The colours are then clustered, with the areas of the strokes as weights.
     """
     limits = model.limits.within(size)
     start, control, end = soft.points.unbind(1)
@@ -444,7 +452,7 @@ QUICK = RunSpec.of(strokes=8, colors=3, render_height=64, effort=0.05, replans=0
 def experiment(
     targets: Sequence[Target], *, seeds: Sequence[int] = (0, 1, 2), scale: RunSpec = FULL
 ) -> Experiment[PaintingTrial]:
-    """Plans and paints every target with every planner, once per seed, on the same easel for all planners."""
+    """Returns the experiment: every target planned and painted with every planner, once per seed, on the same easel."""
     pictures = {target.name: target.picture for target in targets}
 
     def measure(trial: PaintingTrial, painted: Painted) -> Measurement:
@@ -485,7 +493,7 @@ def experiment(
 
 
 def _soft(target: Target, planner: str) -> MakePlan:
-    """What plans with soft strokes, and makes the robot's strokes of them."""
+    """Returns a planner that plans with soft strokes and converts them to robot strokes."""
 
     def make_plan(run: PaintingRun, tell: Tell) -> tuple[Plan, Tensor]:
         spec, model, bare = run.spec, run.planner.models[run.planner.brushes[0]], run.planner.bare
@@ -507,7 +515,7 @@ def _soft(target: Target, planner: str) -> MakePlan:
 
 
 def unconstrained(size: CanvasSize) -> Freedom:
-    """Strokes from a hair to half the canvas, of any opacity."""
+    """Returns the limits of strokes from a hair to half the canvas, of any opacity."""
     return Freedom(
         length=(0.001, size.width + size.height),
         radius=(0.0008, 0.25 * min(size.width, size.height)),
@@ -534,7 +542,7 @@ def _summary(target: str, planner: str, results: Results) -> Row:
 
 
 def _notes(summary: Sequence[Row]) -> tuple[str, ...]:
-    """What the summary says, whichever way it goes."""
+    """Returns sentences on the summary, for any result."""
     notes = []
     for planner in PLANNERS[1:]:
         factors = {row["target"]: float(row["gap / ours"] or 0) for row in summary if row["planner"] == MANNER[planner]}
@@ -548,7 +556,7 @@ def _notes(summary: Sequence[Row]) -> tuple[str, ...]:
 
 
 def _sheet(targets: Sequence[Target], results: Results, seed: int) -> Tensor:
-    """Every target beside what each planner meant to paint and what came of it."""
+    """Returns a sheet with every target, its simulated pictures and its paintings."""
     lines = []
     for target in targets:
         findings = [results.one(target=target.name, seed=seed, planner=planner) for planner in PLANNERS]

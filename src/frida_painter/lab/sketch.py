@@ -1,9 +1,8 @@
-"""A drawn outline and words: how far the sketch objective keeps a painting to the drawing.
+"""Experiment: an outline and words. How well does the sketch objective keep a painting to the drawing?
 
-Every drawing is painted in four ways with the same strokes: by its words alone; by its words, begun
-with the drawing, which nothing holds afterwards; by its words and the sketch; and by both in a style. What is reported
-is the F-score of the painting's edges against the drawing's. The edges are Canny's, for the
-objective asks HED.
+Every drawing is painted in four ways with the same strokes: by its words alone; by its words, begun with the
+drawing but not held to it; by its words and the sketch; and by both in a style. The result is the F-score of the
+painting's edges against the drawing's. The edges are Canny's, because the objective uses HED.
 """
 
 from collections.abc import Sequence
@@ -38,11 +37,13 @@ def experiment(
     scale: RunSpec = FULL,
     encoders: EncoderRegistry | None = None,
 ) -> Experiment[PaintingTrial]:
-    """Paints every drawing four ways, once per seed; the words are what the drawing is called.
+    """Returns the experiment: every drawing painted in four ways, once per seed. The words are the drawing's name.
 
-    style: in which one of them is painted; folder: where the lines of the drawings are kept, with which some paintings
-    begin; encoders: the networks that goals are seen through. Raises WeightsError where a network is missing, and
-    ConfigError for a drawing without a line.
+    style: of the fourth way
+    folder: for the lines of the drawings, with which some paintings begin
+    encoders: networks of the goals
+
+    Raises WeightsError if a network is missing, ConfigError for a drawing without a line.
     """
     lines = {drawing.name: SketchTerm(drawing.picture).drawing for drawing in drawings}
     for name, picture in lines.items():
@@ -88,7 +89,7 @@ def _spec(scale: RunSpec, drawing: Target, style: Target, folder: Path, seed: in
 
 
 def _words(drawing: Target) -> str:
-    """What a drawing is called, as words to paint."""
+    """Returns a drawing's name as words to paint."""
     return f"a {drawing.name.replace('-', ' ').replace('_', ' ')}"
 
 

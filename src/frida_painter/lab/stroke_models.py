@@ -1,7 +1,7 @@
-"""Real strokes beside the modelled ones (paper, Fig. "real versus modelled strokes", there on 50 samples).
+"""Experiment: real strokes beside modelled ones (paper, Fig. "real versus modelled strokes", there on 50 samples).
 
-Some strokes of a library are held out; every model learns from the rest, and is compared with the
-fitted Bezier model on the strokes held out, stroke by stroke.
+Some strokes of a library are held out. Every model learns from the rest, and is compared with the fitted Bezier
+model on the held-out strokes, stroke by stroke.
 """
 
 import hashlib
@@ -24,11 +24,9 @@ from frida_painter.lab import ExperimentScale
 from frida_painter.lab.base import Notify, Outcome, Progress, ResultTable, Row, silent
 from frida_painter.report.sheets import Cell, FigureRow, page
 
-# The models of a stroke that are compared with one another, each learned from a stroke library.
-#
-# `learn` gives a function from the shapes of a library's strokes to what their marks should look
-# like, on the cells on which the library stores them; `errors` holds that against what they are, and
-# `PairedTest` says whether one is really better than another.
+# Stroke models in comparison, each learned from a stroke library.
+# `learn` returns a function from the shapes of a library's strokes to their predicted marks, on the library's cells.
+# `errors` compares these with the real marks, and `PairedTest` tests if one model is better than another.
 
 ZEROS, MEAN, BEZIER = "all zeros", "mean stroke", "fitted Bezier"
 DEFAULT = DEFAULT_MODEL
@@ -39,7 +37,10 @@ _BATCH = 32
 
 
 def learn(rival: str, library: StrokeLibrary, *, seed: int, quick: bool = False) -> Predict:
-    """What that rival says after learning from the library; `quick`: hardly trained, to see that it runs."""
+    """Learns a rival model from the library, and returns a function that predicts the marks of a library's strokes.
+
+    quick: True for minimal training, as a test
+    """
     if rival == ZEROS:
         return lambda other: torch.zeros(other.magnitude.shape)
     if rival == MEAN:
@@ -49,9 +50,9 @@ def learn(rival: str, library: StrokeLibrary, *, seed: int, quick: bool = False)
 
 
 def learn_model(rival: str, library: StrokeLibrary, *, seed: int, quick: bool = False) -> StrokeModel:
-    """The stroke model of a rival that has one, learned as painters learn it, from the clean strokes of the library.
+    """Returns the stroke model of a rival that has one, learned from the clean strokes of the library.
 
-    Raises LibraryError where there are too few of them.
+    Raises LibraryError if there are too few of them.
     """
     if rival != BEZIER:
         return training.learn(rival, library, seed=seed, hasty=quick).model
@@ -62,7 +63,7 @@ def learn_model(rival: str, library: StrokeLibrary, *, seed: int, quick: bool = 
 
 
 def fingerprint(library: StrokeLibrary) -> str:
-    """sha256 of everything that a model learns from."""
+    """Returns the sha256 of everything that a model learns from."""
     content = hashlib.sha256(repr((library.metres_per_pixel, library.origin_px)).encode())
     for part in (library.magnitude, library.length_m, library.bend_m, library.thickness):
         content.update(np.ascontiguousarray(part).tobytes())
@@ -70,7 +71,10 @@ def fingerprint(library: StrokeLibrary) -> str:
 
 
 def drawn_by(model: StrokeModel) -> Predict:
-    """What a stroke model says of a library's strokes, the median where it knows that, on the library's own cells."""
+    """Returns a function that predicts the marks of a library's strokes with a stroke model.
+
+    The marks are on the library's cells. They are the model's medians if it has them.
+    """
     median = median_of(model)
 
     @torch.no_grad()
@@ -82,18 +86,21 @@ def drawn_by(model: StrokeModel) -> Predict:
 
 
 def errors(predict: Predict, library: StrokeLibrary) -> NDArray[np.float64]:
-    """Mean absolute error of each stroke's magnitude over the whole crop as stored, [n]."""
+    """Returns the mean absolute error of each stroke's magnitude over the whole stored crop, [n]."""
     wanted = torch.from_numpy(library.magnitude).float() / 255
     return (predict(library) - wanted).abs().mean((1, 2)).double().numpy()
 
 
 @dataclass(frozen=True)
 class PairedTest:
-    """What two tests say of paired errors.
+    """Result of two tests on paired errors.
 
-    difference: mean of first minus second; better: for how many pairs the first is smaller; t_p:
-    two-sided p of the paired t-test; wilcoxon_p: of Wilcoxon's signed-rank test, which asks for no
-    normal distribution. Both are 1 where all pairs are equal.
+    difference: mean of first minus second
+    better: number of pairs in which the first is smaller
+    t_p: two-sided p-value of the paired t-test
+    wilcoxon_p: p-value of Wilcoxon's signed-rank test, which does not assume a normal distribution
+
+    Both p-values are 1 if all pairs are equal.
     """
 
     difference: float
@@ -103,7 +110,7 @@ class PairedTest:
 
     @classmethod
     def of(cls, first: NDArray[np.float64], second: NDArray[np.float64]) -> "PairedTest":
-        """The tests of two rows of errors [n] on the same n >= 2 things."""
+        """Returns the tests of two series of errors [n] on the same n >= 2 items."""
         apart = first - second
         if not apart.any():
             return cls(0.0, 0, 1.0, 1.0)
@@ -128,7 +135,10 @@ QUICK = ExperimentScale(strokes=16, held_out=6, quick=True)
 def run(
     library: StrokeLibrary, name: str, *, seed: int = 0, scale: ExperimentScale = FULL, notify: Notify = silent
 ) -> Outcome:
-    """Learns from a library called `name` and tests on strokes held out. Raises LibraryError where it is too small."""
+    """Learns from a library and tests on held-out strokes. Raises LibraryError if it is too small.
+
+    name: of the library
+    """
     if len(library) < FEWEST_STROKES:
         raise LibraryError(
             f"The stroke library has {len(library)} strokes; comparing models on strokes held out takes at least "
@@ -191,7 +201,7 @@ def _note(model: str, test: PairedTest, error: NDArray[np.float64], bezier: NDAr
 
 
 def _sheet(test: StrokeLibrary, drawn: dict[str, Tensor], error: dict[str, NDArray[np.float64]], shown: int) -> Tensor:
-    """Strokes from the one that the first model does best to the one it does worst, evenly spaced."""
+    """Returns a sheet of strokes from the first model's best to its worst, evenly spaced."""
     first = next(iter(drawn))
     ranked = np.argsort(error[first])
     chosen = ranked[np.linspace(0, len(ranked) - 1, min(shown, len(ranked))).round().astype(int)]
@@ -205,5 +215,5 @@ def _sheet(test: StrokeLibrary, drawn: dict[str, Tensor], error: dict[str, NDArr
 
 
 def _ink(magnitude: Tensor) -> Tensor:
-    """A magnitude map [rows, columns] as dark paint on white paper [3, rows, columns]."""
+    """Returns a magnitude map [rows, columns] as dark paint on white paper [3, rows, columns]."""
     return (1 - 0.96 * magnitude.clamp(0, 1)).expand(3, -1, -1)

@@ -1,7 +1,7 @@
-"""How many strokes a model needs (paper, Fig. "param2stroke error", there tested on 42 strokes).
+"""Experiment: the number of strokes that a model needs (paper, Fig. "param2stroke error", there tested on 42 strokes).
 
-For every number of strokes the model is trained five times, each time on other strokes and with
-another fifth of them for validation, and tested on the same strokes held out.
+For every number of strokes the model is trained five times, each time on other strokes and with a different
+validation set. It is tested on the same held-out strokes.
 """
 
 from collections.abc import Sequence
@@ -38,7 +38,10 @@ QUICK = ExperimentScale(strokes=16, held_out=4, sizes=(6, 10), folds=2, quick=Tr
 def experiment(
     library: StrokeLibrary, name: str, *, seed: int = 0, scale: ExperimentScale = FULL
 ) -> Experiment[ExperimentTrial]:
-    """Trains on parts of a library called `name`. Raises LibraryError where it is too small for two of the sizes."""
+    """Returns the experiment on a library. Raises LibraryError if it is too small for two of the sizes.
+
+    name: of the library
+    """
     order = np.random.default_rng(seed).permutation(len(library))
     test, pool = library[order[: scale.held_out]], order[scale.held_out :]
     sizes = tuple(size for size in scale.sizes if FEWEST_STROKES <= size <= len(pool))

@@ -1,8 +1,7 @@
-"""Is a styled painting nearer in style than the same photograph unstyled? (Paper: "Style".)
+"""Experiment: is a styled painting nearer to the style than an unstyled one of the same photograph? (Paper: "Style".)
 
-The distance in style is the Earth Mover's Distance between clouds of features that the optimiser did
-not see: layers of VGG16 between those that it asks, and another network altogether. It is given as
-the optimiser's relaxed one and exactly.
+The distance in style is the Earth Mover's Distance between clouds of features that the optimiser did not use: VGG16
+layers between those that it uses, and a different network. It is given in the optimiser's relaxed form and exactly.
 """
 
 from collections.abc import Sequence
@@ -42,8 +41,8 @@ WAYS = (UNSTYLED, STYLED, BEGUN)
 JUDGE = "efficientnet-lite1"
 UNSEEN = ("conv2_1", "conv3_2", "conv4_2")
 _ROWS = 192  # of the pictures whose features are compared
-_PLACES = 500  # at which they are
-_LIGHT = 0.25  # of the photograph, where a painting begins with the style and is to keep its composition
+_PLACES = 500  # number of places that are compared
+_LIGHT = 0.25  # weight of the photograph if a painting begins with the style and keeps its composition
 _EDGES = "edges like the style's"
 _DIRECTIONS = "strokes like the style's"
 _NETWORKS = ("VGG16", "Lite1", "colours")
@@ -59,10 +58,12 @@ def experiment(
     encoders: EncoderRegistry | None = None,
     judge: Seer | None = None,
 ) -> Experiment[PaintingTrial]:
-    """Paints every photograph unstyled, in every style, and begun with that style's own composition.
+    """Returns the experiment: every photograph painted unstyled, in every style, and begun with that style's picture.
 
-    encoders: the networks that goals are seen through; judge: the one that they do not ask, by
-    default EfficientNet-Lite1. Raises WeightsError where a network is missing.
+    encoders: networks of the goals
+    judge: network that they do not use; None for EfficientNet-Lite1
+
+    Raises WeightsError if a network is missing.
     """
     encoders = encoders or EncoderRegistry(device=planning_device())
     judge = judge or EfficientNetLite(weights.tensors(JUDGE))
@@ -118,7 +119,7 @@ def _spec(scale: RunSpec, photo: Target, style: Target, seed: int, way: str) -> 
 
 @torch.no_grad()
 def _distances(vgg: Vgg16, judge: Seer, picture: Tensor, style: Tensor) -> dict[str, float]:
-    """Relaxed and exact distances in style by network."""
+    """Returns relaxed and exact distances in style, by network."""
     found = {}
     for network, clouds in zip(
         _NETWORKS, zip(_clouds(vgg, judge, picture), _clouds(vgg, judge, style), strict=True), strict=True
@@ -133,14 +134,14 @@ def _distances(vgg: Vgg16, judge: Seer, picture: Tensor, style: Tensor) -> dict[
 
 
 def _clouds(vgg: Vgg16, judge: Seer, picture: Tensor) -> list[list[Tensor]]:
-    """What each network sees at places, [n, c] for each of its layers, and last the colours."""
+    """Returns the features of each network at all places, [n, c] for each of its layers, and last the colours."""
     small = images.fit(picture, _ROWS, round(_ROWS * picture.shape[2] / picture.shape[1]))
     lite = [layer[0] for layer in judge.features(small[None])]
     return [[layer.flatten(1).T for layer in layers] for layers in (vgg.features(small, UNSEEN), lite, [small])]
 
 
 def _sampled(a: Tensor, b: Tensor) -> tuple[Tensor, Tensor]:
-    """As many rows of one cloud [n, c] as of the other [m, c], and not too many, drawn at random."""
+    """Returns equally many random rows of both clouds [n, c] and [m, c], at most _PLACES."""
     count = min(len(a), len(b), _PLACES)
     chance = torch.Generator().manual_seed(0)
     return a[torch.randperm(len(a), generator=chance)[:count]], b[torch.randperm(len(b), generator=chance)[:count]]

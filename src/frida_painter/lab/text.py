@@ -1,9 +1,10 @@
-"""Paintings towards words, judged by a network that their planning never asked.
+"""Experiment: paintings for text prompts, judged by a network that their planning never uses.
 
-Each prompt is planned, painted by the virtual robot with looks in between, and photographed. The
-judge, a classifier, says how probable each of its thousand classes is in the middle square of the
-photograph. Floors: the picture that the words began with, planned by its pixels alone; that
-picture itself; and strokes at random. They are judged as simulated, which flatters them.
+Each prompt is planned, painted by the virtual robot with looks in between, and photographed. The judge is a
+classifier. It gives the probability of each of its thousand classes in the middle square of the photograph.
+
+Floors are a plan for the pixels of the prompt's initial picture, that picture itself, and random strokes. They are
+judged as simulated, which is an advantage for them.
 """
 
 from collections.abc import Sequence
@@ -32,12 +33,12 @@ NAME = "text"
 JUDGE = "efficientnet-lite2"
 PAINTED, PIXELS, BEGUN, RANDOM = "words", "pixels of the beginning", "the beginning itself", "random strokes"
 WAYS = (PAINTED, PIXELS, BEGUN, RANDOM)
-_SEEN = 260  # pixels of the square that the judge was made for
+_SEEN = 260  # pixels of the judge's input square
 
 
 @dataclass(frozen=True)
 class Prompt:
-    """Words, and the numbers of the classes that they may mean."""
+    """Prompt with the numbers of the classes that it may mean."""
 
     words: str
     classes: tuple[int, ...]
@@ -72,10 +73,10 @@ QUICK = RunSpec.of(strokes=6, colors=3, render_height=64, effort=0.05, replans=1
 
 
 class Unjudged(EncoderRegistry):
-    """The encoders without a reader that is kept aside: the judge's network is not asked while it is planned."""
+    """Encoders without a separate reader for validation, so that planning does not use the judge's network."""
 
     def reader_aside(self) -> Reader | None:
-        """None."""
+        """Returns None."""
         return None
 
 
@@ -87,17 +88,19 @@ def experiment(
     encoders: EncoderRegistry | None = None,
     judge: EfficientNetLite | None = None,
 ) -> Experiment[PaintingTrial]:
-    """Paints every prompt once per seed.
+    """Returns the experiment: every prompt painted once per seed.
 
-    encoders: the networks that words are seen through; judge: the one that they do not ask, by default
-    EfficientNet-Lite2. Raises WeightsError where a network is missing.
+    encoders: networks of the goals
+    judge: network that they do not use; None for EfficientNet-Lite2
+
+    Raises WeightsError if a network is missing.
     """
     judge = judge or EfficientNetLite(weights.tensors(JUDGE))
     encoders = encoders or Unjudged(device=planning_device())
     readers = " and ".join(reader.name for reader in encoders.readers())
 
     def measure(trial: PaintingTrial, painted: Painted) -> Measurement:
-        """The painting and its floors, and the judge's log probability of every class for each."""
+        """Measures the judge's log probability of every class for the painting and its floors."""
         pictures = {PAINTED: painted.photograph, **_floors(painted)}
         numbers = {
             f"{way} {number}": value
@@ -141,7 +144,7 @@ def experiment(
 
 
 def _floors(painted: Painted) -> dict[str, Tensor]:
-    """What words are held against: what they began with, planned by its pixels and as it is, and random strokes."""
+    """Returns the floors: a plan for the initial picture's pixels, that picture itself, and random strokes."""
     planner, spec = painted.run.planner, painted.run.spec
     begun = next(term.picture for term in planner.goal.initial if term.picture is not None)
     with TemporaryDirectory() as folder:
@@ -160,24 +163,24 @@ def _floors(painted: Painted) -> dict[str, Tensor]:
 
 @torch.no_grad()
 def log_probabilities(judge: EfficientNetLite, picture: Tensor) -> Tensor:
-    """What the judge says of each class, [1000], in the middle square of a picture [3, H, W]."""
+    """Returns the judge's log probability of each class, [1000], in the middle square of a picture [3, H, W]."""
     return judge.logits(images.fit(picture, _SEEN, _SEEN)[None]).log_softmax(1)[0]
 
 
 def _of(finding: Measurement, way: str) -> Tensor:
-    """The judge's log probabilities of one way, [1000]."""
+    """Returns the judge's log probabilities of one way, [1000]."""
     return torch.tensor([finding.numbers[f"{way} {number}"] for number in range(len(class_names()))])
 
 
 def rank_of(logs: Tensor, prompt: Prompt) -> int:
-    """Of the likeliest of a prompt's classes by log probabilities [1000]: 1 where none is more probable."""
+    """Returns the rank of a prompt's likeliest class by log probabilities [1000]; 1 is the best."""
     return int((logs > logs[list(prompt.classes)].max()).sum()) + 1
 
 
 def _first(prompt: Prompt, seed: int, way: str, prompts: Sequence[Prompt], results: Results) -> float:
-    """1 where every other prompt's picture shows this prompt's classes with a lower probability, else 0.
+    """Returns 1 if no other prompt's picture shows this prompt's classes with a higher probability, otherwise 0.
 
-    Where several are equally probable, one of them is drawn, so to speak: the share of the chances.
+    Among n equally probable pictures, each gets 1/n.
     """
     classes = list(prompt.classes)
     logs = {

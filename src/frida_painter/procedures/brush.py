@@ -1,7 +1,7 @@
-"""Brush: the heights of the lightest touch and of the hardest press, between which thickness runs from 0 to 1.
+"""The brush procedure: finds the heights of the lightest touch (thickness 0) and of the hardest press (thickness 1).
 
-Either a person lowers the brush with jog keys, or the painter finds out by looking: it lowers the brush
-in small steps and photographs whether, and how wide, a short stroke marks the paper.
+Either a person lowers the brush with jog keys, or the painter finds the heights itself: it lowers the brush in
+small steps, and photographs the width of the mark that a short stroke leaves.
 """
 
 from collections.abc import Generator, Sequence
@@ -19,7 +19,7 @@ from frida_painter.hardware.robot import Waypoints
 from frida_painter.procedures.paper import EaselAccess, Trial, TrialPaper, ceiling
 from frida_painter.sheet import CREAM, INK, LINE, SOFT, Sheet
 
-# The picture of a brush calibration: trial strokes from the lightest to the hardest, and how wide they are.
+# Picture of a brush calibration: trial strokes from the lightest to the hardest, with their widths.
 
 _ROWS, _COLUMNS = 640, 1500
 _MARGIN, _SHOWN, _GAP = 60, 9, 12
@@ -32,7 +32,10 @@ _TOUCH, _PRESS = (46, 110, 166), (178, 62, 48)
 
 
 def brush_sheet(trials: Sequence[Trial], touch: float, press: float) -> Tensor:
-    """The picture, sRGB [3, 640, 1500] in [0, 1]. touch, press: the two heights, robot z in metres."""
+    """Returns the picture of a brush calibration, sRGB [3, 640, 1500] in [0, 1].
+
+    touch, press: the two heights, robot z in metres
+    """
     sheet = Sheet(_COLUMNS, _ROWS, CREAM)
     title = "Short strokes, pressed ever harder (millimetres below the lightest touch)"
     sheet.text((_MARGIN, 20), title, 20, INK)
@@ -47,7 +50,7 @@ def brush_sheet(trials: Sequence[Trial], touch: float, press: float) -> Tensor:
 
 
 def _chosen(trials: Sequence[Trial], touch: float) -> list[Trial]:
-    """As many as there is room for: one that left the paper bare, then evenly spaced ones, each once."""
+    """Returns as many trials as fit: one without a mark, then evenly spaced ones, each once."""
     bare = [trial for trial in trials if not trial.marked]
     left = [trial for trial in trials if trial.marked]
     chosen = [min(bare, key=lambda trial: trial.height)] if bare else []
@@ -60,7 +63,7 @@ def _chosen(trials: Sequence[Trial], touch: float) -> list[Trial]:
 
 
 def _look(trial: Trial, width: int) -> Image.Image:
-    """The middle of a trial's place; all places at one scale, on white paper."""
+    """Returns the middle of a trial's picture on white paper; all trials have the same scale."""
     picture = Image.fromarray((255 * trial.look.permute(1, 2, 0).numpy()).round().astype(np.uint8))
     scale = 1000 * trial.pitch * width / _MILLIMETRES
     size = max(1, round(picture.width * scale)), max(1, round(picture.height * scale))
@@ -71,7 +74,7 @@ def _look(trial: Trial, width: int) -> Image.Image:
 
 
 def _plot(trials: Sequence[Trial], touch: float, press: float) -> Image.Image:
-    """Width of the mark over depth, every trial a dot."""
+    """Returns a plot of the mark's width over depth, with a dot for every trial."""
     size = _COLUMNS, _ROWS - _PLOT_TOP
     plot = Sheet(_FINER * size[0], _FINER * size[1], CREAM)
     left, top, right, bottom = (_FINER * side for side in _AXES)
@@ -105,25 +108,26 @@ def _plot(trials: Sequence[Trial], touch: float, press: float) -> Image.Image:
 
 
 def _ticks(most: float) -> list[float]:
-    """Round numbers from 0 up to `most`, some six of them."""
+    """Returns about six round numbers from 0 to `most`."""
     step = next(step for step in (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 1000.0) if most / step <= 7)
     return [step * number for number in range(int(most / step) + 1)]
 
 
 WHITE = (1.0, 1.0, 1.0)
 LONGEST_BRUSH = 0.5
-"""Metres; no brush protrudes further."""
+"""Greatest protrusion of a brush, metres."""
 ABOVE_FLOOR = 0.002
-"""Metres that looking keeps above the workspace's floor."""
-# Cells for trial strokes (m): of touching marks and of pressed ones.
+"""Distance to the floor of the workspace during trial strokes, metres."""
+# Cells for trial strokes (m): for light strokes and for pressed ones.
 _SMALL_CELL, _LARGE_CELL = (0.030, 0.018), (0.050, 0.042)
-# Lowering until a mark appears, by this share of the way to where the paper should be, or by this much.
+# Step of the first descent until a mark appears: this share of the way to the expected paper, but at least this many
+# metres.
 _SHARE, _LOWERING = 0.2, 0.0015
-# Then up where there is a mark and down where there is none, by less with every turn.
+# Then up after a mark and down without one, with smaller steps after every turn.
 _FINEST, _TURNS, _COUNTED, _MOST = 0.0001, 12, 8, 60
-# Pressing harder, some strokes a step, until two steps in a row widen the mark by less than this share.
+# Press harder, with some strokes per step, until two successive steps widen the mark by less than this share.
 _PRESSING, _EACH, _WIDENING = 0.001, 2, 0.04
-# A harder press never leaves a mark narrower than this share of the widest, or something is wrong.
+# A mark narrower than this share of the widest one means a fault.
 _NARROWER = 0.85
 _BY_EYE = 0.0005
 _THERE = 0.001
@@ -131,11 +135,14 @@ _THERE = 0.001
 
 @dataclass(frozen=True)
 class BrushFinding:
-    """What the brush procedure found, metres.
+    """Result of the brush procedure, lengths in metres.
 
-    touch_height, press_height: robot z; exactness: how well the touch is known; protrusion: from the
-    flange to the tip, None where nobody said; trials: the strokes by which the heights were found,
-    none where a person set them; ended: what the hardest press ended at, in words.
+    brush: name of the brush
+    touch_height, press_height: robot z
+    exactness: accuracy of the touch height
+    protrusion: from the flange to the tip; None if unknown
+    trials: strokes from which the heights were found; empty if a person set them
+    ended: reason for which pressing ended, in words
     """
 
     brush: str
@@ -148,7 +155,7 @@ class BrushFinding:
 
     @property
     def sentence(self) -> str:
-        """What was found, in plain words."""
+        """Result in plain words."""
         touch, press = 1000 * self.touch_height, 1000 * self.press_height
         how = f"found in {len(self.trials)} trial strokes" if self.trials else "set by hand"
         return (
@@ -158,11 +165,11 @@ class BrushFinding:
 
     @property
     def picture(self) -> Tensor | None:
-        """The trial strokes and their widths; None where a person set the heights."""
+        """Trial strokes and their widths; None if a person set the heights."""
         return brush_sheet(self.trials, self.touch_height, self.press_height) if self.trials else None
 
     def enter(self, record: Calibration) -> Calibration:
-        """The record with this brush and its heights."""
+        """Returns the calibration with this brush and its heights."""
         return record.with_brush(
             self.brush, self.touch_height, self.press_height, protrusion=self.protrusion, residual=self.exactness
         )
@@ -175,11 +182,14 @@ def brush(
     deepest: float | None = None,
     ground: tuple[float, float, float] = WHITE,
 ) -> Procedure[BrushFinding]:
-    """Finds or asks for the two heights of the brush called `name`, the record's where it is None.
+    """Finds the two heights of a brush, or asks a person for them.
 
-    deepest: metres by which the brush may be pressed below its lightest touch, where its owner knows;
-    ground: the paper's colour (sRGB). Raises CalibrationError where no mark appears, the heights
-    cannot be true, or an answer is no height; WorkspaceViolation before anything leaves the workspace.
+    name: of the brush; None for that of the calibration
+    deepest: metres by which the brush may be pressed below its lightest touch; None if unknown
+    ground: colour of the paper (sRGB)
+
+    Raises CalibrationError if no mark appears, the heights are impossible, or an answer is no height.
+    Raises WorkspaceViolation before anything leaves the workspace, RobotError, CameraError and their subclasses.
     """
     record = easel.calibration
     protrusion = yield Measure(
@@ -192,7 +202,7 @@ def brush(
         "The heights can be found by looking: the brush is dipped in black paint in well 1 and lowered in small steps "
         "until it marks the paper. Shall the painter do that? (If not, you lower it with the jog keys.)"
     )
-    # The hardest press is what is to be found here: not the record's, but the workspace's floor is the limit.
+    # The limit is the floor of the workspace, not the calibrated press, because the procedure searches for the press.
     access = EaselAccess(easel, lowest=easel.workspace.lower[2])
     found = (yield from _by_looking(access, deepest, ground)) if looking is True else _Found()
     paper = easel.canvas.width / 2, easel.canvas.height / 2
@@ -223,7 +233,7 @@ def brush(
 
 @dataclass(frozen=True)
 class _Found:
-    """What looking found; nothing at first."""
+    """Result of the trial strokes; the defaults stand for no trials."""
 
     touch: float | None = None
     press: float | None = None
@@ -240,7 +250,7 @@ class _Found:
 
 
 class _Trials:
-    """Trial strokes, one after the other, on as many papers as it takes."""
+    """Trial strokes, one after another, on as many sheets of paper as needed."""
 
     def __init__(self, access: EaselAccess, ground: tuple[float, float, float]) -> None:
         self._access, self._ground = access, ground
@@ -253,11 +263,11 @@ class _Trials:
         return self._paper.free_place if self._paper else None
 
     def start_over(self, cell: tuple[float, float]) -> None:
-        """The next stroke takes a fresh paper with cells of that size."""
+        """Makes the next stroke use fresh paper with cells of that size."""
         self._paper, self._cell = None, cell
 
     def at(self, height: float) -> Generator[Question, Answer, Trial]:
-        """Paints one; a person is asked for paper where the operator cannot lay it."""
+        """Paints a trial stroke; asks a person for paper if the operator cannot lay it."""
         if self._paper is None or self._paper.is_full:
             if not self._access.easel.operator.lay_paper():
                 ready = yield Confirm("Lay a bare sheet of paper on the canvas's place. Does it lie there?")
@@ -272,7 +282,7 @@ class _Trials:
 def _by_looking(
     access: EaselAccess, deepest: float | None, ground: tuple[float, float, float]
 ) -> Generator[Question, Answer, _Found]:
-    """Lowers the brush and looks."""
+    """Finds the heights by lowering the brush and photographing its marks."""
     easel, trials = access.easel, _Trials(access, ground)
     floor = easel.workspace.lower[2] + ABOVE_FLOOR
     touch, exactness = yield from _touch(trials, ceiling(easel), easel.workspace.canvas_origin[2], floor)
@@ -288,7 +298,7 @@ def _by_looking(
 def _touch(
     trials: _Trials, height: float, expected: float, floor: float
 ) -> Generator[Question, Answer, tuple[float, float]]:
-    """The height at which every other stroke leaves a mark, and how exactly that is known."""
+    """Returns the height at which every other stroke leaves a mark, and its standard error."""
     start = height
     while True:
         trial = yield from trials.at(height)
@@ -325,7 +335,7 @@ def _touch(
 
 
 def _press(trials: _Trials, touch: float, bottom: float) -> Generator[Question, Answer, tuple[float, bool]]:
-    """The lowest height at which pressing still widens the mark, not below `bottom`; and whether it was not that."""
+    """Returns the lowest useful height, not below `bottom`, and True if the mark stopped widening there."""
     if not touch - bottom >= _PRESSING:
         raise CalibrationError(
             f"The brush touches at {1000 * touch:.1f} mm, and must not go below {1000 * bottom:.1f} mm: there is no "
@@ -352,7 +362,7 @@ def _press(trials: _Trials, touch: float, bottom: float) -> Generator[Question, 
 def _jogged(
     access: EaselAccess, place: tuple[float, float], found: _Found, height: float | None, highest: float, wanted: str
 ) -> Generator[Question, Answer, float]:
-    """The height that a person settles on, moving the brush with jog keys; what was found is proposed."""
+    """Returns the height that a person sets with jog keys; the height found, if any, is proposed."""
     lowest = access.easel.workspace.lower[2]
     text = f"Lower or raise the brush until it is at {wanted}."
     question = Jog(
@@ -379,7 +389,7 @@ def _jogged(
 
 
 def _hold(access: EaselAccess, place: tuple[float, float], height: float) -> Waypoints:
-    """The brush stands over a place of the canvas (metres) at that height, and comes there from above."""
+    """Returns the motion that holds the brush over a place of the canvas (m) at a height, coming from above."""
     easel = access.easel
     here = easel.workspace.to_robot(easel.calibration.place(np.array([place])), np.array([height]))
     above = here.copy()
@@ -390,7 +400,7 @@ def _hold(access: EaselAccess, place: tuple[float, float], height: float) -> Way
 
 
 def _below(press: float, touch: float) -> float:
-    """The press, once it is known to be below the touch. Raises CalibrationError."""
+    """Returns the press height if it is below the touch. Raises CalibrationError otherwise."""
     if not press < touch:
         raise CalibrationError(
             f"The hardest press ({1000 * press:.2f} mm) is not below the lightest touch ({1000 * touch:.2f} mm); "
@@ -400,7 +410,7 @@ def _below(press: float, touch: float) -> float:
 
 
 def _protrusion(answer: object) -> float | None:
-    """Metres, or None where nobody knows. Raises CalibrationError."""
+    """Returns the protrusion in metres; None if unknown. Raises CalibrationError."""
     if answer is None:
         return None
     if isinstance(answer, bool) or not isinstance(answer, int | float) or not 0 <= answer <= LONGEST_BRUSH:

@@ -1,4 +1,4 @@
-"""Canvas: where its four corners are in the camera's photograph, and what the lens does to straight lines."""
+"""The canvas procedure: finds the canvas's four corners in the photograph, and the distortion of the lens."""
 
 from dataclasses import dataclass, replace
 
@@ -19,10 +19,10 @@ from frida_painter.perception.landmarks import Outline, find_canvas, trace_outli
 from frida_painter.procedures.paper import EaselAccess
 from frida_painter.sheet import CREAM, SOFT, Sheet
 
-# The picture of a canvas calibration: its outline on the photograph, and each corner through a magnifying glass.
+# Picture of a canvas calibration: the outline on the photograph, and each corner magnified.
 
 _ROWS = 760
-_GLASS = 24  # pixels of the photograph across a magnifying glass
+_GLASS = 24  # pixels of the photograph across a magnified corner
 _SIDE, _GAP, _MARGIN, _HEAD = 300, 24, 40, 56
 _FOUND = (214, 40, 80)
 _NAMES = ("top left", "top right", "bottom right", "bottom left")
@@ -30,7 +30,7 @@ _EDGE_POINTS = 33
 
 
 def corner_sheet(photograph: NDArray[np.uint8], outline: Outline) -> Tensor:
-    """The picture, sRGB [3, h, w] in [0, 1]: the photograph to the left, the four corners to the right."""
+    """Returns the picture, sRGB [3, h, w] in [0, 1]: the photograph on the left, the four corners on the right."""
     scale = (_ROWS - _HEAD - _MARGIN) / photograph.shape[0]
     size = (round(photograph.shape[1] * scale), _ROWS - _HEAD - _MARGIN)
     left = _MARGIN + size[0] + _GAP
@@ -41,7 +41,7 @@ def corner_sheet(photograph: NDArray[np.uint8], outline: Outline) -> Tensor:
     for column, row in (np.array(outline.corners) + 0.5) * scale - 0.5:
         _ring(seen, column, row, 9)
     sheet.paste(seen, (_MARGIN, _HEAD))
-    # On the sheet the corners stand as they do on the canvas.
+    # The magnified corners are arranged as on the canvas.
     for number, (across, down) in enumerate(((0, 0), (1, 0), (1, 1), (0, 1))):
         place = (left + across * (_SIDE + _GAP), _HEAD + down * (_SIDE + _GAP + 40))
         sheet.paste(_magnified(photograph, outline, edge, number), place)
@@ -54,7 +54,7 @@ def corner_sheet(photograph: NDArray[np.uint8], outline: Outline) -> Tensor:
 
 
 def _edge(outline: Outline) -> NDArray[np.float64]:
-    """Points along the whole outline as it is seen, [n, 2]: through a lens its sides are bowed."""
+    """Returns points along the outline as the camera sees it, [n, 2]; a lens bends its sides."""
     corners = np.array(outline.corners)
     straight = corners if outline.lens is None else outline.lens.straightened(corners)
     share = np.linspace(0, 1, _EDGE_POINTS, endpoint=False)[:, None]
@@ -89,8 +89,8 @@ def _ring(picture: NDArray[np.uint8], column: float, row: float, radius: int) ->
 
 
 POINTING = 2.0
-"""Pixels by which a person's corner is usually off; the residual where no edge tells it better."""
-_NEAR = 0.006  # of the photograph's diagonal: how far from pointed corners edges are looked for
+"""Usual error of a corner that a person points at, pixels; the residual if no edge gives a better one."""
+_NEAR = 0.006  # share of the photograph's diagonal within which edges are looked for around pointed corners
 _WELL_SEEN = 0.5
 _BEYOND = 2.0
 _SMALLEST = 0.02
@@ -98,13 +98,16 @@ _SMALLEST = 0.02
 
 @dataclass(frozen=True)
 class CanvasFinding:
-    """What the canvas procedure found.
+    """Result of the canvas procedure.
 
-    corners: clockwise from the canvas's top left, (column, row) pixels; shape: the photograph's
-    (rows, columns); lens: None where its edges look straight; residual: pixels that the edges are
-    from straight, root mean square (of corners pointed at: that they are from where the edges
-    meet); support: share of the worst edge that was seen; pointed: whether a person gave them; bare: what the
-    canvas, being bare, tells of the light, None where it is not bare.
+    corners: clockwise from the canvas's top left, (column, row) pixels
+    shape: (rows, columns) of the photograph
+    lens: None if the edges look straight
+    residual: pixels, root mean square deviation of the edges from straight lines; for pointed corners, their
+        distance from the intersections of the edges
+    support: visible share of the worst edge
+    pointed: True if a person gave the corners
+    bare: the light on the bare canvas; None if the canvas is not bare
     """
 
     corners: Corners
@@ -120,7 +123,7 @@ class CanvasFinding:
 
     @property
     def sentence(self) -> str:
-        """What was found, in plain words."""
+        """Result in plain words."""
         how = (
             "where you pointed"
             if self.pointed
@@ -141,7 +144,7 @@ class CanvasFinding:
         return f"The canvas was found {how}, to {self.residual:.2f} pixels. {lens} {light}"
 
     def enter(self, record: Calibration) -> Calibration:
-        """The record with these corners, this lens, and the ids of this camera and canvas."""
+        """Returns the calibration with these corners, this lens, and the names of this camera and canvas."""
         return record.with_canvas(
             self.corners,
             self.shape,
@@ -154,10 +157,9 @@ class CanvasFinding:
 
 
 def canvas(easel: Easel) -> Procedure[CanvasFinding]:
-    """Photographs the easel, proposes the canvas's corners, and takes those that are answered.
+    """Photographs the easel, proposes the canvas's corners, and uses the corners of the answer.
 
-    Raises CalibrationError where no corners are found nor pointed at, or those pointed at cannot be
-    a canvas's; CameraError.
+    Raises CalibrationError if there are no corners, or the answered ones cannot be a canvas's; CameraError.
     """
     frame = EaselAccess(easel).photograph().image
     found: Outline | None = None
@@ -190,7 +192,7 @@ def canvas(easel: Easel) -> Procedure[CanvasFinding]:
 
 
 def _bare(frame: NDArray[np.uint8], easel: Easel, outline: Outline) -> BareCanvas | None:
-    """What the photograph tells of the light; None where the canvas in it is not bare."""
+    """Returns the light on the bare canvas; None if the canvas is not bare."""
     shape = (frame.shape[0], frame.shape[1])
     seen = replace(easel.calibration, corners=outline.corners, photograph=shape, lens=outline.lens)
     try:
@@ -200,7 +202,7 @@ def _bare(frame: NDArray[np.uint8], easel: Easel, outline: Outline) -> BareCanva
 
 
 def _four(answer: object, shape: tuple[int, ...], unseen: str) -> Corners:
-    """The answer as four corners of a canvas. Raises CalibrationError."""
+    """Returns the answer as four corners of a canvas. Raises CalibrationError."""
     points = np.array(answer if isinstance(answer, tuple) else (), np.float64)
     if points.shape != (4, 2) or not np.isfinite(points).all():
         raise CalibrationError(
@@ -225,7 +227,7 @@ def _four(answer: object, shape: tuple[int, ...], unseen: str) -> Corners:
 
 
 def _as_pointed(frame: NDArray[np.uint8], corners: Corners) -> Outline:
-    """The corners as a person gave them, with the lens that the edges near them tell, where they can be seen."""
+    """Returns a person's corners, with the lens that follows from the edges near them if these are visible."""
     near = trace_outline(frame, corners, max(POINTING, _NEAR * float(np.hypot(*frame.shape[:2]))))
     if near is None or not near.support >= _WELL_SEEN:
         return Outline(corners, None, 0.0 if near is None else near.support, POINTING)

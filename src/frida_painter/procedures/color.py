@@ -1,4 +1,4 @@
-"""Color: what the camera makes of the 24 known colours of a checker, and the map that brings them back."""
+"""The color procedure: photographs the 24 known colours of a checker, and fits the map that corrects the camera."""
 
 from dataclasses import dataclass
 
@@ -34,7 +34,7 @@ from frida_painter.perception.srgb import to_linear, to_srgb
 from frida_painter.procedures.paper import EaselAccess
 from frida_painter.sheet import CREAM, INK, SOFT, Sheet, to_bytes
 
-# The picture of a colour calibration: where the checker was found, and each patch as seen, mapped and true.
+# Picture of a colour calibration: the checker in the photograph, and each patch as seen, mapped and true.
 
 _ROWS, _COLUMNS = 650, 1500
 _LEFT, _TOP, _PITCH, _SIDE, _DISC = 612, 56, 144, 110, 29
@@ -45,10 +45,11 @@ _FINER = 3
 def checker_sheet(
     photograph: NDArray[np.uint8], readings: PatchReadings, affine: Tensor, even: Tensor, true: Tensor, off: Tensor
 ) -> Tensor:
-    """The picture, sRGB [3, 650, 1500] in [0, 1].
+    """Returns the picture of a colour calibration, sRGB [3, 650, 1500] in [0, 1].
 
-    affine [3, 4]: the map; even, true [24, 3]: perceived in even light, and true, linear light; off
-    [24]: CIEDE2000, written below each patch.
+    affine: [3, 4], the map
+    even, true: [24, 3], linear light as perceived in even light, and the true one
+    off: [24] CIEDE2000, written below each patch
     """
     sheet = Sheet(_COLUMNS, _ROWS, CREAM)
     sheet.paste(_excerpt(photograph, readings), _PHOTOGRAPH[:2])
@@ -68,7 +69,7 @@ def checker_sheet(
 
 
 def _excerpt(photograph: NDArray[np.uint8], readings: PatchReadings) -> NDArray[np.uint8]:
-    """The photograph around the checker, and frames around what was looked at."""
+    """Returns the photograph around the checker, with frames around the evaluated areas."""
     _, _, width, height = _PHOTOGRAPH
     places = readings.place.numpy()
     low, high = places.min(0), places.max(0)
@@ -84,7 +85,7 @@ def _excerpt(photograph: NDArray[np.uint8], readings: PatchReadings) -> NDArray[
 
 
 def _patch(seen: tuple[int, ...], mapped: tuple[int, ...], true: tuple[int, ...]) -> Image.Image:
-    """One patch: two halves, and a disc over both."""
+    """Returns a picture of one patch: two halves, and a disc over both."""
     side, middle, disc = _FINER * _SIDE, _FINER * _SIDE // 2, _FINER * _DISC
     patch = Sheet(side, side, mapped)
     patch.draw.rectangle((0, 0, middle - 1, side), fill=seen)
@@ -93,7 +94,7 @@ def _patch(seen: tuple[int, ...], mapped: tuple[int, ...], true: tuple[int, ...]
 
 
 WORST_MEAN = 3.0
-"""CIEDE2000 of held-out patches, on average, above which a map is refused."""
+"""Greatest mean CIEDE2000 of held-out patches; a map with more is refused."""
 WHITE = (1.0, 1.0, 1.0)
 _MOST_BLOWN_OUT = 0.05
 _MOST_UNEVEN = 0.12
@@ -102,18 +103,21 @@ _COLOR_ROWS = 240
 _LEAST_BARE = 0.1
 _MOST_OFF_WHITE = 0.05
 _NOTABLE_CHANGE = 0.05
-# How much larger than the block of its patches' middles a card is at most, with its rim and a shadow.
+# Greatest size of a card with its rim and shadow, relative to the block of its patches' middles.
 _CARD = 1.75
 
 
 @dataclass(frozen=True)
 class ColorFinding:
-    """What the color procedure found.
+    """Result of the color procedure.
 
-    affine [3, 4]: from perceived to true linear light; held_out [24]: CIEDE2000 of each patch as
-    mapped by a fit to the 23 others; fit, photographed [24]: the same as fitted and in even light,
-    and as photographed; edition: which chart it is; change: by how much the light was another one
-    than on the bare canvas, share of it; picture [3, h, w]: every patch as seen, mapped and true.
+    affine: [3, 4], from perceived to true linear light
+    held_out: [24] CIEDE2000 of each patch, mapped by a fit to the 23 others
+    fit: fit to all patches, with the errors before it in even light
+    photographed: [24] CIEDE2000 of each patch as photographed
+    edition: edition of the chart
+    change: relative change of the light since the photograph of the bare canvas
+    picture: [3, h, w], every patch as seen, mapped and true
     """
 
     affine: tuple[tuple[float, ...], ...]
@@ -126,7 +130,7 @@ class ColorFinding:
 
     @property
     def sentence(self) -> str:
-        """What was found, in plain words."""
+        """Result in plain words."""
         worst = int(self.held_out.argmax())
         changed = f" The light had changed by {self.change:.0%} meanwhile; that was taken out." * (
             self.change > _NOTABLE_CHANGE
@@ -138,15 +142,17 @@ class ColorFinding:
         )
 
     def enter(self, record: Calibration) -> Calibration:
-        """The record with this correction of colours."""
+        """Returns the calibration with this correction of colours."""
         return record.with_color(self.affine, residual=float(self.held_out.mean()))
 
 
 def color(easel: Easel, *, ground: tuple[float, float, float] = WHITE) -> Procedure[ColorFinding]:
-    """Photographs the bare canvas, then a 24-patch colour checker on it, and fits the map between the two.
+    """Photographs the bare canvas, then a 24-patch colour checker on it, and fits the correction of colours.
 
-    ground: the canvas's own colour (sRGB). Raises CalibrationError where no chart is there or the
-    map would be wrong, FrameRejected where the canvas is not bare, CameraError.
+    ground: colour of the canvas (sRGB)
+
+    Raises CalibrationError if there is no chart or the map would be wrong, FrameRejected if the canvas is not bare,
+    CameraError.
     """
     if not easel.operator.take_checker_away():
         yield Confirm("Is the canvas bare, with nothing lying on it?")
@@ -180,7 +186,7 @@ def _found(
     frame: NDArray[np.uint8],
     corners: Corners,
 ) -> ColorFinding:
-    """What the photograph of the checker says. Raises CalibrationError."""
+    """Returns the result of the photograph of the checker. Raises CalibrationError."""
     readings = _in_order(frame, corners)
     _check(readings)
     renewed = _in_this_light(
@@ -194,7 +200,7 @@ def _found(
     fit, affine = fits[edition], fits[edition].affine
     held_out = fit.held_out
     if not float(held_out.mean()) < float(fit.before.mean()):
-        held_out, affine = fit.before, torch.eye(3, 4, dtype=affine.dtype)  # The camera is as true as the chart.
+        held_out, affine = fit.before, torch.eye(3, 4, dtype=affine.dtype)  # the camera is accurate enough
     if not float(held_out.mean()) <= WORST_MEAN:
         raise CalibrationError(
             f"The patches are {held_out.mean():.1f} CIEDE2000 off on average after the correction; at most "
@@ -213,7 +219,7 @@ def _found(
 
 
 def _four(corners: object) -> Corners:
-    """The answer as four corners that go round clockwise. Raises CalibrationError."""
+    """Returns the answer as four clockwise corners. Raises CalibrationError."""
     points = np.array(corners if isinstance(corners, tuple) else (), np.float64)
     if points.shape != (4, 2) or not np.isfinite(points).all():
         raise CalibrationError(
@@ -226,14 +232,14 @@ def _four(corners: object) -> Corners:
 
 
 def _in_order(frame: NDArray[np.uint8], corners: Corners) -> PatchReadings:
-    """The readings that begin at that corner from which the patches look most like the chart's."""
+    """Returns the readings from the starting corner with which the patches are most similar to the chart's."""
     turned = [read_checker(frame, corners[first:] + corners[:first]) for first in range(4)]
     known = to_srgb(true_colors(EDITIONS[0]))
     return min(turned, key=lambda readings: float(difference(to_srgb(readings.light), known).mean()))
 
 
 def _check(readings: PatchReadings) -> None:
-    """Raises CalibrationError where the patches cannot be read."""
+    """Raises CalibrationError if the patches cannot be read."""
     blown_out = [NAMES[i] for i in torch.nonzero(readings.blown_out > _MOST_BLOWN_OUT).flatten().tolist()]
     if blown_out:
         raise CalibrationError(
@@ -258,9 +264,10 @@ def _check(readings: PatchReadings) -> None:
 def _in_this_light(
     field: FlatField, ground: tuple[float, float, float], picture: Tensor, chart: NDArray[np.float64]
 ) -> FlatField:
-    """The light in which the checker was photographed, as the canvas around it tells. Raises CalibrationError.
+    """Returns the light on the checker, from the canvas around it. Raises CalibrationError.
 
-    picture [3, h, w]: the rectified photograph; chart [4, 2]: the corner patches' middles in it.
+    picture: [3, h, w], the rectified photograph
+    chart: [4, 2], middles of the corner patches in it
     """
     rows, columns = picture.shape[1:]
     outline = chart.mean(0) + _CARD * (chart - chart.mean(0))
@@ -285,7 +292,7 @@ def _in_this_light(
 
 
 def _light_at(field: FlatField, grid: PixelGrid, place: Tensor) -> Tensor:
-    """The light at places of the rectified picture [n, 2], beside the canvas that at its edge: [n, 3] float64."""
+    """Returns the light at positions [n, 2] of the rectified picture, clamped to its edge: [n, 3] float64."""
     light = field.light(grid.rows, grid.columns).double()
     column, row = place.round().long().unbind(-1)
     return light[:, row.clamp(0, grid.rows - 1), column.clamp(0, grid.columns - 1)].T

@@ -1,8 +1,8 @@
-"""One sheet of paper on which single strokes are painted, each photographed, and what may spoil a photograph.
+"""Sheets of paper on which single strokes are painted and photographed, with checks of the photographs.
 
-A stroke's mark is what changed between two photographs (paper, "Real Data to Simulation"). Whatever
-else changed is found here: it is taken out where that can be done, is a flaw of the stroke where
-not, and a photograph that shows nothing reliable is refused.
+A stroke's mark is the change between two photographs (paper, "Real Data to Simulation"). This module detects all
+other changes. It removes them if possible, and otherwise marks the stroke as flawed. It refuses photographs that
+show nothing reliable.
 """
 
 import math
@@ -34,13 +34,13 @@ from frida_painter.perception.srgb import to_linear, to_srgb
 from frida_painter.session.observer import Photographer
 from frida_painter.strokes import Strokes
 
-# What procedures do at an easel: move the robot, and photograph with the arm aside.
+# Access of procedures to an easel: motions, and photographs with the arm out of view.
 
 
 class EaselAccess:
-    """One procedure's access to an easel: one gateway to its robot, and one memory of what its camera gave.
+    """Access of one procedure to an easel: a gateway to its robot, and a photographer with its camera.
 
-    lowest: see RobotGateway; only the brush procedure gives it.
+    lowest: see RobotGateway; only the brush procedure sets it
     """
 
     def __init__(self, easel: Easel, *, lowest: float | None = None) -> None:
@@ -49,7 +49,7 @@ class EaselAccess:
         self._photographer = Photographer(easel.camera)
 
     def photograph(self) -> Frame:
-        """A photograph taken after the arm has gone aside. Raises RobotError, CameraError and their kinds."""
+        """Returns a photograph without the arm in view. Raises RobotError, CameraError and their subclasses."""
         self._gateway.step_aside()
         return self._photographer.photograph(self._gateway.last_motion)
 
@@ -58,31 +58,34 @@ class EaselAccess:
         self._gateway.perform(motions)
 
     def step_aside(self) -> None:
-        """Moves the arm out of the camera's sight. Raises RobotError."""
+        """Moves the arm out of the camera's view. Raises RobotError."""
         self._gateway.step_aside()
 
     def pose(self) -> NDArray[np.float64]:
-        """Where the tip is, [3] metres. Raises RobotError."""
+        """Returns the position of the tip, [3] metres. Raises RobotError."""
         return self._gateway.pose()
 
 
-# Short strokes at given heights, each on a free place of the paper, and how wide a mark they leave.
+# Trial strokes: short strokes at given heights, each on a free place of the paper, and the widths of their marks.
 
 LENGTH = 0.012
-"""Of a trial stroke, metres."""
+"""Length of a trial stroke, metres."""
 _BLACK = 0.04
 _PITCH = 0.0005
 _STEP = 0.001
 _EDGE = 0.004
-# A pixel belongs to a mark where it is darkened by this share, and a mark is at least so large, m2.
+# A pixel belongs to a mark if it is darkened by at least this share; a mark has at least this area, m2.
 _DARKENED, _SMALLEST = 0.25, 2e-6
 
 
 @dataclass(frozen=True)
 class Trial:
-    """A stroke at `height` (robot z): the width of its mark, 0 where it left none, and its look [3, h, w].
+    """Trial stroke.
 
-    Metres; pitch: of one pixel of the look.
+    height: robot z, metres
+    width: of its mark, metres; 0 if it left none
+    look: picture of its cell [3, h, w]
+    pitch: metres per pixel of the look
     """
 
     height: float
@@ -92,14 +95,15 @@ class Trial:
 
     @property
     def marked(self) -> bool:
-        """Whether there is a mark."""
+        """True if the stroke left a mark."""
         return self.width > 0
 
 
 class TrialPaper:
-    """A bare paper with room for trial strokes, one to a cell of `cell` (width, height) metres.
+    """Bare paper for trial strokes, one in each cell of `cell` (width, height) metres.
 
-    The well is filled with black first. Raises FrameRejected where the paper is not bare.
+    The well is filled with black first.
+    Raises FrameRejected if the paper is not bare.
     """
 
     def __init__(self, access: EaselAccess, cell: tuple[float, float], ground: tuple[float, float, float]) -> None:
@@ -116,18 +120,19 @@ class TrialPaper:
 
     @property
     def is_full(self) -> bool:
-        """Whether no place is free any more."""
+        """True if no cell is free."""
         return self._here is None
 
     @property
     def free_place(self) -> tuple[float, float]:
-        """The middle of the next free cell, or of the paper, canvas metres."""
+        """Middle of the next free cell, canvas metres; the middle of the paper if there is none."""
         return self._here or (self._easel.canvas.width / 2, self._easel.canvas.height / 2)
 
     def stroke(self, height: float) -> Trial:
-        """Dips, paints a stroke at that height from left to right, and looks.
+        """Dips, paints a horizontal stroke at robot z `height`, and photographs it.
 
-        A place without a mark stays free. Raises WorkspaceViolation, RobotError, CameraError.
+        A cell without a mark stays free.
+        Raises WorkspaceViolation, RobotError, CameraError.
         """
         assert self._here is not None
         easel, (x, y) = self._easel, self._here
@@ -147,9 +152,9 @@ class TrialPaper:
         return true_color(self._light.correct(picture), self._easel.calibration)
 
     def _width(self, before: Tensor, after: Tensor) -> float:
-        """Width of the mark that came between two looks at a cell, metres; 0 where there is none."""
+        """Returns the width of the mark that appeared between two pictures of a cell, metres; 0 if there is none."""
         one, other = (look.mean(0).numpy() for look in (before, after))  # [h, w]
-        # Paper is what is brightest; it tells how the light has changed.
+        # The brightest pixels are paper; they show how the light has changed.
         change = float(np.quantile(one, 0.8)) / max(1e-3, float(np.quantile(other, 0.8)))
         mark = other * change < (1 - _DARKENED) * one
         across, down = self._grid.pitch
@@ -159,7 +164,7 @@ class TrialPaper:
         return float(np.quantile(columns[columns > 0], 0.75)) * down
 
     def _cells(self) -> Iterator[tuple[float, float]]:
-        """Middles of the cells, row by row from the top left."""
+        """Yields the middles of the cells, row by row from the top left."""
         width, height = (side - 2 * _EDGE for side in (self._easel.canvas.width, self._easel.canvas.height))
         across, down = max(1, int(width / self._cell[0])), max(1, int(height / self._cell[1]))
         for row in range(down):
@@ -167,7 +172,7 @@ class TrialPaper:
                 yield _EDGE + (column + 0.5) * width / across, _EDGE + height * (1 - (row + 0.5) / down)
 
     def _pixels(self, x: float, y: float) -> tuple[slice, slice]:
-        """Rows and columns of the cell around a place."""
+        """Returns rows and columns of the cell around a place."""
         column, row = self._grid.to_pixels(torch.tensor([x, y])).tolist()
         across, down = self._grid.pitch
         half_down, half_across = self._cell[1] / 2 / down, self._cell[0] / 2 / across
@@ -178,7 +183,7 @@ class TrialPaper:
 
 
 def at_height(easel: Easel, path: NDArray[np.float64], height: float) -> Waypoints:
-    """The tip follows a path on the canvas [k, 2] (metres) at robot z `height`, from above and up again."""
+    """Returns the motion along a path on the canvas [k, 2] (m) at robot z `height`, from above and up again."""
     workspace = easel.workspace
     placed = workspace.to_robot(easel.calibration.place(path), np.full(len(path), height))
     above = placed[[0, -1]].copy()
@@ -188,7 +193,7 @@ def at_height(easel: Easel, path: NDArray[np.float64], height: float) -> Waypoin
 
 
 def ceiling(easel: Easel) -> float:
-    """Robot z, metres, at which nothing is touched."""
+    """Returns a robot z at which the tip touches nothing, metres."""
     workspace = easel.workspace
     return min(workspace.upper[2], workspace.canvas_origin[2] + workspace.hover)
 
@@ -202,23 +207,23 @@ BLACK = 0.04
 WHITE = (1.0, 1.0, 1.0)
 _FINER = 3  # pixels of a crop per cell of the stroke model, along each side
 _NOISE_FLOOR = 0.04
-_BORDER = 0.002  # m along the paper's edge, where a lens may show some table
+_BORDER = 0.002  # m along the paper's edge; a lens may show some of the table there
 _ATTEMPTS = 3
 
-_SEARCHED = 0.008  # m around where the paper's edge should be
-_MOST_BESIDE = 0.004  # m between the paper and where the canvas was calibrated
+_SEARCHED = 0.008  # m around the expected edge of the paper
+_MOST_BESIDE = 0.004  # m between the paper and the calibrated canvas
 _MOST_MOVED = 0.0004  # m since the sheet's first photograph
-_SOFTEST, _SOFTEST_PIXELS = 0.05, 2.0  # of the brush's width over which the paper's edge may pass into the table
+_SOFTEST, _SOFTEST_PIXELS = 0.05, 2.0  # width of the paper's edge: share of the brush's width, pixels
 _SOFTER = 1.8  # times the softness of the sheet's first photograph
-_BARE, _DARKER, _SHADED = 0.85, 0.3, 0.08  # of the paper's light: bare paper, and changes of it
-_MOST_DARK, _MOST_SHADE = 25e-6, 400e-6  # m2 of bare paper beside the stroke that may change so
-_DIMMEST, _MOST_CLIPPED = 0.05, 0.2  # light of bare paper; share of the photograph that is overexposed
-_MOST_INK = 3e-6  # m2 that need not be bare where a stroke is to be painted
+_BARE, _DARKER, _SHADED = 0.85, 0.3, 0.08  # light relative to the paper's: bare paper, and two changes of it
+_MOST_DARK, _MOST_SHADE = 25e-6, 400e-6  # m2 of bare paper beside the stroke that may change so much
+_DIMMEST, _MOST_CLIPPED = 0.05, 0.2  # light of bare paper; overexposed share of the photograph
+_MOST_INK = 3e-6  # m2 that may already be inked in the crop of a new stroke
 
 
 @dataclass(frozen=True)
 class Shapes:
-    """What varies from stroke to stroke of a library, each [n]."""
+    """Varied parameters of a library's strokes, each [n]."""
 
     thickness: Tensor
     length: Tensor
@@ -226,7 +231,10 @@ class Shapes:
 
     @classmethod
     def sampled(cls, kind: BrushKind, count: int, seed: int) -> "Shapes":
-        """Drawn uniformly from the brush's limits; of one seed, more strokes begin with the same ones."""
+        """Draws shapes uniformly from the brush's limits.
+
+        With the same seed, a larger count starts with the same shapes.
+        """
         chance = torch.Generator().manual_seed(seed)
         thickness, along, aside = torch.rand(count, 3, generator=chance).T.contiguous()
         (shortest, longest), (least, most) = kind.limits.length, kind.limits.bend
@@ -239,7 +247,10 @@ class Shapes:
 
 @dataclass(frozen=True)
 class Crop:
-    """How many pixels the picture of a stroke reaches from the pixel at which it starts; pitch: metres a pixel."""
+    """Crop of a stroke's picture: its extent in pixels around the pixel at which the stroke starts.
+
+    pitch: metres per pixel
+    """
 
     left: int
     right: int
@@ -249,7 +260,7 @@ class Crop:
 
     @classmethod
     def covering(cls, frame: MapFrame) -> "Crop":
-        """The crop that covers a stroke model's frame."""
+        """Returns the crop that covers a stroke model's frame."""
         pitch = frame.pitch[0] / _FINER
         reaches = (-frame.left, frame.right, frame.top, -frame.bottom)
         left, right, above, below = (math.ceil(reach / pitch) for reach in reaches)
@@ -261,11 +272,11 @@ class Crop:
         return self.above + self.below + 1, self.left + self.right + 1
 
     def around(self, row: int, column: int) -> tuple[slice, slice]:
-        """Rows and columns of the crop of a stroke that starts at that pixel."""
+        """Returns rows and columns of the crop of a stroke that starts at that pixel."""
         return slice(row - self.above, row + self.below + 1), slice(column - self.left, column + self.right + 1)
 
     def places(self, grid: PixelGrid) -> Iterator[tuple[int, int]]:
-        """Pixels (row, column) at which strokes may start so that their crops do not meet."""
+        """Yields pixels (row, column) at which strokes may start without overlapping crops."""
         rows, columns = self.shape
         for row in range(self.above, grid.rows - self.below, rows):
             for column in range(self.left, grid.columns - self.right, columns):
@@ -274,9 +285,11 @@ class Crop:
 
 @dataclass(frozen=True)
 class Print:
-    """What one stroke left: mark [rows, columns] uint8, 255 full paint; and what is wrong with it.
+    """Print of one stroke.
 
-    since_dip: square metres that the brush had painted since its dip, 0 for a full one.
+    mark: [rows, columns] uint8, 255 for full paint
+    flaw: defect of the stroke or its photograph
+    since_dip: area painted since the last dip, square metres; 0 for a full brush
     """
 
     mark: NDArray[np.uint8]
@@ -285,10 +298,10 @@ class Print:
 
 
 class Paper:
-    """A fresh sheet on the easel: free places for strokes, and what it looked like before the next one.
+    """Fresh sheet of paper on the easel, with free places for strokes and its last photograph.
 
-    Raises ConfigError where it has no room for one stroke, CalibrationError where it is not bare or
-    lies elsewhere than the canvas was calibrated, FrameRejected where the camera cannot see it well.
+    Raises ConfigError if there is no room for one stroke, CalibrationError if the sheet is not bare or not at the
+    calibrated place of the canvas, FrameRejected if the camera does not see it well.
     """
 
     def __init__(self, access: EaselAccess, kind: BrushKind) -> None:
@@ -314,11 +327,14 @@ class Paper:
 
     @property
     def is_used_up(self) -> bool:
-        """Whether another sheet is needed: it is full, or it has moved (by `moved` metres)."""
+        """True if another sheet is needed: this one is full, or has moved (by `moved` metres)."""
         return self._place is None or self.moved > 0
 
     def paint(self, shape: Shapes, *, refill: bool) -> Print:
-        """Paints one stroke at the next free place. Raises RobotError, CameraError and their kinds."""
+        """Paints one stroke at the next free place. Raises RobotError, CameraError and their subclasses.
+
+        refill: True to dip the brush first
+        """
         assert self._place is not None
         row, column = self._place
         here = self.crop.around(row, column)
@@ -331,7 +347,7 @@ class Paper:
         self._access.perform((self._motion.dip(0), stroking) if refill else (stroking,))
         before = self._magnitude(here)
         flaw = self._look_again(here)
-        # What is covered now, as a share of what was bare before.
+        # Newly covered share of the area that was bare before.
         mark = (self._magnitude(here) - before) / (1 - before).clip(0.2)
         self._place = next(self._places, None)
         if occupied and flaw is Flaw.NONE:
@@ -339,7 +355,7 @@ class Paper:
         return Print(np.rint(255 * np.where(mark < _NOISE_FLOOR, 0, mark).clip(0, 1)).astype(np.uint8), flaw)
 
     def _begin(self) -> None:
-        """The first photograph: of a bare sheet, in its place, in focus."""
+        """Takes the first photograph and checks that the sheet is bare, in place and in focus."""
         frame = self._access.photograph()
         self._edge = self._read_edge(frame.image)
         if self._edge.visible:
@@ -357,7 +373,7 @@ class Paper:
             )
 
     def _look_again(self, here: tuple[slice, slice]) -> Flaw:
-        """Photographs the sheet after a stroke at `here`; what is wrong with that, when tried again and again."""
+        """Photographs the sheet after a stroke at `here`, repeatedly if there is a flaw, and returns the last flaw."""
         for attempt in range(_ATTEMPTS):
             last = attempt == _ATTEMPTS - 1
             frame = self._access.photograph()
@@ -374,7 +390,7 @@ class Paper:
             even = light / white
             exposed = float(white.median()) >= _DIMMEST and float((light >= 1).float().mean()) <= _MOST_CLIPPED
             flaw = self._compared(edge, even, here) if exposed else Flaw.LIGHT
-            if flaw is Flaw.NONE or last:  # a hand may go away again
+            if flaw is Flaw.NONE or last:  # a flaw such as a hand may go away
                 self._field = field
                 self._light, self._before = even, even.mean(0).numpy()
                 return flaw
@@ -382,12 +398,12 @@ class Paper:
 
     @property
     def _softest(self) -> float:
-        """How soft the paper's edge may be, pixels."""
+        """Greatest softness of the paper's edge, pixels."""
         first = self._edge.softness
         return math.inf if math.isnan(first) else _SOFTER * first + 0.5
 
     def _compared(self, edge: PaperEdge, light: Tensor, here: tuple[slice, slice]) -> Flaw:
-        """What else than the stroke at `here` changed since the photograph before; even light [3, rows, columns]."""
+        """Returns the flaw due to changes elsewhere than at `here`; even light [3, rows, columns]."""
         moved = min(edge.moved_since(self._edge) / self._pixels, _SEARCHED)
         self.moved = moved if moved > _MOST_MOVED else 0.0
         if self.moved:
@@ -402,7 +418,7 @@ class Paper:
         return Flaw.NONE
 
     def _area(self, chosen: NDArray[np.bool_], here: tuple[slice, slice] | None = None) -> float:
-        """Of the chosen pixels, there or all over the sheet, m2."""
+        """Returns the area of the chosen pixels in m2, at `here` or of the whole sheet."""
         return float(np.count_nonzero(chosen if here is None else chosen[here])) * self.crop.pitch**2
 
     def _read_edge(self, picture: NDArray[np.uint8]) -> PaperEdge:
@@ -427,7 +443,7 @@ class Paper:
         return f"{1000 * pixels / self._pixels:.1f}"
 
     def _magnitude(self, here: tuple[slice, slice]) -> NDArray[np.float32]:
-        """How much of the paper is covered at each pixel of a crop: 0 paper, 1 black paint."""
+        """Returns the coverage of each pixel of a crop: 0 for paper, 1 for black paint."""
         picture = true_color(to_srgb(self._light[:, *here]), self._easel.calibration)
         covered: NDArray[np.float32] = ((1 - picture.mean(0)) / (1 - BLACK)).numpy()
         return covered
@@ -438,7 +454,7 @@ def _grid(canvas: CanvasSize, pitch: float) -> PixelGrid:
 
 
 def _pixels_per_metre(easel: Easel) -> float:
-    """Of the photograph, on the mean of the canvas's four sides."""
+    """Returns the resolution of the photograph in pixels per metre, averaged over the canvas's four sides."""
     corners = np.array(easel.calibration.corners)
     around = float(np.linalg.norm(np.roll(corners, -1, 0) - corners, axis=1).sum())
     return around / (2 * (easel.canvas.width + easel.canvas.height))

@@ -1,4 +1,4 @@
-"""Robot: where its paint lands, learned from sixteen dots, so that strokes land where they are meant to."""
+"""The robot procedure: measures where sixteen painted dots land, and corrects the placement of strokes."""
 
 import math
 from collections.abc import Iterator
@@ -24,7 +24,7 @@ from frida_painter.perception.rectify import Fit, apply, fit_homography, rectify
 from frida_painter.procedures.paper import EaselAccess
 from frida_painter.sheet import CREAM, INK, Sheet
 
-# The picture of a robot calibration: where its dots were meant to be, where they are, and what remains.
+# Picture of a robot calibration: dots as meant, as seen, and the remaining errors.
 
 _COLUMNS = 1100
 _LARGER = 20
@@ -41,10 +41,12 @@ def dot_sheet(
     seen: NDArray[np.float64],
     matrix: NDArray[np.float64],
 ) -> Tensor:
-    """The picture, sRGB [3, h, w] in [0, 1].
+    """Returns the picture of a robot calibration, sRGB [3, h, w] in [0, 1].
 
-    canvas [3, rows, columns]: the rectified photograph on `grid`; meant [n, 2]: all dots; found,
-    seen [k, 2]: those that were found, where meant and where seen; matrix: the fit between the two.
+    canvas: [3, rows, columns], the rectified photograph on `grid`
+    meant: [n, 2], all dots
+    found, seen: [k, 2], the dots that were found: as meant, and as seen
+    matrix: fit from found to seen
     """
     rows = round(_COLUMNS * grid.rows / grid.columns)
     pixels = (255 * canvas.clamp(0, 1)).round().to(torch.uint8).permute(1, 2, 0).numpy()
@@ -74,7 +76,7 @@ def dot_sheet(
 
 
 def _fine(place: NDArray[np.float64]) -> tuple[int, int]:
-    """A place in sixteenths of a pixel, as OpenCV draws with shift=4."""
+    """Returns a position in sixteenths of a pixel, for OpenCV with shift=4."""
     return round(16 * float(place[0])), round(16 * float(place[1]))
 
 
@@ -105,20 +107,20 @@ def _stripe(
 
 
 SIDE = 4
-"""Dots along each side of the canvas."""
+"""Number of dots along each side of the canvas."""
 WORST_RESIDUAL = 0.0015
-"""Metres, root mean square, that a fit may leave."""
+"""Greatest residual of a fit, metres, root mean square."""
 FEWEST_DOTS = 10
-"""Of the sixteen, that must be found."""
+"""Number of the sixteen dots that must be found."""
 _BLACK = 0.04
-_EDGE = 0.12  # of each side of the canvas, from its edge to the outermost dots
-_IRREGULAR = 0.1  # of the distance between dots, in which they are nudged off the regular grid
-# Chosen among many so that no more than 5 dots meet when all are mirrored, turned, or their axes exchanged.
+_EDGE = 0.12  # share of each side of the canvas between its edge and the outermost dots
+_IRREGULAR = 0.1  # share of the distance between dots by which they are moved off the regular grid
+# Chosen so that at most 5 dots coincide if all are mirrored or turned, or their axes exchanged.
 _NUDGES = (
     (1, -1), (0, 1), (1, 0), (0, -1), (0, 0), (1, 1), (-1, 1), (0, 0),
     (1, 0), (-1, -1), (1, 0), (0, 0), (1, 0), (-1, 1), (-1, -1), (1, 0),
 )  # fmt: skip
-_TOUCH = 0.12  # thickness of a dot: it just touches, even where the canvas is not quite flat
+_TOUCH = 0.12  # thickness of a dot: a light touch that reaches the canvas even if it is slightly uneven
 _PITCH = 0.00025
 _MOST_ROWS = 1400
 _TOLERANCE = 0.0025
@@ -127,10 +129,12 @@ _FEWEST_IN_QUARTER = 2
 
 @dataclass(frozen=True)
 class RobotFinding:
-    """What the robot procedure found.
+    """Result of the robot procedure.
 
-    meant, seen [k, 2]: where the dots that were found should be and are, canvas metres; fit: from
-    the one to the other; painted: how many dots there should be; strangers: other spots seen.
+    meant, seen: [k, 2], positions of the found dots as meant and as seen, canvas metres
+    fit: homography from meant to seen
+    painted: number of dots painted
+    strangers: number of other spots seen
     """
 
     meant: NDArray[np.float64]
@@ -143,18 +147,18 @@ class RobotFinding:
 
     @property
     def shift(self) -> float:
-        """How far the robot paints beside the middle of the canvas without correction, metres."""
+        """Distance from the middle of the canvas at which the robot paints without correction, metres."""
         return float(np.linalg.norm(self._derivative()[0]))
 
     @property
     def turn(self) -> float:
-        """By how much it paints turned, radians counter-clockwise."""
+        """Angle by which the robot paints turned, radians counter-clockwise."""
         slope = self._derivative()[1]
         return math.atan2(slope[1, 0] - slope[0, 1], slope[0, 0] + slope[1, 1])
 
     @property
     def sentence(self) -> str:
-        """What was found, in plain words."""
+        """Result in plain words."""
         others = f" and {self.strangers} other spots that do not count" if self.strangers else ""
         beside, turned = f"{self.shift * 1000:.1f} mm", f"{math.degrees(self.turn):.1f} degrees"
         return (
@@ -164,12 +168,12 @@ class RobotFinding:
         )
 
     def enter(self, record: Calibration) -> Calibration:
-        """The record with the placement that sends the robot so that it paints where it is meant to."""
+        """Returns the calibration with the placement that cancels the measured error."""
         placement = tuple(map(tuple, self.fit.inverse().tolist()))
         return record.with_robot(placement, residual=self.fit.residual)
 
     def _derivative(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """By how much the middle of the canvas is missed [2], and the derivative of the map there [2, 2]."""
+        """Returns the error in the middle of the canvas [2], and the derivative of the map there [2, 2]."""
         x, y = self.size.width / 2, self.size.height / 2
         matrix = self.fit.matrix
         depth = matrix[2] @ (x, y, 1)
@@ -178,10 +182,10 @@ class RobotFinding:
 
 
 def robot(easel: Easel) -> Procedure[RobotFinding]:
-    """Paints sixteen black dots, photographs them, and fits where they are to where they were meant to be.
+    """Paints sixteen black dots, photographs them, and fits their seen positions to the meant ones.
 
-    Raises CalibrationError where too few are found, they are mirrored or turned, or the fit leaves
-    more than 1.5 mm; WorkspaceViolation before anything moves; RobotError, CameraError and their kinds.
+    Raises CalibrationError if too few dots are found, they are mirrored or turned, or the residual exceeds 1.5 mm.
+    Raises WorkspaceViolation before anything moves; RobotError, CameraError and their subclasses.
     """
     fresh = easel.operator.lay_paper()
     easel.operator.fill_wells(Palette(torch.full((1, 3), _BLACK)))
@@ -214,7 +218,7 @@ def robot(easel: Easel) -> Procedure[RobotFinding]:
 
 
 def dot_places(size: CanvasSize) -> NDArray[np.float64]:
-    """Where the dots are meant to be, canvas metres [16, 2]: evenly, yet not alike when turned or mirrored."""
+    """Returns the meant positions of the dots, canvas metres [16, 2]: nearly even, but without symmetry."""
     share = np.linspace(_EDGE, 1 - _EDGE, SIDE)
     place = np.stack(np.meshgrid(share, share), -1).reshape(-1, 2)
     place += _IRREGULAR * (share[1] - share[0]) * np.array(_NUDGES)
@@ -226,7 +230,7 @@ def _grid(size: CanvasSize) -> PixelGrid:
 
 
 def _motions(easel: Easel, places: NDArray[np.float64]) -> Iterator[Waypoints]:
-    """A dip for every dot, and a touch straight down and up, sent as if the robot stood right."""
+    """Yields a dip and a vertical touch for every dot, without the calibrated placement."""
     motion = Motion(easel.workspace, easel.calibration)
     down = easel.calibration.height(np.array([_TOUCH]))
     above = np.array([easel.calibration.touch_height + easel.workspace.hover])
@@ -237,7 +241,7 @@ def _motions(easel: Easel, places: NDArray[np.float64]) -> Iterator[Waypoints]:
 
 
 def _matched(meant: NDArray[np.float64], spots: NDArray[np.float64], size: CanvasSize) -> Match:
-    """Which spots are the dots. Raises CalibrationError where too few are, or they are the wrong way round."""
+    """Returns the match of spots and dots. Raises CalibrationError if too few match, or they are mirrored or turned."""
     spacing = (1 - 2 * _EDGE) / (SIDE - 1) * min(size.width, size.height)
     near = {"reach": 0.5 * spacing, "tolerance": min(_TOLERANCE, 0.06 * spacing)}
     match = match_dots(meant, spots, **near)
@@ -267,7 +271,7 @@ def _matched(meant: NDArray[np.float64], spots: NDArray[np.float64], size: Canva
 def _refuse_wrong_way_round(
     meant: NDArray[np.float64], spots: NDArray[np.float64], size: CanvasSize, near: dict[str, float]
 ) -> None:
-    """Raises CalibrationError where the dots are all there, but mirrored or upside down."""
+    """Raises CalibrationError if the dots are all there, but mirrored or upside down."""
     for name, sign in (
         ("mirrored from left to right", (-1, 1)),
         ("mirrored from top to bottom", (1, -1)),

@@ -1,7 +1,7 @@
-"""The strokes procedure: the robot paints single strokes, and the camera sees what they look like.
+"""The strokes procedure: the robot paints single strokes, and the camera records their marks.
 
-Paper, "Real Data to Simulation": strokes of random thickness, length and bend, black on white paper,
-several to a sheet, from which the stroke model is learned. Dirty ones are kept and flagged.
+Paper, "Real Data to Simulation": the stroke model is learned from strokes of random thickness, length and bend,
+black on white paper, several to a sheet. Dirty strokes are kept and flagged.
 """
 
 from collections import Counter
@@ -29,10 +29,8 @@ from frida_painter.palette import Palette
 from frida_painter.procedures.paper import BLACK, Crop, EaselAccess, Paper, Print, Shapes
 from frida_painter.sheet import INK, LINE, PAPER, SOFT, WARNING, Sheet, font
 
-# A stroke library while it is being painted: every stroke on the disk as soon as it is photographed.
-#
-# The strokes stand in a folder beside the library until all are there. Whoever paints the library
-# again after a crash goes on where it ended.
+# Recordings: stroke libraries in progress, with every stroke on the disk as soon as it is photographed.
+# The strokes are in a folder beside the library until it is complete. After a crash the same call continues.
 
 _FORMAT = "frida-painter recording"
 _VERSION = 1
@@ -40,7 +38,14 @@ _VERSION = 1
 
 @dataclass(frozen=True)
 class RecordingSettings:
-    """What decides a recording: the easel, the brush, `count` strokes drawn with `seed`, and the strokes per dip."""
+    """Settings that identify a recording.
+
+    easel: name of the easel
+    kind: kind of brush
+    count: number of strokes
+    seed: of the random shapes
+    refill_every: strokes per dip
+    """
 
     easel: str
     kind: BrushKind
@@ -49,7 +54,7 @@ class RecordingSettings:
     refill_every: int
 
     def record(self) -> dict[str, object]:
-        """The settings as plain values."""
+        """Returns the settings as plain values."""
         limits = self.kind.limits
         return {
             "format": _FORMAT,
@@ -66,10 +71,13 @@ class RecordingSettings:
 
 
 class Recording:
-    """The strokes of one recording that are painted so far, by number.
+    """Strokes of one recording that are painted so far, by number.
 
-    folder: where they are kept, None for nowhere. Raises ConfigError where the folder holds those of
-    another recording, StorageError where it cannot be written or is damaged.
+    folder: storage of the strokes; None to keep them in memory only
+    shape: rows and columns of a mark
+
+    Raises ConfigError if the folder has strokes of another recording, StorageError if it cannot be written or is
+    damaged.
     """
 
     def __init__(self, folder: Path | None, settings: RecordingSettings, shape: tuple[int, int]) -> None:
@@ -91,7 +99,7 @@ class Recording:
         return [number for number in range(self.settings.count) if number not in self.prints]
 
     def keep(self, number: int, stroke: Print) -> None:
-        """Puts a stroke to the others, on the disk first. Raises StorageError."""
+        """Adds a stroke, stored on the disk first. Raises StorageError."""
         if self._folder is not None:
             mark = {"mark": torch.from_numpy(stroke.mark)}
             words = {"flaw": stroke.flaw.name, "since_dip": repr(stroke.since_dip)}
@@ -106,12 +114,12 @@ class Recording:
                 self._path(self._folder, number).unlink(missing_ok=True)
 
     def clear_away(self) -> None:
-        """Removes the folder, once the library is written."""
+        """Removes the folder after the library is written."""
         if self._folder is None:
             return
         for number in range(self.settings.count):
             self._path(self._folder, number).unlink(missing_ok=True)
-        # The settings go last: without them the strokes would be nobody's.
+        # The settings last: without them the strokes could not be identified.
         (self._folder / "order.json").unlink(missing_ok=True)
         if not any(self._folder.iterdir()):
             self._folder.rmdir()
@@ -132,7 +140,7 @@ class Recording:
             )
 
     def _kept(self, path: Path) -> Print | None:
-        """A stroke as it was kept; None where there is none, or a damaged one, which is then painted again."""
+        """Returns a stored stroke; None if it is missing or damaged, and is then painted again."""
         if not path.exists():
             return None
         try:
@@ -143,7 +151,7 @@ class Recording:
         return Print(mark, flaw, since_dip) if mark.shape == self._shape and mark.dtype == np.uint8 else None
 
 
-# The contact sheet of a stroke library: every stroke on one page, the dirty ones marked with the reason.
+# The contact sheet of a stroke library: every stroke on one page, the dirty ones with the reason.
 
 MOST_SHOWN = 600
 _WIDTH = 1800
@@ -154,10 +162,10 @@ _SPOILED = (253, 236, 228)
 
 
 def contact_sheet(library: StrokeLibrary, title: str) -> Tensor:
-    """The strokes in the order of their recording, sRGB [3, H, 1800] in [0, 1].
+    """Returns the strokes in the order of their recording, sRGB [3, H, 1800] in [0, 1].
 
-    A dirty one stands on red paper, with the reason below. Of more than 600 strokes all dirty ones
-    and as many of the others as there is room for are shown.
+    A dirty stroke has red paper and the reason below. Of more than 600 strokes it shows all dirty ones first, and
+    as many others as fit.
     """
     flaws = judge(library)
     shown = _chosen(flaws)
@@ -177,7 +185,7 @@ def contact_sheet(library: StrokeLibrary, title: str) -> Tensor:
 
 @dataclass(frozen=True)
 class _Grid:
-    """Cells of the page, pixels."""
+    """Grid of the page's cells, pixels."""
 
     columns: int
     rows: int
@@ -186,7 +194,7 @@ class _Grid:
 
     @classmethod
     def of(cls, count: int, rows: int, columns: int) -> "_Grid":
-        """Cells as wide as leaves the page about as high as wide, from 96 to 260 pixels."""
+        """Returns cells from 96 to 260 pixels wide, so that the page is about square."""
         room = _WIDTH - 2 * _MARGIN
         aspect = rows / columns
         wanted = np.sqrt(room * room / max(count, 1) / max(aspect, 0.2))
@@ -195,13 +203,13 @@ class _Grid:
         return cls(across, -(-count // across), width, max(24, round(width * aspect)))
 
     def corner(self, place: int) -> tuple[int, int]:
-        """Left and top of a cell."""
+        """Returns left and top of a cell."""
         row, column = divmod(place, self.columns)
         return _MARGIN + column * (self.width + _GAP), _HEAD + row * (self.height + _CAPTION + _GAP)
 
 
 def _chosen(flaws: NDArray[np.uint8]) -> NDArray[np.int64]:
-    """Indices of the strokes to show."""
+    """Returns the indices of the strokes to show."""
     if len(flaws) <= MOST_SHOWN:
         return np.arange(len(flaws))
     dirty = np.flatnonzero(flaws)[:MOST_SHOWN]
@@ -231,7 +239,7 @@ def _caption(sheet: Sheet, number: int, flaw: Flaw, left: int, top: int, width: 
 
 
 def _cell(mark: NDArray[np.uint8], grid: _Grid, flaw: Flaw) -> NDArray[np.uint8]:
-    """A mark as black paint on paper, [height, width, 3]."""
+    """Returns a mark as black paint on paper, [height, width, 3]."""
     smaller = grid.width < mark.shape[1]
     size = (grid.width, grid.height)
     paint = cv2.resize(mark, size, interpolation=cv2.INTER_AREA if smaller else cv2.INTER_LINEAR)[..., None] / 255.0
@@ -241,14 +249,19 @@ def _cell(mark: NDArray[np.uint8], grid: _Grid, flaw: Flaw) -> NDArray[np.uint8]
 
 _MOST_DIRTY_RUNNING = 8
 _LEAST_CLEAN = 0.5
-_LEAST_PAINT = 0.1  # of the length times the brush's width: what is less counts as no stroke at all
+_LEAST_PAINT = 0.1  # share of length times brush width; less counts as an empty stroke
 _FIT_STEPS = 60
 _TRIES = 3
 
 
 @dataclass(frozen=True)
 class StrokesProgress:
-    """Stroke `done` of `of` is painted and photographed, on sheet number `sheet` (from 1) of this call."""
+    """Progress of the strokes procedure: one stroke is painted and photographed.
+
+    done, of: number of strokes so far, and in total
+    sheet: number of the sheet in this call, from 1
+    flaw: of the stroke
+    """
 
     done: int
     of: int
@@ -258,7 +271,10 @@ class StrokesProgress:
 
 @dataclass(frozen=True)
 class StrokesFinding:
-    """A stroke library, judged; implements dialogue.Finding. file: where it was saved, None for nowhere."""
+    """Result of the strokes procedure: a judged stroke library. Implements dialogue.Finding.
+
+    file: of the library; None if it was not saved
+    """
 
     kind: BrushKind
     library: StrokeLibrary
@@ -266,7 +282,7 @@ class StrokesFinding:
 
     @property
     def sentence(self) -> str:
-        """How many strokes there are, why some are left out, and what a dip holds where that shows."""
+        """Number of strokes, the reasons for omitted ones, and the capacity of a dip if it is visible."""
         assert self.library.flaws is not None
         counts = Counter(Flaw(flaw) for flaw in self.library.flaws if flaw)
         dirty = sum(counts.values())
@@ -279,20 +295,20 @@ class StrokesFinding:
 
     @property
     def picture(self) -> Tensor:
-        """The contact sheet."""
+        """Contact sheet."""
         return contact_sheet(self.library, f"Strokes of the {self.kind.name} brush")
 
     def residual(self) -> float:
-        """Mean absolute error of the magnitude map of the analytic stroke model fitted to the clean strokes.
+        """Returns the residual of the analytic stroke model: the mean absolute error of its magnitude maps.
 
-        It takes some seconds; a learned stroke model has to beat it.
+        The model is fitted to the clean strokes, which takes some seconds. A learned stroke model has to be better.
         """
         kind, frame = self.kind, self.kind.frame.resized(self.kind.frame.rows // 2, self.kind.frame.columns // 2)
         model = BezierStroke(kind.name, frame, kind.limits, RibbonShape.typical(kind.width))
         return fit_bezier(model, clean(self.library), steps=_FIT_STEPS)
 
     def enter(self, record: Calibration) -> Calibration:
-        """The record with this library. Raises CalibrationError where it was not saved."""
+        """Returns the calibration with this library. Raises CalibrationError if it was not saved."""
         if self.file is None:
             raise CalibrationError("The stroke library was not saved; give a file for it, and repeat strokes.")
         return record.with_strokes(self.file, residual=self.residual())
@@ -308,15 +324,22 @@ def strokes(
     refill_every: int = 1,
     notify: Callable[[StrokesProgress], None] | None = None,
 ) -> Procedure[StrokesFinding]:
-    """Paints `count` strokes drawn uniformly from the brush's limits, and cuts out their marks.
+    """Paints strokes drawn uniformly from the brush's limits, and cuts out their marks.
 
-    easel: with its placement calibrated, or its error is learned with the brush; out: the library to
-    write (.npz), beside which the strokes are kept while it is unfinished, and from which a call with
-    the same arguments goes on; refill_every: strokes painted with one dip. Asks for a fresh paper
-    whenever one is used up. Raises ConfigError where an argument is out of range, the paper is too
-    small for one stroke, or another recording is unfinished there; CalibrationError where most
-    strokes are dirty; FrameRejected where the camera cannot see the paper; RobotError and
-    CameraError and their kinds. What was painted until then is kept.
+    easel: with a calibrated placement; otherwise its error is learned with the brush
+    kind: kind of brush
+    out: library to write (.npz); the strokes of an unfinished library are stored beside it, and a call with the
+        same arguments continues
+    count: number of strokes
+    seed: of the random shapes
+    refill_every: strokes per dip
+    notify: called after each stroke
+
+    The procedure asks for fresh paper whenever a sheet is used up. It keeps the painted strokes after an error.
+    Raises ConfigError if an argument is out of range, the paper is too small for one stroke, or another recording
+    is unfinished there.
+    Raises CalibrationError if most strokes are dirty, FrameRejected if the camera cannot see the paper well,
+    RobotError, CameraError and their subclasses.
     """
     _check(count, refill_every)
     shapes = Shapes.sampled(kind, count, seed)
@@ -326,7 +349,7 @@ def strokes(
     access = EaselAccess(easel)
     paper: Paper | None = None
     sheets, on_brush, since_dip = 0, 0, 0.0
-    running: list[int] = []  # the last strokes, as far as they are dirty
+    running: list[int] = []  # the latest strokes, if they are dirty
     for number in recording.missing:
         if paper is None:
             easel.operator.fill_wells(Palette(torch.full((1, 3), BLACK)))
@@ -355,7 +378,7 @@ def strokes(
 
 
 def unfinished(out: Path) -> Path:
-    """The folder in which the strokes of a library are kept until all are there."""
+    """Returns the folder of an unfinished library."""
     return out.with_name(out.name + ".unfinished")
 
 
@@ -372,7 +395,7 @@ def _check(count: int, refill_every: int) -> None:
 
 
 def _fresh_paper(access: EaselAccess, kind: BrushKind, last: Paper | None, kept: int) -> Procedure[Paper]:
-    """Asks for a bare sheet until one lies in its place."""
+    """Asks for a bare sheet until one is in place, and returns it."""
     easel = access.easel
     moved = last.moved * 1000 if last is not None else 0.0
     why = f"The paper moved by {moved:.1f} mm, so it is given up. " if moved else ""
@@ -397,7 +420,7 @@ def _fresh_paper(access: EaselAccess, kind: BrushKind, last: Paper | None, kept:
 
 
 def _seems_empty(stroke: Print, shape: Shapes, kind: BrushKind, pitch: float) -> Flaw:
-    """EMPTY where there is next to no paint, as far as can be told without other strokes."""
+    """Returns Flaw.EMPTY if there is almost no paint, judged without the other strokes."""
     area = float(stroke.mark.sum(dtype=np.int64)) / 255 * pitch**2
     least = _LEAST_PAINT * kind.width * float(shape.length)
     return Flaw.EMPTY if area < least * (0.2 + 0.8 * float(shape.thickness)) else Flaw.NONE

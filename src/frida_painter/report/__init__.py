@@ -1,1 +1,1 @@
-"""What a person sees afterwards: film, palette sheet, page."""
+"""Reports of a painting: film, sheets to print, and page."""

@@ -26,12 +26,15 @@ _TRACK = (226, 221, 212)
 
 
 class FilmWriter:
-    """Writes the film while the painting is made; used in a `with` block.
+    """Writer of the film while the painting is made. Used in a `with` block.
 
-    expected: how many frames will come; the film lasts about 15 seconds for any number, in which all
-    strokes take as long, and rests for two more on the last frame. Frames stand on a mount, and below them grows a
-    bar of the paints in the order in which they were used. One frame is kept in memory. The film appears when the
-    block ends, for whatever reason, if there was a frame. Raises StorageError.
+    path: of the film
+    expected: expected number of frames
+
+    The film lasts about 15 seconds for any number of frames, with the same time for each stroke, and shows the last
+    frame for two more. Each frame has a mount. A bar below it grows with the colours of the paints in order of use.
+    Only one frame is in memory. The film appears when the block ends, for any reason, if there was a frame.
+    Raises StorageError.
     """
 
     def __init__(self, path: Path, expected: int) -> None:
@@ -46,15 +49,17 @@ class FilmWriter:
         return self
 
     def add(self, frame: NDArray[np.uint8], done: float, color: Color | None = None) -> None:
-        """Adds the canvas [H, W, 3] when a share `done` of the strokes is painted, from 0 to 1; never less than before.
+        """Adds the canvas [H, W, 3] at a share `done` of the strokes, from 0 to 1, never less than before.
 
-        color: the paint on the brush, sRGB in [0, 1]. A frame of another size than the first is brought to that size.
+        color: of the paint on the brush, sRGB in [0, 1]
+
+        A frame of a different size is resized to that of the first. Raises StorageError.
         """
         if self._stage is None or self._encoder is None:
             self._stage = _Stage(*frame.shape[:2])
             self._encoder = VideoEncoder(self.path, self._stage.pixels, self._rate)
         self._stage.show(frame, min(1.0, done), color)
-        # Of more frames than there is room for, evenly spaced ones are shown; one that came late is shown for longer.
+        # Surplus frames are thinned evenly; a late frame is shown longer.
         until = max(1, round(min(1.0, done) * self._room))
         while self._shown < until:
             self._encoder.send()
@@ -70,7 +75,7 @@ class FilmWriter:
 
 
 class _Stage:
-    """The picture that is filmed: the canvas on its mount, and below it the bar of paints."""
+    """Film picture: the canvas on its mount, with the bar of paints below."""
 
     def __init__(self, rows: int, columns: int) -> None:
         share = min(1.0, LONGEST / max(rows, columns))
@@ -87,7 +92,7 @@ class _Stage:
         self._reached = 0
 
     def show(self, frame: NDArray[np.uint8], progress: float, color: Color | None) -> None:
-        """Puts a frame on the mount and lets the bar grow to `progress` in [0, 1]."""
+        """Draws a frame on the mount and extends the bar to `progress` in [0, 1]."""
         if frame.shape[:2] != (self._rows, self._columns):
             self._canvas[:] = cv2.resize(frame, (self._columns, self._rows), interpolation=cv2.INTER_AREA)
         else:
@@ -98,24 +103,24 @@ class _Stage:
         self._reached = reached
 
 
-# What film and page are made of, kept while the painting is made: for another process to go on, or to begin anew.
+# The sketchbook: sources of film and page, stored during the painting, so that another run can continue.
 
 SKETCHBOOK = "sketchbook"
 _STORY = "story.json"
 
 
 class Sketchbook:
-    """A folder within the painting's, for timelapse frames, looks and phases. Raises StorageError where it is full."""
+    """Folder for timelapse frames, looks and phases, inside the painting's. Raises StorageError if the disk is full."""
 
     def __init__(self, painting: Path) -> None:
         self._folder = painting / SKETCHBOOK
 
     def keep_timelapse_frame(self, stroke: int, picture: Tensor) -> None:
-        """Keeps the picture [3, H, W] of the timelapse after a stroke."""
+        """Stores the picture [3, H, W] of the timelapse after a stroke."""
         images.save(picture, self._folder / f"glimpse-{stroke:06d}.jpg")
 
     def timelapse_frames(self, painted: int) -> Iterator[tuple[int, Tensor]]:
-        """The timelapse frames up to stroke `painted` with their strokes, in order; damaged ones are left out."""
+        """Yields the timelapse frames up to stroke `painted` with the numbers of their strokes; skips damaged ones."""
         for path in sorted(self._folder.glob("glimpse-*.jpg")):
             stroke = int(path.stem.removeprefix("glimpse-"))
             if stroke <= painted:
@@ -125,7 +130,7 @@ class Sketchbook:
                     continue
 
     def keep_story(self, looks: Sequence[Look], phases: Sequence[Phase], expected_seconds: float | None) -> None:
-        """Keeps what the page tells of looks and planning so far, and how long the robot was to take in all."""
+        """Stores the looks and planning phases so far, and the expected time of the robot in total."""
         told = {
             "looks": [asdict(look) for look in looks],
             "phases": [asdict(phase) for phase in phases],
@@ -134,7 +139,7 @@ class Sketchbook:
         storage.write_json(self._folder / _STORY, told)
 
     def story(self) -> tuple[list[Look], list[Phase], float | None]:
-        """The looks, the phases and the time as they were kept; none where they are lost."""
+        """Returns the stored looks, phases and time; empty lists and None if they are lost."""
         try:
             told = storage.read_json(self._folder / _STORY, "the story so far")
             looks = [Look(**look) for look in told["looks"]]

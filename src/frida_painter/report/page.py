@@ -1,4 +1,7 @@
-"""The page of a painting: one HTML file beside its pictures, which opens from a folder without a network."""
+"""The page of a painting: one HTML file beside its pictures, which works from a folder without a network.
+
+The module also has charts of measurements, and the page of a training or an evaluation.
+"""
 
 import base64
 import io
@@ -30,7 +33,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-# A curve of losses as inline SVG: no script, readable in light and dark, told to screen readers.
+# Loss curve as inline SVG: no script, readable in light and dark mode, described for screen readers.
 
 _WIDTH, _HEIGHT = 960, 360
 _LEFT, _RIGHT, _TOP, _BOTTOM = 72, 16, 40, 48
@@ -41,10 +44,10 @@ _LEAST, _MOST = 1e-12, 1e12
 
 
 def curve_svg(phases: Sequence[Phase]) -> str:
-    """Losses over iterations, phase after phase from left to right, the loss on a logarithmic scale.
+    """Returns the losses over iterations as SVG, phase after phase, on a logarithmic scale.
 
-    Points that are not finite, not above 0 or beyond all reason are left out; "" where no phase has
-    two points left.
+    Points that are not finite, not above 0 or beyond all reason are omitted. Returns "" if no phase has two points
+    left.
     """
     usable = [(phase.name, [(i, v) for i, v in phase.loss if _LEAST < v < _MOST]) for phase in phases]
     usable = [(name, points) for name, points in usable if len(points) > 1]
@@ -72,7 +75,7 @@ def curve_svg(phases: Sequence[Phase]) -> str:
     for number, ((name, points), width) in enumerate(zip(usable, widths, strict=True), start=1):
         if number > 1:
             parts.append(f'<line class="mark" x1="{left:.1f}" x2="{left:.1f}" y1="{_TOP - 26}" y2="{_FLOOR}"/>')
-        # A name is shown where its phase is wide enough to hold it; all are there for the pointer.
+        # A name appears only if its phase is wide enough; all names are tooltips.
         roomy = width > _LETTER * len(name) + 12
         shown, unit = (escape(name), " iterations") if roomy else (str(number), "")
         first, last = points[0][0], points[-1][0]
@@ -87,7 +90,7 @@ def curve_svg(phases: Sequence[Phase]) -> str:
 
 
 def _widths(iterations: Sequence[int]) -> list[float]:
-    """Width of each phase: by its iterations, but none too narrow for its name as long as there is room."""
+    """Returns the width of each phase, by its iterations, but wide enough for its name if there is room."""
     room = _WIDTH - _LEFT - _RIGHT
     least = min(_ROOMY, room / len(iterations))
     share = (room - least * len(iterations)) / max(1, sum(iterations))
@@ -95,7 +98,7 @@ def _widths(iterations: Sequence[int]) -> list[float]:
 
 
 def _ticks(least: float, most: float) -> Iterator[float]:
-    """Round values 1, 2, 5 x 10^k between two powers of ten; finer ones where these are too few."""
+    """Yields round values 1, 2, 5 x 10^k between two powers of ten; finer ones if there are too few."""
     for steps in ((1, 2, 5), tuple(range(1, 10)), tuple(part / 10 for part in range(10, 100))):
         found = [
             float(f"{step * 10.0**decade:.6g}")
@@ -110,7 +113,7 @@ def _ticks(least: float, most: float) -> Iterator[float]:
 
 
 def _thinned(points: list[tuple[int, float]]) -> list[tuple[int, float]]:
-    """At most about 400 of the points, the last one always among them."""
+    """Returns at most about 400 of the points, including the last one."""
     every = max(1, len(points) // 400)
     return [*points[:-1][::every], points[-1]]
 
@@ -119,7 +122,7 @@ PAGE = "index.html"
 
 
 def template(name: str) -> jinja2.Template:
-    """A template of this package, which writes nothing that it was not given."""
+    """Returns a template of this package. Rendering raises an error for undefined variables."""
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("frida_painter", "report/templates"),
         autoescape=True,
@@ -131,42 +134,44 @@ def template(name: str) -> jinja2.Template:
 
 
 def page(story: Story) -> str:
-    """The story as HTML that needs nothing but the files it names."""
-    # The curve is our own markup, whose texts are escaped where it is made.
+    """Returns the story as HTML that needs only the files it names."""
+    # The curve is markup of this module, which escapes its texts.
     curve = Markup(curve_svg(story.phases))
     html = template("page.html").render(story=story, curve=curve, sheet_file=sheet_file)
     return html.encode("utf-8", "replace").decode("utf-8")
 
 
 def write_page(story: Story, folder: Path) -> Path:
-    """Writes the page into the painting's folder, atomically; returns its path. Raises StorageError."""
+    """Writes the page to the painting's folder, atomically; returns its path. Raises StorageError."""
     path = folder / PAGE
     storage.write_text(path, page(story))
     return path
 
 
-# Charts of measurements: lines with bands or error bars, each named where it ends.
+# Charts of measurements: lines with bands or error bars, with the name at the end of each line.
 
 _CHART_WIDTH, _CHART_HEIGHT = 940, 540
 _CHART_LEFT, _CHART_RIGHT, _CHART_TOP, _CHART_BOTTOM = 84, 190, 104, 66
 _BEFORE_NAME, _AFTER_NAME = 14, 16
 _TITLE, _TEXT, _TICK = 22, 14, 13
-_POINT = 0.72  # of a point in a pixel, at 100 pixels per inch
-# Told apart without colour vision too (Okabe and Ito).
+_POINT = 0.72  # points per pixel, at 100 pixels per inch
+# Distinguishable without colour vision (Okabe and Ito).
 _COLORS = ((0, 114, 178), (213, 94, 0), (0, 138, 100), (171, 92, 150), (98, 93, 85))
-_INSET = 14  # of the first and last point from the ends of the x axis
-_BESIDE = 5.0  # between the error bars of one line and the next
+_INSET = 14  # from the ends of the x axis to the first and last point
+_BESIDE = 5.0  # between the error bars of neighbouring lines
 _FEW = 7
 _STEPS = (1, 2, 2.5, 5, 10)
-_DOTTED = 24  # points up to which each has its dot
+_DOTTED = 24  # greatest number of points that get dots
 
 
 @dataclass(frozen=True)
 class Series:
-    """One line: its name, its points, and how far each may be off.
+    """Line of a chart.
 
-    low, high: as many as there are points, or none; drawn as a band where `band`, otherwise as
-    error bars.
+    name: at the end of the line
+    x, y: points
+    low, high: limits of each point, or empty
+    band: True to draw the limits as a band, False for error bars
     """
 
     name: str
@@ -178,9 +183,12 @@ class Series:
 
 
 def chart(title: str, x_label: str, y_label: str, series: Sequence[Series], *, logarithmic: bool = False) -> Tensor:
-    """Up to five series in one picture [3, 540, 940]; `logarithmic`: the y axis, all values above 0.
+    """Returns a chart of up to five series, [3, 540, 940].
 
-    y_label stands above the axis. A linear y axis begins at 0 or below.
+    y_label: above the y axis
+    logarithmic: True for a logarithmic y axis; all values are then above 0
+
+    A linear y axis starts at 0 or below.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -198,7 +206,7 @@ def chart(title: str, x_label: str, y_label: str, series: Sequence[Series], *, l
     )
 
     def words(x: float, y: float, text: str, size: int, color: tuple[int, int, int], **where: Any) -> None:
-        # A dollar sign in a name is no formula.
+        # A dollar sign in a name does not start a formula.
         where |= {"fontsize": size * _POINT, "color": _hex(color), "parse_math": False}
         figure.text(x / _CHART_WIDTH, y / _CHART_HEIGHT, text, **where)
 
@@ -227,7 +235,7 @@ def chart(title: str, x_label: str, y_label: str, series: Sequence[Series], *, l
 
 
 def _scale(axes: "Axes", series: Sequence[Series], logarithmic: bool, wide: int) -> None:
-    """Ends, ticks and rules of both axes."""
+    """Sets limits, ticks and grid lines of both axes."""
     from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullLocator
 
     xs = sorted({x for one in series for x in one.x})
@@ -254,7 +262,7 @@ def _scale(axes: "Axes", series: Sequence[Series], logarithmic: bool, wide: int)
 
 
 def log_ticks(least: float, most: float) -> list[float]:
-    """Round values for a logarithmic axis between two values above 0, about eight at most."""
+    """Returns about eight round values for a logarithmic axis between two values above 0."""
     from matplotlib.ticker import LogLocator, MaxNLocator
 
     for locator in (LogLocator(subs=(1, 2, 5), numticks=99), MaxNLocator(8, steps=_STEPS)):
@@ -269,7 +277,7 @@ def _hex(color: tuple[int, int, int]) -> str:
 
 
 def _apart(wanted: Sequence[float]) -> list[float]:
-    """Heights near those wanted at which words do not run into one another."""
+    """Returns heights near the wanted ones at which texts do not overlap."""
     least = _TEXT * 1.5
     order = sorted(range(len(wanted)), key=lambda index: wanted[index])
     placed = list(wanted)
@@ -282,7 +290,7 @@ def _apart(wanted: Sequence[float]) -> list[float]:
     return placed
 
 
-# The page of a training or an evaluation: unseen strokes beside what a model made of them, in one HTML file.
+# The page of a training or an evaluation: unseen strokes beside the model's prediction, in one HTML file.
 
 _MOST_SHOWN = 24
 _BATCH = 32
@@ -296,7 +304,7 @@ _TALL, _BAR, _SPACE = 190, 46, 8
 
 @dataclass(frozen=True)
 class _Stroke:
-    """A stroke as the page shows it: real, modelled, and the difference, as data URIs."""
+    """Stroke on the page: real, modelled, and the difference, as data URIs."""
 
     real: str
     drawn: str
@@ -306,10 +314,10 @@ class _Stroke:
 
 
 def training_page(learned: Learned, model: str, library: str, *, dirty: int) -> str:
-    """HTML that needs no other file.
+    """Returns the page of a training as HTML without further files.
 
-    model, library: their names; dirty: how many strokes were left out of the training because
-    something is wrong with them.
+    model, library: names of both
+    dirty: number of defective strokes that were left out of the training
     """
     report, held_out = learned.report, learned.library[learned.report.held_out]
     facts = [
@@ -324,9 +332,10 @@ def training_page(learned: Learned, model: str, library: str, *, dirty: int) -> 
 
 
 def evaluation_page(model: StrokeModel, name: str, strokes: StrokeLibrary, library: str) -> str:
-    """The same of any stroke model, be it a network or a function, beside strokes that it has not seen.
+    """Returns the page of an evaluation: any stroke model beside strokes that it has not seen.
 
-    name, library: of the model and of the strokes.
+    name: of the model
+    library: name of the strokes' library
     """
     shapes = strokes.shapes()
     with torch.no_grad():
@@ -341,7 +350,11 @@ def _page(
     model: StrokeModel, strokes: StrokeLibrary, drawn: Tensor, library: str, facts: list[tuple[str, str]],
     mean_error: float, curve: Tensor | None,
 ) -> str:  # fmt: skip
-    """drawn [n, rows, columns]: what the model makes of the strokes; curve: how it learned, where it did."""
+    """Returns the HTML of a page.
+
+    drawn: [n, rows, columns], the model's predictions of the strokes
+    curve: picture of the learning curve; None without training
+    """
     wanted = strokes.maps(model.frame)
     error = (drawn - wanted).abs().mean((1, 2)).double().numpy()
     (shortest, longest), (least, most) = model.limits.length, model.limits.bend
@@ -362,7 +375,7 @@ def _page(
 
 
 def _strokes(library: StrokeLibrary, wanted: Tensor, drawn: Tensor, error: NDArray[np.float64]) -> list[_Stroke]:
-    """From the best to the worst, evenly chosen where there are too many."""
+    """Returns the strokes from the best to the worst, an even selection if there are too many."""
     order = error.argsort(kind="stable")
     if len(order) > _MOST_SHOWN:
         order = order[np.linspace(0, len(order) - 1, _MOST_SHOWN).round().astype(int)]
@@ -384,7 +397,7 @@ def _strokes(library: StrokeLibrary, wanted: Tensor, drawn: Tensor, error: NDArr
 
 
 def _crop(wanted: Tensor, drawn: Tensor) -> tuple[slice, slice]:
-    """The part of the maps in which there is paint, and a little around it."""
+    """Returns the part of the maps with paint, and a small margin."""
     inked = (torch.maximum(wanted, drawn) > 0.3).any(0)
     slices = []
     for axis in (1, 0):
@@ -395,12 +408,15 @@ def _crop(wanted: Tensor, drawn: Tensor) -> tuple[slice, slice]:
 
 
 def _inked(magnitude: Tensor) -> Tensor:
-    """Ink on white paper, [3, rows, columns]."""
+    """Returns a mark as ink on white paper, [3, rows, columns]."""
     return 1 - magnitude * (1 - _INK[:, None, None])
 
 
 def _compared(real: Tensor, drawn: Tensor) -> Tensor:
-    """Grey where both have paint, blue where only the brush, orange where only the model, [3, rows, columns]."""
+    """Returns a picture of the differences between a real and a modelled mark, [3, rows, columns].
+
+    Grey stands for paint in both, blue for paint of the brush only, orange for paint of the model only.
+    """
     both = torch.minimum(real, drawn)
     layers = ((0.45 * both, _INK), (real - both, _MISSED), (drawn - both, _INVENTED))
     return 1 - sum((amount * (1 - color[:, None, None]) for amount, color in layers), torch.zeros(3, 1, 1))
@@ -422,7 +438,7 @@ def _curve(learned: Learned) -> Tensor:
 
 
 def _histogram(error: NDArray[np.float64]) -> str:
-    """Errors of the strokes held out as bars, inline SVG."""
+    """Returns a histogram of the held-out strokes' errors as inline SVG."""
     counts, edges = np.histogram(error, bins=_BINS, range=(0.0, float(error.max()) * 1.0001 + 1e-9))
     wide = _BINS * _BAR
     parts = [
@@ -445,7 +461,7 @@ def _histogram(error: NDArray[np.float64]) -> str:
 
 
 def _data_uri(picture: Tensor) -> str:
-    """A picture [3, h, w] in [0, 1] as a PNG inside the page; small ones are enlarged."""
+    """Returns a picture [3, h, w] in [0, 1] as a PNG data URI; small ones are enlarged."""
     file = io.BytesIO()
     drawn = Image.fromarray(images.to_uint8(picture))
     if drawn.width < _TRAINING_PAGE_WIDTH:

@@ -1,4 +1,4 @@
-"""Listens to a session and keeps what a person wants to have afterwards, in one folder per painting."""
+"""The recorder of a session: keeps all records of a painting in one folder."""
 
 import time
 from collections.abc import Mapping
@@ -55,14 +55,16 @@ def _forecast_by(done: int) -> str:
 
 @dataclass
 class Recorder:
-    """Writes everything about one painting into `folder`, while it is made; used in a `with` block.
+    """Recorder of one painting: writes all its records into `folder` during the painting. Used in a `with` block.
 
-    title, facts (label, value), settings: what its page and its record say of it; target: the goal picture
-    [3, H, W], None where there is none; models: of its brushes, by their names;
-    timelapse_frames: how many pictures the film will get; before: what the
-    journal tells of earlier runs, if there were any. Every file is whole or not there. While it is painted,
-    pictures for which the disk has no room are left out. Raises StorageError where page or painting cannot be
-    written.
+    title, facts, settings: for the page and the result; a fact is (label, value)
+    target: goal picture [3, H, W]; None if there is none
+    models: stroke models of the brushes, by name
+    timelapse_frames: expected number of the film's frames
+    before: earlier runs from the journal; None if there are none
+
+    Every file is either complete or absent. During the painting, pictures are left out if the disk is full.
+    Raises StorageError if the page or the painting cannot be written.
     """
 
     folder: Path
@@ -87,10 +89,10 @@ class Recorder:
     _sheets: RecipeSheets = field(init=False)
     _left_out: int = field(default=0, init=False)
     _filming: bool = field(default=True, init=False)
-    _in_hand: Future[None] | None = field(default=None, init=False)  # the timelapse frame that is being kept
+    _in_hand: Future[None] | None = field(default=None, init=False)  # the timelapse frame in progress
     _expected_seconds: float | None = field(default=None, init=False)
-    _forecasts: list[tuple[int, SimilarityForecast]] = field(default_factory=list, init=False)  # by strokes painted
-    _touch: dict[str, str] = field(default_factory=dict, init=False)  # what was corrected last, by brush
+    _forecasts: list[tuple[int, SimilarityForecast]] = field(default_factory=list, init=False)  # by strokes
+    _touch: dict[str, str] = field(default_factory=dict, init=False)  # latest correction, by brush
 
     def __enter__(self) -> Self:
         self._started = time.monotonic()
@@ -98,7 +100,7 @@ class Recorder:
         if self.before is not None:
             self._dips, self._cleanings = self.before.dips, self.before.cleanings
             self._started -= self.before.seconds
-        self._thread = ThreadPoolExecutor(1, "film")  # encodes while the robot paints on
+        self._thread = ThreadPoolExecutor(1, "film")  # encodes while the robot goes on painting
         self._film = FilmWriter(self.folder / "film.mp4", self.timelapse_frames)
         if self.target is not None:
             images.save(self.target, self.folder / "target.jpg")
@@ -114,10 +116,10 @@ class Recorder:
         self._sheets.finish()
 
     def hear(self, event: Event) -> None:
-        """Keeps what the event brings."""
+        """Records an event."""
         try:
             self._keep(event)
-        except StorageError:  # what is on the canvas is worth more than its pictures
+        except StorageError:  # the painting is worth more than its pictures
             self._left_out += 1
 
     def _keep(self, event: Event) -> None:
@@ -152,7 +154,8 @@ class Recorder:
     def finish(self, painting: Painting) -> Path | None:
         """Closes the film, writes pictures, exports, figures and the page; returns the page's path.
 
-        None where the work was stopped before there was a plan: then there is nothing to tell.
+        Returns None if the work was stopped before there was a plan: then there is nothing to tell. Raises
+        StorageError.
         """
         try:
             self._finish_film()
@@ -174,13 +177,13 @@ class Recorder:
         return page
 
     def _keep_plan(self, event: Planned) -> None:
-        """Keeps the whole plan: the strokes painted, then those still to come."""
+        """Stores the whole plan: the painted strokes, then the remaining ones."""
         name = f"plan for {len(event.plan)} strokes" if event.done == 0 else f"after {event.done} strokes"
         self._phases.append(Phase(name, tuple(self._curve)))
         self._curve = []
         if event.forecast is not None:
             self._forecasts.append((event.done, event.forecast))
-        if self._plan is None or event.done == 0:  # a plan with what was really mixed takes the place of the first
+        if self._plan is None or event.done == 0:  # a plan for the measured paints replaces the first one
             self._plan, self._first_expected = event.plan, event.expected
             images.save(event.expected, self.folder / "plan.png")
             self._sheets.renew(event.plan)
@@ -196,7 +199,7 @@ class Recorder:
         self._sketchbook.keep_story(self._looks, self._phases, self._expected_seconds)
 
     def _keep_on(self, event: Resumed) -> None:
-        """Takes up film and story where an earlier run left them."""
+        """Continues film and story of an earlier run."""
         self._plan = event.plan
         self._sheets.renew(event.plan)
         self._looks, self._phases, self._expected_seconds = self._sketchbook.story()
@@ -213,7 +216,7 @@ class Recorder:
         self._show(frame.photograph, frame.done / frame.of, frame.color)
 
     def _finish_film(self) -> None:
-        """Waits for the frame in hand, and closes the film."""
+        """Waits for the frame in progress, and closes the film."""
         in_hand, self._in_hand = self._in_hand, None
         try:
             if in_hand is not None:
@@ -223,7 +226,7 @@ class Recorder:
             self._film.__exit__(None, None, None)
 
     def _show(self, picture: Tensor, done: float, color: tuple[float, float, float]) -> None:
-        """Films a picture with a share of the strokes done, unless the film could not be written any more."""
+        """Adds a picture at a share of the strokes to the film, unless an earlier write failed."""
         if self._filming:
             try:
                 self._film.add(images.to_uint8(picture), done, color)
@@ -260,7 +263,7 @@ class Recorder:
         )
 
     def _compare(self, photograph: Tensor, first_expected: Tensor) -> tuple[Comparison, ...]:
-        """Plan, painting and, if there is one, target against each other, at the plan's resolution."""
+        """Returns comparisons of plan, painting and, if there is one, target, at the plan's resolution."""
         rows, columns = first_expected.shape[1:]
         painted = images.fit(photograph, rows, columns)
         against_plan = compare("The painting against the first plan", painted, first_expected)
@@ -309,11 +312,11 @@ class Recorder:
 
     @property
     def _given_up(self) -> list[int]:
-        """The numbers of strokes that are not on the canvas, and were to be."""
+        """Numbers of the planned strokes that are not on the canvas."""
         return [*(self.before.given_up if self.before is not None else []), *self._strokes_left_out]
 
     def _mishaps(self, remark: str) -> tuple[tuple[str, str], ...]:
-        """What did not go as it should, for the page."""
+        """Returns deviations from the normal course, for the page."""
         facts: list[tuple[str, str]] = []
         if self.before is not None:
             facts.append(("Sittings", str(self._runs)))

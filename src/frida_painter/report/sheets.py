@@ -1,4 +1,4 @@
-"""The palette sheet: a page to print, hang beside the easel, and mix paint from."""
+"""Sheets to print or view: figures, doubtful strokes, surprises, palette, mixing recipes and workspace."""
 
 import math
 from collections.abc import Collection, Sequence
@@ -25,7 +25,7 @@ from frida_painter.plan import Plan
 from frida_painter.report.story import PaintFacts, paints
 from frida_painter.sheet import INK, LINE, PAPER, SOFT, WARNING, Sheet, font, shortened, to_bytes
 
-# Pictures side by side on one sheet, with headings, labels and captions.
+# Figures: pictures side by side on one sheet, with headings, labels and captions.
 
 _MARGIN, _GAP = 28, 10
 _TITLE, _TEXT, _SMALL = 26, 16, 15
@@ -33,7 +33,7 @@ _TITLE, _TEXT, _SMALL = 26, 16, 15
 
 @dataclass(frozen=True)
 class Cell:
-    """A picture [3, h, w] in [0, 1] and the words below it."""
+    """Picture [3, h, w] in [0, 1] with a caption below."""
 
     picture: Tensor
     caption: str = ""
@@ -41,7 +41,11 @@ class Cell:
 
 @dataclass(frozen=True)
 class FigureRow:
-    """One row of the page: what stands left of it, and its cells (None: an empty place)."""
+    """Row of a figure.
+
+    label: at the left of the row
+    cells: pictures; None for an empty place
+    """
 
     label: str
     cells: Sequence[Cell | None]
@@ -50,10 +54,12 @@ class FigureRow:
 def page(
     title: str, headings: Sequence[str], lines: Sequence[FigureRow], *, width: int = 200, framed: bool = True
 ) -> Tensor:
-    """A sheet [3, H, W] with the lines below one another, every picture `width` pixels wide.
+    """Returns a sheet [3, H, W] with rows of pictures.
 
-    headings: one above each column, or none. framed: a hairline around every picture, for pictures
-    on white.
+    headings: one above each column, or none
+    lines: the rows
+    width: of every picture, pixels
+    framed: True for a thin line around every picture, for pictures on white
     """
     columns = max(len(line.cells) for line in lines)
     left = _MARGIN + max(_extent(part, _TEXT) for line in lines for part in line.label.split("\n")) + _GAP
@@ -111,20 +117,23 @@ def _extent(text: str, size: int) -> int:
     return round(font(size).getlength(text))
 
 
-# A picture for deciding on one stroke: is it on the canvas, or was the painting broken off before?
+# A picture for a decision about one stroke: is it on the canvas, or did the painting stop before it?
 
 _RED = (200, 30, 40)
-_ROWS = 720  # of the whole canvas as it is shown
+_ROWS = 720  # of the whole canvas in the picture
 _POINTS = 25
-_AROUND = 0.35  # of its extent is shown around the stroke, on every side
+_AROUND = 0.35  # margin around the stroke on every side, as a share of its extent
 _DOUBT_GAP, _HEAD = 24, 44
 
 
 def doubt(plan: Plan, stroke: int, photograph: Tensor, painted: Tensor) -> Tensor:
-    """The canvas with a frame around the stroke, and beside it the frame enlarged: as seen, and as if painted.
+    """Returns the canvas with a frame around a stroke, and the enlarged frame: as seen, and as if painted.
 
-    stroke: its index in the plan; photograph [3, H, W]: the canvas as it is now; painted [3, h, w]: as
-    it would look with that stroke, in the simulation. Returns sRGB [3, rows, columns].
+    stroke: its index in the plan
+    photograph: [3, H, W], the canvas now
+    painted: [3, h, w], simulated canvas with that stroke
+
+    Returns sRGB [3, rows, columns].
     """
     columns = round(_ROWS * plan.canvas.width / plan.canvas.height)
     canvas, with_stroke = (_enlarged(picture, _ROWS, columns) for picture in (photograph, painted))
@@ -149,7 +158,7 @@ def doubt(plan: Plan, stroke: int, photograph: Tensor, painted: Tensor) -> Tenso
 
 
 def _around(path: Tensor, columns: int) -> tuple[int, int, int, int]:
-    """A square around the path (pixels [t, 2]), within the picture."""
+    """Returns a square around the path (pixels [t, 2]), inside the picture."""
     low, high = path.amin(0), path.amax(0)
     side = min(_ROWS, columns, max(60, round(float((high - low).max()) * (1 + 2 * _AROUND)) + 40))
     middle = (low + high) / 2
@@ -166,20 +175,20 @@ def _heading(sheet: Sheet, words: str, left: int, top: int) -> None:
     sheet.text((left, top + _HEAD / 2), words, 20, SOFT, "lm")
 
 
-# The picture of a surprise: where the canvas that was seen differs from the one that was expected.
+# A picture of a surprise: the differences between the seen and the expected canvas.
 
 CLEARLY = 50.0
-"""Distance in Lab that gets the strongest colour."""
+"""Lab distance that gets the strongest colour."""
 _UNSEEN = 3.0
-# White, yellow, orange, red, wine: evenly darker, so that the order also shows without colour vision.
+# White, yellow, orange, red, wine: evenly darker, so that the order is visible without colour vision.
 _HEAT = ((1.0, 1.0, 1.0), (1.0, 0.835, 0.467), (0.961, 0.502, 0.243), (0.765, 0.122, 0.184), (0.345, 0.047, 0.180))
 
 
 def difference(expected: Tensor, seen: Tensor) -> Tensor:
-    """Distances in Lab between two pictures sRGB [3, H, W] as a heat map [3, H, W] over the pale picture seen.
+    """Returns the Lab distances of two pictures sRGB [3, H, W] as a heat map [3, H, W] over the pale seen picture.
 
-    White-grey means as expected (below what an eye can tell apart), then yellow, orange, red and
-    wine at a distance of 50 and more. Grain finer than a hundredth of the picture is smoothed away.
+    White-grey means as expected (no visible difference), then yellow, orange, red, and wine for a distance of 50
+    and more. Grain finer than a hundredth of the picture is smoothed away.
     """
     first, second = (_smoothed(picture) for picture in (expected, seen))
     apart = (to_lab(first) - to_lab(second)).norm(dim=-1)  # [H, W]
@@ -193,21 +202,24 @@ def difference(expected: Tensor, seen: Tensor) -> Tensor:
 
 
 def _smoothed(picture: Tensor) -> Tensor:
-    """The picture as [H, W, 3] without its finest grain."""
+    """Returns the picture as [H, W, 3] without its finest grain."""
     pixels = np.ascontiguousarray(picture.detach().permute(1, 2, 0).cpu().numpy(), dtype=np.float32)
     smooth = cv2.GaussianBlur(pixels, (0, 0), max(0.5, max(pixels.shape) / 400))
     return torch.from_numpy(np.clip(smooth, 0, 1)).to(picture)
 
 
-# A picture of a plan in which the strokes stand out that cannot be painted.
+# A picture of a plan that highlights the strokes that cannot be painted.
 
 _FADED = 0.62  # of the way to white
 
 
 def offending_strokes(plan: Plan, picture: Tensor, offending: Collection[int]) -> Tensor:
-    """The plan's picture [3, H, W], faded, with the paths of the offending strokes (by index) in red: [3, H + h, W].
+    """Returns the faded picture [3, H, W] of a plan with the paths of some strokes in red: [3, H + h, W].
 
-    Each has a dot where it starts and its number, from 1, as messages name it; below stands how many there are.
+    offending: indices of the strokes
+
+    Each of these strokes has a dot at its start and its number, counted from 1 as in messages. Their count stands
+    below.
     """
     rows, columns = picture.shape[1:]
     unit = max(rows, columns) / 1000
@@ -233,7 +245,7 @@ def offending_strokes(plan: Plan, picture: Tensor, offending: Collection[int]) -
 def _tags(
     sheet: Sheet, paths: dict[int, list[list[float]]], size: int, within: tuple[int, int]
 ) -> None:  # fmt: skip
-    """Numbers in white on red beside their strokes and inside the picture, as many as find a free place."""
+    """Draws numbers in white on red beside their strokes and inside the picture, as many as find a free place."""
     pad = size * 0.3
     taken: list[tuple[float, float, float, float]] = []
     for index, points in paths.items():
@@ -254,10 +266,10 @@ def _overlap(one: tuple[float, float, float, float], other: tuple[float, float, 
     return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
 
 
-# The mixing sheet: a page to lie beside the bowls, with a recipe for every paint of a palette.
+# The mixing sheet: a page for the place where a person mixes, with a recipe for every paint of a palette.
 
 COLUMNS = 1240
-"""A4 at 150 dots per inch; a palette of more than 16 paints makes the page longer."""
+"""Columns of A4 at 150 dots per inch; a palette of more than 16 paints makes the page longer."""
 _MIXING_SHEET_ROWS = 1754
 _MIXING_SHEET_MARGIN, _MIXING_SHEET_HEAD = 96, 244
 _TALLEST, _LOWEST = 118, 78
@@ -272,9 +284,9 @@ _ADVICE = (
 
 
 def mixing_sheet(recipes: Sequence[Recipe], volumes: Sequence[float] | None, title: str) -> Tensor:
-    """The recipes as a printed page, sRGB [3, H, 1240] in [0, 1], in the order of the wells.
+    """Returns the recipes as a printed page, sRGB [3, H, 1240] in [0, 1], in the order of the wells.
 
-    volumes: millilitres wanted of each paint, None where that is not known.
+    volumes: millilitres of each paint; None if unknown
     """
     supplies = _supplies(recipes, volumes)
     foot = 172 + 30 * -(-len(supplies) // 3) if supplies else 136
@@ -305,7 +317,7 @@ def mixing_sheet(recipes: Sequence[Recipe], volumes: Sequence[float] | None, tit
 def _recipe(
     sheet: Sheet, index: int, recipe: Recipe, volume: float | None, top: int, row: int
 ) -> None:  # fmt: skip
-    """One row: number, wanted and predicted colour side by side, the parts in words and as a bar, the amounts."""
+    """Draws one row: number, wanted and predicted colour side by side, the parts in words and as a bar, the amounts."""
     height = row - 20
     left = _MIXING_SHEET_MARGIN + 64
     sheet.text((_MIXING_SHEET_MARGIN, top + height // 2), str(index + 1), 40, anchor="lm")
@@ -333,7 +345,7 @@ def _recipe(
 
 
 def _bar(sheet: Sheet, recipe: Recipe, left: int, top: int) -> None:
-    """The parts as lengths, each in its paint's own colour, and never so short that it is not seen."""
+    """Draws the parts as lengths in their paints' colours, none too short to be visible."""
     width = COLUMNS - _MIXING_SHEET_MARGIN - left
     shares = recipe.volumes(1.0)
     least = 10 / width
@@ -346,7 +358,7 @@ def _bar(sheet: Sheet, recipe: Recipe, left: int, top: int) -> None:
 
 
 def _supplies(recipes: Sequence[Recipe], volumes: Sequence[float] | None) -> list[tuple[str, float]]:
-    """Millilitres of each paint that all mixtures take together, most first."""
+    """Returns the millilitres of each tube paint for all mixtures, most first."""
     needed: dict[str, float] = {}
     for recipe, volume in zip(recipes, volumes or (), strict=False):
         for (paint, _), amount in zip(recipe.parts, recipe.volumes(volume), strict=True):
@@ -355,7 +367,7 @@ def _supplies(recipes: Sequence[Recipe], volumes: Sequence[float] | None) -> lis
 
 
 def _measured(amount: float) -> str:
-    """Millilitres as a person measures them: below a tenth in drops."""
+    """Returns millilitres as a person measures them: less than a tenth in drops."""
     if amount >= 0.095:
         return f"{amount:.1f} ml"
     drops = round(amount / _DROP)
@@ -363,7 +375,7 @@ def _measured(amount: float) -> str:
 
 
 ROWS, PALETTE_SHEET_COLUMNS = 1754, 1240
-"""A4 at 150 dots per inch; what is on it also fits US Letter."""
+"""Rows and columns of A4 at 150 dots per inch; the content also fits US Letter."""
 _PALETTE_SHEET_MARGIN = 96
 _PALETTE_SHEET_HEAD = 236
 _FOOT = 108
@@ -376,11 +388,13 @@ _PALETTE_SHEET_ADVICE = (
 
 
 def palette_sheet(plan: Plan, title: str = "Palette", recipes: Sequence[Recipe] = ()) -> Tensor:
-    """The plan's paints as a printed page, sRGB [3, 1754, 1240] in [0, 1].
+    """Returns the plan's paints as a printed page, sRGB [3, 1754, 1240] in [0, 1], lightest first.
 
-    Lightest first: a large swatch, its number, sRGB as hex and bytes, Lab, how many strokes it is
-    for and how much of the painting they are; up to 20 paints also with how to mix them, where `recipes`
-    tells. Holds 1 to 64 paints.
+    title: heading of the page
+    recipes: one per paint, or none; shown for up to 20 paints
+
+    Each paint has a large swatch, its number, sRGB as hex and bytes, Lab, the number of its strokes and its share
+    of the painting. The page holds 1 to 64 paints.
     """
     sheet = Sheet(PALETTE_SHEET_COLUMNS, ROWS)
     known = paints(plan, recipes)
@@ -395,14 +409,17 @@ def palette_sheet(plan: Plan, title: str = "Palette", recipes: Sequence[Recipe] 
 
 
 def sheet_file(name: str, layer: int) -> str:
-    """The name of the file for the wells that are filled before that layer: "palette.png", "palette-layer-2.png"."""
+    """Returns the file name of the sheet for the wells of a layer: "palette.png", "palette-layer-2.png"."""
     path = Path(name)
     return name if layer == 1 else f"{path.stem}-layer-{layer}{path.suffix}"
 
 
 @dataclass(frozen=True)
 class _Grid:
-    """Cells of the page in pixels; upright: the swatch stands above its text and not beside it."""
+    """Grid of the page's cells, in pixels.
+
+    upright: True if the text stands below the swatch, False for beside it
+    """
 
     columns: int
     width: int
@@ -421,7 +438,7 @@ class _Grid:
         return cls(columns, across, min(down, 820 if upright else 96), gap, upright)
 
     def corner(self, place: int) -> tuple[int, int]:
-        """Left and top of a cell; paints run along the rows, from the left."""
+        """Returns left and top of a cell; paints run along the rows, from the left."""
         row, column = divmod(place, self.columns)
         return _PALETTE_SHEET_MARGIN + column * (self.width + self.gap), _PALETTE_SHEET_HEAD + row * (
             self.height + (self.gap if self.upright else 10)
@@ -441,7 +458,7 @@ def _head(sheet: Sheet, plan: Plan, title: str) -> None:
 
 
 def _card(sheet: Sheet, paint: PaintFacts, left: int, top: int, width: int, height: int) -> None:
-    """A swatch with its text below."""
+    """Draws a swatch with its text below."""
     below = top + height - (118 if not paint.recipe else 118 + 2 * _RECIPE_PITCH)
     sheet.draw.rectangle((left, top, left + width - 1, below - 1), fill=paint.srgb, outline=LINE, width=1)
     sheet.text((left, below + 12), str(paint.number), 44, INK)
@@ -453,7 +470,7 @@ def _card(sheet: Sheet, paint: PaintFacts, left: int, top: int, width: int, heig
 
 
 def _in_two_lines(recipe: str, width: int) -> list[str]:
-    """The recipe broken where it says plus; the second line is cut where even two are too short."""
+    """Returns the recipe in at most two lines, broken at a plus; the second line is cut if it is too long."""
     words = recipe.split(" + ")
     first = next(
         (
@@ -468,7 +485,7 @@ def _in_two_lines(recipe: str, width: int) -> list[str]:
 
 
 def _line(sheet: Sheet, paint: PaintFacts, left: int, top: int, width: int, height: int) -> None:
-    """A swatch with its text beside it, for palettes that fill the page."""
+    """Draws a swatch with its text beside it, for palettes that fill the page."""
     swatch, right, size = round(0.26 * width), left + width, _PALETTE_SHEET_SMALL - 1
     sheet.draw.rectangle((left, top, left + swatch - 1, top + height - 1), fill=paint.srgb, outline=LINE, width=1)
     sheet.text((left + swatch + 12, top - 4), str(paint.number), 24, INK)
@@ -491,11 +508,11 @@ def _strokes(paint: PaintFacts) -> str:
     return f"{paint.strokes} stroke{'s' if paint.strokes != 1 else ''}"
 
 
-# The sheets that say how to mix the paints of a plan: made in a thread of their own, while the robot paints on.
+# Recipe sheets of a plan, made in a separate thread while the robot goes on painting.
 
 
 class RecipeSheets:
-    """Keeps the sheets of the paints of each layer in a folder, for whoever stands before the wells."""
+    """Writer of the palette and mixing sheets of each layer, for the person at the wells."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -504,11 +521,14 @@ class RecipeSheets:
         self._begun: list[Future[None]] = []
 
     def renew(self, plan: Plan, before: Palette | None = None) -> None:
-        """Has the recipes of a plan found and its sheets written. before: paints whose sheets are there."""
+        """Starts to compute a plan's recipes and to write its sheets.
+
+        before: paints whose sheets exist already
+        """
         self._begun.append(self._thread.submit(self._renew, plan, before))
 
     def finish(self) -> tuple[tuple[Recipe, ...], int]:
-        """Waits; the recipes of the last plan, and for how many plans there was no room on the disk."""
+        """Waits for the end; returns the last plan's recipes, and the number of plans without disk space."""
         self._thread.shutdown()
         troubles = [one.exception() for one in self._begun]
         for trouble in troubles:
@@ -533,7 +553,7 @@ class RecipeSheets:
             images.save(sheet, self._folder / sheet_file("mixing.png", layer))
 
 
-# A workspace drawn to scale, as one sees the table from above.
+# A workspace to scale, seen from above.
 
 _LONGEST = 1100  # pixels of the longer side of the bounds
 _WORKSPACE_PLAN_MARGIN, _WORKSPACE_PLAN_HEAD, _WORKSPACE_PLAN_FOOT = 90, 110, 110
@@ -543,12 +563,12 @@ _BRUSH = (96, 84, 66)
 
 
 def workspace_plan(workspace: Workspace, canvas: CanvasSize, title: str) -> Tensor:
-    """The bounds with canvas, wells, water, rag and home in them, sRGB [3, H, W] in [0, 1]; x right, y up."""
+    """Returns the bounds with canvas, wells, water, rag and home, sRGB [3, H, W] in [0, 1]; x right, y up."""
     return _Drawing(workspace, canvas, title).sheet.tensor()
 
 
 class _Drawing:
-    """A sheet of paper whose scale is that of the bounds."""
+    """Drawing of a workspace to the scale of its bounds."""
 
     def __init__(self, workspace: Workspace, canvas: CanvasSize, title: str) -> None:
         lower, upper = np.array(workspace.lower[:2]), np.array(workspace.upper[:2])
@@ -595,7 +615,7 @@ class _Drawing:
         self._text(*self._at(x, y), "rag", 19, INK, "ms")
 
     def _round(self, place: Point, name: str, fill: tuple[int, int, int]) -> None:
-        """A well or the water, with the circle in which it is stirred."""
+        """Draws a well or the water, with the circle in which the brush stirs."""
         x, y = self._at(*place[:2])
         outer, stirred = 2 * STIR_RADIUS * self._scale, STIR_RADIUS * self._scale
         self._draw.ellipse((x - outer, y - outer, x + outer, y + outer), fill=fill, outline=_EDGE, width=2)
@@ -604,13 +624,13 @@ class _Drawing:
         self._text(x, y, name, 19, INK, "mm")
 
     def _rack(self, rack: BrushRack) -> None:
-        """Each brush in its fork, and the way on which it is drawn out."""
+        """Draws each brush in its fork, and the path on which it leaves the fork."""
         radius = STIR_RADIUS * self._scale
         for brush, (x, y, _) in rack.places.items():
             column, row = self._at(x, y)
             self._draw.line((column, row, *self._at(*rack.front(brush)[:2])), fill=_BRUSH, width=3)
             self._draw.ellipse((column - radius, row - radius, column + radius, row + radius), fill=_BRUSH)
-            away = 1 if rack.slide[1] > 0 else -1  # the name is on the side of the fork that is closed
+            away = 1 if rack.slide[1] > 0 else -1  # the name is at the closed side of the fork
             self._text(column, row + away * (radius + 12), brush, 19, INK, "mm")
 
     def _home(self, place: Point) -> None:
@@ -620,7 +640,7 @@ class _Drawing:
         self._text(x + 14, y, "home", 19, _HOME, "lm")
 
     def _rule(self, upper: NDArray[np.float64]) -> None:
-        """Metres along the two lower edges, every tenth."""
+        """Draws a scale in tenths of a metre along the lower and the left edge."""
         for axis in (0, 1):
             first = math.ceil(self._lower[axis] * 10 - 1e-9)
             for tenth in range(first, math.floor(upper[axis] * 10 + 1e-9) + 1):

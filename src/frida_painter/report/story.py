@@ -1,4 +1,4 @@
-"""The story of one painting: everything its page tells, as plain names and numbers.
+"""The story of one painting: all content of its page, as plain names and numbers.
 
 Pictures, the film and the downloads are file names relative to the painting's folder.
 """
@@ -15,10 +15,17 @@ from frida_painter.plan import Plan
 
 @dataclass(frozen=True)
 class PaintFacts:
-    """One paint to mix: number from 1, hex "#rrggbb", sRGB bytes, Lab, its strokes and what they amount to.
+    """Facts about one paint.
 
-    length: of its strokes' marks together, metres; share: of the length that all paints paint, in [0, 1];
-    recipe: how to mix it, in words, "" where nobody has asked; layer: the one, from 1, before which its well is filled.
+    number: of its well, from 1
+    hex: "#rrggbb"
+    srgb: bytes
+    lab: CIELAB
+    strokes: number of its strokes
+    length: total length of its strokes, metres
+    share: of the length of all paints' strokes, in [0, 1]
+    recipe: in words; "" if it was not requested
+    layer: from 1, before which its well is filled
     """
 
     number: int
@@ -34,11 +41,13 @@ class PaintFacts:
 
 @dataclass(frozen=True)
 class Look:
-    """One look at the canvas in the middle of the painting, and what planning again made of it.
+    """Look at the canvas during the painting, with the result of the replan.
 
-    strokes: how many were painted by then; photograph, expected, difference: what was seen, what the
-    plan had promised, and where the two differ; plan: the finished painting as planned from then on;
-    loss_before, loss_after: of that plan before and after planning again; text: a sentence or two.
+    strokes: number of strokes painted so far
+    photograph, expected, difference: the seen canvas, the expected one, and their difference
+    plan: finished painting according to the new plan
+    loss_before, loss_after: of the plan before and after the replan
+    text: one or two sentences
     """
 
     strokes: int
@@ -53,7 +62,11 @@ class Look:
 
 @dataclass(frozen=True)
 class Phase:
-    """The loss while one plan was made: (iteration, loss) in order; name as it stands over the curve."""
+    """Planning phase with its loss.
+
+    name: above the curve
+    loss: (iteration, loss) in order
+    """
 
     name: str
     loss: tuple[tuple[int, float], ...]
@@ -61,7 +74,12 @@ class Phase:
 
 @dataclass(frozen=True)
 class Comparison:
-    """How near one picture comes to another: PSNR in dB, and the mean distance in Lab (2 is just visible)."""
+    """Similarity of two pictures.
+
+    label: what is compared
+    psnr: dB
+    distance: mean distance in Lab; 2 is just visible
+    """
 
     label: str
     psnr: float
@@ -70,7 +88,7 @@ class Comparison:
 
 @dataclass(frozen=True)
 class Download:
-    """A file that a person may want to take along, and in a few words what it is for."""
+    """File to download, with a short statement of its purpose."""
 
     file: str
     purpose: str
@@ -78,10 +96,12 @@ class Download:
 
 @dataclass(frozen=True)
 class Story:
-    """What the page of a painting tells, in its order.
+    """Content of a painting's page, in the order of the page.
 
-    target is None where no picture was wanted, painting where the work was stopped before the first
-    photograph of the canvas, film where there is none; facts are (label, value) in the order in which they stand.
+    target: None if there is no goal picture
+    painting: None if the work was stopped before the first photograph of the canvas
+    film: None if there is none
+    facts: (label, value), in order
     """
 
     title: str
@@ -103,9 +123,9 @@ class Story:
 
 
 def paints(plan: Plan, recipes: Sequence[Recipe] = ()) -> tuple[PaintFacts, ...]:
-    """The paints of a plan in the order of its palette, numbered by their wells, with what each of them is needed for.
+    """Returns the paints of a plan in the order of its palette, numbered by their wells, with their use.
 
-    recipes: how to mix them, one each, or none at all.
+    recipes: one for each paint, or none
     """
     words = [recipe.words if recipe.within_reach else f"nearest: {recipe.words}" for recipe in recipes]
     counts = plan.paint.bincount(minlength=len(plan.palette)).tolist()
@@ -130,7 +150,7 @@ def paints(plan: Plan, recipes: Sequence[Recipe] = ()) -> tuple[PaintFacts, ...]
 
 
 def compare(label: str, picture: Tensor, reference: Tensor) -> Comparison:
-    """Measures `picture` against `reference`, both sRGB [3, H, W] in [0, 1]."""
+    """Returns the similarity of `picture` to `reference`, both sRGB [3, H, W] in [0, 1]."""
     error = (picture - reference).double().square().mean().clamp(min=1e-10)
     apart = (to_lab(picture.permute(1, 2, 0)) - to_lab(reference.permute(1, 2, 0))).norm(dim=-1).mean()
     return Comparison(label, float(-10 * error.log10()), float(apart))

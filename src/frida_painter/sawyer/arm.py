@@ -1,4 +1,4 @@
-"""The simulated Sawyer as an arm of the studio: a way is planned whole, refused or gone, and its real course told."""
+"""The simulated Sawyer as an arm of the studio: plans a whole path, refuses or follows it, and reports the course."""
 
 import threading
 from collections.abc import Sequence
@@ -25,13 +25,15 @@ MISSING = (
 
 
 TIMING = Timing(acceleration=0.8, smoothing=0.06, period=0.01)
-"""How it starts and stops: gently enough for its motors, and for a wet brush."""
+"""Limits on its motion: gentle enough for its motors, and for a wet brush."""
 
 
 class SawyerArm:
-    """Implements virtual.robot.Arm: inverse kinematics at 100 Hz, joint control and physics at 500 Hz.
+    """Simulated Sawyer: inverse kinematics at 100 Hz, joint control and physics at 500 Hz.
 
-    seed: of what its controller does not know of its own friction.
+    seed: of the controller's error about the friction
+
+    Implements virtual.robot.Arm.
     """
 
     def __init__(self, workspace: Workspace, canvas: CanvasSize, seed: int) -> None:
@@ -41,7 +43,7 @@ class SawyerArm:
         self._kinematics: Kinematics | None = None
 
     def connect(self, tip: NDArray[np.float64]) -> None:
-        """Builds the arm with its tip there. Raises RobotError where MuJoCo is not installed."""
+        """Builds the arm with its tip at a position [3], metres. Raises RobotError if MuJoCo is not installed."""
         try:
             from frida_painter.sawyer.body import Kinematics, SimulatedArm
             from frida_painter.sawyer.surroundings import Surroundings
@@ -54,10 +56,13 @@ class SawyerArm:
             self._body.restore(self._remembered)
 
     def move(self, way: Way, stopped: threading.Event, pace: float) -> Course:
-        """Plans the whole way, then goes it.
+        """Plans the whole path, then follows it.
 
-        Raises WorkspaceViolation before it moves, where the arm does not reach, would have to turn a
-        joint too fast, or would touch itself or the table.
+        stopped: a set event stops the arm
+        pace: least real seconds per second of motion
+
+        Raises WorkspaceViolation before it moves, if the arm does not reach a waypoint, would have to turn a joint
+        too fast, or would touch itself or the table. Raises RobotError if it is not connected.
         """
         body, kinematics = self._alive(way.label)
         places = TIMING.places(way.path, way.speeds())
@@ -72,21 +77,21 @@ class SawyerArm:
                 f"{way.label}: {hindrance}. The arm did not move; bring what is to be reached nearer to it."
             )
         track = body.track(angles, TIMING.period, stopped, pace)
-        # After a stop it brakes, meant to be nowhere else than where it was stopped.
+        # After a stop the arm brakes; its intended position stays that of the stop.
         braking = np.repeat(places[-1:], max(0, len(track.places) - len(places)), axis=0)
         meant = np.concatenate([places, braking])[: len(track.places)]
         return Course(track.places, track.seconds, track.stopped, meant, track.angles)
 
     def state(self) -> Sequence[float]:
-        """All that the physics of the next motion follows from."""
+        """Returns the state of the physics, which determines the next motion."""
         return self._remembered if self._body is None else self._body.state()
 
     def remember(self, state: Sequence[float]) -> None:
-        """Takes up from that state when it is connected."""
+        """Stores a state from which the next connection continues."""
         self._remembered = tuple(state)
 
     def close(self) -> None:
-        """Lets go of the simulation; its state is kept."""
+        """Ends the simulation and keeps its state."""
         self._remembered = self.state()
         self._body = self._kinematics = None
 
@@ -96,14 +101,17 @@ class SawyerArm:
         return self._body, self._kinematics
 
 
-# Where the simulated Sawyer gets, asked before anything moves.
+# Reach of the simulated Sawyer, checked before anything moves.
 
-# Places in one cube of this side (m) are answered alike: strokes lie thick on a canvas.
+# All positions in a cube of this side (m) get the same answer, because strokes are dense on a canvas.
 _CUBE = 0.005
 
 
 class SawyerReach:
-    """Implements hardware.robot.Reach by inverse kinematics: the tip there, the brush upright, nothing touched."""
+    """Reach by inverse kinematics: True if the tip gets there with an upright brush, without touching anything.
+
+    Implements hardware.robot.Reach.
+    """
 
     def __init__(self, workspace: Workspace, canvas: CanvasSize) -> None:
         self._workspace, self._canvas = workspace, canvas
@@ -111,7 +119,7 @@ class SawyerReach:
         self._answers: dict[tuple[int, ...], bool] = {}
 
     def reachable(self, position: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Whether the tip can be at each place [k, 3], metres: [k]. Raises RobotError where MuJoCo is not installed."""
+        """Returns True for each reachable position [k, 3] (m): [k]. Raises RobotError if MuJoCo is not installed."""
         if not np.isfinite(position).all():
             return np.isfinite(position).all(1) & self.reachable(np.nan_to_num(position, posinf=0.0, neginf=0.0))
         cubes = np.round(position / _CUBE).astype(int)
@@ -153,4 +161,4 @@ def _with_kinematic_sawyer(canvas: CanvasSize, brush: BristleBrush, seed: int) -
 
 SAWYER_ARM = StudioArm(SAWYER, "simulated Sawyer", _with_sawyer)
 KINEMATIC_ARM = StudioArm(KINEMATIC_SAWYER, "kinematic Sawyer", _with_kinematic_sawyer)
-"""An arm that is where and when a Sawyer without any error would be, at the same table."""
+"""Arm without any error at the Sawyer's table, with the Sawyer's timing."""

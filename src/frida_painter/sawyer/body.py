@@ -1,8 +1,8 @@
 """The arm's body and its joint controller: motors with torque limits move masses against gravity and friction.
 
-The controller knows the arm's weight, and its friction to some per cent. It holds each joint to its
-reference by a spring and a damper, and adds what the motion is known to need: the torque for the
-masses' acceleration, for their weight and against friction. What is left is the arm's real error.
+The controller knows the arm's weight exactly, and its friction to about 20 %. It pulls each joint to its reference
+by a spring and a damper. It adds the torque for the masses' acceleration, for their weight and against friction.
+The remaining deviation is the arm's real error.
 """
 
 import threading
@@ -16,25 +16,23 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-# Joint angles for places of the brush's tip, the brush upright: inverse kinematics by mink (differential, a small
-# QP).
-#
-# Two of the arm's seven joints are left over once the tip is somewhere and the brush upright. They go
-# where the arm is nearest to its resting posture, so that the same place always means the same posture.
+# Inverse kinematics: joint angles for positions of the tip with an upright brush, by mink (differential, a small QP).
+# The position and the upright brush leave two of the seven joints free. They take the values nearest to the resting
+# posture, so that the same position always has the same posture.
 
 Angles = NDArray[np.float64]
 
-# Costs against one another: a radian off upright weighs as much as _UPRIGHT metres off the place.
+# Weights of the costs: a radian off upright counts as much as _UPRIGHT metres off the position.
 _UPRIGHT, _RESTING = 0.3, 0.001
 _STEPS, _CLOSE = 60, 2e-6
-# A place counts as reached within this (m); postures are looked at every so many references.
+# Greatest error (m) of a reached position; every how many references a posture is checked.
 _MISSED, _LOOK_EVERY = 2e-4, 8
-# How fast the joints can turn, rad/s (the maker's figures, as in sawyer.xml).
+# Greatest speeds of the joints, rad/s (the maker's figures, as in sawyer.xml).
 _FASTEST = np.array([1.74, 1.328, 1.957, 1.957, 3.485, 3.485, 4.545])
 
 
 class Kinematics:
-    """The geometry of one arm in its surroundings; its description names the posture it likes best, and the tip."""
+    """Kinematics of one arm in its surroundings. The model names the resting posture and the tip."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
         self.model = model
@@ -50,16 +48,16 @@ class Kinematics:
         self._around = mujoco.MjData(model)
 
     def tip(self, angles: Angles) -> NDArray[np.float64]:
-        """Where the tip is [3], metres, with the joints at these angles [7]."""
+        """Returns the position of the tip [3], metres, for joint angles [7]."""
         self._around.qpos[:] = angles
         mujoco.mj_kinematics(self.model, self._around)
         return self._around.site_xpos[self._tip].copy()
 
     def follow(self, places: NDArray[np.float64], start: Angles, stopped: threading.Event) -> Angles:
-        """Angles [n, 7] that lead the tip through places [n, 3], which lie close together, beginning near `start`.
+        """Returns joint angles [n, 7] that lead the tip through dense positions [n, 3], starting near `start`.
 
-        What is out of reach is come as near to as possible: `miss` tells. Ends early, with fewer rows,
-        once `stopped` is set.
+        Unreachable positions are approached as far as possible; `miss` measures the error. Returns fewer rows if
+        `stopped` is set.
         """
         found = np.empty((len(places), self.model.nq))
         self._arm.update(start)
@@ -71,7 +69,10 @@ class Kinematics:
         return found
 
     def posture(self, place: NDArray[np.float64], start: Angles | None = None) -> Angles:
-        """The angles [7] for a single place [3], however far from `start` (None: the resting posture)."""
+        """Returns the joint angles [7] for a single position [3].
+
+        start: initial angles, at any distance; None for the resting posture
+        """
         self._arm.update(self.resting if start is None else start)
         for _ in range(_STEPS):
             before = self._arm.q.copy()
@@ -81,13 +82,13 @@ class Kinematics:
         return self._arm.q.copy()
 
     def miss(self, angles: Angles, place: NDArray[np.float64]) -> float:
-        """How far (m) the tip is from a place [3] with the joints at these angles, leaning counted as a miss."""
+        """Returns the error of the tip (m) at a position [3] for joint angles; a tilt of the brush adds to it."""
         off = float(np.linalg.norm(self.tip(angles) - place))
-        lean = 1 + float(self._around.site_xmat[self._tip][8])  # the brush's way down is world -z
+        lean = 1 + float(self._around.site_xmat[self._tip][8])  # an upright brush points along world -z
         return off + lean
 
     def touching(self, angles: Angles) -> str | None:
-        """What the arm would touch with the joints at these angles, in words; None for nothing."""
+        """Returns the contact of the arm at these joint angles in words; None if it touches nothing."""
         self._around.qpos[:] = angles
         mujoco.mj_kinematics(self.model, self._around)
         mujoco.mj_collision(self.model, self._around)
@@ -97,9 +98,13 @@ class Kinematics:
         return None
 
     def hindrance(self, angles: Angles, places: NDArray[np.float64], period: float) -> str | None:
-        """Why the arm cannot go through angles [n, 7], one every `period` s, to places [n, 3]; None where it can."""
+        """Returns the reason why the arm cannot follow the angles [n, 7]; None if it can.
+
+        angles: [n, 7], one row every `period` s
+        places: [n, 3], intended positions of the tip
+        """
         turning = np.abs(np.diff(angles, axis=0)) / period
-        # Far out the joints race before the arm misses, so that reach is asked first.
+        # Reach first: near its limit the joints already race before the arm misses.
         for k in range(0, len(angles), _LOOK_EVERY):
             if not self.miss(angles[k], places[k]) <= _MISSED:
                 return f"the arm does not reach {_told(places[k])} with the brush upright"
@@ -129,19 +134,21 @@ _STEPS_PER_REFERENCE = 5
 # Stiffness N m/rad and damping N m s/rad of the seven joints.
 _STIFFNESS = np.array([4000.0, 4000.0, 2000.0, 2000.0, 500.0, 500.0, 150.0])
 _DAMPING = np.array([170.0, 170.0, 75.0, 75.0, 14.0, 14.0, 6.0])
-# The controller's friction compensation turns over within this speed, rad/s.
+# Speed below which the friction compensation changes its sign gradually, rad/s.
 _CREEP = 0.004
-# How well the controller knows the friction of each joint: standard deviation, share.
+# Standard deviation of the controller's error about each joint's friction, as a share.
 _KNOWN = 0.2
 _AT_REST, _LONGEST_BRAKING = 1e-3, 0.5
 
 
 @dataclass(frozen=True)
 class Track:
-    """What the arm really did.
+    """Real motion of the arm.
 
-    angles: of the joints [n, 7]; places: of the tip [n, 3], metres; one for every reference, and the
-    end; seconds: how long it took; stopped: whether it was stopped on the way.
+    angles: of the joints [n, 7], for each reference and the end
+    places: of the tip [n, 3], metres, likewise
+    seconds: duration
+    stopped: True if it was stopped on the way
     """
 
     angles: NDArray[np.float64]
@@ -151,10 +158,11 @@ class Track:
 
 
 class SimulatedArm:
-    """The simulated arm, at rest until it is told to `track`.
+    """Simulated arm, at rest until `track`.
 
-    model: of the arm in its surroundings; angles: of the joints at first [7], radians; seed: of what
-    the controller does not know.
+    model: arm in its surroundings
+    angles: initial joint angles [7], radians
+    seed: of the controller's error about the friction
     """
 
     def __init__(self, model: mujoco.MjModel, angles: NDArray[np.float64], seed: int) -> None:
@@ -170,33 +178,33 @@ class SimulatedArm:
 
     @property
     def angles(self) -> NDArray[np.float64]:
-        """The joints' angles now [7], radians."""
+        """Current joint angles [7], radians."""
         return self.data.qpos.copy()
 
     @property
     def tip(self) -> NDArray[np.float64]:
-        """Where the tip is now [3], metres."""
+        """Current position of the tip [3], metres."""
         return self.data.site_xpos[self._tip].copy()
 
     def state(self) -> tuple[float, ...]:
-        """All that the physics follows from."""
+        """Returns the complete state of the physics."""
         state = np.empty(mujoco.mj_stateSize(self.model, _STATE))
         mujoco.mj_getState(self.model, self.data, state, _STATE)
         return tuple(state.tolist())
 
     def restore(self, state: Sequence[float]) -> None:
-        """Puts the arm into a state that `state` gave."""
+        """Restores a state from `state`."""
         mujoco.mj_setState(self.model, self.data, np.array(state), _STATE)
         mujoco.mj_step1(self.model, self.data)
 
     def track(
         self, reference: NDArray[np.float64], period: float, stopped: threading.Event, pace: float = 0.0
     ) -> Track:
-        """Moves the joints along the references [n, 7], one every `period` s of its own.
+        """Moves the joints along the references [n, 7], one every `period` s of simulated time.
 
-        A second of its motion takes at least `pace` seconds of the world's.
+        pace: least real seconds per simulated second
 
-        Heeds `stopped` at every control step (2 ms): then the arm brakes and holds where it is.
+        If `stopped` is set, the arm brakes and holds its position. This is checked at every control step (2 ms).
         """
         history: list[NDArray[np.float64]] = []
         taken, began = 0, time.monotonic()
@@ -216,7 +224,7 @@ class SimulatedArm:
         return self._told(history, taken, stopped=True)
 
     def _brake(self, history: list[NDArray[np.float64]]) -> int:
-        """Brings the arm to rest as fast as its motors can; the control steps that took."""
+        """Stops the arm as fast as its motors can; returns the number of control steps."""
         longest = round(_LONGEST_BRAKING / self._step_time)
         still = np.zeros(self.model.nv)
         for step in range(longest):
@@ -235,7 +243,7 @@ class SimulatedArm:
         return Track(seen[:, :-3], seen[:, -3:], steps * self._step_time, stopped)
 
     def _step(self, angles: NDArray[np.float64], speed: NDArray[np.float64], acceleration: NDArray[np.float64]) -> None:
-        """One control period towards the reference. Leaves positions and weights as they are afterwards."""
+        """Makes one control step towards the reference. Positions and dynamics are up to date afterwards."""
         data = self.data
         inertial = np.empty(self.model.nv)
         mujoco.mj_mulM(self.model, data, inertial, acceleration)
@@ -255,7 +263,7 @@ class SimulatedArm:
 def _interpolated(
     reference: NDArray[np.float64], period: float, step: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Angles, speeds and accelerations [m, 7] at every control step, smooth through the references [n, 7]."""
+    """Returns angles, speeds and accelerations [m, 7] at every control step, on a smooth curve through `reference`."""
     time = np.arange(len(reference)) * period
     curve = CubicSpline(time, reference, bc_type="clamped")
     moment = np.arange(round(time[-1] / step)) * step

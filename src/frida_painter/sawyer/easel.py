@@ -7,19 +7,19 @@ from frida_painter.easel.kinds import ARM_FILM, SAWYER_SIM, EaselKind, OpenEasel
 from frida_painter.easel.studio import furnished, load_loops
 from frida_painter.hardware.kinds import Needed
 
-if TYPE_CHECKING:  # pages and help know this kind without what computes it
+if TYPE_CHECKING:  # pages and help load this kind without its numerical libraries
     from frida_painter.canvas_size import CanvasSize
     from frida_painter.easel.order import EaselOrder
     from frida_painter.hardware.robot import Reach, Timing, Workspace
 
 
 def _open_sawyer(order: "EaselOrder") -> OpenEasel:
-    """With a film of the arm at work where one is ordered."""
+    """Opens the studio with the Sawyer, and films the arm if the order says so."""
     from frida_painter.sawyer.arm import SAWYER
 
     studio, easel = furnished(order, SAWYER)
     if order.film and order.folder is not None:
-        with contextlib.suppress(ImportError):  # connecting the arm says what to install
+        with contextlib.suppress(ImportError):  # connecting the arm reports what to install
             from frida_painter.sawyer.film import ArmFilm
             from frida_painter.sawyer.surroundings import Meshes, Surroundings
 
@@ -35,8 +35,8 @@ def _open_sawyer(order: "EaselOrder") -> OpenEasel:
 
 
 def _require_meshes(order: "EaselOrder") -> None:
-    """Raises ConfigError if the folder of --arm-meshes holds no arm."""
-    with contextlib.suppress(ImportError):  # connecting the arm says what to install
+    """Raises ConfigError if the folder of --arm-meshes contains no arm."""
+    with contextlib.suppress(ImportError):  # connecting the arm reports what to install
         from frida_painter.sawyer.surroundings import Meshes
 
         if order.meshes is not None:
@@ -44,7 +44,7 @@ def _require_meshes(order: "EaselOrder") -> None:
 
 
 def _why_no_film() -> str | None:
-    with contextlib.suppress(ImportError):  # connecting the arm says what to install
+    with contextlib.suppress(ImportError):  # connecting the arm reports what to install
         from frida_painter.sawyer.film import NONE, headless_opengl
 
         return NONE if headless_opengl() is None else None

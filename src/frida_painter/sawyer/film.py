@@ -1,7 +1,7 @@
-"""The film of the arm at work: it begins at leisure and goes faster and faster, and the canvas grows.
+"""The film of the arm at work: it starts slowly and gets faster and faster.
 
-Pictures are drawn and encoded in a thread of their own, for OpenGL belongs to one thread, and so that
-the arm need not wait. Whoever moves the arm hands over what was seen, as plain arrays.
+A separate thread draws and encodes the pictures, because an OpenGL context belongs to one thread, and so that the
+arm need not wait. It gets each moment as plain arrays.
 """
 
 import contextlib
@@ -32,7 +32,7 @@ from frida_painter.virtual.paint import BANDS, to_srgb
 from frida_painter.virtual.robot import Course
 from frida_painter.virtual.table import Table
 
-# Which OpenGL draws pictures without a screen on this machine, and what to install where there is none.
+# OpenGL without a screen: the available kind, and what to install if there is none.
 
 _KINDS = {"egl": "EGL", "osmesa": "OSMesa"}
 
@@ -43,9 +43,9 @@ NONE = (
 
 
 def headless_opengl() -> str | None:
-    """The name under which MuJoCo knows it ("egl", "osmesa", "cgl"); None where there is none.
+    """Returns MuJoCo's name of the available OpenGL ("egl", "osmesa", "cgl"); None if there is none.
 
-    The environment's MUJOCO_GL goes before what is found.
+    The environment variable MUJOCO_GL has priority.
     """
     wanted = os.environ.get("MUJOCO_GL", "").lower()
     if wanted in (*_KINDS, "cgl"):
@@ -55,7 +55,7 @@ def headless_opengl() -> str | None:
     return next((kind for kind, library in _KINDS.items() if ctypes.util.find_library(library)), None)
 
 
-# What somebody sees who stands across the table from the arm: pictures drawn without a screen.
+# View of the arm from across the table, drawn without a screen.
 
 Picture = NDArray[np.uint8]
 Color = NDArray[np.float64]
@@ -65,10 +65,12 @@ _DISTANCE, _ELEVATION, _AZIMUTH, _OPENING = 1.80, -31.0, 161.0, 37.0
 
 
 class ArmView:
-    """Draws the arm and its table; used in a `with` block, and only in the thread that opened it.
+    """Renderer of the arm and its table. Used in a `with` block, only in the thread that opened it.
 
-    model: the arm in its surroundings; rows, columns: of the pictures. Raises ConfigError where there
-    is no OpenGL.
+    model: arm in its surroundings
+    rows, columns: size of the pictures
+
+    Raises ConfigError if there is no OpenGL.
     """
 
     def __init__(self, model: mujoco.MjModel, rows: int, columns: int) -> None:
@@ -110,17 +112,17 @@ class ArmView:
         self._open.close()
 
     def lay_canvas(self, picture: Picture) -> None:
-        """Shows this picture [n, n, 3] on the canvas, n = CANVAS_PIXELS, its first row at the lower edge."""
+        """Shows a picture [n, n, 3] on the canvas, n = CANVAS_PIXELS, with its first row at the lower edge."""
         mujoco.mjr_uploadTexture(self._model, self._drawing, paper(self._model, CANVAS, picture))
 
     def tint(self, thing: str, color: Color) -> None:
-        """Gives the thing of that name (as "well 3", "bristles") a colour, sRGB [3] in [0, 1]."""
+        """Gives a named object (such as "well 3" or "bristles") a colour, sRGB [3] in [0, 1]."""
         number = self._model.geom(thing).id
         self._model.geom_rgba[number, :3] = color
         self._model.geom_matid[number] = -1
 
     def draw(self, angles: NDArray[np.float64]) -> Picture:
-        """The arm with its joints at these angles [7]: [rows, columns, 3], valid until the next one is drawn."""
+        """Returns the view for joint angles [7]: [rows, columns, 3], valid until the next call."""
         self._data.qpos[:] = angles
         mujoco.mj_forward(self._model, self._data)
         mujoco.mjv_updateScene(
@@ -132,31 +134,33 @@ class ArmView:
         return self._pixels
 
 
-# A film in the making, put away piece by piece: a crash costs its last two seconds, and the next run goes on.
+# A film in progress, stored in pieces: a crash loses at most two seconds, and the next run continues it.
 
 _PIECE = 2 * RATE  # pictures
 _HELD = 2 * RATE  # at the end
 
 
 class Reel:
-    """Takes pictures until `finish`, which puts together the film of this and all earlier runs.
+    """Film in progress: takes pictures until `finish`, which joins those of this and all earlier runs.
 
-    path: of the film; its pieces stay in a hidden folder beside it. pixels: the array [rows, columns, 3]
-    that every picture is drawn into. count: pictures so far, those of earlier runs included. Raises
-    StorageError.
+    path: of the film; its pieces are in a hidden folder beside it
+    pixels: array [rows, columns, 3] that contains each new picture
+    count: number of pictures so far, including earlier runs
+
+    Raises StorageError.
     """
 
     def __init__(self, path: Path, pixels: NDArray[np.uint8]) -> None:
         self._path, self._pixels = path, pixels
         self._folder = path.with_name(f".{path.stem}")
-        self._pieces = sorted(self._folder.glob("[0-9]*.mp4"))  # each is called by the number of its first picture
+        self._pieces = sorted(self._folder.glob("[0-9]*.mp4"))  # named by the number of its first picture
         self._earlier = len(self._pieces)
         self.count = int(self._pieces[-1].stem) + video.count(self._pieces[-1]) if self._pieces else 0
         self._encoder: VideoEncoder | None = None
         self._taken = 0  # in this piece
 
     def send(self) -> None:
-        """Takes the array as it is now as the next picture."""
+        """Adds the current content of the array as the next picture."""
         if self._encoder is None:
             piece = self._folder / f"{self.count:06}.mp4"
             self._encoder = VideoEncoder(piece, self._pixels, RATE)
@@ -169,7 +173,7 @@ class Reel:
             self._put_away()
 
     def finish(self) -> None:
-        """Makes the film, which rests on its last picture, unless there was nothing new to see."""
+        """Writes the film, which holds its last picture for a while, unless there is nothing new."""
         self._put_away()
         if len(self._pieces) == self._earlier:
             return
@@ -190,7 +194,7 @@ class Reel:
             self._encoder = None
 
 
-# The painting straight on, in a corner of the film of the arm, where the arm hides nothing of it.
+# Inset: the painting seen from the front, in a corner of the film, with nothing in front of it.
 
 InsetPicture = NDArray[np.uint8]
 
@@ -202,7 +206,7 @@ _SHADE = 0.88
 
 
 class Inset:
-    """Hangs a canvas of that size into pictures [rows, columns, 3], in their upper right corner."""
+    """Inset of the canvas in the upper right corner of pictures [rows, columns, 3]."""
 
     def __init__(self, canvas: CanvasSize, rows: int, columns: int) -> None:
         most = _LARGEST * columns
@@ -212,7 +216,7 @@ class Inset:
         self._left, self._top = columns - margin - self._width, margin
 
     def hang(self, canvas: InsetPicture, pixels: InsetPicture) -> None:
-        """Puts the canvas [n, n, 3], its first row at the lower edge, into the picture."""
+        """Draws the canvas [n, n, 3], with its first row at the lower edge, into the picture."""
         picture = cv2.resize(canvas[::-1], (self._width, self._height), interpolation=cv2.INTER_AREA)
         shadow = self._around(pixels, _BORDER + 1, _SHADOW)
         shadow[:] = (shadow * _SHADE).astype(np.uint8)
@@ -221,24 +225,29 @@ class Inset:
         self._around(pixels, 0)[:] = picture
 
     def _around(self, pixels: InsetPicture, border: int, shift: int = 0) -> InsetPicture:
-        """The part of the picture that the canvas fills with a border of so many pixels, shifted down and right."""
+        """Returns the part of the picture with the canvas and a border of `border` pixels, shifted down and right."""
         top, left = self._top - border + shift, self._left - border + shift
         return pixels[top : top + self._height + 2 * border, left : left + self._width + 2 * border]
 
 
 _ROWS, _COLUMNS = 540, 960
-# Seconds of work from picture to picture at first, for so many pictures, and how that grows from then on.
+# Seconds of work between pictures at first, the number of pictures for which that lasts, and its growth afterwards.
 _AT_LEISURE, _PICTURES, _GROWTH = 0.25, 96, 1.02
-_WAITING = 4  # pictures that may be waiting to be drawn
-_HELD_UP = 6.0  # so many times longer than it takes may a motion be held up by its pictures; others are left out
+_WAITING = 4  # greatest number of pictures that wait to be drawn
+_HELD_UP = 6.0  # factor by which pictures may delay a motion; further pictures are left out
 _CLEAN = np.array([0.78, 0.66, 0.48])  # sRGB of bristles without paint
-_DRY = 0.5  # microlitres: a brush with less looks clean
+_DRY = 0.5  # microlitres; a brush with less looks clean
 _MM = 1000.0
 
 
 @dataclass(frozen=True)
 class Moment:
-    """What is in one picture: the joints' angles [7], the canvas [n, n, 3], paint of brush and wells, sRGB."""
+    """Content of one picture.
+
+    angles: of the joints [7]
+    canvas: [n, n, 3]
+    bristles, wells: colours of the paint on the brush and in the wells, sRGB
+    """
 
     angles: NDArray[np.float64]
     canvas: NDArray[np.uint8]
@@ -247,11 +256,13 @@ class Moment:
 
 
 class ArmFilm:
-    """Films an arm: `open` before it moves, `watch` its motions, `close`. What goes wrong never stops the arm.
+    """Film of an arm: `open` before it moves, `watch` its motions, `close`. Failures never stop the arm.
 
-    path: of the film, which is there after `close` if there was OpenGL, disk and a motion to see; where a
-    film was begun there, it goes on. surroundings, table: what the arm stands before. Raises ConfigError where
-    the arm's meshes cannot be used.
+    path: of the film; an earlier film there is continued
+    surroundings, table: of the arm
+
+    The film exists after `close` if there was OpenGL, disk space and a motion to see.
+    Raises ConfigError if the arm's meshes cannot be used.
     """
 
     def __init__(self, path: Path, surroundings: Surroundings, table: Table) -> None:
@@ -261,19 +272,19 @@ class ArmFilm:
         self._moments: queue.Queue[Moment | None] = queue.Queue(_WAITING)
         self._now, self._next, self._count = 0.0, 0.0, 0
         self._canvas = self._look()
-        self._angles: NDArray[np.float64] | None = None  # of the joints now
+        self._angles: NDArray[np.float64] | None = None  # current angles of the joints
         self._thread: threading.Thread | None = None
         self._ready, self._over = threading.Event(), threading.Event()
 
     def open(self) -> None:
-        """Has everything drawn that is needed, so that nothing holds up the arm, or a stop, once it moves."""
+        """Prepares the drawing, so that nothing delays the arm, or a stop, once it moves."""
         if self._thread is None:
             self._thread = threading.Thread(target=self._shoot, name="film of the arm", daemon=True)
             self._thread.start()
             self._ready.wait()
 
     def watch(self, course: Course) -> None:
-        """Sees a motion that has just been made, with what it left on the canvas."""
+        """Films a motion that has just been made, with its marks on the canvas."""
         began, self._now = self._now, self._now + course.seconds
         self._angles = None if course.angles is None else course.angles[-1]
         if course.angles is None or self._thread is None or self._next > self._now or self._over.is_set():
@@ -289,7 +300,7 @@ class ArmFilm:
             self._count += 1
 
     def close(self) -> None:
-        """Ends the film after what was seen so far, with a picture of how it is now."""
+        """Ends the film with a picture of the current state."""
         if self._thread is not None and self._thread.is_alive():
             if self._angles is not None:
                 now = Moment(self._angles, self._look(), self._bristles(), self._wells())
@@ -299,7 +310,7 @@ class ArmFilm:
         self._over.set()
 
     def _hand_over(self, moment: Moment, latest: float) -> None:
-        """Waits for room until then (by the monotonic clock); afterwards the picture is left out."""
+        """Waits for room until `latest` (monotonic clock); after that it drops the picture."""
         while not self._over.is_set():
             try:
                 self._moments.put(moment, timeout=min(0.2, max(0.0, latest - time.monotonic())))
@@ -309,11 +320,11 @@ class ArmFilm:
             return
 
     def _shoot(self) -> None:
-        """Draws and encodes until there is nothing more to come."""
+        """Draws and encodes until the end of the film."""
         try:
             self._draw_all()
         except FridaError:
-            pass  # The painting is what counts; that a film is not there is seen by its absence.
+            pass  # The painting has priority; a missing film is its own message.
         finally:
             self._over.set()
             self._ready.set()
@@ -344,14 +355,14 @@ class ArmFilm:
             reel.finish()
 
     def _look(self) -> NDArray[np.uint8]:
-        """The canvas as it is, [n, n, 3] sRGB, its first row at the lower edge."""
+        """Returns the current canvas, [n, n, 3] sRGB, with its first row at the lower edge."""
         seen = np.asarray(to_srgb(self._table.canvas.reflectance()) * 255 + 0.5, np.uint8)
         return np.asarray(cv2.resize(seen, (CANVAS_PIXELS, CANVAS_PIXELS), interpolation=cv2.INTER_AREA), np.uint8)
 
     def _in_between(
         self, before: NDArray[np.uint8], after: NDArray[np.uint8], places: NDArray[np.float64]
     ) -> NDArray[np.uint8]:
-        """The canvas while the brush is on its way: as after the motion where the brush has been."""
+        """Returns the canvas during a motion: the new state along the brush's path so far, the old one elsewhere."""
         canvas, tuft = self._table.canvas, self._table.tuft
         on_canvas = self._table.on_canvas(places)
         touching = on_canvas[:, 2] > 0
@@ -376,6 +387,6 @@ class ArmFilm:
 
 
 def _masstone(paint: NDArray[np.float64]) -> NDArray[np.float64]:
-    """sRGB [3] of a paint (K, S of each band) where it is thick."""
+    """Returns the sRGB [3] of a thick layer of paint (K, S of each band)."""
     ratio = paint[:BANDS] / paint[BANDS:]
     return to_srgb(1 + ratio - np.sqrt(ratio**2 + 2 * ratio))

@@ -1,6 +1,6 @@
-"""What stands around the arm: table, canvas, paint wells, water, rag; they complete the arm's description.
+"""The surroundings of the arm: table, canvas, paint wells, water and rag, added to the arm's model.
 
-For the physics only the table counts: the arm must not touch it. The rest is there to be looked at.
+Only the table matters for the physics: the arm must not touch it. All other objects are only visible.
 """
 
 import re
@@ -20,10 +20,9 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError
 from frida_painter.hardware.robot import Point, Workspace
 
-# The maker's own shapes, from a folder that a person has, to be looked at in the film; the arm's physics needs none.
-#
-# A part's shape is PART.obj or PART.stl, or all such files in a folder PART, as robosuite keeps them;
-# PART.mtl, where there is one, has the colours that OBJ files name.
+# The maker's meshes, from a folder of the user. They are for the film only; the physics does not need them.
+# The mesh of a part is PART.obj or PART.stl, or all such files in a folder PART, as robosuite has them. PART.mtl, if
+# it exists, contains the colours that OBJ files name.
 
 Color = tuple[float, float, float]
 
@@ -36,7 +35,12 @@ _GREY: Color = (0.45, 0.45, 0.47)
 
 @dataclass(frozen=True)
 class Piece:
-    """One mesh of a part, in metres in the frame of the part's body, and its colour, sRGB in [0, 1]."""
+    """Mesh of a part of the arm.
+
+    part: name of the part
+    path: of the file; metres in the frame of the part's body
+    color: sRGB in [0, 1]
+    """
 
     part: str
     path: Path
@@ -45,13 +49,13 @@ class Piece:
 
 @dataclass(frozen=True)
 class Meshes:
-    """All pieces of an arm."""
+    """Meshes of a whole arm."""
 
     pieces: tuple[Piece, ...]
 
     @classmethod
     def in_folder(cls, folder: Path) -> Self:
-        """Raises ConfigError where a part is missing, nothing can be read, or all of it is too large."""
+        """Returns the meshes in a folder. Raises ConfigError if a part is missing, unreadable, or all are too large."""
         if not folder.is_dir():
             raise ConfigError(f"{folder} is no folder; give the one with the meshes {', '.join(PARTS)}.")
         found = {part: list(_files(folder, part)) for part in PARTS}
@@ -89,7 +93,7 @@ def _files(folder: Path, part: str) -> Iterator[Path]:
 
 
 def _colors(path: Path) -> dict[str, Color]:
-    """The diffuse colours of an MTL file by their names; none where there is no such file."""
+    """Returns the diffuse colours of an MTL file by their names; empty if the file does not exist."""
     if not path.is_file():
         return {}
     colors, name = {}, ""
@@ -104,7 +108,7 @@ def _colors(path: Path) -> dict[str, Color]:
 
 
 def _color(path: Path, colors: dict[str, Color]) -> Color:
-    """The colour that an OBJ file names first."""
+    """Returns the first colour that an OBJ file names."""
     if not colors or path.suffix.lower() != ".obj":
         return _GREY
     with storage.opened(path, "a mesh (OBJ)", _MOST_BYTES, ConfigError) as lines:
@@ -122,16 +126,18 @@ _HEAD = (0.0, 0.0, 0.2965)  # of its joint, in the frame of l0 (sawyer_descripti
 _LARGEST = 0.5  # half the length of a part of the arm
 _WALL = (0.86, 0.855, 0.845)
 _WELL_RADIUS, _WELL_WALL = 0.0175, 0.0025
-# Things of this group are not drawn.
+# Objects of this group are not drawn.
 _UNUSED = 4
 _EMPTY = (0.93, 0.92, 0.90, 1.0)
 
 
 @dataclass(frozen=True)
 class Surroundings:
-    """Where things are around one arm: its workspace, the size of the canvas in it, and what the arm looks like.
+    """Surroundings of one arm.
 
-    meshes: the maker's shapes, to be looked at only; None for the description's own.
+    workspace: positions of the objects
+    canvas: size of the canvas
+    meshes: the maker's meshes, for the film only; None for the simple shapes of the model
     """
 
     workspace: Workspace
@@ -139,9 +145,9 @@ class Surroundings:
     meshes: Meshes | None = None
 
     def model(self) -> mujoco.MjModel:
-        """The arm in these surroundings, ready to be simulated and looked at.
+        """Returns the model of the arm in these surroundings, for simulation and rendering.
 
-        Raises ConfigError where its meshes cannot be used.
+        Raises ConfigError if its meshes cannot be used.
         """
         spec = mujoco.MjSpec.from_string(resources.files(__package__).joinpath("sawyer.xml").read_text("utf-8"))
         self._add_room(spec)
@@ -168,7 +174,7 @@ class Surroundings:
         spec.visual.global_.offwidth, spec.visual.global_.offheight = 1280, 1280
         spec.visual.map.znear = 0.02
         spec.stat.center, spec.stat.extent = (0.45, 0.0, 0.2), 1.5
-        # The floor loses itself in the wall, as a photographer's backdrop does.
+        # The floor fades into the wall, as in a photographer's backdrop.
         spec.visual.rgba.fog = (*_WALL, 1)
         spec.visual.map.fogstart, spec.visual.map.fogend = 1.9, 3.6
         spec.add_texture(
@@ -192,7 +198,7 @@ class Surroundings:
     def _add_table(self, spec: mujoco.MjSpec) -> None:
         lower, upper = np.array(self.workspace.lower), np.array(self.workspace.upper)
         middle, half = (lower + upper) / 2, (upper - lower) / 2
-        near = max(0.16, lower[0])  # the table ends before the pedestal
+        near = max(0.16, lower[0])  # the table ends in front of the pedestal
         half[0], middle[0] = (upper[0] - near) / 2, (upper[0] + near) / 2
         spec.add_texture(
             name=_PLANKS, type=mjtTexture.mjTEXTURE_2D, builtin=mujoco.mjtBuiltin.mjBUILTIN_FLAT,
@@ -231,7 +237,7 @@ class Surroundings:
         self, spec: mujoco.MjSpec, name: str, place: Point, radius: float, rgba: tuple[float, ...] = _EMPTY,
         group: int = 1,
     ) -> None:  # fmt: skip
-        """A bowl of glazed clay called "NAME bowl"; `name` is the surface of what is in it."""
+        """Adds a bowl of glazed clay named "NAME bowl"; `name` itself is the surface of its content."""
         x, y, z = place
         tall = (z - 0.002 - self._table_top) / 2
         at = (x, y, self._table_top + tall)
@@ -279,7 +285,7 @@ class Surroundings:
     def _stand(
         spec: mujoco.MjSpec, kind: mjtGeom, size: tuple[float, ...], place: tuple[float, ...], **look: object
     ) -> mujoco.MjsGeom:
-        """Puts a thing there that nothing bumps into."""
+        """Adds an object without collisions."""
         full = (*size, *(0.0,) * (3 - len(size)))
         return spec.worldbody.add_geom(
             type=kind, size=full, pos=place, contype=0, conaffinity=0, **{"group": 1, **look}
@@ -287,7 +293,7 @@ class Surroundings:
 
 
 def _dressed(spec: mujoco.MjSpec, meshes: Meshes) -> mujoco.MjModel:
-    """The model with the maker's shapes in place of the description's."""
+    """Returns the model with the maker's meshes instead of its simple shapes."""
     spec.body("l0").add_body(name="head", pos=_HEAD)
     for part in PARTS:
         for shape in spec.body(part).geoms:
@@ -313,7 +319,7 @@ def _dressed(spec: mujoco.MjSpec, meshes: Meshes) -> mujoco.MjModel:
 
 
 def paper(model: mujoco.MjModel, texture: str, picture: NDArray[np.uint8]) -> int:
-    """Makes a picture [n, n, 3], its first row at the lower edge, the texture of that name; returns its number."""
+    """Copies a picture [n, n, 3], with its first row at the lower edge, to a named texture; returns its id."""
     number = model.texture(texture).id
     first = model.tex_adr[number]
     model.tex_data[first : first + picture.size] = picture[::-1].reshape(-1)  # MuJoCo's first row is the upper one
@@ -321,13 +327,13 @@ def paper(model: mujoco.MjModel, texture: str, picture: NDArray[np.uint8]) -> in
 
 
 def fill(model: mujoco.MjModel, well: int) -> None:
-    """Puts the bowl of that paint well onto the table; empty ones are not drawn."""
+    """Makes the bowl of a paint well visible; empty ones are not drawn."""
     for thing in (f"well {well}", f"well {well} bowl"):
         model.geom_group[model.geom(thing).id] = 1
 
 
 def _planks() -> NDArray[np.uint8]:
-    """A table top of light planks [512, 512, 3]: grain along them, each a little different."""
+    """Returns a table top of light planks [512, 512, 3] with grain, each a little different."""
     random = np.random.default_rng(7)
     row = np.arange(512)
     plank = row // 86

@@ -1,1 +1,1 @@
-"""Text prompts: what they say becomes a picture to begin with, composed from picture libraries."""
+"""Text prompts: a prompt becomes an initial picture, composed from picture libraries."""

@@ -1,6 +1,6 @@
-"""Where the things of a scene stand: by the words between them, and by how large they are in the world.
+"""Arrangement of a scene: positions and sizes of its things, from the prompt's prepositions and their real sizes.
 
-Lengths are relative; x goes right, y up from the floor. The composition fits all of it to the canvas.
+Lengths are relative: x points right, y up from the floor. The composition scales the scene to the canvas.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,18 +16,20 @@ from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.words.compositing import resized
 from frida_painter.words.reading import MOST_THINGS, Reading, Relation, Thing
 
-# How large things are and where they are found, known from things of similar meaning.
+# Sizes and usual places of things, from known things of similar meaning.
 
 _PEOPLE = ("person", "man", "woman", "child", "boy", "girl")
 _NEIGHBOURS = 3
-_SHARPNESS = 0.05  # of similarity, over which a neighbour's say falls to a third
+_SHARPNESS = 0.05  # difference of similarity at which a neighbour's weight falls to 1/e
 
 
 class Known(NamedTuple):
-    """A thing in the world: its height in metres, and where it is.
+    """Known thing: its height in the real world, and its usual place.
 
-    where: "ground", "air" or "water"; "worn"; "held": who has it holds it up; "head": it is worn there; "facing":
-    what is on it lies before it, as on a web.
+    name: of the thing
+    height: metres
+    where: "ground", "air" or "water"; "worn": clothes; "held": its holder lifts it; "head": worn on the head;
+        "facing": a thing on it appears in front of it, as on a web
     """
 
     name: str
@@ -37,14 +39,17 @@ class Known(NamedTuple):
 
 @cache
 def known_things() -> tuple[Known, ...]:
-    """The table `world.txt`."""
+    """Returns the table of `world.txt`."""
     lines = (resources.files(__package__) / "world.txt").read_text("utf-8").splitlines()
     rows = [line.rsplit(" ", 2) for line in lines if line and not line.startswith("#")]
     return tuple(Known(name, float(height), where) for name, height, where in rows)
 
 
 def known_like(name: str, sentences: SentenceEncoder) -> Known:
-    """A thing of that name: as high as the things that are most like it, in the mean; where the nearest is."""
+    """Returns an estimate for a named thing, from the known things of most similar meaning.
+
+    The height is a weighted mean of theirs; the usual place is that of the most similar one.
+    """
     things = known_things()
     similarity, nearest = _likeness(name, sentences).topk(_NEIGHBOURS)
     share = (similarity / _SHARPNESS).softmax(0)
@@ -53,33 +58,35 @@ def known_like(name: str, sentences: SentenceEncoder) -> Known:
 
 
 def is_person(name: str, sentences: SentenceEncoder) -> bool:
-    """Whether what is called so is most like people, of all that is known."""
+    """Returns True if the most similar known thing is a person."""
     return known_things()[int(_likeness(name, sentences).argmax())].name in _PEOPLE
 
 
 def _likeness(name: str, sentences: SentenceEncoder) -> torch.Tensor:
-    """How like each of the known things it is, [n]."""
+    """Returns the similarity to each known thing, [n]."""
     meanings = sentences.embed([name, *(thing.name for thing in known_things())])
     return meanings[1:] @ meanings[0]
 
 
-_GROWTH = 0.35  # power of the height in the world that the height in a picture follows
-_LEAST = 0.3  # of the tallest thing's height, that every thing has
-_SUBJECT = 0.5  # the same of the thing that a prompt names first
-_IN_THE_AIR = 0.38  # height of what hangs in the sky beside a thing of height 1
-_SINKS = 0.1  # of its height, by which a thing on another overlaps it
-_INSIDE = 0.4  # of the height of what it is in, that a thing has at least
-_HIDDEN = 0.4  # of its height, which is hidden in what it is in
-_CROWDED = 0.6  # of its size, that a thing has at least beside others on the same thing
-_BRIMS = 0.8  # of the fullest row below it, from which a row of a picture is below the rim
-_HOLDS = 0.6  # of a picture's fullest row, that a row of what holds something has: a foot does not
-_FITS, _SPREADS = 0.85, 1.7  # of the width of what it is in, that a thing has at most; the same of a neck's
-_NECK = 0.25  # of a picture's fullest row, that every row of a neck has
-_ON_A_FACE = 0.45  # of the height of what faces us, that a thing on it has at most
-_HELD, _HAND = 0.8, 0.45  # of who holds it, the height of what is held up at most, and that of the hand
-_PLAYED = 0.55  # of who plays it, the height that an instrument has at most
-_STANDS = 0.85  # the same from which it stands by itself
-_ENDS = 0.95  # of the height, up to which a neck is looked at: an end may be round
+_GROWTH = 0.35  # exponent from the height in the world to the height in a picture
+_LEAST = 0.3  # least height of a thing, relative to the tallest
+_SUBJECT = 0.5  # least height of the first thing of a prompt, relative to the tallest
+_IN_THE_AIR = 0.38  # height of a thing in the sky, beside a thing of height 1
+_SINKS = 0.1  # share of its height by which a thing overlaps the thing below it
+
+_INSIDE = 0.4  # least height of a thing inside another, relative to that
+_HIDDEN = 0.4  # hidden share of the height of a thing inside another
+_CROWDED = 0.6  # least share of its size that a thing keeps among others on the same thing
+_BRIMS = 0.8  # share of the fullest row below; a row with less is above the rim
+_HOLDS = 0.6  # share of a picture's fullest row; rows with less belong to a foot
+_FITS, _SPREADS = 0.85, 1.7  # greatest width of a thing inside another, relative to that; the same for a neck
+_NECK = 0.25  # share of a picture's fullest row that every row of a neck has
+_ON_A_FACE = 0.45  # greatest height of a thing on a facing thing, relative to that
+
+_HELD, _HAND = 0.8, 0.45  # relative to the holder: greatest height of a held thing, height of the hand
+_PLAYED = 0.55  # greatest height of an instrument, relative to its player
+_STANDS = 0.85  # the same, above which an instrument stands on the floor
+_ENDS = 0.95  # share of the height up to which a neck is examined, because its end may be round
 _SIDE = 256  # pixels of one of several copies
 _OF_WORD = {
     "on": "on", "on top of": "on", "upon": "on", "onto": "on", "riding": "on",
@@ -89,9 +96,9 @@ _OF_WORD = {
     "behind": "behind", "in front of": "front", "before": "front", "against": "front", "between": "between",
     "with": "with", "holding": "with", "carrying": "with", "eating": "with", "playing": "playing",
 }  # fmt: skip
-_CROWN = 0.1  # of a picture's height, the part from its top that is taken for a head
+_CROWN = 0.1  # share of a picture's height at its top that counts as the head
 _HAT, _LEAST_HEAD, _LARGEST_HAT, _PULLED_DOWN = 1.25, 0.12, 0.35, 0.3  # of a head's width, and of heights
-_STOOD_BY = ("on", "in", "under", "over", "behind", "between")  # what these speak of is placed first
+_STOOD_BY = ("on", "in", "under", "over", "behind", "between")  # the objects of these relations are placed first
 _OPPOSITE = {
     "on": "beneath", "in": "around", "around": "in", "under": "over", "over": "under", "behind": "front",
     "front": "behind",
@@ -100,7 +107,11 @@ _OPPOSITE = {
 
 @dataclass(frozen=True)
 class ScenePart:
-    """A thing to be placed: its picture, colour and opacity [4, h, w], all copies in one, and what is known of it."""
+    """Thing to be placed.
+
+    picture: all its copies as one picture, colour and opacity [4, h, w]
+    known: its height and usual place
+    """
 
     picture: Tensor
     known: Known
@@ -108,8 +119,14 @@ class ScenePart:
 
 @dataclass(frozen=True)
 class Placed:
-    """A picture in a scene: the middle of its lower edge, its height, and what it is drawn before; hidden: share of its
-    height, from below, that is hidden in what it stands in."""
+    """Picture at its place in a scene.
+
+    picture: colour and opacity [4, h, w]
+    x, y: middle of its lower edge
+    height: of the picture
+    depth: order of drawing; a greater depth is in front
+    hidden: share of the height, from below, that the thing around it hides
+    """
 
     picture: Tensor
     x: float
@@ -120,12 +137,16 @@ class Placed:
 
     @property
     def width(self) -> float:
-        """By the picture's proportions."""
+        """Width, from the picture's proportions."""
         return self.height * self.picture.shape[2] / self.picture.shape[1]
 
 
 def arranged(parts: Sequence[ScenePart | None], relations: Sequence[Relation]) -> list[Placed]:
-    """The parts as they stand to each other; those that are None have no picture. The relations' numbers are parts'."""
+    """Returns the parts at their places, from rear to front.
+
+    parts: None for a part without a picture
+    relations: their numbers are indices of `parts`
+    """
     shown = [number for number, part in enumerate(parts) if part is not None]
     if not shown:
         return []
@@ -141,7 +162,7 @@ def arranged(parts: Sequence[ScenePart | None], relations: Sequence[Relation]) -
     standing = (one.object for one in usable if _OF_WORD.get(one.word) in _STOOD_BY)
     first = next(standing, floor[0])
     placed[first] = _alone(parts, first, sizes)
-    together: dict[tuple[int, str], list[int]] = {}  # what is on or in one thing
+    together: dict[tuple[int, str], list[int]] = {}  # things on or in the same thing
     rest = list(usable)
     while rest:
         one = next((one for one in rest if {one.subject, one.object} & set(placed)), None)
@@ -151,9 +172,9 @@ def arranged(parts: Sequence[ScenePart | None], relations: Sequence[Relation]) -
         rest.remove(one)
         kind = _OF_WORD.get(one.word, "beside")
         if known[one.object] == "air" and (one.word == "at" or one.word.endswith("ing")) and one.word not in _OF_WORD:
-            kind = "with"  # a kite that is flown, and the moon that is howled at, are up
+            kind = "with"  # flown kites and a howled-at moon are in the air
         if one.word == "from" and any(two.subject == one.subject and two.word.endswith("ing") for two in usable):
-            kind = "beside"  # who eats leaves from a tree is not in it
+            kind = "beside"  # an animal that eats leaves from a tree is not in the tree
         if one.subject not in placed:
             mine, other, number = _alone(parts, one.subject, sizes), placed[one.object], one.subject
             placed[number], placed[one.object] = _put(mine, other, kind, known[number], known[one.object])
@@ -181,14 +202,14 @@ def arranged(parts: Sequence[ScenePart | None], relations: Sequence[Relation]) -
 def _alone(parts: Sequence[ScenePart | None], number: int, sizes: dict[int, float]) -> Placed:
     part = parts[number]
     assert part is not None
-    # As large in area as it is high: a spoon is long and not large.
+    # Wide things get less height, so that the area counts: a spoon is long but not large.
     _, rows, columns = part.picture.shape
     stretch = (rows / columns) ** 0.5 if columns > rows else 1.0
     return Placed(part.picture, 0.0, 0.0, sizes[number] * stretch)
 
 
 def _sizes(parts: Sequence[ScenePart | None], shown: Sequence[int]) -> dict[int, float]:
-    """Heights of the parts, 1 for the tallest that stands on the floor: nearer to each other than in the world."""
+    """Returns the heights of the parts, 1 for the tallest on the floor. They differ less than in the world."""
     known = {number: part.known for number in shown if (part := parts[number]) is not None}
     standing = [one.height for one in known.values() if one.where != "air"] or [1.0]
     sizes = {}
@@ -200,7 +221,7 @@ def _sizes(parts: Sequence[ScenePart | None], shown: Sequence[int]) -> dict[int,
 
 
 def _put(mine: Placed, other: Placed, kind: str, where: str, other_where: str) -> tuple[Placed, Placed]:
-    """A thing at its place by another, and that one, which may have changed its size."""
+    """Returns a thing at its place beside another, and the other, whose size may have changed."""
     if kind in ("on", "beneath"):
         upper, lower = (mine, other) if kind == "on" else (other, mine)
         if (other_where if kind == "on" else where) == "facing":
@@ -216,7 +237,7 @@ def _put(mine: Placed, other: Placed, kind: str, where: str, other_where: str) -
         return (upper, lower) if kind == "on" else (lower, upper)
     if kind in ("in", "around"):
         inner, outer = (mine, other) if kind == "in" else (other, mine)
-        # It looks out over the rim, before what rises above that, as a handle or a sail.
+        # The inner thing looks out over the rim, in front of parts above the rim such as a handle or a sail.
         rim, necked = _rim(outer.picture)
         most = min(
             0.8 * outer.height, (_SPREADS if necked else _FITS) * outer.width * inner.height / max(inner.width, 1e-6)
@@ -224,10 +245,10 @@ def _put(mine: Placed, other: Placed, kind: str, where: str, other_where: str) -
         size = min(most, max(inner.height, _INSIDE * outer.height))
         rim = outer.y + outer.height * rim
         inner = replace(inner, height=size, x=outer.x, y=rim - _HIDDEN * size, depth=outer.depth + 1, hidden=_HIDDEN)
-        if necked:  # flowers hang over the sides of a vase, which stands before them
+        if necked:  # flowers hang over the sides of a vase, which is in front of them
             inner = replace(inner, depth=outer.depth - 1, hidden=0.0)
         return (inner, outer) if kind == "in" else (outer, inner)
-    if kind == "under" and other_where == "held":  # who is under an umbrella has it over him
+    if kind == "under" and other_where == "held":  # a person under an umbrella has it overhead
         over = max(1.25 * mine.width, 0.7 * mine.height) * other.height / other.width
         return mine, replace(other, height=over, x=mine.x, y=mine.y + 0.85 * mine.height, depth=mine.depth - 1)
     if kind == "under":
@@ -273,12 +294,12 @@ def _put(mine: Placed, other: Placed, kind: str, where: str, other_where: str) -
 
 
 def _spread(some: Sequence[Placed], holder: Placed) -> list[Placed]:
-    """Things on or in one thing, side by side over its middle, smaller where there is little room."""
+    """Returns the things on or in one holder side by side over its middle, smaller if there is little room."""
     width = sum(one.width for one in some)
     scale = max(_CROWDED, min(1.0, holder.width / width))
     left, spread = holder.x - scale * width / 2, []
     for one in some:
-        # What is hidden of a smaller thing is less: its upper part begins where it did.
+        # A smaller thing has a smaller hidden part, so that its visible part begins at the same height.
         y = one.y + (1 - scale) * one.hidden * one.height
         spread.append(replace(one, x=left + scale * one.width / 2, y=y, height=scale * one.height))
         left += scale * one.width
@@ -286,13 +307,16 @@ def _spread(some: Sequence[Placed], holder: Placed) -> list[Placed]:
 
 
 def _beside(others: Sequence[Placed], mine: Placed) -> Placed:
-    """On the same floor, to the right of all others."""
+    """Returns a thing on the same floor, to the right of all others."""
     edge = max(one.x + one.width / 2 for one in others)
     return replace(mine, x=edge + 0.53 * mine.width, y=min(one.y for one in others))
 
 
 def _top(picture: Tensor, share: float) -> float:
-    """How high a picture reaches in its middle, as a share of its height; `share`: of its width, that counts."""
+    """Returns the height of a picture's upper edge in its middle, as a share of its height.
+
+    share: of the width around the middle that counts
+    """
     seen = picture[3] > 0.5
     middle = seen.shape[1] / 2
     half = max(1.0, min(0.3, 0.25 * share) * seen.shape[1])
@@ -302,10 +326,10 @@ def _top(picture: Tensor, share: float) -> float:
 
 
 def _rim(picture: Tensor) -> tuple[float, bool]:
-    """How high the rim of what holds something is, as a share of its height, and whether it is that of a neck.
+    """Returns the height of a container's rim as a share of its height, and True if the rim is that of a neck.
 
-    Above a rim, what holds something is narrower than below: there rise a handle or a sail. A neck, as of a vase, is
-    full up to its end, which is no point.
+    Above a rim, a container is narrower than below: only a handle or a sail rises there. A neck, as of a vase, is
+    filled up to its blunt end.
     """
     seen = (picture[3] > 0.5).flip(0)  # from below
     full = seen.float().mean(1)
@@ -321,7 +345,10 @@ def _rim(picture: Tensor) -> tuple[float, bool]:
 
 
 def _head(picture: Tensor) -> tuple[float, float]:
-    """Where the highest part of a picture is, which is a head: its middle from that of the picture, and its width."""
+    """Returns the middle (as an offset) and the width of a picture's head, in widths of the picture.
+
+    The head is the highest connected part. The offset is measured from the picture's middle.
+    """
     seen = picture[3] > 0.5
     first = int(seen.any(1).float().argmax())
     columns = seen[first : first + max(1, round(_CROWN * seen.shape[0]))].any(0)
@@ -329,20 +356,24 @@ def _head(picture: Tensor) -> tuple[float, float]:
     if not bool(columns[peak]):
         return 0.0, 1.0
     left = peak - int((~columns[: peak + 1].flip(0)).float().cumsum(0).eq(0).sum()) + 1
-    right = peak + int((~columns[peak:]).float().cumsum(0).eq(0).sum())  # of what hangs together with the highest
+    right = peak + int((~columns[peak:]).float().cumsum(0).eq(0).sum())  # part connected with the peak
     return (left + right) / 2 / seen.shape[1] - 0.5, (right - left) / seen.shape[1]
 
 
 def _hollow(picture: Tensor) -> bool:
-    """Whether there is room in the lower half of a picture, as under a table or a tree."""
+    """Returns True if there is room in the lower half of a picture, as under a table or a tree."""
     lower = picture[3, picture.shape[1] // 2 :]
     return float(lower.mean()) < 0.5
 
 
 def copies(pictures: Sequence[Tensor], count: int, where: str, seed: int, *, apart: bool = False) -> Tensor:
-    """So many copies of pictures as one [4, h, w]: in rows on a floor, the rear ones smaller; scattered in the air.
+    """Returns several copies of pictures as one picture [4, h, w].
 
-    The pictures take turns, as high as the first one. apart: with room for another thing between them.
+    pictures: taken in turn, all as high as the first
+    count: number of copies
+    where: "air" to scatter the copies; otherwise they form rows on a floor, the rear ones smaller
+    seed: of the random positions and sizes
+    apart: True to leave room for another thing between the copies
     """
     if count == 1:
         return pictures[0]
@@ -381,7 +412,8 @@ def copies(pictures: Sequence[Tensor], count: int, where: str, seed: int, *, apa
     return torch.cat((colors / opacity.clamp(min=1e-4), opacity)).clamp(0, 1)
 
 
-# Words for people whom no picture shows as such: a couple is a woman and a man, children are a girl and a boy.
+# Words for people without pictures, and their substitutes: a woman and a man for a couple, a girl and a boy for
+# children.
 
 _SHOWN_BY = {
     "couple": ("woman", "man"), "people": ("woman", "man"), "person": ("woman", "man"), "human": ("woman", "man"),
@@ -393,10 +425,11 @@ _ALWAYS_TWO = "couple"
 
 
 def with_figures(reading: Reading, has_own: Callable[[Thing], bool]) -> Reading:
-    """The reading, where people who do something, or are somewhere, are such as pictures from head to foot show.
+    """Returns the reading with people replaced by figures that pictures show from head to foot.
 
-    Somebody alone, of whom nothing more is said, stays: that is a portrait. has_own: whether a person's own pictures
-    show somebody; who is shown by them stays too.
+    Only people who do something, or are related to other things, are replaced. A person alone without a description
+    stays, for a portrait.
+    has_own: returns True if the user's own pictures show that person, who then stays
     """
     things, relations = list(reading.things), list(reading.relations)
     for number, thing in enumerate(reading.things):

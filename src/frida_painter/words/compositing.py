@@ -1,4 +1,4 @@
-"""A thing in a picture whose composition is to stay: where few of its edges change and it is seen, in its colours."""
+"""Compositing of a thing into a style picture: at the place of least change and best visibility, in its colours."""
 
 import math
 from dataclasses import dataclass
@@ -12,25 +12,25 @@ from torch.nn import functional
 from frida_painter import images
 from frida_painter.palette import Palette, from_lab, to_lab
 
-# A drawing in another colour: what makes up most of it changes, and what has another hue stays.
+# Recoloring of a drawing: its main colour changes, and parts of another hue stay.
 
-_DARKEST = 22.0  # L* up to which a colour is an outline or a shadow, unless there is nothing else
+_DARKEST = 22.0  # L* below which a colour is an outline or a shadow, unless there is no other
 _COLORLESS = 12.0  # chroma below which a colour has no hue
-_HUE = 0.8  # radians by which a shade of the same colour may differ in hue
-_SHADE = 45.0  # L* by which it may be lighter or darker, where there is no hue to tell
-_STEP = 8.0  # of Lab, within which colours are counted as one
-_PASSES = 25.0  # of Lab, by which a colour may differ from what it is called
-_CONTRAST = 0.7  # of the differences between shades that is kept
-_VIVID = 40.0  # chroma from which a colour's shades may differ in hue as much as those of the drawing
-_MUTED, _MUTED_LIGHTNESS = 40.0, (25.0, 62.0)  # chroma, and L*, of a colour that suits many things
-_AROUND = (81.0, -14.0, -23.0)  # Lab of what pictograms paint water, sky and glass with
-_AROUND_WITHIN, _AROUND_COUNTS = 12.0, 0.1  # how near a colour is to that, and what it counts then
+_HUE = 0.8  # radians by which shades of one colour may differ in hue
+_SHADE = 45.0  # L* by which shades of a colour without hue may differ
+_STEP = 8.0  # Lab distance within which colours count as one
+_PASSES = 25.0  # Lab distance at which a colour still passes for its name
+_CONTRAST = 0.7  # share of the differences between shades that is kept
+_VIVID = 40.0  # chroma above which shades keep the full differences in hue of the drawing
+_MUTED, _MUTED_LIGHTNESS = 40.0, (25.0, 62.0)  # chroma and L* of a colour that suits many things
+_AROUND = (81.0, -14.0, -23.0)  # Lab of water, sky and glass in pictograms
+_AROUND_WITHIN, _AROUND_COUNTS = 12.0, 0.1  # Lab distance from that colour, and its weight there
 
 
 def recolored(drawing: Tensor, color: Tensor) -> Tensor:
-    """A flat drawing, colour and opacity [4, h, w], whose main colour has become sRGB `color` [3] in [0, 1].
+    """Returns a flat drawing, colour and opacity [4, h, w], with sRGB `color` [3] in [0, 1] as its main colour.
 
-    Lighter and darker shades of the main colour follow it. Outlines, and what is of another hue, stay.
+    Lighter and darker shades of the main colour change with it. Outlines and parts of another hue stay.
     """
     lab = to_lab(drawing[:3].flatten(1).T)  # [h w, 3]
     seen = drawing[3].flatten() > 0.5
@@ -43,13 +43,13 @@ def recolored(drawing: Tensor, color: Tensor) -> Tensor:
     changed = lab.clone()
     alike = _alike(lab, main)
     wanted = to_lab(color)
-    hue = min(1.0, float(wanted[1:].norm()) / _VIVID)  # gray has shades, but none of them is blue
+    hue = min(1.0, float(wanted[1:].norm()) / _VIVID)  # shades of gray have no hue
     changed[alike] = wanted + _CONTRAST * (lab[alike] - main) * lab.new_tensor([1.0, hue, hue])
     return torch.cat((from_lab(changed).T.reshape(drawing[:3].shape), drawing[3:]))
 
 
 def is_colored(drawing: Tensor, color: Tensor) -> bool:
-    """Whether the main colour of a drawing [4, h, w] passes for sRGB `color` [3]: a fox is red as it is."""
+    """Returns True if the main colour of a drawing [4, h, w] passes for sRGB `color` [3]: a fox is already red."""
     lab = to_lab(drawing[:3].flatten(1).T)
     body = (drawing[3].flatten() > 0.5) & (lab[:, 0] > _DARKEST)
     if not bool(body.any()):
@@ -63,9 +63,9 @@ def is_colored(drawing: Tensor, color: Tensor) -> bool:
 
 
 def muted_color(drawing: Tensor) -> Tensor:
-    """The colour of most of a drawing [4, h, w], muted so that it suits what is only like it: sRGB [3] in [0, 1].
+    """Returns the main colour of a drawing [4, h, w], muted so that it suits similar things: sRGB [3] in [0, 1].
 
-    Raises IndexError where nothing of the drawing is seen.
+    Raises IndexError if the drawing is transparent.
     """
     lab = _commonest(to_lab(drawing[:3, drawing[3] > 0.5].T))
     return from_lab(
@@ -74,7 +74,7 @@ def muted_color(drawing: Tensor) -> Tensor:
 
 
 def _commonest(lab: Tensor) -> Tensor:
-    """The colour [3] that is most likely the thing's own: there is much of it, and it has a hue, but not of water."""
+    """Returns the colour [3] that is most likely the thing's own: frequent and with a hue, but not that of water."""
     cells, owner, count = torch.unique((lab / _STEP).round(), dim=0, return_inverse=True, return_counts=True)
     colorful = (cells[:, 1:].norm(dim=1) * _STEP > _COLORLESS).float()
     around = ((cells * _STEP - cells.new_tensor(_AROUND)).norm(dim=1) <= _AROUND_WITHIN).float()
@@ -83,7 +83,7 @@ def _commonest(lab: Tensor) -> Tensor:
 
 
 def _alike(lab: Tensor, main: Tensor) -> Tensor:
-    """Which colours [n, 3] are shades of the main one, [n]."""
+    """Returns True for each colour [n, 3] that is a shade of the main one: [n]."""
     chroma, lightness = lab[:, 1:].norm(dim=1), (lab[:, 0] - main[0]).abs()
     if float(main[1:].norm()) <= _COLORLESS:
         return (chroma <= _COLORLESS) & (lightness <= _SHADE) & (lab[:, 0] > min(_DARKEST, float(main[0]) - 1))
@@ -91,20 +91,20 @@ def _alike(lab: Tensor, main: Tensor) -> Tensor:
     return (chroma > _COLORLESS) & (along > torch.cos(torch.tensor(_HUE)))
 
 
-# Drawings of colour and opacity laid on pictures, large in the middle or wherever they are wanted.
+# Drawings with opacity on pictures: large in the middle, or at a given place.
 
 _FILLS = 0.85  # of the canvas's shorter side
 
 
 def lay(drawing: Tensor, ground: Tensor) -> Tensor:
-    """The ground [3, H, W] with a drawing [4, h, w], sRGB and opacity in [0, 1], large in its middle."""
+    """Returns the ground [3, H, W] with a drawing [4, h, w], sRGB and opacity in [0, 1], large in its middle."""
     _, rows, columns = ground.shape
     small = resized(drawing, _FILLS * min(rows, columns) / max(drawing.shape[1:]))
     return laid(small, ground, (rows - small.shape[1]) // 2, (columns - small.shape[2]) // 2)[0]
 
 
 def laid(drawing: Tensor, picture: Tensor, top: int, left: int) -> tuple[Tensor, Tensor]:
-    """The picture [3, H, W] with a drawing [4, h, w] at a place where it fits, and how much of it is there, [H, W]."""
+    """Returns the picture [3, H, W] with a drawing [4, h, w] at a place inside it, and the drawing's opacity [H, W]."""
     _, rows, columns = picture.shape
     around = [left, columns - left - drawing.shape[2], top, rows - top - drawing.shape[1]]
     over = functional.pad(drawing, around)
@@ -112,49 +112,53 @@ def laid(drawing: Tensor, picture: Tensor, top: int, left: int) -> tuple[Tensor,
 
 
 def resized(drawing: Tensor, scale: float) -> Tensor:
-    """A drawing [4, h, w] at so many times its size."""
+    """Returns a drawing [4, h, w] scaled by `scale`."""
     size = [max(1, round(drawing.shape[1] * scale)), max(1, round(drawing.shape[2] * scale))]
-    # Colours are resampled as far as they are seen: what is transparent has none.
+    # Colours are weighted by opacity in the resampling, because transparent pixels have none.
     seen = torch.cat((drawing[:3] * drawing[3:], drawing[3:]))[None]
     small = functional.interpolate(seen, size, mode="bilinear", antialias=True)[0].clamp(0, 1)
     return torch.cat((small[:3] / small[3:].clamp(min=1e-4), small[3:])).clamp(0, 1)
 
 
 def softened(picture: Tensor, near: int) -> Tensor:
-    """A picture [c, h, w] without what is smaller than `near` pixels: twice a mean over squares, edges going on."""
+    """Returns a picture [c, h, w] without details smaller than `near` pixels.
+
+    The filter is two means over squares, with replicated edges.
+    """
     for _ in range(2):
         around = functional.pad(picture[None], (near,) * 4, mode="replicate")
         picture = functional.avg_pool2d(around, 2 * near + 1, 1)[0]
     return picture
 
 
-_ROWS = 96  # of the picture in which places are compared
-_AREA = 4  # pixels of it, half the width over which an edge is looked at
-_STYLE_SCENE_AROUND = 6  # pixels of it around a thing, against which it is seen
+_ROWS = 96  # of the small picture in which places are compared
+_AREA = 4  # its pixels, half the width over which an edge is measured
+_STYLE_SCENE_AROUND = 6  # its pixels around a thing, which are its background
 _SIZES = (0.85, 0.75, 0.65)  # of the shorter side
-_PLACES = (0.06, 0.21, 0.35, 0.5, 0.65, 0.79, 0.94)  # of what is free, down and across
-_COLORS = 8  # of the picture, and its darkest and lightest
-_LOOKED_AT = 4000  # pixels of it from which they are taken
-_TONES = ((0.0, 1.0), (0.0, 0.6), (0.4, 1.0))  # from the darkest of them, 0, to the lightest, 1, that a thing may have
-_FEWEST_TONES = 10.0  # L* from the darkest to the lightest of a drawing that has shades
-_CLEAR = 40.0  # L* by which a thing stands out as well as can be
-_KEEPING, _LARGE = 0.7, 0.55  # what unchanged edges and size count against standing out
+_PLACES = (0.06, 0.21, 0.35, 0.5, 0.65, 0.79, 0.94)  # positions in the free space, down and across
+_COLORS = 8  # number of the picture's colours besides its darkest and lightest
+_LOOKED_AT = 4000  # number of its pixels from which they are taken
+_TONES = ((0.0, 1.0), (0.0, 0.6), (0.4, 1.0))  # tones for a thing, 0 for the picture's darkest
+_FEWEST_TONES = 10.0  # least range of L* in a drawing with shades
+_CLEAR = 40.0  # difference of L* that counts as full visibility
+_KEEPING, _LARGE = 0.7, 0.55  # weights of unchanged edges and of size, against visibility
 
 
 @dataclass(frozen=True)
 class Composited:
-    """A picture [3, H, W] with a thing in it, and how much of that is where, [H, W] in [0, 1]."""
+    """Picture [3, H, W] with a thing in it, and the thing's opacity, [H, W] in [0, 1]."""
 
     picture: Tensor
     where: Tensor
 
 
 def composited_into_style(drawing: Tensor, picture: Tensor, *, keeps_colors: bool = False) -> Composited:
-    """A drawing, colour and opacity [4, h, w], in a picture [3, H, W].
+    """Lays a drawing, colour and opacity [4, h, w], into a picture [3, H, W].
 
-    It is laid where the picture's coarse edges, by their correlation, change least for how large it is and how
-    clearly it stands out. It gets the picture's colours, dark ones for dark and light for light, unless it
-    `keeps_colors`.
+    keeps_colors: False to give the drawing the picture's colours, from dark to light
+
+    The place is a compromise: the picture's coarse edges should change little, by their correlation, and the thing
+    should be large and stand out clearly.
     """
     _, rows, columns = picture.shape
     small = images.fit(picture, _ROWS, round(_ROWS * columns / rows))
@@ -181,17 +185,17 @@ def composited_into_style(drawing: Tensor, picture: Tensor, *, keeps_colors: boo
 
 
 def _sized(drawing: Tensor, size: float, picture: Tensor) -> Tensor:
-    """A drawing whose longer side is `size` of the picture's shorter one."""
+    """Returns a drawing whose longer side is `size` of the picture's shorter one."""
     return resized(drawing, size * min(picture.shape[1:]) / max(drawing.shape[1:]))
 
 
 def _place(thing: Tensor, picture: Tensor, down: float, across: float) -> tuple[int, int]:
-    """The first row and column of a thing that lies so far down and across what it leaves free."""
+    """Returns the first row and column of a thing, from its position in the free space: 0 to 1 down and across."""
     return round(down * (picture.shape[1] - thing.shape[1])), round(across * (picture.shape[2] - thing.shape[2]))
 
 
 def _edges(picture: Tensor) -> Tensor:
-    """How steeply lightness changes over the size of an area rather than of a mark."""
+    """Returns the gradient of lightness at the scale of areas, not of marks."""
     smooth = functional.avg_pool2d(picture.mean(0)[None], 2 * _AREA + 1, 1)[0]
     across = smooth[:, 2 * _AREA :] - smooth[:, : -2 * _AREA]
     down = smooth[2 * _AREA :] - smooth[: -2 * _AREA]
@@ -199,12 +203,12 @@ def _edges(picture: Tensor) -> Tensor:
 
 
 def _lightness(picture: Tensor) -> Tensor:
-    """L* of a picture [3, h, w], [h, w]."""
+    """Returns L* of a picture [3, h, w], [h, w]."""
     return to_lab(picture.permute(1, 2, 0))[..., 0]
 
 
 def _colors(picture: Tensor) -> Tensor:
-    """The picture's colours in Lab, [n, 3], from its darkest to its lightest."""
+    """Returns the picture's colours in Lab, [n, 3], from its darkest to its lightest."""
     seen = picture.flatten(1).T
     seen = seen[:: max(1, len(seen) // _LOOKED_AT)]
     lab, middle = to_lab(seen), Palette.cluster(seen, torch.ones(len(seen)), _COLORS, seed=0).lab()
@@ -215,7 +219,7 @@ def _colors(picture: Tensor) -> Tensor:
 
 
 def _toned(drawing: Tensor, colors: Tensor, low: float, high: float) -> Tensor:
-    """The drawing in `colors` (Lab, dark to light), of which it has those between `low` and `high` of their range."""
+    """Returns the drawing in `colors` (Lab, dark to light), restricted to the range from `low` to `high`."""
     light = _lightness(drawing[:3])
     seen = light[drawing[3] > 0.5]
     first, last = seen.quantile(0.02), seen.quantile(0.98)

@@ -1,4 +1,4 @@
-"""A scene as one picture: its things on a ground, told from it by light and dark, with what falls over them."""
+"""Composition of a scene: its things on a contrasting ground, with rain, snow or stars over them."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -17,35 +17,35 @@ from frida_painter.words.arrangement import Placed
 from frida_painter.words.compositing import laid, resized, softened
 from frida_painter.words.settings import DAY, Setting, with_contrast
 
-# What few strokes can paint of a picture: areas of one colour, without texture.
+# Simplification for few strokes: areas of one colour, without texture.
 
-_NEAR = 0.027  # of the height: about as wide as a mark of the fine brush
-_ALIKE = 28.0  # of 256 steps of sRGB, within which colours of neighbours become one
+_NEAR = 0.027  # share of the height: about the width of a fine brush's mark
+_ALIKE = 28.0  # of 256 steps of sRGB; neighbouring colours within it become one
 
 
 def simplified(picture: Tensor) -> Tensor:
-    """The picture [3, H, W] with flat areas and sharp edges: mean shift in place and colour (Comaniciu and Meer 2002).
+    """Returns the picture [3, H, W] with flat areas and sharp edges.
 
-    Flat areas stay as they are, to a 256th.
+    Mean shift in position and colour (Comaniciu and Meer 2002). Flat areas keep their colour within 1/256.
     """
     near = _NEAR * picture.shape[1]
     flat = cv2.pyrMeanShiftFiltering(images.to_uint8(picture), near, _ALIKE, maxLevel=0)
     return images.from_uint8(np.asarray(flat, np.uint8))
 
 
-# Stars, rain and flakes: marks of the fine brush, each in a place of its own, where they hide no thing.
+# Stars, rain and flakes: separate marks of the fine brush that cover no thing.
 
 _STAR, _FLAKE = 0.015, 0.016  # radius, as a share of the height: a dab of the fine brush
 _RAIN_LENGTH, _RAIN_WIDTH = 0.15, 0.018  # of the height: about a stroke of the fine brush
-_SLOPE = 0.28  # of rain: columns for each row
+_SLOPE = 0.28  # of rain: columns per row
 _STARLIGHT = (1.0, 0.96, 0.78)
-_TRIES = 12  # places that are drawn for each mark
+_TRIES = 12  # random places that are tried for each mark
 
 
 def falling(setting: Setting, where: Tensor, seed: int) -> tuple[Tensor, Tensor]:
-    """What falls or shines in a setting: its opacity [H, W] in [0, 1], and its sRGB [3].
+    """Returns the rain, flakes or stars of a setting: opacity [H, W] in [0, 1], and sRGB [3].
 
-    where [H, W]: how much of the scene's things is there.
+    where: [H, W] opacity of the scene's things
     """
     generator = torch.Generator().manual_seed(seed)
     weather, light = setting.weather, setting.light
@@ -63,7 +63,7 @@ def falling(setting: Setting, where: Tensor, seed: int) -> tuple[Tensor, Tensor]
 
 
 def _marks(where: Tensor, count: int, down: float, size: tuple[float, float], generator: torch.Generator) -> Tensor:
-    """So many marks in the upper part `down` of a picture, of a length and width in pixels, apart from each other."""
+    """Returns `count` marks in the upper part `down` of a picture, apart from each other. Lengths in pixels."""
     rows, columns = where.shape
     length, width = size
     taken, over = where.clone(), torch.zeros_like(where)
@@ -72,7 +72,7 @@ def _marks(where: Tensor, count: int, down: float, size: tuple[float, float], ge
         tries = [_mark(where.shape, row, column, length, width) for row, column in places.tolist()]
         best = min(tries, key=lambda mark: float((mark * taken).sum()))
         if float((best * where).sum()) > 0.5 * float(best.sum()):
-            continue  # there is no room beside the things
+            continue  # no room beside the things
         over = torch.maximum(over, best)
         around = torch.nn.functional.max_pool2d(best[None, None], 2 * (rows // 16) + 1, 1, rows // 16)[0, 0]
         taken = torch.maximum(taken, around)
@@ -80,7 +80,7 @@ def _marks(where: Tensor, count: int, down: float, size: tuple[float, float], ge
 
 
 def _mark(shape: torch.Size, row: float, column: float, length: float, width: float) -> Tensor:
-    """A slanting mark with round ends about a place, [H, W]; as long as wide, it is a dot."""
+    """Returns a slanting mark with round ends around a place, [H, W]; a dot if length and width are equal."""
     down, across = torch.meshgrid(torch.arange(shape[0]) + 0.5, torch.arange(shape[1]) + 0.5, indexing="ij")
     norm = math.hypot(1, _SLOPE)
     along = ((down - row) - _SLOPE * (across - column)) / norm
@@ -89,20 +89,22 @@ def _mark(shape: torch.Size, row: float, column: float, length: float, width: fl
     return (width / 2 - (beyond.square() + aside.square()).sqrt() + 0.5).clamp(0, 1)
 
 
-# Where in a picture networks see what words say.
+# Saliency: the places at which networks see a prompt in a picture.
 
-_SIDE = 180  # pixels of the shorter side, at which it is looked at
+_SIDE = 180  # pixels of the shorter side of the examined picture
 _LOOKS, _NOISE = 6, 0.08
-_SALIENCY_NEAR = 0.09  # of the shorter side, over which what is found is smoothed
-_LEAST, _MOST = 0.3, 0.97  # shares of the picture that do not count, and below which not all counts
+_SALIENCY_NEAR = 0.09  # of the shorter side: width of the smoothing
+_LEAST, _MOST = 0.3, 0.97  # quantiles of saliency that become 0 and 1
 
 
 def saliency(picture: Tensor, distance: Callable[[Tensor], Tensor], seed: int) -> Tensor:
-    """How much of what words say is seen where in a picture [3, h, w], [h, w] in [0, 1]; distance: from the words.
+    """Returns the saliency of a prompt at each place of a picture [3, h, w]: [h, w] in [0, 1].
 
-    That is where the distance changes most with the colours, in the mean of several noisy looks (D. Smilkov and
-    others, "SmoothGrad: removing noise by adding noise", 2017). Three tenths of the picture count nothing; where no
-    change is seen at all, everything counts.
+    distance: returns the distance of a picture from the prompt
+
+    Saliency is the gradient of the distance with respect to the colours, averaged over several noisy copies (D.
+    Smilkov and others, "SmoothGrad: removing noise by adding noise", 2017). The lowest three tenths of the picture
+    become 0. If there is no gradient at all, everything is 1.
     """
     shorter = min(1.0, _SIDE / min(picture.shape[1:]))
     small = images.fit(picture, *(max(1, round(shorter * side)) for side in picture.shape[1:]))
@@ -122,28 +124,30 @@ def saliency(picture: Tensor, distance: Callable[[Tensor], Tensor], seed: int) -
     return images.fit(seen[None], *picture.shape[1:])[0]
 
 
-_WIDE, _HIGH = 0.86, 0.80  # of the canvas, that things fill at the most
-_STANDS = 0.55  # of the land below the horizon, on which things stand
-_ALOFT = 0.40  # of the height, where the middle of what hangs in the air is
-_AMID = 0.62  # of the height that a single thing fills where its place is shown too
-_THIRD = 0.07  # of the width, by which a thing that leaves room is off the middle
-_LIT = 0.55  # how far things take the colour of the light
+_WIDE, _HIGH = 0.86, 0.80  # of the canvas: greatest extent of the things
+_STANDS = 0.55  # of the land below the horizon: position of the things' feet
+_ALOFT = 0.40  # of the height: position of the middle of things in the air
+_AMID = 0.62  # of the height that a single thing fills in a visible place
+_THIRD = 0.07  # of the width: distance from the middle of a thing that leaves room
+
+_LIT = 0.55  # share of the light's colour that things take on
 _BROAD = 0.05  # of the height: a mark of the broad brush
-_SHARP = 2.0  # by which a picture becomes sharp sooner than its thing is wholly there
-_SOFT = 12  # the part of a height, over which a ground that goes on is smoothed
-_DARKENED = 0.75  # the same of a picture that brings its own ground
-_CUT_OFF = 0.15  # the most of its length or height that is cut off to fill the canvas
-_PALE = 22.0  # of Lab, by which colours differ from bare paper that are seen on it
-_LOST = 0.35  # share of a thing's outline, which is that pale, from which it is not seen on paper
-_RIM = 7  # pixels across, of which an outline is made
-_DIPS = 0.07  # of its height, by which a thing in water is hidden
+_SHARP = 2.0  # factor by which a picture gets sharp earlier than its thing begins
+_SOFT = 12  # a height divided by this is the width of smoothing of an extended ground
+_DARKENED = 0.75  # share of the light's colour that a picture with its own ground takes on
+_CUT_OFF = 0.15  # greatest share of a side that is cut off to fill the canvas
+
+_PALE = 22.0  # Lab distance from bare paper at which colours are visible on it
+_LOST = 0.35  # share of pale outline above which a thing is lost on paper
+_RIM = 7  # pixels of an outline's width
+_DIPS = 0.07  # of its height: the part of a thing that water hides
 
 
 @dataclass(frozen=True)
 class ComposedScene:
-    """A composed scene: its picture [3, H, W], and how much of its things and of what falls is where, [H, W] in [0, 1].
+    """Composed scene: its picture [3, H, W], and the opacity of its things and marks, [H, W] in [0, 1].
 
-    is_alone: whether things of one kind are all there is, on bare paper.
+    is_alone: True if it has things of one kind only, on bare paper
     """
 
     picture: Tensor
@@ -154,7 +158,10 @@ class ComposedScene:
 def composed(
     things: Sequence[Placed], setting: Setting, grid: PixelGrid, seed: int, *, in_the_air: bool
 ) -> ComposedScene:
-    """The things in their setting; in_the_air: whether none of them stands on anything."""
+    """Composes the things in their setting.
+
+    in_the_air: True if none of them stands on anything
+    """
     if not things:
         nothing = torch.zeros(grid.rows, grid.columns)
         return _under(setting, setting.ground(grid, seed), nothing, seed, is_alone=False)
@@ -178,11 +185,12 @@ def composed(
 
 
 def photographed(picture: Tensor, where: Tensor, setting: Setting, grid: PixelGrid, seed: int) -> ComposedScene:
-    """A picture [3, h, w] with a ground of its own, which fills the canvas in the setting's light and weather.
+    """Composes a picture [3, h, w] with its own ground, which fills the canvas in the setting's light and weather.
 
-    where: how much of its thing is where in it, [h, w] in [0, 1]; around it the ground is softer, and costs fewer
-    strokes. What does not fit is cut off where there is least of the thing; where that would be much of the picture,
-    its ground goes on to the sides instead.
+    where: importance of each place, [h, w] in [0, 1]; the ground elsewhere gets softer, and costs fewer strokes
+
+    Surplus is cut off where the importance is least. If too much would be cut off, the ground is extended at the
+    sides instead.
     """
     sides = grid.rows / picture.shape[1], grid.columns / picture.shape[2]
     scale = min(max(sides), min(sides) / (1 - _CUT_OFF))
@@ -200,7 +208,7 @@ def photographed(picture: Tensor, where: Tensor, setting: Setting, grid: PixelGr
 
 
 def _extended(picture: Tensor, columns: int) -> Tensor:
-    """A picture [c, h, w] whose ground goes on, ever softer, to both sides until it has so many columns."""
+    """Returns a picture [c, h, w] with its ground extended to `columns` columns, softer with the distance."""
     missing = max(0, columns - picture.shape[2])
     if missing == 0:
         return picture
@@ -213,15 +221,15 @@ def _extended(picture: Tensor, columns: int) -> Tensor:
 
 
 def _busiest(where: Tensor, side: int, size: int) -> int:
-    """Where a part of that size begins along a side of a picture that has most of what is where [H, W]."""
+    """Returns the start of the section of `size` pixels along a side with the largest sum of `where` [H, W]."""
     sums = torch.cat((torch.zeros(1), where.sum(1 - side).cumsum(0)))
     within = sums[size:] - sums[:-size]
     best = within >= within.max() - 1e-3 * float(sums[-1])
-    return int(best.nonzero().flatten().float().mean().round())  # of equal ones the middle
+    return int(best.nonzero().flatten().float().mean().round())  # the middle of equal ones
 
 
 def _under(setting: Setting, picture: Tensor, where: Tensor, seed: int, *, is_alone: bool) -> ComposedScene:
-    """The scene of a picture [3, H, W] whose things are where [H, W], with what falls and shines."""
+    """Returns the scene of a picture [3, H, W] with things at `where` [H, W], with fog, rain, flakes or stars added."""
     picture = setting.in_fog(picture)
     marks, color = falling(setting, where, seed)
     picture = torch.lerp(picture, color[:, None, None].expand_as(picture), marks.expand_as(picture))
@@ -229,7 +237,7 @@ def _under(setting: Setting, picture: Tensor, where: Tensor, seed: int, *, is_al
 
 
 def _is_lost_on_paper(where: Tensor, colors: Tensor) -> bool:
-    """Whether too much of the outline of things, where [H, W] they are, in colours [3, H, W], is nearly white."""
+    """Returns True if too much of the things' outline, at `where` [H, W] in colours [3, H, W], is nearly white."""
     seen = where > 0.5
     around = functional.max_pool2d((~seen).float()[None, None], _RIM, 1, _RIM // 2)[0, 0] > 0
     outline = to_lab(colors.permute(1, 2, 0)[seen & around])
@@ -240,7 +248,7 @@ def _is_lost_on_paper(where: Tensor, colors: Tensor) -> bool:
 def _fitted(
     things: Sequence[Placed], setting: Setting, grid: PixelGrid, seed: int, *, in_the_air: bool
 ) -> list[tuple[Tensor, int, int]]:
-    """The pictures at their sizes in pixels, each with its first row and column; nothing touches the edge."""
+    """Returns the pictures scaled to pixels, each with its first row and column; nothing touches the edge."""
     rows, columns = grid.rows, grid.columns
     left = min(one.x - one.width / 2 for one in things)
     right = max(one.x + one.width / 2 for one in things)

@@ -1,4 +1,4 @@
-"""Libraries of pictures, each with words for what its pictures show: fetched ones, and a person's own folder."""
+"""Picture libraries with captions: fetched libraries, libraries of packages, and the user's own folder."""
 
 import io
 import json
@@ -30,29 +30,32 @@ from frida_painter.picture_file import FORMATS, one_line, require_size
 from frida_painter.weights.archive import CAPTIONS, FILE, character_name
 from frida_painter.words import svg_process
 
-# Pictures with their opacity from files that anybody may have made: SVG drawings and pixels.
+# Pictures with opacity from untrusted files: SVG drawings and pixels.
 
-_SIDE = 512  # pixels of the longer side at which things are kept
+_SIDE = 512  # pixels of the longer side of stored things
 MOST_BYTES = 64 * 2**20
 _MOST_SVG_BYTES = 8 * 2**20
-_MOST_PARTS = 200_000  # of an SVG, each counted as often as it is used
+_MOST_PARTS = 200_000  # of an SVG; a part counts as often as it is used
 _PATIENCE = 20.0  # seconds for one SVG
-_SEEN = 0.05  # opacity from which a pixel is part of a thing
-_ALIKE = 14  # of 255, by which a ground's colours may differ from each other
+_SEEN = 0.05  # opacity above which a pixel is part of a thing
+_ALIKE = 14  # of 255, by which the colours of a plain ground may differ
 _UNITS = {"": 1.0, "px": 1.0, "pt": 96 / 72, "pc": 16.0, "mm": 96 / 25.4, "cm": 96 / 2.54, "in": 96.0, "em": 16.0}
 _LARGEST = 1e7  # units of an SVG's side
-_FADING = 0.15  # of a picture's shorter side, over which its edges fade
-_MARGIN = 0.3  # of a page's side, around it
+_FADING = 0.15  # share of a picture's shorter side over which its edges fade
+_MARGIN = 0.3  # margin around a page, as a share of its side
 _NEVER = ("script", "foreignObject", "animate", "set", "animateTransform", "animateMotion", "a")
 _LINK = ("href", "{http://www.w3.org/1999/xlink}href")
 
 
 def read_picture(content: bytes, name: str) -> Tensor:
-    """A picture's bytes as colour and opacity [4, h, w] in [0, 1], cut to what is seen; 512 pixels at the most.
+    """Returns a picture file as colour and opacity [4, h, w] in [0, 1], trimmed; at most 512 pixels.
 
-    A plain ground that reaches the edges all around is taken away. Raises ImageError, which tells the file's `name`,
-    for what is no picture, is damaged, too large, or an SVG that would take too long; ConfigError where the package
-    that draws SVG is not installed.
+    content: bytes of the file
+    name: of the file, for messages
+
+    A plain ground that reaches all edges is removed.
+    Raises ImageError if the file is no picture, damaged or too large, or an SVG that takes too long.
+    Raises ConfigError if the package that draws SVG is not installed.
     """
     if len(content) > MOST_BYTES:
         raise ImageError(f"{name} has {len(content) >> 20} MB; a picture has at most {MOST_BYTES >> 20} MB.")
@@ -62,7 +65,7 @@ def read_picture(content: bytes, name: str) -> Tensor:
 
 
 def without_outlines(svg: str, layer: str) -> str:
-    """A drawing without the layer of that id."""
+    """Returns an SVG drawing without the layer of that id."""
     drawing = ElementTree.fromstring(svg)
     for part in [part for part in drawing if part.get("id") == layer]:
         drawing.remove(part)
@@ -70,7 +73,7 @@ def without_outlines(svg: str, layer: str) -> str:
 
 
 def trimmed(drawing: Tensor, name: str) -> Tensor:
-    """Without the empty margin. Raises ImageError where nothing is seen."""
+    """Returns a drawing without its empty margin. Raises ImageError if it is transparent."""
     seen = drawing[3] > _SEEN
     rows, columns = seen.any(1).nonzero().flatten(), seen.any(0).nonzero().flatten()
     if len(rows) == 0:
@@ -79,7 +82,7 @@ def trimmed(drawing: Tensor, name: str) -> Tensor:
 
 
 def faded(drawing: Tensor) -> Tensor:
-    """A picture [4, h, w] whose edges fade into what is behind it."""
+    """Returns a picture [4, h, w] with fading edges."""
     rows, columns = drawing.shape[1:]
     reach = max(1.0, _FADING * min(rows, columns))
     down, across = (torch.arange(side) + 0.5 for side in (rows, columns))
@@ -89,7 +92,7 @@ def faded(drawing: Tensor) -> Tensor:
 
 
 def without_ground(drawing: Tensor) -> Tensor:
-    """An opaque picture [4, h, w] without the plain ground that reaches its edges; others as they are."""
+    """Returns an opaque picture [4, h, w] without the plain ground that reaches its edges; others unchanged."""
     if float(drawing[3].mean()) < 0.98:
         return drawing
     pixels = (drawing[:3].permute(1, 2, 0) * 255).byte().numpy()
@@ -107,7 +110,7 @@ def without_ground(drawing: Tensor) -> Tensor:
 
 
 def _pixels(content: bytes, name: str) -> np.ndarray:
-    """RGBA [h, w, 4] of 8 bits, upright."""
+    """Returns RGBA [h, w, 4] of 8 bits, upright."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -117,9 +120,9 @@ def _pixels(content: bytes, name: str) -> np.ndarray:
                 layered = ImageOps.exif_transpose(file).convert("RGBA")
     except ImageError:
         raise
-    except Exception as cause:  # decoders raise whatever they stumble over in a damaged file
+    except Exception as cause:  # decoders raise many exceptions for damaged files
         raise ImageError(f"{name} is a damaged picture, or none ({one_line(cause)}).") from cause
-    # Premultiplied: what is transparent has no colour, whatever a palette says of it.
+    # Premultiplied in the resampling, because transparent pixels have arbitrary colours.
     share = _SIDE / max(layered.size)
     if share < 1:
         size = (max(1, round(share * layered.width)), max(1, round(share * layered.height)))
@@ -128,7 +131,7 @@ def _pixels(content: bytes, name: str) -> np.ndarray:
 
 
 def _drawn(svg: bytes, name: str) -> bytes:
-    """An SVG as PNG, drawn in a process of its own. Raises ImageError."""
+    """Returns an SVG as PNG, drawn in a separate process. Raises ImageError."""
     registry.require("words", "resvg_py", "Drawing an SVG")
     plain, width, height = _plain(svg, name)
     command = [sys.executable, "-I", svg_process.__file__]
@@ -146,11 +149,11 @@ def _drawn(svg: bytes, name: str) -> bytes:
 
 
 def _plain(svg: bytes, name: str) -> tuple[bytes, int, int]:
-    """An SVG without scripts and links to elsewhere, and the size in pixels that suits it. Raises ImageError."""
+    """Returns an SVG without scripts and external links, and its size in pixels. Raises ImageError."""
     if len(svg) > _MOST_SVG_BYTES:
         raise ImageError(f"{name} has {len(svg) >> 20} MB; an SVG has at most {_MOST_SVG_BYTES >> 20} MB.")
     try:
-        drawing = ElementTree.fromstring(svg)  # external entities are never loaded, and expat ends entity bombs
+        drawing = ElementTree.fromstring(svg)  # external entities are never loaded, and expat stops entity bombs
     except (ElementTree.ParseError, ValueError, RecursionError) as cause:
         raise ImageError(f"{name} is a damaged SVG ({one_line(cause)}).") from cause
     if drawing.tag.rpartition("}")[2] != "svg":
@@ -176,7 +179,7 @@ def _plain(svg: bytes, name: str) -> tuple[bytes, int, int]:
 
 
 def _size(drawing: ElementTree.Element, name: str) -> tuple[float, float]:
-    """The sides of the page, which gets a margin all around: many drawings go beyond it."""
+    """Returns the sides of the page, and adds a margin to it, because many drawings exceed their page."""
     box = [float(number) for number in re.findall(r"-?\d*\.?\d+(?:e-?\d+)?", drawing.get("viewBox", ""))]
     if len(box) != 4 or not all(0 < side < _LARGEST for side in box[2:]):
         sides = [re.fullmatch(r"\s*(\d*\.?\d+)\s*([a-z]*)\s*", drawing.get(side, "")) for side in ("width", "height")]
@@ -213,13 +216,13 @@ def _require_few_parts(drawing: ElementTree.Element, name: str) -> None:
 
 
 GROUP = "frida_painter.picture_libraries"
-"""The group of entry points in which a package names its picture libraries."""
+"""Group of entry points for the picture libraries of packages."""
 
 _SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".svg", ".gif", ".bmp", ".tif", ".tiff")
-_MOST_FILES = 20_000  # of a person's own: their captions are read in about a minute
-_MOST_CAPTION, _MOST_CAPTIONS = 300, 2**20  # bytes of the first line, and of all
+_MOST_FILES = 20_000  # in the user's folder; their captions are read in about a minute
+_MOST_CAPTION, _MOST_CAPTIONS = 300, 2**20  # bytes of the first line, and of the file
 _LATIN = re.compile("[A-Za-z]{2}")
-_OUTLINES = "line"  # id of the layer of a pictogram that holds them
+_OUTLINES = "line"  # id of a pictogram's layer of outlines
 _PHOTOGRAPH = 0.8  # realism
 _DRAWN = {
     "stamps": 0.4,
@@ -232,14 +235,16 @@ _DRAWN = {
     "furniture": 0.6,
     "silhouettes": 0.0,
 }  # realism of drawings
-_FLAT_ENOUGH = 0.25  # of what is drawn, that must be left without outlines
+_FLAT_ENOUGH = 0.25  # share of a drawing that must remain without its outlines
 
 
 @dataclass(frozen=True)
 class Captioned:
-    """A picture of a library: its file, and what it shows: a title, and perhaps keywords after it.
+    """Picture of a library with its captions.
 
-    realism: how much it looks like the thing itself, from 0, a sign, to 1, a photograph.
+    file: name of the picture
+    captions: a title, and possibly keywords after it
+    realism: from 0 for a sign to 1 for a photograph
     """
 
     file: str
@@ -248,10 +253,11 @@ class Captioned:
 
 
 class PictureLibrary(Protocol):
-    """Pictures that can be found by what they show.
+    """Library of pictures with captions.
 
-    name: for a person; credit: who made them, and under which licence; "": nobody needs to be named; is_own: whether
-    they are the person's own, which go before others.
+    name: for messages
+    credit: authors and licence; "" if nobody must be named
+    is_own: True for the user's own pictures, which have priority
     """
 
     name: str
@@ -259,18 +265,18 @@ class PictureLibrary(Protocol):
     is_own: bool
 
     def captioned(self) -> Sequence[Captioned]:
-        """All pictures. Raises WeightsError and ConfigError where the library cannot be read."""
+        """Returns all pictures. Raises WeightsError or ConfigError if the library cannot be read."""
         ...
 
     def pictures(self, file: str) -> list[Tensor]:
-        """A picture in the ways in which it can be shown, colour and opacity [4, h, w] in [0, 1]. Raises ImageError."""
+        """Returns the variants of a picture, colour and opacity [4, h, w] in [0, 1]. Raises ImageError."""
         ...
 
 
 class PictureArchive:
-    """A fetched library: a zip of pictures with their captions.
+    """Fetched library: a zip of pictures with their captions.
 
-    drawn: how much its drawings look like the things themselves, from 0, a sign, to 1, a photograph.
+    drawn: realism of its drawings, from 0 for a sign to 1 for a photograph
     """
 
     is_own = False
@@ -280,7 +286,7 @@ class PictureArchive:
         self._archive, self._drawn = archive, drawn
 
     def captioned(self) -> Sequence[Captioned]:
-        """The pictures by the archive's own list. Raises WeightsError."""
+        """Returns the pictures of the archive's own list. Raises WeightsError."""
         try:
             with zipfile.ZipFile(self._archive) as opened:
                 known: dict[str, list[str]] = json.loads(opened.read(CAPTIONS))
@@ -289,16 +295,16 @@ class PictureArchive:
         return [Captioned(file, tuple(captions), self._realism(file)) for file, captions in sorted(known.items())]
 
     def pictures(self, file: str) -> list[Tensor]:
-        """The picture. Raises WeightsError where the archive is damaged, ImageError where the picture is."""
+        """Returns the picture. Raises WeightsError if the archive is damaged, ImageError if the picture is."""
         return [read_picture(_member(self._archive, file, self.name), f"{self.name}: {file}")]
 
     def _realism(self, file: str) -> float:
-        """Pixels are photographs, but for those that say otherwise."""
+        """Returns the realism of a file: pixels are photographs, unless the name says "cartoon"."""
         return self._drawn if file.endswith(".svg") or "cartoon" in file else _PHOTOGRAPH
 
 
 class Pictograms:
-    """OpenMoji's pictograms, each by the Unicode name of its character."""
+    """Library of OpenMoji's pictograms; the caption is the Unicode name of the character."""
 
     name, credit, is_own = "openmoji", "OpenMoji (openmoji.org), CC BY-SA 4.0", False
 
@@ -306,7 +312,7 @@ class Pictograms:
         self._archive = archive
 
     def captioned(self) -> Sequence[Captioned]:
-        """The pictograms of a single character. Raises WeightsError."""
+        """Returns the pictograms of single characters. Raises WeightsError."""
         try:
             with zipfile.ZipFile(self._archive) as opened:
                 files = sorted(opened.namelist())
@@ -315,9 +321,11 @@ class Pictograms:
         return [Captioned(file, (name,), 0.0) for file in files if (name := character_name(file.removesuffix(".svg")))]
 
     def pictures(self, file: str) -> list[Tensor]:
-        """The drawing without its outlines, where enough of it is left, and with them.
+        """Returns the drawing without its outlines, if enough remains, and with them.
 
-        Outlines are for small signs, and a brush gives its own edges; but some hold what makes a thing that thing.
+        A brush makes its own edges, so that outlines are usually superfluous. But some contain essential parts of a
+        thing.
+        Raises WeightsError if the archive is damaged, ImageError if the picture is.
         """
         svg = _member(self._archive, file, self.name)
         outlined = read_picture(svg, f"openmoji: {file}")
@@ -330,10 +338,13 @@ class Pictograms:
 
 
 class PictureFolder:
-    """A person's own pictures, each by a text beside it of the same name (`cat.txt` for `cat.png`), or by its name.
+    """Library of the user's own pictures.
 
-    Folders below are read as well; links to folders are not followed. unnamed: how many of them nothing was found to
-    say of. Raises ConfigError where there is no picture, or too many.
+    The caption of a picture is the text file beside it (`cat.txt` for `cat.png`), or its name. Subfolders are
+    included; links to folders are not followed.
+    unnamed: number of pictures without a usable caption
+
+    Raises ConfigError if the folder does not exist.
     """
 
     name, credit, is_own = "your pictures", "", True
@@ -345,7 +356,7 @@ class PictureFolder:
             raise ConfigError(f"--pictures {folder} is no folder; give a folder with pictures of things.")
 
     def captioned(self) -> Sequence[Captioned]:
-        """The pictures that have a name or a caption in words."""
+        """Returns the pictures that have a caption in words. Raises ConfigError for none or too many pictures."""
         said = {path: _said_of(path) for path in self._files()}
         found = [Captioned(str(path), (words,), 1.0) for path, words in said.items() if words]
         self.unnamed = len(said) - len(found)
@@ -357,7 +368,7 @@ class PictureFolder:
         return found
 
     def pictures(self, file: str) -> list[Tensor]:
-        """The picture. Raises ImageError."""
+        """Returns the picture. Raises ImageError."""
         return [read_picture(storage.read_bytes(Path(file), "a picture", MOST_BYTES, ImageError), Path(file).name)]
 
     def _files(self) -> Iterator[Path]:
@@ -376,7 +387,7 @@ class PictureFolder:
 
 
 def _member(archive: Path, file: str, name: str) -> bytes:
-    """A file of a fetched library. Raises WeightsError where the library is damaged."""
+    """Returns a file of a fetched library. Raises WeightsError if the library is damaged."""
     try:
         with zipfile.ZipFile(archive) as opened:
             return opened.read(file)
@@ -385,7 +396,7 @@ def _member(archive: Path, file: str, name: str) -> bytes:
 
 
 def _said_of(path: Path) -> str:
-    """What a picture of a person's own shows; "" where nothing says it."""
+    """Returns the caption of one of the user's pictures; "" if there is none."""
     said, beside = "", path.with_suffix(".txt")
     if beside.is_file() and not beside.is_symlink():
         with suppress(ImageError), storage.opened(beside, "a caption", _MOST_CAPTIONS, ImageError) as file:
@@ -397,17 +408,18 @@ def _said_of(path: Path) -> str:
 
 
 def libraries_at_hand(cache: Path | None = None, own: Path | None = None) -> list[PictureLibrary]:
-    """The person's own folder, what was fetched, and what installed packages bring.
+    """Returns the user's own folder, the libraries of installed packages, and the fetched ones.
 
-    A package brings a library as an entry point of the group `frida_painter.picture_libraries`, a callable without
-    arguments that returns one. Raises WeightsError where what was fetched is altered, or a package's library cannot
-    be used, and ConfigError where the folder holds no pictures.
+    A package adds a library by an entry point of the group `frida_painter.picture_libraries`: a callable without
+    arguments that returns the library.
+    Raises WeightsError if a fetched library was altered, or a package's library cannot be used.
+    Raises ConfigError if the user's folder does not exist.
     """
     found: list[PictureLibrary] = [] if own is None else [PictureFolder(own)]
     for point in entry_points(group=GROUP):
         try:
             found.append(point.load()())
-        except Exception as error:  # whatever code of others raises
+        except Exception as error:  # code of others may raise any exception
             raise WeightsError(
                 f"The picture library {point.name!r} cannot be used ({type(error).__name__}: {error}); mend or remove "
                 "the package that brings it."

@@ -1,4 +1,4 @@
-"""The text objective: show what words say, as networks that know both words and pictures see it."""
+"""The text objective: the painting should look like the prompt to networks that know both words and pictures."""
 
 from collections.abc import Callable, Sequence
 
@@ -13,20 +13,23 @@ from frida_painter.objectives.semantic_loss import Views
 
 _VIEWS = 24
 _AT_A_TIME = 2
-_STEADY = 4  # views by which a picture is judged
+_STEADY = 4  # number of fixed views for validation
 _NOISE = 0.03  # standard deviation, of sRGB
-_KEPT = 1.0  # times the words' own distance, how differently the beginning is seen
-_BALANCE = 1.0  # against the squared difference to a picture, when both have a weight of 1
+_KEPT = 1.0  # weight of the distance from the initial picture, relative to the prompt's
+_BALANCE = 1.0  # weight against a picture's squared difference, if both terms have weight 1
 
 
 class Text:
-    """l_text of the paper (Eq. "clip_text_loss"): the distance of meanings, over augmented views.
+    """Text objective, l_text of the paper (Eq. "clip_text_loss"): distance of meanings over augmented views.
 
-    prompt: what is to be shown; readers: networks that see it, one after the other in every call, so that
-    strokes cannot please a single one. A call looks at a square of the picture in two random views
-    (perspective, crop), blurred half of the times and always noisy; what comes next is drawn from `seed`.
-    begun [3, H, W]: the picture that the painting begins with; readers by class names keep to what they see in it,
-    place by place.
+    prompt: text to be shown
+    readers: networks, used in turn, so that strokes cannot satisfy only one of them
+    seed: of the views and the noise
+    begun: [3, H, W] initial picture of the painting; readers by class names also keep to its features, place by
+        place
+
+    A call looks at a square of the picture in two random views (perspective, crop). Half of the calls blur them,
+    and all add noise.
     """
 
     def __init__(self, prompt: str, readers: Sequence[Reader], seed: int, begun: Tensor | None = None) -> None:
@@ -34,7 +37,7 @@ class Text:
         self._generator = torch.Generator().manual_seed(seed)
         self._next = 0
         elsewhere = torch.rand(_VIEWS - _STEADY, generator=self._generator)
-        self._places = [0.5] * _STEADY + elsewhere.tolist()  # of the square of each view, from one end to the other
+        self._places = [0.5] * _STEADY + elsewhere.tolist()  # position of each view's square, from one end to the other
         self._distances = [
             distance_to(prompt, reader)
             if begun is None or not isinstance(reader, ConSE)
@@ -43,7 +46,7 @@ class Text:
         ]
 
     def __call__(self, picture: Tensor) -> Tensor:
-        """picture [3, H, W] in [0, 1] -> its distance in two random views; differentiable."""
+        """Returns the distance of a picture [3, H, W] in [0, 1] in two random views; differentiable."""
         reader, self._next = self._next, (self._next + 1) % len(self._distances)
         which = torch.randperm(_VIEWS, generator=self._generator)[:_AT_A_TIME]
         seen = self._seen(reader, picture, which)
@@ -53,11 +56,11 @@ class Text:
         return _BALANCE * self._distance(reader, seen + _NOISE * noise, which)
 
     def validation(self, picture: Tensor) -> Tensor:
-        """The distance by all readers in the same few views of the middle every time."""
+        """Returns the mean distance by all readers, always in the same few views of the middle."""
         return self._steadily(picture, _STEADY)
 
     def glance(self, picture: Tensor) -> Tensor:
-        """The same in a single view, sooner: enough to choose from many pictures those worth a look."""
+        """Returns the same distance in a single view: faster, and good enough for a first choice among pictures."""
         return self._steadily(picture, 1)
 
     def _steadily(self, picture: Tensor, views: int) -> Tensor:
@@ -68,22 +71,23 @@ class Text:
         return _BALANCE * torch.stack(found).mean()
 
     def _seen(self, reader: int, picture: Tensor, which: Tensor) -> Tensor:
-        """What a reader sees of a picture [3, H, W] in the views numbered `which` [n]: [n, 3, side, side]."""
+        """Returns the views numbered `which` [n] of a picture [3, H, W] for a reader: [n, 3, side, side]."""
         return torch.cat(
             [self._views[reader].of(_square(picture, self._places[int(view)]), view[None]) for view in which]
         )
 
     def _distance(self, reader: int, seen: Tensor, which: Tensor) -> Tensor:
-        """The mean distance of what is seen [n, 3, side, side] in the views numbered `which` [n]."""
+        """Returns the mean distance of views [n, 3, side, side], which are numbered `which` [n]."""
         distance = self._distances[reader]
         return (distance(seen, which) if isinstance(distance, _Kept) else distance(seen)).mean()
 
 
 class _Kept:
-    """The distance to what a prompt says, joined by that to what a reader sees in the views of a beginning.
+    """Distance from a prompt plus distance from the features of an initial picture.
 
-    views [v, 3, side, side]: of the beginning. What is seen is compared by its direction (cosine distance), place by
-    place: parts of things, and things.
+    views: [v, 3, side, side] of the initial picture
+
+    Features are compared by cosine distance, place by place: parts of things, and things.
     """
 
     def __init__(self, prompt: str, reader: ConSE, views: Tensor) -> None:
@@ -94,7 +98,7 @@ class _Kept:
         self._wanted = [torch.cat(maps) for maps in zip(*seen, strict=True)]
 
     def __call__(self, seen: Tensor, which: Tensor) -> Tensor:
-        """What is seen [n, 3, side, side] in the views numbered `which` [n] -> distances [n]."""
+        """Returns the distances [n] of views [n, 3, side, side], which are numbered `which` [n]."""
         features = self._reader.features(seen)
         total = self._said(features)
         for maps, wanted in zip(features, self._wanted, strict=True):
@@ -104,7 +108,7 @@ class _Kept:
 
 
 def _square(picture: Tensor, place: float) -> Tensor:
-    """As large a square of the picture [3, H, W] as there is, from one end, 0, to the other, 1: nothing is squeezed."""
+    """Returns the largest square of a picture [3, H, W] without distortion, from one end (0) to the other (1)."""
     _, rows, columns = picture.shape
     side = min(rows, columns)
     top, left = round(place * (rows - side)), round(place * (columns - side))
@@ -112,9 +116,10 @@ def _square(picture: Tensor, place: float) -> Tensor:
 
 
 def distance_to(prompt: str, reader: Reader) -> Callable[[Tensor], Tensor]:
-    """How far pictures [n, 3, h, w] are from showing what the prompt says, [n]: 0 for the same, about 1 for anything.
+    """Returns a function from pictures [n, 3, h, w] to their distances [n] from a prompt.
 
-    The cosine distance of the embeddings, or what a reader by class names says in its place.
+    The distance is 0 for the same meaning and about 1 for any other. It is the cosine distance of the embeddings,
+    or the measure of a reader by class names.
     """
     if isinstance(reader, ConSE):
         return reader.distance_to(prompt)

@@ -1,6 +1,6 @@
-"""What a prompt says: its things, how they stand to each other, and what must not be seen.
+"""Reading of prompts: their things, the relations between them, and the things that must not be seen.
 
-The grammar is read by spaCy's small English model (Honnibal et al. 2020); no word lists decide what is a thing.
+spaCy's small English model (Honnibal et al. 2020) parses the grammar. No word lists decide which word is a thing.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ if TYPE_CHECKING:
     from spacy.tokens import Doc, Token
 
 
-_PLURAL = 3  # things that are painted for a plural without a number
+_PLURAL = 3  # number of painted things for a plural without a number
 _MOST = 12
 MOST_THINGS = 12
-"""Things of a prompt that are painted, the first ones."""
+"""Greatest number of a prompt's things that are painted, the first ones."""
 _NUMBERS = ["zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve"]
 _MANY = ("many", "several", "some", "few", "both")
 _GROUPS = {"pair": 2, "couple": 2, "trio": 3, "dozen": 12}
-_GATHERED: dict[str, int | None] = {  # of things, where "of" follows
+_GATHERED: dict[str, int | None] = {  # number of things, if "of" follows
     **_GROUPS, "family": 4, "group": 4, "row": 4, "line": 4,
     "pile": None, "stack": None, "heap": None, "bunch": None, "bouquet": None,
 }  # fmt: skip
@@ -42,20 +42,22 @@ _MADE = ("building", "carving", "clothing", "crossing", "engraving", "etching", 
 _EACH_OTHER = ("other", "another", "itself", "himself", "herself", "themselves")
 _BASIC = ("black", "white", "red", "green", "yellow", "blue", "brown", "purple", "pink", "orange", "gray", "grey")
 _VIVID = 72.0  # chroma
-_PARTS = ("of", "with")  # what follows is part of the thing before alone
+_PARTS = ("of", "with")  # these words introduce a part of the thing before them
 _LABEL = 60
-_LONGEST = 400  # characters; more is no description of one picture
+_LONGEST = 400  # characters; a longer text is no description of one picture
 
 
 @dataclass(frozen=True)
 class Thing:
-    """A thing that a prompt names.
+    """Thing that a prompt names.
 
-    name: what it is called, in the singular, with its adjectives and without its colour, as "old man"; noun: the last
-    word of it; color: the word for its colour, as "dark blue", or nothing; count: the number of them that was said;
-    None: several, without a number; doing: the verb for what it does, as "sleep", or nothing; plural: the noun as it
-    was said, where it was a plural with a form of its own, as "scissors"; uncounted: whether nothing counted it, not
-    even an article, as the "coffee" in a cup of coffee.
+    name: in the singular, with its adjectives and without its colour, such as "old man"
+    noun: last word of the name
+    color: word for its colour, such as "dark blue", or ""
+    count: stated number; None for several without a number
+    doing: verb for its action, such as "sleep", or ""
+    plural: the noun as written, for a plural with a form different from the singular, such as "scissors"
+    uncounted: True if it has no number and no article, such as the coffee in "a cup of coffee"
     """
 
     name: str
@@ -68,18 +70,18 @@ class Thing:
 
     @property
     def shown(self) -> int:
-        """How many of them are painted: 1 to 12."""
+        """Number of painted copies: 1 to 12."""
         return _PLURAL if self.count is None else max(1, min(self.count, _MOST))
 
     @property
     def label(self) -> str:
-        """Its name for a sentence, 60 characters at the most."""
+        """Name for messages, at most 60 characters."""
         return self.name[:_LABEL]
 
 
 @dataclass(frozen=True)
 class Relation:
-    """How two things stand to each other: positions in `Reading.things`, and a preposition or verb between them."""
+    """Relation of two things: their positions in `Reading.things`, and a preposition or verb between them."""
 
     subject: int
     word: str
@@ -88,7 +90,13 @@ class Relation:
 
 @dataclass(frozen=True)
 class Reading:
-    """The things of a prompt, their relations, and the nouns of what must not be seen; too_many: there were more."""
+    """Content of a prompt.
+
+    things: things to be shown
+    relations: between the things
+    absent: nouns of things that must not be seen
+    too_many: True if the prompt has more things than `things`
+    """
 
     things: tuple[Thing, ...]
     relations: tuple[Relation, ...] = ()
@@ -97,7 +105,7 @@ class Reading:
 
 
 def prompt_reader(encoders: EncoderRegistry) -> PromptReader:
-    """Returns what reads prompts: by their grammar, or, with a remark on how to get it, as one thing."""
+    """Returns the reader of prompts; without the grammar model it takes a prompt as one thing, with a remark."""
 
     def make() -> PromptReader:
         folder = weights.find("english", encoders.cache)
@@ -113,9 +121,11 @@ def prompt_reader(encoders: EncoderRegistry) -> PromptReader:
 
 
 class PromptReader:
-    """Reads prompts by their grammar. folder: of the fetched model; None: every prompt is one thing.
+    """Reader of prompts by their grammar.
 
-    Raises ConfigError and WeightsError.
+    folder: of the fetched model; None to take every prompt as one thing
+
+    Raises ConfigError if spaCy is missing, WeightsError if the folder does not hold the model.
     """
 
     def __init__(self, folder: Path | None) -> None:
@@ -136,9 +146,9 @@ class PromptReader:
         self._words = _Words(verbs, adjectives, frozenset(index["noun"]) - verbs - adjectives - adverbs)
 
     def read(self, prompt: str) -> Reading:
-        """What the prompt says. A prompt without any noun is one thing that is called like the prompt.
+        """Returns the content of a prompt. A prompt without any noun is one thing with the prompt as its name.
 
-        Raises ConfigError where it says only what must not be seen.
+        Raises ConfigError if it only names things that must not be seen.
         """
         text = prompt[:_LONGEST].strip().rstrip(".!")
         text = text.lower() if text.isupper() else text[:1].lower() + text[1:]
@@ -152,7 +162,7 @@ class PromptReader:
         return Reading(things, tuple(dict.fromkeys(walk.relations)), tuple(dict.fromkeys(walk.absent)), walk.too_many)
 
     def _parsed(self, text: str) -> Doc:
-        """The grammar of a text, where what the lexicon knows as a noun alone is no adjective: a croissant."""
+        """Returns the parsed text. Words that are only nouns in the lexicon are never adjectives: a croissant."""
         assert self._language is not None and self._words is not None
         read = self._language(text)
         for word in read:
@@ -162,7 +172,7 @@ class PromptReader:
 
 
 class _Words(NamedTuple):
-    """What the grammar's lexicon knows as verbs, as adjectives, and as nouns alone."""
+    """Words of the grammar's lexicon: verbs, adjectives, and words that are only nouns."""
 
     verbs: frozenset[str]
     adjectives: frozenset[str]
@@ -170,7 +180,7 @@ class _Words(NamedTuple):
 
 
 class _Walk:
-    """Collects the things of a dependency tree."""
+    """Collector of the things in a dependency tree."""
 
     def __init__(self, words: _Words) -> None:
         self._words = words
@@ -191,15 +201,16 @@ class _Walk:
         else:
             self._thing(root)
         for noun in root.subtree:
-            # "A lemon and two pears", where the parser takes the lemon for a "both".
+            # "A lemon and two pears": the parser may take the lemon for a "both".
             if noun.dep_ == "preconj" and _is_noun(noun):
                 self._thing(noun)
 
     def _actor(self, root: Token) -> Token | None:
-        """Who does what the root of a sentence says; None where it is no verb, or nobody is named.
+        """Returns the noun that does the action of a sentence; None if there is none.
 
-        A last word may be what the word before it does, as in "a zebra drinking from a river", though it is read as a
-        noun and the zebra as part of its name. What the lexicon knows as no adjective may be read as one.
+        The parser makes two mistakes, which this method corrects. It may read a verb at the end as a noun, and its
+        actor as part of the name: "a zebra drinking from a river". It may also read the actor as an adjective,
+        although the lexicon has no adjective of that name.
         """
         if root.pos_ in ("VERB", "AUX"):
             return next((word for word in reversed(list(root.lefts)) if _is_noun(word)), None)
@@ -211,9 +222,9 @@ class _Walk:
         return before if is_name and self._words.verbs & {stem, f"{stem}e", stem[:-1]} else None
 
     def _thing(self, noun: Token, whole: Token | None = None) -> list[int]:
-        """The numbers of this noun and of those joined to it by "and"; what hangs on them is read too.
+        """Adds a noun and the nouns joined to it by "and", with their dependents; returns their numbers.
 
-        whole: the word on which the noun's own adjectives and numbers hang, where that is a verb.
+        whole: word that carries the noun's adjectives and numbers, if that is a verb
         """
         if noun.lower_ in _EACH_OTHER:
             return []
@@ -237,7 +248,7 @@ class _Walk:
             return [*numbers, *(at for other in _joined(noun) for at in self._thing(other))]
         number = len(self.things)
         if (doing := _mistaken_clause(noun)) is not None:
-            # The parser takes "a farmer feeding chickens" for chickens of a kind; "a" tells that it is not.
+            # The parser takes "a farmer feeding chickens" for a kind of chickens; the article "a" shows the mistake.
             self.things.append(_described(doing.nbor(-1), doing.nbor(-1)))
             self.things[number] = replace(self.things[number], doing=doing.lower_)
             self.things.append(_described(noun, noun, after=doing.i))
@@ -249,7 +260,7 @@ class _Walk:
         before = len(self.relations)
         joined = [at for other in _joined(noun) for at in self._thing(other)]
         if joined and not _children(noun, "prep", "acl", "relcl"):
-            # "A teapot and three cups on a table": what is said of the last place is said of all.
+            # "A teapot and three cups on a table": the place of the last noun holds for all.
             no_place = (*_PARTS, self.things[joined[-1]].doing)
             said = [one for one in self.relations[before:] if one.subject == joined[-1] and one.word not in no_place]
             self.relations += [replace(one, subject=number) for one in said]
@@ -257,7 +268,7 @@ class _Walk:
         return [number, *joined]
 
     def _in_one_word(self, thing: Thing) -> Thing:
-        """A thing whose name the lexicon knows in one word: a lamp post is a lamppost."""
+        """Returns a thing with its name as one word if the lexicon has that: a lamp post is a lamppost."""
         before, _, last = thing.name.removesuffix(thing.noun).rstrip().rpartition(" ")
         noun = f"{last}{thing.noun}"
         if not last or last in self._words.adjectives or noun not in self._words.nouns:
@@ -267,7 +278,7 @@ class _Walk:
         )
 
     def _hanging(self, noun: Token, subjects: list[int], but: Token | None = None) -> None:
-        """What is said of a thing: where it is, what it has, and what it does."""
+        """Reads the dependents of a thing: places, parts and actions."""
         full = (one for word in _children(noun, "amod") if word.i > noun.i for one in _children(word, "prep"))  # of
         for word in (*_children(noun, "prep", "advmod"), *full):
             if word != but:
@@ -276,7 +287,7 @@ class _Walk:
             self._clause(verb, subjects)
 
     def _preposition(self, word: Token, subjects: list[int], said: str = "") -> None:
-        """One relation for each subject and each object; "in front of" and "next to" are one word."""
+        """Adds a relation for each subject and each object. "In front of" and "next to" count as one word."""
         said = f"{said} {word.lower_}".strip()
         for inner in _children(word, "prep"):
             self._preposition(inner, subjects, said)
@@ -296,7 +307,7 @@ class _Walk:
             self._relate(subjects, said, self._object(noun, subjects))
 
     def _object(self, noun: Token, subjects: list[int]) -> list[int]:
-        """The numbers of an object; where it is in its turn is said of the subjects as well."""
+        """Returns the numbers of an object. Its own relations to further places are moved to the subjects."""
         before = len(self.relations)
         numbers = self._thing(noun)
         raised = []
@@ -323,7 +334,7 @@ class _Walk:
 
 
 def _mistaken_clause(noun: Token) -> Token | None:
-    """What somebody does to several things, where the parser takes that and him for words of their name."""
+    """Returns the verb of a clause that the parser took for part of a name, None if there is none."""
     if noun.tag_ != "NNS" or not any(child.lower_ in ("a", "an") for child in _children(noun, "det")):
         return None
     doing = next((word for word in _children(noun, "compound") if word.lower_.endswith("ing")), None)
@@ -331,13 +342,13 @@ def _mistaken_clause(noun: Token) -> Token | None:
 
 
 def _last_word(noun: Token) -> Token | None:
-    """The noun after a noun that ends its name, where the parser does not see that: the hydrant of a fire hydrant."""
+    """Returns the noun that ends a name, if the parser attached it wrongly: the hydrant of a fire hydrant."""
     after = (word for word in _children(noun, "appos", "amod", "advmod") if word.i == noun.i + 1)
     return next((word for word in after if word.pos_ == "NOUN"), None)
 
 
 def _described(noun: Token, whole: Token, after: int = -1) -> Thing:
-    """The thing of a noun, by the words before it that come after a place in the text."""
+    """Returns the thing of a noun, from the words before it that come after position `after` of the text."""
     before = [word for word in whole.subtree if after < word.i < noun.i and _belongs(word, whole)]
     if (last := _last_word(noun)) is not None:
         before, noun = [*before, noun], last
@@ -356,7 +367,7 @@ def _described(noun: Token, whole: Token, after: int = -1) -> Thing:
 
 
 def _belongs(word: Token, noun: Token) -> bool:
-    """Whether a word before a noun is part of what it is called, or of its colour or number."""
+    """Returns True if a word before a noun is part of its name, colour or number."""
     head = word
     while head != noun:
         if head.dep_ not in (
@@ -381,7 +392,7 @@ def _is_number(word: Token) -> bool:
 
 
 def _number(word: str) -> int | None:
-    """The value of a number in words or digits; None for many."""
+    """Returns the value of a number in words or digits; None for words such as "many"."""
     if word.isdecimal():
         return int(word[:4])
     return _NUMBERS.index(word) if word in _NUMBERS else _GROUPS.get(word)
@@ -400,18 +411,18 @@ def _is_noun(word: Token) -> bool:
 
 
 def _joined(noun: Token) -> list[Token]:
-    """The nouns that are joined to one by "and", or stand beside it; not what is only its name, or ends it."""
+    """Returns the nouns joined to a noun by "and" or apposition, without proper names and ends of its name."""
     others = [one for one in _children(noun, "conj", "appos") if _is_noun(one) and not _is_called(one)]
     return [one for one in others if one != _last_word(noun)]
 
 
 def _is_none(noun: Token) -> bool:
-    """Whether there is none of it, as of "no cats"."""
+    """Returns True if a noun is negated, as in "no cats"."""
     return any(child.lower_ in ("no", "zero", "0") for child in _children(noun, "det", "nummod"))
 
 
 def _is_called(noun: Token) -> bool:
-    """Whether a noun is only the name of the one before it, as in "my cat Tom"."""
+    """Returns True if a noun is only the proper name of the one before it, as in "my cat Tom"."""
     return bool(noun.dep_ == "appos" and noun.pos_ == "PROPN")
 
 
@@ -420,13 +431,13 @@ def _is_depiction(noun: Token) -> bool:
 
 
 def _shown(depiction: Token) -> Token | None:
-    """The noun that a depiction shows: a portrait of one, a still life with one."""
+    """Returns the noun that a depiction shows: a portrait of it, a still life with it."""
     shown = {word.lower_: noun for word in _children(depiction, "prep") if (noun := _child(word, "pobj")) is not None}
     return shown.get("of", shown.get("with"))
 
 
 def _color(words: list[Token]) -> tuple[str, list[Token]]:
-    """The longest run of words that names a colour, or colours joined by "and", with those words."""
+    """Returns the longest run of words that names a colour, or colours joined by "and", with those words."""
     runs = [words[first:last] for first in range(len(words)) for last in range(len(words), first, -1)]
     for run in sorted(runs, key=len, reverse=True):
         said = " ".join(word.lower_ for word in run)
@@ -438,7 +449,7 @@ def _color(words: list[Token]) -> tuple[str, list[Token]]:
 
 @cache
 def _paints() -> dict[str, str]:
-    """Names of colours: those that the web has, and those of the xkcd survey (CC0), by matplotlib."""
+    """Returns the named colours of CSS and of the xkcd survey (CC0), from matplotlib."""
     from matplotlib.colors import CSS4_COLORS, XKCD_COLORS
 
     surveyed = {name.removeprefix("xkcd:"): paint for name, paint in XKCD_COLORS.items()}
@@ -446,29 +457,29 @@ def _paints() -> dict[str, str]:
 
 
 def paint_of(color: str) -> Tensor | None:
-    """A colour's name, as "dark blue" or "black and white", as sRGB [3] in [0, 1], its first; None for no name."""
+    """Returns the sRGB [3] in [0, 1] of a colour's name, the first of "black and white"; None if it is unknown."""
     from matplotlib.colors import to_rgb
 
     first = color.split(" and ")[0]
     if first not in _paints():
         return None
     lab = to_lab(torch.tensor(to_rgb(_paints()[first])))
-    # No paint is as vivid as a screen.
+    # Paint is less vivid than a screen.
     return from_lab(torch.cat((lab[:1], lab[1:] * min(1.0, _VIVID / max(float(lab[1:].norm()), 1e-6)))))
 
 
-# What the title of a picture says: what it names, and how well that is a thing of a prompt.
+# Comparison of a picture's title with a thing of a prompt.
 
-_SAID = 0.3  # for the word for what it does, and for a name that begins with the colour: a red panda
-_MODIFIES = 0.6  # against a title in which the word only says more of another
-_UNSAID = 0.2  # against a title that says more than the words, as an alien tree, or a nut and bolt
-_FURTHER = re.compile(r"\b(?:of|with|in|on|at|for|and)\b")  # what follows is not what is named
-_WORD, _ALL_WORDS, _OTHERS = 0.15, 0.4, 0.05  # for the very word, for all of several words, and for each too many
-SEVERAL = (None, 2)  # things of a plural that one picture may show: flowers, or a pair of scissors
+_SAID = 0.3  # bonus for the word of its action, and for a name that begins with the colour: a red panda
+_MODIFIES = 0.6  # penalty for a title in which the word only qualifies another
+_UNSAID = 0.2  # penalty for a title with additional words: an alien tree, a nut and bolt
+_FURTHER = re.compile(r"\b(?:of|with|in|on|at|for|and)\b")  # the words after these are not the named thing
+_WORD, _ALL_WORDS, _OTHERS = 0.15, 0.4, 0.05  # bonus for the word, bonus for all words, penalty per extra one
+SEVERAL = (None, 2)  # counts of a plural that one picture may show: flowers, or a pair of scissors
 
 
 def cleaned(caption: str) -> str:
-    """A caption without article, numbers, underscores and what is in brackets, but for a colour; in small letters."""
+    """Returns a caption in small letters without article, numbers, underscores and brackets, except for colours."""
     colors = [word for word in re.findall(r"\((.*?)\)", caption.lower()) if paint_of(word) is not None]
     plain = re.sub(r"\(.*?\)|[^a-zA-Z' -]+", " ", caption)
     plain = re.sub("^(an?|the|another|some|my|our) ", "", " ".join(plain.split()).lower())
@@ -476,17 +487,17 @@ def cleaned(caption: str) -> str:
 
 
 def in_small_letters(thing: Thing) -> Thing:
-    """The thing as captions call it: the Eiffel Tower is the eiffel tower."""
+    """Returns the thing in the small letters of captions: the Eiffel Tower is the eiffel tower."""
     return replace(thing, name=thing.name.lower(), noun=thing.noun.lower(), plural=thing.plural.lower())
 
 
 def named(title: str) -> list[str]:
-    """The words of a title that name what it shows; the last one says what it is."""
+    """Returns the words of a title that name its thing; the last one is the noun."""
     return _FURTHER.split(title)[0].split()
 
 
 def spoken(title: str, thing: Thing) -> float:
-    """What it is worth that a title has the very word, is no more than it, and speaks of little else."""
+    """Returns a score for a title: high if it has the thing's own word, is not another kind, and has little else."""
     plain = _plain(title, thing)
     words = plain.split()
     others = max(0, len(words) - len(thing.name.split()) - 1)
@@ -500,10 +511,9 @@ def spoken(title: str, thing: Thing) -> float:
 
 
 def is_modified(title: str, thing: Thing) -> bool:
-    """Whether a title names another thing by the word, as a mountain goat is no mountain, and a fencer is no fence, or
-    one that is there: an owl on a branch is no branch.
+    """Returns True if a title uses the word for another thing: a mountain goat, a fencer, or an owl on a branch.
 
-    Of words that make one name the last says what it is, but a hyphen makes a name of its own: a jack-o'-lantern.
+    The last word of a name is the noun, but a word with a hyphen is a separate name: a jack-o'-lantern.
     """
     names = named(_plain(title, thing))
     endings = [word.removeprefix(thing.noun) for word in title.split() if word.startswith(thing.noun)]
@@ -514,9 +524,9 @@ def is_modified(title: str, thing: Thing) -> bool:
 
 
 def is_called(title: str, thing: Thing) -> bool:
-    """Whether a title has the very word, or ends in it as a sailboat does, or a synonym, and means no other kind.
+    """Returns True if a title has the word, a compound such as sailboat, or a synonym, and no different kind.
 
-    A washing machine is no sewing machine, where a machine may be one.
+    For a washing machine, the title "sewing machine" does not count, but "machine" does.
     """
     kind, wanted = set(named(title)[:-1]), set(thing.name.split()[:-1])
     if kind and wanted and not kind & wanted:
@@ -527,7 +537,7 @@ def is_called(title: str, thing: Thing) -> bool:
 
 
 def _plain(title: str, thing: Thing) -> str:
-    """The title without the thing's colour and what it does; in the singular where one picture may show several."""
+    """Returns the title without the thing's colour and action; in the singular if one picture may show several."""
     told = {*thing.color.split(), thing.doing}
     words = [word for word in title.split() if word not in told]
     if thing.plural and thing.count in SEVERAL:

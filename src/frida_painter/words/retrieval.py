@@ -1,4 +1,4 @@
-"""Pictures of the things that a prompt names: found by their captions, and chosen by looking at them."""
+"""Retrieval of pictures for the things of a prompt: by captions, and then by the look of the candidates."""
 
 import itertools
 from collections.abc import Callable, Iterable, Sequence
@@ -19,29 +19,29 @@ from frida_painter.words.compositing import lay, muted_color, recolored, resized
 from frida_painter.words.libraries import PictureFolder, PictureLibrary, libraries_at_hand
 from frida_painter.words.reading import SEVERAL, Thing, cleaned, in_small_letters, is_called, is_modified, named, spoken
 
-# How a picture of a library looks, whatever it shows: whether a painting had better begin with it.
+# Appearance of a picture, independent of its thing: its worth as a start of a painting.
 
-_REALISM = 0.6  # of a photograph before a sign
-_OWN = 0.3  # of a person's own picture
-_FLAT = 0.4  # of its realism, against a picture of flat areas alone: a drawing, whatever its file says
-_PLAIN = 0.25  # against drawings without colour, and pictures that are no cut-outs
+_REALISM = 0.6  # bonus of a photograph over a sign
+_OWN = 0.3  # bonus of the user's own picture
+_FLAT = 0.4  # share of realism that a picture of flat areas loses: it is a drawing, whatever its file says
+_PLAIN = 0.25  # penalty for drawings without colour, and for pictures with a ground
 _COLORFUL = 8.0  # chroma
-_BLACK, _SILHOUETTE = 12.0, 0.4  # L*, and share of a picture, from which it is a silhouette
-_SKETCHY = 0.25  # share of its box that a thing fills, below which there are only lines
-_MOSTLY = 0.5  # of neighbouring pixels that are the same, from which a picture is drawn
-_LACY, _SOME_LACE = 0.6, 0.15  # against lines that are narrower than a brush, beyond that share of a thing
+_BLACK, _SILHOUETTE = 12.0, 0.4  # L* of black, and its share of a picture that makes a silhouette
+_SKETCHY = 0.25  # share of its box below which a thing consists of lines only
+_MOSTLY = 0.5  # share of equal neighbouring pixels above which a picture is drawn
+_LACY, _SOME_LACE = 0.6, 0.15  # penalty for lines narrower than a brush, beyond that share of a thing
 _LACE_SIDE, _BRUSH = 64, 5  # of a picture, and of a brush, in pixels
-_FILLED = 0.95  # share of its box, from which a picture is a rectangle
+_FILLED = 0.95  # share of its box above which a picture is a rectangle
 
 
 def is_colorless(picture: Tensor) -> bool:
-    """Whether a picture [4, h, w] is a drawing without colour: an outline, or a silhouette."""
+    """Returns True if a picture [4, h, w] is a drawing without colour: an outline, or a silhouette."""
     lab = to_lab(picture[:3, picture[3] > 0.5].T)
     return len(lab) == 0 or (_flatness(picture) > _MOSTLY and (_chroma(lab) < _COLORFUL or _black(lab) > _SILHOUETTE))
 
 
 def appearance(picture: Tensor, realism: float, *, is_own: bool) -> float:
-    """What a picture is worth before it is compared: cut-outs before rectangles, colours before outlines."""
+    """Returns the worth of a picture before comparison: cut-outs above rectangles, colours above outlines."""
     seen = picture[:3, picture[3] > 0.5].T
     if len(seen) == 0:
         return -1.0
@@ -58,12 +58,12 @@ def appearance(picture: Tensor, realism: float, *, is_own: bool) -> float:
 
 
 def has_ground(picture: Tensor) -> bool:
-    """Whether a picture [4, h, w] is no cut-out, but a rectangle with a ground of its own."""
+    """Returns True if a picture [4, h, w] is a rectangle with its own ground, not a cut-out."""
     return float(picture[3].mean()) > _FILLED
 
 
 def _lace(picture: Tensor) -> float:
-    """Share of a thing [4, h, w] that is narrower than a brush is wide, as the bars of an iron fence are."""
+    """Returns the share of a thing [4, h, w] that is narrower than a brush, such as the bars of an iron fence."""
     small = resized(picture, _LACE_SIDE / max(picture.shape[1:]))[3]
     seen = functional.pad((small > 0.5).float()[None, None], (_BRUSH,) * 4)
     inner = -functional.max_pool2d(-seen, _BRUSH, 1, _BRUSH // 2)
@@ -72,56 +72,63 @@ def _lace(picture: Tensor) -> float:
 
 
 def _chroma(lab: Tensor) -> float:
-    """The mean chroma of colours [n, 3] in CIELAB."""
+    """Returns the mean chroma of colours [n, 3] in CIELAB."""
     return float(lab[:, 1:].norm(dim=1).mean())
 
 
 def _black(lab: Tensor) -> float:
-    """The share of colours [n, 3] in CIELAB that are black."""
+    """Returns the share of black in colours [n, 3] in CIELAB."""
     return float((lab[:, 0] < _BLACK).float().mean())
 
 
 def _flatness(picture: Tensor) -> float:
-    """Share of neighbours in a thing [4, h, w] of the very same colour: near 0 in photographs, near 1 in signs."""
+    """Returns the share of equal neighbouring pixels in a thing [4, h, w]: near 0 in photographs, near 1 in signs."""
     opaque = picture[3] > 0.98
     pairs = opaque[:, 1:] & opaque[:, :-1]
     same = (picture[:3, :, 1:] == picture[:3, :, :-1]).all(0)
     return float((same & pairs).sum()) / max(1, int(pairs.sum()))
 
 
-_LEAST = 0.6  # similarity of a caption to a thing, below which it speaks of something else
-_AKIN = 0.42  # the same for what stands for a thing that has no picture
-_PART = 3  # letters of a word that a noun is made of, at least
-_FIRST_PART, _LAST_PART = 0.5, 0.65  # of similarity, and similarity, of what is called by a part of a noun
-_NAMED = 0.8  # the same from which it means the thing, whatever its words: a duck (0.64) is no goose
-_FARTHER_KIN = 0.005  # less for each living thing that is less like it
-_AGREES = 0.35  # similarity to the prompt's own words that a caption needs where a synonym found it
-_BAND = 0.25  # of similarity below the best, within which pictures are looked at
+_LEAST = 0.6  # similarity of a caption to a thing below which it means something else
+_AKIN = 0.42  # the same for substitutes of a thing without a picture
+_PART = 3  # least number of letters of a part of a compound noun
+_FIRST_PART, _LAST_PART = 0.5, 0.65  # of similarity for a first part, and similarity for a last part
+_NAMED = 0.8  # similarity above which a caption means the thing, with any words: a duck (0.64) is no goose
+_FARTHER_KIN = 0.005  # loss for each living thing that is more similar
+_AGREES = 0.35  # similarity to the prompt's own words that a synonym's caption needs
+_BAND = 0.25  # range of similarity below the best within which pictures are examined
 _LOOKED_AT = 9
-_EXACT = 1.5  # of similarity, against how a picture looks
-_KEYWORD = 0.05  # less than a title
-_COLORED = 0.1  # more, at the most, for a caption that has the colour too
-_SAME = 0.95  # similarity of a caption to the name with its colour, from which it says both
-_AGREED = 0.4  # of a keyword, however little the title agrees with it
-_NOUN = 0.35  # share of the last word of a name in what a name means
-_CONTEXT = 0.15  # of the similarity of a caption to the whole prompt
-_NEARER, _FARTHER = 0.4, 0.25  # the most that looking nearer to the words than a bare ground, or farther, counts
-_UNCLASSED = 0.3  # of that, where the networks know no class of that kind and take what is near for it
-_FROM_HEAD_TO_FOOT, _TALL = 0.3, 1.3  # of who is shown so, by height over width: who does something has hands and feet
-_UNTOLD = 0.6  # of a colour that was asked for, in a picture with a ground: it is not told from the ground's
+
+_EXACT = 1.5  # weight of similarity against the look of a picture
+_KEYWORD = 0.05  # loss of a keyword against a title
+_COLORED = 0.1  # greatest bonus for a caption with the colour
+_SAME = 0.95  # similarity of a caption to name and colour above which it has both
+_AGREED = 0.4  # share of a keyword's similarity that does not depend on the title
+_NOUN = 0.35  # weight of a name's last word in its meaning
+_CONTEXT = 0.15  # weight of a caption's similarity to the whole prompt
+
+_NEARER, _FARTHER = 0.4, 0.25  # greatest bonus and penalty for the look, against a bare ground
+_UNCLASSED = 0.3  # factor of that if the networks have no class for the noun
+_FROM_HEAD_TO_FOOT, _TALL = 0.3, 1.3  # bonus for a whole figure, by height over width: actors have hands and feet
+_UNTOLD = 0.6  # penalty for a requested colour in a picture with a ground, which cannot be recolored
 _SPEAKS = 0.45  # similarity of a caption to one of several things that it shows
 _LOOKED_AT_FOR_COLOR = 40
-_MODELLED = 0.3  # realism from which a picture has the colours of what it shows
+_MODELLED = 0.3  # realism above which a picture has the true colours of its thing
 _GROUND = (0.93, 0.92, 0.88)
 _LOOK = 160  # pixels
 
 
 @dataclass(frozen=True)
 class FoundPicture:
-    """A picture for a thing: colour and opacity [4, h, w], its caption and library, and how like the thing that is.
+    """Picture found for a thing.
 
-    exact: whether it shows the thing that was named, rather than one that is similar; several: whether it shows as many
-    of them as were asked for; others: further pictures of the same, where several are wanted.
+    picture: colour and opacity [4, h, w]
+    caption: of the picture
+    library: which has the picture
+    similarity: of the caption to the thing
+    exact: True if it shows the named thing, False for a similar one
+    several: True if it shows as many things as requested
+    others: further pictures of the same thing, if several are wanted
     """
 
     picture: Tensor
@@ -139,19 +146,19 @@ class _Entry:
     file: str
     title: str
     keywords: tuple[str, ...]
-    rows: tuple[int, ...]  # of its captions among the meanings, the title's first
+    rows: tuple[int, ...]  # rows of its captions in the matrix of meanings, the title's first
     realism: float
 
     @property
     def kind(self) -> tuple[str, str, float]:
-        """What pictures that look alike have in common."""
+        """Key of pictures that look alike: library, title and realism."""
         return self.library.name, self.title, self.realism
 
 
 class PictureIndex:
-    """All captions of several libraries as directions, computed once and kept in the folder `keep`.
+    """Index of the captions of several libraries, as embeddings that are computed once and stored in the folder `keep`.
 
-    faults: what was wrong with the person's own pictures that could not be read, one sentence each.
+    faults: a sentence for each of the user's pictures that could not be read
     """
 
     def __init__(self, libraries: Sequence[PictureLibrary], sentences: SentenceEncoder, keep: Path) -> None:
@@ -190,12 +197,14 @@ class PictureIndex:
         cut_out: bool = False,
         upright: bool = False,
     ) -> FoundPicture | None:
-        """The picture that shows a thing best, a person's own before all others; None where none does.
+        """Returns the best picture of a thing, the user's own before all others; None if there is none.
 
-        distance: how far a picture [3, h, w] looks from the thing, to networks; 0 is near. least: similarity that a
-        caption needs, where nothing that is only similar will do; shows: words of each of which the caption speaks;
-        cut_out: whether it stands among others, so that no picture with a ground of its own, and of no other thing of
-        a similar name, will do, unless it is a person's own; upright: whether it is somebody from head to foot.
+        prompt: whole text, for the context
+        distance: returns the distance of a picture [3, h, w] from the thing, as networks see it; 0 is near
+        least: similarity that a caption needs, if similar things are not acceptable; 0 for the default
+        shows: words that the caption must all mention
+        cut_out: True to exclude pictures with a ground, and other things with a similar name, except the user's own
+        upright: True to prefer a person from head to foot
         """
         thing = in_small_letters(thing)
         similarity = self._similarity(thing)
@@ -218,7 +227,7 @@ class PictureIndex:
         return self._best(kept, thing, similarity, context, distance, own, exact=exact, among=cut_out, upright=upright)
 
     def _may_show(self, at: int, thing: Thing, shows: Sequence[str], *, among: bool) -> bool:
-        """Whether a picture that is not a person's own does not show what else has the name."""
+        """Returns True if a picture is the user's own, or does not show another thing of that name."""
         entry = self._entries[at]
         if entry.library.is_own:
             return True
@@ -229,7 +238,7 @@ class PictureIndex:
         self, candidates: Iterable[int], thing: Thing, similarity: Tensor, context: Tensor,
         distance: Callable[[Tensor], float], own: Sequence[int], *, exact: bool, among: bool, upright: bool,
     ) -> FoundPicture | None:  # fmt: skip
-        """The one that is worth most, of those of the person's own where there is one that can be used."""
+        """Returns the best usable candidate, the user's own first."""
         trusted = 1.0 if has_class(thing.noun) else _UNCLASSED
         ground = torch.tensor(_GROUND)[:, None, None].expand(3, _LOOK, _LOOK)
         bare = distance(ground)
@@ -269,7 +278,7 @@ class PictureIndex:
         return replace(found, others=tuple(self._alike(chosen, thing.shown - 1)))
 
     def _tinted(self, silhouette: Tensor, similarity: Tensor) -> Tensor:
-        """A silhouette in the colour of the coloured picture that is nearest in meaning: a tortoise as a turtle."""
+        """Returns a silhouette in the colour of the most similar coloured picture: a tortoise like a turtle."""
         for at in similarity.argsort(descending=True)[:_LOOKED_AT_FOR_COLOR].tolist():
             entry = self._entries[at]
             if similarity[at] < _LEAST or entry.realism < _MODELLED:
@@ -280,7 +289,7 @@ class PictureIndex:
         return silhouette
 
     def _alike(self, chosen: int, most: int) -> list[Tensor]:
-        """Other pictures of that library with the same title, that stand free."""
+        """Returns other cut-outs of the same library with the same title."""
         kind = self._entries[chosen].kind
         alike = (entry for at, entry in enumerate(self._entries) if at != chosen and entry.kind == kind)
         shown = (picture for entry in alike for picture in self._shown(entry)[:1])
@@ -288,7 +297,7 @@ class PictureIndex:
         return list(itertools.islice(others, most))
 
     def _shown(self, entry: _Entry) -> list[Tensor]:
-        """A picture in the ways in which it can be shown; none, where it cannot be read."""
+        """Returns the variants of a picture; none if it cannot be read."""
         try:
             return entry.library.pictures(entry.file)
         except ImageError as fault:
@@ -297,16 +306,19 @@ class PictureIndex:
             return []
 
     def nearest(self, thing: Thing) -> float:
-        """How like the thing the captions are that are most like it."""
+        """Returns the similarity of the most similar caption to a thing."""
         return float(self._similarity(in_small_letters(thing)).max())
 
     def has_own(self, thing: Thing) -> bool:
-        """Whether one of the person's own pictures is of the thing."""
+        """Returns True if one of the user's own pictures shows the thing."""
         thing = in_small_letters(thing)
         return bool(self._own(thing, self._similarity(thing)))
 
     def _own(self, thing: Thing, similarity: Tensor, shows: Sequence[str] = ()) -> list[int]:
-        """The person's own pictures that are called by the thing, or are nearly called so; shows: by all of these."""
+        """Returns the user's own pictures whose captions name the thing, or nearly so.
+
+        shows: nouns that the caption must all mention instead
+        """
         names = [{thing.noun, thing.plural} - {""}] if not shows else [{noun} for noun in shows]
         found = []
         for at, entry in enumerate(self._entries):
@@ -317,7 +329,7 @@ class PictureIndex:
         return found
 
     def _similarity(self, thing: Thing) -> Tensor:
-        """How like the thing each picture's captions are, [n]."""
+        """Returns the similarity of each picture's captions to a thing, [n]."""
         called = self._captioned(thing.name)
         if thing.color:
             colored = self._captioned(f"{thing.color} {thing.name}")
@@ -333,13 +345,13 @@ class PictureIndex:
             called = torch.maximum(called, self._captioned(other).masked_fill(called < _AGREES, 0))
         if thing.noun == thing.name:
             return called
-        # An older man is a man, and a slot machine no sewing machine.
+        # An older man is a man, but a slot machine is no sewing machine.
         is_one = torch.from_numpy(self._kinds == thing.noun) & (called >= _LEAST)
         noun = self._captioned(thing.noun).masked_fill(is_one, 1)
         return ((1 - _NOUN) * called + _NOUN * noun).masked_fill(noun < _SPEAKS, 0)  # stones are no stone bridge
 
     def _by_its_parts(self, called: Tensor, noun: str) -> Tensor:
-        """How like a noun captions are [n], where it is made of two words: a bullfrog is a frog, and no bull."""
+        """Returns the similarities [n], corrected for a compound noun: a bullfrog is a frog, and no bull."""
         if " " in noun:
             return called
         kinds = set(self._kinds.tolist())
@@ -353,7 +365,7 @@ class PictureIndex:
         return torch.where(is_last, called.clamp(min=_LAST_PART), called)
 
     def _akin(self, thing: Thing, similarity: Tensor) -> Tensor | None:
-        """How like a living thing that has no picture those of its kind are that have one; None where none has."""
+        """Returns the similarities of related living things if a thing has no picture; None if there are none."""
         if float(torch.maximum(similarity, self._captioned(thing.noun)).max()) >= _NAMED:
             return None
         akin = torch.zeros(len(self._entries))
@@ -363,7 +375,7 @@ class PictureIndex:
         return akin if float(akin.max()) > 0 else None
 
     def _captioned(self, words: str) -> Tensor:
-        """The same for words: the title's, or a keyword's as far as the title agrees with it."""
+        """Returns the similarity of words to each picture: the title's, or a keyword's, weighted by the title's."""
         similar = self._similar(words)
         title, keyword = similar[self._titles], similar[self._words].amax(1) - _KEYWORD
         return torch.maximum(title, keyword * (_AGREED + (1 - _AGREED) * title))
@@ -373,7 +385,7 @@ class PictureIndex:
 
 
 def picture_index(encoders: EncoderRegistry) -> PictureIndex | None:
-    """Returns the pictures of all libraries at hand; None, with a remark on how to get some, if there is none."""
+    """Returns the index of all available libraries; None, with a remark on how to get one, if there is none."""
 
     def make() -> PictureIndex | None:
         libraries = libraries_at_hand(encoders.cache, encoders.own_pictures())

@@ -1,4 +1,4 @@
-"""From a prompt to a scene: it is read, pictures of its things are found, and they are composed in their setting."""
+"""From a prompt to a scene: reads the prompt, finds pictures of its things, and composes them in a setting."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -37,32 +37,32 @@ from frida_painter.words.settings import (
     named_weather,
 )
 
-# Which picture shows which thing of a prompt, alone or together with others.
+# Casting: the choice of a picture for each thing, alone or together with others.
 
-_WHOLE = 0.80  # similarity of a caption to two things and what is between them, from which it shows both
-_PART = 0.75  # the same for what a thing has
+_WHOLE = 0.80  # similarity of a caption to two things and their relation above which it shows both
+_PART = 0.75  # the same for a part of a thing
 _HELD = 0.72  # the same for "a bowl of cherries"
-_BETTER = 0.08  # of similarity, by which a picture with a ground says more exactly what the thing is
-NAMED_ALONE = 0.9  # the same for coffee, where there is no cup of coffee
+_BETTER = 0.08  # gain of similarity that justifies a picture with a ground
+NAMED_ALONE = 0.9  # the same for coffee, if there is no cup of coffee
 _TITLE = 60  # characters of a caption in a remark
 
 
 @dataclass(frozen=True)
 class SceneThing:
-    """A thing of a scene, and its picture, if one was found."""
+    """Thing of a scene with its picture, if one was found."""
 
     thing: Thing
     found: FoundPicture | None
 
     @property
     def colored(self) -> Tensor:
-        """The picture that was found, in the colour that the words name, unless it has it."""
+        """The picture, recolored to the prompt's colour unless it already has it."""
         assert self.found is not None
         return self._in_color(self.found.picture)
 
     @property
     def each(self) -> list[Tensor]:
-        """That picture, and further ones of the same where several are wanted."""
+        """Recolored picture, and further ones of the same thing if several are wanted."""
         assert self.found is not None
         return [self.colored, *map(self._in_color, self.found.others)]
 
@@ -76,7 +76,7 @@ class SceneThing:
 
     @property
     def told(self) -> str:
-        """The picture that was found, for a person."""
+        """Description of the picture for messages."""
         assert self.found is not None
         times = f", {self.thing.shown} times" if self.thing.shown > 1 else ""
         stands = "" if self.found.exact else f" for {self.thing.label!r}"
@@ -84,13 +84,13 @@ class SceneThing:
 
     @property
     def credit(self) -> str:
-        """Who made the picture, for the end of a sentence."""
+        """Credit of the picture, for the end of a sentence."""
         assert self.found is not None
         return f"; picture by {self.found.library.credit}" if self.found.library.credit else ""
 
 
 def thing_of(prompt: str, encoders: EncoderRegistry, seed: int) -> SceneThing | None:
-    """The first thing of a prompt that has a picture; None where none has."""
+    """Returns the first thing of a prompt that has a picture; None if there is none."""
     index = picture_index(encoders)
     if index is None:
         return None
@@ -111,9 +111,12 @@ def cast(
     *,
     in_place: bool,
 ) -> tuple[list[SceneThing | None], list[Relation]]:
-    """A picture for each thing; where one shows two things and what is between them, it is the first one's.
+    """Returns a picture for each thing, and the relations that remain.
 
-    in_place: whether they are somewhere that is painted too, so that pictures without a ground are wanted.
+    settled: numbers of the things that belong to the setting
+    in_place: True if the scene shows a place too, so that pictures without a ground are needed
+
+    A picture of two things and their relation belongs to the first one.
     """
     if index is None:
         return [SceneThing(thing, None) for thing in reading.things], []
@@ -134,7 +137,7 @@ def cast(
 
 
 class _Caster:
-    """Looks for pictures of the things of one prompt."""
+    """Finder of pictures for the things of one prompt."""
 
     def __init__(
         self, reading: Reading, prompt: str, index: PictureIndex, encoders: EncoderRegistry, seed: int
@@ -143,22 +146,26 @@ class _Caster:
         self._encoders, self._seed = encoders, seed
 
     def found(self, thing: Thing, *, among: bool, is_part: bool, leads: bool) -> FoundPicture | None:
-        """The picture of a thing by itself. among: others, or in a place; leads: whether all may be about it."""
+        """Returns the picture of a single thing, None if there is none.
+
+        among: True if it is among others, or in a place
+        leads: True if a picture with a ground may determine the whole scene
+        """
         looks, least = self._looks(thing.name), _PART if is_part else 0.0
         upright = bool(thing.doing or among) and is_person(thing.name, self._encoders.sentences())
         found = self._index.find(thing, self._prompt, looks, least=least, cut_out=among, upright=upright)
         if not among or not leads or (found is not None and found.library.is_own):
             return found
         enough = found.similarity + _BETTER if found is not None and found.exact else -1.0
-        if self._index.nearest(thing) <= enough:  # no other one can be better
+        if self._index.nearest(thing) <= enough:  # no other picture can be better
             return found
         whole = self._index.find(thing, self._prompt, looks, least=least, upright=upright)
         return whole if whole is not None and whole.exact and whole.similarity > enough else found
 
     def wholes(self, relations: list[Relation]) -> tuple[list[SceneThing | None], list[Relation], set[int]]:
-        """Pictures that show two things and what is between them, each as the first one's.
+        """Finds pictures that show two things with their relation; each belongs to the first one.
 
-        Also the relations that are left, and the numbers of all things that have a picture then.
+        Returns the things found, the remaining relations, and the numbers of all things that have a picture.
         """
         things: list[SceneThing | None] = [None] * len(self._reading.things)
         merged = set[int]()
@@ -173,10 +180,10 @@ class _Caster:
         return things, relations, merged
 
     def _whole(self, relation: Relation) -> FoundPicture | None:
-        """A picture of both; of what is only measured, the picture of that."""
+        """Returns a picture of both things. For a measure such as "a cup of coffee", one of the second will do."""
         first, second = self._reading.things[relation.subject], self._reading.things[relation.object]
         measured = relation.word == "of" and second.uncounted
-        # Of coffee a cup is the measure, whatever is said of the cup.
+        # A cup of coffee is a measure, with any adjective of the cup.
         called = f"{first.noun if measured else first.name} {relation.word} {second.color} {second.name}"
         called = called.replace("  ", " ")
         least = _HELD if relation.word == "of" else _WHOLE
@@ -199,14 +206,14 @@ class _Caster:
 
 
 def _captions(things: list[SceneThing | None]) -> set[str]:
-    """What the pictures that were found so far are called."""
+    """Returns the captions of the pictures found so far."""
     return {one.found.caption for one in things if one is not None and one.found is not None}
 
 
 def _without_groups(
     things: list[SceneThing | None], relations: list[Relation], reading: Reading, settled: set[int]
 ) -> tuple[list[SceneThing | None], list[Relation]]:
-    """The things, where a group that has no picture is what it is made of: a flock of birds is birds."""
+    """Replaces groups without a picture by their members: a flock of birds becomes birds."""
     things = list(things)
     for relation in [one for one in relations if one.word == "of"]:
         group = things[relation.subject]
@@ -224,7 +231,7 @@ def _without_groups(
 
 
 def looks(name: str, encoders: EncoderRegistry, seed: int) -> Callable[[Tensor], float]:
-    """How far pictures look from a thing, to the networks that the painting is seen through."""
+    """Returns a function from a picture to its distance from a named thing, as the text objective's networks see it."""
     words = Text(name, encoders.readers(), seed)
 
     @torch.no_grad()
@@ -236,20 +243,23 @@ def looks(name: str, encoders: EncoderRegistry, seed: int) -> Callable[[Tensor],
 
 _UNDER = ("under", "beneath", "underneath", "below")
 _BY_THINGS = (*_UNDER, "beside", "next to", "behind", "in front of", "with")
-_BEFORE = ("behind", "in front of")  # a forest and mountains, but no mountain, are the place of what is before them
+_BEFORE = ("behind", "in front of")  # a forest or mountains, but no single mountain, are a background
 _CARRIED = ("on", "on top of", "upon", "riding", "in", "inside", "from")  # a duck on a tractor is not on a lake
 _SUPPORTS = ("on", "on top of", "upon")
-_TABLES, _SMALL = ("table", "desk", "shelf"), 0.65  # and the height in metres of what they carry
+_TABLES, _SMALL = ("table", "desk", "shelf"), 0.65  # and the greatest height in metres of the things that they carry
 _ROUNDING = 1e-3
-_SURE = 0.8  # similarity from which a word of a name says where a thing is: a watering can is not in water
-_TREES = 5  # of a forest that is named alone
-_IMPLIED = 0.42  # similarity to what is found at a place, from which things imply it
+_SURE = 0.8  # similarity above which a word of a name means a place: a watering can is not in water
+_TREES = 5  # number of trees in a forest without other things
+_IMPLIED = 0.42  # similarity to the usual things of a place above which things imply it
 
 
 def scene_of(
     prompt: str, grid: PixelGrid, encoders: EncoderRegistry, seed: int, use: str = "begun with"
 ) -> ComposedScene:
-    """The scene of a prompt; the encoders remember what it was made of, and what `use` the painting makes of it."""
+    """Returns the scene of a prompt. Remarks in `encoders` tell its pictures.
+
+    use: use of the scene by the painting, for the remarks
+    """
     reading, index = prompt_reader(encoders).read(prompt), picture_index(encoders)
     sentences = encoders.sentences()
     reading = replace(reading, relations=tuple(_laid(one, reading.things, sentences) for one in reading.relations))
@@ -284,7 +294,7 @@ def scene_of(
     pasted = [
         one for one in shown if among and one.found and one.found.library.is_own and has_ground(one.found.picture)
     ]
-    is_flown = any(relation.word == "flying" for relation in reading.relations)  # a kite, by somebody on the ground
+    is_flown = any(relation.word == "flying" for relation in reading.relations)  # a kite of somebody on the ground
     parts: list[ScenePart | None] = []
     for number, one in enumerate(things):
         if one is None or one.found is None:
@@ -312,14 +322,14 @@ def scene_of(
 
 
 def _fills_the_canvas(one: SceneThing, shown: list[SceneThing]) -> bool:
-    """Whether a picture has a ground of its own: a person's own only where it is the only one."""
+    """Returns True if a picture with a ground fills the canvas; the user's own only if it is the only one."""
     if one.found is None or not has_ground(one.found.picture):
         return False
     return not one.found.library.is_own or (len(shown) == 1 and one.thing.shown == 1)
 
 
 def _laid(relation: Relation, things: Sequence[Thing], sentences: SentenceEncoder) -> Relation:
-    """A relation, where a table that is "with" something small carries it: the lamp is on the desk."""
+    """Returns the relation, turned around for a table "with" a small thing: the lamp is on the desk."""
     if relation.word != "with":
         return relation
     table, other = things[relation.subject], things[relation.object]
@@ -333,7 +343,7 @@ def _laid(relation: Relation, things: Sequence[Thing], sentences: SentenceEncode
 def _dressed(
     things: list[SceneThing | None], relations: list[Relation], sentences: SentenceEncoder
 ) -> list[SceneThing | None]:
-    """The things, where clothes that somebody wears are no things of their own but give him their colour."""
+    """Merges clothes into their wearers, who take the colour of the clothes."""
     dressed = list(things)
     for relation in relations:
         wearer, worn = dressed[relation.subject], dressed[relation.object]
@@ -346,7 +356,7 @@ def _dressed(
 
 
 def _peopled(reading: Reading, setting: Setting, sentences: SentenceEncoder) -> Reading:
-    """A place that is named alone, with what is found there: boats in a harbour."""
+    """Adds the usual things to a place that is named alone: boats in a harbour."""
     found = [name for name in setting.place.found if name not in reading.absent]
     if not found:
         return reading
@@ -358,13 +368,13 @@ def _peopled(reading: Reading, setting: Setting, sentences: SentenceEncoder) -> 
 
 
 def _subjects(things: list[SceneThing | None], over: set[int]) -> bool:
-    """Whether all things that are shown are over a place."""
+    """Returns True if all visible things are over a place."""
     shown = {number for number, one in enumerate(things) if one is not None and one.found is not None}
     return bool(shown) and shown <= over
 
 
 def _setting(reading: Reading, index: PictureIndex | None, encoders: EncoderRegistry) -> tuple[Setting, set[int]]:
-    """The setting that words name, and the numbers of the things that are no more than part of it."""
+    """Returns the setting that the words name, and the numbers of the things that are only part of it."""
     sentences, setting, settled = encoders.sentences(), Setting(), set[int]()
     for number, thing in enumerate(reading.things):
         beside = {one.word for one in reading.relations if one.object == number and one.word in _BY_THINGS}
@@ -372,21 +382,21 @@ def _setting(reading: Reading, index: PictureIndex | None, encoders: EncoderRegi
         if beside and not under_sky and not beside <= set(_BEFORE):
             continue
         subject_only = len(reading.things) == 1
-        # What has a picture of its own is a thing: a tree is no forest.
+        # A thing with its own picture stays a thing: a tree is no forest.
         least = 0.0 if index is None else index.nearest(thing) - _ROUNDING
         least = max(least, NAMED_ALONE) if beside <= set(_BEFORE) and beside else least
         place = named_place(thing.noun, sentences, least)
-        if place is None and thing.count is None and thing.plural and number:  # mountains, and no mountain
+        if place is None and thing.count is None and thing.plural and number:  # mountains, but not a single mountain
             place = named_place(thing.plural, sentences, least)
         if place is None and any(one.object == number and one.word in _SUPPORTS for one in reading.relations):
-            # Of a table that carries things, its top is shown.
+            # A table that carries things is shown by its top.
             top = named_place(thing.noun, sentences)
             place = top if top is not None and not top.is_open else None
         light = named_light(thing.noun, sentences, least)
         weather = named_weather(thing.noun, sentences, least)
         if light is None and weather is None and place is None and thing.name != thing.noun:
             place = named_place(thing.name, sentences, max(least, _SURE))
-        if under_sky:  # it is over any place: its light and weather are told by the words before it
+        if under_sky:  # the sky is over any place; the words before it tell its light and weather
             setting = replace(setting, is_named=True)
             settled.add(number)
         elif place is not None:
@@ -397,7 +407,7 @@ def _setting(reading: Reading, index: PictureIndex | None, encoders: EncoderRegi
             setting = replace(setting, light=light, is_named=True)
             if not subject_only:
                 settled.add(number)
-            elif light in TIMES and least < _SURE:  # a peaceful morning is no picture of a thing
+            elif light in TIMES and least < _SURE:  # a peaceful morning is not a thing
                 setting = replace(setting, place=HILLS)
                 settled.add(number)
         elif weather is not None:
@@ -421,7 +431,7 @@ def _tell(
     use: str,
     index: PictureIndex | None,
 ) -> None:
-    """What the painting began with, who made it, and what was missing."""
+    """Makes remarks about the scene's pictures, their authors, and missing pictures."""
     shown = [one for one in things if one is not None and one.found is not None]
     credits = dict.fromkeys(one.found.library.credit for one in shown if one.found and one.found.library.credit)
     made = f"; pictures by {'; '.join(credits)}" if credits else ""
@@ -440,23 +450,22 @@ def _tell(
         encoders.remark(f"Of your own pictures one cannot be used: {fault}")
 
 
-# A picture for words that come without one: a scene of pictures of what they name.
+# Initial pictures for prompts without a picture: scenes composed from the things that they name.
 
-_KEPT = 60.0  # weight of the composition beside the words' own: networks give things colours that they do not have
-_KEPT_SCENE = 600.0  # the same of several things, or of a place: networks know things, and take a scene for one of them
-_AMONG = 3.0  # the same where a style or a sketch has a say too
-_STAGED = 20.0  # the same of a style picture's, which words would soon take apart
-_MATTERS = 8.0  # times as much as its surroundings, where a thing is in a style picture
-_SUBJECT = 4.0  # the same, where things are in a scene
+_KEPT = 60.0  # weight of the composition against the words: networks invent colours of things
+_KEPT_SCENE = 600.0  # the same for several things, or a place: networks take a scene for a single thing
+_AMONG = 3.0  # the same if a style or a sketch has a term too
+_STAGED = 20.0  # the same for a style picture, which words would soon destroy
+_MATTERS = 8.0  # weight of a thing in a style picture, relative to its surroundings
+_SUBJECT = 4.0  # the same for things in a scene
 
 
 def initial_composition(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, seed: int) -> Goal:
-    """The goal with a picture to begin with, where words are all there is to begin with.
+    """Returns the goal with an initial picture, if it has words and no other picture to begin with.
 
-    It stays in the goal, beside the words, so that the composition is kept while they shape it.
-    A sketch without a photograph is filled with that picture's colours, or with those of a style. Where a style
-    picture is begun with, what the words name is laid into it. A goal without words, and one with another
-    picture of its own to begin with, stays as it is.
+    The picture also becomes a term beside the words, so that the composition lasts while the words change it. A
+    sketch without a photograph is filled with the colours of that picture or of a style. A style picture to begin
+    with gets the thing of the words laid into it. All other goals are returned unchanged.
     """
     said = [(term.words, term.weight) for term in goal.terms if term.words is not None]
     words, weight = max(said, key=lambda pair: pair[1]) if said else ("", 0.0)
@@ -487,13 +496,13 @@ def initial_composition(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, 
 
 
 def _term(scene: ComposedScene, weight: float = 1.0) -> ImageTerm:
-    """A scene to come near to: its things matter more than their ground."""
+    """Returns a scene as a term: its things have more weight than their ground."""
     matters = 1 + (_SUBJECT - 1) * scene.where
     return ImageTerm(scene.picture, weight, matters / matters.mean())
 
 
 def _filled(drawing: Tensor, like: Tensor, weight: float) -> ImageTerm:
-    """A drawing [3, H, W] in the colours of a picture, to come near to: lines, and what they enclose, matter more."""
+    """Returns a drawing [3, H, W] in the colours of a picture, as a term: lines and enclosed areas have more weight."""
     picture = colored(drawing, like)
     matters = 1 + (_SUBJECT - 1) * (picture != picture[:, :1, :1]).any(0).to(picture)
     return ImageTerm(picture, weight, matters / matters.mean())
@@ -503,7 +512,7 @@ def _filled(drawing: Tensor, like: Tensor, weight: float) -> ImageTerm:
 def _begun_with_style(
     goal: Goal, style: Tensor, words: str, weight: float, grid: PixelGrid, encoders: EncoderRegistry, seed: int
 ) -> Goal:
-    """The goal, which begins with the style picture in which the thing of the words is seen, and keeps to it."""
+    """Returns the goal that begins with the style picture, with the thing of the words in it, and keeps to it."""
     thing = thing_of(words, encoders, seed)
     if thing is None:
         encoders.remark(f"No picture was found for {words[:60]!r}; begun with the style picture alone.")

@@ -1,6 +1,6 @@
-"""Where a scene is, in which light and weather: chosen by what a prompt means, painted as a ground for its things.
+"""Settings of a scene: place, light and weather, chosen by the meaning of a prompt and painted as a ground.
 
-A ground is a few flat areas: the toned canvas is one of them, and broad strokes paint the others.
+A ground has a few flat areas. The toned canvas is one of them, and broad strokes paint the others.
 """
 
 import math
@@ -18,16 +18,23 @@ from frida_painter.palette import from_lab, to_lab
 
 Color = tuple[float, float, float]
 _PAPER: Color = (1.0, 1.0, 1.0)
-_EDGE = 0.03  # of the height, over which two bands pass into each other
-_COVERED = 0.75  # of the land, by snow that falls
-_GLOW = 0.12  # of the height, above the horizon, that has the light of a low sun: about a row of the broad brush
+_EDGE = 0.03  # share of the height over which two bands blend
+_COVERED = 0.75  # share of the land that falling snow covers
+_GLOW = 0.12  # share of the height above the horizon in the glow of a low sun: about a row of the broad brush
 
 
 @dataclass(frozen=True)
 class Place:
-    """Where things are. words: what it is called, and what is found there; above, below: sRGB over and under the
-    horizon, which has that share of the height above it; relief: height of hills on it, as a share of the height;
-    is_water, is_open: whether things float on it, and whether a sky is over it.
+    """Place of a scene.
+
+    name: for messages
+    words: words that name it
+    found: things that are usually there
+    above, below: sRGB above and below the horizon
+    horizon: share of the height above the horizon
+    relief: height of its hills, as a share of the height
+    is_water: True if things float on it
+    is_open: True if there is a sky over it
     """
 
     name: str
@@ -43,8 +50,13 @@ class Place:
 
 @dataclass(frozen=True)
 class Light:
-    """The light of a scene. words: what it is called; top, low: sRGB of the sky at its top and over the horizon;
-    shade: what colours of the land are multiplied by; stars: how many.
+    """Light of a scene.
+
+    name: for messages
+    words: words that name it
+    top, low: sRGB of the sky at its top and at the horizon
+    shade: factors for the colours of the land
+    stars: number of stars
     """
 
     name: str
@@ -57,7 +69,14 @@ class Light:
 
 @dataclass(frozen=True)
 class Weather:
-    """What falls or hangs in the air: its name, words, the sRGB and share of strokes of rain, flakes, or fog."""
+    """Weather of a scene.
+
+    name: for messages
+    words: words that name it
+    color: sRGB of rain, flakes or fog
+    rain, flakes: number of marks
+    fog: opacity
+    """
 
     name: str
     words: tuple[str, ...]
@@ -118,7 +137,7 @@ LIGHTS = (
 )  # fmt: skip
 GREY = LIGHTS[3]
 TIMES = (*LIGHTS[:3], LIGHTS[5])
-"""The lights of a time of the day or of the year, rather than of a mood."""
+"""Lights of a time of day or year, in contrast to those of a mood."""
 CLEAR = Weather("clear", (), _PAPER)
 WEATHERS = (
     Weather("rain", ("rain", "rainy", "downpour", "storm", "thunderstorm"), (0.86, 0.90, 0.95), rain=16),
@@ -126,14 +145,17 @@ WEATHERS = (
     Weather("fog", ("fog", "mist", "misty", "haze"), (0.90, 0.91, 0.92), fog=0.6),
 )
 _Part = TypeVar("_Part", Place, Light, Weather)
-_CALLED = 0.72  # similarity to what a place is called, from which words name it
+_CALLED = 0.72  # similarity to a place's words above which words name it
 _FELT, _FELT_WEATHER = 0.62, 0.7  # to the words of a light, and of a weather: a snowmobile (0.67) is a thing
-_TOLD_APART, _MIDDLE = 40.0, 55.0  # of Lab, and L*
+_TOLD_APART, _MIDDLE = 40.0, 55.0  # Lab distance, and L*
 
 
 @dataclass(frozen=True)
 class Setting:
-    """Where a scene is, in which light and weather. is_named: whether words of the prompt ask for it."""
+    """Setting of a scene: place, light and weather.
+
+    is_named: True if words of the prompt ask for it
+    """
 
     place: Place = PAPER
     light: Light = DAY
@@ -142,13 +164,13 @@ class Setting:
 
     @property
     def words(self) -> str:
-        """For a person."""
+        """Description for messages."""
         parts = [self.place.name, self.light.name if self.light != DAY else "",
                  self.weather.name if self.weather != CLEAR else ""]  # fmt: skip
         return ", ".join(part for part in parts if part)
 
     def ground(self, grid: PixelGrid, seed: int) -> Tensor:
-        """The picture [3, H, W] of the grid, without what falls."""
+        """Returns the ground [3, H, W] on the grid, without rain, flakes and stars."""
         rows, columns = grid.rows, grid.columns
         place, shade = self.place, torch.tensor(self.light.shade)
         high = low = torch.tensor(place.above)
@@ -160,9 +182,9 @@ class Setting:
         glow = _below(rows, place.horizon - _GLOW)[None]
         picture = torch.lerp(picture, low[:, None, None].expand_as(picture), glow.expand_as(picture))
         land = torch.tensor(place.below) * shade
-        if self.weather.flakes and place.is_open and not place.is_water:  # it lies on the land as well
+        if self.weather.flakes and place.is_open and not place.is_water:  # snow also covers the land
             land = torch.lerp(land, torch.tensor(self.weather.color) * shade, _COVERED)
-        if place.is_water:  # water mirrors the sky above, for the glow of the low sun would make it grey
+        if place.is_water:  # water reflects the top of the sky; the glow of a low sun would make it grey
             land = torch.lerp(land, high, 0.25)
         if place.relief:
             far = torch.lerp(land, low, 0.35)[:, None, None]
@@ -171,7 +193,7 @@ class Setting:
         return torch.lerp(picture, near, _below(rows, place.horizon)[None].expand_as(picture)).clamp(0, 1)
 
     def in_fog(self, picture: Tensor) -> Tensor:
-        """The picture [3, H, W] with fog before it, where there is some."""
+        """Returns the picture [3, H, W] with fog in front of it, if there is any."""
         if not self.weather.fog:
             return picture
         rows = picture.shape[1]
@@ -181,7 +203,7 @@ class Setting:
         return torch.lerp(picture, color.expand_as(picture), thick.expand_as(picture))
 
     def _hills(self, rows: int, columns: int, seed: int) -> Tensor:
-        """Where hills rise over the horizon, [1, H, W]."""
+        """Returns the opacity of hills above the horizon, [1, H, W]."""
         generator = torch.Generator().manual_seed(seed)
         across = torch.linspace(0, 1, columns)
         phases = torch.rand(3, generator=generator) * 2 * math.pi
@@ -194,25 +216,28 @@ class Setting:
 
 
 def named_place(name: str, sentences: SentenceEncoder, least: float = 0.0) -> Place | None:
-    """The place that is called so; None where it is less than so like one of them: the words name a thing."""
+    """Returns the most similar place; None if its similarity is less than `least` or the threshold."""
     place, similarity = _nearest(name, PLACES, sentences)
     return place if similarity >= max(least, _CALLED) else None
 
 
 def named_light(name: str, sentences: SentenceEncoder, least: float = 0.0) -> Light | None:
-    """The light that words such as "dawn" or "gloomy" mean."""
+    """Returns the light that words such as "dawn" or "gloomy" mean; None below the threshold or `least`."""
     light, similarity = _nearest(name, LIGHTS, sentences)
     return light if similarity >= max(least, _FELT) else None
 
 
 def named_weather(name: str, sentences: SentenceEncoder, least: float = 0.0) -> Weather | None:
-    """The weather that words such as "rain" mean."""
+    """Returns the weather that words such as "rain" mean; None below the threshold or `least`."""
     weather, similarity = _nearest(name, WEATHERS, sentences)
     return weather if similarity >= max(least, _FELT_WEATHER) else None
 
 
 def implied_place(names: Sequence[str], sentences: SentenceEncoder, least: float, *, outside: bool = False) -> Place:
-    """Where such things are found; bare paper where nothing says it clearly enough."""
+    """Returns the usual place of things; bare paper if the similarity is below `least`.
+
+    outside: True to consider only places under the sky
+    """
     places = [place for place in PLACES if place.is_open or not outside]
     words = [(place, word) for place in places for word in (*place.found, *place.words)]
     meanings = sentences.embed([*names, *(word for _, word in words)])
@@ -222,7 +247,7 @@ def implied_place(names: Sequence[str], sentences: SentenceEncoder, least: float
 
 
 def in_color(place: Place, paint: Tensor) -> Place:
-    """The place in a colour that words name: a teal sky, a green meadow."""
+    """Returns the place in a named colour: a teal sky, a green meadow."""
     color = (float(paint[0]), float(paint[1]), float(paint[2]))
     return replace(place, above=color) if place.name == "the sky" else replace(place, below=color)
 
@@ -230,10 +255,12 @@ def in_color(place: Place, paint: Tensor) -> Place:
 def with_contrast(
     ground: Tensor, where: Tensor, thing: Tensor, horizon: float = math.inf, least: float = _TOLD_APART
 ) -> Tensor:
-    """The ground [3, H, W], darker or lighter around what stands on it, where that could not be told from it.
+    """Returns the ground [3, H, W], darker or lighter around things that would not stand out from it.
 
-    where [H, W]: how much of the things is there; thing [3, H, W]: their colours; horizon: share of the height above
-    it, for sky and land are changed each by itself, inf: there is none; least: by how much of Lab they are to differ.
+    where: [H, W] opacity of the things
+    thing: [3, H, W] their colours
+    horizon: share of the height above it, because sky and land change separately; inf for none
+    least: Lab distance between things and ground
     """
     lab = to_lab(ground.permute(1, 2, 0))
     seen = where > 0.5
@@ -258,7 +285,7 @@ def with_contrast(
 
 
 def _below(rows: int, horizon: float) -> Tensor:
-    """How far each row is below the horizon, [H, 1] in [0, 1]."""
+    """Returns the position of each row relative to the horizon: 0 above, 1 below, [H, 1] in [0, 1]."""
     height = ((torch.arange(rows) + 0.5) / rows)[:, None]
     return ((height - horizon) / _EDGE + 0.5).clamp(0, 1)
 

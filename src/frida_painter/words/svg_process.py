@@ -1,6 +1,6 @@
-"""A process of its own that draws one SVG: standard input to standard output. What takes too long or too much, ends.
+"""Separate process that draws one SVG from standard input to standard output, with limits on time and memory.
 
-Run as a file, so that nothing but the package that draws is imported.
+It runs as a file, so that it imports only the package that draws.
 """
 
 import sys
@@ -11,14 +11,14 @@ _MOST = 16 * 2**20
 
 
 def main() -> None:
-    """Draws what comes in: the width and height in pixels on the first line, then the SVG."""
+    """Draws the input: width and height in pixels on the first line, then the SVG."""
     try:
         import resource
 
         resource.setrlimit(resource.RLIMIT_CPU, (_SECONDS, _SECONDS))
         resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, _MEMORY))
     except (ImportError, ValueError, OSError):
-        pass  # not on this system; the caller's own clock is left
+        pass  # not on this system; the caller's time limit remains
     import resvg_py
 
     size, _, svg = sys.stdin.buffer.read(_MOST).partition(b"\n")

@@ -1,4 +1,4 @@
-"""Words that say what to paint."""
+"""The goal kind `text`: words that say what to paint."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from frida_painter.objectives.objective import (
 
 @dataclass(frozen=True)
 class TextTerm(Term):
-    """Paint what these words say: `prompt`, one line of them with a Latin letter. Raises ConfigError."""
+    """Term for words: `prompt` is one line with at least one Latin letter. Raises ConfigError otherwise."""
 
     prompt: str
     weight: float = 1.0
@@ -38,13 +38,13 @@ class TextTerm(Term):
 
     @property
     def words(self) -> str:
-        """The words themselves."""
+        """The prompt."""
         return self.prompt
 
     def prepare(self, context: ObjectiveContext) -> ObjectiveTerm:
-        """The distance of meanings, and to what is seen in the beginning.
+        """Returns the text objective of the prompt, which also keeps to the initial picture.
 
-        It is validated by a reader that the optimiser never asks, where there is one.
+        It is validated by a reader that the optimiser never uses, if there is one.
         """
         from frida_painter.words.meaning import Text
 
@@ -60,7 +60,7 @@ class TextTerm(Term):
 
     @classmethod
     def interpret(cls, goal: Goal, context: ObjectiveContext) -> Goal:
-        """Words that come without a picture get one to begin with."""
+        """Returns the goal with an initial picture, if its words come without one."""
         from frida_painter.words.scene import initial_composition
 
         return initial_composition(goal, context.grid, context.encoders, context.seed)

@@ -1,1 +1,1 @@
-"""Cameras by kind: one thin file per kind. Their clock is this computer's, as it is that of real robots."""
+"""Cameras, one file per kind. The times of their frames are those of this computer's clock, as for real robots."""

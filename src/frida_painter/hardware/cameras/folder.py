@@ -1,4 +1,4 @@
-"""`folder`: pictures that someone else puts into a folder or a file: any camera that can save a picture works."""
+"""The camera kind `folder`: photographs that another program saves to a folder or to a file."""
 
 import time
 from contextlib import suppress
@@ -12,19 +12,28 @@ from frida_painter.hardware.cameras.shutter import Shutter
 from frida_painter.hardware.kinds import CameraKind
 from frida_painter.hardware.robot import Frame
 
-_PARTIAL = (".part", ".partial", ".tmp", ".crdownload", ".download")  # as programs name what they still write
+_PARTIAL = (
+    ".part",
+    ".partial",
+    ".tmp",
+    ".crdownload",
+    ".download",
+)  # suffixes of incomplete files
 _POLL = 0.05
 _STILL = 0.2
 _WRITING = 5.0
-_GRAIN = 0.02  # s, of the dates that file systems write
+_GRAIN = 0.02  # s, resolution of the dates that file systems write
 
 
 @dataclass(frozen=True)
 class FolderSettings:
-    """path: the folder into which pictures come, or the one file that is overwritten.
+    """Settings of a folder camera.
 
-    patience: seconds to wait for a new picture; lag: seconds from the exposure to the file, as much
-    as it can be. Raises ConfigError.
+    path: the folder that receives the pictures, or the one file that is overwritten
+    patience: seconds to wait for a new picture, above 0 to 3600
+    lag: greatest delay between the exposure and the writing of the file, seconds, 0 to 60
+
+    Raises ConfigError if patience or lag is out of range.
     """
 
     path: Path
@@ -41,7 +50,7 @@ class FolderSettings:
 
 @dataclass(frozen=True)
 class _File:
-    """A file as it stood when it was looked at: what changes when it is written anew."""
+    """State of a file at one moment: path, time of writing (ns since 1970) and size (bytes). A rewrite changes it."""
 
     path: Path
     written: int
@@ -49,26 +58,28 @@ class _File:
 
     @property
     def age(self) -> float:
-        """Seconds since it was written, by the clock on the wall; negative where that lies ahead."""
+        """Seconds since the file was written, by the system clock; negative if that time lies in the future."""
         return time.time() - self.written / 1e9
 
 
 class FolderCamera:
-    """Implements hardware.robot.Camera.
+    """Camera that reads photographs from a folder or a file. Implements hardware.robot.Camera.
 
-    A picture counts as taken when it says so itself (EXIF), or when its file was written, less the lag, whichever
-    is earlier, and not when a file of that name came: an old picture may be moved in. A date that lies ahead is
-    believed only of a file that came while it was waited for, as of then. A copy of a picture that lies there is not
-    taken, nor one that was taken before, by whatever name. A file that is still being written is waited for.
+    The exposure time of a picture is the earlier of its EXIF time and its time of writing, less the lag. The time
+    at which the file appeared in the folder does not count, because an old picture may be moved there.
+    A time of writing in the future is accepted only for a file that appeared during the wait. It then counts as
+    now.
+    The camera rejects copies of pictures in the folder and pictures that it gave before, under any name. It waits
+    for files that are still being written.
     """
 
     def __init__(self, settings: FolderSettings) -> None:
         self.settings = settings
         self._shutter = Shutter(f"the camera that fills {str(settings.path)!r}")
-        self._refused = ""  # why the picture that came last was not taken
+        self._refused = ""  # reason for which the latest picture was rejected
 
     def connect(self) -> None:
-        """Looks whether there is such a folder, or one for such a file. Raises CameraError."""
+        """Checks that the folder, or the folder of the file, exists. Raises CameraError if not."""
         path = self.settings.path
         if not (path.is_dir() or (path.suffix.lower() in picture_file.SUFFIXES and path.parent.is_dir())):
             raise CameraError(
@@ -78,9 +89,11 @@ class FolderCamera:
         self._shutter.opened()
 
     def capture(self, newer_than: float) -> Frame:
-        """Waits for a picture that was written after `newer_than` (s, monotonic) and is not the last one again.
+        """Waits for a picture that was taken after `newer_than` (s, monotonic) and was not given before.
 
-        Raises StaleFrame where none came in time, and CameraError where what came is damaged.
+        Raises StaleFrame if none came in time.
+        Raises CameraError if the camera is not connected, the folder cannot be read, or the new picture is damaged
+        or of an unknown kind.
         """
         self._shutter.require_open()
         until = time.monotonic() + self.settings.patience
@@ -105,12 +118,14 @@ class FolderCamera:
         raise StaleFrame(self._nothing_new())
 
     def close(self) -> None:
-        """Waits for pictures no more."""
+        """Marks the camera as closed."""
         self._shutter.closed()
 
     def _frame(self, file: _File, captured_at: float, newer_than: float) -> Frame | None:
-        """The photograph in a file; None where it is not whole yet, has changed meanwhile, or is an old one."""
-        from frida_painter import images  # whoever only asks for this camera's name reads no picture
+        """Returns the photograph in a file; None if the file is incomplete, has changed, or holds an old picture."""
+        from frida_painter import (
+            images,
+        )  # not at module level: listing the camera kinds must not load the picture libraries
 
         time.sleep(_STILL)
         if _looked_at(file.path) != file:
@@ -136,9 +151,9 @@ class FolderCamera:
         return self._shutter.frame(image, captured_at, newer_than)
 
     def _require_usable(self, known: set[_File], age: float) -> None:
-        """Raises CameraError if a picture came, other than those known, that cannot be used, `age` seconds ago or more.
+        """Raises CameraError if an unusable picture came that is not in `known`, at least `age` seconds ago.
 
-        Until then the same picture may come in a kind that can: cameras write raw photographs beside JPEG.
+        The delay leaves time for the same picture in a usable format: cameras write raw photographs beside JPEG.
         """
         files = self._all_files() if self.settings.path.is_dir() else []
         usable = {file.path.stem for file in files if file.path.suffix.lower() in picture_file.SUFFIXES}
@@ -158,17 +173,17 @@ class FolderCamera:
         self._refused = why
 
     def _original(self, file: _File) -> str | None:
-        """The name of an earlier file with the same bytes; None where there is none."""
+        """Returns the name of another file with the same bytes; None if there is none."""
         others = [one for one in self._files() if one.size == file.size and one.path != file.path]
         content = storage.read_bytes(file.path, "a picture", file.size, ImageError) if others else b""
         for other in others:
-            with suppress(ImageError):  # it has gone meanwhile
+            with suppress(ImageError):  # the file was deleted meanwhile
                 if storage.read_bytes(other.path, "a picture", other.size, ImageError) == content:
                     return other.path.name
         return None
 
     def _files(self) -> list[_File]:
-        """Pictures that are there, by their names, the newest first."""
+        """Returns the picture files that exist, the newest first."""
         found = [file for file in self._all_files() if file.path.suffix.lower() in picture_file.SUFFIXES]
         return sorted(found, key=lambda file: (-file.written, file.path.name))
 
@@ -204,7 +219,7 @@ def _moment(when: float | None) -> str:
 
 
 def _kind(file: _File) -> str:
-    """What a file is by its first bytes; nothing if it cannot be opened."""
+    """Returns the format of a file according to its first bytes; "" if it cannot be opened."""
     with suppress(ImageError), storage.opened(file.path, "a picture", storage.MAX_BYTES, ImageError) as content:
         return picture_file.format_of(content.read(512))
     return ""

@@ -1,4 +1,4 @@
-"""`gphoto`: a camera that libgphoto2 speaks with over USB, like the Canon EOS Rebel T7 of the paper."""
+"""The camera kind `gphoto`: cameras over USB through libgphoto2, such as the Canon EOS Rebel T7 of the paper."""
 
 import tempfile
 import time
@@ -18,7 +18,7 @@ _OPENING, _EXPOSING = 15.0, 25.0
 
 
 class GphotoCamera:
-    """Implements hardware.robot.Camera with the first camera that is found. Its pictures stay on its card."""
+    """Camera over libgphoto2: the first one found. Implements hardware.robot.Camera. Pictures stay on its card."""
 
     def __init__(self) -> None:
         self._shutter = Shutter("the camera at gphoto2")
@@ -26,7 +26,7 @@ class GphotoCamera:
         self._camera: Any = None
 
     def connect(self) -> None:
-        """Finds the camera. Raises CameraError, which says what to install or to switch on."""
+        """Connects to the camera. Raises CameraError if it fails; the message says what to install or to switch on."""
         self.close()
         try:
             import gphoto2
@@ -41,22 +41,24 @@ class GphotoCamera:
         self._shutter.opened()
 
     def capture(self, newer_than: float) -> Frame:
-        """Releases the shutter and fetches the picture. Raises CameraError, StaleFrame."""
+        """Takes and downloads a photograph. Raises CameraError, or StaleFrame if it is not newer than `newer_than`."""
         self._shutter.require_open()
         asked = time.monotonic()
         image = self._asking("photograph", self._taken, _EXPOSING)
         return self._shutter.frame(image, asked, newer_than)
 
     def close(self) -> None:
-        """Lets go of the camera."""
+        """Disconnects the camera. Raises CameraError if the library fails."""
         camera, self._camera = self._camera, None
         self._shutter.closed()
         if camera is not None:
             self._asking("close", camera.exit, _OPENING)
 
     def _taken(self) -> Any:
-        """A new picture, upright, in sRGB bytes."""
-        from frida_painter import images  # whoever only asks for this camera's name reads no picture
+        """Takes a photograph and returns it upright, in sRGB bytes."""
+        from frida_painter import (
+            images,
+        )  # not at module level: listing the camera kinds must not load the picture libraries
 
         library, camera = self._library, self._camera
         place = camera.capture(library.GP_CAPTURE_IMAGE)
@@ -89,7 +91,7 @@ _ADVICE = {
     -110: "the camera is busy; wait a moment and try again",
     -1: "the camera reported an error; set it to manual focus, and switch it off and on",
 }
-"""libgphoto2's numbers for what a person can mend."""
+"""Advice for those error codes of libgphoto2 that a person can remedy."""
 
 
 def _open(where: str) -> GphotoCamera:

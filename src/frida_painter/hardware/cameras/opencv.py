@@ -1,4 +1,4 @@
-"""`opencv`: any camera that OpenCV can open, webcams and V4L2 devices first of all."""
+"""The camera kind `opencv`: cameras that OpenCV can open, mainly webcams and V4L2 devices."""
 
 import time
 from dataclasses import dataclass
@@ -13,20 +13,24 @@ from frida_painter.hardware.kinds import CameraKind
 from frida_painter.hardware.robot import Frame
 
 _BUFFERED = 5
-"""Frames that a driver may hold back, taken before they were asked for; V4L2 holds four."""
+"""Number of old frames that a driver may have in its buffer; V4L2 has four."""
 _OPENING, _LOOKING = 10.0, 5.0
 
 
 @dataclass(frozen=True)
 class OpencvSettings:
-    """device: its number, or the path or address of one; size: (columns, rows), None for the camera's largest."""
+    """Settings of an OpenCV camera.
+
+    device: number, path or address of the camera
+    size: (columns, rows) of a frame; None for the camera's largest
+    """
 
     device: int | str = 0
     size: tuple[int, int] | None = None
 
 
 class OpencvCamera:
-    """Implements hardware.robot.LiveCamera. Photographs are as wide as the camera allows, or as `size` says."""
+    """Camera through OpenCV. Implements hardware.robot.LiveCamera. Frames have the largest size or the set one."""
 
     def __init__(self, settings: OpencvSettings | None = None) -> None:
         self.settings = settings or OpencvSettings()
@@ -34,7 +38,7 @@ class OpencvCamera:
         self._device: Any = None
 
     def connect(self) -> None:
-        """Opens the device and takes one photograph to see whether it works. Raises CameraError."""
+        """Opens the device and takes one test photograph. Raises CameraError."""
         self.close()
         device = self._shutter.asking("connect", self._opened, _OPENING)
         self._device = device
@@ -47,14 +51,14 @@ class OpencvCamera:
         self._shutter.opened()
 
     def capture(self, newer_than: float) -> Frame:
-        """A photograph that was exposed after this was called. Raises CameraError, StaleFrame."""
+        """Returns a photograph that was exposed after the call. Raises CameraError, StaleFrame."""
         self._shutter.require_open()
         asked = time.monotonic()
         image = self._shutter.asking("photograph", self._looked, _LOOKING)
         return self._shutter.frame(image, asked, newer_than)
 
     def glance(self) -> NDArray[np.uint8]:
-        """The picture that the device has now, maybe one that it held back. Raises CameraError."""
+        """Returns the device's current frame [rows, columns, 3], possibly a buffered one. Raises CameraError."""
         import cv2
 
         self._shutter.require_open()
@@ -64,7 +68,7 @@ class OpencvCamera:
         return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB), np.uint8)
 
     def close(self) -> None:
-        """Lets go of the device."""
+        """Closes the device. Raises CameraError if the library fails."""
         device, self._device = self._device, None
         self._shutter.closed()
         if device is not None:
@@ -80,13 +84,13 @@ class OpencvCamera:
                 f"There is no camera {self.settings.device!r}, or another program uses it; plug it in, close the "
                 "other program, or give another number."
             )
-        columns, rows = self.settings.size or (10_000, 10_000)  # A camera takes the nearest that it has.
+        columns, rows = self.settings.size or (10_000, 10_000)  # The camera takes the nearest size that it has.
         device.set(cv2.CAP_PROP_FRAME_WIDTH, columns)
         device.set(cv2.CAP_PROP_FRAME_HEIGHT, rows)
         return device
 
     def _looked(self) -> Any:
-        """The first frame behind those that were held back, RGB."""
+        """Discards the buffered frames and returns the next one, RGB."""
         import cv2
 
         for _ in range(_BUFFERED):

@@ -1,4 +1,4 @@
-"""What every camera owes whoever looks through it: deadlines, typed errors, and no photograph twice."""
+"""Parts that all cameras share: deadlines, typed errors, and the rejection of repeated photographs."""
 
 import hashlib
 import time
@@ -16,9 +16,11 @@ Answer = TypeVar("Answer")
 
 
 class Shutter:
-    """Numbers the photographs of one camera and knows them all again; name: of the camera, in messages.
+    """Guard of one camera: numbers its photographs and recognises repeated ones.
 
-    After a call that did not return it lets nothing through until the camera is connected anew.
+    name: of the camera, in messages
+
+    After a call that did not return, it refuses everything until the camera is connected again.
     """
 
     def __init__(self, name: str) -> None:
@@ -28,15 +30,15 @@ class Shutter:
         self._open = self._stuck = False
 
     def opened(self) -> None:
-        """The camera is connected."""
+        """Marks the camera as connected and forgets earlier photographs."""
         self._open, self._stuck, self._known = True, False, set()
 
     def closed(self) -> None:
-        """The camera is not connected any more."""
+        """Marks the camera as disconnected."""
         self._open = False
 
     def require_open(self) -> None:
-        """Raises CameraError where the camera is not connected, or a call into it never returned."""
+        """Raises CameraError if the camera is not connected, or if an earlier call into its library never returned."""
         if not self._open:
             raise CameraError(f"{self.name} is not connected; call connect() first.")
         if self._stuck:
@@ -45,7 +47,7 @@ class Shutter:
             )
 
     def asking(self, what: str, call: Callable[[], Answer], seconds: float) -> Answer:
-        """What a call into a library returns, if it does so within `seconds`. Raises CameraError for all else."""
+        """Returns the result of a call into a library. Raises CameraError if it fails or exceeds `seconds`."""
 
         def silent() -> CameraError:
             self._stuck = True
@@ -60,14 +62,14 @@ class Shutter:
         )
 
     def knows(self, image: NDArray[np.uint8]) -> bool:
-        """Whether these are byte for byte the pixels of an earlier photograph: no real camera takes one twice."""
+        """Returns True if an earlier photograph has the same pixels; no real camera takes one twice."""
         return _digest(image) in self._known
 
     def frame(self, image: object, captured_at: float, newer_than: float) -> Frame:
-        """The photograph [rows, columns, 3] with the next number.
+        """Returns the photograph [rows, columns, 3] as a frame with the next number.
 
-        Raises StaleFrame where it was taken at `newer_than` or before or was given before, and
-        CameraError where it is no photograph.
+        Raises StaleFrame if it was taken at `newer_than` or before, or was given before.
+        Raises CameraError if `image` is no photograph.
         """
         if not isinstance(image, np.ndarray) or image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
             given = f"{image.dtype} of shape {image.shape}" if isinstance(image, np.ndarray) else type(image).__name__

@@ -1,1 +1,1 @@
-"""Robots by their makers: one thin file per device, none of which knows that it paints."""
+"""Drivers of robots, one file per device. A driver knows nothing of painting."""

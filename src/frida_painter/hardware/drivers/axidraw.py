@@ -1,7 +1,7 @@
-"""`axidraw`: plotters with an EiBotBoard (EBB), such as AxiDraw and NextDraw, which raise a pen by a servo.
+"""The robot kind `axidraw`: plotters with an EiBotBoard (EBB) and a pen on a servo, such as AxiDraw and NextDraw.
 
-plotink finds the board. Its commands are exchanged here, for plotink writes what goes wrong into a log
-and goes on. The protocol: evil-mad.github.io/EggBot/ebb.html.
+plotink only finds the board. This module exchanges the board's commands itself, because plotink writes errors to a
+log and goes on. Protocol: evil-mad.github.io/EggBot/ebb.html.
 """
 
 import math
@@ -19,18 +19,24 @@ from frida_painter.hardware.gcode import Servo
 from frida_painter.hardware.kinds import MachineName, Needed, RobotKind, at_port, by_name, require_home
 from frida_painter.hardware.robot import MotionReport, Point, Waypoints, Workspace
 
-# A motion as an EiBotBoard wants it: small straight pieces in whole steps and milliseconds, with soft ends.
+# Motion for an EiBotBoard: short straight moves in whole steps and milliseconds that start and end slowly.
 
 STEPS_PER_MM = 80
-"""Of AxiDraws at a sixteenth of a motor's step: 2032 per inch."""
+"""Steps per millimetre of an AxiDraw at 1/16 microstepping: 2032 per inch."""
 _PIECE = 0.001  # metres
-_LONGEST = 0.05  # seconds: what the board does after a stop is no more than the piece that it is at
-_SLOWEST = 0.004  # m/s, where a path begins and ends
+_LONGEST = 0.05  # seconds: after a stop the board still finishes its current move
+_SLOWEST = 0.004  # m/s at the start and end of a path
 
 
 @dataclass(frozen=True)
 class Move:
-    """A piece of a motion: steps (right, towards you) in so many seconds, with the tip at a height (m) at its end."""
+    """Move of the plotter: one command of the board.
+
+    waypoint: index of the waypoint to which the move leads
+    steps: (right, towards you)
+    seconds: duration
+    height: of the tip at the end, metres
+    """
 
     waypoint: int
     steps: tuple[int, int]
@@ -39,10 +45,13 @@ class Move:
 
 
 def moves(here: NDArray[np.float64], waypoints: Waypoints, approach: float, acceleration: float) -> Iterator[Move]:
-    """The pieces from `here` [3], metres, to the first waypoint at `approach` m/s and on through all of them.
+    """Yields the moves from `here` through all waypoints.
 
-    Each way between two stands begins and ends slowly and gains `acceleration` m/s2 in between. Steps
-    are counted from the zero of the robot's frame, so that rounding never adds up.
+    here: position [3], metres
+    approach: m/s to the first waypoint
+    acceleration: m/s2 at the start and end of each way between two stops
+
+    Steps are counted from the zero of the robot's frame, so that rounding errors do not add up.
     """
     at = _steps(here)
     path = np.concatenate([here[None], waypoints.position])
@@ -67,7 +76,7 @@ def moves(here: NDArray[np.float64], waypoints: Waypoints, approach: float, acce
 
 
 def _ways(level: NDArray[np.float64]) -> Iterator[tuple[int, int]]:
-    """Runs [first, last) of segments between two stands: those that only rise or sink stand alone."""
+    """Yields ranges [first, last) of segments that the tip passes without a stop. A vertical segment stands alone."""
     first = 0
     for index, length in enumerate(level):
         if index == 0 or length < 1e-9 or level[index - 1] < 1e-9:
@@ -78,7 +87,7 @@ def _ways(level: NDArray[np.float64]) -> Iterator[tuple[int, int]]:
 
 
 def _split(move: Move) -> Iterator[Move]:
-    """The same move in parts that none last longer than a stop may wait."""
+    """Splits a move into parts of at most _LONGEST seconds, the longest delay of a stop."""
     count = max(1, math.ceil(move.seconds / _LONGEST))
     done = (0, 0)
     for part in range(1, count + 1):
@@ -88,24 +97,29 @@ def _split(move: Move) -> Iterator[Move]:
 
 
 def _steps(place: NDArray[np.float64]) -> tuple[int, int]:
-    """Steps to the right and towards you of a place in the robot's frame (y away from you)."""
+    """Returns the steps to the right and towards you of a position in the robot's frame (y away from you)."""
     return round(1000 * STEPS_PER_MM * float(place[0])), round(-1000 * STEPS_PER_MM * float(place[1]))
 
 
 _NEEDED = Needed("pip install 'frida-painter[plotter]'", "plotink")
 _SLICE = 0.02
 _SERVO_PIN = 4
-_LEAST_VOLTAGE = 250  # of QC's scale: about 9 V
+_LEAST_VOLTAGE = 250  # reading of QC: about 9 V
 
 
 @dataclass(frozen=True)
 class AxidrawSettings:
-    """home: where the tip is aside (m); port: of the board, or its name tag, None for the first that is found.
+    """Settings of an AxiDraw.
 
-    The robot's frame has its zero where the carriage stands when it is connected, the home corner; x
-    to the right, y away from you, so that all of the table has y below zero. servo: two calibrated
-    heights and their pulses in units of 1/12 microsecond; approach: m/s to the first waypoint;
-    acceleration: m/s2. Raises ConfigError.
+    home: home position of the tip, metres
+    port: of the board, or its name tag; None for the first board found
+    servo: two calibrated heights with pulses in units of 1/12 microsecond
+    approach: m/s to the first waypoint, above 0 to 0.5
+    acceleration: m/s2, above 0 to 10
+
+    The zero of the robot's frame is the position of the carriage at the time of connection: the home corner. x
+    points to the right and y away from you, so that y is negative everywhere on the table.
+    Raises ConfigError if approach or acceleration is out of range.
     """
 
     home: Point
@@ -123,7 +137,10 @@ class AxidrawSettings:
 
 
 class AxidrawRobot:
-    """Implements hardware.robot.Robot. What it reports are the steps that were made; it cannot feel lost ones."""
+    """Robot with an EiBotBoard. Implements hardware.robot.Robot.
+
+    Its position is the count of the board's steps, so it cannot detect lost steps.
+    """
 
     def __init__(self, settings: AxidrawSettings) -> None:
         self.settings = settings
@@ -132,9 +149,9 @@ class AxidrawRobot:
         self._height = settings.servo.high[0]
 
     def connect(self) -> None:
-        """Finds the board, holds the motors and raises the pen. The carriage stands in its home corner by then.
+        """Finds the board, enables the motors and raises the pen. The carriage must stand in its home corner.
 
-        Raises RobotError where a package or the power is missing, RobotDisconnected where there is no board.
+        Raises RobotError if a package or the motor power is missing, RobotDisconnected if there is no board.
         """
         self.close()
         line = SerialLine.open(self._port(), 9600)
@@ -156,13 +173,13 @@ class AxidrawRobot:
         self._line = line
 
     def home(self) -> MotionReport:
-        """Goes aside, by way of the height of its place there."""
+        """Moves to the home position, first vertically."""
         here, aside = self.pose(), np.array(self.settings.home)
         above = np.array([here[0], here[1], max(here[2], aside[2])])
         return self.follow(Waypoints("home", np.stack((above, aside)), self.settings.approach))
 
     def pose(self) -> NDArray[np.float64]:
-        """Where the tip is by the steps that were made, [3] metres; its height is what the servo was told last."""
+        """Returns the position of the tip, [3] metres, from the steps made. Its height is the servo's last command."""
         line = self._ready("pose")
         try:
             return self._place(line)
@@ -170,10 +187,10 @@ class AxidrawRobot:
             raise self._interlock.fault(error) from None
 
     def follow(self, waypoints: Waypoints) -> MotionReport:
-        """Moves along the waypoints, speeding up and slowing down, and returns when the motors stand.
+        """Moves along the waypoints with acceleration and braking; returns when the motors stand.
 
-        Raises MotionFailed, RobotDisconnected, RobotStopped, and ConfigError where the servo does not
-        reach a height, before anything moves.
+        Raises ConfigError before anything moves, if the servo does not reach a height.
+        Raises MotionFailed, RobotDisconnected, RobotStopped.
         """
         line = self._ready(waypoints.label)
         self._interlock.require_path(waypoints)
@@ -194,13 +211,13 @@ class AxidrawRobot:
         return MotionReport(waypoints.label, started, time.monotonic(), reached)
 
     def stop(self) -> None:
-        """ES: the board drops what it does and what waits. The pen stays as it is, and the motors hold."""
+        """Sends ES: the board drops its current and queued moves. The pen stays at its height, and the motors hold."""
         self._interlock.stop()
         if self._line is not None:
             self._halt(self._line)
 
     def close(self) -> None:
-        """Lets go of the board."""
+        """Disconnects from the board."""
         line, self._line = self._line, None
         self._interlock.closed()
         if line is not None:
@@ -230,7 +247,8 @@ class AxidrawRobot:
     def _make(self, line: SerialLine, move: Move, pulse: int, label: str, until: float) -> None:
         rise = move.height - self._height
         if rise != 0:
-            # A pen that rises or sinks on the way does so beside the motors; on the spot it is waited for.
+            # The servo moves in parallel with a move across. If only the height changes, the board waits for the
+            # servo.
             wait = 0.0 if move.steps != (0, 0) else abs(rise) / self.settings.servo.speed
             self._lift(line, move.height, wait, label, move.waypoint, until, pulse)
         if move.steps != (0, 0):
@@ -250,7 +268,7 @@ class AxidrawRobot:
         return float(np.abs(np.diff(heights)).sum()) / self.settings.servo.speed
 
     def _settle(self, line: SerialLine, label: str, until: float) -> None:
-        """Returns when the board says that nothing moves and nothing waits."""
+        """Returns when the board reports that nothing moves and nothing is queued."""
         while True:
             answer = self._ask(line, "QM", ends=False)
             parts = answer.split(",")
@@ -299,7 +317,7 @@ class AxidrawRobot:
                 )
 
     def _ask(self, line: SerialLine, question: str, *, ends: bool = True) -> str:
-        """The board's answer to a question; ends: whether an "OK" follows it."""
+        """Returns the board's answer to a question. ends: True if an "OK" follows the answer."""
         line.write(question.encode("ascii") + b"\r")
         answers: list[str] = []
         until = time.monotonic() + PATIENCE
@@ -321,7 +339,7 @@ class AxidrawRobot:
             raise RobotStopped(f"{label}: {self._interlock.name} was stopped; look at it before it is connected anew.")
 
     def _halt(self, line: SerialLine) -> None:
-        """On a line of its own, whatever was being written. A line that is gone cannot be told."""
+        """Sends ES on a new line, after any partial command. A lost line is ignored."""
         try:
             line.write(b"\rES\r")
         except RobotError:

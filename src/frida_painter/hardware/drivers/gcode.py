@@ -1,7 +1,7 @@
-"""`gcode`: a machine that follows G-code over a serial line, with GRBL or Marlin inside.
+"""The robot kinds `gcode` and `marlin`: machines with GRBL or Marlin that follow G-code over a serial line.
 
-Lines are sent one at a time, each when the one before was acknowledged: the machine plans a few
-millimetres ahead on its own, and nothing that waits in a queue of ours can move it after an error.
+Each line is sent when the machine has acknowledged the one before. The machine itself plans a few millimetres
+ahead. This program keeps no queue, so nothing can move the machine after an error.
 """
 
 import re
@@ -18,7 +18,7 @@ from frida_painter.hardware.gcode import PREAMBLE, Gcode, Servo
 from frida_painter.hardware.kinds import MachineName, Needed, RobotKind, at_port, require_home, yes_or_no
 from frida_painter.hardware.robot import MotionReport, Point, Waypoints, Workspace
 
-# A serial line that speaks in lines of text: written whole, read with a deadline.
+# Serial line of text lines: writes are complete, reads have a deadline.
 
 _LONGEST = 512
 _SLICE = 0.02
@@ -26,7 +26,7 @@ _WRITING = 1.0
 
 
 class SerialLine:
-    """One open port; `write` may be called from any thread, `read` from one."""
+    """Open serial port. Any thread may call `write`; one thread may call `read`."""
 
     def __init__(self, port: Any, name: str) -> None:
         self.name = name
@@ -37,8 +37,8 @@ class SerialLine:
     def open(cls, name: str, baud: int) -> Self:
         """Opens port `name` ("/dev/ttyUSB0", "COM3") at `baud` bits per second.
 
-        Raises RobotError where pyserial is not installed, RobotDisconnected, which lists the ports
-        that there are, where this one cannot be opened.
+        Raises RobotError if pyserial is not installed.
+        Raises RobotDisconnected, which lists the existing ports, if this one cannot be opened.
         """
         try:
             import serial
@@ -55,16 +55,16 @@ class SerialLine:
         return cls(port, name)
 
     def write(self, content: bytes) -> None:
-        """Sends `content` at once. Raises RobotDisconnected where the line is gone."""
+        """Sends `content` at once. Raises RobotDisconnected if the line is lost."""
         try:
             self._port.write(content)
-        except (OSError, TypeError) as cause:  # pyserial's port turns to None under whoever writes while it is closed
+        except (OSError, TypeError) as cause:  # pyserial raises TypeError if the port is closed during a write
             raise self._gone(cause) from cause
 
     def read(self, seconds: float) -> str | None:
-        """The next line without its end, or None where none was complete within about `seconds`.
+        """Returns the next line without its end; None if no complete line came within about `seconds`.
 
-        Raises RobotDisconnected where the line is gone or speaks without ever ending a line.
+        Raises RobotDisconnected if the line is lost or sends more than 512 bytes without an end of line.
         """
         until = time.monotonic() + seconds
         while b"\n" not in self._rest:
@@ -82,7 +82,7 @@ class SerialLine:
         return line.strip().decode("ascii", "replace")
 
     def close(self) -> None:
-        """Lets go of the port; twice is once."""
+        """Closes the port; a second call does nothing."""
         self._port.close()
 
     def _gone(self, cause: Exception) -> RobotDisconnected:
@@ -97,7 +97,7 @@ def _reason(cause: Exception) -> str:
 
 
 def _ports() -> str:
-    """A sentence on the ports that this machine has."""
+    """Returns a sentence on the ports of this computer."""
     from serial.tools.list_ports import comports
 
     known = [f"{port.device} ({port.description})" for port in comports()]
@@ -114,7 +114,7 @@ _PLACE = re.compile(r"X:\s*(-?[\d.]+)\s+Y:\s*(-?[\d.]+)\s+Z:\s*(-?[\d.]+)")
 
 
 class Marlin:
-    """Implements drivers.gcode.Firmware over an open line."""
+    """Firmware Marlin over an open line. Implements drivers.gcode.Firmware."""
 
     def __init__(self, line: SerialLine, interlock: Interlock) -> None:
         self._line, self._interlock = line, interlock
@@ -122,7 +122,7 @@ class Marlin:
         self._said = ""
 
     def greet(self, homing: bool) -> None:
-        """Asks until the machine answers, which many do only when they have started; then counts lines from 0."""
+        """Asks until the machine answers, because many machines restart first; then numbers lines from 0."""
         until = time.monotonic() + PATIENCE
         answer: str | None = None
         while answer != "ok":
@@ -136,14 +136,14 @@ class Marlin:
                 answer = self._line.read(_MARLIN_SLICE)
         while (
             self._line.read(4 * _MARLIN_SLICE) is not None
-        ):  # what it tells about itself, and answers to what was asked twice
+        ):  # the machine's greeting, and answers to repeated questions
             pass
         self._number = 0
         if homing:
             self.send("G28", "homing", None, time.monotonic() + 90)
 
     def send(self, line: str, label: str, waypoint: int | None, until: float) -> None:
-        """Sends a line under the next number; sends it again where it arrived damaged, three times at most."""
+        """Sends a numbered line, at most three times if it arrives damaged."""
         self._number += 1
         for _ in range(_MOST_RESENDS):
             self._line.write(_numbered(self._number, line))
@@ -154,11 +154,11 @@ class Marlin:
         )
 
     def settle(self, label: str, until: float) -> None:
-        """M400 is acknowledged when everything before it is done."""
+        """Returns when M400 is acknowledged: everything before it is done."""
         self.send("M400", label, None, until)
 
     def position(self) -> NDArray[np.float64]:
-        """Where the machine counts itself to be [3], mm (M114)."""
+        """Returns the machine's own position [3], mm (M114)."""
         self._said = ""
         self.send("M114", "pose", None, time.monotonic() + PATIENCE)
         found = _PLACE.search(self._said)
@@ -172,14 +172,14 @@ class Marlin:
         )
 
     def hold(self) -> None:
-        """Quick stop (M410), heeded as it arrives; on a line of its own, whatever was being written."""
+        """Sends a quick stop (M410) on a new line, after any partial command; the machine obeys it on arrival."""
         self._line.write(b"\nM410\n")
 
     def forget(self) -> None:
-        """A quick stop has emptied the machine's queue already."""
+        """Does nothing: the quick stop has emptied the machine's queue."""
 
     def _acknowledged(self, line: str, label: str, waypoint: int | None, until: float) -> bool:
-        """Whether the line was acknowledged; False where it is wanted again. What is no good news is raised."""
+        """Returns True if the line was acknowledged, False if it must be sent again. Raises the errors reported."""
         again = False
         while time.monotonic() <= until:
             answer = self._line.read(_MARLIN_SLICE)
@@ -224,12 +224,12 @@ class Marlin:
 
 
 def _is_about_a_line(answer: str) -> bool:
-    """An error that Marlin follows with a request to send a line again."""
+    """Returns True for an error that Marlin follows with a request to resend a line."""
     return "checksum" in answer.lower() or "Line Number" in answer
 
 
 def _numbered(number: int, line: str) -> bytes:
-    """The line as Marlin checks it: its number before it, and the exclusive or of all bytes behind it."""
+    """Returns the line in Marlin's format: its number before it, and the exclusive or of all bytes behind it."""
     content = f"N{number} {line}".encode("ascii")
     checksum = 0
     for byte in content:
@@ -243,7 +243,7 @@ _HOLD, _RESET, _STATUS = b"!", b"\x18", b"?"
 _GRBL_SLICE = 0.05
 _ASK_AFTER = 0.5
 _HOMING = 90.0
-_MOST_REPORTS = 40  # The offset of the work coordinates comes with one report in thirty at least.
+_MOST_REPORTS = 40  # At least one report in thirty contains the offset of the work coordinates.
 _ALARMS = {
     "1": "a limit switch was hit",
     "2": "the way leads beyond the machine's own limits",
@@ -276,14 +276,14 @@ class _Report:
 
 
 class Grbl:
-    """Implements drivers.gcode.Firmware over an open line."""
+    """Firmware GRBL over an open line. Implements drivers.gcode.Firmware."""
 
     def __init__(self, line: SerialLine, interlock: Interlock) -> None:
         self._line, self._interlock = line, interlock
         self._offset: NDArray[np.float64] | None = None
 
     def greet(self, homing: bool) -> None:
-        """Asks until the machine answers: many boards start anew when their line is opened."""
+        """Asks until the machine answers, because many boards restart when their line is opened."""
         state = self._ask().state
         if state.startswith("Alarm") and homing:
             self.send("$H", "homing", None, time.monotonic() + _HOMING)
@@ -295,7 +295,7 @@ class Grbl:
             )
 
     def send(self, line: str, label: str, waypoint: int | None, until: float) -> None:
-        """Sends a line and waits for its "ok"; a line that got lost is noticed as soon as the machine is idle."""
+        """Sends a line and waits for its "ok". A machine that is idle without an "ok" has lost the line."""
         self._line.write(line.encode("ascii") + b"\n")
         idle, ask_at = 0, time.monotonic() + _ASK_AFTER
         while True:
@@ -317,7 +317,7 @@ class Grbl:
                 ask_at = now + _ASK_AFTER
 
     def settle(self, label: str, until: float) -> None:
-        """A dwell is acknowledged when everything before it is done; a machine that answers too soon is waited for."""
+        """Returns when a dwell is acknowledged and the machine is idle; some acknowledge the dwell too early."""
         self.send("G4 P0.01", label, None, until)
         while not (state := self._ask().state).startswith("Idle"):
             self._require_running(state, label, None)
@@ -329,7 +329,7 @@ class Grbl:
             time.sleep(_GRBL_SLICE)
 
     def position(self) -> NDArray[np.float64]:
-        """Work coordinates [3], mm, of a fresh report."""
+        """Returns the work coordinates [3] of a fresh report, mm."""
         for _ in range(_MOST_REPORTS):
             numbers = self._ask().numbers
             if "WPos" in numbers:
@@ -341,11 +341,11 @@ class Grbl:
         )
 
     def hold(self) -> None:
-        """Feed hold: a byte that GRBL heeds wherever it finds it, and that keeps the machine's position."""
+        """Sends a feed hold: a byte that GRBL obeys at any place of a line. The machine keeps its position."""
         self._line.write(_HOLD)
 
     def forget(self) -> None:
-        """A soft reset, once the machine stands: a reset in motion would lose its position. It clears no alarm."""
+        """Resets the machine once it stands; a reset in motion would lose its position. Clears no alarm."""
         until = time.monotonic() + 2
         while time.monotonic() < until:
             state = self._ask().state
@@ -356,7 +356,7 @@ class Grbl:
         self._line.write(_RESET)
 
     def _ask(self) -> _Report:
-        """The next report, asked for. Raises RobotDisconnected where none comes."""
+        """Requests a report and returns it. Raises RobotDisconnected if none comes."""
         until = time.monotonic() + PATIENCE
         while time.monotonic() < until:
             self._line.write(_STATUS)
@@ -370,7 +370,7 @@ class Grbl:
         )
 
     def _require_running(self, state: str, label: str, waypoint: int | None) -> None:
-        """Raises MotionFailed where a report says that it will not move on by itself, and RobotStopped after a stop."""
+        """Raises MotionFailed if the state needs a person, and RobotStopped after a stop."""
         if self._interlock.stopped:
             raise RobotStopped(f"{label}: {self._interlock.name} was stopped; look at it before it is connected anew.")
         kind = state.partition(":")[0]
@@ -390,7 +390,7 @@ class Grbl:
         )
 
     def _read(self, label: str, waypoint: int | None) -> str | None:
-        """One line of the machine's while a line of ours waits; what is no good news is raised."""
+        """Returns one line of the machine, None if none came. Raises the errors that it reports."""
         answer = self._line.read(_GRBL_SLICE)
         if self._interlock.stopped:
             raise RobotStopped(f"{label}: {self._interlock.name} was stopped; look at it before it is connected anew.")
@@ -427,7 +427,7 @@ class Grbl:
         )
 
     def _parsed(self, report: str) -> _Report:
-        """A report like <Idle|MPos:1.000,2.000,3.000|FS:0,0|WCO:0.000,0.000,0.000>. Raises RobotDisconnected."""
+        """Parses a report: <Idle|MPos:1.000,2.000,3.000|FS:0,0|WCO:0.000,0.000,0.000>. Raises RobotDisconnected."""
         parts = report.strip("<>").split("|")
         numbers: dict[str, NDArray[np.float64]] = {}
         for name, values in re.findall(r"\b(MPos|WPos|WCO):([^|]*)", report.strip("<>")):
@@ -446,10 +446,14 @@ class Grbl:
 
 @dataclass(frozen=True)
 class GcodeSettings:
-    """port: of the serial line; home: where the tip is aside (m); baud: bits per second; gcode: how it is spoken.
+    """Settings of a G-code machine.
 
-    homing: whether the machine may drive to its limit switches when it is connected, which GRBL with
-    such switches wants after each start.
+    port: of the serial line
+    home: home position of the tip, metres
+    baud: bits per second
+    gcode: dialect of the machine
+    homing: True if the machine may drive to its limit switches on connection; GRBL with such switches needs it
+        after each start
     """
 
     port: str
@@ -460,32 +464,32 @@ class GcodeSettings:
 
 
 class Firmware(Protocol):
-    """What GRBL and Marlin do differently."""
+    """Firmware of a machine: the parts that differ between GRBL and Marlin."""
 
     def greet(self, homing: bool) -> None:
         """Waits until the machine is ready to move. Raises RobotDisconnected, RobotError."""
 
     def send(self, line: str, label: str, waypoint: int | None, until: float) -> None:
-        """Sends a line and returns when it was acknowledged, at the latest at `until` (s, monotonic).
+        """Sends a line and returns when it is acknowledged, at the latest at `until` (s, monotonic).
 
         Raises MotionFailed, RobotDisconnected, RobotStopped.
         """
 
     def settle(self, label: str, until: float) -> None:
-        """Returns when the machine stands still after all that was sent. Raises as `send` does."""
+        """Returns when the machine stands still after all lines sent. Raises the errors of `send`."""
 
     def position(self) -> NDArray[np.float64]:
-        """Where the machine says that it is, [3] mm of its work coordinates. Raises RobotError."""
+        """Returns the machine's position in its work coordinates, [3] mm. Raises RobotError."""
 
     def hold(self) -> None:
-        """Stops the machine as it is, at once and without waiting for anything; from any thread."""
+        """Stops the machine at once, without waiting; may be called from any thread."""
 
     def forget(self) -> None:
-        """Once the machine stands, makes it forget what it still had to do."""
+        """Makes a standing machine forget its remaining motions."""
 
 
 class GcodeRobot:
-    """Implements hardware.robot.Robot. After a stop or a fault it moves only when connected anew."""
+    """Robot that follows G-code. Implements hardware.robot.Robot. A stop or fault blocks it until `connect`."""
 
     def __init__(self, settings: GcodeSettings) -> None:
         self.settings = settings
@@ -495,10 +499,10 @@ class GcodeRobot:
         self._tip: NDArray[np.float64] | None = None
 
     def connect(self) -> None:
-        """Opens the line, waits for the machine's greeting and sets millimetres. Moves only where homing is allowed.
+        """Opens the line, waits for the machine and sets millimetres. Moves only if homing is allowed.
 
-        Raises RobotDisconnected where nobody answers, and RobotError where the machine is in an alarm,
-        which only a person clears.
+        Raises RobotDisconnected if there is no answer, RobotError if the machine is in an alarm, which only a
+        person clears.
         """
         self.close()
         line = SerialLine.open(self.settings.port, self.settings.baud)
@@ -517,14 +521,14 @@ class GcodeRobot:
         self._line, self._firmware = line, firmware
 
     def home(self) -> MotionReport:
-        """Goes aside, by way of the height of its place there."""
+        """Moves to the home position, first vertically."""
         here = self.pose()
         aside = np.array(self.settings.home)
         above = np.array([here[0], here[1], max(here[2], aside[2])])
         return self.follow(Waypoints("home", np.stack((above, aside)), self.settings.gcode.approach))
 
     def pose(self) -> NDArray[np.float64]:
-        """Where the tip is, [3] metres; the height of a brush on a servo is what it was told last."""
+        """Returns the position of the tip, [3] metres. With a servo, its height is that of the last waypoint."""
         firmware = self._ready("pose")
         try:
             return self._metres(firmware.position())
@@ -532,10 +536,9 @@ class GcodeRobot:
             raise self._interlock.fault(error) from None
 
     def follow(self, waypoints: Waypoints) -> MotionReport:
-        """Moves along the waypoints; returns when the machine stands still and says where.
+        """Moves along the waypoints; returns when the machine stands still, with its position.
 
-        Raises MotionFailed, naming the waypoint, RobotDisconnected and RobotStopped; the machine is
-        held then.
+        Raises MotionFailed, which names the waypoint, RobotDisconnected or RobotStopped; the machine is then held.
         """
         firmware = self._ready(waypoints.label)
         self._interlock.require_path(waypoints)
@@ -558,14 +561,14 @@ class GcodeRobot:
         return MotionReport(waypoints.label, started, time.monotonic(), reached)
 
     def stop(self) -> None:
-        """Holds the machine by its own command for that, which overtakes everything that waits."""
+        """Holds the machine by a command that overtakes all queued lines."""
         self._interlock.stop()
         firmware = self._firmware
         if firmware is not None:
             firmware.hold()
 
     def close(self) -> None:
-        """Lets go of the line; a machine that was stopped forgets what it still had to do."""
+        """Closes the line. A stopped machine forgets its remaining motions."""
         line, firmware = self._line, self._firmware
         self._line = self._firmware = None
         self._interlock.closed()
@@ -581,7 +584,7 @@ class GcodeRobot:
         return self._firmware
 
     def _halt(self, firmware: Firmware) -> None:
-        """After a fault: the machine stands, and forgets the rest. A line that is gone cannot be told."""
+        """Holds the machine after a fault and clears its motions. A lost line is ignored."""
         try:
             firmware.hold()
         except RobotError:
@@ -601,7 +604,7 @@ class GcodeRobot:
         return metres
 
     def _servo_time(self, waypoints: Waypoints) -> float:
-        """Seconds that a servo takes to rise and sink besides; none where there is no servo."""
+        """Returns the seconds that a servo adds to a motion; 0 without a servo."""
         servo = self.settings.gcode.servo
         if servo is None:
             return 0.0

@@ -1,11 +1,13 @@
-"""The interlock inside every driver: it lets a motion through only while nothing stands against it.
+"""The interlock inside every driver: permits motions only while the driver is connected and has no fault or stop.
 
-There are two such layers, and they are two ideas. This one is part of one driver: it stands between
-the driver and the library of its maker, and knows whether that one connection is open, at fault or
-stopped; it forgets all of that when the driver connects anew. The guard (easel/guard.py) stands
-around a whole robot in the easel's process and trusts no driver: it checks motions against the
-workspace, gives the driver itself a deadline, and latches a stop over restarts until a person re-arms.
-What both need, deadlines and errors with a name, is in hardware/deadline.py.
+The interlock belongs to one driver. It stands between the driver and the maker's library and knows whether this
+connection is open, at fault or stopped. It forgets that when the driver connects again.
+
+The guard (easel/guard.py) is a different layer. It wraps a whole robot in the easel's process and trusts no driver:
+it checks motions against the workspace, gives the driver itself a deadline, and latches a stop over restarts until
+a person re-arms.
+
+Both use the deadlines and errors of hardware/deadline.py.
 """
 
 import math
@@ -21,14 +23,15 @@ from frida_painter.hardware.robot import Waypoints
 
 Answer = TypeVar("Answer")
 PATIENCE = 5.0
-"""Seconds within which any machine answers any question that moves nothing."""
+"""Seconds within which any machine answers a question that moves nothing."""
 
 
 class Interlock:
-    """Closed while the robot is connected, has no fault and was not stopped; otherwise it lets nothing through.
+    """Interlock of one driver: permits calls while the robot is connected, has no fault and was not stopped.
 
-    name: of the robot, in messages. After a fault or a stop the driver has to be closed and connected
-    anew, which is for the person who has looked.
+    name: of the robot, in messages
+
+    After a fault or a stop the driver must be closed and connected again, by a person who has looked at the robot.
     """
 
     def __init__(self, name: str) -> None:
@@ -39,29 +42,29 @@ class Interlock:
 
     @property
     def stopped(self) -> bool:
-        """Whether somebody has asked to stop since the robot was connected."""
+        """True if a stop was requested since the robot was connected."""
         return self._stopped.is_set()
 
     def opened(self) -> None:
-        """The robot is connected, and nothing has gone wrong yet."""
+        """Marks the robot as connected, without fault and not stopped."""
         self._open, self._fault = True, ""
         self._stopped.clear()
 
     def closed(self) -> None:
-        """The robot is not connected any more."""
+        """Marks the robot as disconnected."""
         self._open = False
 
     def stop(self) -> None:
-        """Lets nothing through from now on. Never waits; may be called from any thread and again."""
+        """Blocks all motions from now on. Never waits; may be called from any thread, repeatedly."""
         self._stopped.set()
 
     def fault(self, error: FridaError) -> FridaError:
-        """Lets nothing through from now on, because of `error`, which is given back to be raised."""
+        """Blocks all motions from now on because of `error`, and returns `error` to be raised."""
         self._fault = self._fault or str(error)
         return error
 
     def require_ready(self, label: str) -> None:
-        """Raises RobotStopped after a stop, RobotError after a fault or where the robot is not connected."""
+        """Raises RobotStopped after a stop, RobotError after a fault or if the robot is not connected."""
         if self._stopped.is_set():
             raise RobotStopped(
                 f"{label}: {self.name} was stopped; look at it, then close the connection and connect it anew."
@@ -75,7 +78,7 @@ class Interlock:
             raise RobotError(f"{label}: {self.name} is not connected; call connect() first.")
 
     def require_path(self, waypoints: Waypoints) -> None:
-        """Raises MotionFailed, before anything is sent, where the waypoints are no path at all."""
+        """Raises MotionFailed, before anything is sent, if the waypoints are no valid path."""
         position = waypoints.position
         if position.ndim != 2 or position.shape[1] != 3 or len(position) == 0 or not np.isfinite(position).all():
             raise MotionFailed(
@@ -89,11 +92,11 @@ class Interlock:
             )
 
     def asking(self, what: str, call: Callable[[], Answer], seconds: float = PATIENCE) -> Answer:
-        """What a call into the maker's library returns, if it does so within `seconds`.
+        """Returns the result of a call into the maker's library, with a deadline of `seconds`.
 
-        A call that does not return is left behind in a thread that does not keep the program alive.
-        Raises RobotDisconnected where it does not return in time, RobotError for whatever it raises;
-        errors of our own tree pass. Either way nothing more is let through.
+        An overdue call is left in a thread that does not keep the program alive.
+        Raises RobotDisconnected if the call is overdue, RobotError for any exception of the library, and
+        FridaErrors unchanged. Each of them blocks all further motions.
         """
         try:
             return in_our_errors(
@@ -103,11 +106,11 @@ class Interlock:
                 ),
                 failed=lambda why: RobotError(f"{what}: {self.name} failed ({why}); look at it before going on."),
             )
-        except BaseException as error:  # a person who interrupts the wait leaves the machine in some unknown state, too
+        except BaseException as error:  # also KeyboardInterrupt: the machine is then in an unknown state
             self._fault = self._fault or (str(error) if isinstance(error, FridaError) else one_line(error))
             raise
 
 
 def time_allowed(path: float, speed: float) -> float:
-    """Seconds within which a motion over `path` metres at `speed` m/s is done: twice what it takes, and five more."""
+    """Returns the time limit in seconds of a motion over `path` metres at `speed` m/s: twice its duration plus five."""
     return 2 * path / speed + PATIENCE

@@ -1,7 +1,7 @@
-"""`ros`: any arm behind ROS that follows Cartesian trajectories of its brush's tip, by four topics of stock messages.
+"""Robots behind ROS: arms that follow Cartesian trajectories of the brush's tip, over four topics of stock messages.
 
-What the arm's node must keep to is told in docs/how-to/ros.md. `rospy_connection` speaks with a ROS 1 master,
-`rosbridge` with any ROS behind a rosbridge server.
+docs/how-to/ros.md specifies the arm's node. ros_connections.py has the connections: RospyConnection to a ROS 1
+master, and RosbridgeConnection to any ROS behind a rosbridge server.
 """
 
 import threading
@@ -20,7 +20,7 @@ from frida_painter.hardware.kinds import MachineName, require_home
 from frida_painter.hardware.robot import MotionReport, Point, Waypoints, Workspace
 
 Message = Mapping[str, Any]
-"""A ROS message as nested mappings, its fields by their names."""
+"""ROS message as nested mappings from field names to values."""
 
 FOLLOW, STATUS, POSE, STOP = (
     ("follow", "trajectory_msgs/MultiDOFJointTrajectory"),
@@ -36,33 +36,38 @@ _POLL = 0.02
 
 
 class RosConnection(Protocol):
-    """One connection to ROS."""
+    """Connection to ROS."""
 
     def open(self) -> None:
-        """Connects. Raises RobotDisconnected, RobotError; nothing stays open then."""
+        """Connects. Raises RobotDisconnected or RobotError, and then leaves nothing open."""
 
     def hear(self, topic: str, kind: str, tell: Callable[[Message], None]) -> None:
-        """Calls `tell` with every message on a topic, in a thread of its own."""
+        """Calls `tell` with every message of a topic, in a separate thread."""
 
     def announce(self, topic: str, kind: str) -> None:
-        """Says that messages will be published on a topic."""
+        """Announces that messages will be published on a topic."""
 
     def is_heard(self, topic: str) -> bool:
-        """Whether somebody listens to an announced topic, as far as that can be known."""
+        """Returns True if somebody listens to an announced topic, as far as that can be known."""
 
     def publish(self, topic: str, message: Message) -> None:
-        """Sends a message at once or never. Raises RobotDisconnected."""
+        """Sends a message now; it is never kept for later. Raises RobotDisconnected."""
 
     def close(self) -> None:
-        """Disconnects; twice is once."""
+        """Disconnects; a second call does nothing."""
 
 
 @dataclass(frozen=True)
 class RosSettings:
-    """home: where the tip is aside (m); approach: m/s to the first waypoint; namespace: of the four topics.
+    """Settings of a robot behind ROS.
 
-    frame: in which coordinates are given; ros: 1 or 2, which name the parts of a time differently.
-    Raises ConfigError.
+    home: home position of the tip, metres
+    approach: m/s to the first waypoint, above 0 to 1
+    namespace: of the four topics, begins with "/"
+    frame: coordinate frame of the waypoints
+    ros: 1 or 2; the two name the fields of a time differently
+
+    Raises ConfigError if a value is not allowed.
     """
 
     home: Point
@@ -80,7 +85,7 @@ class RosSettings:
 
 
 class RosRobot:
-    """Implements hardware.robot.Robot. Stops go over a connection of their own."""
+    """Robot behind ROS. Implements hardware.robot.Robot. Stops use a separate connection."""
 
     def __init__(self, settings: RosSettings, connection: RosConnection, stopper: RosConnection) -> None:
         self.settings = settings
@@ -94,9 +99,9 @@ class RosRobot:
         self._nonsense = ""
 
     def connect(self) -> None:
-        """Opens both connections and waits until the arm says where it is and listens. Moves nothing.
+        """Opens both connections and waits until the arm reports its pose and listens. Moves nothing.
 
-        Raises RobotDisconnected where there is no ROS, or no arm behind it.
+        Raises RobotDisconnected if there is no ROS, or no arm behind it; RobotError if a package is missing.
         """
         self.close()
         self._tip, self._heard_at, self._nonsense = None, float("-inf"), ""
@@ -114,13 +119,13 @@ class RosRobot:
         self._interlock.opened()
 
     def home(self) -> MotionReport:
-        """Goes aside, by way of the height of its place there."""
+        """Moves to the home position, first vertically."""
         here, aside = self.pose(), np.array(self.settings.home)
         above = np.array([here[0], here[1], max(here[2], aside[2])])
         return self.follow(Waypoints("home", np.stack((above, aside)), self.settings.approach))
 
     def pose(self) -> NDArray[np.float64]:
-        """Where the arm said last that its tip is, [3] metres. Raises RobotDisconnected where that was long ago."""
+        """Returns the tip's last reported position, [3] metres. Raises RobotDisconnected if the report is too old."""
         self._interlock.require_ready("pose")
         try:
             return self._place("pose")
@@ -128,10 +133,10 @@ class RosRobot:
             raise self._interlock.fault(error) from None
 
     def follow(self, waypoints: Waypoints) -> MotionReport:
-        """Sends the waypoints with the times at which to be there, and returns when the arm says that it is.
+        """Sends the waypoints with their times; returns when the arm reports success.
 
-        Raises MotionFailed, RobotDisconnected, and RobotStopped where it was stopped here or at the arm;
-        the arm is told to stop then.
+        Raises MotionFailed, RobotDisconnected, RobotError, or RobotStopped if it was stopped here or at the arm.
+        The arm is then told to stop.
         """
         self._interlock.require_ready(waypoints.label)
         self._interlock.require_path(waypoints)
@@ -151,7 +156,7 @@ class RosRobot:
         return MotionReport(waypoints.label, started, time.monotonic(), reached)
 
     def stop(self) -> None:
-        """Tells the arm to stop, over the connection for that; what waits in `follow` returns."""
+        """Tells the arm to stop, over the connection for stops. A `follow` in progress ends."""
         self._interlock.stop()
         self._halt()
         with self._news:
@@ -161,7 +166,7 @@ class RosRobot:
         """Closes both connections."""
         self._interlock.closed()
         for connection in (self._connection, self._stopper):
-            with suppress(RobotError):  # What does not even let go is left behind.
+            with suppress(RobotError):  # A connection that does not close in time is abandoned.
                 connection.close()
 
     def _topic(self, of: tuple[str, str]) -> str:
@@ -207,7 +212,7 @@ class RosRobot:
         return dict(zip(names, (seconds, nanoseconds), strict=True))
 
     def _await_end(self, label: str, until: float) -> None:
-        """Returns when the arm has done what was sent."""
+        """Returns when the arm reports that the motion is done."""
         taken = time.monotonic() + PATIENCE
         while True:
             with self._news:
@@ -251,7 +256,7 @@ class RosRobot:
         return tip.copy()
 
     def _place_after(self, label: str, moment: float) -> NDArray[np.float64]:
-        """Where the arm is by a message that came after a moment."""
+        """Returns the tip's position from a message that came after `moment`."""
         until = moment + _SILENCE
         while time.monotonic() < until:
             with self._news:
@@ -295,7 +300,7 @@ class RosRobot:
         return RobotStopped(f"{label}: {self._interlock.name} was stopped; look at it before it is connected anew.")
 
     def _halt(self) -> None:
-        """Says stop over one connection, or over the other where that fails."""
+        """Sends a stop over one connection; if that fails, over the other."""
         for connection in (self._stopper, self._connection):
             try:
                 connection.publish(self._topic(STOP), {})
@@ -305,7 +310,7 @@ class RosRobot:
 
 
 def behind(name: MachineName, workspace: Workspace, connection: Callable[[], RosConnection]) -> RosRobot:
-    """The arm of that name, over connections of one kind. Raises ConfigError where the name makes no sense."""
+    """Returns the robot of that name, over connections of one kind. Raises ConfigError if the name is invalid."""
     told = {part: name.options[part] for part in ("namespace", "frame") if part in name.options}
     home, version = require_home(name, workspace), name.choose("ros", int, 1)
     return RosRobot(RosSettings(home, workspace.travel_speed, ros=version, **told), connection(), connection())

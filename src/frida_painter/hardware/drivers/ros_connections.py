@@ -1,4 +1,4 @@
-"""A connection to any ROS, 1 or 2, behind a rosbridge server (roslibpy)."""
+"""Connections to ROS: through a rosbridge server (roslibpy) for ROS 1 and 2, and through rospy for ROS 1."""
 
 import importlib
 import os
@@ -20,7 +20,7 @@ _ROSBRIDGE_NEEDED = Needed("pip install 'frida-painter[ros]'", "roslibpy")
 
 
 class RosbridgeConnection:
-    """Implements drivers.ros.RosConnection over a websocket of its own to `host`:`port`."""
+    """Connection through its own websocket to rosbridge at `host`:`port`. Implements drivers.ros.RosConnection."""
 
     def __init__(self, host: str, port: int = 9090) -> None:
         self.host, self.port = host, port
@@ -29,7 +29,10 @@ class RosbridgeConnection:
         self._topics: dict[str, Any] = {}
 
     def open(self) -> None:
-        """Connects. A lost connection is never taken up again, for what was lost must not move an arm later."""
+        """Connects. A lost connection is never restored, because a late message must not move the arm.
+
+        Raises RobotError if roslibpy is missing, RobotDisconnected if no rosbridge answers.
+        """
         try:
             import roslibpy
         except ImportError as missing:
@@ -50,22 +53,22 @@ class RosbridgeConnection:
         self._ros = ros
 
     def hear(self, topic: str, kind: str, tell: Callable[[Message], None]) -> None:
-        """Calls `tell` with every message on a topic, in roslibpy's thread."""
+        """Calls `tell` with every message of a topic, in roslibpy's thread."""
         listener = self._library.Topic(self._ros, topic, kind)
         listener.subscribe(tell)
         self._topics[topic] = listener
 
     def announce(self, topic: str, kind: str) -> None:
-        """Says that messages will be published on a topic."""
+        """Announces that messages will be published on a topic."""
         self._topics[topic] = self._library.Topic(self._ros, topic, kind)
         self._topics[topic].advertise()
 
     def is_heard(self, topic: str) -> bool:
-        """True: rosbridge does not tell who listens."""
+        """Returns True for each known topic: rosbridge does not tell who listens."""
         return topic in self._topics
 
     def publish(self, topic: str, message: Message) -> None:
-        """Sends a message; on a lost connection it is not kept for later."""
+        """Sends a message. Raises RobotDisconnected if the connection is lost; the message is not kept for later."""
         if self._ros is None or not self._ros.is_connected or topic not in self._topics:
             raise RobotDisconnected(
                 f"The connection to rosbridge at {self.host}:{self.port} is lost; look at its network."
@@ -73,7 +76,7 @@ class RosbridgeConnection:
         self._topics[topic].publish(self._library.Message(dict(message)))
 
     def close(self) -> None:
-        """Disconnects."""
+        """Disconnects. Raises RobotDisconnected if that fails."""
         ros, self._ros = self._ros, None
         self._topics = {}
         if ros is not None and ros.is_connected:
@@ -96,7 +99,7 @@ def _open_rosbridge(name: MachineName, workspace: Workspace) -> RosRobot:
 
 
 def _place(name: MachineName) -> tuple[str, int]:
-    """Host and port. Raises ConfigError."""
+    """Returns host and port. Raises ConfigError if the port is invalid."""
     host, _, port = name.where.partition(":")
     if port and not (port.isascii() and port.isdigit() and len(port) < 6 and 1 <= int(port) <= 65535):
         raise ConfigError(f"{port[:20]!r} is no port, which is from 1 to 65535; write {name.form}.")
@@ -113,7 +116,7 @@ ROSBRIDGE = RobotKind(
 )
 
 
-# A connection to a ROS 1 master through rospy, which Debian and Ubuntu package outside of virtual environments.
+# Connection to a ROS 1 master through rospy, which Debian and Ubuntu install outside of virtual environments.
 
 _ROSPY_NEEDED = Needed("apt install python3-rospy python3-trajectory-msgs python3-actionlib-msgs")
 _PACKAGES = ("/usr/lib/python3/dist-packages", "/opt/ros/noetic/lib/python3/dist-packages")
@@ -121,10 +124,11 @@ _NODE = "frida_painter"
 
 
 class RospyConnection:
-    """Implements drivers.ros.RosConnection over the topics of one node.
+    """Connection to a ROS 1 master over the topics of one node. Implements drivers.ros.RosConnection.
 
-    master: its address, like http://localhost:11311; by default what ROS_MASTER_URI says. A process has
-    one node, so a second connection of the same process speaks through the same one, over sockets of its own.
+    master: address such as http://localhost:11311; by default that of ROS_MASTER_URI
+
+    A process has one node. A second connection of the same process uses the same node, over separate sockets.
     """
 
     def __init__(self, master: str | None = None) -> None:
@@ -134,7 +138,7 @@ class RospyConnection:
         self._subscribers: list[Any] = []
 
     def open(self) -> None:
-        """Joins the master as a node. Raises RobotError without rospy, RobotDisconnected without a master."""
+        """Registers a node with the master. Raises RobotError without rospy, RobotDisconnected without a master."""
         rospy = _rospy()
         address = urlsplit(self.master)
         try:
@@ -155,20 +159,20 @@ class RospyConnection:
         self._rospy = rospy
 
     def hear(self, topic: str, kind: str, tell: Callable[[Message], None]) -> None:
-        """Calls `tell` with every message on a topic, in rospy's thread."""
+        """Calls `tell` with every message of a topic, in rospy's thread."""
         told = self._rospy.Subscriber(topic, _kind(kind), lambda message: tell(_as_mapping(message)), tcp_nodelay=True)
         self._subscribers.append(told)
 
     def announce(self, topic: str, kind: str) -> None:
-        """Says that messages will be published on a topic."""
+        """Announces that messages will be published on a topic."""
         self._publishers[topic] = self._rospy.Publisher(topic, _kind(kind), queue_size=1, tcp_nodelay=True)
 
     def is_heard(self, topic: str) -> bool:
-        """Whether a node is connected to the topic."""
+        """Returns True if a node is connected to the topic."""
         return topic in self._publishers and self._publishers[topic].get_num_connections() > 0
 
     def publish(self, topic: str, message: Message) -> None:
-        """Sends a message to whoever listens. Raises RobotDisconnected where nobody does."""
+        """Sends a message to the listeners. Raises RobotDisconnected if there are none or ROS does not take it."""
         if not self.is_heard(topic):
             raise RobotDisconnected(f"Nobody listens to {topic} any more; look at the arm's node.")
         publisher = self._publishers[topic]
@@ -180,17 +184,17 @@ class RospyConnection:
             raise RobotDisconnected(f"ROS did not take a message on {topic} ({one_line(cause)}).") from cause
 
     def close(self) -> None:
-        """Takes back what was announced and heard; the node stays as long as the process."""
+        """Unregisters publishers and subscribers; the node lives as long as the process."""
         for spoken in (*self._publishers.values(), *self._subscribers):
             spoken.unregister()
         self._publishers, self._subscribers = {}, []
 
 
 def _rospy() -> Any:
-    """The module rospy, from where the distribution's packages are when a virtual environment hides them."""
+    """Returns the module rospy, also from the system's packages if a virtual environment hides them."""
     for folder in _PACKAGES:
         if Path(folder, "rospy").is_dir() and folder not in sys.path:
-            sys.path.append(folder)  # behind all else: packages of the environment come first
+            sys.path.append(folder)  # at the end, so that packages of the environment have priority
     try:
         return importlib.import_module("rospy")
     except ImportError as missing:
@@ -201,7 +205,7 @@ def _rospy() -> Any:
 
 
 def _kind(name: str) -> Any:
-    """The class of a message, "std_msgs/Empty" for instance."""
+    """Returns the class of a message from its name, such as "std_msgs/Empty"."""
     package, _, kind = name.partition("/")
     try:
         return getattr(importlib.import_module(f"{package}.msg"), kind)
@@ -211,7 +215,7 @@ def _kind(name: str) -> Any:
 
 
 def _as_mapping(message: Any) -> Any:
-    """A rospy message as nested mappings."""
+    """Converts a rospy message to nested mappings."""
     if hasattr(message, "secs"):
         return {"secs": message.secs, "nsecs": message.nsecs}
     if hasattr(message, "__slots__") and hasattr(message, "_type"):

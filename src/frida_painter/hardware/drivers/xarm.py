@@ -1,6 +1,6 @@
-"""`xarm`: UFACTORY's xArm 6, xArm 7 and Lite 6 through their SDK, which counts in millimetres and degrees.
+"""The robot kind `xarm`: UFACTORY's xArm 6, xArm 7 and Lite 6 through their SDK, in millimetres and degrees.
 
-The SDK never clears an error here, and neither does this program: a person does, at the arm.
+Neither the SDK nor this program clears an error: a person does that, at the arm.
 """
 
 import socket
@@ -41,16 +41,22 @@ _ERRORS = {
     31: "it ran into something",
     35: "beyond its own safety boundary",
 }
-"""UFACTORY's controller errors that painting can meet (xarm_api_code.md of the SDK)."""
+"""Controller errors of UFACTORY that can occur while painting (xarm_api_code.md of the SDK)."""
 
 
 @dataclass(frozen=True)
 class XarmSettings:
-    """address: of the control box; home: where the tip is aside (m); approach: m/s to the first waypoint.
+    """Settings of an xArm.
 
-    brush_length: from the arm's tool centre to the brush's tip, metres, 0 where the arm's own tool offset
-    says it; tool: roll, pitch and yaw of the tool in degrees, the default points straight down;
-    blend: how near to a waypoint the arm passes, metres; acceleration: m/s2. Raises ConfigError.
+    address: of the control box
+    home: home position of the tip, metres
+    approach: m/s to the first waypoint
+    brush_length: from the arm's tool centre to the brush's tip, metres; 0 if the arm's own tool offset includes it
+    tool: roll, pitch and yaw of the tool in degrees; the default points straight down
+    blend: distance from a waypoint at which the arm may round the corner, metres
+    acceleration: m/s2
+
+    Raises ConfigError if a value is out of range.
     """
 
     address: str
@@ -75,7 +81,7 @@ class XarmSettings:
 
 
 class XarmRobot:
-    """Implements hardware.robot.Robot. Stops go over a connection of their own, which nothing else uses."""
+    """Robot through UFACTORY's SDK. Implements hardware.robot.Robot. Stops use a separate connection."""
 
     def __init__(self, settings: XarmSettings) -> None:
         self.settings = settings
@@ -85,10 +91,11 @@ class XarmRobot:
         self.serial_number = ""
 
     def connect(self) -> None:
-        """Connects twice, once for motions and once for stops, and enables the arm where it has no error.
+        """Opens one connection for motions and one for stops, and enables the arm if it has no error.
 
-        Raises RobotDisconnected where nobody answers at the address, RobotError where the package is
-        missing or the arm has an error, which only a person clears.
+        Raises RobotDisconnected if the address does not answer.
+        Raises RobotError if the package is missing or the arm refuses a command, MotionFailed if it has an error,
+        which only a person clears.
         """
         self.close()
         try:
@@ -114,13 +121,13 @@ class XarmRobot:
             raise
 
     def home(self) -> MotionReport:
-        """Goes aside, by way of the height of its place there."""
+        """Moves to the home position, first vertically."""
         here, aside = self.pose(), np.array(self.settings.home)
         above = np.array([here[0], here[1], max(here[2], aside[2])])
         return self.follow(Waypoints("home", np.stack((above, aside)), self.settings.approach))
 
     def pose(self) -> NDArray[np.float64]:
-        """Where the tip is, [3] metres."""
+        """Returns the position of the tip, [3] metres. Raises RobotError if the answer is no position."""
         self._interlock.require_ready("pose")
         answer = self._interlock.asking("pose", lambda: self._arm.get_position(is_radian=False))
         try:
@@ -135,10 +142,10 @@ class XarmRobot:
         return position / 1000 - (0, 0, self.settings.brush_length)
 
     def follow(self, waypoints: Waypoints) -> MotionReport:
-        """Moves along the waypoints in straight lines, rounding each a little, and returns when the arm stands.
+        """Moves along the waypoints in straight lines with slightly rounded corners; returns when the arm stands.
 
-        Raises MotionFailed with UFACTORY's code, RobotDisconnected, and RobotStopped where it was stopped
-        here or at the arm; the arm is stopped then.
+        Raises MotionFailed with UFACTORY's code, RobotDisconnected, or RobotStopped if it was stopped here or at
+        the arm. The arm is then stopped.
         """
         self._interlock.require_ready(waypoints.label)
         self._interlock.require_path(waypoints)
@@ -158,21 +165,21 @@ class XarmRobot:
         return MotionReport(waypoints.label, started, time.monotonic(), reached)
 
     def stop(self) -> None:
-        """State 4 over the connection for stops: the arm stands and forgets what it had to do."""
+        """Sets state 4 over the connection for stops: the arm stands and forgets its remaining motions."""
         self._interlock.stop()
         self._halt()
 
     def close(self) -> None:
-        """Lets go of both connections; an arm that moves is stopped."""
+        """Closes both connections."""
         arm, stopper, self._arm, self._stopper = self._arm, self._stopper, None, None
         self._interlock.closed()
         for connection in (arm, stopper):
             if connection is not None:
-                with suppress(RobotError):  # What does not even let go is left behind.
+                with suppress(RobotError):  # A connection that does not close in time is abandoned.
                     self._interlock.asking("close", connection.disconnect)
 
     def _require_somebody(self) -> None:
-        """The SDK would wait for long where nobody answers."""
+        """Checks that the control box answers, because the SDK would wait for long."""
         try:
             socket.create_connection((self.settings.address, _CONTROL_PORT), timeout=PATIENCE).close()
         except OSError as cause:
@@ -182,7 +189,7 @@ class XarmRobot:
             ) from cause
 
     def _connected(self, kind: Callable[..., Any]) -> Any:
-        """A connection that is open."""
+        """Returns an open connection."""
         made = self._interlock.asking("connect", lambda: kind(self.settings.address, is_radian=False, do_not_open=True))
         try:
             self._interlock.asking("connect", made.connect, _OPENING)
@@ -194,7 +201,7 @@ class XarmRobot:
         return made
 
     def _send(self, waypoints: Waypoints, index: int) -> None:
-        """Puts one waypoint into the arm's own queue."""
+        """Puts one waypoint into the arm's queue."""
         self._heed_stop(waypoints.label)
         x, y, z = (waypoints.position[index] + (0, 0, self.settings.brush_length)) * 1000
         roll, pitch, yaw = self.settings.tool
@@ -229,7 +236,7 @@ class XarmRobot:
             )
 
     def _wait(self, waypoints: Waypoints, until: float) -> None:
-        """Returns when the arm says that it stands and that its queue is empty, and is seen twice not to move."""
+        """Returns when the arm reports rest and an empty queue, and two polls show the same position."""
         seen, last = 0, np.full(3, np.nan)
         while seen < 2:
             self._heed_stop(waypoints.label)
@@ -252,7 +259,7 @@ class XarmRobot:
             raise RobotStopped(f"{label}: {self._interlock.name} was stopped; look at it before it is connected anew.")
 
     def _state(self, label: str) -> int:
-        """The arm's state. Raises RobotStopped where it was stopped, and not from here."""
+        """Returns the arm's state. Raises RobotStopped if it was stopped at the arm."""
         state = self._number(label, "get_state")
         if state in _STOPPED:
             raise RobotStopped(
@@ -262,14 +269,14 @@ class XarmRobot:
         return state
 
     def _number(self, label: str, call: str) -> int:
-        """The answer of one of the SDK's questions whose answers are (code, number)."""
+        """Calls a question of the SDK whose answer is (code, number), and returns the number."""
         answer = self._interlock.asking(label, getattr(self._arm, call))
         if isinstance(answer, tuple | list) and len(answer) == 2 and answer[0] == 0 and isinstance(answer[1], int):
             return answer[1]
         raise RobotError(f"{label}: {self._interlock.name} answered {str(answer)[:80]} to {call}; look at it.")
 
     def _require_no_error(self, label: str, waypoint: int | None) -> None:
-        """Raises MotionFailed where the control box has an error."""
+        """Raises MotionFailed if the control box has an error."""
         answer = self._interlock.asking(label, self._arm.get_err_warn_code)
         try:
             code, (error, _) = answer
@@ -298,14 +305,14 @@ class XarmRobot:
             )
 
     def _halt(self) -> None:
-        """Stops the arm over the connection for that, or over the other where that fails; waits two seconds at most."""
+        """Stops the arm over one connection; if that fails, over the other. Waits at most two seconds."""
         for connection in (self._stopper, self._arm):
             if connection is None:
                 continue
             try:
                 if within(1.0, f"{self._interlock.name}: stop", partial(connection.set_state, 4)) == 0:
                     return
-            except Exception:  # Whatever the library raises, the other connection is tried.
+            except Exception:  # after any exception of the library, the other connection is tried
                 continue
 
 

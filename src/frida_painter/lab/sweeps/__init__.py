@@ -1,1 +1,1 @@
-"""Sweeps: many runs over all combinations of settings."""
+"""Sweeps: runs of all combinations of settings."""

@@ -1,4 +1,4 @@
-"""The commands about many runs: sweep FILE, sweep status, sweep report."""
+"""The commands for many runs: sweep FILE, sweep status, sweep report."""
 
 import math
 import sys
@@ -58,7 +58,7 @@ _RUN = "run"
 
 
 class _FileFirst(TyperGroup):
-    """A group in which what is no command is the FILE of `run`."""
+    """Command group in which an argument that is no command is the FILE of `run`."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         first = next((arg for arg in args if not arg.startswith("-")), None)
@@ -157,7 +157,7 @@ def report(folder: FolderOfSweep) -> None:
 
 
 def choose_candidate(spec: "RunSpec", candidates: int) -> "tuple[RunSpec, Plan]":
-    """Returns the description with the best of so many seeds, and its plan; shows progress and prints the choice."""
+    """Returns the spec with the best of `candidates` seeds, and its plan; shows progress and prints the choice."""
     from rich.console import Console
 
     from frida_painter.lab.sweeps.runner import best_candidate
@@ -169,18 +169,18 @@ def choose_candidate(spec: "RunSpec", candidates: int) -> "tuple[RunSpec, Plan]"
 
 
 def _sweep_line(console: "Console") -> Any:
-    """One line on the terminal for many runs."""
+    """Returns a line on the terminal for the progress of many runs."""
     from frida_painter.cli.terminal import Line, progress_bar
 
     class SweepLine(Line):
-        """One line on the terminal for many runs."""
+        """Line on the terminal for the progress of many runs."""
 
         def __init__(self, console: "Console") -> None:
             super().__init__(progress_bar(console))
             self._task = self._bar.add_task("getting ready", total=1.0, left=math.inf)
 
         def hear(self, progress: "SweepProgress") -> None:
-            """Shows how far it is."""
+            """Shows the progress."""
             ended = progress.done + progress.failed
             failed = f", {progress.failed} failed" if progress.failed else ""
             left = math.inf if progress.seconds_left is None else progress.seconds_left

@@ -1,8 +1,8 @@
-"""The engine of a sweep: does one function with many tasks in other processes, tries again, and never stops for one.
+"""The engine of a sweep: runs one function on many tasks in other processes, with retries.
 
-Two engines have one interface: processes of this machine (here), and a Ray cluster (`ray_engine.py`). A task is a
-small plain value; whatever is large lies in files. A try that lasts too long ends by an alarm of the system's in its
-own process, which no code can miss.
+A failure stops no other task. Two engines have the same interface: processes of this machine, and a Ray cluster. A
+task is a small plain value; large data are in files. A system alarm in the process ends a try that takes too long;
+no code can block it.
 """
 
 import logging
@@ -28,9 +28,9 @@ from frida_painter.errors import ConfigError, FridaError, TryFailed, WorkerUnfit
 
 Task = TypeVar("Task")
 Work = Callable[[Any], Any]
-"""A function of a module, by whose name other processes find it."""
+"""Function of a module, which other processes find by its name."""
 
-_STARTING = 300.0  # seconds until a process has loaded, on a machine that is busy
+_STARTING = 300.0  # seconds for a process to load, on a busy machine
 _STARTS = 4
 _GRACE = 20.0  # seconds after the alarm
 PRELOADED = [
@@ -40,13 +40,19 @@ PRELOADED = [
     "frida_painter.render.scanline",
     "sklearn.cluster",
 ]
-"""What a run imports, also where it is used first: loaded once, and every process begins with it."""
+"""Imports of a run, including late ones. They are loaded once, and every process starts with them."""
 _MB = 2**20
 
 
 @dataclass(frozen=True)
 class TaskLimits:
-    """What each task is given: seconds for a try, cores, MB of memory, and tries in all."""
+    """Limits of each task.
+
+    seconds: of a try
+    threads: cores
+    memory: MB
+    tries: in total
+    """
 
     seconds: float = 3600.0
     threads: int = 1
@@ -56,7 +62,7 @@ class TaskLimits:
 
 @dataclass(frozen=True)
 class Ended(Generic[Task]):
-    """A task that has ended: its value, or the error of the last try."""
+    """Ended task with its value, or with the error of the last try."""
 
     task: Task
     value: Any = None
@@ -64,32 +70,35 @@ class Ended(Generic[Task]):
 
 
 class Engine(Protocol):
-    """Does tasks somewhere."""
+    """Engine that runs tasks."""
 
     @property
     def slots(self) -> int:
-        """How many tasks are done at the same time."""
+        """Number of tasks at the same time."""
         ...
 
     def run(self, work: Work, tasks: Iterable[Task]) -> Generator[Ended[Task], None, None]:
-        """Does the work with every task, and tells of each when it ends; closing the iterator stops what is going on.
+        """Runs `work` on every task, and yields each when it ends. Closing the iterator stops the running tasks.
 
-        A WorkerUnfit ends its task at once, for no other try would do better.
+        A WorkerUnfit error ends its task without further tries, because they would fail too.
         """
         ...
 
 
 def slots_here(limits: TaskLimits, most: int | None = None) -> int:
-    """How many tasks this machine has cores and memory for, at least one. most: not more than so many."""
+    """Returns the number of tasks for which this machine has cores and memory, at least one.
+
+    most: upper limit; None for no limit
+    """
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // _MB
     return max(1, min(cores // limits.threads, memory // limits.memory, most or cores))
 
 
 def within_limits(work: Work, task: Any, limits: TaskLimits) -> Any:
-    """One try, in the process that does it: with so many threads, and killed by the system where it lasts too long.
+    """Runs one try in its own process, with limited threads; the system kills it if it takes too long.
 
-    Raises TryFailed for errors of other packages, of which only the text can be sent to another process.
+    Raises TryFailed for errors of other packages, because only their text can be sent to another process.
     """
     import torch
 
@@ -109,9 +118,9 @@ def within_limits(work: Work, task: Any, limits: TaskLimits) -> Any:
 
 
 class LocalEngine:
-    """Processes of this machine, one for each slot, which stay for many tasks and end with the one that started them.
+    """Engine with processes of this machine, one for each slot. They serve many tasks and end with their parent.
 
-    slots: how many tasks at the same time.
+    slots: number of tasks at the same time
     """
 
     def __init__(self, limits: TaskLimits, slots: int) -> None:
@@ -122,7 +131,7 @@ class LocalEngine:
         self._workers = [_Worker(self._context) for _ in range(slots)]
 
     def run(self, work: Work, tasks: Iterable[Task]) -> Generator[Ended[Task], None, None]:
-        """Does the work with every task, and tells of each when it ends."""
+        """Runs `work` on every task, and yields each when it ends."""
         self._stopping.clear()
         rest, waiting = iter(tasks), set[Future[Ended[Task]]]()
         free: SimpleQueue[_Worker] = SimpleQueue()
@@ -141,7 +150,7 @@ class LocalEngine:
             finally:
                 self._stopping.set()
                 waiting = {future for future in waiting if not future.cancel()}
-                while waiting:  # a process that was just being started is there in the next round
+                while waiting:  # a process that is just starting is killed in the next round
                     for worker in self._workers:
                         worker.kill()
                     waiting = wait(waiting, timeout=0.2).not_done
@@ -167,7 +176,7 @@ class LocalEngine:
 
 
 class _Worker:
-    """One process, started when it is needed, and again when it has died."""
+    """Worker process, started when needed, and again after its death."""
 
     def __init__(self, context: Any) -> None:
         self._context = context
@@ -175,7 +184,7 @@ class _Worker:
         self._pid = 0
 
     def call(self, work: Work, task: Any, limits: TaskLimits) -> Any:
-        """The value of one try. Raises TryFailed where the process died or hung, and what the try raises."""
+        """Returns the value of one try. Raises TryFailed if the process died or hung, and the errors of the try."""
         pool = self._opened()
         try:
             future = pool.submit(within_limits, work, task, limits)
@@ -195,14 +204,14 @@ class _Worker:
 
     def _opened(self) -> ProcessPoolExecutor:
         failure: Exception | None = None
-        for _ in range(_STARTS):  # one that is killed while it loads is started again
+        for _ in range(_STARTS):  # a process that is killed while it loads is started again
             if self._pool is not None:
                 return self._pool
             pool = ProcessPoolExecutor(1, mp_context=self._context, initializer=_end_with_parent)
             try:
                 self._pid = pool.submit(os.getpid).result(_STARTING)
                 self._pool = pool
-            except (BrokenProcessPool, TimeoutError, EOFError, OSError) as error:  # the server of forks may die as well
+            except (BrokenProcessPool, TimeoutError, EOFError, OSError) as error:  # the fork server may die as well
                 failure = error
                 pool.shutdown(wait=False, cancel_futures=True)
         if self._pool is not None:
@@ -213,7 +222,7 @@ class _Worker:
         ) from failure
 
     def kill(self) -> None:
-        """Ends the process at once."""
+        """Kills the process at once."""
         if self._pool is not None and self._pid:
             with suppress(ProcessLookupError):
                 os.kill(self._pid, signal.SIGKILL)
@@ -222,7 +231,7 @@ class _Worker:
 
 
 def _end_with_parent() -> None:
-    """Ctrl-C is for the process that started this one, and where that dies, nothing goes on here."""
+    """Ignores Ctrl-C, which is for the parent process, and ends this process when the parent dies."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = parent_process()
 
@@ -234,34 +243,36 @@ def _end_with_parent() -> None:
     threading.Thread(target=follow, daemon=True).start()
 
 
-# The engine on Ray: a cluster of this machine alone, or one that is there. Ray places, starts and repeats the tasks.
-#
-# A run and its result are small; pictures lie in the sweep's folder, which all machines of the cluster have to see.
+# The engine on Ray: a cluster of this machine alone, or an existing one. Ray places, starts and repeats the tasks.
+# A run and its result are small; pictures are in the sweep's folder, which all machines of the cluster must see.
 
-_AHEAD = 2  # tasks for each slot that Ray is told of before they can begin
+_AHEAD = 2  # tasks per slot that Ray knows before they can start
 _MOST_AHEAD = 10_000
 _ANSWERING = 5.0  # seconds
-_SETTINGS = b"\x04"  # the type of the frame with which every speaker of HTTP/2 begins, as Ray's are (RFC 9113, 3.4)
+_SETTINGS = b"\x04"  # type of the first frame in HTTP/2, which Ray uses (RFC 9113, 3.4)
 _HELLO = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + bytes(3) + _SETTINGS + bytes(5)
 _OBJECTS = 100 * _MB  # bytes for values between processes; those of a sweep are small
-_SILENT = {"log_to_driver": False, "logging_level": logging.CRITICAL + 1}  # a failure is told by the sweep
+_SILENT = {"log_to_driver": False, "logging_level": logging.CRITICAL + 1}  # the sweep reports failures itself
 
 
 class RayEngine:
-    """Tasks on Ray, from when it is made until `run` ends.
+    """Engine on Ray, from its construction to the end of `run`.
 
-    slots: at the same time on this machine; address: of a cluster, HOST:PORT or "auto", whose own size decides instead.
-    Raises ConfigError where Ray is not installed or the address does not answer.
+    slots: number of tasks at the same time on this machine
+    address: HOST:PORT or "auto" of a cluster, whose size then decides instead of `slots`
+
+    Raises ConfigError if Ray is not installed, the address does not answer, or no machine has enough cores and
+    memory.
     """
 
     def __init__(self, limits: TaskLimits, slots: int, address: str | None = None) -> None:
         registry.require("ray", "ray", "A sweep over several machines (--address)")
-        os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # nobody is told of anything
+        os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # no usage statistics are sent
         if address is not None:
             _show_token()
         import ray
 
-        # Ray would print the stack of every try that fails, and all that a machine said before it was gone.
+        # Otherwise Ray prints the stack of every failed try, and the last output of a lost machine.
         ray._private.worker._worker_logs_enabled = False
         self._limits = limits
         if address is None:
@@ -291,7 +302,7 @@ class RayEngine:
             )
 
     def run(self, work: Work, tasks: Iterable[Task]) -> Generator[Ended[Task], None, None]:
-        """Does the work with every task, and tells of each when it ends."""
+        """Runs `work` on every task, and yields each when it ends."""
         import ray
 
         limits, ahead = self._limits, min(_AHEAD * self.slots + 2, _MOST_AHEAD)
@@ -317,7 +328,7 @@ class RayEngine:
 
 @contextmanager
 def _own_signals() -> Iterator[None]:
-    """Keeps what this process does at SIGTERM, where Ray would print its own stack and go on."""
+    """Preserves this process's handler of SIGTERM; Ray's own handler prints a stack and goes on."""
     before = signal.getsignal(signal.SIGTERM)
     yield
     if before is not None and threading.current_thread() is threading.main_thread():
@@ -325,20 +336,20 @@ def _own_signals() -> Iterator[None]:
 
 
 def _show_token() -> None:
-    """Has Ray show its token where this machine has one: clusters of `ray start` ask for it."""
+    """Makes Ray use its token if this machine has one, because clusters of `ray start` ask for it."""
     place = Path(os.environ.get("RAY_AUTH_TOKEN_PATH", "~/.ray/auth_token"))
     if "RAY_AUTH_TOKEN" in os.environ or place.expanduser().is_file():
         os.environ.setdefault("RAY_AUTH_MODE", "token")
 
 
 def _room(resources: Mapping[str, float], limits: TaskLimits) -> int:
-    """How many tasks a machine with these resources does at the same time."""
+    """Returns the number of tasks for which a machine with these resources has room."""
     memory = resources.get("memory", 0.0) / (limits.memory * _MB)
     return int(min(resources.get("CPU", 0.0) / limits.threads, memory))
 
 
 def _ended(task: Task, reference: Any, limits: TaskLimits) -> Ended[Task]:
-    """What became of a task."""
+    """Returns the ended task of a reference."""
     import ray
 
     try:
@@ -359,7 +370,7 @@ def _lost(error: Exception, limits: TaskLimits) -> str:
 
 
 def _require_answer(address: str) -> None:
-    """Raises ConfigError unless something answers at the address, which Ray itself waits for by the minute."""
+    """Raises ConfigError unless Ray answers at the address; Ray itself would wait for minutes."""
     if address in ("auto", "local"):
         return
     host, _, port = address.removeprefix("ray://").rpartition(":")

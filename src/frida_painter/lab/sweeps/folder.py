@@ -1,11 +1,11 @@
-"""The folder of a sweep: who works on it, what was asked for, copies of the pictures, and what every run gave.
+"""The folder of a sweep: lock, request, copies of the pictures, and the result of every run.
 
-| file | what it is |
+| file | content |
 |---|---|
-| sweep.json | the sweep as it was asked for last, and what every picture is called here |
-| inputs/ | copies of the pictures, named by their content: the originals may vanish |
-| runs/KEY/ | one run: result.json once it is done, failure.json where it failed last, plan and pictures |
-| table.parquet | all results, made again from the runs at any time |
+| sweep.json | the latest request of the sweep, with the hashes of its files |
+| inputs/ | copies of the pictures, named by their content, in case the originals vanish |
+| runs/KEY/ | one run: result.json if it is done, failure.json if its last try failed, plan and pictures |
+| table.parquet | all results; it can be made again from the runs |
 | status.html, index.html | the pages of `sweep status` and `sweep report` |
 """
 
@@ -23,15 +23,16 @@ from frida_painter.errors import ConfigError, FridaError, StorageError, SweepBus
 from frida_painter.lab.sweeps.spec import Fields, SweepRun, SweepSpec, Value, label
 from frida_painter.runs.folder import content_hash
 
-# The runs that a sweep makes, each once, by the content of the files that they are of.
+# Expansion of a sweep to its runs, each once, identified by the content of its files.
 
 _MOST_FAULTS = 5
 
 
 class FileHashes:
-    """The hashes of files by their paths, each read once; of one that has vanished, the one that is known.
+    """Hashes of files by path, each computed once; a vanished file has its known hash.
 
-    known: those of the day on which the sweep was begun; reread: whether files that are there are read again.
+    known: hashes from the start of the sweep
+    reread: True to hash existing files again
     """
 
     def __init__(self, known: Mapping[str, str] | None = None, *, reread: bool = True) -> None:
@@ -40,7 +41,7 @@ class FileHashes:
         self.vanished: list[str] = []
 
     def of(self, path: Path) -> str:
-        """The hash of a file, or of all in a folder. Raises ConfigError where it is not there and never was."""
+        """Returns the hash of a file, or of all files in a folder. Raises ConfigError if it is missing and unknown."""
         name = str(path.absolute())
         if name not in self.by_path:
             if storage.exists(path):
@@ -54,7 +55,7 @@ class FileHashes:
 
 
 def expanded(spec: SweepSpec, hashes: FileHashes) -> tuple[SweepRun, ...]:
-    """The runs in their order, each once. Raises ConfigError, naming the first few faults."""
+    """Returns the runs in order, each once. Raises ConfigError, which names the first few faults."""
     runs, faults = dict[str, SweepRun](), list[str]()
     told = _Labels(spec)
     for differing, fields in spec.fields():
@@ -73,7 +74,7 @@ def expanded(spec: SweepSpec, hashes: FileHashes) -> tuple[SweepRun, ...]:
 
 
 class _Labels:
-    """What the values of the fields in which runs differ are called, so that no two are called the same."""
+    """Labels for the values of the fields in which runs differ; no two values have the same label."""
 
     def __init__(self, spec: SweepSpec) -> None:
         self._named: dict[str, dict[str, Value]] = {name: {} for name in spec.axes}
@@ -82,7 +83,7 @@ class _Labels:
         for name, value in values:
             self._named[name][repr(value)] = label(value)
         for name, known in self._named.items():
-            if len(set(known.values())) < len(known):  # the same file name in several folders, for one
+            if len(set(known.values())) < len(known):  # for example the same file name in several folders
                 files = [value for field, value in values if field == name and isinstance(value, str)]
                 if len(set(files)) == len(known) and all("/" in file for file in files):
                     above = os.path.commonpath([str(Path(file).parent) for file in files])
@@ -91,7 +92,7 @@ class _Labels:
                     known |= {value: value for value in known}
 
     def of(self, differing: Fields) -> dict[str, Value]:
-        """The labels of a run by these fields."""
+        """Returns the labels of a run with these fields."""
         return {name: self._named[name][repr(value)] for name, value in differing.items()}
 
 
@@ -99,19 +100,22 @@ SWEEP = "sweep.json"
 TABLE = "table.parquet"
 _FORMAT = "frida-painter sweep"
 _LOCK = ".lock"
-_CUT_OFF = ".sweep-*.json"  # what a driver leaves that is killed while it writes the first file
+_CUT_OFF = ".sweep-*.json"  # remains of a process that was killed while it wrote the first file
 _ROOM = 100 * 2**20  # bytes
 
 
 class RunFolder:
-    """The folder of one run of a sweep. key: of the run."""
+    """Folder of one run of a sweep.
+
+    key: of the run
+    """
 
     def __init__(self, sweep: Path, key: str) -> None:
         self.path = sweep / "runs" / key
 
     @contextlib.contextmanager
     def held(self) -> Iterator[None]:
-        """For one process at a time; the others wait. Raises StorageError where nothing can be written."""
+        """Locks the folder for one process at a time; others wait. Raises StorageError if it cannot be written."""
         try:
             self.path.mkdir(parents=True, exist_ok=True)
             lock = FileLock(self.path / _LOCK, fallback_to_soft=False, preserve_lock_file=True)
@@ -124,21 +128,21 @@ class RunFolder:
             lock.release()
 
     def record(self) -> dict[str, Any] | None:
-        """What came out; None where it is not done, or where what is there is damaged, or of another run."""
+        """Returns the result; None if the run is not done, or if the result is damaged or of another run."""
         record = self._read("result.json", "the result of a run")
         return record if record is not None and record.get("key") == self.path.name else None
 
     def keep(self, record: Mapping[str, Any]) -> None:
-        """Writes what came out, which makes the run done. Raises StorageError."""
+        """Writes the result, which marks the run as done. Raises StorageError."""
         storage.write_json(self.path / "result.json", record)
         (self.path / "failure.json").unlink(missing_ok=True)
 
     def keep_failure(self, failure: Mapping[str, Any]) -> None:
-        """Writes why it failed. Raises StorageError."""
+        """Writes the reason of a failure. Raises StorageError."""
         storage.write_json(self.path / "failure.json", failure)
 
     def failure(self) -> dict[str, Any] | None:
-        """Why it failed last; None where it did not."""
+        """Returns the last failure; None if there is none."""
         return self._read("failure.json", "why a run failed")
 
     def _read(self, name: str, what: str) -> dict[str, Any] | None:
@@ -151,18 +155,21 @@ class RunFolder:
 
 
 class SweepFolder:
-    """The folder of a sweep."""
+    """Folder of a sweep."""
 
     def __init__(self, path: Path) -> None:
         self.path = path.absolute()
 
     def run(self, key: str) -> RunFolder:
-        """The folder of a run."""
+        """Returns the folder of a run."""
         return RunFolder(self.path, key)
 
     @contextlib.contextmanager
     def held(self) -> Iterator[None]:
-        """For one driver at a time. Raises SweepBusy where another works on it, StorageError where it cannot be."""
+        """Locks the folder for one driver.
+
+        Raises SweepBusy if another process has it, StorageError if it cannot be used.
+        """
         storage.require_space(self.path, _ROOM)
         try:
             self.path.mkdir(parents=True, exist_ok=True)
@@ -187,12 +194,12 @@ class SweepFolder:
 
     @property
     def is_begun(self) -> bool:
-        """Whether a sweep was begun in it."""
+        """True if the folder contains a sweep."""
         return (self.path / SWEEP).exists()
 
     @property
     def is_held(self) -> bool:
-        """Whether a driver works on it now."""
+        """True if a driver works on it now."""
         lock = self._lock()
         try:
             lock.acquire(blocking=False)
@@ -202,14 +209,18 @@ class SweepFolder:
         return False
 
     def keep(self, spec: SweepSpec, hashes: Mapping[str, str], slots: int) -> None:
-        """Writes what is asked for. hashes: of files by their paths; slots: runs at the same time."""
+        """Writes the request.
+
+        hashes: of files by their paths
+        slots: number of runs at the same time
+        """
         storage.write_json(
             self.path / SWEEP,
             {"format": _FORMAT, "sweep": spec.model_dump(mode="json"), "files": dict(hashes), "slots": slots},
         )
 
     def asked(self) -> tuple[SweepSpec, dict[str, str], int]:
-        """What was asked for last, the hashes of files by their paths, and the slots. Raises ConfigError."""
+        """Returns the latest request, the hashes of files by their paths, and the slots. Raises ConfigError."""
         path = self.path / SWEEP
         if not self.is_begun:
             raise ConfigError(
@@ -221,9 +232,9 @@ class SweepFolder:
         return SweepSpec.of(**kept["sweep"]), kept["files"], kept["slots"]
 
     def copy_of(self, path: Path, content: str) -> Path:
-        """The copy of a picture by its hash, made where none is there that is as it was.
+        """Returns the copy of a picture with a given hash, and makes it if it is missing or damaged.
 
-        Raises ConfigError where it cannot be made, or where the picture has changed since its hash was taken.
+        Raises ConfigError if it cannot be made, or if the picture has changed since it was hashed.
         """
         copy = self.path / "inputs" / f"{path.stem[:60]}-{content[:16]}{path.suffix.lower()}"
         if not copy.is_file() or content_hash(copy) != content:
@@ -234,7 +245,7 @@ class SweepFolder:
         return copy
 
     def require_space(self) -> None:
-        """Raises StorageError where its disk is as good as full."""
+        """Raises StorageError if its disk is almost full."""
         storage.require_space(self.path, 2**20)
 
     def _lock(self) -> FileLock:

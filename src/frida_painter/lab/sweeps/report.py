@@ -1,6 +1,6 @@
-"""The pages of a sweep: how far it is (status.html), and what came out (index.html).
+"""The pages of a sweep: progress (status.html) and results (index.html). Also its statistics and its table.
 
-They open from the sweep's folder without a network; pictures are those of the runs.
+The pages work from the sweep's folder without a network; their pictures are those of the runs.
 """
 
 import math
@@ -25,15 +25,19 @@ if TYPE_CHECKING:
     import pyarrow
 
 
-# How far a sweep is, and how long it still takes: by what the runs that ended took, and what the others are asked.
+# Progress of a sweep, and the remaining time, estimated from the ended runs and the cost of the others.
 
 _LEAST_BETWEEN = 2.0  # seconds
-_SHARE = 0.05  # of the time that may go into writing
+_SHARE = 0.05  # greatest share of the time for writing
 
 
 @dataclass(frozen=True)
 class SweepProgress:
-    """How far a sweep is. seconds_left: None until a run has ended; slots: runs at the same time."""
+    """Progress of a sweep.
+
+    seconds_left: None until a run has ended
+    slots: number of runs at the same time
+    """
 
     total: int
     done: int
@@ -43,14 +47,14 @@ class SweepProgress:
 
 
 class Renewal:
-    """Says when something that shows how far a sweep is should be written anew: seldom enough to cost little."""
+    """Timer of a progress display: rare enough renewals to cost little."""
 
     def __init__(self) -> None:
         self._next = time.monotonic() + _LEAST_BETWEEN
 
     @contextmanager
     def where_due(self) -> Iterator[bool]:
-        """Whether it should be written now; what it takes in the block decides when it should be again."""
+        """Yields True if the display should be renewed now. The duration of the block determines the next renewal."""
         started = time.monotonic()
         due = started >= self._next
         yield due
@@ -60,7 +64,10 @@ class Renewal:
 
 
 class Tally:
-    """Counts the runs of a sweep as they end. slots: runs at the same time."""
+    """Counter of a sweep's runs as they end.
+
+    slots: number of runs at the same time
+    """
 
     def __init__(self, runs: Sequence[SweepRun], slots: int) -> None:
         self._total, self.slots = len(runs), slots
@@ -69,35 +76,38 @@ class Tally:
         self._done = self._failed = 0
 
     def done(self, run: SweepRun, record: Mapping[str, Any]) -> None:
-        """A run is done."""
+        """Counts a finished run."""
         self._done += 1
         self._left -= run.cost
         self._cost += run.cost
         self._seconds += record["times"]["wall_seconds"]
 
     def failed(self, run: SweepRun) -> None:
-        """A run has failed for good."""
+        """Counts a run that failed for good."""
         self._failed += 1
         self._left -= run.cost
 
     @property
     def progress(self) -> SweepProgress:
-        """How far it is."""
+        """Current progress."""
         at_once = max(1, min(self.slots, self._total - self._done - self._failed))
         seconds = max(0.0, self._left) * self._seconds / self._cost / at_once if self._cost else None
         return SweepProgress(self._total, self._done, self._failed, seconds, self.slots)
 
 
-# How far a sweep is, read from its folder: while another process works on it, and after.
+# Status of a sweep from its folder, during the work of another process and after it.
 
 _SHOWN = 10
 
 
 @dataclass(frozen=True)
 class SweepStatus:
-    """A sweep as its folder tells it: the runs, the records of those that are done, why others failed, by key.
+    """Status of a sweep.
 
-    working: whether a process works on it now.
+    runs: all of them
+    records: results of the finished runs, by key
+    failures: reasons of failed runs, by key
+    working: True if a process works on it now
     """
 
     folder: Path
@@ -109,7 +119,7 @@ class SweepStatus:
     working: bool
 
     def lines(self) -> list[str]:
-        """As a terminal shows it."""
+        """Returns the status as lines for a terminal."""
         told = [f"{self.spec.title or self.folder.name}: {summary(self.progress, working=self.working)}"]
         told += [f"  {named(failure)}: {failure['error']}" for failure in list(self.failures.values())[:_SHOWN]]
         if len(self.failures) > _SHOWN:
@@ -118,7 +128,7 @@ class SweepStatus:
 
 
 def status_of(folder: Path) -> SweepStatus:
-    """How far the sweep in a folder is. Raises ConfigError where there is none."""
+    """Returns the status of the sweep in a folder. Raises ConfigError if there is none."""
     place = SweepFolder(folder)
     spec, known, slots = place.asked()
     runs = expanded(spec, FileHashes(known, reread=False))
@@ -136,7 +146,7 @@ def status_of(folder: Path) -> SweepStatus:
 
 
 def summary(progress: SweepProgress, *, working: bool) -> str:
-    """How far it is in one sentence."""
+    """Returns the progress in one sentence."""
     told = f"{progress.done} of {progress.total} runs done"
     if progress.failed:
         told += f", {progress.failed} failed"
@@ -150,14 +160,13 @@ def summary(progress: SweepProgress, *, working: bool) -> str:
 
 
 def named(failure: Mapping[str, Any]) -> str:
-    """A run that failed by what tells it from the others."""
+    """Returns the name of a failed run: its labels."""
     return ", ".join(f"{name} {value}" for name, value in failure["labels"].items()) or str(failure["key"])
 
 
-# What the results of a sweep show: means with confidence intervals, and paired tests between the values of a field.
-#
-# Two runs are a pair where they differ in one field alone: the same photograph, the same seed, and all else that was
-# varied. Of many tests some would be significant by chance, so their p-values are adjusted by Holm's method.
+# Statistics of a sweep: means with confidence intervals, and paired tests between the values of a field.
+# Two runs are a pair if they differ in one field only: the same photograph, the same seed, and all other varied
+# fields. Some of many tests would be significant by chance, so that their p-values are adjusted by Holm's method.
 
 CONFIDENCE = 0.95
 _FEWEST = 3  # pairs, for a test
@@ -165,7 +174,7 @@ _FEWEST = 3  # pairs, for a test
 
 @dataclass(frozen=True)
 class Result:
-    """One run: the fields that were varied, and a figure of it."""
+    """Result of one run: the varied fields, and a figure."""
 
     labels: Mapping[str, Value]
     figure: float
@@ -173,7 +182,7 @@ class Result:
 
 @dataclass(frozen=True)
 class Mean:
-    """A mean over runs, and the interval that holds the true one with 95 % confidence; of one run only the value."""
+    """Mean over runs with its 95 % confidence interval; for one run only the value."""
 
     value: float
     low: float
@@ -182,7 +191,7 @@ class Mean:
 
     @classmethod
     def of(cls, values: Sequence[float]) -> "Mean":
-        """By Student's t distribution."""
+        """Returns the mean with its interval, by Student's t distribution."""
         from scipy.stats import t
 
         mean = float(np.mean(values))
@@ -194,10 +203,12 @@ class Mean:
 
 @dataclass(frozen=True)
 class FieldEffect:
-    """How a figure changes where a field goes from one value to another, all else being equal.
+    """Effect of a field on a figure: the change from one value to another with all other fields equal.
 
-    difference: the mean of second - first; t, wilcoxon: p-values of the paired t-test and of Wilcoxon's signed-rank
-    test, adjusted by Holm's method over all tests of a list; more: in how many pairs the second is larger.
+    difference: mean of second - first
+    more: number of pairs in which the second is larger
+    t, wilcoxon: p-values of the paired t-test and of Wilcoxon's signed-rank test, adjusted by Holm's method over
+        all tests of a list
     """
 
     field: str
@@ -210,7 +221,7 @@ class FieldEffect:
 
 
 def means(results: Iterable[Result], field: str, series: str | None) -> dict[Value, dict[float, Mean]]:
-    """Means by the value of `series` (None: all runs together) and of a field of numbers, in their order."""
+    """Returns the means by the value of `series` (None: all runs together), then by a numeric field, in order."""
     groups: dict[Value, dict[float, list[float]]] = {}
     for one in results:
         place = one.labels.get(field)
@@ -223,7 +234,7 @@ def means(results: Iterable[Result], field: str, series: str | None) -> dict[Val
 
 
 def paired_tests(results: Sequence[Result], fields: Iterable[str]) -> tuple[FieldEffect, ...]:
-    """A test for every two values of every field that has three pairs of runs or more."""
+    """Returns a test for every two values of every field that have at least three pairs of runs."""
     found = [
         test
         for field in fields
@@ -236,7 +247,7 @@ def paired_tests(results: Sequence[Result], fields: Iterable[str]) -> tuple[Fiel
 
 
 def holm(values: Sequence[float]) -> list[float]:
-    """P-values adjusted for their number (Holm 1979)."""
+    """Returns p-values adjusted for their number (Holm 1979)."""
     order = sorted(range(len(values)), key=lambda index: values[index])
     adjusted, largest = [0.0] * len(values), 0.0
     for rank, index in enumerate(order):
@@ -261,7 +272,7 @@ def _test(results: Sequence[Result], field: str, first: Value, second: Value) ->
     if not difference.any():
         p_t = p_wilcoxon = 1.0
     else:
-        with warnings.catch_warnings():  # of differences that are all the same
+        with warnings.catch_warnings():  # of differences that are all equal
             warnings.simplefilter("ignore", RuntimeWarning)
             p_t, p_wilcoxon = float(ttest_rel(after, before).pvalue), float(wilcoxon(difference).pvalue)
     return FieldEffect(
@@ -276,7 +287,7 @@ _FIGURES = {
     "painting": ("painting dB", "sim2real error"),
     "evaluation": ("painting dB", "sim2real error"),
 }
-"""What a report is about, by the kind of run: the first that runs have."""
+"""Figures of a report by the kind of run; the first one that the runs have is used."""
 _MOST_PICTURES = 200
 _MOST_FAILURES = 50
 _MOST_SERIES = 5
@@ -285,21 +296,21 @@ _SEED = "seed"
 
 @dataclass(frozen=True)
 class _Picture:
-    """A run on the contact sheet."""
+    """Picture of a run on the contact sheet."""
 
     file: str
     caption: str
 
 
 def write_status_page(status: SweepStatus) -> Path:
-    """Writes how far it is; the page loads itself again while the sweep is at work. Raises StorageError."""
+    """Writes the status page, which reloads itself while the sweep is at work. Raises StorageError."""
     path = status.folder / STATUS_PAGE
     storage.write_text(path, _page(status, [], [], (), ""))
     return path
 
 
 def write_report(status: SweepStatus) -> Path:
-    """Writes what came out: contact sheet, curves with confidence intervals, paired tests. Raises StorageError."""
+    """Writes the results: contact sheet, curves with confidence intervals, paired tests. Raises StorageError."""
     figure = figure_of(status)
     results = [] if figure is None else results_of(status, figure)
     varied = [name for name in status.spec.axes if len({repr(run.labels.get(name)) for run in status.runs}) > 1]
@@ -311,13 +322,13 @@ def write_report(status: SweepStatus) -> Path:
 
 
 def figure_of(status: SweepStatus) -> str | None:
-    """The figure by which the runs are compared; None where no run has one."""
+    """Returns the figure by which the runs are compared; None if no run has one."""
     known = {name for record in status.records.values() for name in record["figures"]}
     return next((name for name in _FIGURES[status.spec.kind] if name in known), None)
 
 
 def results_of(status: SweepStatus, figure: str) -> list[Result]:
-    """That figure of the runs that have it."""
+    """Returns that figure of the runs that have it."""
     return [
         Result(run.labels, status.records[run.key]["figures"][figure])
         for run in status.runs
@@ -354,7 +365,7 @@ def _page(
 
 
 def _contact_sheet(status: SweepStatus, varied: Sequence[str], figure: str | None) -> list[_Picture]:
-    """The pictures of the runs in their order; of very many every so manieth."""
+    """Returns the pictures of the runs in order; an even selection of very many."""
     done = [run for run in status.runs if run.key in status.records]
     name = "plan.png" if status.spec.kind == "plan" else "painting.png"
     found = []
@@ -366,7 +377,10 @@ def _contact_sheet(status: SweepStatus, varied: Sequence[str], figure: str | Non
 
 
 def _charts(status: SweepStatus, results: Sequence[Result], varied: Sequence[str], figure: str) -> list[str]:
-    """A curve for every varied field of numbers, drawn for each value of the first other field with few; file names."""
+    """Writes a chart for every varied numeric field; returns the file names.
+
+    A chart has a line for each value of another varied field with few values, if there is one.
+    """
     made = []
     for number, field in enumerate(name for name in varied if name != _SEED):
         values = {one.labels.get(field) for one in results}
@@ -405,7 +419,7 @@ def _row(test: FieldEffect) -> tuple[str, ...]:
 
 
 def _words(run: SweepRun, varied: Sequence[str]) -> str:
-    """What tells a run from the others."""
+    """Returns the labels of a run that distinguish it from the others."""
     told = [(name, run.labels.get(name)) for name in varied]
     return ", ".join(value if isinstance(value, str) else f"{name} {_shown(value)}" for name, value in told) or run.key
 
@@ -414,15 +428,13 @@ def _shown(value: Value) -> str:
     return f"{value:.4g}" if isinstance(value, float) else "none" if value is None else str(value)
 
 
-# The table of a sweep, Parquet: a row for every run that has ended, for DuckDB, pandas, polars and whatever reads it.
-#
-# It is written anew as results come in, whole or not at all, so that it can be read at any moment. Columns: what
-# differs
-# between runs by its own name, "set NAME" for the other settings, figures, times, versions.
+# The table of a sweep in Parquet: a row for every ended run, for DuckDB, pandas, polars and others.
+# It is written again as results come in, completely or not at all, so that it can be read at any moment. Columns: the
+# varied fields by their names, "set NAME" for the other settings, figures, times, versions.
 
 
 class TableWriter:
-    """Writes the table of a sweep's folder; without pyarrow it writes none, and says so."""
+    """Writer of the table of a sweep; without pyarrow it writes none, and has a remark."""
 
     def __init__(self, folder: Path) -> None:
         self._path = folder / TABLE
@@ -430,7 +442,7 @@ class TableWriter:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What a person should know of the table."""
+        """Remarks about the table for a person."""
         return () if self._installed else (registry.advice("table", "The table of results (Parquet)") + ".",)
 
     def write(self, records: Iterable[Mapping[str, Any]]) -> None:
@@ -440,7 +452,7 @@ class TableWriter:
 
 
 def flat(record: Mapping[str, Any]) -> dict[str, Any]:
-    """A record as one row of plain values."""
+    """Returns a record as one row of plain values."""
     times, labels = record.get("times", {}), record["labels"]
     settings = {f"set {name}": value for name, value in record.get("settings", {}).items() if name not in labels}
     goal = settings.pop("set goal", None)
@@ -460,7 +472,7 @@ def flat(record: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def write_table(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Writes rows as Parquet; a column that mixes numbers and words holds words. Raises StorageError."""
+    """Writes rows as Parquet; a column with numbers and words becomes words. Raises StorageError."""
     import pyarrow
     from pyarrow import parquet
 

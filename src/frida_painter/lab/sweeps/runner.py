@@ -1,4 +1,4 @@
-"""A sweep from its description to its folder: what was done is not done again, and what fails stops nothing else."""
+"""Runs a sweep from its description to its folder. Finished runs are not repeated, and a failure stops no other run."""
 
 import math
 import platform
@@ -26,27 +26,26 @@ from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.settle import ground_of
 from frida_painter.runs.spec import RunSpec
 
-# What a process of an engine does with a run: plans, paints or evaluates it, and writes what came out to its folder.
-#
-# It is loaded before the first run, so that no run waits for PyTorch.
+# A run in a process of an engine: plans, paints or evaluates it, and writes the results to its folder.
+# This module is loaded before the first run, so that no run waits for PyTorch.
 
 LIBRARIES = ("frida-painter", "torch", "numpy")
 
 
 @dataclass(frozen=True)
 class Assignment:
-    """A run, and the folder of its sweep, which every machine that works on it has to see under this path."""
+    """Run with the folder of its sweep; every machine that works on it must see the folder under this path."""
 
     run: SweepRun
     sweep: str
 
 
 def perform(assignment: Assignment) -> dict[str, Any]:
-    """Does a run, and returns its record, which is also in its folder; one that was done already is only read.
+    """Does a run, and returns its record, which is also in its folder. A run that is already done is only read.
 
-    A lock on the folder sees to it that a process which a dead driver left behind does not do the same run. Raises
-    WorkerUnfit where this machine has another version of the program or does not see the folder, StorageError where
-    nothing can be written, and whatever keeps the run from being done.
+    A lock on the folder keeps a process that a dead driver left behind from doing the same run.
+    Raises WorkerUnfit if this machine has another version of the program or does not see the folder, StorageError
+    if nothing can be written, and the errors of the run.
     """
     run, sweep = assignment.run, Path(assignment.sweep)
     here = version("frida-painter")
@@ -88,7 +87,7 @@ def perform(assignment: Assignment) -> dict[str, Any]:
 
 
 def _of_plan(spec: RunSpec, plan: Plan) -> RunSpec:
-    """The description of a painting of a plan as it is, on its own canvas."""
+    """Returns the spec of a painting that paints the plan without changes, on its own canvas."""
     wells = max(end - first for first, end in (layer.paints for layer in plan.layers))
     brushes = ",".join(layer.brush for layer in plan.layers) if len(plan.brushes) > 1 else plan.brushes[0]
     return spec.changed(
@@ -104,7 +103,10 @@ def _of_plan(spec: RunSpec, plan: Plan) -> RunSpec:
 
 
 def _figures(kind: str, opened: PaintingRun, made: Plan | None, folder: RunFolder) -> Mapping[str, float]:
-    """Does the work, keeps plan and pictures, and returns what is measured of them. made: the plan to evaluate."""
+    """Does the work, stores plan and pictures, and returns their figures.
+
+    made: the plan to evaluate; None to make one
+    """
     planner, target, bare = opened.planner, opened.target, opened.planner.bare
     plan = opened.plan() if made is None else made
     if made is None:
@@ -130,23 +132,26 @@ def _figures(kind: str, opened: PaintingRun, made: Plan | None, folder: RunFolde
 
 
 def psnr(picture: Tensor, target: Tensor) -> float:
-    """Peak signal to noise of a picture [3, H, W] to a target of any size, in dB."""
+    """Returns the peak signal-to-noise ratio of a picture [3, H, W] to a target of any size, in dB."""
     with torch.no_grad():
         error = (picture - images.fit(target, *picture.shape[1:])).square().mean()
     return float(-10 * error.clamp(min=1e-12).log10())
 
 
 MANY = 10_000
-"""Runs above which a person is asked first."""
+"""Number of runs above which a person is asked first."""
 
 Record = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
 class SweepOutcome:
-    """What came of a sweep: the runs, in order, the records of those that are done, and why others failed, by key.
+    """Outcome of a sweep.
 
-    done_before: how many of them earlier calls had done.
+    runs: all of them, in order
+    records: of the finished runs, by key
+    failures: reasons of failed runs, by key
+    done_before: number of runs that earlier calls had finished
     """
 
     folder: Path
@@ -170,16 +175,20 @@ def sweep(
     notify: Notify = lambda progress: None,
     most: int | None = MANY,
 ) -> SweepOutcome:
-    """Does all runs of a sweep that are not done yet, and returns what came of all of them.
+    """Does all runs of a sweep that are not done yet, and returns the outcome of all.
 
-    what: a TOML file, or the same as a mapping, such as {"kind": "plan", "grid": {"image": ["a.jpg"], "seed": [0, 1]}};
-    folder: of the sweep, by default one below "sweeps"; the same one again goes on where it was left;
-    engine: by default Ray where it is installed, otherwise processes; address: of a Ray cluster, None: this machine;
-    jobs: runs at the same time, by default as many as there are cores and memory for;
-    most: runs, above which it refuses, None: any number.
-    In a script of your own call it below `if __name__ == "__main__":`, for it starts processes. Raises ConfigError for
-    what makes no sweep, SweepBusy where another process works on the folder, StorageError where the disk is full, and
-    WorkerUnfit where processes cannot work.
+    what: TOML file, or the same as a mapping, such as {"kind": "plan", "grid": {"image": ["a.jpg"], "seed": [0,
+        1]}}
+    folder: of the sweep, by default one below "sweeps"; the same one again continues the sweep
+    engine: by default Ray if it is installed, otherwise processes
+    address: of a Ray cluster; None for this machine
+    jobs: number of runs at the same time; by default as many as cores and memory allow
+    notify: hears the progress
+    most: greatest number of runs; None for any
+
+    A script must call it below `if __name__ == "__main__":`, because it starts processes.
+    Raises ConfigError for an invalid sweep, SweepBusy if another process works on the folder, StorageError if the
+    disk is full, WorkerUnfit if processes cannot work.
     """
     spec = _spec_of(what)
     refuse_many(spec, most)
@@ -208,7 +217,7 @@ def refuse_many(spec: SweepSpec, most: int | None) -> None:
 
 
 def default_folder(spec: SweepSpec) -> Path:
-    """Where a sweep goes when nobody says otherwise."""
+    """Returns the default folder of a sweep."""
     return Path("sweeps") / (re.sub(r"[^\w.]+", "-", spec.title).strip("-.") or "sweep")
 
 
@@ -220,9 +229,12 @@ def open_engine(
     address: str | None = None,
     jobs: int | None = None,
 ) -> Engine:
-    """The engine for that many tasks: Ray where it is installed, or processes. jobs: at the same time, at the most.
+    """Returns the engine for that many tasks: Ray if it is installed, otherwise processes.
 
-    Raises ConfigError where Ray is asked for and is not installed, or where the address does not answer.
+    jobs: greatest number of tasks at the same time
+
+    Raises ConfigError if Ray is requested but not installed, the address does not answer, or an address is given
+    for processes.
     """
     if address is not None and engine == "processes":
         raise ConfigError("--address is for Ray, and --engine processes is this machine alone; leave out one of them.")
@@ -239,7 +251,7 @@ def _spec_of(what: str | Path | SweepSpec | Mapping[str, Any]) -> SweepSpec:
 
 
 class _Driver:
-    """Leads an engine through the runs that are left, and writes down what comes."""
+    """Driver of a sweep: sends the remaining runs to an engine, and records the results."""
 
     def __init__(
         self, place: SweepFolder, spec: SweepSpec, runs: tuple[SweepRun, ...], hashes: FileHashes, notify: Notify
@@ -258,11 +270,11 @@ class _Driver:
 
     @property
     def left(self) -> list[SweepRun]:
-        """The runs that are not done."""
+        """Runs that are not done."""
         return [run for run in self._runs if run.key not in self._records]
 
     def lead(self, engine: Engine) -> None:
-        """Has the engine do what is left. Raises StorageError, WorkerUnfit."""
+        """Lets the engine do the remaining runs. Raises StorageError, WorkerUnfit."""
         self._tally.slots = engine.slots
         self._notify(self._tally.progress)
         copies = self._copies(self.left)
@@ -289,7 +301,7 @@ class _Driver:
         )
 
     def outcome(self) -> SweepOutcome:
-        """What came of it."""
+        """Returns the outcome."""
         vanished = self._hashes.vanished
         names = ", ".join(sorted(vanished))
         remarks = [f"{names} vanished; the copy in the sweep's folder is used."] if vanished else []
@@ -299,7 +311,7 @@ class _Driver:
         )  # fmt: skip
 
     def _take(self, run: SweepRun, record: Record) -> None:
-        # Its labels are those of today: a run may have been done for another sweep in this folder.
+        # Current labels: the run may have been done for another sweep in this folder.
         self._records[run.key] = {**record, "labels": dict(run.labels)}
         self._tally.done(run, record)
 
@@ -312,13 +324,13 @@ class _Driver:
             "key": run.key, "kind": run.kind, "labels": dict(run.labels), "error": str(error),
             "times": {"ended": datetime.now(UTC).isoformat(timespec="milliseconds")}, "host": platform.node(),
         }  # fmt: skip
-        with suppress(StorageError):  # something else stands where its folder was: the others go on
+        with suppress(StorageError):  # another file is in place of its folder; the other runs go on
             self._place.run(run.key).keep_failure(failure)
         self._failures[run.key] = failure
         self._tally.failed(run)
 
     def _copies(self, runs: Iterable[SweepRun]) -> dict[str, str]:
-        """Copies of the pictures by their paths."""
+        """Returns copies of the pictures by their paths."""
         paths = dict.fromkeys(path for run in runs for path in run.pictures)
         return {
             path: str(self._place.copy_of(Path(path), self._hashes.by_path[str(Path(path).absolute())]))
@@ -326,7 +338,7 @@ class _Driver:
         }
 
 
-# The best of several plans that differ in their seeds: a small sweep before a painting.
+# The best of several plans with different seeds: a small sweep before a painting.
 
 _LAST_SEED = 2**31 - 1
 _EXPECTED, _LOSS = "expected dB", "loss of the plan"
@@ -334,7 +346,7 @@ _EXPECTED, _LOSS = "expected dB", "loss of the plan"
 
 @dataclass(frozen=True)
 class Candidate:
-    """The best candidate: its description, its plan, and how it compares, in one sentence."""
+    """Best candidate: its spec, its plan, and a sentence that compares it."""
 
     spec: RunSpec
     plan: Plan
@@ -342,10 +354,12 @@ class Candidate:
 
 
 def best_candidate(spec: RunSpec, count: int, folder: Path, *, jobs: int | None = None, notify: Notify) -> Candidate:
-    """Plans with `count` seeds from the description's own on, in several processes, and chooses.
+    """Plans with `count` successive seeds in several processes, and returns the best.
 
-    By what is expected of the painting of a photograph, otherwise by the loss of the plan. folder: for the sweep.
-    Raises PlanError where no seed made a plan, and what `sweep` raises.
+    folder: for the sweep
+
+    The criterion is the expected similarity of the painting for a photograph, and the loss of the plan otherwise.
+    Raises PlanError if no seed made a plan, and the errors of `sweep`.
     """
     settings = SweepRun.settings_of(spec)
     seeds = [seed for seed in range(spec.seed, spec.seed + count) if seed <= _LAST_SEED]
@@ -365,10 +379,10 @@ def best_candidate(spec: RunSpec, count: int, folder: Path, *, jobs: int | None 
 
 
 def ranked(spec: RunSpec, records: Sequence[Mapping[str, Any]]) -> tuple[str, list[Mapping[str, Any]]]:
-    """The figure by which the records of plans are compared, and the records, best first.
+    """Returns the figure by which the records of plans are compared, and the records, best first.
 
-    Only where pictures are all that is wanted does it matter how near to one a painting will be: words have one to
-    begin with as well, and the loss says whether it shows them.
+    The similarity to a picture counts only if all goals are pictures. Words have an initial picture too, but the
+    loss tells if the plan shows the words.
     """
     pictures = all(item.kind == "image" for item in spec.goal)
     if pictures and all(_EXPECTED in record["figures"] for record in records):

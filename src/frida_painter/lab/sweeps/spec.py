@@ -1,7 +1,7 @@
-"""SweepSpec: many runs described together, as a TOML file or from Python, and the runs that it makes.
+"""Descriptions of sweeps, as a TOML file or from Python, and the runs that follow.
 
-A grid makes a run of every combination of its values, a list makes the runs that it names; with both, every run of the
-list is made with every combination. What all runs share are the settings.
+A grid makes a run of every combination of its values. A list makes the runs that it names. With both, every run of
+the list is made with every combination. The settings are common to all runs.
 """
 
 import hashlib
@@ -24,10 +24,10 @@ from frida_painter.runs.spec import FILES, RunSpec
 
 KINDS = ("plan", "painting", "evaluation")
 PLAN = "plan"
-"""The field that only an evaluation has: the file of the plan that is painted."""
+"""Field of evaluations only: the file of the plan to paint."""
 _MOST_BYTES = 2**22
 _EXAMPLE = 'write lines such as kind = "plan", and under [grid] lines such as seed = [0, 1, 2]'
-_SECONDS, _CORES, _MEMORY, _TRIES = 30 * 86400, 256, 2**20, 20  # the most of each
+_SECONDS, _CORES, _MEMORY, _TRIES = 30 * 86400, 256, 2**20, 20  # upper limits
 _ALLOWED = {
     "version": "1",
     "title": "text of at most 80 characters",
@@ -47,12 +47,16 @@ Fields = Mapping[str, Any]
 
 
 class SweepSpec(BaseModel):
-    """A sweep, described. Raises ConfigError, naming every fault at once, through `of` and `from_toml`.
+    """Description of a sweep. `of` and `from_toml` raise ConfigError, which names all faults at once.
 
-    kind: what is done with every run: a plan for a bare canvas; a painting in the virtual studio; or an evaluation,
-    which paints a plan that was made before, and never replans; settings: fields that all runs share; grid: fields
-    with the values that each takes; runs: fields of single runs; time_limit: seconds after which a try is given up;
-    threads, memory: what a run is given, cores and MB; tries: how often a run that fails is tried in all.
+    kind: work of every run: "plan" for a bare canvas; "painting" in the virtual studio; "evaluation", which paints
+        an existing plan without replanning
+    settings: fields that all runs share
+    grid: fields, each with a list of values
+    runs: fields of single runs
+    time_limit: seconds after which a try is given up
+    threads, memory: cores and MB of a run
+    tries: greatest number of tries of a run
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
@@ -70,7 +74,7 @@ class SweepSpec(BaseModel):
 
     @classmethod
     def of(cls, **values: Any) -> Self:
-        """A checked description."""
+        """Returns a checked description. Raises ConfigError."""
         try:
             made = cls(**values)
         except ValidationError as error:
@@ -80,14 +84,14 @@ class SweepSpec(BaseModel):
 
     @classmethod
     def from_toml(cls, path: Path) -> Self:
-        """A description from a TOML file; files in it are named relative to it."""
+        """Returns a description from a TOML file; its paths are relative to that file. Raises ConfigError."""
         values = storage.read_toml(path, "a sweep (TOML)", _MOST_BYTES, _EXAMPLE)
         made = cls.of_files(values, path.absolute().parent)
         return made if made.title else made.model_copy(update={"title": path.stem.replace("_", " ").replace("-", " ")})
 
     @classmethod
     def of_files(cls, values: dict[str, Any], base: Path) -> Self:
-        """A checked description, in which files are named relative to a folder."""
+        """Returns a checked description whose paths are relative to the folder `base`. Raises ConfigError."""
         values = dict(values)
         for name in ("settings", "grid"):
             if isinstance(values.get(name), dict):
@@ -101,23 +105,23 @@ class SweepSpec(BaseModel):
 
     @property
     def count(self) -> int:
-        """How many runs there are, two of which may be the same."""
+        """Number of runs, of which some may be equal."""
         return len(self.runs) * math.prod(len(values) for values in self.grid.values())
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """The fields in which runs differ, in the order in which they are given."""
+        """Fields in which runs differ, in order."""
         return tuple(dict.fromkeys((*self.grid, *(name for run in self.runs for name in run))))
 
     def fields(self) -> Iterator[tuple[Fields, Fields]]:
-        """For every run the fields in which runs differ, and all of its fields."""
+        """Yields for every run the fields in which runs differ, and all of its fields."""
         for run in self.runs:
             for values in product(*self.grid.values()):
                 differing = {**dict(zip(self.grid, values, strict=True)), **run}
                 yield differing, {**self.settings, **differing}
 
     def _require_known_fields(self) -> None:
-        """Raises ConfigError for fields that there are not, for a field without a value and for no run at all."""
+        """Raises ConfigError for unknown fields, for a field without values, and for a sweep without runs."""
         known = {*RunSpec.model_fields, "brush", *goal_kinds().by_name, *([PLAN] if self.kind == "evaluation" else [])}
         faults = [
             f"{name[:40]!r} is not a field of a run; there are {', '.join(sorted(known - {'version'}))}"
@@ -136,7 +140,7 @@ class SweepSpec(BaseModel):
 
 
 def run_spec(fields: Fields) -> RunSpec:
-    """The run of these fields; what the name of a kind of goal says is added to its goal. Raises ConfigError."""
+    """Returns the run with these fields; fields named after a goal kind are added to its goal. Raises ConfigError."""
     kinds = goal_kinds().by_name
     for part in ("goal", "initial"):
         given = fields.get(part, [])
@@ -150,7 +154,7 @@ def run_spec(fields: Fields) -> RunSpec:
 
 
 def _found(field: str, value: Any, base: Path) -> Any:
-    """A field with the paths in it relative to the sweep's folder; "*" in the name of a picture stands for many."""
+    """Returns a field with its paths relative to the sweep's folder; "*" in a picture's name stands for many files."""
     known = goal_kinds().by_name
     is_path = field in (*FILES, PLAN) or (field in known and known[field].gives is Gives.PICTURE)
     if isinstance(value, list) and field in ("goal", "initial"):
@@ -165,7 +169,7 @@ def _found(field: str, value: Any, base: Path) -> Any:
 
 
 def _each(value: Any, base: Path) -> list[Any]:
-    """The files that a pattern means, sorted; what is no pattern, as one. Raises ConfigError where there is none."""
+    """Returns the files of a pattern, sorted; other values as one. Raises ConfigError if no file matches."""
     if not isinstance(value, str):
         return [value]
     if "*" not in value:
@@ -178,7 +182,7 @@ def _each(value: Any, base: Path) -> list[Any]:
 
 
 def _sentence(fault: Any) -> str:
-    """One fault of pydantic's in plain words."""
+    """Returns one of pydantic's faults in plain words."""
     entry, *within = map(str, fault["loc"])
     name = ".".join((entry, *within))[:60]
     if fault["type"] == "extra_forbidden":
@@ -188,22 +192,26 @@ def _sentence(fault: Any) -> str:
     return f"{name} was given {given if len(given) <= 40 else f'{given[:37]}...'}; it is {allowed}"
 
 
-# One run of a sweep as a plain value, small enough to be sent anywhere, and what tells it from every other run.
+# One run of a sweep as a plain value, small enough to be sent anywhere, with a key that identifies it.
 
-_KEY = 20  # hexadecimal digits: two of a billion runs have one key with a chance of 1 in 10^6
+_KEY = 20  # hexadecimal digits: any two of a billion runs have the same key with a probability of about 10^-6
 
 Value = str | int | float | bool | None
 ContentHash = Callable[[Path], str]
-"""The hash of what a file, or a folder, holds."""
+"""Returns the hash of the content of a file or a folder."""
 
 
 @dataclass(frozen=True)
 class SweepRun:
-    """A run: its key, what is done, its settings as RunSpec takes them, and the plan that an evaluation paints.
+    """Run of a sweep.
 
-    labels: the fields by which it differs from the others, as plain values for tables; key: of the content of
-    everything that decides what comes out, the version of this program included; cost: how long it takes, in a unit of
-    its own.
+    key: hash of everything that determines the result, including file contents and the version of this program
+    kind: of work
+    labels: the fields in which runs differ, as plain values for tables
+    settings: fields of its RunSpec
+    plan: file of the plan that an evaluation paints
+    program: version of this program
+    cost: relative duration
     """
 
     key: str
@@ -216,7 +224,7 @@ class SweepRun:
 
     @classmethod
     def of(cls, kind: str, differing: Fields, fields: Fields, hash_of: ContentHash) -> "SweepRun":
-        """The run of these fields. Raises ConfigError for fields that make none, and what `hash_of` raises."""
+        """Returns the run with these fields. Raises ConfigError for invalid fields, and the errors of `hash_of`."""
         spec = run_spec(fields)
         if kind != "plan" and not spec.simulated:
             raise ConfigError(
@@ -247,19 +255,19 @@ class SweepRun:
 
     @staticmethod
     def settings_of(spec: RunSpec) -> dict[str, Any]:
-        """A description as plain values of which RunSpec makes the same again."""
+        """Returns a spec as plain values from which RunSpec makes the same spec."""
         chosen = spec.record()
         settings = {name: chosen[name] for name in sorted(spec.model_fields_set) if name in chosen}
         return settings | {part: [item.model_dump() for item in getattr(spec, part)] for part in ("goal", "initial")}
 
     @property
     def spec(self) -> RunSpec:
-        """Its description."""
+        """RunSpec of the run."""
         return RunSpec.of(**self.settings)
 
     @property
     def pictures(self) -> tuple[str, ...]:
-        """The files of the pictures of its goal."""
+        """Files of its goal's pictures."""
         kinds = goal_kinds()
         return tuple(
             item["value"]
@@ -269,7 +277,7 @@ class SweepRun:
         )
 
     def with_pictures(self, copies: Mapping[str, str]) -> "SweepRun":
-        """The same with copies of its pictures, by their paths."""
+        """Returns the run with copies of its pictures, which are given by path."""
         settings = dict(self.settings)
         for part in ("goal", "initial"):
             settings[part] = [{**item, "value": copies.get(item["value"], item["value"])} for item in settings[part]]
@@ -277,7 +285,7 @@ class SweepRun:
 
 
 def label(value: Any) -> Value:
-    """A field's value as tables show it: of a file its name without the folder, of a goal what is painted."""
+    """Returns a field's value for tables: the name of a file without its folder, the content of a goal."""
     if isinstance(value, list):
         return " + ".join(str(label(one)) for one in value)
     if isinstance(value, dict):
@@ -288,12 +296,12 @@ def label(value: Any) -> Value:
 
 
 def _identity(item: GoalItem, hash_of: ContentHash) -> list[Value]:
-    """A thing to paint as what it really is: words, or the content of a file."""
+    """Returns a goal as its kind, its content (words, or the hash of a file) and its weight."""
     return [item.kind, item.value if item.path is None else hash_of(item.path), item.weight]
 
 
 def _cost(spec: RunSpec, kind: str) -> float:
-    """How long a run takes beside others: planning grows with strokes and effort, painting with strokes."""
+    """Returns the relative duration of a run: planning grows with strokes and effort, painting with strokes."""
     replans = 0.15 * spec.replans if kind == "painting" else 0.0
     planning = (1 + replans) * (60 + spec.strokes) * spec.effort * (spec.render_height / 256) ** 1.3
     painting = 0.4 * spec.strokes + 10

@@ -1,4 +1,4 @@
-"""The pictures that experiments paint: those that come with the project, or a person's own."""
+"""The pictures that experiments paint: those of the project, or the user's own."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,31 +18,31 @@ DRAWINGS = ("sailing-boat", "mug", "pear", "house")
 
 @dataclass(frozen=True)
 class Target:
-    """A picture to paint, sRGB [3, H, W] in [0, 1]: what it is called, and its file."""
+    """Picture to paint: its name, its file, and its content, sRGB [3, H, W] in [0, 1]."""
 
     name: str
     path: Path
     picture: Tensor
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Another process reads the file."""
+        """Pickles the path only, so that another process reads the file."""
         return Target.read, (self.path,)
 
     @classmethod
     def read(cls, path: Path) -> Self:
-        """The picture of a file, called as the file. Raises ImageError."""
+        """Returns the picture of a file, with the file's name. Raises ImageError."""
         return cls(path.stem, path, images.load(path))
 
 
 def shipped(names: Sequence[str] = SHIPPED) -> tuple[Target, ...]:
-    """The project's own pictures of these names."""
+    """Returns the project's own pictures of these names."""
     return tuple(
         Target.read(Path(__file__).with_name(f"{name}.{'png' if name in DRAWINGS else 'jpg'}")) for name in names
     )
 
 
 def given(paths: Sequence[Path]) -> tuple[Target, ...]:
-    """A person's pictures, each called as its file. Raises ImageError; ConfigError where two are called the same."""
+    """Returns the user's pictures, each with its file's name. Raises ImageError; ConfigError if two names are equal."""
     names = [path.stem for path in paths]
     for name in names:
         if names.count(name) > 1:
