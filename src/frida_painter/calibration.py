@@ -176,7 +176,7 @@ class Calibration:
 
     @property
     def depths(self) -> dict[str, float]:
-        """Metres from the lightest touch to the hardest press, by brush."""
+        """Distance from the lightest touch to the hardest press in metres, by brush."""
         every = {self.brush: self._of_holder, **self.others}
         return {name: one.touch_height - one.press_height for name, one in every.items()}
 

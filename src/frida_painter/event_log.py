@@ -379,7 +379,10 @@ def _strict(content: bytes, path: Path, what: str) -> _Parsed:
 
 
 def _may_be_torn(tail: bytes) -> bool:
-    """Returns True if the bytes can be one line that a crash cut off, not several lines with a damaged first one."""
+    """Returns True if the bytes may be the start of one line that a crash cut off.
+
+    Returns False for several lines of which the first is damaged.
+    """
     length = _LENGTH.match(tail)
     return b"\n" not in tail[:-1] and (length is None or len(tail) <= length.end() + int(length[1]) + 1)
 

@@ -72,8 +72,8 @@ def from_uint8(pixels: NDArray[np.uint8]) -> Tensor:
 def fit(image: Tensor, rows: int, columns: int) -> Tensor:
     """Returns the middle of a picture [3, H, W], cropped to the proportions of `rows` x `columns` and resampled to it.
 
-    A smaller size is averaged under a triangle as wide as two new pixels; a larger size is interpolated. The
-    result stays in [0, 1].
+    To shrink, pixels are averaged with a triangular filter that is two new pixels wide. To enlarge, they are
+    interpolated. The result stays in [0, 1].
     """
     middle = _middle(image, rows, columns)
     if middle.shape[1:] == (rows, columns):
@@ -85,7 +85,7 @@ def fit(image: Tensor, rows: int, columns: int) -> Tensor:
 def averaged(image: Tensor, rows: int, columns: int) -> Tensor:
     """Returns the picture [3, H, W] cropped like `fit`, but each new pixel is the mean of its area.
 
-    It keeps detail that `fit` softens. Pictures of two sizes are compared with it. A larger size is
+    This keeps detail that `fit` softens; use it to compare pictures of different sizes. A larger size is
     interpolated. Not differentiable.
     """
     import cv2  # loaded here because few callers need it

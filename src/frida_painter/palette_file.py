@@ -50,7 +50,10 @@ class _Fault(ValueError):
 
 
 def is_palette_file(path: Path) -> bool:
-    """Returns True if the file is text or a binary palette, not a picture. Raises ConfigError if it cannot be read."""
+    """Returns True for a palette file (text, .json or a binary palette), False for a picture.
+
+    Raises ConfigError if the file cannot be read.
+    """
     if path.suffix.lower() == ".json":
         return True
     with storage.opened(path, _WHAT, storage.MAX_BYTES, ConfigError) as file:
@@ -116,7 +119,7 @@ def _text(content: bytes, *, cut: bool = False) -> str | None:
     except UnicodeDecodeError as error:
         if cut and error.start > len(content) - 4:
             return content[: error.start].decode("utf-8-sig")
-        if content[:1] >= b"\x80":  # a name in Latin-1 begins with an ASCII letter; pictures do not
+        if content[:1] >= b"\x80":  # text in Latin-1 begins with an ASCII character; a picture may not
             return None
         return content.decode("latin-1")
 

@@ -142,7 +142,7 @@ def decode(path: Path, *, most_pixels: int = MOST_PIXELS, longest: int = LONGEST
 
 
 def _held(image: Any) -> Any:
-    """Returns the picture, computed, in its own memory."""
+    """Computes the picture and returns it in memory that does not depend on the file."""
     return _libvips().Image.new_from_memory(
         image.write_to_memory(), image.width, image.height, image.bands, image.format
     )
@@ -206,9 +206,10 @@ def _told(path: Path, name: str) -> Iterator[None]:
 
 
 def exposure_time(path: Path) -> float | None:
-    """Returns the exposure time of a photograph (EXIF) as the end of that second since 1970; None if unknown.
+    """Returns when a photograph was taken, in seconds since 1970, from its EXIF data; None if unknown.
 
-    Without an offset the time counts as local time of this computer. Raises ImageError if there is no such file.
+    EXIF counts whole seconds, and the end of that second is returned. Without an offset the time counts as
+    local time of this computer. Raises ImageError if there is no such file.
     """
     with storage.opened(path, WHAT, _MOST_BYTES, ImageError) as content:
         try:

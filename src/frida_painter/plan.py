@@ -125,7 +125,7 @@ class Plan:
         return self.paint - firsts.to(self.paint)[self.layer]
 
     def layer_end(self, painted: int) -> int:
-        """Returns the number of painted strokes at the end of the layer of the next stroke.
+        """Returns how many strokes are painted when the layer of the next stroke is complete.
 
         painted: number of strokes that are painted now
         """
@@ -136,7 +136,7 @@ class Plan:
         return Palette(self.palette.color[slice(*layer.paints)])
 
     def part(self, which: slice | list[int]) -> "Plan":
-        """Returns a plan of some of the strokes, in their order. It keeps all layers; some may be empty."""
+        """Returns a plan of only some of the strokes, in their order. It keeps all layers; a layer may become empty."""
         counts = torch.bincount(self.layer[which], minlength=len(self.layers))
         return replace(self, strokes=self.strokes[which], paint=self.paint[which], layers=self._sized(counts.tolist()))
 
@@ -154,7 +154,7 @@ class Plan:
         ]
 
     def by_brush(self) -> list[tuple[str, Strokes]]:
-        """Returns the brushes in the order of use, each with all strokes that it paints before the next brush."""
+        """Returns the brushes in the order of use, each with all strokes until the next change of the brush."""
         runs = itertools.groupby(self.filled_layers(), lambda part: part.layers[0].brush)
         return [(brush, Strokes.join(*(part.strokes for part in run))) for brush, run in runs]
 
@@ -203,7 +203,7 @@ class Plan:
         return self._of_layers([next(found) if len(part) else part for part in self.by_layer()])
 
     def _of_layers(self, parts: Sequence["Plan"]) -> "Plan":
-        """Returns the plan with `parts` in place of `by_layer`.
+        """Returns the plan made of `parts`, one plan for each layer, in place of those of `by_layer`.
 
         If layers share wells, a part with strokes sets their paints.
         """

@@ -25,7 +25,10 @@ class StrokeLimits:
     bend: tuple[float, float]
 
     def within(self, size: CanvasSize) -> "StrokeLimits":
-        """Returns the limits on a canvas of that size: no stroke is longer than 0.9 of the shorter side."""
+        """Returns the limits on a canvas of that size.
+
+        No stroke is longer than 0.9 of the shorter side. No bend is larger than a third of that.
+        """
         longest = 0.9 * min(size.width, size.height)
         least, most = (min(metres, longest) for metres in self.length)
         bend = min(self.bend[1], longest / 3)
@@ -107,7 +110,7 @@ class Strokes:
         return self._points(fraction.expand(len(self), -1))
 
     def _points(self, fraction: Tensor) -> Tensor:
-        """Returns points at separate curve parameters [n, t] for each stroke: [n, t, 2] in metres."""
+        """Returns points on each stroke at its own curve parameters [n, t]: [n, t, 2] in metres."""
         along = fraction * self.length[:, None]  # [n, t]; the x of the Bezier is linear in its parameter
         aside = 3 * fraction * (1 - fraction) * self.bend[:, None]  # [n, t]
         cos, sin = torch.cos(self.angle)[:, None], torch.sin(self.angle)[:, None]

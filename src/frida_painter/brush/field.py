@@ -189,7 +189,11 @@ class StrokeField(nn.Module):
         return torch.stack((thickness, length / (4 * self.unit), bend / (2 * self.unit)), -1)
 
     def views(self, place: Tensor, stroke: Tensor, length: Tensor, bend: Tensor) -> Tensor:
-        """Returns the views of `place` [m, 2] from stroke number `stroke` [m]: [m, 7] in units."""
+        """Returns the views of places from their strokes: [m, 7], with lengths in `unit`.
+
+        place [m, 2]: places in the frame of their strokes
+        stroke [m]: number of the stroke of each place
+        """
         view = PathView.of(place, stroke, length, bend, 0.2 * self.unit)
         beyond = torch.maximum(-view.along, -view.ahead).clamp(min=0)
         away = torch.sqrt(view.aside**2 + beyond**2 + 1e-4 * self.unit**2)

@@ -486,9 +486,9 @@ def dip_shown(library: StrokeLibrary, width: float) -> Dip | None:
     width: width of the brush's widest mark in metres
     Returns None if the library has no `since_dip`, or too few strokes of a full or a used brush.
 
-    Each stroke has a share of paint, relative to a full brush and its shape. A falling function of the area
-    painted until its end is fitted to these shares (isotonic regression). The dip ends where it falls below 70
-    %, or at the end of the data.
+    Each stroke has a share of paint, relative to a full brush and its shape. A falling function of the painted
+    area is fitted to these shares (isotonic regression). The dip ends where the function falls below 0.7, or at
+    the end of the data.
     """
     from sklearn.isotonic import IsotonicRegression  # slow to load
 

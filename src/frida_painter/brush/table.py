@@ -62,7 +62,11 @@ _SAMPLES_PER_SPAN = 1.5
 
 
 def weights(place: Tensor, spans: int) -> tuple[Tensor, Tensor]:
-    """Returns the first of four coefficients [n] and their weights [n, 4] at places [n] in [0, 1]. Differentiable."""
+    """Returns the index of the first of the four coefficients that count [n], and their weights [n, 4].
+
+    place [n]: in [0, 1]
+    The weights are differentiable.
+    """
     at = place * spans
     first = at.detach().floor().clamp(0, spans - 1)
     t = at - first
@@ -94,7 +98,7 @@ def sample_grid(spans: int) -> Tensor:
 
 
 def fit_matrix(grid: Tensor, spans: int) -> Tensor:
-    """Returns the matrix [spans + 3, samples] from samples on the grid to the best coefficients."""
+    """Returns the matrix [spans + 3, samples] that converts samples on the grid to coefficients, by least squares."""
     first, weight = weights(grid.double(), spans)
     design = torch.zeros(len(grid), spans + 3, dtype=torch.float64, device=grid.device)
     design.scatter_(1, first[:, None] + torch.arange(4, device=grid.device), weight)

@@ -322,7 +322,7 @@ def read_paints(path: Path) -> tuple[Paint, ...]:
 
 
 def _faults(number: int, entry: Any) -> Iterator[str]:
-    """Yields the faults in the form of an entry."""
+    """Yields a sentence for each formal fault of an entry."""
     if not isinstance(entry, dict):
         yield f"paint {number} is no table; write [[paint]] and its entries below"
         return

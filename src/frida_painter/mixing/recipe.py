@@ -197,7 +197,7 @@ def _rough(count: int, most: int) -> Tensor:
 
 
 def _neighbours(parts: tuple[int, ...]) -> list[tuple[int, ...]]:
-    """Returns the mixture with one or two parts changed, in lowest terms."""
+    """Returns mixtures with one or two parts changed, in lowest terms, and mixtures in finer parts."""
     used = [index for index, count in enumerate(parts) if count]
     changes: list[dict[int, int]] = [{index: count} for index in used for count in _near(parts[index])]
     changes += [
@@ -238,7 +238,7 @@ def _most_first(used: tuple[Paint, int]) -> tuple[int, str]:
 # Amount of each paint in a plan, so that paint does not run out
 
 _FILM = 0.15e-3  # thickness of wet paint under a brush in metres
-_KEPT_BACK = 2.0  # factor for paint that stays in the brush, the water and the wells
+_KEPT_BACK = 2.0  # factor: as much paint again stays in the brush, the water and the wells
 _LEAST = 3.0  # millilitres, the least in which a brush can be dipped
 _ML = 1e6  # millilitres in a cubic metre
 

@@ -98,9 +98,10 @@ _STRONGEST = 6.0  # largest importance, relative to the mean
 
 
 def attended(goal: Goal, encoders: EncoderRegistry) -> Goal:
-    """Returns the goal with an importance for the picture that it begins with, if that is painted by its content.
+    """Returns the goal with importance maps for the pictures that it begins with.
 
-    Other goals stay unchanged. Raises WeightsError if a network is missing.
+    This applies if the goal begins with a picture that is painted by its content (SemanticTerm). Other goals
+    stay unchanged. Raises WeightsError if a network is missing.
     """
     begins = goal.initial_terms
     meant = [term.picture for term in goal.terms if term.picture is not None and not term.is_pixelwise]
@@ -117,7 +118,7 @@ def attended(goal: Goal, encoders: EncoderRegistry) -> Goal:
 def focused(goal: Goal, focus: str, encoders: EncoderRegistry) -> Goal:
     """Returns the goal with more importance on faces (FACES) or on the whole subject (SUBJECT) of its photographs.
 
-    Adds a remark about found faces to the encoders. Raises WeightsError if SUBJECT needs a missing network.
+    If it finds faces, it adds a remark to `encoders`. Raises WeightsError if SUBJECT needs a missing network.
     """
     if focus == EVERYWHERE:
         return goal

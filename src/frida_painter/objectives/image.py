@@ -42,7 +42,7 @@ class PictureTerm(Term):
         require_weight(self.weight, self.called)
 
     def begun(self, goal: Goal) -> ImageTerm:
-        """Returns a term for the pixels of the picture."""
+        """Returns an ImageTerm with the same picture and weight."""
         return ImageTerm(self.image, self.weight)
 
     def fitted(self, rows: int, columns: int, *, pad: bool = False) -> Self:
@@ -62,7 +62,7 @@ class PictureTerm(Term):
 
 @dataclass(frozen=True)
 class ImageTerm(PictureTerm):
-    """Wish to reproduce a picture.
+    """Term of a goal: reproduce a picture pixel by pixel.
 
     importance [h, w]: importance of each place, with mean 1; None if uniform
     wanted [3, h, w]: picture that the planner compares with, so that the painting looks like `image`; None for

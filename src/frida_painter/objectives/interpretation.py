@@ -15,11 +15,12 @@ _INSISTENCE = 4.0  # weight of a recognition that is worse than that of the begi
 
 
 def interpreted(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, seed: int, sharpness: float = 0.0) -> Goal:
-    """Returns the goal after each kind of term has applied its changes for pictures on `grid`, in their order.
+    """Returns the goal after interpretation: each kind of term may change the other terms, in a fixed order.
 
     Sketches are drawn on their photographs. Words get a first picture. Pictures with a style term get the
-    colours of the style. Pictures with a semantic term get an importance. Photographs without other terms are
+    colours of the style. Pictures with a semantic term get importance maps. Photographs without other terms are
     sharpened by `sharpness` (objectives/pixel_loss.py).
+    grid: grid of the planning image
     Raises WeightsError if a network is missing.
     """
     context = ObjectiveContext(grid, encoders, seed, sharpness=sharpness)
@@ -32,8 +33,8 @@ def interpreted(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, seed: in
 class WeightedObjective:
     """Objective that is the weighted sum of a goal's terms (paper, Eq. for p_next).
 
-    begun [3, H, W]: picture that a painting of words begins with. The validation has a penalty while the
-    painting is less recognisable than this picture, by the terms that recognise.
+    begun [3, H, W]: picture that a painting of words begins with. The validation adds a penalty if the painting
+    is less recognisable than this picture. Terms with `recognizes` measure that.
     """
 
     def __init__(self, terms: Sequence[tuple[float, ObjectiveTerm]], begun: Tensor | None = None) -> None:
@@ -73,7 +74,7 @@ class WeightedObjective:
         return total + _INSISTENCE * (recognition - self._limit).clamp(min=0)
 
     def _validated(self, picture: Tensor, variance: Tensor | None) -> tuple[Tensor, Tensor]:
-        """Returns the sum of the validations, and the sum of those that recognise."""
+        """Returns two sums: of the validations of all terms, and of those terms that measure recognition."""
         total = recognition = picture.new_zeros(())
         for weight, term in self._terms:
             value = weight * ((term.validation or term.objective)(picture) + _of_variance(term, variance))

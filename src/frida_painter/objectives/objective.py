@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 class Term(ABC):
-    """One wish of a goal with its weight. Base class of all terms.
+    """Base class of the terms of a goal. A term is one wish of a person with its weight.
 
     weight: importance, > 0
     initial_order: a plan begins with the terms of the lowest number. A term with None takes part only if no
@@ -79,7 +79,7 @@ class Term(ABC):
 
     @property
     def words(self) -> str | None:
-        """Words that describe the wish."""
+        """Words that describe what to paint."""
         return None
 
     @property
@@ -236,12 +236,12 @@ class GoalKind:
 
     @property
     def option(self) -> str:
-        """Command line option of the goal."""
+        """Command line option for a goal of this kind."""
         return f"--{self.name.replace('_', '-')}"
 
     @property
     def initial_option(self) -> str:
-        """Command line option of the goal as a beginning."""
+        """Command line option for a painting that begins with a goal of this kind."""
         return f"--init-{self.name.replace('_', '-')}"
 
     def opened(self, value: Any, weight: float, *, beginning: bool) -> Term:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class SemanticTerm(PictureTerm):
-    """Wish to paint the content of a picture, not its pixels."""
+    """Term of a goal: paint the content of a picture, not its pixels."""
 
     called = "a picture to be painted by its meaning"
     initial_order = 2

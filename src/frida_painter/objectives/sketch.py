@@ -19,7 +19,7 @@ _BROAD = 1 / 40  # of a canvas's shorter side: about the finest lines of the bru
 
 @dataclass(frozen=True)
 class SketchTerm(PictureTerm):
-    """Wish to paint along the lines of a drawing, which has at least one line.
+    """Term of a goal: paint along the lines of a drawing, which has at least one line.
 
     The drawing has dark lines on light paper, scanned or photographed, or chalk on a dark board.
     shown [3, h, w]: the drawing on a photograph that is painted with it; None for white paper
@@ -60,7 +60,7 @@ class SketchTerm(PictureTerm):
         return ImageTerm(self.drawing if style is None else colored(self.drawing, style), self.weight)
 
     def on_picture(self, picture: Tensor) -> SketchTerm:
-        """Returns the term whose edges are those of the lines and of `picture` together."""
+        """Returns the term for a drawing on a picture: its edges are those of lines and picture together."""
         return replace(self, shown=picture)
 
     def prepare(self, context: ObjectiveContext) -> ObjectiveTerm:

@@ -18,7 +18,7 @@ _FLAT = 0.01  # standard deviation below which a picture has a single colour
 
 @dataclass(frozen=True)
 class StyleTerm(PictureTerm):
-    """Wish to paint in the style of a picture. Raises ConfigError if the picture has a single colour."""
+    """Term of a goal: paint in the style of a picture. Raises ConfigError if the picture has a single colour."""
 
     called = "a style"
     longest = 1024  # pixels; styles are compared in small pictures

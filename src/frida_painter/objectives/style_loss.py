@@ -67,8 +67,8 @@ _LEAST = 1.0  # variance in Lab that is added along each direction, so that the 
 def in_style_colors(goal: Goal) -> Goal:
     """Returns the goal with the colours of its pictures moved to those of its styles.
 
-    share: a style with at least the weight of a picture moves its colours fully, a lighter style in proportion.
-    A first picture that is not painted later stays unchanged. So does a goal without a style.
+    A style with at least the weight of a picture moves the colours completely, a lighter style in proportion. A
+    first picture that is not painted later stays unchanged. So does a goal without a style.
     """
     styles = [(term.colors, term.weight) for term in goal.terms if term.colors is not None]
     if not styles:

@@ -151,7 +151,7 @@ def _corner_middles() -> NDArray[np.float32]:
 
 
 def _seen(view: NDArray[np.float64], place: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns the places in the photograph of places on the chart [..., 2]."""
+    """Converts places on the chart [..., 2] to places in the photograph."""
     return np.asarray(cv2.perspectiveTransform(place.reshape(1, -1, 2), view), np.float64).reshape(place.shape)
 
 

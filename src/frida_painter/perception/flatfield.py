@@ -105,7 +105,7 @@ class FlatField:
         return type(self)(logarithm), residual
 
     def light(self, rows: int, columns: int) -> Tensor:
-        """Returns linear light that the camera sees from a white canvas: [3, rows, columns]."""
+        """Returns the linear light that the camera sees from a white canvas: [3, rows, columns]."""
         down, across = _chebyshev(_places(rows)).float(), _chebyshev(_places(columns)).float()  # [degree + 1, side]
         grid = self.logarithm.new_zeros(3, _DEGREE + 1, _DEGREE + 1)
         for term, (i, j) in enumerate(_pairs()):
@@ -252,7 +252,7 @@ def _margin(photograph: NDArray[np.uint8], calibration: Calibration, size: Canva
 def _margin_places(size: CanvasSize) -> NDArray[np.float64]:
     """Returns samples [places, samples, 2] around the canvas, clockwise from its top left.
 
-    Coordinates are (row, column) in half sides.
+    Coordinates are (row, column), -1 to 1 over the canvas.
     """
     along = (np.arange(_PLACES) + 0.5) / _PLACES * 2 - 1
     step = (np.arange(_ALONG) + 0.5) / _ALONG * 2 - 1

@@ -64,7 +64,7 @@ class Expected:
         return bool(((_cells(self.after, size) - _cells(self.before, size)).norm(dim=0) > _A_CHANGE).any())
 
     def strange(self, seen: Tensor, size: CanvasSize) -> Tensor:
-        """Returns the mask [rows, columns] of squares that look like neither picture nor anything in between.
+        """Returns the mask [rows, columns] of squares that look unlike both pictures and unlike any mixture of them.
 
         seen [3, H, W]: the canvas now
         Strokes may lie up to two squares from their intended place.

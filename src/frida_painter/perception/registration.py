@@ -113,7 +113,10 @@ class PaperEdge:
         return float(np.nanmedian(wider)) if _enough(wider) else math.nan
 
     def covered_since(self, earlier: Self) -> int:
-        """Returns the number of consecutive places with something new over the edge, for any change of the light."""
+        """Returns the largest number of consecutive places at which something new reaches over the edge.
+
+        A change of the light does not count.
+        """
         strange = _is_other(self.table, earlier.table, self._brighter_than(earlier))
         longest = run = 0
         for place in np.concatenate((strange, strange)):  # goes on past the first corner
@@ -346,7 +349,7 @@ class CanvasView:
 
 @dataclass(frozen=True)
 class _Scene:
-    """One photograph with its expectation at one resolution; all arrays are [rows, columns].
+    """One photograph with its expectation at one resolution. Arrays are [rows, columns] unless stated.
 
     seen, expected [rows, columns, 3]: logarithm of light
     known: 1 at pixels that can be compared
@@ -575,7 +578,7 @@ def _scene(view: CanvasView, seen: Pixels, expected: Pixels, strokes: tuple[Pixe
     grain = np.zeros_like(canvas)
     for where in (view.canvas, ~view.canvas):
         as_before = where & (known > 0) & (touched <= 0)
-        if as_before.any():  # correction for each area, because stray light matters more on the dark table
+        if as_before.any():  # faint extra light is a larger share of the dark table than of the bright canvas
             seen[where] -= np.median((seen - expected)[as_before], axis=0)
             alike = ((seen - expected) ** 2).mean(2)[as_before]
             grain[where] = min(_GRAINY * float(np.median(alike)), (_NOISE / 2) ** 2)

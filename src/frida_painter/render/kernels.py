@@ -125,7 +125,7 @@ def _find_rows(affine, boxes, height, width, slack, top, bottom):  # type: ignor
 
 @njit(nogil=True, cache=True, error_model="numpy")
 def _find_columns(affine, boxes, width, slack, top, bottom, segment, first, offset):  # type: ignore[no-untyped-def]
-    """Writes the first column of each row's run to `first` and its number of columns to `offset`, one index later."""
+    """Writes the first column of the run of each segment k to first[k], and its number of columns to offset[k + 1]."""
     number = affine.dtype.type
     for i in range(len(affine)):
         a, b, c = affine[i, 0, 0], affine[i, 0, 1], affine[i, 0, 2]
@@ -138,7 +138,7 @@ def _find_columns(affine, boxes, width, slack, top, bottom, segment, first, offs
             least, most = _clip(least, most, d, np.float64(down) + f, above - slack[i], below + slack[i])
             left = np.int64(max(np.floor(least), 0.0))
             right = np.int64(min(np.ceil(most) + 1, np.float64(width)))
-            # The last columns are found with the arithmetic of the samples, so the run is exact.
+            # The exact ends are found with the arithmetic of the samples.
             while left < right:
                 column, row = a * number(left) + across + c, d * number(left) + down + f
                 if before <= column < past and above <= row < below:
@@ -192,8 +192,8 @@ def run(firsts, offsets, k):  # type: ignore[no-untyped-def]
     """Returns first column, start of the packed pixels and number of pixels of segment k.
 
     The numbers are unsigned, because indices that may be negative prevent vectorisation. The function takes two
-    arrays instead of `Spans`: each call with all five arrays would count five references twice, which takes
-    longer than the pixels.
+    arrays instead of `Spans`: numba would count references to all five arrays at each call, which takes longer
+    than the pixels of a run.
     """
     start = offsets[k]
     return np.uint64(firsts[k]), np.uint64(start), np.uint64(offsets[k + 1] - start)
@@ -290,9 +290,9 @@ def blend(begin, end, strokes, spans, base, alpha, color, picture):  # type: ign
 def pull_through(begin, end, spans, alpha, color, canvas, gradient, through, slope, to_color):  # type: ignore[no-untyped-def]
     """Computes gradients of coverage and colours in bands begin to end - 1, in two passes over the strokes.
 
-    C is the picture below a stroke, g the gradient of the picture. The first pass, from the canvas up, carries
-    only the scalar g . C. The second pass goes down.
-    through [H, W]: ones at first; at the end the share of the canvas that stays visible
+    C is the picture below a stroke, g the gradient of the picture. The first pass goes from the canvas up and
+    carries only the scalar g . C. The second pass goes down.
+    through [H, W]: ones at first; at the end the visible share of the canvas
     slope (packed; empty if not wanted): receives the gradient of the coverage, g . (c - C) times the
     transmission of the strokes above
     to_color [bands, n, 3]: zeros at first; receives each band's part of the gradient of the colours

@@ -23,7 +23,7 @@ from frida_painter.strokes import Strokes
 class Marks(NamedTuple):
     """Coverage maps of strokes and their places on a picture.
 
-    magnitude [n, h, w]: coverage in [0, 1], zero outside; the whole maps of the stroke model, or parts with all paint
+    magnitude [n, h, w]: coverage in [0, 1], zero outside; whole maps of the stroke model, or windows with all paint
     affine [n, 2, 3]: maps from picture pixels to cells, as from `pixel_to_map`
     """
 

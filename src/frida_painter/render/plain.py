@@ -219,7 +219,7 @@ class _Slices(torch.autograd.Function):
 
 
 def slices_inside(box: Box, around: Box) -> tuple[slice, slice]:
-    """Returns the place of a box relative to a box around it, as slices."""
+    """Returns the place of a box inside a larger box, as slices."""
     top, left = around[0], around[2]
     return slice(box[0] - top, box[1] - top), slice(box[2] - left, box[3] - left)
 
@@ -289,7 +289,7 @@ def composite_moments(
 ) -> tuple[Tensor, Tensor]:
     """Paints strokes of mean coverage `magnitude` in order on a canvas, as `reference.composite_moments`.
 
-    Tensors as in `composite`. Differentiable once in all five.
+    Tensors as in `composite`. Differentiable once in all five tensors.
     """
     magnitude, affine, color = magnitude.to(canvas.dtype), affine.to(canvas.dtype), color.to(canvas.dtype)
     variance = torch.zeros_like(canvas[0]) if variance is None else variance

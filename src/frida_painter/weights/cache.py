@@ -54,7 +54,7 @@ class Received:
 
 @dataclass(frozen=True)
 class Refused:
-    """Message that a source failed; the next source follows."""
+    """Message that a source failed. The next source follows."""
 
     name: str
     source: str
@@ -86,7 +86,7 @@ class Folder:
         return sum(original.size for original in originals)
 
     def scratch(self, originals: Sequence[Original]) -> int:
-        """Returns the temporary disk space in bytes, without the files themselves."""
+        """Returns how many bytes of temporary disk space `bring` needs besides the files."""
         return 0
 
     def bring(self, originals: Sequence[Original], scratch: Path, received: Counter) -> None:

