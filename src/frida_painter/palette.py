@@ -76,7 +76,7 @@ def from_hex(text: str) -> Tensor:
 
 @dataclass(frozen=True)
 class Palette:
-    """k paints; paint i belongs in well i.
+    """Palette of k paints. Paint i belongs in well i.
 
     color [k, 3]: sRGB in [0, 1]. A planner orders it from light to dark; a measured palette keeps the order of
     its wells.

@@ -37,7 +37,7 @@ class StrokeLimits:
 
 @dataclass(frozen=True)
 class Strokes:
-    """n strokes in painting order.
+    """Strokes of a plan: n strokes in painting order, as one struct of arrays.
 
     position [n, 2]: start of each stroke in canvas metres
     angle [n]: initial direction in radians, counter-clockwise

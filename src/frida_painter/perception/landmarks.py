@@ -121,7 +121,7 @@ def _slope(seen: NDArray[np.float32]) -> NDArray[np.float64]:
 def _vote(
     peak: NDArray[np.bool_], along: NDArray[np.float64], offset: NDArray[np.float64], reach: float
 ) -> NDArray[np.float64]:
-    """Returns the straight line with peaks at most places: offset at its start, and growth to its end.
+    """Returns the straight line through the most peaks: offset at its start, and growth to its end.
 
     Of nearly equal lines the outermost wins, because paint along an edge lies inside it.
     """

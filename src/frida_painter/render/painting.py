@@ -78,11 +78,12 @@ def _in_tiles(canvas: Tensor) -> bool:
 def render(
     strokes: Strokes, stroke_model: StrokeModel, canvas: Tensor, size: CanvasSize, rows: Rows = ALL_ROWS
 ) -> Tensor:
-    """Renders strokes on a canvas of that size that looks like `canvas` [3, H, W].
+    """Renders strokes on a canvas and returns the picture that they leave, [3, H, W].
 
+    canvas [3, H, W]: picture of the canvas before the strokes; it sets the resolution
+    size: size of the canvas
     rows: rows to render, by default all. The result then has only these rows, equal to those of the whole
     picture except for rounding.
-    Returns the picture [3, H, W] in the resolution of `canvas`.
 
     Differentiable in the seven parameters of each stroke and in the canvas. Without gradients nothing else is
     stored, so memory limits only the picture itself.
@@ -164,10 +165,10 @@ LEAST_ROWS, MOST_ROWS = 16, 10_000
 
 
 def render_on(plan: Plan, models: Mapping[str, StrokeModel], canvas: Tensor) -> Tensor:
-    """Renders a plan on a canvas of its size that looks like `canvas` [3, H, W].
+    """Renders a plan on a canvas and returns the picture that it leaves, [3, H, W], without gradients.
 
     models: stroke models by brush
-    Returns the picture [3, H, W], without gradients.
+    canvas [3, H, W]: picture of the canvas before the strokes
     """
     with torch.no_grad():
         for part in plan.filled_layers():
