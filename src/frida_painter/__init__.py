@@ -1,7 +1,7 @@
 """FRIDA painter: a robot that paints with people.
 
-`import frida_painter as fp` offers the names below; a name is loaded when it is first used, so that the import itself
-takes no time. Everything else is found in the modules, which docs/reference/python.md leads to.
+`import frida_painter as fp` offers the names below. Each name is loaded at its first use, so the import is
+fast. docs/reference/python.md lists the other modules.
 """
 
 from importlib import import_module
@@ -54,7 +54,7 @@ __all__ = [
     "sweep",
 ]
 
-# Where each name is found: its module, and what it is called there.
+# Module and name inside it for each public name
 _HOMES = {
     "Camera": ("hardware.robot", "Camera"),
     "FridaError": ("errors", "FridaError"),
@@ -86,7 +86,7 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}; it offers {', '.join(__all__)}")
     module, inside = _HOMES[name]
     found = getattr(import_module(f"{__name__}.{module}"), inside)
-    globals()[name] = found  # asked for once
+    globals()[name] = found  # the next access does not come here
     return found
 
 

@@ -1,7 +1,7 @@
-"""`python -m frida_painter` is the command `frida-painter`: signals are heard before anything else is loaded.
+"""Entry point of `python -m frida_painter` and of the command `frida-painter`; handles signals before other imports.
 
-Ctrl-C, SIGTERM and a terminal that is closed end the program in one sentence at any moment. While something is
-painted, they mean more (cli/stop_signal.py).
+Ctrl-C, SIGTERM and a closed terminal end the program with one sentence at any moment. During a painting they
+have other meanings (cli/stop_signal.py).
 """
 
 import os
@@ -13,7 +13,7 @@ from typing import NoReturn
 
 
 def main() -> NoReturn:
-    """Runs the command line; the exit status after a signal is 128 and its number, by custom."""
+    """Runs the command line. The exit status after a signal is 128 plus its number, as usual."""
     terminal = tuple(filter(os.isatty, (0, 1, 2)))
     heard: list[int] = []
 
@@ -31,15 +31,15 @@ def main() -> NoReturn:
     except KeyboardInterrupt:
         pass
     except SystemExit as ended:
-        if not (heard and ended.code == 128 + signal.SIGINT):  # which is what Typer makes of every signal
+        if not (heard and ended.code == 128 + signal.SIGINT):  # Typer's status for every signal
             raise
-    for number in signals:  # it ends, and once is enough
+    for number in signals:  # the program ends already; further signals change nothing
         signal.signal(number, signal.SIG_IGN)
     _say_farewell(heard[0] if heard else signal.SIGINT, terminal)
 
 
 def _ends(number: int) -> bool:
-    """Whether a signal is not ignored, as nohup has it."""
+    """Returns True if the signal is not ignored; nohup ignores SIGHUP."""
     return signal.getsignal(number) is not signal.SIG_IGN
 
 

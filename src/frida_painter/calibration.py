@@ -1,4 +1,4 @@
-"""The calibration record of an easel: what its procedures measured, in one checksummed file."""
+"""Calibration record of an easel: results of its calibration procedures in one checksummed file."""
 
 import json
 from collections.abc import Mapping
@@ -18,9 +18,9 @@ from frida_painter.frames import Lens
 
 VERSION = 2
 PROCEDURES = ("canvas", "robot", "color", "brush", "strokes")
-"""What calibrates an easel, in the order in which it is done."""
+"""Calibration procedures in the order in which they are done."""
 OF_A_BRUSH = ("brush", "strokes")
-"""Those that look at the brush in the holder."""
+"""Procedures that belong to the brush in the holder."""
 _FORMAT = "frida-painter calibration"
 _IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 _REPEAT_ALL = "repeat all procedures: frida-painter calibrate all"
@@ -31,11 +31,13 @@ Matrix = tuple[tuple[float, ...], ...]
 
 @dataclass(frozen=True)
 class Done:
-    """That a procedure was done: when (ISO 8601), as which of all that were ever done here, and what it left over.
+    """Record of one finished procedure.
 
-    turn counts from 1 and decides what is newer, for clocks are set wrong; residual is in pixels for
-    canvas, metres for robot and brush, CIEDE2000 for color, mean absolute error of the magnitude map
-    for strokes.
+    dated: time in ISO 8601
+    turn: counter from 1 over all procedures of this easel. It decides which one is newer, because clocks may be
+    wrong.
+    residual: remaining error. Pixels for canvas, metres for robot and brush, CIEDE2000 for color, mean absolute
+    error of the magnitude map for strokes.
     """
 
     dated: str
@@ -45,7 +47,7 @@ class Done:
 
 @dataclass(frozen=True)
 class LearnedFile:
-    """A file that a procedure wrote and that belongs to the record: its path, and the sha256 of its content."""
+    """File that a procedure wrote for the record: its path and the sha256 of its content."""
 
     path: str
     sha256: str
@@ -53,10 +55,12 @@ class LearnedFile:
 
 @dataclass(frozen=True)
 class BareCanvas:
-    """What the camera saw when the canvas was bare and white; by it a painting may begin on any canvas.
+    """Camera measurements of the bare white canvas; with them a painting may begin on any canvas.
 
-    light: [3, 15], as perception/flatfield.py has it; margin: linear light at places around the canvas, as
-    perception/flatfield.py has them, None where nothing was to be seen. Raises CalibrationError.
+    light [3, 15]: illumination, see perception/flatfield.py
+    margin: linear light at places around the canvas, see perception/flatfield.py. None for a place that was not
+    visible.
+    Raises CalibrationError if a value cannot be true.
     """
 
     light: Matrix
@@ -73,9 +77,9 @@ class BareCanvas:
 
 @dataclass(frozen=True)
 class BrushRecord:
-    """What is known at an easel of a brush that is not in its holder now; as in `Calibration`.
+    """Calibration of a brush that is not in the holder now; fields as in `Calibration`.
 
-    done: when its heights were measured, and when its strokes were, where they were.
+    done: records of its brush and strokes procedures, if they were done
     """
 
     __pydantic_config__ = ConfigDict(extra="forbid")
@@ -90,18 +94,25 @@ class BrushRecord:
 
 @dataclass(frozen=True)
 class Calibration:
-    """What is known about one easel: where the camera sees the canvas, where the robot really paints.
+    """Calibration of one easel: the canvas in the camera's photograph, and corrections of the robot.
 
-    easel, brush, camera: their ids; canvas: its size; corners: the canvas's top-left, top-right,
-    bottom-right and bottom-left corner in the camera's photograph, (column, row) pixels as seen
-    through the lens; photograph: its (rows, columns); lens: its distortion, None where it has none
-    or it is not known; placement: homography from where a stroke is meant to be to where the robot
-    must be sent, canvas metres; color: affine 3 x 4 map from perceived to true linear light; touch_height,
-    press_height: robot z in metres of the lightest touch and the hardest press; protrusion: how far
-    the brush protrudes from its holder, metres; library, weights: the strokes that were painted and
-    what was learned from them; bare: what a bare canvas looked like, None where none was seen; done: the
-    procedures that were done, by name; others: what is known of other brushes, by name. Parts whose procedure was
-    never done are the easel's defaults. Raises CalibrationError where a value cannot be true.
+    easel, brush, camera: ids
+    canvas: size of the canvas
+    corners: top-left, top-right, bottom-right and bottom-left corner of the canvas in the distorted photograph,
+    (column, row) in pixels
+    photograph: (rows, columns) of the photograph
+    lens: distortion; None if there is none or it is unknown
+    placement: homography from the intended position to the commanded position, canvas metres
+    color: affine 3 x 4 map from perceived to true linear light
+
+    touch_height, press_height: robot z in metres of the lightest touch and the hardest press
+    protrusion: length of the brush outside its holder in metres
+    library, weights: stroke library of the painted strokes, and the stroke model learned from it
+    bare: measurements of a bare canvas; None if there are none
+    done: finished procedures by name
+    others: calibrations of other brushes by name
+
+    A part without its procedure has the easel's default. Raises CalibrationError if a value cannot be true.
     """
 
     __pydantic_config__ = ConfigDict(extra="forbid")
@@ -155,22 +166,25 @@ class Calibration:
                 raise CalibrationError(f"The record's entry on {name!r} ({done}) cannot be true; {_REPEAT_ALL}")
 
     def place(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Where to send the robot so that it paints at `position`: canvas metres [n, 2] -> [n, 2]."""
+        """Returns where to send the robot so that it paints at `position`: canvas metres [n, 2] -> [n, 2]."""
         homogeneous = np.c_[position, np.ones(len(position))] @ np.array(self.placement).T
         return homogeneous[:, :2] / homogeneous[:, 2:]
 
     def height(self, thickness: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Robot z [n] in metres for thickness [n]: 0 the lightest touch, 1 the hardest press."""
+        """Returns robot z [n] in metres for thickness [n]: 0 is the lightest touch, 1 the hardest press."""
         return self.touch_height + thickness * (self.press_height - self.touch_height)
 
     @property
     def depths(self) -> dict[str, float]:
-        """Metres from the lightest touch to the hardest press of each brush, by its name."""
+        """Distance from the lightest touch to the hardest press in metres, by brush."""
         every = {self.brush: self._of_holder, **self.others}
         return {name: one.touch_height - one.press_height for name, one in every.items()}
 
     def of_brush(self, brush: str) -> Self:
-        """The record with another of its brushes in the holder. Raises CalibrationError where it does not know it."""
+        """Returns the record with another known brush in the holder.
+
+        Raises CalibrationError if the brush is unknown.
+        """
         if brush == self.brush:
             return self
         if brush not in self.others:
@@ -182,7 +196,7 @@ class Calibration:
         return self._holding(brush, self.others[brush])
 
     def _holding(self, brush: str, chosen: BrushRecord) -> Self:
-        """The record with that brush in the holder, and the one that was there among the others."""
+        """Returns the record with that brush in the holder and the present brush among the others."""
         left = self._of_holder
         return replace(
             self,
@@ -198,14 +212,15 @@ class Calibration:
 
     @property
     def _of_holder(self) -> BrushRecord:
-        """What is known of the brush in the holder."""
+        """Calibration of the brush in the holder."""
         mine = {name: done for name, done in self.done.items() if name in OF_A_BRUSH}
         return BrushRecord(self.touch_height, self.press_height, self.protrusion, self.library, self.weights, done=mine)
 
     def begun_anew(self, default: Self) -> Self:
-        """The easel's default record, to calibrate all of it again; what this one knows of other brushes stays.
+        """Returns the easel's default record for a complete new calibration.
 
-        When procedures were done stays as well: what is done anew is newer than all that was.
+        Calibrations of other brushes stay. The records of finished procedures stay too, so that new ones count
+        as newer.
         """
         others, done = dict(self.others), dict(self.done)
         if self.brush != default.brush:
@@ -227,24 +242,36 @@ class Calibration:
         lens: Lens | None = None,
         bare: BareCanvas | None = None,
     ) -> Self:
-        """The record after the canvas procedure; residual: pixels, how far the canvas's edges are from straight."""
+        """Returns the record after the canvas procedure.
+
+        residual: deviation of the canvas edges from straight lines, in pixels
+        """
         found = replace(
             self, corners=corners, photograph=photograph, camera=camera, canvas=canvas, lens=lens, bare=bare
         )
         return found._having_done("canvas", residual)
 
     def with_robot(self, placement: Matrix, *, residual: float) -> Self:
-        """The record after the robot procedure; residual: metres, between where dots should and did land."""
+        """Returns the record after the robot procedure.
+
+        residual: distance between intended and painted dots, in metres
+        """
         return replace(self, placement=placement)._having_done("robot", residual)
 
     def with_color(self, color: Matrix, *, residual: float) -> Self:
-        """The record after the color procedure; residual: CIEDE2000, mean over held-out patches."""
+        """Returns the record after the color procedure.
+
+        residual: mean CIEDE2000 over held-out patches
+        """
         return replace(self, color=color)._having_done("color", residual)
 
     def with_brush(
         self, brush: str, touch_height: float, press_height: float, *, protrusion: float | None, residual: float
     ) -> Self:
-        """The record after the brush procedure; residual: metres, how exactly the two heights are known."""
+        """Returns the record after the brush procedure.
+
+        residual: accuracy of the two heights, in metres
+        """
         known = self
         if brush != self.brush and "brush" in self.done:
             known = self._holding(brush, self.others.get(brush, BrushRecord(touch_height, press_height)))
@@ -252,7 +279,10 @@ class Calibration:
         return found._having_done("brush", residual)
 
     def with_strokes(self, library: LearnedFile, weights: LearnedFile | None = None, *, residual: float) -> Self:
-        """The record after the strokes procedure; residual: mean absolute error of the magnitude map."""
+        """Returns the record after the strokes procedure.
+
+        residual: mean absolute error of the magnitude map
+        """
         return replace(self, library=library, weights=weights)._having_done("strokes", residual)
 
     def _having_done(self, procedure: str, residual: float) -> Self:
@@ -262,19 +292,22 @@ class Calibration:
         return replace(self, done={**self.done, procedure: done})
 
     def save(self, path: Path) -> None:
-        """Writes the record, keeping the one before as `.prev` where it is undamaged. Raises StorageError."""
+        """Writes the record and keeps an undamaged older one as `.prev`. Raises StorageError."""
         if path.exists():
             try:
                 type(self).load(path)
             except CalibrationError:
-                pass  # What is damaged must not take the place of the last good one.
+                pass  # A damaged record must not replace the last good one.
             else:
                 storage.copy(path, previous(path), "a calibration record", storage.MAX_JSON_BYTES)
         storage.write_json(path, {"format": _FORMAT, "version": VERSION, **asdict(self)})
 
     @classmethod
     def load(cls, path: Path) -> Self:
-        """Reads a record. Raises CalibrationError, saying what to repeat, where it is damaged or of another version."""
+        """Reads a record.
+
+        Raises CalibrationError if it is damaged or of another version; the message says what to repeat.
+        """
         try:
             record = storage.read_json(path, "a calibration record", CalibrationError)
         except CalibrationError as damage:
@@ -298,12 +331,12 @@ class Calibration:
 
 
 def previous(path: Path) -> Path:
-    """Where `Calibration.save` keeps the record that was there before."""
-    return path.parent / f"{path.name}.prev"  # also of what has no name, such as "."
+    """Returns the path at which `Calibration.save` keeps the older record."""
+    return path.parent / f"{path.name}.prev"  # also works for a path without a name, like "."
 
 
 def _turns_clockwise(corners: NDArray[np.float64]) -> bool:
-    """Whether the corners turn to the right at every one, as one sees it (rows go down): convex and in order."""
+    """Returns True if the corners form a convex polygon in clockwise order on screen (rows go down)."""
     side = np.roll(corners, -1, axis=0) - corners
     after = np.roll(side, -1, axis=0)
     return bool((side[:, 0] * after[:, 1] - side[:, 1] * after[:, 0] > 0).all())

@@ -1,4 +1,4 @@
-"""The size of a canvas, as people give it and as plans keep it; loaded without any tensor."""
+"""Size of a canvas, as people write it and as plans store it; imports no tensor library."""
 
 import math
 import re
@@ -25,7 +25,7 @@ _PAPERS = {
     "tabloid": (11 * _IN, 17 * _IN),
     "ledger": (17 * _IN, 11 * _IN),
 }  # fmt: skip
-"""Width and height in metres of sheets by name: ISO 216 and the North American ones, upright but for the ledger."""
+"""Width and height in metres of paper sizes: ISO 216 and North American. All are portrait except the ledger."""
 _UNITS = {
     _MM: ("mm", "millimetre", "millimetres", "millimeter", "millimeters"),
     0.01: ("cm", "centimetre", "centimetres", "centimeter", "centimeters"),
@@ -61,10 +61,11 @@ class CanvasSize:
 
     @classmethod
     def parse(cls, text: str) -> Self:
-        """Reads a width, then a height, with a unit, or the name of a sheet of paper; raises ConfigError.
+        """Reads width and height with a unit, or the name of a paper size. Raises ConfigError.
 
-        Understood are "14x11in", "297 x 210 mm", "11,5 x 14 inches", "8 1/2 by 11 in", "30cm x 12in" and such; names
-        from A0 to A6, letter, legal, tabloid and ledger; with any of them "landscape" or "portrait".
+        Examples: "14x11in", "297 x 210 mm", "11,5 x 14 inches", "8 1/2 by 11 in", "30cm x 12in".
+        Names: A0 to A6, letter, legal, tabloid, ledger.
+        Each of them may have the word "landscape" or "portrait".
         """
         said = " ".join(_plain(text).split())
         words = _ORIENTATION.findall(said)
@@ -78,19 +79,19 @@ class CanvasSize:
 
     @classmethod
     def of(cls, size: "CanvasSize | str") -> "CanvasSize":
-        """The size itself, or what a text like "14x11in" says. Raises ConfigError."""
+        """Returns the size itself, or the size that a text like "14x11in" names. Raises ConfigError."""
         return cls.parse(size) if isinstance(size, str) else size
 
     def turned_like(self, rows: int, columns: int) -> "CanvasSize":
-        """The same canvas, put upright or on its side so that it suits a picture of that shape."""
+        """Returns the canvas in portrait or landscape format, to match a picture of `rows` x `columns`."""
         if (columns > rows) != (self.width > self.height):
             return CanvasSize(self.height, self.width)
         return self
 
     def shaped_like(self, rows: int, columns: int) -> "CanvasSize":
-        """The largest canvas within this one, in the proportions of a picture of that shape.
+        """Returns the largest canvas within this one that has the proportions of `rows` x `columns`.
 
-        Raises ConfigError if its shorter side would be too short for a canvas.
+        Raises ConfigError if its shorter side is too short for a canvas.
         """
         scale = min(self.width / columns, self.height / rows)
         width, height = columns * scale, rows * scale
@@ -99,7 +100,10 @@ class CanvasSize:
         return CanvasSize(width, height)
 
     def _too_long(self, rows: int, columns: int, shorter: float) -> str:
-        """The sentence about a picture that is too long for a canvas within this one. shorter: metres."""
+        """Returns the error message for a picture that is too long for a canvas within this one.
+
+        shorter: length of the shorter side in metres
+        """
         share, least = max(rows, columns) / min(rows, columns), SMALLEST_CANVAS * 1000
         longer = 10 * math.ceil(least * share / 10 + 0.1)
         sides = (longer, math.ceil(longer / share)) if columns > rows else (math.ceil(longer / share), longer)
@@ -112,7 +116,7 @@ class CanvasSize:
         )
 
     def on_page(self, position: "Tensor") -> "Tensor":
-        """Canvas metres [..., 2] counted as pages are: from the top-left corner, x right, y down."""
+        """Converts canvas metres [..., 2] to page coordinates: origin at the top-left corner, x right, y down."""
         import torch
 
         return torch.stack((position[..., 0], self.height - position[..., 1]), -1)
@@ -122,14 +126,14 @@ class CanvasSize:
 
 
 def _plain(text: str) -> str:
-    """The text in lower case, without other ways to write digits, spaces and fractions."""
+    """Returns the text in lower case with plain digits, spaces and fractions."""
     for sign, written in _FRACTIONS.items():
         text = text.replace(sign, written)
     return unicodedata.normalize("NFKC", text).replace("\N{FRACTION SLASH}", "/").lower()
 
 
 def _two_sides(text: str, said: str) -> tuple[float, float]:
-    """Width and height in metres of "30 x 40 cm" and such. Raises ConfigError, which quotes `text`."""
+    """Returns width and height in metres of a text like "30 x 40 cm". Raises ConfigError that quotes `text`."""
     given = f"Canvas {text[:40]!r}"
     match = _SIZE.fullmatch(said)
     if match is None:
@@ -145,7 +149,7 @@ def _two_sides(text: str, said: str) -> tuple[float, float]:
 
 
 def _number(written: str) -> float:
-    """ "11,5", "8 1/2" or ".5" as a number."""
+    """Converts "11,5", "8 1/2" or ".5" to a number."""
     *whole, last = written.replace(",", ".").split()
     over, slash, under = last.partition("/")
     return sum(map(float, whole)) + (float(over) / float(under) if slash else float(over))

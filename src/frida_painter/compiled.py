@@ -1,11 +1,11 @@
-"""Loops that numba compiles: which tensors they can work on, the arrays that they take, and who compiles them.
+"""Compilation of the planner's loops by numba: eligible tensors, modules, compiling processes.
 
-numba compiles a loop when it is first called with arguments of some types, and keeps the result on disk. All loops of
-the planner take ten seconds and more, on every machine once. So processes of their own compile them beside what a
-command loads meanwhile; threads of one would wait for Python's lock, and for numba's. A module of loops tells by
-`argument_types` what they take in a plan.
+numba compiles a loop at its first call with new argument types and stores the result on disk. All loops of the
+planner take ten seconds or more, once on each machine. So separate processes compile them while a command loads
+other modules. Threads would not help: they wait for Python's lock and for numba's lock.
 
-Every process that plans waits for those that compile (`await_loops`); without it each would compile the same.
+The function `argument_types` of each module of loops lists the types that a plan uses. Each planning process
+waits for the compiling processes (`await_loops`). Otherwise it would compile the same loops itself.
 """
 
 import fcntl
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from torch import Tensor
 
 
-# The modules whose loops the planner calls, in two halves that take about as long to compile.
+# Modules whose loops the planner calls, in two halves that take about as long to compile.
 LOOPS = (
     ("frame_kernels", "brush.table_kernels", "planning.variable_kernels"),
     ("render.kernels",),
@@ -44,21 +44,25 @@ _SENTENCE = "Compiling the painter's loops, the first time only: up to ten secon
 
 
 def compiles_for(tensor: "Tensor") -> bool:
-    """Whether compiled loops can work on it: it is on the CPU, and numba is installed. Elsewhere PyTorch does."""
+    """Returns True if compiled loops can use the tensor: it is on the CPU, and numba is installed.
+
+    Otherwise PyTorch computes.
+    """
     return tensor.device.type == "cpu" and find_spec("numba") is not None
 
 
 def array(tensor: "Tensor") -> "NDArray[Any]":
-    """The numbers of a tensor on the CPU, without its gradient, in its own memory where that has no gaps."""
-    bare = tensor.detach() if tensor.requires_grad else tensor  # detach makes a tensor, each time
+    """Returns the values of a CPU tensor without gradient; shares its memory if it is contiguous."""
+    bare = tensor.detach() if tensor.requires_grad else tensor  # detach makes a new tensor at each call
     return (bare if bare.is_contiguous() else bare.contiguous()).numpy()
 
 
 class LoopCompiler:
-    """Processes that compile the planner's loops, in a `with` block; none if that was done, or others are at it.
+    """Context manager that compiles the planner's loops in separate processes.
 
-    They end with the block. folder: of the notes of what is compiled, by default the
-    system's for caches. Where that cannot be written to, loops are compiled when they are needed.
+    folder: folder of the notes about compiled loops; by default in the system's cache folder
+    It starts no process if all loops are compiled or another process compiles them. The processes end with the
+    block. If the folder cannot be written to, each loop is compiled at its first call.
     """
 
     def __init__(self, folder: Path | None = None) -> None:
@@ -87,7 +91,7 @@ class LoopCompiler:
             process.wait()
 
     def _start(self, modules: Iterable[str], lock: int) -> "subprocess.Popen[bytes]":
-        """A process that inherits the lock, and holds it until it ends, however that happens."""
+        """Starts a process that inherits the lock and holds it until it ends."""
         return subprocess.Popen(
             [sys.executable, "-m", "frida_painter.compiled", str(self._folder), *modules],
             pass_fds=(lock,),
@@ -98,8 +102,11 @@ class LoopCompiler:
 
 
 def await_loops(tell: Callable[[str], None] = lambda sentence: None, folder: Path | None = None) -> None:
-    """Returns when no process compiles the planner's loops, at once if none does. tell: hears what is waited for."""
-    with suppress(OSError):  # no folder, and nothing was compiled in it
+    """Waits until no process compiles the planner's loops.
+
+    tell: receives a message if there is a wait
+    """
+    with suppress(OSError):  # no folder: nothing was compiled
         lock = os.open(_lock(folder or _folder()), os.O_RDWR)
         try:
             try:
@@ -112,7 +119,7 @@ def await_loops(tell: Callable[[str], None] = lambda sentence: None, folder: Pat
 
 
 def compile_loops(folder: Path, modules: Sequence[str]) -> None:
-    """Compiles the loops of those modules, or finds them on disk, and notes in the folder that this was done."""
+    """Compiles the loops of `modules`, or finds them on disk, and writes a note about this to `folder`."""
     kept: set[str] = set()
     for name in modules:
         module = import_module(f"frida_painter.{name}")
@@ -121,14 +128,14 @@ def compile_loops(folder: Path, modules: Sequence[str]) -> None:
             pattern = f"{name.rpartition('.')[2]}.{loop.py_func.__name__}-*.nbi"
             found = [str(path) for path in Path(loop.stats.cache_path).glob(pattern)]
             if not found:
-                return  # numba could not write
+                return  # numba could not write its cache
             kept.update(found)
     with suppress(StorageError):
         storage.write_json(_note(folder, modules), {"kept": sorted(kept)})
 
 
 def _is_done(folder: Path, modules: Sequence[str]) -> bool:
-    """Whether numba has kept all loops of those modules, and none was changed since."""
+    """Returns True if numba has stored all loops of these modules and none has changed since."""
     with suppress(StorageError):
         kept = storage.read_json(_note(folder, modules), "a note of compiled loops").get("kept")
         return isinstance(kept, list) and len(kept) > 0 and all(Path(path).is_file() for path in kept)
@@ -144,7 +151,7 @@ def _lock(folder: Path) -> Path:
 
 
 def _note(folder: Path, modules: Sequence[str]) -> Path:
-    """Named after everything that numba looks at before it takes what it kept."""
+    """Returns the path of the note; its name depends on all facts that make numba's cache valid."""
     sources = [(_HERE / f"{name.replace('.', '/')}.py").stat() for name in modules]
     facts = (
         sys.version,
@@ -158,5 +165,5 @@ def _note(folder: Path, modules: Sequence[str]) -> Path:
 
 
 if __name__ == "__main__":
-    gc.disable()  # numba makes many objects, and few of them are garbage
+    gc.disable()  # numba makes many objects, but little garbage
     compile_loops(Path(sys.argv[1]), sys.argv[2:])

@@ -1,4 +1,4 @@
-"""What a GPU asks of code that a CPU does not: that nothing waits for it, and half precision where that is quicker."""
+"""Helpers for GPUs: transfers without a wait, constants on each device, half precision; settings of the process."""
 
 import ctypes
 import sys
@@ -12,21 +12,21 @@ _COMPUTES_BFLOAT16 = (8, 0)  # compute capability, of Ampere and later
 
 
 def sent(tensor: Tensor, device: torch.device) -> Tensor:
-    """A tensor of the CPU on a device; a GPU is not waited for: the numbers are on their way when this returns."""
+    """Returns a CPU tensor on another device. A transfer to a GPU may still run when this returns."""
     if device.type == "cuda" and tensor.device.type == "cpu":
         tensor = tensor.pin_memory()
     return tensor.to(device, non_blocking=True)
 
 
 class Constant:
-    """A tensor that never changes, held in every precision and on every device in which it was asked for."""
+    """A constant tensor, cached for each device and precision in which it was requested."""
 
     def __init__(self, tensor: Tensor) -> None:
         self._first = tensor
         self._held: dict[tuple[torch.device, torch.dtype], Tensor] = {}
 
     def like(self, other: Tensor) -> Tensor:
-        """The tensor on the device and in the precision of another."""
+        """Returns the tensor on the device and in the precision of `other`."""
         key = other.device, other.dtype
         if key not in self._held:
             self._held[key] = self._first.to(other)
@@ -34,26 +34,26 @@ class Constant:
 
 
 def half_precision(device: torch.device) -> AbstractContextManager[Any]:
-    """Where networks compute in bfloat16: on GPUs that do so; elsewhere nothing changes.
+    """Returns a context in which networks compute in bfloat16, on GPUs that support it; else it changes nothing.
 
-    Its range is that of float32, so that slopes, which are small, stay what they are. float16 would lose them.
+    bfloat16 has the range of float32, so small gradients survive. float16 would lose them.
     """
     if device.type == "cuda" and torch.cuda.get_device_capability(device) >= _COMPUTES_BFLOAT16:
         return torch.autocast("cuda", dtype=torch.bfloat16)
     return nullcontext()
 
 
-_KEPT, _LARGEST = 512 * 2**20, 32 * 2**20  # bytes that are kept, and of a block that is; mallopt allows no larger one
+_KEPT, _LARGEST = 512 * 2**20, 32 * 2**20  # bytes: memory to keep, largest block to keep (mallopt's limit)
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8  # malloc.h
 
 
 def prepare_process() -> None:
-    """Has this process compute on one thread, and keep up to half a gigabyte of memory that it frees.
+    """Sets this process to one thread and lets it keep up to 512 MiB of freed memory.
 
-    Tensors are small, and torch's idle threads spin: on two cores, planning with torch's default took twice the time.
-    An iteration of the planner frees and takes blocks of some MB, which glibc may hand back each time, for
-    some 2,000 page faults; C libraries that cannot be told otherwise are left as they are. All threads take from one
-    arena: of several, each would keep as much for itself.
+    The tensors are small, and torch's idle threads spin: on two cores, planning with torch's default took twice
+    the time. Each iteration of the planner frees and takes blocks of some MB. glibc may return them to the
+    system each time, which costs about 2,000 page faults. C libraries without mallopt stay unchanged. All
+    threads share one arena, because each arena would keep as much memory for itself.
     """
     torch.set_num_threads(1)
     if sys.platform == "linux" and hasattr(library := ctypes.CDLL(None), "mallopt"):  # musl has none

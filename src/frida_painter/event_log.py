@@ -1,8 +1,8 @@
-"""The one durable log: a file of records that only grows, whole after any crash, read while others write it.
+"""Durable log: a file of records that only grows, survives crashes, and can be read while others write.
 
-A record is one line: a checksum, the length of the rest, JSON. The checksum is over that of the line
-before as well, so that no line can be changed, left out or moved without being noticed. What a crash
-leaves of the one line that was being written is dropped when the file is opened again.
+Each record is one line: a checksum, the length of the JSON text, the JSON text. The checksum also covers the
+checksum of the line before. So a changed, missing or moved line is noticed. A line that a crash left incomplete
+is dropped when the file is opened again.
 """
 
 import contextlib
@@ -34,13 +34,13 @@ MOST_BYTES = 2**30
 
 @dataclass(frozen=True)
 class LogPolicy:
-    """How one kind of log is kept.
+    """Rules for one kind of log.
 
-    what: its name in messages; owned: one process may write it as long as it is open, and every record is
-    flushed to the disk at once; otherwise several may add records in turn, which are flushed where that is
-    asked for; precious: a reserve and a tally lie beside it; forgiving: a damaged line is left out rather than
-    the file refused, a file that is not there is made, and bare lines of JSON, as earlier versions wrote them, are
-    understood.
+    what: name in messages
+    owned: one process holds the log while it is open, and each record is flushed at once. Otherwise several
+    processes may add records in turn; records are flushed on request.
+    precious: a reserve file and a tally file lie beside the log
+    forgiving: damaged lines are skipped, a missing file is made, and bare JSON lines of earlier versions are read
     """
 
     what: str
@@ -54,11 +54,11 @@ FEED = LogPolicy("a feed", forgiving=True)
 
 
 class EventLog:
-    """A file of records, open to be added to; `found` are those it held when it was opened.
+    """File of records, open for appending. `found` holds the records that it had when it was opened.
 
-    Beside a log that is precious lies a reserve of a megabyte, given up when the disk is full, so that it can
-    be written when nothing else can, and a tally of what was flushed (`missing`). Raises StorageError where the
-    file is damaged in its middle, cannot be read or written, or another process owns it.
+    A precious log has a reserve file of one megabyte, which is deleted when the disk is full, so that the log
+    can still be written. It also has a tally of the flushed records (`missing`). Raises StorageError if the
+    file is damaged in the middle, cannot be read or written, or is owned by another process.
     """
 
     def __init__(self, path: Path, policy: LogPolicy = JOURNAL) -> None:
@@ -69,7 +69,7 @@ class EventLog:
             if policy.forgiving:
                 _convert_bare_lines(path)
             if path.exists():
-                with storage.opened(path, policy.what, MOST_BYTES):  # a plain file, and not something that waits
+                with storage.opened(path, policy.what, MOST_BYTES):  # refuses files that block, such as pipes
                     pass
             self._descriptor = os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC | make, 0o644)
             with self._locked():
@@ -93,7 +93,7 @@ class EventLog:
 
     @classmethod
     def begin(cls, path: Path, record: Mapping[str, Any], policy: LogPolicy = JOURNAL) -> Self:
-        """A new log with one record; the file appears with the record in it. Raises StorageError."""
+        """Makes a new log with one record, in one step. Raises StorageError."""
         if path.exists():
             raise StorageError(f"{path} exists already, and {policy.what} is never overwritten; choose a new folder.")
         cls.write(path, [record])
@@ -101,7 +101,7 @@ class EventLog:
 
     @classmethod
     def write(cls, path: Path, records: Iterable[Mapping[str, Any]]) -> None:
-        """Puts a log of these records in the place of whatever is there, in one step. Raises StorageError."""
+        """Replaces the file by a log of these records, in one step. Raises StorageError."""
         last, lines = _START, []
         for record in records:
             lines.append(_line(last, record))
@@ -110,15 +110,16 @@ class EventLog:
 
     @classmethod
     def read(cls, path: Path, policy: LogPolicy = JOURNAL) -> list[dict[str, Any]]:
-        """The whole records of a file, which is left as it is, whoever writes it. Raises StorageError."""
+        """Returns the intact records of a file without changing it; others may write it. Raises StorageError."""
         content = storage.read_bytes(path, policy.what, MOST_BYTES)
         return (_forgiving(content) if policy.forgiving else _strict(content, path, policy.what)).records
 
     def append(self, record: Mapping[str, Any], *, flush: bool = False) -> None:
         """Adds a record of plain, finite values.
 
-        When this returns, another process can read it; where the log is owned, or with `flush`, it and all
-        before it are on the disk. Raises StorageError where it cannot be, and the file holds what it held before.
+        When this returns, other processes can read the record. If the log is owned, or with `flush`, it and all
+        earlier records are on the disk.
+        Raises StorageError if the write fails; the file then keeps its old content.
         """
         try:
             with self._locked():
@@ -136,11 +137,11 @@ class EventLog:
             raise self._failure(error) from error
 
     def flush(self) -> None:
-        """Has the disk keep all that was added, whatever becomes of the machine. Raises OSError."""
+        """Flushes all records to the disk. Raises OSError."""
         os.fsync(self._descriptor)
 
     def replace_all(self, records: Iterable[Mapping[str, Any]]) -> None:
-        """Writes the log anew with these records, and goes on with that. Raises StorageError."""
+        """Replaces the log by these records and continues with it. Raises StorageError."""
         _tally_path(self.path).unlink(missing_ok=True)
         self.write(self.path, records)
         renewed = type(self)(self.path, self.policy)
@@ -148,7 +149,7 @@ class EventLog:
         self.__dict__.update(renewed.__dict__)
 
     def close(self) -> None:
-        """Lets another process have the file, and the disk its reserve; twice is as good as once."""
+        """Closes the file and removes its reserve. A second call does nothing."""
         if self._descriptor >= 0:
             with contextlib.suppress(OSError):
                 self.flush()
@@ -175,7 +176,7 @@ class EventLog:
 
     @contextlib.contextmanager
     def _locked(self) -> Iterator[None]:
-        """Keeps other writers away: for as long as the log is open where it is owned, otherwise in the block."""
+        """Locks out other writers: in the block, or while the log is open if it is owned."""
         if self.policy.owned:
             try:
                 fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -192,7 +193,7 @@ class EventLog:
             fcntl.flock(self._descriptor, fcntl.LOCK_UN)
 
     def _catch_up(self) -> None:
-        """Goes on after what others have added; what one of them left half written is dropped."""
+        """Moves to the end of the records that others added; cuts off a line that one of them left incomplete."""
         size = os.fstat(self._descriptor).st_size
         if self.policy.owned or size == self._length:
             return
@@ -217,19 +218,19 @@ class EventLog:
             self._put(line)
 
     def _put(self, line: bytes) -> None:
-        """Writes the line at the end of what is whole, or over what failed to be written there."""
+        """Writes the line after the last complete record, over the remains of a failed write."""
         done = 0
         while done < len(line):
             done += os.pwrite(self._descriptor, line[done:], self._length + done)
 
     def _require_there(self) -> None:
-        """A file that was removed, or lies on a disk that was taken away, would swallow what is written."""
+        """Raises OSError if the path names another file: writes would be lost."""
         here, there = os.fstat(self._descriptor), self.path.stat()
         if (here.st_dev, here.st_ino) != (there.st_dev, there.st_ino):
             raise OSError(errno.ENOENT, "another file took its place")
 
     def require_reserve(self) -> None:
-        """Raises StorageError where the disk has not as much free as the reserve, or that was given up to others."""
+        """Raises StorageError if the reserve cannot be made or the disk has less free space than its size."""
         try:
             self._lay_reserve()
             if shutil.disk_usage(self.path.parent).free < _RESERVE:
@@ -243,7 +244,7 @@ class EventLog:
                 with self._reserve.open("wb") as file:
                     os.posix_fallocate(file.fileno(), 0, _RESERVE)
             except OSError:
-                self._reserve.unlink(missing_ok=True)  # half of one would be taken for a whole one
+                self._reserve.unlink(missing_ok=True)  # an incomplete reserve would count as a complete one
                 raise
 
     def _failure(self, error: OSError) -> StorageError:
@@ -257,9 +258,9 @@ class EventLog:
 
 
 def missing(path: Path, what: str) -> int:
-    """How many records a precious log has lost since they were flushed, by its tally; of one that is gone, all.
+    """Returns how many flushed records a precious log has lost, by its tally; all of them if the file is gone.
 
-    0 where nothing is missing, or where there is no tally (any more). Raises StorageError where it cannot be read.
+    Returns 0 if there is no tally. Raises StorageError if the log cannot be read.
     """
     content = storage.read_bytes(path, what, MOST_BYTES) if path.exists() else b""
     return _missing(path, content, content.count(b"\n"))
@@ -270,7 +271,7 @@ def _missing(path: Path, content: bytes, count: int) -> int:
         tally = _TALLY.fullmatch(storage.read_bytes(_tally_path(path), "a tally", 2 * _TALLY_BYTES))
     except StorageError:
         return 0
-    if tally is None or _line_checksum(b"", tally[1]) != tally[5]:  # torn by a power cut
+    if tally is None or _line_checksum(b"", tally[1]) != tally[5]:  # incomplete after a power cut
         return 0
     counted, length, last = int(tally[2]), int(tally[3]), tally[4]
     line = content[content.rfind(b"\n", 0, length - 1) + 1 : length]
@@ -278,9 +279,9 @@ def _missing(path: Path, content: bytes, count: int) -> int:
 
 
 def _write_tally(path: Path, count: int, length: int, last: bytes) -> None:
-    """Over the one before, in a block of its own that a full disk has room for; without it nothing is painted worse.
+    """Overwrites the tally in its own disk block, which needs no free space; ignores errors.
 
-    It is not flushed: after a power cut it may tell of less than there is, and never of more.
+    The tally is not flushed. After a power cut it may count too few records, but never too many.
     """
     told = b"%010d %012d %s" % (count, length, last)
     with contextlib.suppress(OSError):
@@ -296,9 +297,9 @@ def _tally_path(path: Path) -> Path:
 
 
 class LogReader:
-    """Reads what was added to a forgiving log since it was asked last, while others write it.
+    """Reader of the new records of a forgiving log, while others write it.
 
-    The file need not exist yet. Nothing is read twice when the file is converted from bare lines of JSON.
+    The file may be missing at first. No record is returned twice, even if the file is converted from bare JSON lines.
     """
 
     def __init__(self, path: Path) -> None:
@@ -307,7 +308,7 @@ class LogReader:
         self._last, self._offset, self._read = _START, 0, 0
 
     def read(self) -> list[dict[str, Any]]:
-        """New records, in order. A line that is not whole yet is waited for, one that is damaged left out."""
+        """Returns new records in order. Waits for incomplete lines and skips damaged ones."""
         try:
             with storage.opened(self._path, FEED.what, MOST_BYTES) as file:
                 stat, again = os.fstat(file.fileno()), 0
@@ -326,7 +327,7 @@ class LogReader:
 
 @dataclass(frozen=True)
 class _Parsed:
-    """Whole records, the checksum that the last one states, and how many bytes they take."""
+    """Intact records, the checksum of the last one, and their length in bytes."""
 
     records: list[dict[str, Any]]
     last: bytes
@@ -343,7 +344,10 @@ def _line_checksum(before: bytes, content: bytes) -> bytes:
 
 
 def _record(line: bytes, before: bytes) -> dict[str, Any] | None:
-    """What a line says, after one that states the checksum `before`; None where it was damaged."""
+    """Returns the record of a line; None if it is damaged.
+
+    before: checksum of the line before
+    """
     match = _LINE.fullmatch(line)
     if match is None or match[1] != _line_checksum(before, match[3]) or int(match[2]) != len(match[3]):
         return None
@@ -352,7 +356,7 @@ def _record(line: bytes, before: bytes) -> dict[str, Any] | None:
 
 
 def _strict(content: bytes, path: Path, what: str) -> _Parsed:
-    """Raises StorageError unless all but what a crash may have left at the end is as it was written."""
+    """Returns all records. Raises StorageError if anything but an incomplete last line is damaged."""
     last, length = _START, 0
     records: list[dict[str, Any]] = []
     while length < len(content):
@@ -375,13 +379,16 @@ def _strict(content: bytes, path: Path, what: str) -> _Parsed:
 
 
 def _may_be_torn(tail: bytes) -> bool:
-    """Whether this is what a crash left of one line, rather than several of which the first is damaged."""
+    """Returns True if the bytes may be the start of one line that a crash cut off.
+
+    Returns False for several lines of which the first is damaged.
+    """
     length = _LENGTH.match(tail)
     return b"\n" not in tail[:-1] and (length is None or len(tail) <= length.end() + int(length[1]) + 1)
 
 
 def _forgiving(content: bytes, last: bytes = _START) -> _Parsed:
-    """Whatever lines are whole and undamaged, those of bare JSON among them."""
+    """Returns all intact records, also those of bare JSON lines."""
     records: list[dict[str, Any]] = []
     length = content.rfind(b"\n") + 1
     for line in content[:length].split(b"\n")[:-1]:
@@ -401,12 +408,12 @@ def _bare(line: bytes) -> dict[str, Any] | None:
 
 
 def _convert_bare_lines(path: Path) -> None:
-    """Writes a file of bare lines of JSON, as earlier versions left it, as a log. Raises StorageError, OSError."""
+    """Converts a file of bare JSON lines of earlier versions to a log. Raises StorageError or OSError."""
     if not path.exists():
         return
     with storage.opened(path, FEED.what, MOST_BYTES) as file:
         fcntl.flock(file, fcntl.LOCK_EX)
         content = file.read()
         bare = content[:1] not in b"0123456789abcdef"
-        if bare and os.path.samestat(os.fstat(file.fileno()), path.stat()):  # nobody was quicker
+        if bare and os.path.samestat(os.fstat(file.fileno()), path.stat()):  # no other process has converted it
             EventLog.write(path, _forgiving(content).records)

@@ -1,4 +1,7 @@
-"""`frames.pixel_to_map` on the CPU, compiled by numba; the plain way in frames.py is its twin."""
+"""Loops of `frames.pixel_to_map` for the CPU, compiled by numba.
+
+`frames.pixel_to_map_plainly` computes the same with PyTorch.
+"""
 
 import math
 
@@ -7,17 +10,18 @@ from numba import float32, njit, types
 
 @njit(cache=True)
 def place(strokes, metres, affine):  # type: ignore[no-untyped-def]
-    """Fills in the affine maps [n, 2, 3], from canvas pixels to map cells, of strokes: position [n, 2] and angle [n].
+    """Computes affine maps [n, 2, 3] from canvas pixels to map cells, into `affine`.
 
-    metres, each (x, y) in the precision of the strokes: the centre of pixel (0, 0) on the canvas; from one pixel to the
-    next; the map's left and top; from one cell to the next.
+    strokes: position [n, 2] and angle [n]
+    metres: four pairs (x, y) in the precision of the strokes: centre of pixel (0, 0) on the canvas, pixel
+    pitch, left and top of the map, cell pitch
     """
     (position, angle), (corner, pitch, edge, cell) = strokes, metres
     half = angle.dtype.type(0.5)
     for i in range(len(angle)):
         cos, sin = math.cos(angle[i]), math.sin(angle[i])
         x, y = corner[0] - position[i, 0], corner[1] - position[i, 1]
-        # Turned back by the stroke's angle, then counted in cells; y flips once more inside the map.
+        # Rotates back by the stroke's angle, then converts to cells. The map's rows point down, so y flips once more.
         affine[i, 0, 0], affine[i, 0, 1] = cos * (pitch[0] / cell[0]), -sin * (pitch[1] / cell[0])
         affine[i, 0, 2] = (cos * x + sin * y - edge[0]) / cell[0] - half
         affine[i, 1, 0], affine[i, 1, 1] = sin * (pitch[0] / cell[1]), cos * (pitch[1] / cell[1])
@@ -26,7 +30,7 @@ def place(strokes, metres, affine):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def pull_back(strokes, metres, to_affine, to_strokes):  # type: ignore[no-untyped-def]
-    """From gradients to the affine maps to those to the strokes' positions [n, 2] and angles [n]."""
+    """Computes gradients of positions [n, 2] and angles [n], into `to_strokes`, from gradients of the affine maps."""
     (position, angle), (corner, pitch, _, cell) = strokes, metres
     to_position, to_angle = to_strokes
     for i in range(len(angle)):
@@ -40,7 +44,7 @@ def pull_back(strokes, metres, to_affine, to_strokes):  # type: ignore[no-untype
 
 
 def argument_types():  # type: ignore[no-untyped-def]
-    """The loops, each with the types of its arguments where a plan is made in float32; see compiled.py."""
+    """Returns each loop with its argument types for plans in float32; see compiled.py."""
     strokes = types.Tuple((float32[:, ::1], float32[::1]))  # type: ignore[no-untyped-call]
     pair = types.UniTuple(float32, 2)  # type: ignore[no-untyped-call]
     metres = types.UniTuple(pair, 4)  # type: ignore[no-untyped-call]

@@ -1,8 +1,8 @@
-"""Frames of reference: canvas metres, picture pixels, the stroke's own frame, and the maps between them.
+"""Frames of reference and the maps between them: canvas, pixels, and the frame of a stroke.
 
-Canvas: metres, origin at the bottom-left corner, x right, y up. Pixels: row down, column right;
-the centre of pixel (row, column) lies at (row, column), so a picture of n rows reaches from -0.5
-to n - 0.5. Only here, and in frame_kernels.py, y flips.
+Canvas: metres, origin at the bottom-left corner, x right, y up. Pixels: row down, column right. The centre of
+pixel (row, column) lies at (row, column), so a picture of n rows spans -0.5 to n - 0.5. Only this module and
+frame_kernels.py flip y.
 """
 
 import math
@@ -18,7 +18,7 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.compiled import compiles_for
 from frida_painter.errors import CalibrationError
 
-# What a camera's lens does to straight lines, and how to undo it.
+# Distortion of a camera's lens
 
 _STRONGEST = 1.0
 _ROUNDS = 60
@@ -29,9 +29,11 @@ _EXACT = 1e-3
 class Lens:
     """Radial and tangential distortion in OpenCV's model (D. Brown, "Close-range camera calibration", 1971).
 
-    focal: focal length in pixels, along columns and along rows; middle: where the lens's axis meets
-    the photograph, (column, row); coefficients: k1, k2, p1, p2, k3. Raises CalibrationError where
-    they are not finite, or no lens is so strong.
+    focal: focal length in pixels, along columns and along rows
+    middle: principal point in the photograph, (column, row)
+    coefficients: k1, k2, p1, p2, k3, each from -1 to 1
+
+    Raises CalibrationError if a number is not finite or out of range.
     """
 
     focal: tuple[float, float]
@@ -48,11 +50,11 @@ class Lens:
             )
 
     def straightened(self, pixels: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Where things seen at `pixels` [n, 2] (column, row) would be seen without distortion.
+        """Returns undistorted positions of distorted `pixels` [n, 2], (column, row).
 
-        Not a number where this lens shows nothing there.
+        NaN if the lens shows nothing at that position.
         """
-        # cv2.undistortPoints stops up to 0.006 px short where a lens is strong, and gives no sign of it.
+        # With a strong lens cv2.undistortPoints stops up to 0.006 px short, without a sign of it.
         straight = np.array(pixels, np.float64)
         with np.errstate(all="ignore"):
             for _ in range(_ROUNDS):
@@ -62,7 +64,7 @@ class Lens:
         return straight
 
     def bent(self, pixels: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Where things are seen that a lens without distortion would show at `pixels` [n, 2]."""
+        """Returns distorted positions [n, 2] of undistorted `pixels` [n, 2]."""
         x, y = ((pixels - self.middle) / self.focal).T
         k1, k2, p1, p2, k3 = self.coefficients
         r2 = x * x + y * y
@@ -74,7 +76,7 @@ class Lens:
 
 @dataclass(frozen=True)
 class PixelGrid:
-    """A picture of `rows` x `columns` pixels that shows exactly the whole canvas."""
+    """Picture of `rows` x `columns` pixels that shows exactly the whole canvas."""
 
     size: CanvasSize
     rows: int
@@ -82,23 +84,23 @@ class PixelGrid:
 
     @classmethod
     def of_height(cls, size: CanvasSize, rows: int) -> Self:
-        """The grid of `rows` rows whose pixels are as square as whole numbers allow."""
+        """Returns the grid with `rows` rows and nearly square pixels."""
         return cls(size, rows, max(1, round(rows * size.width / size.height)))
 
     @property
     def pitch(self) -> tuple[float, float]:
-        """Metres from one pixel centre to the next: (across, down)."""
+        """Distance between pixel centres in metres: (across, down)."""
         return self.size.width / self.columns, self.size.height / self.rows
 
     def to_pixels(self, position: Tensor) -> Tensor:
-        """Canvas metres [..., 2] (x, y) to pixels [..., 2] (column, row)."""
+        """Converts canvas metres [..., 2] (x, y) to pixels [..., 2] (column, row)."""
         across, down = self.pitch
         column = position[..., 0] / across - 0.5
         row = (self.size.height - position[..., 1]) / down - 0.5
         return torch.stack((column, row), -1)
 
     def to_canvas(self, pixel: Tensor) -> Tensor:
-        """Pixels [..., 2] (column, row) to canvas metres [..., 2] (x, y)."""
+        """Converts pixels [..., 2] (column, row) to canvas metres [..., 2] (x, y)."""
         across, down = self.pitch
         x = (pixel[..., 0] + 0.5) * across
         y = self.size.height - (pixel[..., 1] + 0.5) * down
@@ -107,13 +109,13 @@ class PixelGrid:
 
 @dataclass(frozen=True)
 class Rows:
-    """Rows first, first + every, first + 2 every, ... of a picture; by default all of them."""
+    """Rows `first`, `first + every`, `first + 2 every`, ... of a picture; by default all rows."""
 
     every: int = 1
     first: int = 0
 
     def of(self, picture: Tensor) -> Tensor:
-        """Those rows of a picture [..., H, W]."""
+        """Returns these rows of a picture [..., H, W]."""
         return picture[..., self.first :: self.every, :]
 
 
@@ -122,10 +124,10 @@ ALL_ROWS = Rows()
 
 @dataclass(frozen=True)
 class MapFrame:
-    """Where a magnitude map lies in the stroke's own frame.
+    """Rectangle of a magnitude map in the frame of its stroke.
 
-    The stroke starts at (0, 0) and heads along +x, in metres; the map covers [left, right] x
-    [bottom, top] with `rows` x `columns` cells, row 0 at the top.
+    The stroke starts at (0, 0) and heads along +x, in metres. The map covers [left, right] x [bottom, top] with
+    `rows` x `columns` cells. Row 0 is at the top.
     """
 
     left: float
@@ -137,27 +139,29 @@ class MapFrame:
 
     @property
     def pitch(self) -> tuple[float, float]:
-        """Metres from one cell centre to the next: (along x, along y)."""
+        """Distance between cell centres in metres: (along x, along y)."""
         return (self.right - self.left) / self.columns, (self.top - self.bottom) / self.rows
 
     def cell_centers(self, *, dtype: torch.dtype = torch.float32, device: torch.device | str = "cpu") -> Tensor:
-        """Position of every cell centre in the stroke's frame, metres, [rows, columns, 2]."""
+        """Returns the centre of each cell in the stroke's frame: [rows, columns, 2] in metres."""
         across, down = self.pitch
         x = self.left + (torch.arange(self.columns, dtype=dtype, device=device) + 0.5) * across
         y = self.top - (torch.arange(self.rows, dtype=dtype, device=device) + 0.5) * down
         return torch.stack(torch.meshgrid(x, y, indexing="xy"), -1)
 
     def resized(self, rows: int, columns: int) -> "MapFrame":
-        """The same rectangle with other cells."""
+        """Returns the same rectangle with another number of cells."""
         return MapFrame(self.left, self.right, self.bottom, self.top, rows, columns)
 
 
 def pixel_to_map(position: Tensor, angle: Tensor, grid: PixelGrid, frame: MapFrame, rows: Rows = ALL_ROWS) -> Tensor:
-    """The affine maps from picture pixels to cells of each stroke's magnitude map.
+    """Returns the affine maps from picture pixels to cells of each stroke's magnitude map.
 
-    position [n, 2] metres, angle [n] radians -> [n, 2, 3], such that
-    (map column, map row) = A @ (pixel column, pixel row, 1). Differentiable (on the CPU once).
-    rows: which of the grid's rows the picture has; pixel row i is row first + i every of the grid.
+    position [n, 2]: metres
+    angle [n]: radians
+    rows: rows of the grid that the picture has. Row i of the picture is row `first + i every` of the grid.
+    Returns A [n, 2, 3] with (map column, map row) = A @ (pixel column, pixel row, 1). Differentiable; on the
+    CPU only once.
     """
     if compiles_for(angle):
         affine: Tensor = _PixelToMap.apply(position, angle, grid, frame, rows)  # type: ignore[no-untyped-call]
@@ -166,12 +170,12 @@ def pixel_to_map(position: Tensor, angle: Tensor, grid: PixelGrid, frame: MapFra
 
 
 def pixel_to_map_plainly(position: Tensor, angle: Tensor, grid: PixelGrid, frame: MapFrame, rows: Rows) -> Tensor:
-    """`pixel_to_map` by PyTorch, on any device."""
+    """Computes `pixel_to_map` with PyTorch, on any device."""
     (corner_x, corner_y), (across, down) = _corner(grid, rows)
     cell_x, cell_y = frame.pitch
     cos, sin = torch.cos(angle), torch.sin(angle)
     x, y = corner_x - position[:, 0], corner_y - position[:, 1]
-    # Turned back by the stroke's angle, then counted in cells; y flips once more inside the map.
+    # Rotates back by the stroke's angle, then converts to cells. The map's rows point down, so y flips once more.
     column = (cos * x + sin * y - frame.left) / cell_x - 0.5
     row = (sin * x - cos * y + frame.top) / cell_y - 0.5
     to_column = torch.stack((cos * (across / cell_x), -sin * (down / cell_x), column), -1)
@@ -180,13 +184,13 @@ def pixel_to_map_plainly(position: Tensor, angle: Tensor, grid: PixelGrid, frame
 
 
 def _corner(grid: PixelGrid, rows: Rows) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Where on the canvas the centre of pixel (0, 0) of those rows lies, and how far it is to the next; metres."""
+    """Returns the canvas position of the centre of pixel (0, 0) of these rows, and the pixel pitch; both in metres."""
     across, pitch = grid.pitch
     return (0.5 * across, grid.size.height - (rows.first + 0.5) * pitch), (across, rows.every * pitch)
 
 
 class _PixelToMap(torch.autograd.Function):
-    """`pixel_to_map` by compiled loops, with its derivatives in closed form: every iteration of a plan asks for it."""
+    """`pixel_to_map` with compiled loops and derivatives in closed form."""
 
     @staticmethod
     def forward(context: Any, position: Tensor, angle: Tensor, grid: PixelGrid, frame: MapFrame, rows: Rows) -> Tensor:
@@ -215,5 +219,5 @@ class _PixelToMap(torch.autograd.Function):
 
 
 def whole_turns_removed(angle: Tensor) -> Tensor:
-    """The same directions, radians in [-pi, pi)."""
+    """Returns the same directions in radians in [-pi, pi)."""
     return torch.remainder(angle + math.pi, 2 * math.pi) - math.pi

@@ -1,4 +1,4 @@
-"""Pictures in and out: from any file that a person may give to sRGB in [0, 1], and back to PNG or JPEG."""
+"""Input and output of pictures: any picture file to sRGB in [0, 1], and back to PNG or JPEG."""
 
 from pathlib import Path
 
@@ -12,21 +12,21 @@ from torch.nn import functional
 from frida_painter import picture_file, storage
 from frida_painter.errors import ImageError
 
-_PNG_LEVEL = 4  # of zlib: a fiftieth larger than 6, in less than half the time
+_PNG_LEVEL = 4  # zlib level: files 2 % larger than at 6, in less than half the time
 _JPEG_QUALITY = 92
 
 
 def load(
     path: str | Path, *, most_pixels: int = picture_file.MOST_PIXELS, longest: int = picture_file.LONGEST
 ) -> Tensor:
-    """A picture file as sRGB, [3, H, W] float32 in [0, 1], decoded as picture_file.py says. Raises ImageError."""
+    """Reads a picture file as sRGB [3, H, W] float32 in [0, 1]; picture_file.py decodes it. Raises ImageError."""
     pixels = picture_file.decode(Path(path), most_pixels=most_pixels, longest=longest)
     planes = torch.from_numpy(pixels).permute(2, 0, 1).contiguous()
     return planes.float() / 255 if planes.dtype == torch.uint8 else planes.clamp_(0, 1)
 
 
 def save(image: Tensor, path: str | Path) -> None:
-    """Writes sRGB [3, H, W] in [0, 1] to `path`, atomically: .png without loss, .jpg small. Raises StorageError."""
+    """Writes sRGB [3, H, W] in [0, 1] to `path` atomically: .jpg as JPEG, else lossless PNG. Raises StorageError."""
     path = Path(path)
     picture = Image.fromarray(to_uint8(image))
     with storage.replacing(path) as temporary:
@@ -37,13 +37,13 @@ def save(image: Tensor, path: str | Path) -> None:
 
 
 def save_exactly(pixels: NDArray[np.uint8], path: Path) -> None:
-    """Writes bytes [H, W, 3] as PNG, atomically and quickly rather than as small as can be. Raises StorageError."""
+    """Writes bytes [H, W, 3] as PNG atomically; fast, with little compression. Raises StorageError."""
     with storage.replacing(path) as temporary:
         Image.fromarray(pixels).save(temporary, format="PNG", compress_level=1)
 
 
 def load_exactly(path: Path) -> NDArray[np.uint8]:
-    """The bytes [H, W, 3] that `save_exactly` wrote. Raises ImageError where the file is gone or damaged."""
+    """Returns the bytes [H, W, 3] that `save_exactly` wrote. Raises ImageError if the file is missing or damaged."""
     try:
         with (
             storage.opened(path, "a picture", storage.MAX_BYTES, ImageError) as content,
@@ -53,26 +53,27 @@ def load_exactly(path: Path) -> NDArray[np.uint8]:
             return np.array(file.convert("RGB"))
     except ImageError:
         raise
-    except Exception as cause:  # decoders raise whatever they stumble over in a damaged file
+    except Exception as cause:  # decoders raise any error for a damaged file
         raise ImageError(
             f"{path} is gone or damaged ({picture_file.one_line(cause)}); take an undamaged copy."
         ) from cause
 
 
 def to_uint8(image: Tensor) -> NDArray[np.uint8]:
-    """sRGB [3, H, W] in [0, 1] to the bytes [H, W, 3] that cameras, films and files speak."""
+    """Converts sRGB [3, H, W] in [0, 1] to bytes [H, W, 3], the format of cameras, films and files."""
     return (image.detach().clamp(0, 1) * 255).round().to(torch.uint8).permute(1, 2, 0).contiguous().cpu().numpy()
 
 
 def from_uint8(pixels: NDArray[np.uint8]) -> Tensor:
-    """Bytes [H, W, 3] to sRGB [3, H, W] float32 in [0, 1]."""
+    """Converts bytes [H, W, 3] to sRGB [3, H, W] float32 in [0, 1]."""
     return torch.from_numpy(np.array(pixels)).permute(2, 0, 1).contiguous().float() / 255
 
 
 def fit(image: Tensor, rows: int, columns: int) -> Tensor:
-    """The picture [3, H, W] as it fills `rows` x `columns`: its middle, cropped to that shape, resampled.
+    """Returns the middle of a picture [3, H, W], cropped to the proportions of `rows` x `columns` and resampled to it.
 
-    Smaller is averaged under a triangle as wide as two new pixels, larger is interpolated; the result stays in [0, 1].
+    To shrink, pixels are averaged with a triangular filter that is two new pixels wide. To enlarge, they are
+    interpolated. The result stays in [0, 1].
     """
     middle = _middle(image, rows, columns)
     if middle.shape[1:] == (rows, columns):
@@ -82,12 +83,12 @@ def fit(image: Tensor, rows: int, columns: int) -> Tensor:
 
 
 def averaged(image: Tensor, rows: int, columns: int) -> Tensor:
-    """The picture [3, H, W] as `fit` has it, but each pixel is the mean of the area that it covers.
+    """Returns the picture [3, H, W] cropped like `fit`, but each new pixel is the mean of its area.
 
-    That keeps detail which `fit` softens, and is how pictures of two sizes are compared. What is to grow is
+    This keeps detail that `fit` softens; use it to compare pictures of different sizes. A larger size is
     interpolated. Not differentiable.
     """
-    import cv2  # few who carry pictures compare them
+    import cv2  # loaded here because few callers need it
 
     middle = _middle(image, rows, columns)
     if middle.shape[1] < rows or middle.shape[2] < columns:
@@ -98,7 +99,7 @@ def averaged(image: Tensor, rows: int, columns: int) -> Tensor:
 
 
 def _middle(image: Tensor, rows: int, columns: int) -> Tensor:
-    """The middle of a picture [3, H, W], cropped to the proportions of `rows` x `columns`."""
+    """Returns the middle of a picture [3, H, W], cropped to the proportions of `rows` x `columns`."""
     _, height, width = image.shape
     scale = min(height / rows, width / columns)
     kept_rows = min(height, max(1, round(rows * scale)))
@@ -108,7 +109,7 @@ def _middle(image: Tensor, rows: int, columns: int) -> Tensor:
 
 
 def blurred(picture: Tensor, spread: float) -> Tensor:
-    """A picture [c, h, w] blurred by a Gaussian with a standard deviation of `spread` > 0 pixels; edges go on."""
+    """Blurs a picture [c, h, w] with a Gaussian of standard deviation `spread` > 0 pixels; edge pixels are repeated."""
     reach = max(1, round(2.5 * spread))
     steps = torch.arange(-reach, reach + 1).to(picture)
     kernel = torch.exp(-steps.square() / (2 * spread**2))
@@ -119,7 +120,7 @@ def blurred(picture: Tensor, spread: float) -> Tensor:
 
 
 def pad(image: Tensor, rows: int, columns: int) -> Tensor:
-    """The whole picture [3, H, W] in the middle of `rows` x `columns`, on white, resampled as `fit` does."""
+    """Returns the whole picture [3, H, W] centred on white in `rows` x `columns`, resampled like `fit`."""
     _, height, width = image.shape
     scale = min(rows / height, columns / width)
     inner_rows, inner_columns = max(1, round(height * scale)), max(1, round(width * scale))
@@ -130,7 +131,7 @@ def pad(image: Tensor, rows: int, columns: int) -> Tensor:
 
 
 def sized(image: Tensor, pixels: int) -> Tensor:
-    """The picture [3, H, W] with about so many pixels, in its own proportions, no side below 16; differentiable."""
+    """Resizes a picture [3, H, W] to about `pixels` pixels, no side below 16; keeps proportions. Differentiable."""
     _, rows, columns = image.shape
     scale = (pixels / (rows * columns)) ** 0.5
     size = [max(16, round(rows * scale)), max(16, round(columns * scale))]

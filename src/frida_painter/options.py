@@ -1,4 +1,4 @@
-"""How numbers, places to write to, brushes, robots, cameras and workspaces are given on the command line."""
+"""Command line options that several commands share: numbers, output paths, brush, robot, camera, workspace."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -14,12 +14,12 @@ _Number = TypeVar("_Number", int, float)
 
 
 def whole_number_within(least: int, most: int) -> Callable[[str], int]:
-    """Reads whole numbers from `least` to `most`. What it makes raises typer.BadParameter."""
+    """Returns a parser of integers from `least` to `most`. The parser raises typer.BadParameter."""
     return _within(whole_number, least, most)
 
 
 def number_within(least: float, most: float) -> Callable[[str], float]:
-    """Reads numbers from `least` to `most`. What it makes raises typer.BadParameter."""
+    """Returns a parser of numbers from `least` to `most`. The parser raises typer.BadParameter."""
     return _within(any_number, least, most)
 
 
@@ -34,7 +34,7 @@ def _within(read: Callable[[str], _Number], least: _Number, most: _Number) -> Ca
 
 
 def whole_number(text: str) -> int:
-    """ "300" as 300. Raises typer.BadParameter."""
+    """Converts "300" to 300. Raises typer.BadParameter."""
     try:
         return int(text)
     except ValueError as error:
@@ -42,7 +42,7 @@ def whole_number(text: str) -> int:
 
 
 def any_number(text: str) -> float:
-    """ "0.5" as 0.5. Raises typer.BadParameter."""
+    """Converts "0.5" to 0.5. Raises typer.BadParameter."""
     try:
         return float(text)
     except ValueError as error:
@@ -50,12 +50,12 @@ def any_number(text: str) -> float:
 
 
 def out_file(text: str | Path) -> Path:
-    """Reads the path of a file to write. Raises StorageError, and typer.BadParameter for no path at all."""
+    """Reads the path of an output file. Raises StorageError, or typer.BadParameter for an empty path."""
     return _place(text, folder=False)
 
 
 def out_folder(text: str | Path) -> Path:
-    """Reads the path of a folder to write into. Raises as `out_file` does."""
+    """Reads the path of an output folder. Raises the same errors as `out_file`."""
     return _place(text, folder=True)
 
 
@@ -68,7 +68,7 @@ def _place(text: str | Path, *, folder: bool) -> Path:
 
 
 class ListingOption(OptionInfo):
-    """An option for the name of a part; its help ends with what is registered when the command line is built."""
+    """Option for the name of a part; its help lists the parts that are registered at that moment."""
 
     def __init__(self, *declared: str, groups: tuple[str, ...], says: str, **more: Any) -> None:
         super().__init__(default=..., param_decls=declared, **more)
@@ -82,7 +82,7 @@ class ListingOption(OptionInfo):
 
 
 def camera_name(text: str) -> str:
-    """The name of a camera, the same wherever the program is started: a path from the root on. Raises PluginError."""
+    """Returns the name of a camera with an absolute path if the name contains a path. Raises PluginError."""
     name, _, where = text.partition(":")
     known = registry.parts(registry.CAMERAS).get(name)
     if known is None or not where or not known.load(CameraKind).is_path:

@@ -1,4 +1,4 @@
-"""The palette: the few paints that a person mixes, ordered from light to dark."""
+"""Palette: the few paints that a person mixes, ordered from light to dark."""
 
 import json
 import re
@@ -18,10 +18,13 @@ MOST_COLORS = 64
 
 
 def to_lab(color: Tensor) -> Tensor:
-    """sRGB [..., 3] in [0, 1] to CIE L*a*b* (D65), L in [0, 100], on the device of the colours. Not differentiable."""
+    """Converts sRGB [..., 3] in [0, 1] to CIE L*a*b* (D65) with L in [0, 100], on the same device.
+
+    Not differentiable.
+    """
     if color.device.type != "cpu":
         return _to_lab_there(color.detach())
-    import cv2  # whoever only carries a palette does without
+    import cv2  # loaded here because few callers need it
 
     flat = np.ascontiguousarray(color.detach().cpu().numpy().reshape(1, -1, 3), dtype=np.float32)
     if flat.size == 0:
@@ -30,7 +33,7 @@ def to_lab(color: Tensor) -> Tensor:
 
 
 def _to_lab_there(color: Tensor) -> Tensor:
-    """`to_lab` on any device, which is not waited for."""
+    """Computes `to_lab` with PyTorch on any device, without a wait for the device."""
     red, green, blue = torch.where(color > 0.04045, ((color + 0.055) / 1.055) ** 2.4, color / 12.92).unbind(-1)
     x = (0.412453 * red + 0.357580 * green + 0.180423 * blue) / 0.950456
     y = 0.212671 * red + 0.715160 * green + 0.072169 * blue
@@ -41,7 +44,7 @@ def _to_lab_there(color: Tensor) -> Tensor:
 
 
 def from_lab(lab: Tensor) -> Tensor:
-    """CIE L*a*b* [..., 3] to sRGB in [0, 1], what lies outside sRGB brought to its nearest side."""
+    """Converts CIE L*a*b* [..., 3] to sRGB; values outside sRGB are clipped to [0, 1]."""
     import cv2
 
     flat = np.ascontiguousarray(lab.detach().cpu().numpy().reshape(1, -1, 3), dtype=np.float32)
@@ -50,19 +53,22 @@ def from_lab(lab: Tensor) -> Tensor:
 
 
 def load_clustering() -> Any:
-    """scikit-learn's k-means, which takes a second to load: whoever has to wait for something else has it then."""
-    from sklearn.cluster import KMeans  # whoever only carries a palette does without
+    """Returns scikit-learn's KMeans class.
+
+    The import takes a second, so a caller can do it while something else runs.
+    """
+    from sklearn.cluster import KMeans  # loaded here because few callers need it
 
     return KMeans
 
 
 def to_hex(color: Tensor) -> str:
-    """sRGB [3] in [0, 1] as "#rrggbb"."""
+    """Returns sRGB [3] in [0, 1] as "#rrggbb"."""
     return "#{:02x}{:02x}{:02x}".format(*(color * 255).round().int().tolist())
 
 
 def from_hex(text: str) -> Tensor:
-    """ "#rrggbb" as sRGB [3] in [0, 1]. Raises ConfigError."""
+    """Converts "#rrggbb" to sRGB [3] in [0, 1]. Raises ConfigError."""
     if not isinstance(text, str) or re.fullmatch(r"#[0-9a-fA-F]{6}", text) is None:
         raise ConfigError(f"{str(text)[:20]!r} is not a colour; write it like #b97f2c.")
     return torch.tensor([int(text[at : at + 2], 16) / 255 for at in (1, 3, 5)])
@@ -70,9 +76,11 @@ def from_hex(text: str) -> Tensor:
 
 @dataclass(frozen=True)
 class Palette:
-    """k paints, sRGB [k, 3] in [0, 1], lightest first where a planner made it. Raises ConfigError where they are not.
+    """Palette of k paints. Paint i belongs in well i.
 
-    Paint i belongs into well i; a palette that was measured keeps the order of its wells.
+    color [k, 3]: sRGB in [0, 1]. A planner orders it from light to dark; a measured palette keeps the order of
+    its wells.
+    Raises ConfigError if the shape or a value is out of range.
     """
 
     color: Tensor
@@ -90,16 +98,18 @@ class Palette:
 
     @classmethod
     def ordered(cls, color: Tensor) -> "Palette":
-        """The palette of these colours, put in order from light to dark."""
+        """Returns the palette of these colours, ordered from light to dark."""
         return cls(color[torch.argsort(to_lab(color)[:, 0], descending=True, stable=True)])
 
     @classmethod
     def cluster(cls, color: Tensor, weight: Tensor, count: int, seed: int) -> "Palette":
-        """`count` colours that stand for many (paper, "Paint Colors and Mixing": k-means, here in Lab).
+        """Returns `count` paints that represent many colours (paper, "Paint Colors and Mixing": k-means, here in Lab).
 
-        color [n, 3] sRGB, weight [n] how much each matters (painted area). The clusters found in
-        Lab are settled in sRGB, in which pictures are compared. Where the colours are fewer than
-        `count`, the lightest is repeated, so that there are always `count` paints.
+        color [n, 3]: sRGB
+        weight [n]: importance of each colour, for example its painted area
+
+        The clusters are found in Lab, then refined in sRGB, because pictures are compared in sRGB. If there are
+        fewer than `count` different colours, the lightest is repeated.
         """
         kmeans = load_clustering()
         points, lab = (tensor.detach().cpu().double().numpy() for tensor in (color, to_lab(color)))
@@ -114,7 +124,7 @@ class Palette:
 
     @classmethod
     def load(cls, path: str | Path) -> "Palette":
-        """The palette of a file of any form that palette_file.py reads, in its order. Raises ConfigError."""
+        """Reads a palette of any format that palette_file.py reads, in its order. Raises ConfigError."""
         colors = read_colors(Path(path))
         if not 1 <= len(colors) <= MOST_COLORS:
             raise ConfigError(f"{path} has {len(colors)} paints; a palette has 1 to {MOST_COLORS}.")
@@ -125,24 +135,27 @@ class Palette:
         storage.write_text(Path(path), json.dumps({"paints": [to_hex(color) for color in self.color]}, indent=2) + "\n")
 
     def lab(self) -> Tensor:
-        """The palette in CIE L*a*b*, [k, 3]."""
+        """Returns the palette in CIE L*a*b*, [k, 3]."""
         return to_lab(self.color)
 
     def nearest(self, color: Tensor) -> Tensor:
-        """Index [n] of the paint nearest to each sRGB colour [n, 3], by distance in Lab."""
+        """Returns the index [n] of the paint nearest to each sRGB colour [n, 3], by distance in Lab."""
         return torch.cdist(to_lab(color), self.lab()).argmin(1)
 
 
-# How different two colours look: CIEDE2000, where 1 is about the least that a person sees.
+# Visible difference of two colours: CIEDE2000. A person sees differences of about 1 and more.
 
 
 def difference(one: Tensor, other: Tensor) -> Tensor:
-    """CIEDE2000 between sRGB colours in [0, 1], [..., 3] and [..., 3] -> [...]. Not differentiable."""
+    """Returns CIEDE2000 between sRGB colours in [0, 1]: [..., 3] and [..., 3] -> [...]. Not differentiable."""
     return ciede2000(to_lab(one.clamp(0, 1)), to_lab(other.clamp(0, 1)))
 
 
 def ciede2000(one: Tensor, other: Tensor) -> Tensor:
-    """CIEDE2000 between CIE L*a*b* colours, [..., 3] and [..., 3] -> [...], with all weights 1. Not differentiable."""
+    """Returns CIEDE2000 with all weights 1 between CIE L*a*b* colours: [..., 3] and [..., 3] -> [...].
+
+    Not differentiable.
+    """
     from skimage.color import deltaE_ciede2000
 
     pair = (lab.detach().cpu().numpy() for lab in torch.broadcast_tensors(one, other))  # type: ignore[no-untyped-call]

@@ -1,11 +1,12 @@
-"""Files of palettes as painters have them, read as colours in their order; loaded without any tensor.
+"""Reader of palette files of many programs, as colours in file order; imports no tensor library.
 
-Formats are recognised by their content, not by their names. Nothing is guessed: a colour that needs a printer's profile
-(CMYK), is transparent or is written in two ways at once is refused by its number.
+Formats are recognised by content, not by name. The reader guesses nothing: it refuses a colour in CMYK (which
+needs a printer's profile), a transparent colour, or a colour that is written in two ways; the message gives its
+number.
 
-Sources: "Adobe Photoshop File Formats" (.aco, 2019); the comments of Scribus' and GIMP's importers (.ase); GIMP's
-"GPL palette format" (app/core/gimppalette-load.c); Krita's KoColorSet (.kpl); Microsoft's "Multimedia Programming
-Interface 1.0" (RIFF PAL).
+Sources: "Adobe Photoshop File Formats" (.aco, 2019); the comments of Scribus' and GIMP's importers (.ase);
+GIMP's "GPL palette format" (app/core/gimppalette-load.c); Krita's KoColorSet (.kpl); Microsoft's "Multimedia
+Programming Interface 1.0" (RIFF PAL).
 """
 
 import colorsys
@@ -36,7 +37,7 @@ FORMS = (
 )
 _WHAT = "a palette"
 _MAX_BYTES = 2**20
-_MAX_FAULTS = 3  # that are told
+_MAX_FAULTS = 3  # in one message
 _HEX = re.compile(r"(?:[0-9a-f]{3}|[0-9a-f]{6}|[0-9a-f]{8})")
 _NUMBER = re.compile(r"(?<![\w.#-])(?:\d+(?:\.\d*)?|\.\d+)(?![\w.])")
 _LISTS = ("paints", "colors", "colours", "palette", "swatches")
@@ -45,11 +46,14 @@ _BANDS = (("r", "g", "b"), ("red", "green", "blue"))
 
 
 class _Fault(ValueError):
-    """A colour, or the whole, that cannot be read; says why, in words that follow the name of the file."""
+    """Fault of a colour or of the file; the message follows the name of the file."""
 
 
 def is_palette_file(path: Path) -> bool:
-    """Whether the file is text or a binary palette, rather than a picture. Raises ConfigError if it cannot be read."""
+    """Returns True for a palette file (text, .json or a binary palette), False for a picture.
+
+    Raises ConfigError if the file cannot be read.
+    """
     if path.suffix.lower() == ".json":
         return True
     with storage.opened(path, _WHAT, storage.MAX_BYTES, ConfigError) as file:
@@ -59,7 +63,7 @@ def is_palette_file(path: Path) -> bool:
 
 
 def read_colors(path: Path) -> list[Color]:
-    """The colours of a palette file, in its order. Raises ConfigError, which says what a palette is."""
+    """Returns the colours of a palette file in its order. Raises ConfigError that says what a palette is."""
     content = storage.read_bytes(path, _WHAT, _MAX_BYTES, ConfigError)
     try:
         return list(_colors(content, is_json=path.suffix.lower() == ".json"))
@@ -73,7 +77,7 @@ def read_colors(path: Path) -> list[Color]:
         RuntimeError,
         OSError,
         EOFError,
-        ValueError,  # of zipfile, at places before the beginning
+        ValueError,  # zipfile, for offsets before the start
         zlib.error,
     ) as cut:
         raise ConfigError(f"{storage.shown(path)} is damaged or cut off ({cut}); take an undamaged copy.") from cut
@@ -102,7 +106,10 @@ def _colors(content: bytes, *, is_json: bool) -> Iterable[Color]:
 
 
 def _text(content: bytes, *, cut: bool = False) -> str | None:
-    """The content as text, None if it is none. cut: whether it may end within a character."""
+    """Returns the content as text; None if it is not text.
+
+    cut: True if the content may end within a character
+    """
     if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return content.decode("utf-16", "replace")
     if b"\0" in content or any(byte < 9 for byte in content):
@@ -112,7 +119,7 @@ def _text(content: bytes, *, cut: bool = False) -> str | None:
     except UnicodeDecodeError as error:
         if cut and error.start > len(content) - 4:
             return content[: error.start].decode("utf-8-sig")
-        if content[:1] >= b"\x80":  # what is called something in Latin-1 has a letter first; pictures have none
+        if content[:1] >= b"\x80":  # text in Latin-1 begins with an ASCII character; a picture may not
             return None
         return content.decode("latin-1")
 
@@ -123,14 +130,15 @@ def _plural(faults: Iterable[str]) -> _Fault:
 
 
 def _hex(text: Any, *, opacity_first: bool) -> Color:
-    """ "#b97f2c", "b97f2c", "#b72" or "0xB97F2C" in sRGB; of eight digits two are the opacity, by default the last.
+    """Converts "#b97f2c", "b97f2c", "#b72" or "0xB97F2C" to sRGB.
 
-    Raises ConfigError for anything else, and for a colour that is not opaque.
+    opacity_first: True if the first two of eight digits are the opacity; else the last two are
+    Raises ConfigError for any other text and for a colour that is not opaque.
     """
     given = text.strip().lower() if isinstance(text, str) else ""
     digits = given.removeprefix("#").removeprefix("0x")
     marked = given != digits
-    # Without a mark three digits are a number, and of eight nobody knows which two are the opacity.
+    # Without a mark, three digits are a number, and the opacity in eight digits is ambiguous.
     if _HEX.fullmatch(digits) is None or (len(digits) != 6 and not marked and not opacity_first):
         raise ConfigError(f"{str(text)[:20]!r} is not a colour; write it like #b97f2c.")
     if len(digits) == 3:
@@ -144,14 +152,14 @@ def _hex(text: Any, *, opacity_first: bool) -> Color:
 
 
 class _Numbers:
-    """Colours as three numbers each: of 0 to 255 if all are whole, and otherwise from 0 to 1."""
+    """Colours of three numbers each: from 0 to 255 if all are integers, else from 0 to 1."""
 
     def __init__(self) -> None:
         self._whole = True
         self._found: list[tuple[str, Color]] = []
 
     def add(self, where: str, bands: Sequence[Any]) -> int:
-        """Takes one down; returns its number. Raises _Fault if these are no three numbers."""
+        """Adds a colour and returns its index. Raises _Fault if `bands` are not three numbers."""
         values = [float(band) for band in bands if isinstance(band, int | float) and not isinstance(band, bool)]
         if len(values) != 3 or len(bands) != 3 or not all(math.isfinite(value) for value in values):
             raise _Fault(f"{where}: {str(list(bands))[:30]} are not three numbers.")
@@ -160,7 +168,7 @@ class _Numbers:
         return len(self._found) - 1
 
     def color(self, number: int) -> Color:
-        """The colour of that number, once all are known. Raises _Fault if it is out of range."""
+        """Returns the colour at an index; call it after all `add`. Raises _Fault if it is out of range."""
         where, (red, green, blue) = self._found[number]
         most = 255 if self._whole else 1
         if not all(0 <= band <= most for band in (red, green, blue)):
@@ -169,7 +177,7 @@ class _Numbers:
 
 
 def _settled(found: list[Color | int], numbers: _Numbers, faults: list[str]) -> list[Color]:
-    """The colours, those of numbers in place of theirs. Raises _Fault, naming what is wrong."""
+    """Returns the colours, with indices into `numbers` resolved. Raises _Fault that names all faults."""
     colors = []
     for one in found:
         try:
@@ -208,12 +216,12 @@ def _json(text: str) -> list[Color]:
 
 
 def _listed(record: Any) -> list[Any] | None:
-    """The list of colours in a JSON value, None if there is none, or more than one."""
+    """Returns the list of colours in a JSON value; None if there is none or more than one."""
     if isinstance(record, list):
         return record
     if not isinstance(record, dict):
         return None
-    if "paints" in record:  # ours, which has nothing else
+    if "paints" in record:  # our own format has no other keys
         return record["paints"] if set(record) == {"paints"} and isinstance(record["paints"], list) else None
     inner = [record[key] for key in _LISTS if isinstance(record.get(key), list | dict)]
     if len(inner) == 1:
@@ -223,7 +231,7 @@ def _listed(record: Any) -> list[Any] | None:
 
 
 def _value(entry: Any) -> Any:
-    """What an entry says of its colour: a text, or a list of three numbers."""
+    """Returns the colour of an entry: a text, or a list of three numbers."""
     if not isinstance(entry, dict):
         return entry
     known = {str(key).lower(): value for key, value in entry.items()}
@@ -265,7 +273,7 @@ def _jasc(lines: Sequence[str]) -> list[Color]:
 
 
 def _list(lines: Sequence[str]) -> list[Color]:
-    """Colours one or more a line, with or without names; or a table whose first line names its columns."""
+    """Returns the colours of lines with or without names, or of a table whose first line names the columns."""
     head = next((line for line in lines if line.strip()), "")
     opacity_first = any(line.lower().lstrip("; ").startswith("paint.net") for line in lines[:3])
     columns = _columns(head)
@@ -292,7 +300,7 @@ def _list(lines: Sequence[str]) -> list[Color]:
 
 
 def _split(line: str, head: str) -> list[str]:
-    """The cells of a line in a table with that first line."""
+    """Returns the cells of a line in a table with the first line `head`."""
     try:
         return next(csv.reader([line], delimiter=max("\t;,", key=head.count)), [])
     except csv.Error:
@@ -300,7 +308,7 @@ def _split(line: str, head: str) -> list[str]:
 
 
 def _columns(head: str) -> tuple[int, ...] | None:
-    """The column that has the colour, or the three that have its bands; None if the line names no columns."""
+    """Returns the column of the colour, or the three columns of its bands; None if `head` names no columns."""
     names = [cell.strip().lower() for cell in _split(head, head)]
     for bands in _BANDS:
         if set(bands) <= set(names):
@@ -316,7 +324,7 @@ def _cells(line: str, head: str, columns: tuple[int, ...]) -> tuple[str, ...] | 
 
 
 def _written(line: str) -> tuple[str, ...] | list[float]:
-    """What a line without columns says: colours in hexadecimal digits, or three numbers."""
+    """Returns the colours of a line without columns: hexadecimal texts, or three numbers."""
     marked = re.findall(r"(?:#|\b0x)\w+", line.lower())
     if marked:
         return tuple(marked)
@@ -344,7 +352,7 @@ def _bytes(red: int, green: int, blue: int) -> Color:
 
 
 def _is_aco(start: bytes, size: int) -> bool:
-    """Whether a file that begins so is an Adobe colour swatch file, which has no name of its own in it."""
+    """Returns True if the file is an Adobe colour swatch file; these files have no signature."""
     if len(start) < 4 or start[0] != 0 or start[1] not in (1, 2):
         return False
     least = 4 + 10 * int.from_bytes(start[2:4], "big")
@@ -352,7 +360,7 @@ def _is_aco(start: bytes, size: int) -> bool:
 
 
 def _aco(content: bytes) -> Iterator[Color]:
-    """The first section; the second one has the same colours with names."""
+    """Yields the colours of the first section; the second section repeats them with names."""
     version, count = struct.unpack_from(">HH", content)
     at = 4
     for number in range(1, count + 1):
@@ -392,7 +400,7 @@ def _ase(content: bytes) -> Iterator[Color]:
 
 
 def _of_model(block: bytes, number: int) -> Color:
-    """A colour of an Adobe swatch exchange file, from the name of its model on."""
+    """Returns a colour of an Adobe swatch exchange file; the block starts at the name of its model."""
     match block[:4].strip().upper():
         case b"RGB":
             color = struct.unpack_from(">3f", block, 4)
@@ -418,7 +426,7 @@ def _cmyk(number: int) -> _Fault:
 
 
 def _from_lab(lightness: float, a: float, b: float) -> Color:
-    """CIE L*a*b* of the profile connection space (D50) in sRGB, clipped to it (Bradford's adaptation, ICC.1)."""
+    """Converts CIE L*a*b* of the profile connection space (D50) to clipped sRGB (Bradford adaptation, ICC.1)."""
     y = (lightness + 16) / 116
     x, y, z = (
         white * (root**3 if root > 6 / 29 else 3 * (6 / 29) ** 2 * (root - 4 / 29))
@@ -436,7 +444,7 @@ def _from_lab(lightness: float, a: float, b: float) -> Color:
 
 
 def _archive(content: bytes) -> list[Color]:
-    """The palette in the ZIP file of Krita or Procreate."""
+    """Returns the palette in a ZIP file of Krita or Procreate."""
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         names = {name.rpartition("/")[2].lower(): name for name in archive.namelist()}
         for wanted, read in (("colorset.xml", _krita), ("swatches.json", _procreate)):

@@ -1,4 +1,4 @@
-"""The meaning of a picture's numbers: what its file says about them, and how they become sRGB on white paper.
+"""Meaning of the numbers in a picture file, and their conversion to sRGB on white paper.
 
 Sources: ICC.1:2022 for profiles (by LittleCMS); ITU-T H.273 for code points of primaries and curves; the PNG
 specification, third edition, 13.12 for gamma; IEC 61966-2-1 for sRGB; Lindbloom for the matrices of primaries.
@@ -40,15 +40,16 @@ _PRIMARIES = {  # H.273, table 2: red, green, blue, white
     12: ((0.680, 0.320), (0.265, 0.690), (0.150, 0.060), _D65),
 }
 _BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
-_ROWS = 256  # are converted at a time
-_SAME = 2  # of 255: a profile that differs less from sRGB is sRGB
+_ROWS = 256  # converted at a time
+_SAME = 2  # of 255: a profile with a smaller difference from sRGB counts as sRGB
 
 
 @dataclass(frozen=True)
 class Light:
-    """How numbers from 0 to 1 become light: their curve, and the light of the three primaries.
+    """Conversion of numbers in [0, 1] to light: the transfer curve and the primaries.
 
-    exponent: of the power law; None: the curve of sRGB. primaries: chromaticities x, y of red, green, blue and white.
+    exponent: exponent of the power law; None for the curve of sRGB
+    primaries: chromaticities x, y of red, green, blue and white
     """
 
     exponent: float | None = None
@@ -56,7 +57,7 @@ class Light:
 
     @property
     def is_srgb(self) -> bool:
-        """Whether nothing changes, as far as eight bits can tell: a power of 2.2 alone stands for sRGB, too."""
+        """True if the light equals sRGB within the precision of eight bits. An exponent near 2.2 counts as sRGB."""
         same = bool(np.allclose(self.primaries, _SRGB, atol=0.002))
         return same and (self.exponent is None or 2.1 <= self.exponent <= 2.3)
 
@@ -66,10 +67,11 @@ ADOBE_LIGHT = Light(563 / 256, _ADOBE)
 
 
 def light_of_code_points(name: str, primaries: int, transfer: int) -> Light:
-    """The light of a picture that states H.273's code points; `name` begins messages ("photo.png").
+    """Returns the light for H.273 code points of a picture.
 
-    Curves of television are taken for that of sRGB, as viewers of still pictures do. Raises ImageError for high
-    dynamic range (PQ, HLG), which has no white, and for code points of no meaning here.
+    name: start of messages ("photo.png")
+    The curves of television count as that of sRGB, as in viewers of still pictures. Raises ImageError for high
+    dynamic range (PQ, HLG), which has no white, and for unknown code points.
     """
     if transfer in (16, 18):
         kind = "PQ" if transfer == 16 else "HLG"
@@ -85,10 +87,11 @@ def light_of_code_points(name: str, primaries: int, transfer: int) -> Light:
 
 @dataclass(frozen=True)
 class Meaning:
-    """What the numbers of a picture mean, channel by channel; more channels than these mean nothing.
+    """Meaning of the channels of a picture; further channels are ignored.
 
-    most: the number that stands for all the light, or all the ink; alpha: how the channel after the colours weighs
-    them, if there is one; profile: the ICC profile that the file holds, obeyed if it fits.
+    most: number for full light or full ink
+    alpha: kind of the opacity channel after the colours
+    profile: ICC profile of the file; used if it fits
     """
 
     space: Space
@@ -99,12 +102,15 @@ class Meaning:
 
     @property
     def bands(self) -> int:
-        """How many channels count."""
+        """Number of channels that are used."""
         return COLOR_BANDS[self.space] + (self.alpha != "none")
 
 
 def shrink(image: "pyvips.Image", meaning: Meaning, longest: int) -> tuple["pyvips.Image", Meaning]:
-    """The picture with at most `longest` pixels on its longer side, by areas; hidden colours do not shine through."""
+    """Shrinks the picture to at most `longest` pixels on its longer side, by areas.
+
+    Colours are weighted by opacity, so transparent pixels do not affect their neighbours.
+    """
     share = longest / max(image.width, image.height)
     if share >= 1:
         return image, meaning
@@ -113,12 +119,12 @@ def shrink(image: "pyvips.Image", meaning: Meaning, longest: int) -> tuple["pyvi
     width, height = (max(1, round(side * share)) for side in (image.width, image.height))
     smaller = image.resize(width / image.width, vscale=height / image.height, kernel="linear")
     if meaning.most == 65535 and meaning.alpha == "premultiplied" and smaller.format == "float":
-        smaller = smaller.rint().cast("ushort")  # half the memory, and as fine
+        smaller = smaller.rint().cast("ushort")  # half the memory, same precision
     return smaller, meaning
 
 
 def to_srgb(image: "pyvips.Image", meaning: Meaning) -> Bytes | Floats:
-    """The picture in sRGB on white, [H, W, 3]: bytes for a picture of bytes, else float32 in [0, 1]."""
+    """Converts the picture to sRGB on white, [H, W, 3]: bytes if the picture has bytes, else float32 in [0, 1]."""
     count = COLOR_BANDS[meaning.space]
     if meaning.alpha == "premultiplied":
         image = image[: count + 1].unpremultiply(max_alpha=meaning.most, alpha_band=count)
@@ -149,7 +155,7 @@ def to_srgb(image: "pyvips.Image", meaning: Meaning) -> Bytes | Floats:
 
 
 def _pixels(colors: "pyvips.Image", most: float, *, deep: bool) -> Bytes | Floats:
-    """Numbers from 0 to `most`, grey or red, green and blue, as an array."""
+    """Returns grey or RGB values from 0 to `most` as an array."""
     whole = 1.0 if deep else 255.0
     scaled = colors if most == whole else colors * (whole / most)
     if not deep and scaled.format != "uchar":
@@ -159,7 +165,7 @@ def _pixels(colors: "pyvips.Image", most: float, *, deep: bool) -> Bytes | Float
 
 
 def usable_profile(content: bytes, space: Space) -> bytes | None:
-    """The profile, if it can be read, is of that colour space, and says other than sRGB; whatever it is called."""
+    """Returns the profile if it is readable, fits the colour space and differs from sRGB; else None."""
     if not content:
         return None
     try:
@@ -170,7 +176,7 @@ def usable_profile(content: bytes, space: Space) -> bytes | None:
         probe = _probe(space)
         seen = ImageCms.profileToProfile(probe, profile, ImageCms.createProfile("sRGB"), outputMode="RGB")
     except (ImageCms.PyCMSError, OSError, ValueError, TypeError):
-        return None  # a foreign or damaged profile says nothing about the colours
+        return None  # a damaged or unfit profile is ignored
     if seen is None or mode == "CMYK":
         return content
     difference = np.asarray(seen).astype(int) - np.asarray(probe.convert("RGB"))
@@ -178,7 +184,7 @@ def usable_profile(content: bytes, space: Space) -> bytes | None:
 
 
 def _probe(space: Space) -> Image.Image:
-    """Colours all over the space, as Pillow's picture."""
+    """Returns a test picture with colours from the whole space."""
     if space == "grey":
         return Image.fromarray(np.arange(256, dtype=np.uint8)[None])
     steps = np.stack(np.meshgrid(*[np.linspace(0, 255, 9).astype(np.uint8)] * 3), -1).reshape(1, -1, 3)
@@ -188,7 +194,7 @@ def _probe(space: Space) -> Image.Image:
 
 
 def _by_profile(colors: "pyvips.Image", profile: bytes, depth: int) -> "pyvips.Image":
-    """Whole numbers, of `depth` bits, as their profile says, in sRGB."""
+    """Converts integers of `depth` bits to sRGB by their profile."""
     import pyvips
 
     count = colors.bands
@@ -199,19 +205,20 @@ def _by_profile(colors: "pyvips.Image", profile: bytes, depth: int) -> "pyvips.I
 
 
 def _of_lab(colors: "pyvips.Image") -> "pyvips.Image":
-    """CIE L*a*b* of 2 degrees and D50 in its own units, as sRGB from 0 to 65535."""
+    """Converts CIE L*a*b* (2 degrees, D50) in its own units to sRGB from 0 to 65535."""
     return colors.cast("float").copy(interpretation="lab").icc_export(output_profile="srgb", pcs="lab", depth=16)
 
 
 def lab_of_8_bits(image: "pyvips.Image") -> "pyvips.Image":
-    """L*a*b* in its own units, of bytes: L of 255 is 100, a and b of 128 are 0."""
+    """Converts bytes to L*a*b* in its own units: byte 255 is L = 100, byte 128 is a or b = 0."""
     return image.linear([100 / 255, 1, 1], [0, -128, -128])
 
 
 def lab_of_16_bits(image: "pyvips.Image", *, icc: bool) -> "pyvips.Image":
-    """L*a*b* in its own units, of 16 bits, as the ICC encodes it (version 2), or as TIFF does.
+    """Converts 16-bit values to L*a*b* in its own units.
 
-    libvips halves the L of TIFF's own, whose a and b have a sign.
+    icc: True for the encoding of the ICC (version 2), False for that of TIFF. libvips halves the L of TIFF's
+    encoding; its a and b are signed.
     """
     if icc:
         return image.linear([100 / 65280, 1 / 256, 1 / 256], [0, -128, -128])
@@ -219,7 +226,7 @@ def lab_of_16_bits(image: "pyvips.Image", *, icc: bool) -> "pyvips.Image":
 
 
 def are_primaries(primaries: tuple[tuple[float, float], ...]) -> bool:
-    """Whether these are chromaticities of three lights that span colours, and of a white among them."""
+    """Returns True if the chromaticities are three primaries that span colours, with a white among them."""
     points = np.array(primaries)
     if not (np.isfinite(points).all() and (points[:, 1] > 0.01).all() and (np.abs(points) <= 1).all()):
         return False
@@ -228,7 +235,7 @@ def are_primaries(primaries: tuple[tuple[float, float], ...]) -> bool:
 
 
 def _by_light(colors: "pyvips.Image", most: float, light: Light) -> tuple["pyvips.Image", float]:
-    """The colours, whose numbers are that light, as sRGB in the same numbers."""
+    """Converts colours of that light to sRGB in the same range of numbers."""
     import pyvips
 
     numbers = colors.numpy().reshape(colors.height, colors.width, -1)
@@ -254,7 +261,7 @@ def _encoded(light: Floats) -> Floats:
 
 
 def _rgb_to_xyz(primaries: tuple[tuple[float, float], ...]) -> NDArray[np.float64]:
-    """From light of the primaries to X, Y, Z, so that all of it is the white, with Y = 1."""
+    """Returns the matrix from light of the primaries to X, Y, Z; full light gives the white with Y = 1."""
     columns = np.array([_xyz(point) for point in primaries[:3]]).T
     return columns * np.linalg.solve(columns, _xyz(primaries[3]))
 
@@ -265,6 +272,6 @@ def _xyz(point: tuple[float, float]) -> NDArray[np.float64]:
 
 
 def _adapted(source: tuple[float, float], target: tuple[float, float]) -> NDArray[np.float64]:
-    """What turns the source's white into the target's, by Bradford's cones."""
+    """Returns the matrix that adapts the source white to the target white (Bradford)."""
     gains = (_BRADFORD @ _xyz(target)) / (_BRADFORD @ _xyz(source))
     return np.linalg.inv(_BRADFORD) @ np.diag(gains) @ _BRADFORD

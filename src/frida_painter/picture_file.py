@@ -1,11 +1,11 @@
-"""A picture file that anybody may have given, decoded with care.
+"""Decoder of picture files from unknown sources.
 
-A file is untrusted: its size is checked before a pixel is decoded, and whatever goes wrong inside a
-decoder becomes one sentence. Its own word about itself counts, and not its name: pages, depth, transparency,
-profiles, orientation. What it says and we cannot obey is refused by name.
+Size is checked before a pixel is decoded. Each error of a decoder becomes one sentence. The content of the file
+counts, not its name: pages, depth, transparency, profiles, orientation. Content that the decoder does not
+support is refused by name.
 
-libvips decodes, in strips where a format has them: a picture of 100 megapixels is never whole in memory where it
-need not be. BMP comes from Pillow, and HEIC from libheif.
+libvips decodes in strips if the format has strips, so a picture of 100 megapixels need not fit in memory.
+Pillow decodes BMP, and libheif decodes HEIC.
 """
 
 import logging
@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 
 
 FORMATS = ("JPEG", "PNG", "WEBP", "TIFF", "BMP", "GIF")
-"""Of Pillow's own, for who reads small pictures with it."""
+"""Formats for callers that read small pictures with Pillow."""
 SUFFIXES = (
     ".jpg", ".jpeg", ".jpe", ".jfif", ".png", ".webp", ".tif", ".tiff", ".bmp", ".gif",
     ".heic", ".heif", ".hif", ".avif",
@@ -60,10 +60,10 @@ WHAT = "a JPEG, PNG, WebP, TIFF, HEIC, AVIF, BMP or GIF picture"
 _ADVICE = f"give {WHAT}"
 _MOST_BYTES = 2**30
 _MAX_PAGES = 1000
-_ROWS = 1024  # are copied at a time
+_ROWS = 1024  # copied at a time
 _READ = ("JPEG", "PNG", "WebP", "TIFF", "GIF", "BMP", "HEIC", "AVIF")
 
-# The first bytes of files, and what they are (the Library of Congress' list of formats, and their own specifications).
+# First bytes of files and their formats (the Library of Congress' list of formats, and the specifications).
 _SIGNATURES = (
     (b"\xff\xd8\xff", "JPEG"),
     (b"\x89PNG\r\n\x1a\n", "PNG"),
@@ -104,7 +104,7 @@ _SIGNATURES = (
     (b"\x1f\x8b", "a gzip archive"),
     (b"\x1a\x45\xdf\xa3", "a film"),
 )
-_BRANDS = {  # of files that begin with a box "ftyp" (ISO/IEC 14496-12)
+_BRANDS = {  # for files that begin with a box "ftyp" (ISO/IEC 14496-12)
     **dict.fromkeys((b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"mif1", b"msf1", b"heif"), "HEIC"),
     **dict.fromkeys((b"avif", b"avis"), "AVIF"),
     b"crx ": "a camera's raw photograph (CR3)",
@@ -118,13 +118,17 @@ _NETPBM = {
 
 
 def decode(path: Path, *, most_pixels: int = MOST_PIXELS, longest: int = LONGEST) -> Bytes | Floats:
-    """A picture file in sRGB, upright and opaque, [H, W, 3]: bytes, or float32 in [0, 1] if it has more than 8 bits.
+    """Decodes a picture file to upright, opaque sRGB [H, W, 3]: bytes, or float32 in [0, 1] for more than 8 bits.
 
-    The photograph is turned as it says (EXIF, TIFF, HEIC), brought to sRGB by its ICC profile, or by the gamma and
-    primaries that it states, and laid on white if it is transparent. Of an animation the first frame counts, and of
-    several pages the first that is no thumbnail or mask. Numbers with a decimal point are sRGB from 0 to 1 unless a
-    profile says other. A picture whose longer side has more than `longest` pixels is made smaller. Raises ImageError
-    for everything that is not such a picture, or has more than `most_pixels`, a side above 30,000 or below 16 pixels.
+    most_pixels: largest allowed number of pixels
+    longest: a picture with a longer side than this is shrunk to it
+
+    The orientation of the file is applied (EXIF, TIFF, HEIC). Colours are converted by the ICC profile, or by
+    the stated gamma and primaries. Transparency is put on white. Of an animation the first frame is read; of
+    several pages the first that is not a thumbnail or mask. Floats count as sRGB from 0 to 1 unless a profile
+    says otherwise.
+    Raises ImageError if the file is no such picture, has more than `most_pixels`, or has a side above 30,000 or
+    below 16 pixels.
     """
     with storage.opened(path, WHAT, _MOST_BYTES, ImageError) as file:
         name = require_format(path, file)
@@ -133,24 +137,24 @@ def decode(path: Path, *, most_pixels: int = MOST_PIXELS, longest: int = LONGEST
                 _Given(path, file, name, most_pixels, longest)
             )
             image, meaning = shrink(image[: meaning.bands] if image.bands > meaning.bands else image, meaning, longest)
-            image = _held(image)  # from here on the file, and what is large of it, is gone
+            image = _held(image)  # the file and the large picture are released here
             return _upright(to_srgb(image, meaning), orientation)
 
 
 def _held(image: Any) -> Any:
-    """The picture, computed, in memory of its own."""
+    """Computes the picture and returns it in memory that does not depend on the file."""
     return _libvips().Image.new_from_memory(
         image.write_to_memory(), image.width, image.height, image.bands, image.format
     )
 
 
 def is_picture(name: str) -> bool:
-    """Whether `format_of` gave the name of a kind of pictures, be they read here or not."""
+    """Returns True if the name from `format_of` is a picture format, supported or not."""
     return name in _READ or name.endswith(" picture") or name.startswith("a camera's raw photograph")
 
 
 def require_format(path: Path, file: BinaryIO) -> str:
-    """The name of the format that an open file begins with ("PNG"). Raises ImageError if that is not read here."""
+    """Returns the format of an open file ("PNG"). Raises ImageError if it is not supported."""
     file.seek(0)
     start = file.read(512)
     file.seek(0)
@@ -163,12 +167,12 @@ def require_format(path: Path, file: BinaryIO) -> str:
 
 
 def format_of(start: bytes) -> str:
-    """The format that a file of these first bytes (512 are enough) has: "PNG", or "a PDF" if it is not read here."""
+    """Returns the format of a file from its first bytes (512 are enough): "PNG", or "a PDF" if it is not supported."""
     if start[4:8] == b"ftyp":
         length = int.from_bytes(start[:4], "big")
         brands = [start[8:12], *(start[at : at + 4] for at in range(16, min(length, len(start)), 4))]
         first = [_BRANDS[brand] for brand in brands if brand in _BRANDS]
-        # A picture of the general kind ("mif1") says among the compatible brands which one it is.
+        # A file of the general brand ("mif1") lists its real brand among the compatible ones.
         return next((name for name in first if name == "AVIF"), first[0]) if first else "a film"
     if start[:4] == b"RIFF":
         return "WebP" if start[8:12] == b"WEBP" else "a sound or a film"
@@ -185,9 +189,9 @@ def format_of(start: bytes) -> str:
 
 @contextmanager
 def _told(path: Path, name: str) -> Iterator[None]:
-    """Whatever a decoder stumbles over becomes one sentence, and nothing else is said."""
+    """Turns each error of a decoder into an ImageError of one sentence, and hides warnings."""
     try:
-        # Pillow warns about odd metadata and large pictures, neither of which a painter can act upon.
+        # Pillow's warnings about metadata and large pictures are of no use to a painter.
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             yield
@@ -195,16 +199,17 @@ def _told(path: Path, name: str) -> Iterator[None]:
         raise
     except MemoryError as cause:
         raise ImageError(f"{path} needs more memory than this machine has; make it smaller first.") from cause
-    except Exception as cause:  # decoders raise whatever they stumble over in a damaged file
+    except Exception as cause:  # decoders raise any error for a damaged file
         if isinstance(cause, OSError) and cause.errno is not None:
             raise
         raise ImageError(f"{path} is a damaged {name} picture ({one_line(cause)}); take an undamaged copy.") from cause
 
 
 def exposure_time(path: Path) -> float | None:
-    """When a photograph was exposed by its own account (EXIF), as the end of that second since 1970; None if unsaid.
+    """Returns when a photograph was taken, in seconds since 1970, from its EXIF data; None if unknown.
 
-    Without an offset it is taken for this computer's local time. Raises ImageError where there is no such file.
+    EXIF counts whole seconds, and the end of that second is returned. Without an offset the time counts as
+    local time of this computer. Raises ImageError if there is no such file.
     """
     with storage.opened(path, WHAT, _MOST_BYTES, ImageError) as content:
         try:
@@ -215,7 +220,7 @@ def exposure_time(path: Path) -> float | None:
             offset = str(said.get(ExifTags.Base.OffsetTimeOriginal, "")).strip("\0 ")
             zoned = datetime.strptime(offset, "%z").tzinfo if offset else None
             return moment.replace(tzinfo=zoned).timestamp() + 1
-        except Exception:  # decoders raise whatever they stumble over; who decodes the picture is told
+        except Exception:  # decoders raise any error; `decode` reports it
             return None
 
 
@@ -233,7 +238,7 @@ def _exif(content: BinaryIO) -> Image.Exif:
 
 
 def require_size(path: Path, width: int, height: int, most_pixels: int = MOST_PIXELS) -> None:
-    """Raises ImageError unless a picture of these pixels, read from `path`, is neither too large nor too small."""
+    """Raises ImageError if a picture of this size, read from `path`, is too large or too small."""
     given = f"{path} is {width} x {height} pixels"
     if min(width, height) < LEAST_SIDE:
         raise ImageError(f"{given}; a picture has at least {LEAST_SIDE} pixels a side; give a larger one.")
@@ -245,16 +250,16 @@ def require_size(path: Path, width: int, height: int, most_pixels: int = MOST_PI
 
 
 def one_line(cause: BaseException) -> str:
-    """What a decoder complains of, in one short line."""
+    """Returns the message of a decoder's error in one short line."""
     lines = [line.strip() for line in str(cause).splitlines() if line.strip()]
-    if len(lines) > 1 and lines[0].startswith("unable to "):  # libvips: its own function, then the complaint
+    if len(lines) > 1 and lines[0].startswith("unable to "):  # libvips: the name of its function, then the message
         lines = lines[1:2]
     return " ".join(" ".join(lines).split())[:120] or type(cause).__name__
 
 
 @dataclass(frozen=True)
 class _Given:
-    """An open picture file, and how large it may be and is to become."""
+    """Open picture file, with limits for its size."""
 
     path: Path
     file: BinaryIO
@@ -263,7 +268,7 @@ class _Given:
     longest: int
 
     def strips(self, **options: Any) -> "pyvips.Image":
-        """The picture as libvips reads it, once, from top to bottom; only its head has been read yet."""
+        """Returns the picture as libvips reads it, once from top to bottom. Only the header is read here."""
         library = _libvips()
         source = library.Source.new_from_descriptor(self.file.fileno())
         self.file.seek(0)
@@ -271,29 +276,29 @@ class _Given:
         return loader(source, access="sequential", fail_on="error", **options)
 
     def require_size(self, width: int, height: int) -> None:
-        """Raises ImageError unless the picture may have so many pixels."""
+        """Raises ImageError if a picture may not have this size."""
         require_size(self.path, width, height, self.most_pixels)
 
     def refuse(self, what: str) -> ImageError:
-        """The error for a picture that says of itself what cannot be obeyed."""
+        """Returns the error for an unsupported kind of picture."""
         return ImageError(
             f"{self.path} is a {self.format} of a kind that cannot be read ({what}); save it as sRGB with 8 or 16 bits."
         )
 
 
 def _libvips() -> Any:
-    """The library, which says nothing to the standard error and keeps nothing of what it read."""
+    """Returns the pyvips module, with its log and its cache switched off."""
     import pyvips
 
     logging.getLogger("pyvips").setLevel(logging.CRITICAL + 1)
-    if pyvips.API_mode:  # its own handler fails at warnings that are no text, which those about damaged files can be
+    if pyvips.API_mode:  # pyvips' own handler fails at warnings that are not text, as for damaged files
         pyvips.ffi.def_extern(name="_log_handler_callback")(lambda *_warning: None)
     pyvips.cache_set_max(0)
     return pyvips
 
 
 def _upright(pixels: NDArray[Any], orientation: int) -> Bytes | Floats:
-    """Pixels that a file stores turned, as EXIF 2.32 numbers it (tag 0x0112)."""
+    """Returns the pixels after rotation and mirroring by their EXIF 2.32 orientation (tag 0x0112)."""
     if orientation in (5, 6, 7, 8):
         pixels = pixels.transpose(1, 0, 2)
     if orientation in (3, 4, 7, 8):
@@ -303,22 +308,22 @@ def _upright(pixels: NDArray[Any], orientation: int) -> Bytes | Floats:
     return np.array(pixels, order="C")
 
 
-# The formats: how each is read, what its numbers mean, and how it is turned (EXIF's number)
+# Readers of the formats: each returns the picture, its meaning and its EXIF orientation.
 
 _Stored = tuple["pyvips.Image", Meaning, int]
 
 
 def _read_strips(given: _Given) -> _Stored:
-    """JPEG, PNG, WebP and GIF."""
+    """Reads JPEG, PNG, WebP and GIF."""
     image = given.strips()
     given.require_size(image.width, image.height)
     profile, light = _field(image, "icc-profile-data", b""), SRGB_LIGHT
     if given.format == "PNG":
         profile, light = _word_of_png(given, profile)
-    elif _field(image, "exif-ifd4-InteroperabilityIndex", "").startswith("R03"):  # DCF: the camera means Adobe RGB
+    elif _field(image, "exif-ifd4-InteroperabilityIndex", "").startswith("R03"):  # DCF: this index means Adobe RGB
         light = ADOBE_LIGHT
     share = given.longest / max(image.width, image.height)
-    # Both can be decoded at a half, a quarter or an eighth of their size, without ever being whole in memory.
+    # JPEG and WebP can be decoded directly at a half, a quarter or an eighth of their size.
     factor = next((factor for factor in (8, 4, 2) if share * factor <= 1), 1)
     if factor > 1 and given.format == "JPEG":
         image = given.strips(shrink=factor)
@@ -335,7 +340,7 @@ def _field(image: "pyvips.Image", name: str, otherwise: Any) -> Any:
 
 
 def _word_of_png(given: _Given, profile: bytes) -> tuple[bytes, Light]:
-    """The profile and the light that a PNG states: of cICP, iCCP, sRGB, gAMA with cHRM the first counts."""
+    """Returns the profile and the light of a PNG: the first of cICP, iCCP, sRGB, gAMA with cHRM counts."""
     chunks = _chunks_of_png(given.file)
     if len(points := chunks.get(b"cICP", b"")) == 4:
         return b"", light_of_code_points(str(given.path), points[0], points[1])
@@ -355,7 +360,7 @@ def _be(content: bytes, form: str) -> tuple[int, ...]:
 
 
 def _chunks_of_png(file: BinaryIO) -> dict[bytes, bytes]:
-    """What stands before the pixels and says what they mean."""
+    """Returns the colour chunks of a PNG before its pixels."""
     file.seek(8)
     found: dict[bytes, bytes] = {}
     for _ in range(_MAX_PAGES):
@@ -371,7 +376,7 @@ def _chunks_of_png(file: BinaryIO) -> dict[bytes, bytes]:
     return found
 
 
-# TIFF 6.0 and its supplements: the names of photometric interpretations, and those that are read.
+# TIFF 6.0 and its supplements: photometric interpretations by name, and the space of those that are supported.
 _PHOTOMETRIC: dict[int, tuple[str, Space | None]] = {
     0: ("grey, white is zero", "grey"), 1: ("grey", "grey"), 2: ("RGB", "rgb"), 3: ("palette", "rgb"),
     4: ("transparency mask", None), 5: ("CMYK", "cmyk"), 6: ("YCbCr", "rgb"), 8: ("CIE Lab", "lab"),
@@ -385,13 +390,13 @@ _REDUCED, _MASK = 1, 4
 
 @dataclass(frozen=True)
 class _Page:
-    """A page of a TIFF, by its tags."""
+    """Page of a TIFF by its tags."""
 
     number: int
     tags: dict[int, Any]
 
     def tag(self, number: int, otherwise: int) -> int:
-        """The value of a tag that has one, or one for each sample; None is none of them."""
+        """Returns the value of a tag, the first if there is one for each sample; `otherwise` if the tag is missing."""
         values = self.tags.get(number, otherwise)
         if isinstance(values, tuple):
             return values[0] if values else otherwise
@@ -399,16 +404,16 @@ class _Page:
 
     @property
     def is_picture(self) -> bool:
-        """Whether it is neither marked as a reduced picture nor as a mask (NewSubfileType, and the old SubfileType)."""
+        """True if the page is marked neither as a thumbnail nor as a mask (NewSubfileType, and the old SubfileType)."""
         return not self.tag(254, 0) & (_REDUCED | _MASK) and self.tag(255, 1) != 2
 
     @property
     def count(self) -> int:
-        """Samples of each pixel."""
+        """Number of samples of each pixel."""
         return self.tag(277, 1)
 
     def name(self) -> str:
-        """What it is, in words ("32-bit float RGB")."""
+        """Returns the kind of the page in words ("32-bit float RGB")."""
         photometric = _PHOTOMETRIC.get(self.tag(262, -1), (f"photometric interpretation {self.tag(262, -1)}", None))[0]
         bits = self.tags.get(258, (1,))
         bits = "/".join(map(str, dict.fromkeys(bits if isinstance(bits, tuple) else (bits,))))
@@ -416,12 +421,12 @@ class _Page:
 
 
 def _pages(given: _Given) -> list[_Page]:
-    """The pages of a TIFF that stand in its chain. Raises TiffFileError and others if it is damaged."""
+    """Returns the pages in the chain of a TIFF. Raises TiffFileError and other errors if it is damaged."""
     import tifffile
 
     logging.getLogger("tifffile").setLevel(logging.CRITICAL + 1)
     given.file.seek(0)
-    # Only tags are read: of whole numbers, and of fractions the chromaticities.
+    # Only needed tags are kept: integers, and the fractions of the chromaticities.
     pages = tifffile.TiffFile(given.file, name=given.path.name).pages
     tags = [page.aspage().tags for page, _ in zip(pages, range(_MAX_PAGES), strict=False)]
     return [
@@ -430,7 +435,7 @@ def _pages(given: _Given) -> list[_Page]:
 
 
 def _read_tiff(given: _Given) -> _Stored:
-    """The first page that is a picture."""
+    """Reads the first page that is a picture."""
     pages = _pages(given)
     page = next((page for page in pages if page.is_picture), pages[0])
     if 50706 in page.tags:
@@ -452,7 +457,7 @@ def _read_tiff(given: _Given) -> _Stored:
         return _read_lab_of_bytes(given)
     image = given.strips(page=page.number)
     given.require_size(image.width, image.height)
-    # libvips takes the weight of opacity out of the colours itself, but not out of these.
+    # libvips does not undo premultiplied opacity for these kinds.
     if extra[:1] == (1,) and (image.format == "uint" or (sample == 3 and space == "grey")):
         raise given.refuse(f"{page.name()} with premultiplied opacity")
     alpha: Alpha = "straight" if extra[:1] in ((1,), (2,)) else "none"
@@ -465,7 +470,7 @@ def _read_tiff(given: _Given) -> _Stored:
     if sample == 3:
         _require_unit(given, page, image[: meaning.bands])
         image = given.strips(page=page.number)
-        if page.tag(262, 1) == 0:  # libvips turns whole numbers only
+        if page.tag(262, 1) == 0:  # libvips inverts only integers
             negative = image[0].linear(-1, 1)
             image = negative.bandjoin(image[1]) if alpha != "none" else negative
     if space == "lab":
@@ -474,7 +479,7 @@ def _read_tiff(given: _Given) -> _Stored:
 
 
 def _require_unit(given: _Given, page: _Page, image: "pyvips.Image") -> None:
-    """Raises ImageError unless numbers with a decimal point are from 0 to 1, all of them; reads the file once."""
+    """Raises ImageError unless all floats are from 0 to 1; reads the file once."""
     if ((image >= 0) & (image <= 1)).min() == 255:
         return
     image = given.strips(page=page.number)[: image.bands]
@@ -486,7 +491,7 @@ def _require_unit(given: _Given, page: _Page, image: "pyvips.Image") -> None:
 
 
 def _light_of_tiff(page: _Page) -> Light:
-    """The primaries and the white that a TIFF states, with the curve of sRGB, as viewers have it."""
+    """Returns the primaries and white that a TIFF states, with the curve of sRGB, as viewers do."""
     colors, white = page.tags.get(319, ()), page.tags.get(318, ())
     if not (isinstance(colors, tuple) and isinstance(white, tuple) and len(colors) == 12 and len(white) == 4):
         return SRGB_LIGHT
@@ -499,7 +504,7 @@ def _light_of_tiff(page: _Page) -> Light:
 
 
 def _read_lab_of_bytes(given: _Given) -> _Stored:
-    """A TIFF of CIE Lab with bytes, which libvips does not read."""
+    """Reads a TIFF of CIE Lab with bytes, which libvips cannot read."""
     given.file.seek(0)
     with Image.open(given.file, formats=("TIFF",)) as file:
         given.require_size(*file.size)
@@ -532,7 +537,7 @@ def _straight(bands: int) -> Alpha:
 
 
 def _read_heif(given: _Given) -> _Stored:
-    """HEIC and AVIF, which their container turns upright, and for which it states the colours' code points."""
+    """Reads HEIC and AVIF. The container turns them upright and may state code points of the colours."""
     import pi_heif
 
     given.file.seek(0)
@@ -546,7 +551,7 @@ def _read_heif(given: _Given) -> _Stored:
     image = given.strips() if given.format == "AVIF" else _libvips().Image.new_from_array(np.asarray(head))
     deep = image.format == "ushort"
     bits = int(head.info["bit_depth"])
-    most = float((2**bits - 1) << (16 - bits)) if deep else 255.0  # of 10 and 12 bits the upper ones are used
+    most = float((2**bits - 1) << (16 - bits)) if deep else 255.0  # 10 and 12 bits are stored in the upper bits
     alpha: Alpha = "premultiplied" if head.premultiplied_alpha else _straight(image.bands)
     profile = head.info.get("icc_profile", b"")
     return image, Meaning("rgb" if image.bands > 2 else "grey", most, alpha, light, profile), 1

@@ -1,4 +1,4 @@
-"""A plan: strokes in painting order, each in one colour of a palette, on a canvas, in layers with a brush each."""
+"""A plan: strokes in painting order, in layers, with a palette, for one canvas."""
 
 import hashlib
 import itertools
@@ -18,16 +18,18 @@ from frida_painter.strokes import GROUPS, StrokeLimits, Strokes
 
 VERSION = 3
 WHITE = (1.0, 1.0, 1.0)
-"""sRGB of a canvas that nobody has toned."""
+"""sRGB of an untoned canvas."""
 MOST_STROKES = 100_000
 
 
 @dataclass(frozen=True)
 class Layer:
-    """Strokes that are painted with one brush, from wells that are filled once, on the dry paint of earlier layers.
+    """Strokes that are painted with one brush from one filling of the wells, on the dry paint of earlier layers.
 
-    strokes: how many; limits: what the brush can do; paints: the first of the palette's paints that are in the wells
-    then, and the one past the last: paint i of the palette is in well i - paints[0].
+    strokes: number of strokes
+    brush: name of the brush
+    limits: limits of the brush
+    paints: range (first, end) of the palette's paints that are in the wells. Paint i is in well i - first.
     """
 
     strokes: int
@@ -38,12 +40,17 @@ class Layer:
 
 @dataclass(frozen=True)
 class Plan:
-    """What is to be painted.
+    """Complete description of a painting: strokes, paints, canvas and layers.
 
-    strokes: n strokes in painting order; palette: the paints of all layers; paint [n]: index of each stroke's colour
-    in it; layers: what each is painted with, one at least; every layer begins light again; ground [3]: sRGB of the bare
-    canvas; about: free facts (seed, name of the photograph) that are kept with the plan. Raises PlanError where the
-    parts do not fit.
+    strokes: n strokes in painting order
+    palette: paints of all layers
+    paint [n]: index of each stroke's colour in the palette
+    canvas: size of the canvas
+    layers: one or more layers. Within each layer the order starts again with light paints.
+    ground: sRGB [3] of the bare canvas
+    about: free facts (seed, name of the photograph) that are saved with the plan
+
+    Raises PlanError if the parts do not fit together.
     """
 
     strokes: Strokes
@@ -88,7 +95,7 @@ class Plan:
     def of(
         cls, strokes: Strokes, palette: Palette, paint: Tensor, *, brush: str, limits: StrokeLimits, **rest: Any
     ) -> "Plan":
-        """The plan of these strokes in one layer, each given exactly the colour of its paint."""
+        """Returns a plan with one layer, in which each stroke has exactly the colour of its paint."""
         colored = strokes.with_groups(color=palette.color[paint].to(strokes.color))
         layer = Layer(len(strokes), brush, limits, (0, len(palette)))
         return cls(colored, palette, paint, layers=(layer,), **rest)
@@ -98,40 +105,43 @@ class Plan:
 
     @property
     def layer_sizes(self) -> tuple[int, ...]:
-        """How many strokes each layer has."""
+        """Number of strokes of each layer."""
         return tuple(layer.strokes for layer in self.layers)
 
     @property
     def layer(self) -> Tensor:
-        """The number of each stroke's layer, from 0, [n]."""
+        """Number of each stroke's layer, from 0: [n]."""
         return torch.repeat_interleave(torch.arange(len(self.layers)), torch.tensor(self.layer_sizes))
 
     @property
     def brushes(self) -> tuple[str, ...]:
-        """The brushes that it is painted with, each once, in the order in which they are needed."""
+        """Brushes of the plan, each once, in the order of use."""
         return tuple(dict.fromkeys(layer.brush for layer in self.layers))
 
     @property
     def well(self) -> Tensor:
-        """The number of the well, from 0, that each stroke's paint is in while its layer is painted, [n]."""
+        """Number of the well, from 0, that holds each stroke's paint while its layer is painted: [n]."""
         firsts = torch.tensor([layer.paints[0] for layer in self.layers])
         return self.paint - firsts.to(self.paint)[self.layer]
 
     def layer_end(self, painted: int) -> int:
-        """How many strokes are painted when the layer of the next stroke is done, `painted` being painted now."""
+        """Returns how many strokes are painted when the layer of the next stroke is complete.
+
+        painted: number of strokes that are painted now
+        """
         return next((end for end in itertools.accumulate(self.layer_sizes) if end > painted), len(self))
 
     def wells(self, layer: Layer) -> Palette:
-        """The paints that are in the wells while one of its layers is painted, well by well."""
+        """Returns the paints in the wells while `layer` is painted, in the order of the wells."""
         return Palette(self.palette.color[slice(*layer.paints)])
 
     def part(self, which: slice | list[int]) -> "Plan":
-        """The plan of some of the strokes only, in their order; it has the same layers, of which some may be empty."""
+        """Returns a plan of only some of the strokes, in their order. It keeps all layers; a layer may become empty."""
         counts = torch.bincount(self.layer[which], minlength=len(self.layers))
         return replace(self, strokes=self.strokes[which], paint=self.paint[which], layers=self._sized(counts.tolist()))
 
     def by_layer(self) -> list["Plan"]:
-        """The plan of each layer alone, of whose palette only what is in its wells."""
+        """Returns one plan for each layer; its palette has only the paints in the wells of that layer."""
         return [
             replace(
                 self,
@@ -144,14 +154,14 @@ class Plan:
         ]
 
     def by_brush(self) -> list[tuple[str, Strokes]]:
-        """The brushes in the order in which they are used, with all strokes that each paints until the next one."""
+        """Returns the brushes in the order of use, each with all strokes until the next change of the brush."""
         runs = itertools.groupby(self.filled_layers(), lambda part: part.layers[0].brush)
         return [(brush, Strokes.join(*(part.strokes for part in run))) for brush, run in runs]
 
     def by_wells(self) -> list[tuple[int, "Plan"]]:
-        """For each time that the wells are filled: before which layer, from 1, and all that is painted from them then.
+        """Returns one entry for each filling of the wells: (number of the first layer, from 1, plan of its strokes).
 
-        Strokes and palette of each plan are only what belongs to that.
+        Each of these plans has only the strokes, layers and paints of its filling.
         """
         found = []
         for paints in sorted({layer.paints for layer in self.layers}):
@@ -164,13 +174,13 @@ class Plan:
         return found
 
     def filled_layers(self) -> list["Plan"]:
-        """Those of them that have strokes."""
+        """Returns one plan for each layer that has strokes."""
         return [part for part in self.by_layer() if len(part)]
 
     def under(self, layer: "Plan") -> "Plan":
-        """This plan, and on it another of one layer, for the same canvas.
+        """Returns this plan with another plan of one layer painted on top, for the same canvas.
 
-        Where its palette is not that of this plan's last layer, the wells are filled with it before.
+        If the palette of `layer` is not that of this plan's last layer, the wells are filled again before it.
         """
         first, end = self.layers[-1].paints
         palette, paints = self.palette, layer.palette.color
@@ -185,15 +195,18 @@ class Plan:
         )
 
     def with_parts(self, parts: Sequence["Plan"]) -> "Plan":
-        """The plan with other strokes and paints in those of its layers that have any.
+        """Returns the plan with new strokes and paints in its layers that have strokes.
 
-        parts: one for each of these, as `filled_layers` gives them.
+        parts: one plan for each of these layers, in the order of `filled_layers`
         """
         found = iter(parts)
         return self._of_layers([next(found) if len(part) else part for part in self.by_layer()])
 
     def _of_layers(self, parts: Sequence["Plan"]) -> "Plan":
-        """The plan with these in the place of `by_layer`; of layers with the same wells one with strokes says which."""
+        """Returns the plan made of `parts`, one plan for each layer, in place of those of `by_layer`.
+
+        If layers share wells, a part with strokes sets their paints.
+        """
         wells = {layer.paints: self.wells(layer).color for layer in self.layers}
         wells |= {layer.paints: part.palette.color for layer, part in zip(self.layers, parts, strict=True) if len(part)}
         ends = itertools.accumulate(len(wells[paints]) for paints in sorted(wells))
@@ -211,18 +224,22 @@ class Plan:
 
     @property
     def _slices(self) -> list[slice]:
-        """Where the strokes of each layer are."""
+        """Range of the strokes of each layer."""
         return [
             slice(end - layer.strokes, end)
             for layer, end in zip(self.layers, itertools.accumulate(self.layer_sizes), strict=True)
         ]
 
     def _sized(self, counts: Sequence[int]) -> tuple[Layer, ...]:
-        """The layers with so many strokes each."""
+        """Returns the layers with new numbers of strokes."""
         return tuple(replace(layer, strokes=count) for layer, count in zip(self.layers, counts, strict=True))
 
     def reordered(self, order: Tensor) -> "Plan":
-        """The same strokes in another order: order [n] names each once."""
+        """Returns the same strokes in another order.
+
+        order [n]: indices of the strokes, each once
+        Raises PlanError if an index is missing or repeated, or if strokes change their layer.
+        """
         if not torch.equal(order.sort().values, torch.arange(len(self), device=order.device)):
             raise PlanError(f"An order of {len(order)} numbers was given; it names each of {len(self)} strokes once.")
         if not torch.equal(self.layer[order], self.layer):
@@ -230,10 +247,11 @@ class Plan:
         return replace(self, strokes=self.strokes[order], paint=self.paint[order])
 
     def followed_by(self, rest: "Plan") -> "Plan":
-        """These strokes, and after them those of `rest`, a plan with the same canvas and layers.
+        """Returns a plan of these strokes, followed by the strokes of `rest`.
 
-        A layer that both have strokes of goes on in `rest`; one of which this has none has its paints from there.
-        Raises PlanError where layers do not follow each other.
+        rest: a plan with the same canvas and the same number of layers. A layer with strokes in both plans
+        continues in `rest`. A layer without strokes in this plan takes its paints from `rest`.
+        Raises PlanError if the layers do not fit together.
         """
         if len(self.layers) != len(rest.layers):
             raise PlanError(
@@ -259,10 +277,10 @@ class Plan:
 
     @property
     def digest(self) -> str:
-        """sha256 over everything that decides what is painted."""
+        """sha256 of all facts that decide how the painting looks."""
         first, counts = self.layers[0], self.layer_sizes
         alike = all(replace(layer, strokes=first.strokes) == first for layer in self.layers)
-        if alike and first.paints == (0, len(self.palette)):  # as in version 1, and where it has several in version 2
+        if alike and first.paints == (0, len(self.palette)):  # same digest as in versions 1 and 2
             facts = (self.canvas, first.brush, first.limits, self.ground, *((counts,) if len(counts) > 1 else ()))
         else:
             facts = (self.canvas, self.layers, self.ground)
@@ -272,10 +290,10 @@ class Plan:
         return content.hexdigest()
 
     def save(self, path: str | Path) -> None:
-        """Writes `path` (JSON) and beside it the tensors (safetensors, named by their content).
+        """Writes the plan as JSON, and its tensors in a safetensors file beside it that is named by its content.
 
-        The JSON names the tensors' file and its hash, so that a crash between the two writes
-        leaves the plan that was there before. Raises StorageError.
+        The JSON holds the name and the hash of the tensor file. So the old plan stays readable after a crash
+        between the two writes. Raises StorageError.
         """
         path = Path(path)
         tensors = {**self.strokes.arrays(), "palette": self.palette.color, "paint": self.paint}
@@ -312,7 +330,7 @@ class Plan:
 
     @classmethod
     def load(cls, path: str | Path) -> "Plan":
-        """Reads a plan and checks all of it. Raises PlanError, naming what is wrong with it."""
+        """Reads and checks a plan, or the plan.json of a folder. Raises PlanError that names the fault."""
         path = Path(path)
         if path.is_dir():
             path = path / "plan.json"
@@ -346,9 +364,9 @@ class Plan:
 
 
 def _layers(record: dict[str, Any], paints: int) -> tuple[Layer, ...]:
-    """The layers of a plan's file; before version 3 they had one brush and palette, before version 2 it was one.
+    """Returns the layers of a plan file. Raises ValueError if they are invalid.
 
-    Raises ValueError where they are none.
+    Before version 3 all layers shared one brush and palette; before version 2 a plan had one layer.
     """
     entries: list[Any] = [record["strokes"]] if record["version"] == 1 else list(record["layers"])
     if record["version"] < 3:

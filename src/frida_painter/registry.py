@@ -1,13 +1,13 @@
-"""What can be put in by other packages, found through entry points: robots, easels, cameras, stroke
-models, kinds of goals and replan policies.
+"""Registry of parts from this and other packages: robots, easels, cameras, stroke models, goals, replan policies.
 
-A package registers a part with one line of its own pyproject.toml, under the name by which a person asks for it:
+Parts are found through entry points. A package registers a part with one line in its pyproject.toml, under the
+name that a person types:
 
     [project.entry-points."frida_painter.robots"]
     mybot = "mybot.driver:KIND"
 
-Ours are registered in the same way. They are known without metadata as well, for an editable installation
-keeps the metadata of the day on which it was made.
+The parts of this project are registered in the same way. They are also listed here, because the metadata of an
+editable installation may be out of date.
 """
 
 import os
@@ -86,15 +86,16 @@ OUR_PARTS: Mapping[str, Mapping[str, str]] = {
         "when-it-pays": "frida_painter.session.replan_policy:WhenItPays.parse",
     },
 }
-"""What ships with the project: "module:object" by group and name, as pyproject.toml registers it."""
+"""Parts of this project: "module:object" by group and name, as in pyproject.toml."""
 
 
 @dataclass(frozen=True)
 class Part:
-    """A part that is registered and not loaded yet.
+    """A registered part that is not loaded yet.
 
-    group, name: where it is registered; target: "module:object"; packages: the distributions that register
-    it, one unless they contradict each other.
+    group, name: place in the registry
+    target: "module:object"
+    packages: distributions that register the part; more than one if they conflict
     """
 
     group: str
@@ -104,13 +105,14 @@ class Part:
 
     @property
     def is_ours(self) -> bool:
-        """Whether it ships with the project."""
+        """True if the part belongs to this project."""
         return self.packages == (OURS,)
 
     def load(self, kind: type[Kind]) -> Kind:
-        """Imports the part, which has to be a `kind` and to call itself what it is registered as.
+        """Imports the part and checks that it is a `kind` with the registered name.
 
-        Raises PluginError naming part and package, whatever its module raises.
+        Raises PluginError that names the part and its package, also if its module fails with another error.
+        FridaErrors of the module pass through.
         """
         what = f"{self.name!r} of {self.group}"
         if len(self.packages) > 1:
@@ -120,7 +122,7 @@ class Part:
             found = EntryPoint(self.name, self.target, self.group).load()
         except FridaError:
             raise
-        except (Exception, SystemExit) as failure:  # a module of somebody else's may raise anything
+        except (Exception, SystemExit) as failure:  # a foreign module may raise anything
             why = " ".join(f"{type(failure).__name__}: {failure}".split())[:200]
             raise PluginError(f"{brought} cannot be loaded ({why}); mend or uninstall that package.") from failure
         if not isinstance(found, kind):
@@ -132,10 +134,10 @@ class Part:
 
 
 def parts(group: str) -> Mapping[str, Part]:
-    """The parts of a group by name: ours in their order, then those of other packages in the order of their names.
+    """Returns the parts of a group by name: first those of this project, then those of other packages by name.
 
-    Reads metadata and imports nothing. A name of ours always means ours. One that several other packages
-    register is listed, and says so when it is loaded. A package with unreadable metadata registers nothing.
+    Reads metadata and imports nothing. A name of this project always means its own part. If several other
+    packages register one name, `Part.load` raises an error. Packages with unreadable metadata are skipped.
     """
     ours = {name: Part(group, name, target, (OURS,)) for name, target in OUR_PARTS.get(group, {}).items()}
     others: dict[str, Part] = {}
@@ -149,11 +151,11 @@ def parts(group: str) -> Mapping[str, Part]:
 
 
 def _points(group: str) -> list[EntryPoint]:
-    """The entry points of a group, whatever one package's metadata looks like."""
+    """Returns the entry points of a group; skips packages with damaged metadata."""
     damages = (TypeError, ValueError, OSError)
     try:
         return list(entry_points(group=group))
-    except damages:  # of one package, and reading all at once ends there
+    except damages:  # one damaged package stops the read of all
         found: dict[str, list[EntryPoint]] = {}
         for package in distributions():
             with suppress(*damages):
@@ -161,40 +163,45 @@ def _points(group: str) -> list[EntryPoint]:
         return [point for points in found.values() for point in points]
 
 
-# Packages that only some commands need: each comes with an extra of this distribution, and a missing one is named.
+# Optional packages
 #
-# The extras stand in pyproject.toml. A module imports such a package inside a function, right after `require`.
+# Each belongs to an extra in pyproject.toml. A module imports such a package inside a function, right after
+# `require`.
 
 
 def is_installed(package: str) -> bool:
-    """Whether `package`, by the name it is imported with, can be imported. It is looked for and not loaded."""
+    """Returns True if the package with this import name can be imported; does not import it."""
     if package in sys.modules:
         return sys.modules[package] is not None
     return find_spec(package) is not None
 
 
 def advice(extra: str, user: str) -> str:
-    """One sentence that names the extra which `user`, the sentence's subject, needs, and the command to install it."""
+    """Returns a sentence that names the missing extra and the command that installs it.
+
+    user: subject of the sentence, for example "The studio"
+    """
     return f'{user} needs the extra "{extra}", which is not installed; say: pip install "frida-painter[{extra}]"'
 
 
 def require(extra: str, package: str, user: str, error: type[FridaError] = ConfigError) -> None:
-    """Raises `error` with that advice unless `package` is installed.
+    """Raises `error` with installation advice unless `package` is installed.
 
-    extra: the extra that installs it; user: what needs it, such as "The studio".
+    extra: extra that installs the package
+    user: part that needs it, for example "The studio"
     """
     if not is_installed(package):
         raise error(advice(extra, user))
 
 
-# Where the weights of networks are kept on this machine: <cache>/<name>/, with a record that is written last.
+# Cache of network weights: <cache>/<name>/, with a record that is written last.
 
 VARIABLE = "FRIDA_PAINTER_MODELS"
 RECORD = "record.json"
 
 
 def cache_folder(cache: Path | None = None) -> Path:
-    """The folder of weights: `cache`, or what FRIDA_PAINTER_MODELS says, or the one that the system gives to caches."""
+    """Returns the folder of weights: `cache`, or FRIDA_PAINTER_MODELS, or the system's cache folder."""
     if cache is not None:
         return cache
     if os.environ.get(VARIABLE):
@@ -203,5 +210,5 @@ def cache_folder(cache: Path | None = None) -> Path:
 
 
 def are_here(name: str, cache: Path | None = None) -> bool:
-    """Whether weights of that name were fetched. Only a glance: weights/cache.py checks them whenever they are used."""
+    """Returns True if the weights `name` were fetched. Checks no content; weights/cache.py does that at each use."""
     return (cache_folder(cache) / name / RECORD).is_file()

@@ -1,8 +1,8 @@
-"""Files that are either whole or not there: atomic writes, checksummed JSON, free space.
+"""Safe file access: atomic writes, checksummed JSON, checks before a read, free space.
 
-A write goes to a temporary file in the same folder, is flushed to the disk, takes the place of
-the old file in one step, and the folder itself is flushed: after a crash or a power cut there is
-the old file or the new one, never half of either.
+A write goes to a temporary file in the same folder. It is flushed to the disk and then replaces the old file in
+one step. Then the folder is flushed. After a crash or a power cut, either the old file or the new one is there,
+never a part of one.
 """
 
 import contextlib
@@ -25,19 +25,20 @@ from frida_painter.errors import ConfigError, FridaError, StorageError
 
 MAX_JSON_BYTES = 32 * 2**20
 MAX_BYTES = 16 * 2**30
-"""Of any file that is read piece by piece."""
-_TEMPORARY = re.compile(r"\..+-[a-z0-9_]{8}(\.[^.]+)?")  # as tempfile names those of `replacing`
+"""Size limit of files that are read in pieces."""
+_TEMPORARY = re.compile(r"\..+-[a-z0-9_]{8}(\.[^.]+)?")  # names that tempfile gives to the files of `replacing`
 
 
 @contextlib.contextmanager
 def replacing(path: Path, mode: int = 0o644) -> Iterator[Path]:
-    """A temporary path beside `path` for programs that write files themselves; takes its place at the end.
+    """Gives a temporary path beside `path` for programs that write files themselves; moves it to `path` at the end.
 
-    mode: who may read and write it then. If the block raises, `path` is left as it was. Raises StorageError when the
-    folder cannot be written to or the disk is full.
+    mode: permissions of the new file
+    If the block raises an error, `path` stays unchanged. Raises StorageError if the folder cannot be written to
+    or the disk is full.
     """
     try:
-        if path.exists() and not path.is_file():  # neither a device nor a pipe is a place for a file
+        if path.exists() and not path.is_file():  # a device or a pipe must not be replaced
             raise OSError(errno.EEXIST, "it is there and is not a plain file")
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
@@ -58,7 +59,7 @@ def replacing(path: Path, mode: int = 0o644) -> Iterator[Path]:
 
 
 def clear_leftovers(folder: Path) -> None:
-    """Removes the temporary files of writes that were killed, in a folder that nobody writes to now."""
+    """Removes temporary files of interrupted writes from a folder that no process writes to."""
     for path in folder.rglob(".*"):
         if _TEMPORARY.fullmatch(path.name) and path.is_file():
             path.unlink(missing_ok=True)
@@ -76,19 +77,19 @@ def write_text(path: Path, content: str) -> None:
 
 
 def write_json(path: Path, record: Mapping[str, Any]) -> None:
-    """Writes `record` as readable JSON, with a checksum over the rest under the key "sha256".
+    """Writes `record` as readable JSON, with a checksum of the other keys under "sha256".
 
-    Numbers must be finite. Raises StorageError; ValueError for NaN, a programming error.
+    Raises StorageError. Raises ValueError for NaN or infinity, which is a programming error.
     """
     body = {key: value for key, value in record.items() if key != "sha256"}
     write_text(path, json.dumps({**body, "sha256": _checksum(body)}, indent=2, allow_nan=False) + "\n")
 
 
 def read_json(path: Path, what: str, error: type[FridaError] = StorageError) -> dict[str, Any]:
-    """Reads a record that `write_json` wrote; `what` names it in messages ("the plan").
+    """Reads a record that `write_json` wrote.
 
-    Raises `error` where the file is missing, cut off, edited, too large, or holds NaN or
-    infinite numbers or a key twice.
+    what: name of the file in messages ("the plan")
+    Raises `error` if the file is missing, cut off, edited or too large, or holds NaN, infinity or a duplicate key.
     """
     text = read_bytes(path, what, MAX_JSON_BYTES, error)
     try:
@@ -104,9 +105,11 @@ def read_json(path: Path, what: str, error: type[FridaError] = StorageError) -> 
 
 
 def read_toml(path: Path, what: str, most: int, advice: str, error: type[FridaError] = ConfigError) -> dict[str, Any]:
-    """The values of a TOML file of at most `most` bytes that a person wrote; `advice` ends the messages.
+    """Reads a TOML file of at most `most` bytes that a person wrote.
 
-    Whole numbers have 64 bits, as TOML has it: longer ones fit into nothing. Raises `error`.
+    what: name of the file in messages
+    advice: end of the messages
+    Raises `error`, also for integers of more than 64 bits.
     """
     content = read_bytes(path, what, most, error)
     try:
@@ -118,27 +121,28 @@ def read_toml(path: Path, what: str, most: int, advice: str, error: type[FridaEr
 
 
 def read_bytes(path: Path, what: str, most: int, error: type[FridaError] = StorageError) -> bytes:
-    """The content of a file of at most `most` bytes. Raises `error` otherwise."""
+    """Returns the content of a file of at most `most` bytes. Raises `error` otherwise."""
     with opened(path, what, most, error) as file:
         content = file.read(most + 1)
-        if len(content) > most:  # it grew, or is one of those of the system that do not say how much they hold
+        if len(content) > most:  # it grew, or is a system file without a size
             raise error(f"{shown(path)} has more than {most} bytes; {what} has at most {most}.")
         return content
 
 
 @contextlib.contextmanager
 def opened(path: Path, what: str, most: int, error: type[FridaError] = StorageError) -> Iterator[BufferedReader]:
-    """A file of at most `most` bytes that somebody named, open for reading: the one door for all such files.
+    """Opens a file of at most `most` bytes that a person named. All such files are opened here.
 
-    what: names it in messages ("the plan"). Devices, pipes, sockets and folders, and links to them, are refused
-    before they are opened, for a device does things when it is opened, and a pipe waits; and again once open,
-    where another took the file's place. Raises `error`, also where the disk fails while it is read.
+    what: name of the file in messages ("the plan")
+    Devices, pipes, sockets, folders and links to them are refused before they are opened: a device may act when
+    it is opened, and a pipe blocks. The open file is checked again, because another file may have replaced it.
+    Raises `error`, also if a read fails later.
     """
     with _open(path, what, most, error) as file:
         try:
             yield file
         except OSError as cause:
-            if cause.errno is None:  # a decoder's own complaint
+            if cause.errno is None:  # an error of a decoder, not of the disk
                 raise
             raise error(f"{shown(path)} cannot be read ({cause.strerror}); give the path of {what}.") from cause
 
@@ -162,19 +166,19 @@ def _open(path: Path, what: str, most: int, error: type[FridaError]) -> Buffered
 
 
 def copy(source: Path, target: Path, what: str, most: int, error: type[FridaError] = StorageError) -> None:
-    """Copies a file that somebody named. Raises `error` where it cannot be read, StorageError where not written."""
+    """Copies a file that a person named. Raises `error` if it cannot be read, StorageError if it cannot be written."""
     with opened(source, what, most, error) as file, replacing(target) as temporary, temporary.open("wb") as made:
         shutil.copyfileobj(file, made)
 
 
 def sha256(path: Path, what: str, error: type[FridaError] = StorageError) -> str:
-    """The hash of a file that somebody named, in hexadecimal digits. Raises `error` where it cannot be read."""
+    """Returns the hexadecimal hash of a file that a person named. Raises `error` if it cannot be read."""
     with opened(path, what, MAX_BYTES, error) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def exists(path: Path) -> bool:
-    """Whether there is something of that name, also where it is longer than a name can be."""
+    """Returns True if the path exists; False also if its name is too long."""
     try:
         return path.exists()
     except OSError:
@@ -182,7 +186,7 @@ def exists(path: Path) -> bool:
 
 
 def shown(path: Path | str) -> str:
-    """A path as it stands in messages: of one that is very long, both ends."""
+    """Returns a path for messages; the middle of a very long path is left out."""
     text = str(path)
     return text if len(text) <= 240 else f"{text[:120]}...{text[-100:]}"
 
@@ -203,7 +207,7 @@ def _kind(mode: int) -> str:
 
 
 def require_space(folder: Path, needed: int) -> None:
-    """Raises StorageError unless the disk of `folder` (which may not exist yet) has `needed` bytes free."""
+    """Raises StorageError unless the disk of `folder` has `needed` bytes free; the folder need not exist."""
     existing = folder
     try:
         while not existing.exists():
@@ -219,9 +223,9 @@ def require_space(folder: Path, needed: int) -> None:
 
 
 def require_place(path: Path, *, folder: bool = False) -> None:
-    """Raises StorageError at once, before any work, where no file (or `folder`) can be written at `path`."""
+    """Raises StorageError if no file (or `folder`) can be written at `path`; for checks before the work."""
     try:
-        os.lstat(path.parent / f"{path.name}.part")  # which no name can be that is none, or too long
+        os.lstat(path.parent / f"{path.name}.part")  # fails if the name is invalid or too long
     except FileNotFoundError:
         pass
     except (OSError, ValueError) as error:
@@ -241,7 +245,7 @@ def require_place(path: Path, *, folder: bool = False) -> None:
 
 
 def require_unused(folder: Path) -> None:
-    """Raises StorageError where `folder` could not be made, or has something in it; makes nothing."""
+    """Raises StorageError if `folder` cannot be made or is not empty; makes nothing."""
     require_place(folder, folder=True)
     try:
         occupied = folder.exists() and any(folder.iterdir())
@@ -254,7 +258,7 @@ def require_unused(folder: Path) -> None:
 
 
 def new_folder(folder: Path) -> None:
-    """Makes `folder`, which must not exist yet or must be empty. Raises StorageError."""
+    """Makes `folder`, which must be missing or empty. Raises StorageError."""
     require_unused(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -265,7 +269,7 @@ def new_folder(folder: Path) -> None:
 
 
 def cannot_write(path: Path, error: OSError | ValueError) -> StorageError:
-    """The error to raise where the system refuses to write to `path`, or it is no path."""
+    """Returns the error for a path that the system refuses to write or that is invalid."""
     reason = getattr(error, "strerror", None) or str(error)
     full = isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT)
     remedy = "make room on its disk" if full else "choose a folder that you may write to with --out"
@@ -304,21 +308,21 @@ def _all_finite(value: Any) -> bool:
 
 
 def _require_plain_numbers(value: Any) -> None:
-    """Raises ValueError where a whole number has more than 64 bits."""
+    """Raises ValueError if an integer has more than 64 bits."""
     if isinstance(value, int) and not -(2**63) <= value < 2**63:
         raise ValueError(f"{str(value)[:12]}... is a whole number of {len(str(value))} digits, and one has at most 19")
     for child in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
         _require_plain_numbers(child)
 
 
-# Numbers of things and sizes of files, as a person says them.
+# Counts and file sizes as text
 
 
 def count_of(number: int, what: str) -> str:
-    """ "1 stroke", "2 strokes"."""
+    """Returns a count with its noun: "1 stroke", "2 strokes"."""
     return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def megabytes(size: int) -> str:
-    """Bytes as "12 MB"."""
+    """Returns bytes as "12 MB"."""
     return f"{size / 1e6:.0f} MB"

@@ -1,4 +1,4 @@
-"""Strokes: one struct of arrays for all strokes of a plan, and the limits that a brush sets them."""
+"""Strokes of a plan as one struct of arrays, and the limits of a brush."""
 
 from dataclasses import dataclass, fields, replace
 from typing import Self
@@ -15,13 +15,20 @@ _TOLERANCE = 1e-6
 
 @dataclass(frozen=True)
 class StrokeLimits:
-    """What a brush can do: lengths and bends in metres, (least, most). Thickness is always in [0, 1]."""
+    """Ranges of lengths and bends that a brush can paint.
+
+    length, bend: (least, most) in metres.
+    The thickness is always in [0, 1].
+    """
 
     length: tuple[float, float]
     bend: tuple[float, float]
 
     def within(self, size: CanvasSize) -> "StrokeLimits":
-        """The limits on a canvas of that size: no stroke is longer than nine tenths of the shorter side."""
+        """Returns the limits on a canvas of that size.
+
+        No stroke is longer than 0.9 of the shorter side. No bend is larger than a third of that.
+        """
         longest = 0.9 * min(size.width, size.height)
         least, most = (min(metres, longest) for metres in self.length)
         bend = min(self.bend[1], longest / 3)
@@ -30,12 +37,17 @@ class StrokeLimits:
 
 @dataclass(frozen=True)
 class Strokes:
-    """n strokes in the order in which they are painted.
+    """Strokes of a plan: n strokes in painting order, as one struct of arrays.
 
-    A stroke starts at `position` [n, 2] (metres on the canvas), heads along `angle` [n] (radians,
-    counter-clockwise), runs `length` [n] metres while it bends sideways by `bend` [n] metres, is
-    pressed by `thickness` [n] in [0, 1] and painted in `color` [n, 3] (sRGB in [0, 1]). Its path is
-    the cubic Bezier (0, 0), (l/3, b), (2l/3, b), (l, 0) (paper, "Brush Stroke Model").
+    position [n, 2]: start of each stroke in canvas metres
+    angle [n]: initial direction in radians, counter-clockwise
+    length [n]: metres
+    bend [n]: sideways bend in metres
+    thickness [n]: pressure in [0, 1]
+    color [n, 3]: sRGB in [0, 1]
+
+    The path of a stroke is the cubic Bezier (0, 0), (l/3, b), (2l/3, b), (l, 0), with length l and bend b
+    (paper, "Brush Stroke Model"). Raises PlanError if the shapes do not fit.
     """
 
     position: Tensor
@@ -59,45 +71,46 @@ class Strokes:
         return len(self.angle)
 
     def __getitem__(self, index: Tensor | slice | list[int]) -> Self:
-        """The strokes that a slice, a list of indices or a mask picks, in that order."""
+        """Returns the strokes that a slice, a list of indices or a mask selects, in that order."""
         return replace(self, **{name: getattr(self, name)[index] for name in GROUPS})
 
     @classmethod
     def empty(cls, *, dtype: torch.dtype = torch.float32, device: torch.device | str = "cpu") -> Self:
-        """No strokes at all."""
+        """Returns zero strokes."""
         shapes = {"position": (0, 2), "color": (0, 3)}
         return cls(**{name: torch.zeros(shapes.get(name, (0,)), dtype=dtype, device=device) for name in GROUPS})
 
     @classmethod
     def join(cls, *parts: Self) -> Self:
-        """All strokes of the parts, one part after another."""
+        """Returns the strokes of all parts, one part after another."""
         return cls(**{name: torch.cat([getattr(part, name) for part in parts]) for name in GROUPS})
 
     def arrays(self) -> dict[str, Tensor]:
-        """The groups by name."""
+        """Returns the arrays by name (`GROUPS`)."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
     def with_groups(self, **groups: Tensor) -> Self:
-        """The same strokes with some groups replaced."""
+        """Returns the same strokes with some arrays replaced."""
         return replace(self, **groups)
 
     def to(self, target: torch.dtype | torch.device | str) -> Self:
-        """The strokes in another precision or on another device."""
+        """Returns the strokes in another precision or on another device."""
         return replace(self, **{name: tensor.to(target) for name, tensor in self.arrays().items()})
 
     def detach(self) -> Self:
-        """The strokes cut off from the graph that made them."""
+        """Returns the strokes without their autograd graph."""
         return replace(self, **{name: tensor.detach() for name, tensor in self.arrays().items()})
 
     def path(self, fraction: Tensor) -> Tensor:
-        """Points of each stroke's path on the canvas.
+        """Returns points on the path of each stroke.
 
-        fraction [t] in [0, 1] along the curve's parameter -> [n, t, 2] metres.
+        fraction [t]: parameters of the curve in [0, 1]
+        Returns [n, t, 2] in canvas metres.
         """
         return self._points(fraction.expand(len(self), -1))
 
     def _points(self, fraction: Tensor) -> Tensor:
-        """Points at each stroke's own fractions [n, t] -> [n, t, 2] metres."""
+        """Returns points on each stroke at its own curve parameters [n, t]: [n, t, 2] in metres."""
         along = fraction * self.length[:, None]  # [n, t]; the x of the Bezier is linear in its parameter
         aside = 3 * fraction * (1 - fraction) * self.bend[:, None]  # [n, t]
         cos, sin = torch.cos(self.angle)[:, None], torch.sin(self.angle)[:, None]
@@ -106,9 +119,9 @@ class Strokes:
         return torch.stack((x, y), -1)
 
     def extremes(self) -> Tensor:
-        """Start, end and the turning points of each path in x and in y, which bound it: [n, 4, 2] metres.
+        """Returns the points that bound each path: start, end, and turning points in x and y, [n, 4, 2] in metres.
 
-        Along either axis the path is A t + 3 B t (1 - t), which turns at t = (A + 3 B) / (6 B).
+        Along each axis the path is A t + 3 B t (1 - t). It turns at t = (A + 3 B) / (6 B).
         """
         cos, sin = torch.cos(self.angle), torch.sin(self.angle)
         along = torch.stack((cos * self.length, sin * self.length), -1)  # [n, 2], A
@@ -116,15 +129,14 @@ class Strokes:
         straight = aside.abs() < 1e-12
         turn = 0.5 + along / (2 * torch.where(straight, torch.ones_like(aside), aside))
         turn = torch.where(straight, torch.zeros_like(turn), turn).clamp(0, 1)
-        start = turn.new_zeros(len(self), 1)  # filled where the strokes are, not sent there
+        start = turn.new_zeros(len(self), 1)  # made on the device of the strokes, without a transfer
         return self._points(torch.cat((start, start + 1, turn), 1))
 
     def project(self, limits: StrokeLimits, size: CanvasSize) -> Self:
-        """The nearest strokes that a machine may paint.
+        """Returns the nearest strokes that a machine may paint.
 
-        Lengths, bends, thickness and colours are brought inside their limits, and each stroke is
-        moved, not bent, until its whole path lies on the canvas. Projecting twice changes nothing
-        more.
+        Clamps lengths, bends, thickness and colours to their limits. Then moves each stroke, without bending
+        it, until its whole path lies on the canvas. A second projection changes nothing.
         """
         limits = limits.within(size)
         inside = replace(
@@ -141,7 +153,7 @@ class Strokes:
         return replace(inside, position=inside.position + moved)
 
     def check(self, limits: StrokeLimits, size: CanvasSize) -> None:
-        """Raises PlanError, naming the first stroke and what is wrong with it, unless all may be painted."""
+        """Raises PlanError if a stroke breaks the limits or leaves the canvas; the message names the first one."""
         limits = limits.within(size)
         ranges = {
             "length": (self.length, *limits.length),

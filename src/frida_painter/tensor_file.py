@@ -1,4 +1,4 @@
-"""Files of tensors: safetensors, written whole or not at all, and read without running anything that is in them."""
+"""Tensor files: safetensors, written atomically, and read without running code from the file."""
 
 import hashlib
 import json
@@ -13,11 +13,11 @@ from frida_painter import storage
 from frida_painter.errors import FridaError, StorageError
 
 MOST_TENSOR_BYTES = 2 * 2**30
-_MOST_HEADER = 100_000_000  # bytes, as safetensors itself has it
+_MOST_HEADER = 100_000_000  # bytes, the limit of safetensors itself
 
 
 def write_tensors(path: Path, tensors: Mapping[str, torch.Tensor], metadata: Mapping[str, str] | None = None) -> str:
-    """Writes tensors as safetensors, atomically; returns the sha256 of the file. Raises StorageError."""
+    """Writes tensors as safetensors atomically and returns the sha256 of the file. Raises StorageError."""
     content = save(
         {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()},
         metadata=dict(metadata) if metadata else None,
@@ -29,13 +29,15 @@ def write_tensors(path: Path, tensors: Mapping[str, torch.Tensor], metadata: Map
 def read_tensors(
     path: Path, what: str, error: type[FridaError] = StorageError, sha256: str | None = None
 ) -> tuple[dict[str, torch.Tensor], dict[str, str]]:
-    """The tensors and the metadata of a safetensors file, whose hash is checked on the bytes that are used.
+    """Returns the tensors and the metadata of a safetensors file.
 
-    Raises `error` where the file is missing, damaged, not safetensors (a pickle is never run),
-    holds numbers that are not finite, or has another sha256 than the one given.
+    what: name of the file in messages
+    sha256: expected hash, checked on the bytes that are parsed; None for no check
+    Raises `error` if the file is missing, damaged, not safetensors (a pickle is never run), holds numbers that
+    are not finite, or has another hash.
     """
     with storage.opened(path, what, MOST_TENSOR_BYTES, error) as file:
-        if sha256 is None:  # of a file that anybody may have given, before as much memory is filled as it is long
+        if sha256 is None:  # an unknown file is checked before it fills the memory
             _require_header(file.read(8), path, what, error)
             file.seek(0)
         content = file.read(MOST_TENSOR_BYTES + 1)

@@ -1,4 +1,4 @@
-"""Moving pictures: frames stream into an H.264 file that every browser plays."""
+"""Video files: frames stream into an H.264 file that every browser plays."""
 
 import contextlib
 import re
@@ -15,7 +15,7 @@ from frida_painter import storage
 from frida_painter.errors import StorageError
 
 RATE = 24
-# Colours are tagged as what they are, or browsers show them a shade off; faststart puts the index first.
+# Without colour tags browsers show slightly wrong colours. faststart puts the index first.
 _ENCODING = (
     *("-vf", "scale=out_color_matrix=bt709:out_range=tv,format=yuv420p", "-r", str(RATE)),
     *("-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "bt709", "-color_range", "tv"),
@@ -24,9 +24,11 @@ _ENCODING = (
 
 
 class VideoEncoder:
-    """The encoder's process, fed with the same array again and again; its file replaces `path` at the end.
+    """Encoder process that receives the same array repeatedly; its file replaces `path` at the end.
 
-    pixels: the array [rows, columns, 3], both even; rate: frames a second as they arrive. Raises StorageError.
+    pixels [rows, columns, 3]: the array; both sides are even
+    rate: frames per second
+    Raises StorageError.
     """
 
     def __init__(self, path: Path, pixels: NDArray[np.uint8], rate: float) -> None:
@@ -39,7 +41,7 @@ class VideoEncoder:
         self._said = self._file.enter_context(tempfile.TemporaryFile())  # noqa: SIM115
         arriving = ("-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{columns}x{rows}", "-r", f"{rate:.4f}", "-i", "-")
         try:
-            # A group of its own keeps a person's Ctrl-C away from it, so that the film can still be ended.
+            # In a separate process group it does not receive Ctrl-C, so the film can still be finished.
             self._process = subprocess.Popen(
                 (imageio_ffmpeg.get_ffmpeg_exe(), "-v", "error", "-y", *arriving, *_ENCODING, str(temporary)),
                 stdin=subprocess.PIPE,
@@ -52,7 +54,7 @@ class VideoEncoder:
         self.running = True
 
     def send(self) -> None:
-        """Sends the array as it is now as one frame. Raises StorageError, and the film is gone."""
+        """Sends the present content of the array as one frame. Raises StorageError; the film is then lost."""
         assert self._process.stdin is not None
         try:
             self._process.stdin.write(self._pixels.data)
@@ -63,7 +65,7 @@ class VideoEncoder:
             raise
 
     def finish(self) -> None:
-        """Waits until all is encoded and puts the file into its place. Raises StorageError."""
+        """Waits for the encoder and moves the file to its place. Raises StorageError."""
         assert self._process.stdin is not None
         try:
             self._process.stdin.close()
@@ -76,7 +78,7 @@ class VideoEncoder:
         self._file.close()
 
     def _failure(self, reason: str) -> StorageError:
-        """Ends the process, removes its unfinished file, and says why."""
+        """Ends the process, removes its unfinished file, and returns the error."""
         if self.running:
             self.running = False
             self._process.kill()
@@ -93,9 +95,9 @@ class VideoEncoder:
 
 
 def join(parts: Sequence[Path], path: Path) -> None:
-    """Puts films of one size that `VideoEncoder` made behind one another as they are; damaged ones are left out.
+    """Joins films of `VideoEncoder` of one size into `path` without encoding them again; skips damaged ones.
 
-    Raises StorageError, and `path` is as it was.
+    Raises StorageError; `path` then stays unchanged.
     """
     listed = "".join("file '{}'\n".format(str(part.absolute()).replace("'", "'\\''")) for part in parts)
     with storage.replacing(path) as temporary, tempfile.TemporaryDirectory() as folder:
@@ -109,7 +111,7 @@ def join(parts: Sequence[Path], path: Path) -> None:
 
 
 def count(path: Path) -> int:
-    """How many pictures a film has. Raises StorageError where it is none."""
+    """Returns the number of frames of a film. Raises StorageError if the file is not a film."""
     said = _ffmpeg("-i", str(path), "-c", "copy", "-f", "null", "-", failing=f"The film {path} cannot be read")
     frames = re.findall(r"frame=\s*(\d+)", said)
     if not frames:
@@ -118,7 +120,7 @@ def count(path: Path) -> int:
 
 
 def _ffmpeg(*words: str, failing: str) -> str:
-    """What the program said. Raises StorageError, which begins as `failing` says."""
+    """Runs ffmpeg and returns its standard error. Raises StorageError whose message begins with `failing`."""
     command = (imageio_ffmpeg.get_ffmpeg_exe(), "-hide_banner", "-v", "error", "-stats", *words)
     try:
         done = subprocess.run(

@@ -1,15 +1,15 @@
-"""The brush: its trajectory, and models of the mark that it leaves."""
+"""Brushes: their trajectories, stroke libraries, and models of the marks that they leave."""
 
 
-# How many strokes a library may have, and what is learned of them: read without loading anything that learns.
+# Limits of stroke libraries and names of stroke models, readable without the training code.
 
 MOST_STROKES = 10_000
 MOST_BETWEEN_REFILLS = 100
-"""Strokes painted with one dip."""
+"""Largest number of strokes painted with one dip."""
 FEWEST_STROKES = 5
-"""Clean strokes that training needs."""
+"""Smallest number of clean strokes for training."""
 MOST_FOLDS = 20
-"""Parts of a library that cross-validation tests in turn."""
+"""Largest number of parts of a library in cross-validation."""
 FIELD, PARAM2STROKE = "field", "param2stroke"
 MODELS = (FIELD, PARAM2STROKE)
 """Names of the stroke models that can be trained."""

@@ -1,7 +1,7 @@
-"""An analytic stroke model: a soft-edged ribbon along the Bezier path, six numbers per brush.
+"""Analytic stroke model: a ribbon with soft edges along the Bezier path, six numbers for each brush.
 
-The comparator of the paper's Fig. "real versus simulated strokes" (there drawn by DiffVG), and a
-stroke model for a brush of which no stroke was ever photographed.
+It is the comparison in the paper's Fig. "real versus simulated strokes" (drawn by DiffVG there). It also serves
+as the stroke model of a brush without photographed strokes.
 """
 
 from dataclasses import asdict, dataclass
@@ -23,11 +23,12 @@ _RANGES = {"lightest": (0.0, 100.0), "hardest": (0.0, 100.0), "softness": (0.05,
 
 @dataclass(frozen=True)
 class RibbonShape:
-    """What the ribbon looks like.
+    """Shape of the ribbon. Lengths are in millimetres.
 
-    lightest, hardest: half of its width at thickness 0 and 1; softness: how wide its edge is;
-    ahead, aside: how far it lies from the path, along and across the stroke; all in millimetres.
-    opacity: its magnitude inside, in [0, 1].
+    lightest, hardest: half of its width at thickness 0 and 1
+    softness: width of its edge
+    ahead, aside: offset from the path, along and across the stroke
+    opacity: magnitude inside, in [0, 1]
     """
 
     lightest: float
@@ -39,16 +40,19 @@ class RibbonShape:
 
     @classmethod
     def typical(cls, width: float) -> "RibbonShape":
-        """A plausible ribbon for a brush whose widest mark is `width` metres."""
+        """Returns a plausible ribbon for a brush.
+
+        width: width of its widest mark in metres
+        """
         half = width * _MM / 2
         return cls(lightest=0.2 * half, hardest=0.9 * half, softness=0.25 * half)
 
 
 class BezierStroke(nn.Module):
-    """The analytic stroke model; differentiable in the stroke and in the shape of its ribbon.
+    """Analytic stroke model, differentiable in the stroke and in the shape of its ribbon.
 
-    A cell's magnitude falls from the opacity to exactly zero over the soft edge, by its distance to
-    the nearest point of the path less half the width that the brush's height gives there.
+    The magnitude of a cell depends on its distance to the nearest point of the path, minus half the ribbon's
+    width there. It falls from the opacity to exactly zero over the soft edge.
     """
 
     def __init__(self, brush: str, frame: MapFrame, limits: StrokeLimits, shape: RibbonShape) -> None:
@@ -60,16 +64,16 @@ class BezierStroke(nn.Module):
 
     @classmethod
     def typical(cls, kind: BrushKind) -> "BezierStroke":
-        """The model of a brush that has not painted yet."""
+        """Returns the model of a brush without recorded strokes."""
         return cls(kind.name, kind.frame, kind.limits, RibbonShape.typical(kind.width))
 
     @property
     def ribbon(self) -> RibbonShape:
-        """The shape of the ribbon as plain numbers."""
+        """Shape of the ribbon as Python numbers."""
         return RibbonShape(**{name: float(value.detach()) for name, value in self.shape.items()})
 
     def forward(self, thickness: Tensor, length: Tensor, bend: Tensor) -> Tensor:
-        """thickness [n] in [0, 1], length [n] and bend [n] in metres -> magnitude [n, rows, columns]."""
+        """Returns magnitudes [n, rows, columns] for thickness [n] in [0, 1], length [n] and bend [n] in metres."""
         shape = self.shape
         cell = self.frame.cell_centers(dtype=length.dtype, device=length.device) * _MM  # [rows, columns, 2]
         cell_x, cell_y = cell[..., 0] - shape["ahead"], cell[..., 1] - shape["aside"]
@@ -91,7 +95,7 @@ class BezierStroke(nn.Module):
 def _beyond_segment(
     cell_x: Tensor, cell_y: Tensor, path_x: Tensor, path_y: Tensor, half_width: Tensor, start: int
 ) -> Tensor:
-    """How far cells lie outside one straight piece of the ribbon, [n, rows, columns] millimetres."""
+    """Returns the distance of cells from one straight piece of the ribbon, [n, rows, columns] in millimetres."""
     x, y, wide = (part[:, start, None, None] for part in (path_x, path_y, half_width))
     run = path_x[:, start + 1, None, None] - x
     rise = path_y[:, start + 1, None, None] - y
@@ -99,14 +103,14 @@ def _beyond_segment(
     from_x, from_y = cell_x - x, cell_y - y
     nearest = ((from_x * run + from_y * rise) / (run * run + rise * rise + 1e-12)).clamp(0, 1)
     off_x, off_y = from_x - nearest * run, from_y - nearest * rise
-    # The tiny number keeps the slope of the root finite on the path itself.
+    # The small constant keeps the gradient of the root finite on the path.
     return torch.sqrt(off_x * off_x + off_y * off_y + 1e-9) - wide - nearest * widening
 
 
 def fit_bezier(model: BezierStroke, library: StrokeLibrary, *, seed: int = 0, steps: int = 150) -> float:
     """Fits the ribbon's six numbers to a library, in place, by Adam on the mean absolute error.
 
-    Returns the error over the whole library, on the model's frame.
+    Returns the error over the whole library on the model's frame.
     """
     thickness, length, bend = library.shapes()
     wanted = library.maps(model.frame)

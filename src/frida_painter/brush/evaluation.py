@@ -1,4 +1,4 @@
-"""How far a stroke model is from strokes that a brush has really made."""
+"""Training of stroke models by name, and their comparison with recorded strokes."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,21 +18,21 @@ from frida_painter.errors import ConfigError, LibraryError
 from frida_painter.frames import MapFrame
 from frida_painter.strokes import StrokeLimits
 
-# From a stroke library to a stroke model: the one place where the kinds of models are told apart.
+# From a stroke library to a stroke model; only this part knows all kinds of models.
 
 _KINDS_OF_MODEL: dict[str, type[StrokeField] | type[Param2Stroke]] = {FIELD: StrokeField, PARAM2STROKE: Param2Stroke}
 OTHER_BRUSH = "other"
-"""Name of a brush that is none of the project's."""
+"""Name of a brush outside this project."""
 _COLUMNS = {FIELD: 160, PARAM2STROKE: 80}
 _USUAL_COLUMNS = 80
-_ROOM = 0.03  # of the range
+_ROOM = 0.03  # share of the range
 _LEAST_ROOM = 0.0005
 _SHORTEST = 0.0001
 
 
 @dataclass(frozen=True)
 class Learned:
-    """A trained stroke model, what training did, and the strokes that it was trained on, which `report` counts."""
+    """Trained stroke model, its report, and the strokes of the training, which are counted in the report."""
 
     model: StrokeField | Param2Stroke
     report: TrainingReport
@@ -48,12 +48,13 @@ def learn(
     hasty: bool = False,
     notify: Callable[[TrainingProgress], None] | None = None,
 ) -> Learned:
-    """Trains the stroke model called `name` on the clean strokes of a library.
+    """Trains the stroke model `name` on the clean strokes of a library.
 
-    kind: the brush that painted them, None for a brush that is none of the project's: the library
-    then says what it can do. hasty: hardly trained, to see that everything runs. The same seed gives
-    the same weights. Raises ConfigError where there is no such model, and LibraryError where there
-    are fewer than 5 clean strokes or the crops do not hold the strokes' start.
+    kind: brush that painted them; None for a brush outside this project. Then the library sets frame and limits.
+    hasty: True for a very short training, to test the procedure
+    The same seed gives the same weights.
+    Raises ConfigError if the model is unknown, and LibraryError if there are fewer than 5 clean strokes or the
+    crops do not contain the start of the strokes.
     """
     if name not in MODELS:
         raise ConfigError(f"Stroke model {name!r} is not known; models are {' and '.join(MODELS)}.")
@@ -77,11 +78,11 @@ def learn(
 
 
 def geometry(library: StrokeLibrary, most_columns: int = _USUAL_COLUMNS) -> tuple[MapFrame, StrokeLimits]:
-    """Frame and limits of a brush of which only the library is known.
+    """Returns frame and limits of a brush from its library.
 
-    The frame is the rectangle of the crops in near-square cells, even numbers of them; the limits are
-    those of the strokes with a little room, since the longest of a few hundred is not the longest that
-    there will be. Raises LibraryError where the crops do not hold the strokes' start.
+    The frame is the rectangle of the crops with an even number of nearly square cells. The limits are those of
+    the strokes with a small margin, because later strokes may be longer than any of the library.
+    Raises LibraryError if the crops do not contain the start of the strokes.
     """
     whole = library.frame
     if not (whole.left < 0 < whole.right and whole.bottom < 0 < whole.top):
@@ -110,11 +111,11 @@ _CAMERA_NOISE = 0.03  # standard deviation of a magnitude
 
 @dataclass(frozen=True)
 class Evaluation:
-    """How far off each of n strokes is.
+    """Errors of n strokes.
 
-    error [n]: mean absolute error of the magnitude over the whole crop as stored, in [0, 1]; paint
-    [n]: the error that bare paper would have, which is the mean magnitude; outside [n]: whether the
-    stroke lies outside the lengths and bends that the model knows.
+    error [n]: mean absolute error of the magnitude over the whole stored crop, in [0, 1]
+    paint [n]: error of an empty prediction, which is the mean magnitude
+    outside [n]: True if length or bend is outside the limits of the model
     """
 
     error: NDArray[np.float64]
@@ -123,10 +124,10 @@ class Evaluation:
 
 
 def evaluate(model: StrokeModel, library: StrokeLibrary) -> Evaluation:
-    """Compares every mark of the library, dirty ones too, with the model's, brought to the library's pixels.
+    """Compares all marks of a library, dirty ones too, with those of a model, at the pixels of the library.
 
-    A stroke outside the model's limits is drawn all the same and told in `outside`. Raises
-    LibraryError where there are so many of them that the library must be of another brush.
+    A stroke outside the limits of the model is compared too and marked in `outside`. Raises LibraryError if
+    more than a quarter of the strokes are outside: the library then belongs to another brush.
     """
     limits = {"length": model.limits.length, "bend": model.limits.bend}
     outside = np.zeros(len(library), np.bool_)
@@ -143,7 +144,7 @@ def evaluate(model: StrokeModel, library: StrokeLibrary) -> Evaluation:
 
 @torch.no_grad()
 def errors(model: StrokeModel, library: StrokeLibrary) -> NDArray[np.float64]:
-    """Mean absolute error of each stroke's magnitude over the whole crop as stored, [n] in [0, 1]."""
+    """Returns the mean absolute error of each stroke's magnitude over the whole stored crop, [n] in [0, 1]."""
     shapes = library.shapes()
     found = []
     for part in np.array_split(np.arange(len(library)), -(-len(library) // _BATCH)):
@@ -155,10 +156,10 @@ def errors(model: StrokeModel, library: StrokeLibrary) -> NDArray[np.float64]:
 
 @dataclass(frozen=True)
 class Likelihood:
-    """How well a model's mean and variance foretell marks: mean log density of a cell's magnitude, in nats.
+    """Quality of a model's mean and variance: mean log density of a cell's magnitude in nats; higher is better.
 
-    predicted: of a normal distribution with the mean and the variance that the model says; constant: of one with the
-    same mean and the same variance everywhere, the best there is for these very marks. The more, the better.
+    predicted: for normal distributions with the mean and the variance of the model
+    constant: for the same mean and the best constant variance for these marks
     """
 
     predicted: float
@@ -167,7 +168,10 @@ class Likelihood:
 
 @torch.no_grad()
 def likelihood(model: StrokeModel, library: StrokeLibrary) -> Likelihood:
-    """On all cells of the model's frame, of marks that it has not learned from; a camera's noise adds to both."""
+    """Returns the likelihood on all cells of the model's frame, of marks outside the training data.
+
+    The noise of a camera is added to both variances.
+    """
     noise = _CAMERA_NOISE**2
     means = torch.cat(
         [model(*part) for part in zip(*(torch.split(one, _BATCH) for one in library.shapes()), strict=True)]
@@ -189,10 +193,11 @@ def cross_validate(
     seed: int = 0,
     notify: Callable[[int, TrainingProgress], None] | None = None,
 ) -> NDArray[np.float64]:
-    """Trains the stroke model called `name` once without each fold of the library, and tests it on that fold.
+    """Trains the stroke model `name` without one fold of the library at a time, and tests it on that fold.
 
-    Returns the mean error of each fold, [folds]. notify hears the fold's number, from 0, and how far
-    it has come. Raises LibraryError where there are too few strokes for so many folds.
+    notify: receives the number of the fold, from 0, and the progress of its training
+    Returns the mean error of each fold, [folds]. Raises LibraryError if there are too few strokes for that
+    number of folds.
     """
     fewest = max(folds, FEWEST_STROKES + -(-FEWEST_STROKES // (folds - 1)))
     if len(library) < fewest:

@@ -1,12 +1,12 @@
-"""The project's own stroke model: how much paint lies at a place, as seen from the stroke's path.
+"""Stroke field, this project's stroke model: amount of paint at a place, seen from the path of the stroke.
 
-Where param2stroke draws a whole map, the field is asked place by place, and a place is described
-by where it lies along the path and beside it. What is known is thus built in: a mark follows the
-Bezier, looks alike along strokes of all lengths, and bends to the left nearly as it bends to the
-right. A network of a few thousand weights learns the rest from as few as ten strokes.
+param2stroke draws a whole map. The field is evaluated place by place. A place is described by its position
+along the path and beside it. So the model contains what is known: a mark follows the Bezier, looks alike for
+strokes of all lengths, and is nearly symmetric in left and right bends. A network of a few thousand weights
+learns the rest from as few as ten strokes.
 
-It knows two marks of a stroke. The mean of all that its shape leaves is what is planned with; the median is what
-most of them look like, with sharper edges. `spread` tells how much they vary.
+It predicts two marks of a stroke. The mean over repeated strokes is used for planning. The median shows the
+typical stroke, with sharper edges. `spread` describes the variation.
 """
 
 import math
@@ -40,10 +40,11 @@ _CELLS_AT_ONCE = 2**18
 
 @dataclass(frozen=True)
 class PathView:
-    """n places seen from the paths of their strokes; all in metres.
+    """n places as seen from the paths of their strokes, in metres.
 
-    along [n]: arc length from the start, below 0 before it; ahead [n]: what is left to the end;
-    aside [n]: distance to the left of the path, positive where strokes of bend above 0 bend to.
+    along [n]: arc length from the start, negative before it
+    ahead [n]: arc length to the end
+    aside [n]: distance to the left of the path, the side of positive bends
     """
 
     along: Tensor
@@ -52,11 +53,16 @@ class PathView:
 
     @classmethod
     def of(cls, place: Tensor, stroke: Tensor, length: Tensor, bend: Tensor, blend: float) -> "PathView":
-        """How `place` [n, 2] looks from the path of stroke number `stroke` [n] of those of length and bend [k].
+        """Returns the view of places from the paths of their strokes.
 
-        Every point of the path sees a place in its own direction; what they see is blended by their
-        distance, over about `blend` metres, so that the view changes smoothly everywhere, also inside
-        a tight bend. Along a straight path it is exact. Differentiable in length and bend.
+        place [n, 2]: places in the frame of their strokes
+        stroke [n]: number of the stroke of each place
+        length, bend [k]: shapes of the strokes
+        blend: distance in metres over which the views from the points of a path are blended
+
+        Each point of the path has a direction and sees a place relative to it. These views are blended by
+        distance, so the result is smooth everywhere, also inside a tight bend. It is exact for a straight path.
+        Differentiable in length and bend.
         """
         fraction = torch.linspace(0, 1, _SAMPLES, dtype=length.dtype, device=length.device)
         x = length[:, None] * fraction  # [k, samples]
@@ -66,8 +72,8 @@ class PathView:
         turn_x, turn_y = length[:, None] / speed, slope_y / speed
         step = torch.hypot(x.diff(dim=1), y.diff(dim=1) + 1e-9)
         walked = torch.nn.functional.pad(step.cumsum(1), (1, 0))
-        # What a point sees is linear in the place, and so is what makes the difference between distances:
-        # three numbers for each point of a path, and all is matrix products.
+        # The view of a point is linear in the place, and so is the difference of squared distances. So matrix
+        # products with three numbers for each point of a path are enough.
         ahead_of = walked - x * turn_x - y * turn_y
         left_of = x * turn_y - y * turn_x
         nearness = torch.stack((2 * x, 2 * y, -(x * x + y * y)), -1)[stroke] / blend**2  # [n, samples, 3]
@@ -79,13 +85,14 @@ class PathView:
 
 
 class StrokeField(nn.Module):
-    """Four linear layers from a place and the shape of a stroke to two logits; see `PathView` and `squash`.
+    """Network of four linear layers from a place and the shape of a stroke to two logits; see `PathView` and `squash`.
 
-    All lengths are counted in units of a fifth of the longest stroke. Most inputs stay the same when
-    stroke and place are mirrored at the x axis; those that do not are small, so that the field
-    learns how left differs from right only where the strokes insist.
+    The unit of length is a fifth of the longest stroke. Most inputs do not change when stroke and place are
+    mirrored at the x axis. The other inputs are scaled down, so that the field learns differences between left
+    and right only from clear evidence.
 
-    reach: no paint farther than that from the rectangle around the path, metres; varies [2]: the spread.
+    reach: largest distance of paint from the rectangle around the path, in metres
+    varies [2]: the spread
     """
 
     reach: Tensor
@@ -110,27 +117,35 @@ class StrokeField(nn.Module):
         )
         with torch.no_grad():
             first, last = self.layers[0], self.layers[-1]
-            first.weight.mul_(_SPREAD)  # type: ignore[operator]  # edges are sharp against the size of a place
+            first.weight.mul_(_SPREAD)  # type: ignore[operator]  # edges are sharp
             last.bias.fill_(-_BARE)  # type: ignore[operator]  # most places are bare
 
     @classmethod
     def fresh(cls, kind: BrushKind, seed: int = 0) -> Self:
-        """An untrained model for a brush, the same for the same seed."""
+        """Returns an untrained model for a brush; the same seed gives the same weights."""
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
             return cls(kind.name, kind.frame, kind.limits)
 
     @property
     def spread(self) -> CoverageSpread:
-        """How much the marks of strokes of one shape vary about their mean."""
+        """Variation of the marks of equal strokes about their mean."""
         return CoverageSpread(*self.varies.tolist())
 
     def forward(self, thickness: Tensor, length: Tensor, bend: Tensor) -> Tensor:
-        """thickness [n] in [0, 1], length [n] and bend [n] in metres -> mean magnitude [n, rows, columns] in [0, 1]."""
+        """Returns mean magnitudes [n, rows, columns] in [0, 1].
+
+        thickness [n]: in [0, 1]
+        length [n], bend [n]: in metres
+        """
         return self._in_batches(thickness, length, bend, MEAN)
 
     def median(self, thickness: Tensor, length: Tensor, bend: Tensor) -> Tensor:
-        """thickness [n] in [0, 1], length [n] and bend [n] in metres -> median magnitude [n, rows, columns]."""
+        """Returns median magnitudes [n, rows, columns] in [0, 1].
+
+        thickness [n]: in [0, 1]
+        length [n], bend [n]: in metres
+        """
         return self._in_batches(thickness, length, bend, MEDIAN)
 
     def _in_batches(self, thickness: Tensor, length: Tensor, bend: Tensor, which: int) -> Tensor:
@@ -154,12 +169,15 @@ class StrokeField(nn.Module):
         return squash(empty.masked_scatter(seen, logits)).view(-1, self.frame.rows, self.frame.columns)
 
     def near(self, length: Tensor, bend: Tensor) -> Tensor:
-        """Which cells may hold paint at all, [n, rows x columns]."""
+        """Returns the mask of cells that may hold paint: [n, rows x columns]."""
         return self.outside(length, bend) < self.reach
 
     @torch.no_grad()
     def outside(self, length: Tensor, bend: Tensor) -> Tensor:
-        """How far cells lie outside the rectangle around the path, below 0 inside, metres, [n, rows x columns]."""
+        """Returns the distance of cells from the rectangle around the path in metres, negative inside.
+
+        Returns [n, rows x columns].
+        """
         x, y = self.frame.cell_centers(dtype=length.dtype, device=length.device).view(-1, 2).unbind(-1)
         belly = 0.75 * bend[:, None]
         across = torch.maximum(-x, x - length[:, None])
@@ -167,11 +185,15 @@ class StrokeField(nn.Module):
         return torch.maximum(across, beside)
 
     def styles(self, thickness: Tensor, length: Tensor, bend: Tensor) -> Tensor:
-        """The shapes of strokes as the network takes them, [n, 3], each about 1 wide."""
+        """Returns the shapes of strokes as inputs of the network: [n, 3], each with a range of about 1."""
         return torch.stack((thickness, length / (4 * self.unit), bend / (2 * self.unit)), -1)
 
     def views(self, place: Tensor, stroke: Tensor, length: Tensor, bend: Tensor) -> Tensor:
-        """Where `place` [m, 2] lies, seen from stroke number `stroke` [m], in units: [m, 7]."""
+        """Returns the views of places from their strokes: [m, 7], with lengths in `unit`.
+
+        place [m, 2]: places in the frame of their strokes
+        stroke [m]: number of the stroke of each place
+        """
         view = PathView.of(place, stroke, length, bend, 0.2 * self.unit)
         beyond = torch.maximum(-view.along, -view.ahead).clamp(min=0)
         away = torch.sqrt(view.aside**2 + beyond**2 + 1e-4 * self.unit**2)
@@ -180,7 +202,7 @@ class StrokeField(nn.Module):
         return torch.stack(seen, -1) / self.unit
 
     def logits(self, view: Tensor, style: Tensor) -> Tensor:
-        """views [m, 7] and the styles of their strokes [m, 3] -> median and mean before the squash, [m, 2]."""
+        """Returns median and mean before the squash [m, 2] for views [m, 7] and styles of their strokes [m, 3]."""
         along, ahead, aside, away, x, rest, y = view.unbind(-1)
         thickness, length, bend = style.unbind(-1)
         steepness = bend / (2 * length + 0.3)
@@ -195,17 +217,17 @@ class StrokeField(nn.Module):
         return marks
 
     def save(self, path: Path) -> str:
-        """Writes the weights with all that belongs to them; returns the file's sha256. Raises StorageError."""
+        """Writes the weights with their metadata and returns the file's sha256. Raises StorageError."""
         return write_model(path, FORMAT, VERSION, self, self.state_dict())
 
     @classmethod
     def load(cls, path: Path) -> Self:
-        """Reads weights that `save` wrote. Raises WeightsError where they are missing, damaged or do not fit."""
+        """Reads weights of `save`. Raises WeightsError if they are missing or damaged or do not fit."""
         return cls.restored(ModelFile.read(path))
 
     @classmethod
     def restored(cls, file: ModelFile) -> Self:
-        """The model in a file of weights. Raises WeightsError where it is of another kind or does not fit."""
+        """Returns the model of a file of weights. Raises WeightsError if it is of another kind or does not fit."""
         if file.version == 1:
             file = _with_one_mark_for_both(file)
         file.require(FORMAT, VERSION)
@@ -221,7 +243,7 @@ class StrokeField(nn.Module):
 
 
 def _with_one_mark_for_both(file: ModelFile) -> ModelFile:
-    """A file of the first version, which knew the median alone, as one of this: the median is taken for the mean."""
+    """Converts a file of version 1, which has only the median: the median is used as the mean too."""
     tensors = {**file.tensors, "varies": torch.tensor(CERTAIN)}
     for name in ("layers.6.weight", "layers.6.bias"):
         if name in tensors:
@@ -230,9 +252,9 @@ def _with_one_mark_for_both(file: ModelFile) -> ModelFile:
 
 
 def _paths(length: Tensor, bend: Tensor) -> tuple[tuple[Tensor, Tensor], Tensor]:
-    """Length and bend of the different paths [k] among those of n strokes, and the path of each stroke [n].
+    """Returns length and bend of the distinct paths [k] of n strokes, and the index of each stroke's path [n].
 
-    Where slopes are asked for, every stroke has a path of its own.
+    If gradients are needed, each stroke has a separate path.
     """
     if torch.is_grad_enabled() and (length.requires_grad or bend.requires_grad):
         return (length, bend), torch.arange(len(length), device=length.device)
@@ -240,16 +262,14 @@ def _paths(length: Tensor, bend: Tensor) -> tuple[tuple[Tensor, Tensor], Tensor]
     return (path[:, 0], path[:, 1]), owner
 
 
-# Training a stroke field on a stroke library.
+# Training of a stroke field on a stroke library
 #
-# Two strokes of one shape differ by a millimetre or two in where they lie and how wide they are; a
-# model that follows every stroke learns that chance. So while the field learns, it is told each
-# stroke's shape only roughly, differently each time, though the place exactly: what is left for it to
-# learn is what strokes of similar shape have in common.
+# Two strokes of one shape differ by a millimetre or two in place and width. A model that follows each stroke learns
+# this noise. So noise is added to the shape of each stroke in training, but not to the place. The field then learns
+# what strokes of similar shape have in common.
 #
-# Both marks are learned by one network: the median minimises absolute errors, the mean squared ones. How much marks
-# vary
-# about the mean is measured on the strokes that were held out.
+# One network learns both marks: the median minimises absolute errors, the mean squared errors. The spread is
+# measured on the held-out strokes.
 
 _BATCH = 8
 _MOST_CELLS = 1600
@@ -267,10 +287,12 @@ _MARGIN = 0.2  # in units of the field
 
 @dataclass(frozen=True)
 class _Lesson:
-    """What is seen of one stroke.
+    """Training data of one stroke.
 
-    views [m, 7] of its near cells; wanted [m]: their magnitude; style [1, 3]: its shape; elsewhere: sum
-    of the magnitude that lies on other cells.
+    views [m, 7]: views of its near cells
+    wanted [m]: their magnitudes
+    style [1, 3]: shape of the stroke
+    elsewhere: sum of the magnitudes on other cells
     """
 
     views: Tensor
@@ -288,13 +310,14 @@ def train_field(
     patience: int = 80,
     notify: Callable[[TrainingProgress], None] | None = None,
 ) -> TrainingReport:
-    """Trains `model` in place on the library's strokes.
+    """Trains `model` in place on the strokes of a library.
 
-    A fifth of the strokes is held out for validation. Training ends after `epochs` (None: about 1200
-    steps of 8 strokes), or when the validation error has not fallen for `patience` of them. Then the
-    field is trained anew for as many epochs on all strokes, the held out ones too, and so is rather
-    better than the report says. The same seed gives the same weights. Raises
-    LibraryError where there are fewer than 5 strokes.
+    epochs: largest number of epochs; None for about 1200 steps of 8 strokes
+    patience: number of epochs without a better validation error after which training ends
+    The first training holds out a fifth of the strokes for validation. Then the field is trained again on all
+    strokes for the same number of epochs, so it is slightly better than the report says. The same seed gives
+    the same weights.
+    Raises LibraryError if there are fewer than 5 strokes.
     """
     chance = torch.Generator().manual_seed(seed)
     split = Split.of(library, chance)
@@ -333,7 +356,7 @@ def _rounds(count: int) -> int:
 
 
 class _Course:
-    """Adam on the lessons, its rate rising and falling once over all rounds."""
+    """Training by Adam with a rate that rises and falls once over all epochs."""
 
     def __init__(self, model: StrokeField, lessons: list[_Lesson], rounds: int, chance: torch.Generator) -> None:
         self.model = model
@@ -346,7 +369,7 @@ class _Course:
         )
 
     def epoch(self) -> float:
-        """Shows every stroke once; returns the mean sum of absolute errors of a map on the way."""
+        """Trains on each stroke once; returns the mean over strokes of the sum of absolute errors."""
         total = 0.0
         for index in torch.split(torch.randperm(len(self.lessons), generator=self.chance), _BATCH):
             batch = [self._glance(self.lessons[int(number)]) for number in index]
@@ -363,7 +386,7 @@ class _Course:
         return total / len(self.lessons)
 
     def _glance(self, lesson: _Lesson) -> tuple[Tensor, Tensor, Tensor]:
-        """Some cells of a stroke: their views [m, 7], its shape told vaguely [m, 3], their magnitude [m]."""
+        """Returns some cells of a stroke: views [m, 7], noisy shape [m, 3], magnitudes [m]."""
         views, wanted = lesson.views, lesson.wanted
         if len(wanted) > _MOST_CELLS:
             some = torch.randint(len(wanted), (_MOST_CELLS,), generator=self.chance)
@@ -374,7 +397,7 @@ class _Course:
 
 @torch.no_grad()
 def _lessons(model: StrokeField, library: StrokeLibrary) -> list[_Lesson]:
-    """One lesson for each stroke of the library."""
+    """Returns the training data of each stroke."""
     thickness, length, bend = library.shapes()
     maps = library.maps(model.frame).flatten(1)
     near = model.near(length, bend)
@@ -390,7 +413,7 @@ def _lessons(model: StrokeField, library: StrokeLibrary) -> list[_Lesson]:
 
 @torch.no_grad()
 def _error(model: StrokeField, lessons: list[_Lesson]) -> float:
-    """Sum of absolute errors of a map's median, mean over the lessons."""
+    """Returns the sum of absolute errors of the median map, mean over the strokes."""
     total = 0.0
     for lesson in lessons:
         total += float((_drawn(model, lesson)[:, MEDIAN] - lesson.wanted).abs().sum()) + lesson.elsewhere
@@ -399,20 +422,20 @@ def _error(model: StrokeField, lessons: list[_Lesson]) -> float:
 
 @torch.no_grad()
 def _spread(model: StrokeField, lessons: list[_Lesson]) -> CoverageSpread:
-    """How much marks vary about their means."""
+    """Returns the variation of marks about their means."""
     means = torch.cat([_drawn(model, lesson)[:, MEAN] for lesson in lessons])
     return CoverageSpread.fitted(means, torch.cat([lesson.wanted for lesson in lessons]))
 
 
 def _drawn(model: StrokeField, lesson: _Lesson) -> Tensor:
-    """Median and mean of a lesson's cells, [m, 2]."""
+    """Returns median and mean at a lesson's cells: [m, 2]."""
     return squash(model.logits(lesson.views, lesson.style.expand(len(lesson.wanted), 3)))
 
 
 def _reach(model: StrokeField, library: StrokeLibrary) -> float:
-    """How far from the rectangle around its path a stroke's paint may lie, metres.
+    """Returns the largest distance of paint from the rectangle around the path in metres.
 
-    It is as far as nearly all strokes of the library have it, and some margin; the rest has drops.
+    It covers nearly all strokes of the library, plus a margin; the other strokes have drops.
     """
     _, length, bend = library.shapes()
     outside = model.outside(length, bend)

@@ -1,4 +1,4 @@
-"""Brushes by name, ours and those of other packages, and the rectangle in which a brush's marks lie."""
+"""Brushes by name, of this and other packages; dips, stroke models, spread of marks, path of a stroke."""
 
 import math
 from collections.abc import Callable
@@ -15,18 +15,20 @@ from frida_painter.errors import ConfigError, PlanError
 from frida_painter.frames import MapFrame
 from frida_painter.strokes import StrokeLimits, Strokes
 
-# How much one dip of a brush paints before the next one.
+# Amount that a brush paints with one dip
 
 _MOST = 1000
-_STAYS_FULL = 0.3  # of what a dip paints; after that marks fade evenly
+_STAYS_FULL = 0.3  # share of the dip with full marks; later marks fade evenly
 
 
 @dataclass(frozen=True)
 class Dip:
-    """What one dip is good for before the next one.
+    """Capacity of one dip of the brush.
 
-    holds: square metres that it paints, or where by_strokes a number of strokes, whatever their size; fades: the share
-    of their paint that marks lack at its end, from 0 to 1. Raises ConfigError where that cannot be.
+    holds: painted area in m2, or a number of strokes
+    by_strokes: True if `holds` counts strokes
+    fades: share of paint that marks lack at the end of the dip, in [0, 1]
+    Raises ConfigError if a number is out of range.
     """
 
     holds: float
@@ -43,20 +45,24 @@ class Dip:
 
     @classmethod
     def of_strokes(cls, count: int) -> Self:
-        """One that is good for so many strokes."""
+        """Returns a dip for `count` strokes."""
         return cls(float(count), by_strokes=True)
 
     def used_by(self, areas: Tensor) -> Tensor:
-        """How much of it strokes use that paint these areas, m2 [n]."""
+        """Returns the use of the dip by strokes of these areas, m2 [n]."""
         return torch.ones_like(areas) if self.by_strokes else areas
 
     def lacking(self, left: float, use: float) -> float:
-        """The share of its paint that a mark lacks in its middle, which uses so much of what is left of the dip."""
+        """Returns the share of paint that a mark lacks at its middle.
+
+        left: rest of the dip before the stroke
+        use: use of the dip by the stroke
+        """
         spent = 1 - (left - use / 2) / self.holds
         return min(1.0, self.fades * max(0.0, spent - _STAYS_FULL) / (1 - _STAYS_FULL))
 
     def until(self, lacking: float) -> Self:
-        """The dip as it is where the brush is dipped again before marks lack more than that share of their paint."""
+        """Returns a shorter dip that ends before marks lack more than that share of their paint."""
         if self.fades <= lacking:
             return self
         share = _STAYS_FULL + (1 - _STAYS_FULL) * lacking / self.fades
@@ -67,18 +73,19 @@ class Dip:
 
 
 def painted_area(length: Tensor, thickness: Tensor, width: float) -> Tensor:
-    """What strokes paint, m2 [n]: their length times the width of a mark of their thickness."""
+    """Returns the painted area of strokes, m2 [n]: length times mark width at that thickness."""
     return length * width * (0.25 + 0.75 * thickness)
 
 
-# What a stroke model is: from the shape of a stroke to the mark that it leaves.
+# Stroke models: from the shape of a stroke to its mark
 
 
 class StrokeModel(Protocol):
-    """Maps (thickness, length, bend) to magnitude maps; differentiable in all three.
+    """Differentiable map from (thickness, length, bend) to magnitude maps.
 
-    frame says where the map lies around the stroke's start, limits what the brush can do, and
-    brush which one it is.
+    brush: name of the brush
+    frame: rectangle of the map around the start of the stroke
+    limits: limits of the brush
     """
 
     @property
@@ -87,27 +94,31 @@ class StrokeModel(Protocol):
 
     @property
     def frame(self) -> MapFrame:
-        """Where a map lies around the start of its stroke."""
+        """Rectangle of a map around the start of its stroke."""
 
     @property
     def limits(self) -> StrokeLimits:
-        """What lengths and bends the brush can paint."""
+        """Lengths and bends that the brush can paint."""
 
     def __call__(self, thickness: Tensor, length: Tensor, bend: Tensor) -> Tensor:
-        """thickness [n] in [0, 1], length [n] and bend [n] in metres -> magnitude [n, rows, columns] in [0, 1]."""
+        """Returns magnitudes [n, rows, columns] in [0, 1].
+
+        thickness [n]: in [0, 1]
+        length [n], bend [n]: in metres
+        """
 
 
 CELLS_ALONG = 80
 _DIP_SHARE = 0.6
-_IN_ANY_ORDER = 0.3  # of its paint, that a mark may lack
+_IN_ANY_ORDER = 0.3  # largest share of paint that a mark may lack
 
 
 @dataclass(frozen=True)
 class BrushKind:
-    """A brush: its name, what it can paint, and the widest mark that it leaves, in metres.
+    """Brush with its name, limits and the width of its widest mark in metres.
 
-    known_dip: what one dip is good for, where that is known of it better than `dip` reckons; studio: the brush
-    that stands for it in the virtual studio, "" where the studio knows it by its own name.
+    known_dip: measured capacity of one dip; None to use the default of `dip`
+    studio: brush that represents it in the virtual studio; "" if the studio knows its name
     """
 
     name: str
@@ -118,35 +129,35 @@ class BrushKind:
 
     @property
     def dip(self) -> Dip:
-        """What one dip is good for: where nothing is known, six tenths of the largest mark."""
+        """Capacity of one dip; by default 0.6 of the largest mark."""
         return self.known_dip or Dip(_DIP_SHARE * self.limits.length[1] * self.width)
 
     @property
     def in_studio(self) -> str:
-        """The name of the brush that paints for it in the virtual studio."""
+        """Name of the brush that represents it in the virtual studio."""
         return self.studio or self.name
 
     @property
     def for_any_order(self) -> Self:
-        """The brush for strokes in an order that does not spare those that matter: it is dipped before it is as dry."""
+        """Brush for strokes whose order ignores their importance: it is dipped before it gets too dry."""
         return replace(self, known_dip=self.dip.until(_IN_ANY_ORDER))
 
     def area(self, strokes: Strokes) -> Tensor:
-        """What each stroke paints, m2, [n]: its length times the width of a mark of its thickness."""
+        """Returns the painted area of each stroke, m2 [n]."""
         return painted_area(strokes.length, strokes.thickness, self.width)
 
     @property
     def frame(self) -> MapFrame:
-        """The rectangle around a stroke's start that holds every mark of this brush, in near-square cells.
+        """Rectangle around the start of a stroke that holds each mark of this brush, in nearly square cells.
 
-        The path reaches three quarters of the bend aside; around it lie half of the mark, and some
-        margin for bristles that splay and for a brush that trails behind its tip.
+        The path reaches 0.75 of the bend to the side. The rectangle adds half of the mark and a margin, for
+        splayed bristles and for a brush that trails behind its tip.
         """
         around = 0.65 * self.width
         aside = 0.75 * max(abs(bend) for bend in self.limits.bend) + around
         left, right = -around, self.limits.length[1] + around
         pitch = (right - left) / CELLS_ALONG
-        rows = 4 * round(2 * aside / pitch / 4)  # the network's upscaler works on whole coarse cells
+        rows = 4 * round(2 * aside / pitch / 4)  # the network's upscaler needs whole coarse cells
         return MapFrame(left, right, -rows * pitch / 2, rows * pitch / 2, rows, CELLS_ALONG)
 
 
@@ -154,7 +165,7 @@ def _kind(name: str, shortest: float, longest: float, bend: float, width: float,
     return BrushKind(name, StrokeLimits((shortest, longest), (-bend, bend)), width, Dip(dip, fades=_FADES))
 
 
-# At the end of a dip the brush is nearly dry; strokes that matter are painted before (session/hand.py).
+# At the end of a dip the brush is nearly dry; important strokes are painted before (session/hand.py).
 _FADES = 0.5
 FINE = _kind("fine", 0.008, 0.048, 0.012, 0.009, 6.5e-4)
 MEDIUM = _kind("medium", 0.010, 0.060, 0.016, 0.017, 17.0e-4)
@@ -164,9 +175,10 @@ KINDS = (FINE, MEDIUM, BROAD)
 
 @dataclass(frozen=True)
 class BrushModel:
-    """A brush with a stroke model of it, as both are registered under the brush's name (registry.py).
+    """Brush with a stroke model, registered under the name of the brush (registry.py).
 
-    load: gives the stroke model, of the same brush and limits; may raise WeightsError.
+    kind: the brush
+    load: returns a stroke model with the same brush and limits; may raise WeightsError
     """
 
     kind: BrushKind
@@ -179,7 +191,7 @@ class BrushModel:
 
 
 def brush_kind(name: str) -> BrushKind:
-    """The brush of that name. Raises ConfigError where none is called so, PluginError where it cannot be loaded."""
+    """Returns the brush of that name. Raises ConfigError if it is unknown, PluginError if it cannot be loaded."""
     for kind in KINDS:
         if kind.name == name:
             return kind
@@ -189,16 +201,17 @@ def brush_kind(name: str) -> BrushKind:
     return known[name].load(BrushModel).kind
 
 
-# A stroke model that is only a function: from the shapes of strokes to their magnitude maps.
+# Stroke model made of one function
 
 
 class StrokeFunction:
-    """Implements brush.kinds.StrokeModel by a function of (thickness, length, bend), for a brush.
+    """Stroke model that calls a function of (thickness, length, bend).
 
-    kind: the brush, with its limits; function: takes three tensors [n], thickness in [0, 1], length and bend
-    in metres, and returns magnitudes [n, rows, columns] in [0, 1] over the cells of `frame`; frame: where a map
-    lies around the start of its stroke, by default the brush's own. The function need not be differentiable:
-    while a plan is optimised, a table stands in for it (brush/table.py).
+    kind: brush, with its limits
+    function: takes three tensors [n], thickness in [0, 1], length and bend in metres; returns magnitudes [n,
+    rows, columns] in [0, 1] over the cells of `frame`. It need not be differentiable: the planner uses a table
+    in its place (brush/table.py).
+    frame: rectangle of a map around the start of its stroke; by default that of the brush
     """
 
     def __init__(
@@ -214,16 +227,16 @@ class StrokeFunction:
 
     @property
     def frame(self) -> MapFrame:
-        """Where a map lies around the start of its stroke."""
+        """Rectangle of a map around the start of its stroke."""
         return self._frame
 
     @property
     def limits(self) -> StrokeLimits:
-        """What lengths and bends the brush can paint."""
+        """Lengths and bends that the brush can paint."""
         return self.kind.limits
 
     def __call__(self, thickness: Tensor, length: Tensor, bend: Tensor) -> Tensor:
-        """The function's maps [n, rows, columns]. Raises ConfigError where they are of another shape or range."""
+        """Returns the function's maps [n, rows, columns]. Raises ConfigError if their shape or range is wrong."""
         maps = self.function(thickness, length, bend)
         wanted = (len(length), self._frame.rows, self._frame.columns)
         if tuple(maps.shape) != wanted:
@@ -241,34 +254,35 @@ class StrokeFunction:
         return maps
 
 
-# How much the coverage of a mark varies from stroke to stroke, where its mean is known.
+# Variance of the coverage of a mark from stroke to stroke, as a function of the mean coverage
 #
-# Of a number in [0, full] with mean m the variance is at most m (full - m): it is that where the number is either 0
-# or
-# full, as at the edge of an opaque mark that lands now here, now there. Marks come near it by the same share nearly
-# everywhere, so that one number tells the variance of all places of all marks of a brush.
+# A number in [0, full] with mean m has a variance of at most m (full - m). It has that variance if it is either 0
+# or full, as at the edge of an opaque mark with a varying place. Marks reach about the same share of this bound
+# nearly everywhere. So one share describes the variance of all marks of a brush.
 
-_FULL = (0.5, 1.0, 51)  # least, most and number of those that are tried
+_FULL = (0.5, 1.0, 51)  # least, most and number of tested values
 
 
 class CoverageSpread(NamedTuple):
-    """The variance of coverage with mean m is `share` m (full - m), and 0 where m is above `full`.
+    """Variance of coverage with mean m: `share` m (full - m); 0 if m is above `full`.
 
-    share: in [0, 1], 0 where every mark is as predicted; full: the coverage of a mark's solid parts, in (0, 1].
+    share: in [0, 1]; 0 if each mark equals its prediction
+    full: coverage of the solid parts of a mark, in (0, 1]
     """
 
     share: float = 0.0
     full: float = 1.0
 
     def variance(self, mean: Tensor) -> Tensor:
-        """The variance of coverage of that mean, any shape, in [0, 1/4]."""
+        """Returns the variance for means of any shape, in [0, 1/4]."""
         return self.share * mean * (self.full - mean).clamp(min=0)
 
     @classmethod
     def fitted(cls, mean: Tensor, coverage: Tensor) -> Self:
-        """What explains best, in least squares, how far coverage was from its mean; both any shape, in [0, 1].
+        """Returns the spread that best explains the squared errors of coverage, by least squares.
 
-        Take marks that the model of the mean did not learn from.
+        mean, coverage: predictions and measurements of the same shape, in [0, 1]. The marks must not be
+        training data of the model.
         """
         missed, best, least = (coverage - mean).square(), cls(), float("inf")
         for full in torch.linspace(*_FULL).tolist():
@@ -280,49 +294,49 @@ class CoverageSpread(NamedTuple):
         return best
 
     def widened(self, factor: float) -> Self:
-        """The spread of marks whose variance is `factor` times as large, as far as it can be."""
+        """Returns the spread with `factor` times the variance; share is at most 1."""
         return self._replace(share=min(1.0, factor * self.share))
 
     def require(self) -> Self:
-        """Itself. Raises ValueError where a number is out of its range."""
+        """Returns the spread itself. Raises ValueError if a number is out of range."""
         if not (0 <= self.share <= 1 and 0 < self.full <= 1):
             raise ValueError(f"a spread of {self.share} and {self.full}")
         return self
 
 
 CERTAIN = CoverageSpread()
-"""Of a model that says nothing of how marks vary."""
+"""Spread of a model without variation."""
 
 
 def median_of(model: StrokeModel) -> Callable[[Tensor, Tensor, Tensor], Tensor]:
-    """What gives the median of a model's marks, from thickness, length and bend: the model, where it knows no other."""
+    """Returns the function for the median of a model's marks; the model itself if it has no median."""
     return getattr(model, "median", model)
 
 
 def spread_of(model: object) -> CoverageSpread:
-    """How the marks of a stroke model vary: its `spread`; CERTAIN for one that does not say."""
+    """Returns the spread of a stroke model; CERTAIN if it has none."""
     return getattr(model, "spread", CERTAIN)
 
 
-# The path that the brush's tip follows while it paints one stroke.
+# Path of the brush's tip during one stroke
 
 END_THICKNESS = 0.2
-"""How hard the brush is pressed where a stroke starts and ends (thickness, 0 to 1)."""
+"""Thickness in [0, 1] at the start and the end of a stroke."""
 _SAMPLES = 513
 
 
 def pressure(fraction: NDArray[np.float64], thickness: float) -> NDArray[np.float64]:
-    """Thickness [k] at fractions [k] of the curve: the cubic Bezier 0.2, h, h, 0.2 of the paper's brush heights."""
+    """Returns thickness [k] at curve parameters [k]: the cubic Bezier 0.2, h, h, 0.2 of the paper's brush heights."""
     ends = fraction**3 + (1 - fraction) ** 3
     return END_THICKNESS * ends + thickness * (1 - ends)
 
 
 def stroke_path(strokes: Strokes, index: int, step: float = 0.002) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The cubic Bezier of stroke `index` as points at most `step` metres apart, ends included.
+    """Returns the cubic Bezier of stroke `index` as points at most `step` metres apart, including the ends.
 
-    Returns the position [k, 2] in metres on the canvas and the thickness [k] in [0, 1], which is
-    linear in the brush's height. The points are evenly spaced along the arc (paper, "Brush Stroke
-    Model"). Raises PlanError where there is no such stroke, or it or the step is not finite.
+    Returns positions [k, 2] in canvas metres and thickness [k] in [0, 1], which is linear in the height of the
+    brush. The points are evenly spaced along the arc (paper, "Brush Stroke Model").
+    Raises PlanError if the index is out of range or a number is not finite.
     """
     if not 0 < step < math.inf:
         raise PlanError(f"A step of {step} m was given for the path of a stroke; it is above 0 and finite.")
@@ -334,14 +348,14 @@ def stroke_path(strokes: Strokes, index: int, step: float = 0.002) -> tuple[NDAr
     if not np.isfinite(position).all() or not math.isfinite(float(stroke.thickness)):
         raise PlanError(f"Stroke {index} has a number that is not finite; plan it anew.")
     walked = np.r_[0, np.cumsum(np.linalg.norm(np.diff(position, axis=0), axis=1))]
-    # The curve is measured by chords, which are a little shorter than it: a slightly smaller step keeps the promise.
+    # Chords are slightly shorter than the curve, so the step is reduced a little to stay within the limit.
     count = max(2, math.ceil(1.002 * walked[-1] / step) + 1)
     even = np.interp(np.linspace(0, walked[-1], count), walked, fraction) if walked[-1] > 0 else np.array([0.0, 1.0])
     return _points(stroke, even), pressure(even, float(stroke.thickness))
 
 
 def _points(stroke: Strokes, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Points [k, 2] of the one stroke's Bezier at fractions [k] of its parameter."""
+    """Returns points [k, 2] on the Bezier of one stroke at curve parameters [k]."""
     x, y = (float(part) for part in stroke.position[0])
     angle, length, bend = float(stroke.angle), float(stroke.length), float(stroke.bend)
     along, aside = fraction * length, 3 * fraction * (1 - fraction) * bend

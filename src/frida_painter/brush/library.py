@@ -1,4 +1,4 @@
-"""A stroke library: photographs of single strokes that the robot painted, cut out as magnitude maps."""
+"""Stroke library: photographs of single strokes of the robot, cropped to magnitude maps; quality checks; dips."""
 
 import zipfile
 import zlib
@@ -17,14 +17,13 @@ from frida_painter.brush.kinds import Dip, painted_area
 from frida_painter.errors import LibraryError
 from frida_painter.frames import MapFrame
 
-# What can be wrong with a recorded stroke, so that nobody should learn from it.
+# Faults of recorded strokes that exclude them from training
 
 
 class Flaw(IntEnum):
-    """Why a stroke of a library is dirty; its number stands in the library's file.
+    """Reason why a stroke of a library is dirty; files store the number.
 
-    EMPTY to ASTRAY show in the mark itself, MOVED to DISTURBED only in the photographs that it was
-    cut out of.
+    EMPTY to ASTRAY are visible in the mark itself, MOVED to DISTURBED only in the photographs before cropping.
     """
 
     NONE = 0
@@ -39,12 +38,12 @@ class Flaw(IntEnum):
 
     @property
     def words(self) -> str:
-        """The reason in a few words, for a contact sheet."""
+        """Reason in a few words, for a contact sheet."""
         return _REASONS[self][0]
 
     @property
     def sentence(self) -> str:
-        """The reason as part of a sentence: what is seen, and what it comes from."""
+        """Reason as part of a sentence: observation and cause."""
         return _REASONS[self][1]
 
 
@@ -61,13 +60,13 @@ _REASONS = {
 }
 
 
-# Magnitude maps from one frame to another: as much paint per area, on other cells.
+# Conversion of magnitude maps between frames; the paint per area stays the same
 
 
 def resample(maps: Tensor, given: MapFrame, wanted: MapFrame) -> Tensor:
-    """maps [n, rows, columns] on the cells of `given` -> on the cells of `wanted`; zero beyond the given ones.
+    """Converts maps [n, rows, columns] from the cells of `given` to those of `wanted`; zero outside `given`.
 
-    Along each axis: onto larger cells their mean over the area, onto smaller ones linear interpolation.
+    On each axis, larger cells get the mean over their area, smaller cells a linear interpolation.
     """
     columns = _shares(given.left, given.pitch[0], given.columns, wanted.left, wanted.pitch[0], wanted.columns)
     rows = _shares(-given.top, given.pitch[1], given.rows, -wanted.top, wanted.pitch[1], wanted.rows)
@@ -75,7 +74,7 @@ def resample(maps: Tensor, given: MapFrame, wanted: MapFrame) -> Tensor:
 
 
 def _shares(given_start: float, given_pitch: float, given_cells: int, start: float, pitch: float, cells: int) -> Tensor:
-    """How much each given cell counts in each wanted one along one axis, [cells, given_cells]."""
+    """Returns the weight of each given cell in each wanted cell along one axis: [cells, given_cells]."""
     given_center = given_start + (torch.arange(given_cells, dtype=torch.float64) + 0.5) * given_pitch
     center = start + (torch.arange(cells, dtype=torch.float64) + 0.5) * pitch
     apart = (center[:, None] - given_center).abs()
@@ -106,15 +105,19 @@ _DAMAGED = (
 
 @dataclass(frozen=True)
 class StrokeLibrary:
-    """n strokes and the marks that they left.
+    """n recorded strokes with their marks.
 
-    magnitude [n, rows, columns] uint8: 255 full paint, 0 bare canvas, rectified to the canvas plane;
-    length_m, bend_m [n] metres and thickness [n] in [0, 1]: what the robot was asked to paint, bends
-    above 0 towards smaller rows; metres_per_pixel: scale of both axes; origin_px: (row, column) of
-    the crop where each stroke was asked to start, heading towards larger columns;
-    recorded_index [n]: order of recording; flaws [n] of `Flaw`: what is wrong with each stroke, None
-    where nobody has judged them; since_dip [n]: square metres that the brush had painted since it was
-    dipped, 0 for a full one, None where that is not known. Raises LibraryError where the parts cannot be true.
+    magnitude [n, rows, columns] uint8: 255 full paint, 0 bare canvas, rectified to the canvas plane
+    length_m, bend_m [n]: commanded shape in metres; positive bends go towards smaller rows
+    thickness [n]: commanded thickness in [0, 1]
+    metres_per_pixel: scale of both axes
+    origin_px: (row, column) of the commanded start in each crop; the stroke heads towards larger columns
+
+    recorded_index [n]: order of recording
+    flaws [n]: `Flaw` of each stroke; None if the strokes were not judged
+    since_dip [n]: area in m2 painted since the last dip, 0 for a full brush; None if unknown
+
+    Raises LibraryError if a part is invalid.
     """
 
     magnitude: NDArray[np.uint8]
@@ -169,7 +172,7 @@ class StrokeLibrary:
         return len(self.magnitude)
 
     def __getitem__(self, index: NDArray[np.int64] | NDArray[np.bool_] | slice) -> "StrokeLibrary":
-        """Some of the strokes."""
+        """Returns some of the strokes."""
         return StrokeLibrary(
             self.magnitude[index],
             self.length_m[index],
@@ -184,7 +187,7 @@ class StrokeLibrary:
 
     @property
     def frame(self) -> MapFrame:
-        """The rectangle that the crops cover, with the cells that they have."""
+        """Rectangle of the crops with their pixels as cells."""
         _, rows, columns = self.magnitude.shape
         row, column = self.origin_px
         pitch = self.metres_per_pixel
@@ -192,18 +195,21 @@ class StrokeLibrary:
         return MapFrame(left, left + columns * pitch, top - rows * pitch, top, rows, columns)
 
     def maps(self, frame: MapFrame) -> Tensor:
-        """The marks on the cells of a stroke model's frame, [n, rows, columns] in [0, 1]; bare beyond the crops."""
+        """Returns the marks on the cells of a stroke model's frame: [n, rows, columns] in [0, 1].
+
+        Cells outside the crops are bare.
+        """
         return torch.cat([resample(torch.from_numpy(part).float() / 255, self.frame, frame) for part in self._parts()])
 
     def shapes(self) -> tuple[Tensor, Tensor, Tensor]:
-        """Thickness, length and bend [n] of the strokes, float32, as a stroke model takes them."""
+        """Returns thickness, length and bend [n] of the strokes in float32, as inputs of a stroke model."""
         return tuple(torch.from_numpy(np.asarray(part)) for part in (self.thickness, self.length_m, self.bend_m))  # type: ignore[return-value]
 
     def _parts(self) -> list[NDArray[np.uint8]]:
         return np.array_split(self.magnitude, -(-len(self) // 32))
 
     def save(self, path: Path) -> None:
-        """Writes an .npz, atomically. Raises StorageError."""
+        """Writes an .npz file atomically. Raises StorageError."""
         known = {"flaws": self.flaws, "since_dip": self.since_dip}
         optional: dict[str, Any] = {name: part for name, part in known.items() if part is not None}
         with storage.replacing(path) as temporary, temporary.open("wb") as file:
@@ -221,7 +227,7 @@ class StrokeLibrary:
 
     @classmethod
     def load(cls, path: Path) -> "StrokeLibrary":
-        """Reads an .npz and checks all of it; a pickle inside is never run. Raises LibraryError."""
+        """Reads and checks an .npz file; never runs a pickle. Raises LibraryError."""
         arrays = _read(path)
         kinds = {name: array.dtype.kind for name, array in arrays.items()}
         whole = {kinds.get(name, "u") for name in ("recorded_index", "flaws")}
@@ -249,7 +255,7 @@ class StrokeLibrary:
 
 
 def _read(path: Path) -> dict[str, NDArray[np.generic]]:
-    """The arrays of a library's file by name. Raises LibraryError."""
+    """Returns the arrays of a library file by name. Raises LibraryError."""
     try:
         with storage.opened(path, "a stroke library (.npz)", MOST_BYTES, LibraryError) as file:
             with zipfile.ZipFile(file) as archive:
@@ -269,19 +275,19 @@ def _read(path: Path) -> dict[str, NDArray[np.generic]]:
         ) from cause
 
 
-# Telling good strokes of a library from dirty ones by their marks alone.
+# Detection of dirty strokes from their marks alone
 #
-# A stroke is compared with where its path lies and with the other strokes of the library; no figure
-# here belongs to a brush. Statistics are medians, so that they hold while most strokes are good.
+# A stroke is compared with its path and with the other strokes of the library. No constant here depends on a brush.
+# The statistics are medians, which hold while most strokes are good.
 
 _INKED = 0.3
-"""Magnitude from which on a cell counts as painted."""
-_LEAST_PAINT = 0.35  # of what strokes of its shape have
+"""Magnitude above which a cell counts as painted."""
+_LEAST_PAINT = 0.35  # of the paint of strokes of its shape
 _LEAST_COVERED = 0.2  # of the way
 _MOST_FOREIGN = 0.03  # of the paint of a usual stroke
 _MOST_TORN = 0.09  # of the mark's own area
 _WIDE_GAP = 0.18  # of the width of a usual mark
-_MOST_POROUS = 0.15  # of the mark's area when its pores are closed
+_MOST_POROUS = 0.15  # of the mark's area with closed pores
 _WIDE_PORE = 0.25  # of the width of a usual mark
 _MOST_SKIPPED = 0.05  # of the way
 _MOST_ASTRAY = 7.0  # standard deviations
@@ -291,9 +297,9 @@ _ROUNDS = 20
 
 
 def judge(library: StrokeLibrary) -> NDArray[np.uint8]:
-    """What is wrong with each stroke, [n] of `Flaw`.
+    """Returns the `Flaw` of each stroke, [n].
 
-    A library that was judged when it was painted keeps that judgement; of others the marks tell.
+    The flaws stored in the library are used if there are any; otherwise the marks are judged.
     """
     if library.flaws is not None:
         return library.flaws
@@ -301,12 +307,12 @@ def judge(library: StrokeLibrary) -> NDArray[np.uint8]:
 
 
 def clean(library: StrokeLibrary) -> StrokeLibrary:
-    """The strokes to learn from: those without a flaw. Raises LibraryError where none is left."""
+    """Returns the strokes without a flaw. Raises LibraryError if there are none."""
     return library[judge(library) == Flaw.NONE]
 
 
 def judge_marks(library: StrokeLibrary) -> NDArray[np.uint8]:
-    """What the marks tell about each stroke, [n] of `Flaw`, whatever was known before."""
+    """Returns the `Flaw` of each stroke, [n], from the marks alone."""
     marks = [_Mark.of(library, index) for index in range(len(library))]
     reach = _reach(marks)
     seen = [_Look.at(mark, reach) for mark in marks]
@@ -315,10 +321,10 @@ def judge_marks(library: StrokeLibrary) -> NDArray[np.uint8]:
     width = float(np.median([look.width for look in seen]))
     wide = max(2, round(_WIDE_GAP * width))
     torn = np.array([look.torn(wide) for look in seen])
-    # Of a stroke that is hardly longer than wide, the way says nothing.
+    # The coverage of its way is meaningless for a stroke that is hardly longer than wide.
     covered = np.array([look.covered if look.way >= 2 * width else 1.0 for look in seen])
     flaws = np.zeros(len(library), np.uint8)
-    # The gravest reason is named, hence written last.
+    # The most serious reason is written last, because it counts.
     flaws[_astray(np.array([look.offset for look in seen]), own, width)] = Flaw.ASTRAY
     flaws[1 - covered > _MOST_SKIPPED] = Flaw.SKIPPED
     porous = np.array([look.porous(max(1, round(_WIDE_PORE * width / 2))) for look in seen])
@@ -330,10 +336,11 @@ def judge_marks(library: StrokeLibrary) -> NDArray[np.uint8]:
 
 @dataclass(frozen=True)
 class _Mark:
-    """A mark and its path.
+    """Mark with its path.
 
-    paint [rows, columns] in [0, 1]; away [rows, columns]: pixels from the path; path [k, 2]: its
-    (column, row).
+    paint [rows, columns]: in [0, 1]
+    away [rows, columns]: distance from the path in pixels
+    path [k, 2]: (column, row)
     """
 
     paint: NDArray[np.float32]
@@ -348,14 +355,14 @@ class _Mark:
         along, aside = library.length_m[index] * fraction, 3 * fraction * (1 - fraction) * library.bend_m[index]
         path = np.stack((column + along / pitch, row - aside / pitch), -1)
         bare = np.full(library.magnitude.shape[1:], 255, np.uint8)
-        import cv2  # which a planner does not load
+        import cv2  # loaded here because planners do not need it
 
         cv2.polylines(bare, [np.rint(16 * path).astype(np.int32)], False, 0, 1, cv2.LINE_8, 4)
         away = np.asarray(cv2.distanceTransform(bare, cv2.DIST_L2, 5), np.float32)
         return cls(library.magnitude[index].astype(np.float32) / 255, away, path)
 
     def extent(self) -> float:
-        """Within how many pixels of the path nearly all paint lies."""
+        """Returns the distance from the path in pixels that contains nearly all paint."""
         paint, away = self.paint.ravel(), self.away.ravel()
         order = np.argsort(away)
         total = np.cumsum(paint[order])
@@ -364,11 +371,14 @@ class _Mark:
 
 @dataclass(frozen=True)
 class _Look:
-    """What is seen of one mark.
+    """Measurements of one mark.
 
-    inked [rows, columns]: where the stroke itself left paint; own, foreign: paint of the stroke and of
-    something else, in pixels of full paint; way: pixels from start to end; covered: share of the way
-    that has paint; width: pixels across; offset (column, row): of the paint's centre from the path's.
+    inked [rows, columns]: True at paint of the stroke itself
+    own, foreign: paint of the stroke and of other things, in pixels of full paint
+    way: pixels from start to end
+    covered: share of the way with paint
+    width: pixels across
+    offset: (column, row) from the centre of the path to that of the paint
     """
 
     inked: NDArray[np.bool_]
@@ -382,12 +392,12 @@ class _Look:
     @classmethod
     def at(cls, mark: _Mark, reach: float) -> "_Look":
         near = mark.away <= reach
-        # A patch of paint belongs to the stroke where any of it is within reach of the path.
-        import cv2  # which a planner does not load
+        # A patch of paint belongs to the stroke if any part of it is within reach of the path.
+        import cv2  # loaded here because planners do not need it
 
         _, patch = cv2.connectedComponents((mark.paint > _INKED / 2).astype(np.uint8), connectivity=8)
         belongs = np.isin(patch, np.unique(patch[near & (patch > 0)])) | near
-        belongs &= mark.away <= 2 * reach  # a neighbour that touches the stroke is no part of it
+        belongs &= mark.away <= 2 * reach  # excludes a neighbour that touches the stroke
         paint = np.where(belongs, mark.paint, 0)
         own = float(paint.sum())
         inked = paint > _INKED
@@ -406,18 +416,18 @@ class _Look:
         return cls(inked, own, foreign, last - first, covered, width, offset)
 
     def porous(self, radius: int) -> float:
-        """The share of the mark that is bare in spots of less than `radius` pixels: dry brush."""
+        """Returns the share of the mark that is bare in spots smaller than `radius` pixels, as from a dry brush."""
         inked = self.inked.astype(np.uint8)
-        import cv2  # which a planner does not load
+        import cv2  # loaded here because planners do not need it
 
         disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
         closed = int(np.count_nonzero(cv2.morphologyEx(inked, cv2.MORPH_CLOSE, disc)))
         return 1 - int(np.count_nonzero(inked)) / closed if closed else 0.0
 
     def torn(self, wide: int) -> float:
-        """Area of gaps of at least `wide` pixels across the stroke, as a share of what is painted.
+        """Returns the area of gaps of at least `wide` pixels across the stroke, relative to the painted area.
 
-        A path never turns back, so that each column crosses it once.
+        A path never turns back, so each column crosses it once.
         """
         painted = int(self.inked.sum())
         if painted == 0:
@@ -430,13 +440,13 @@ class _Look:
 
 
 def _reach(marks: list[_Mark]) -> float:
-    """How many pixels from its path a stroke's own paint lies, generously."""
+    """Returns the distance from its path in pixels within which paint counts as the stroke's own, with a margin."""
     extents = [mark.extent() for mark in marks if mark.paint.any()]
     return 1.6 * float(np.median(extents)) + 3 if extents else 3.0
 
 
 def _expected(library: StrokeLibrary, own: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The paint that strokes of these shapes have in this library, pixels, [n]."""
+    """Returns the usual paint of strokes of these shapes in this library, pixels [n]."""
     usual = float(np.median(own))
     if len(library) < _FEWEST_TO_COMPARE or usual == 0:
         return np.full(len(library), usual)
@@ -444,7 +454,7 @@ def _expected(library: StrokeLibrary, own: NDArray[np.float64]) -> NDArray[np.fl
     terms = np.stack((np.ones_like(length), length, press, length * press, bend), 1).astype(np.float64)
     weight = np.ones(len(library))
     expected = np.full(len(library), usual)
-    for _ in range(_ROUNDS):  # least absolute deviations, by least squares weighed again and again
+    for _ in range(_ROUNDS):  # least absolute deviations, by repeated weighted least squares
         root = np.sqrt(weight)[:, None]
         expected = terms @ np.linalg.lstsq(root * terms, root[:, 0] * own, rcond=None)[0]
         weight = 1 / np.maximum(np.abs(own - expected), 0.01 * usual)
@@ -452,32 +462,33 @@ def _expected(library: StrokeLibrary, own: NDArray[np.float64]) -> NDArray[np.fl
 
 
 def _astray(offset: NDArray[np.float64], own: NDArray[np.float64], width: float) -> NDArray[np.bool_]:
-    """Which marks lie far from where the others lie beside their paths, [n]."""
+    """Returns the mask [n] of marks whose offset from the path differs from that of the others."""
     if len(offset) < _FEWEST_TO_COMPARE:
         return np.zeros(len(offset), np.bool_)
     beside = offset - np.median(offset[own > 0], axis=0)
     spread = 1.48 * np.median(np.abs(beside), axis=0)
-    # Where the strokes lie as if on rails, a small deviation is none.
+    # If the strokes are very exact, a small deviation does not count.
     far = np.abs(beside) > np.maximum(_MOST_ASTRAY * spread, 0.2 * width)
     return np.asarray(far.any(1))
 
 
-# What one dip of a brush paints, and how marks fade meanwhile, as far as a stroke library shows it.
+# Capacity of one dip and fading of marks, from a stroke library
 
-_FADED = 0.7  # of the paint that a stroke of a full brush has; those that matter are painted before
-_FEWEST = 12  # strokes of a full brush, and as many of others
-# What a brush that runs out does to a stroke; other flaws tell nothing of it.
+_FADED = 0.7  # of the paint of a full brush; important strokes are painted before
+_FEWEST = 12  # strokes of a full brush, and the same number of others
+# Flaws that a drying brush causes; strokes with other flaws are not used.
 _DRY = (Flaw.NONE, Flaw.EMPTY, Flaw.TORN, Flaw.SKIPPED)
 
 
 def dip_shown(library: StrokeLibrary, width: float) -> Dip | None:
-    """What one dip paints before marks are faint, as a library shows that was painted with fewer dips than strokes.
+    """Returns the capacity of one dip from a library that was painted with fewer dips than strokes.
 
-    width: of the brush's widest mark, metres. None where the library does not tell how much had been
-    painted since the dip before each stroke, or has too few strokes of a brush that was no longer full.
-    What a stroke has of the paint that the full brush leaves in strokes of its shape is fitted, over what
-    was painted until its end, by what can only fall (isotonic regression); a dip is over where that falls
-    below 70 %, or where the library ends.
+    width: width of the brush's widest mark in metres
+    Returns None if the library has no `since_dip`, or too few strokes of a full or a used brush.
+
+    Each stroke has a share of paint, relative to a full brush and its shape. A falling function of the painted
+    area is fitted to these shares (isotonic regression). The dip ends where the function falls below 0.7, or at
+    the end of the data.
     """
     from sklearn.isotonic import IsotonicRegression  # slow to load
 
@@ -501,12 +512,15 @@ def dip_shown(library: StrokeLibrary, width: float) -> Dip | None:
 
 
 def _paint(library: StrokeLibrary) -> NDArray[np.float64]:
-    """Paint in each mark, in pixels of full paint, [n]."""
+    """Returns the paint of each mark in pixels of full paint, [n]."""
     return library.magnitude.sum((1, 2), dtype=np.int64) / 255
 
 
 def _usual_paint(library: StrokeLibrary, full: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """The paint that a full brush leaves in strokes of these shapes, [n]; full [n]: which ones it painted."""
+    """Returns the paint that a full brush leaves in strokes of these shapes, [n].
+
+    full [n]: True for strokes of a full brush
+    """
     length, press, bend = library.length_m, library.thickness, np.abs(library.bend_m)
     terms = np.stack((np.ones_like(length), length, press, length * press, bend), 1).astype(np.float64)
     paint = _paint(library)

@@ -1,4 +1,4 @@
-"""The paper's stroke model: a small network from the shape of a stroke to the mark that it leaves."""
+"""Stroke model of the paper: a small network from the shape of a stroke to its mark."""
 
 import itertools
 from collections.abc import Callable, Iterator
@@ -30,14 +30,13 @@ _BARE = 3.0
 
 
 class Param2Stroke(nn.Module):
-    """Two linear layers, two convolutions, a bilinear upscaler (paper, "Brush Stroke Model").
+    """Network of two linear layers, two convolutions and a bilinear upscaler (paper, "Brush Stroke Model").
 
-    The linear layers draw the mark as logits on cells twice as large as those of the map, the
-    convolutions refine it, the upscaler brings it to the map's size, and the squash at the end
-    turns it into magnitudes: squashed after the upscaling, edges may be sharper than the cells.
+    limits: lengths and bends for the normalisation of the inputs
+    frame: rectangle of the map, with even numbers of rows and columns; else raises ValueError
 
-    limits: the lengths and bends that the inputs are normalised by; frame: the rectangle of the
-    map, with even numbers of rows and columns.
+    The linear layers draw the mark as logits on cells of twice the size. The convolutions refine it, and the
+    upscaler brings it to the size of the map. The squash comes last, so edges may be sharper than the cells.
     """
 
     def __init__(self, brush: str, frame: MapFrame, limits: StrokeLimits) -> None:
@@ -53,25 +52,29 @@ class Param2Stroke(nn.Module):
         self.refine = nn.Conv2d(1, CHANNELS, 3, padding=1)
         self.gather = nn.Conv2d(CHANNELS, 1, 3, padding=1)
         with torch.no_grad():
-            # Larger first weights let a small network draw edges that move with its inputs; and it begins
-            # with bare paper, because on the way there it might come to rest on bare paper for good.
+            # With larger first weights a small network can draw edges that move with its inputs. It starts with
+            # bare paper, because otherwise training may get stuck there.
             self.widen.weight.mul_(_SPREAD)
             self.widen.bias.mul_(_SPREAD)
             self.gather.bias = nn.Parameter(torch.tensor([-_BARE]))
 
     @classmethod
     def fresh(cls, kind: BrushKind, seed: int = 0) -> Self:
-        """An untrained model for a brush, the same for the same seed."""
+        """Returns an untrained model for a brush; the same seed gives the same weights."""
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
             return cls(kind.name, kind.frame, kind.limits)
 
     def forward(self, thickness: Tensor, length: Tensor, bend: Tensor) -> Tensor:
-        """thickness [n] in [0, 1], length [n] and bend [n] in metres -> magnitude [n, rows, columns] in [0, 1]."""
+        """Returns magnitudes [n, rows, columns] in [0, 1].
+
+        thickness [n]: in [0, 1]
+        length [n], bend [n]: in metres
+        """
         return squash(self.logits(thickness, length, bend))
 
     def logits(self, thickness: Tensor, length: Tensor, bend: Tensor) -> Tensor:
-        """The map before the squash, [n, rows, columns]."""
+        """Returns the maps before the squash: [n, rows, columns]."""
         shape = torch.stack((thickness, _normal(length, self.limits.length), _normal(bend, self.limits.bend)), -1)
         hidden = nn.functional.silu(self.widen(2 * shape - 1))  # [n, hidden]
         drawing = self.draw(hidden).unflatten(1, (1, *self.coarse))  # [n, 1, rows / 2, columns / 2]
@@ -79,17 +82,17 @@ class Param2Stroke(nn.Module):
         return nn.functional.interpolate(refined, scale_factor=_UPSCALE, mode="bilinear", align_corners=False)[:, 0]
 
     def save(self, path: Path) -> str:
-        """Writes the weights with all that belongs to them; returns the file's sha256. Raises StorageError."""
+        """Writes the weights with their metadata and returns the file's sha256. Raises StorageError."""
         return write_model(path, FORMAT, VERSION, self, self.state_dict())
 
     @classmethod
     def load(cls, path: Path) -> Self:
-        """Reads weights that `save` wrote. Raises WeightsError where they are missing, damaged or do not fit."""
+        """Reads weights of `save`. Raises WeightsError if they are missing or damaged or do not fit."""
         return cls.restored(ModelFile.read(path))
 
     @classmethod
     def restored(cls, file: ModelFile) -> Self:
-        """The model in a file of weights. Raises WeightsError where it is of another kind or does not fit."""
+        """Returns the model of a file of weights. Raises WeightsError if it is of another kind or does not fit."""
         file.require(FORMAT, VERSION)
         try:
             model = cls(file.brush, file.frame, file.limits)
@@ -100,16 +103,16 @@ class Param2Stroke(nn.Module):
 
 
 def _normal(value: Tensor, bounds: tuple[float, float]) -> Tensor:
-    """The value as a share of the way from the lower to the upper bound."""
+    """Returns the value scaled to 0 at the lower and 1 at the upper bound."""
     return (value - bounds[0]) / (bounds[1] - bounds[0])
 
 
-# Training param2stroke on a stroke library: from photographs of strokes to a model of the brush.
+# Training of param2stroke on a stroke library
 #
-# A few hundred photographs do not say what is known anyway: that a mark lies along a Bezier and is as
-# wide as the brush is pressed. The field (field.py) has that built in, and so learns more from them. It learns from
-# the library first, the network rehearses on strokes of the field without number, and then on the photographs
-# (G. Hinton, O. Vinyals and J. Dean, "Distilling the Knowledge in a Neural Network", 2015).
+# A few hundred photographs do not show facts that are known anyway: a mark lies along a Bezier, and its width
+# follows the pressure. The field (field.py) contains these facts and learns more from the photographs. So the field
+# is trained first. Then the network is trained on many strokes of the field, and at last on the photographs (G.
+# Hinton, O. Vinyals and J. Dean, "Distilling the Knowledge in a Neural Network", 2015).
 
 _BATCH = 32
 _REHEARSED = 3000
@@ -119,7 +122,7 @@ _RATE = 3e-3
 
 @dataclass(frozen=True)
 class _Examples:
-    """Strokes and the maps that they should give."""
+    """Strokes with their target maps."""
 
     thickness: Tensor
     length: Tensor
@@ -143,21 +146,24 @@ def train_param2stroke(
     patience: int = 30,
     notify: Callable[[TrainingProgress], None] | None = None,
 ) -> TrainingReport:
-    """Trains `model` in place on the library's strokes.
+    """Trains `model` in place on the strokes of a library.
 
-    A fifth of the strokes is held out for validation (paper, "Brush Stroke Model"). After
-    `rehearsals` epochs of rehearsal (0: none, as in the paper), whose training error is that against
-    the field, training ends after `epochs`, or
-    when the validation error has not fallen for `patience` of them. The loss is L1: its median
-    leaves the paper clean where only now and then a bristle goes astray. Then the network is trained anew, until the
-    epoch that was best, on all strokes, those held out too, and so is rather better than the report says. The same
-    seed gives the same weights. Raises LibraryError where there are fewer than 5 strokes.
+    rehearsals: epochs on strokes of a field; their training error is that against the field. 0 for none, as in
+    the paper.
+    epochs: largest number of epochs on the library
+    patience: number of epochs without a better validation error after which training ends
+
+    A fifth of the strokes is held out for validation (paper, "Brush Stroke Model"). The loss is L1, whose
+    optimum is the median: the paper stays clean at places that only stray bristles reach. Then the network is
+    trained again on all strokes until the best epoch, so it is slightly better than the report says. The same
+    seed gives the same weights.
+    Raises LibraryError if there are fewer than 5 strokes.
     """
     chance = torch.Generator().manual_seed(seed)
     split = Split.of(library, chance)
     examples = _Examples(*library.shapes(), library.maps(model.frame))
     untrained = {name: tensor.clone() for name, tensor in model.state_dict().items()}
-    rounds = (rehearsals if len(split.training) >= FEWEST_STROKES else 0, epochs)  # of fewer no field learns
+    rounds = (rehearsals if len(split.training) >= FEWEST_STROKES else 0, epochs)  # too few strokes for a field
     validation = examples[split.held_out]
 
     curve: list[TrainingProgress] = []
@@ -187,7 +193,7 @@ def _course(
     seed: int,
     chance: torch.Generator,
 ) -> Iterator[float]:
-    """So many epochs of rehearsal, and then so many of the library's examples: the training error of each."""
+    """Yields the training error of each epoch: first those of rehearsal, then those on the library."""
     rehearsals, epochs = rounds
     lessons = [(examples, _RATE, epochs)]
     if rehearsals > 0:
@@ -201,7 +207,7 @@ def _course(
 
 
 def _rehearsed(model: Param2Stroke, library: StrokeLibrary, seed: int, chance: torch.Generator) -> _Examples:
-    """Strokes of all shapes as most of them would look by a field that has learned from the library."""
+    """Returns random strokes with the median maps of a field that was trained on the library."""
     limits = model.limits
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
@@ -221,7 +227,7 @@ def _epoch(
     schedule: torch.optim.lr_scheduler.LRScheduler,
     chance: torch.Generator,
 ) -> float:
-    """Shows every example once; returns the mean absolute error on the way."""
+    """Trains on each example once; returns the mean absolute error during the epoch."""
     total = 0.0
     for index in torch.split(torch.randperm(len(examples), generator=chance), _BATCH):
         batch = examples[index]

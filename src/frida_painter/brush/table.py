@@ -1,11 +1,10 @@
-"""A stroke model turned into a table, so that no network is evaluated while a plan is optimised.
+"""Table of a stroke model, so that planning evaluates no network.
 
-The model is sampled once on a grid of (thickness, length, bend). The logits of its maps, which are
-much smoother than the maps (see squash.py), are fitted by a tensor product of cubic B-splines, whose
-slopes are the model's slopes too. Lengths and bends are cut into parts. Strokes of one part touch fewer
-cells and are more alike than all of them, so that each part writes its coefficients in a small basis of
-its own. A stroke then costs 4 x 4 x 4 rows of coefficients and one product with that basis.
-docs/lab/stroke-models.md states error and speed.
+The model is sampled once on a grid of (thickness, length, bend). A tensor product of cubic B-splines is fitted
+to the logits of its maps, which are much smoother than the maps (see `squash`). The gradients of the splines
+follow those of the model. Lengths and bends are divided into parts. Strokes of one part touch fewer cells and
+are more alike, so each part stores its coefficients in a separate small basis. A stroke then costs 4 x 4 x 4
+rows of coefficients and one product with that basis. docs/lab/stroke-models.md gives error and speed.
 """
 
 import contextlib
@@ -28,39 +27,46 @@ from frida_painter.errors import StorageError
 from frida_painter.frames import MapFrame
 from frida_painter.strokes import StrokeLimits
 
-# Between logits, in which marks are smooth, and magnitudes, in which they are opaque, soft-edged, or not there.
+# Squash: conversion of smooth logits to magnitudes
 #
-# The squash is a sigmoid that is stretched a little beyond [0, 1] and cut off there: away from a mark
-# the magnitude is exactly zero, and hundreds of strokes over one another leave no haze.
+# It is a sigmoid, stretched slightly beyond [0, 1] and clipped there. Away from a mark the magnitude is exactly
+# zero, so hundreds of strokes leave no haze.
 
 BEYOND = 0.005
-"""How far the sigmoid is stretched beyond 0 and 1."""
+"""Overshoot of the stretched sigmoid below 0 and above 1."""
 
 
 def stretched(logits: Tensor) -> Tensor:
-    """The sigmoid before it is cut off, in [-BEYOND, 1 + BEYOND]; for training, since its slope never dies."""
+    """Returns the sigmoid before clipping, in [-BEYOND, 1 + BEYOND].
+
+    Training uses it, because its gradient is never zero.
+    """
     return torch.sigmoid(logits).mul(1 + 2 * BEYOND).sub(BEYOND)
 
 
 def squash(logits: Tensor) -> Tensor:
-    """Logits to magnitudes in [0, 1], any shape."""
+    """Converts logits of any shape to magnitudes in [0, 1]."""
     return stretched(logits).clamp(0, 1)
 
 
 def unsquash(magnitude: Tensor) -> Tensor:
-    """The logits whose magnitude this is; for 0 and 1 those at which the cut begins."""
+    """Returns the logits of magnitudes; for 0 and 1 those at which the clipping begins."""
     return torch.logit((magnitude + BEYOND) / (1 + 2 * BEYOND))
 
 
-# Uniform cubic B-splines on [0, 1]: where they are not zero, their weights, and fitting them.
+# Uniform cubic B-splines on [0, 1]
 #
-# A spline of m spans has m + 3 coefficients; four of them matter at any place.
+# A spline with m spans has m + 3 coefficients; four of them count at each place.
 
 _SAMPLES_PER_SPAN = 1.5
 
 
 def weights(place: Tensor, spans: int) -> tuple[Tensor, Tensor]:
-    """place [n] in [0, 1] -> the first of the four coefficients [n], and their weights [n, 4], differentiable."""
+    """Returns the index of the first of the four coefficients that count [n], and their weights [n, 4].
+
+    place [n]: in [0, 1]
+    The weights are differentiable.
+    """
     at = place * spans
     first = at.detach().floor().clamp(0, spans - 1)
     t = at - first
@@ -70,7 +76,11 @@ def weights(place: Tensor, spans: int) -> tuple[Tensor, Tensor]:
 
 
 def rows(first: Sequence[Tensor], knots: Sequence[int]) -> Tensor:
-    """Of a cube with so many knots along each axis, the 64 rows [n, 64] around points: first, 3 x [n]."""
+    """Returns the indices of the 64 rows around each point: [n, 64].
+
+    first: first coefficient along each axis, 3 x [n]
+    knots: size of the cube of coefficients along each axis
+    """
     step = torch.arange(4, device=first[0].device)
     outer, middle, inner = (axis[:, None] + step for axis in first)  # [n, 4]
     row = (outer[:, :, None] * knots[1] + middle[:, None, :])[..., None] * knots[2]
@@ -78,17 +88,17 @@ def rows(first: Sequence[Tensor], knots: Sequence[int]) -> Tensor:
 
 
 def outer(first: Tensor, second: Tensor, third: Tensor) -> Tensor:
-    """Products of all weights of three axes, 3 x [n, 4] -> [n, 64]."""
+    """Returns the products of the weights of three axes: 3 x [n, 4] -> [n, 64]."""
     return (first[:, :, None, None] * second[:, None, :, None] * third[:, None, None, :]).flatten(1)
 
 
 def sample_grid(spans: int) -> Tensor:
-    """Places in [0, 1] at which to sample what a spline of that many spans is to follow."""
+    """Returns the places in [0, 1] at which a function is sampled for a spline with `spans` spans."""
     return torch.linspace(0, 1, round(_SAMPLES_PER_SPAN * spans) + 4, dtype=torch.float64)
 
 
 def fit_matrix(grid: Tensor, spans: int) -> Tensor:
-    """The matrix [spans + 3, samples] from samples on the grid to the coefficients that fit them best."""
+    """Returns the matrix [spans + 3, samples] that converts samples on the grid to coefficients, by least squares."""
     first, weight = weights(grid.double(), spans)
     design = torch.zeros(len(grid), spans + 3, dtype=torch.float64, device=grid.device)
     design.scatter_(1, first[:, None] + torch.arange(4, device=grid.device), weight)
@@ -101,10 +111,12 @@ _DEEPER = 0.5
 
 @dataclass(frozen=True)
 class TableDetail:
-    """How finely a model is tabulated.
+    """Resolution of a table.
 
-    spans: pieces of the spline along thickness, length and bend; rank: maps in each basis; faint: cells whose
-    magnitude never gets above it stay empty; parts: of lengths and of bends that have a basis of their own.
+    spans: spans of the splines along thickness, length and bend
+    rank: number of maps in each basis
+    faint: cells with no magnitude above this stay empty
+    parts: number of parts of lengths and of bends, each with a separate basis
     """
 
     spans: tuple[int, int, int] = (5, 12, 12)
@@ -114,29 +126,28 @@ class TableDetail:
 
 
 class StrokeTable(nn.Module):
-    """The fast stand-in for a stroke model: the same brush, frame and limits.
+    """Fast replacement of a stroke model with the same brush, frame and limits.
 
-    Magnitudes are in [0, 1], and exactly zero away from the mark. Parameters outside the limits
-    count as the nearest ones inside. Differentiable once, in thickness, length and bend. The
-    buffers follow `.to()` to another precision or device. In float32 on the CPU, compiled loops do
-    the work (table_kernels.py); elsewhere plain PyTorch does, to the same effect.
+    Magnitudes are in [0, 1], and exactly zero away from the mark. Parameters outside the limits are clamped.
+    Differentiable once in thickness, length and bend. The buffers follow `.to()`. Compiled loops work in
+    float32 on the CPU (table_kernels.py); otherwise PyTorch computes the same.
 
-    window: rows and columns of the smallest window of the frame that holds the marks of any one part, wherever that
-    part has it. Renderers draw windows: a frame is mostly empty.
+    window: rows and columns of the smallest window that holds the marks of any part. Each part has its own
+    position of the window in the frame. Renderers draw windows, because a frame is mostly empty.
     """
 
     coefficients: Tensor  # [parts, knots of thickness, of length, of bend, rank]
-    basis: Tensor  # [parts, rank, most]: maps of logits over those cells that some stroke of the part touches
-    mean: Tensor  # [parts, most], the mean of the logits
-    cells: Tensor  # [parts, most], index of those cells in rows x columns, one beyond all where there are fewer
-    counts: Tensor  # [parts], how many there are
-    part_of: Tensor  # [3, spans], what each span of each axis adds to the number of the part
-    first_of: Tensor  # [3, spans], the first knot of each span inside its part
+    basis: Tensor  # [parts, rank, most]: maps of logits over the cells that strokes of the part touch
+    mean: Tensor  # [parts, most], mean of the logits
+    cells: Tensor  # [parts, most], index of these cells in rows x columns; padded with rows x columns
+    counts: Tensor  # [parts], number of these cells
+    part_of: Tensor  # [3, spans], contribution of each span of each axis to the number of the part
+    first_of: Tensor  # [3, spans], first knot of each span inside its part
     corners: Tensor  # [parts, 2], column and row of each part's window in the frame
-    inside: Tensor  # [parts, most], `cells` as indices into the window, one beyond all where there are fewer
+    inside: Tensor  # [parts, most], `cells` as indices into the window; padded with the window's size
 
     def __init__(self, model: StrokeModel, detail: TableDetail, kept: Mapping[str, Tensor]) -> None:
-        """kept: the buffers by name."""
+        """Makes a table from its buffers by name (`kept`)."""
         super().__init__()
         self.brush: str = model.brush
         self.frame: MapFrame = model.frame
@@ -151,21 +162,21 @@ class StrokeTable(nn.Module):
 
     @classmethod
     def of(cls, model: StrokeModel, like: Tensor | None = None, detail: TableDetail | None = None) -> Self:
-        """Tabulates a model as it is now, in some seconds; make the table anew when the model changes.
+        """Tabulates a model in some seconds. Make a new table if the model changes.
 
-        like: a tensor of the precision and on the device of the model (default: float32, CPU).
+        like: a tensor with the precision and the device of the model; default float32, CPU
         """
         detail = detail or TableDetail()
         return cls.fitted(model, detail, sample(model, detail, torch.zeros(()) if like is None else like))
 
     @classmethod
     def fitted(cls, model: StrokeModel, detail: TableDetail, samples: Tensor) -> Self:
-        """The table of a model from its maps [grid, rows x columns], as `sample` gives them for that detail."""
+        """Returns the table of a model from its maps [grid, rows x columns], as returned by `sample`."""
         grids = [sample_grid(spans).to(samples) for spans in detail.spans]
         touched = (samples.amax(0) > detail.faint).nonzero()[:, 0]
         marks = samples[:, touched]
         logits = unsquash(marks)
-        logits -= _DEEPER * (marks == 0)  # so that small errors of the fit stay below the cut
+        logits -= _DEEPER * (marks == 0)  # keeps small errors of the fit below the clipping
         knots = _fit(logits, grids, detail.spans)
         shape = [len(grid) for grid in grids]
         marks, logits = marks.view(*shape, -1), logits.view(*shape, -1)
@@ -197,12 +208,12 @@ class StrokeTable(nn.Module):
         return cls(model, detail, kept)
 
     def kept(self) -> dict[str, Tensor]:
-        """What a table is made of again, by `restored`."""
+        """Returns the buffers from which `restored` makes the table again."""
         return {name: self.get_buffer(name) for name in _KEPT}
 
     @classmethod
     def restored(cls, model: StrokeModel, detail: TableDetail, kept: Mapping[str, Tensor]) -> Self:
-        """The table of that model and detail from what it kept. Raises KeyError, ValueError where that does not fit."""
+        """Returns the table from the buffers of `kept`. Raises KeyError or ValueError if they do not fit."""
         kept = {name: kept[name] for name in _KEPT}
         parts, knots, rank = _sizes(detail)
         most, whole = kept["mean"].shape[-1] if kept["mean"].dim() else 0, model.frame.rows * model.frame.columns
@@ -219,7 +230,11 @@ class StrokeTable(nn.Module):
         return cls(model, detail, kept)
 
     def forward(self, thickness: Tensor, length: Tensor, bend: Tensor) -> Tensor:
-        """thickness [n] in [0, 1], length [n] and bend [n] in metres -> magnitude [n, rows, columns] in [0, 1]."""
+        """Returns magnitudes [n, rows, columns] in [0, 1].
+
+        thickness [n]: in [0, 1]
+        length [n], bend [n]: in metres
+        """
         maps, shift = self.windows(thickness, length, bend)
         left, top = shift[:, :, 2].long().unbind(1)
         row, column = (torch.arange(side, device=maps.device) for side in self.window)
@@ -228,9 +243,9 @@ class StrokeTable(nn.Module):
         return whole.scatter(1, cell.flatten(1), maps.flatten(1)).view(-1, self.frame.rows, self.frame.columns)
 
     def windows(self, thickness: Tensor, length: Tensor, bend: Tensor) -> tuple[Tensor, Tensor]:
-        """What `forward` gives, of each stroke's window alone: magnitude [n, h, w], and where the windows are.
+        """Returns the magnitudes of `forward` in each stroke's window alone, [n, h, w], and shifts [n, 2, 3].
 
-        The latter as what is taken from `frames.pixel_to_map` of the frame, [n, 2, 3], for that of the windows.
+        The affine maps of the windows are those of `frames.pixel_to_map` for the frame, minus the shifts.
         """
         at = thickness, length, bend
         if compiles_for(length) and length.dtype == self.basis.dtype == torch.float32:
@@ -239,12 +254,12 @@ class StrokeTable(nn.Module):
         return self.plainly(self.places(*at).clamp(0, 1))
 
     def places(self, thickness: Tensor, length: Tensor, bend: Tensor) -> Tensor:
-        """Where such strokes stand in the table [3, n], in [0, 1] inside the limits."""
+        """Returns the coordinates of strokes in the table: [3, n], in [0, 1] inside the limits."""
         (shortest, longest), (least, most) = self.limits.length, self.limits.bend
         return torch.stack((thickness, (length - shortest) / (longest - shortest), (bend - least) / (most - least)))
 
     def plainly(self, place: Tensor) -> tuple[Tensor, Tensor]:
-        """The windows at places [3, n] in [0, 1], by PyTorch on any device in any precision."""
+        """Returns the windows and shifts at coordinates [3, n] in [0, 1], by PyTorch on any device in any precision."""
         looked = [weights(axis, pieces) for axis, pieces in zip(place, self.detail.spans, strict=True)]
         part = self.part_of[1, looked[1][0]] + self.part_of[2, looked[2][0]]
         first = [self.first_of[axis, span] for axis, (span, _) in enumerate(looked)]
@@ -260,7 +275,7 @@ class StrokeTable(nn.Module):
         return maps, nn.functional.pad(self.corners[part].to(maps)[:, :, None], (2, 0))
 
     def arrays(self) -> Any:
-        """The buffers as the compiled loops take them."""
+        """Returns the buffers for the compiled loops."""
         from frida_painter.brush.table_kernels import TableArrays
 
         names = ("coefficients", "basis", "mean", "counts", "part_of", "first_of", "corners", "inside")
@@ -271,7 +286,7 @@ _KEPT = ("coefficients", "basis", "mean", "cells", "counts")
 
 
 class _Lookup(torch.autograd.Function):
-    """`StrokeTable.plainly` by compiled loops, which touch only the cells of a stroke's own part."""
+    """`StrokeTable.plainly` with compiled loops, which touch only the cells of a stroke's part."""
 
     @staticmethod
     def forward(
@@ -305,22 +320,25 @@ class _Lookup(torch.autograd.Function):
 
 
 def _edges(detail: TableDetail, axis: int) -> list[tuple[int, int]]:
-    """The first span of each part of lengths (0) or bends (1), and that after its last."""
+    """Returns the first span of each part of lengths (0) or bends (1), and the span after its last."""
     spans, parts = detail.spans[axis + 1], min(detail.parts[axis], detail.spans[axis + 1])
     return [(spans * part // parts, spans * (part + 1) // parts) for part in range(parts)]
 
 
 def _sizes(detail: TableDetail) -> tuple[int, tuple[int, ...], int]:
-    """How many parts there are, the most knots along each axis of one, and the rank in whole fours, for the loops."""
+    """Returns the number of parts, the most knots of one along each axis, and the rank.
+
+    The rank is rounded up to a multiple of four for the loops.
+    """
     edges = [_edges(detail, axis) for axis in (0, 1)]
     knots = (detail.spans[0] + 3, *(max(last - first for first, last in axis) + 3 for axis in edges))
     return len(edges[0]) * len(edges[1]), knots, -(-detail.rank // 4) * 4
 
 
 def _windows(cells: Tensor, counts: Tensor, frame: MapFrame) -> tuple[tuple[int, int], Tensor, Tensor]:
-    """Size, corners [parts, 2] and cells [parts, most] of the windows that hold those cells of a frame."""
+    """Returns size, corners [parts, 2] and cells [parts, most] of the windows that hold these cells of a frame."""
     used = cells < frame.rows * frame.columns
-    ends = []  # of each axis: the first and the last row or column of each part
+    ends = []  # first and last row or column of each part
     for place, beyond in ((cells // frame.columns, frame.rows), (cells % frame.columns, frame.columns)):
         first, last = place.masked_fill(~used, beyond), place.masked_fill(~used, -1)
         ends.append((first.amin(1).where(counts > 0, 0), last.amax(1).where(counts > 0, 0)))
@@ -331,7 +349,7 @@ def _windows(cells: Tensor, counts: Tensor, frame: MapFrame) -> tuple[tuple[int,
 
 
 def _places_of_spans(detail: TableDetail) -> tuple[Tensor, Tensor]:
-    """What each span of each axis adds to the number of the part, and its first knot there, both [3, most spans]."""
+    """Returns each span's contribution to the number of the part, and its first knot there, both [3, most spans]."""
     part_of, first_of = torch.zeros(2, 3, max(detail.spans), dtype=torch.long)
     first_of[0] = torch.arange(max(detail.spans))
     for axis, step in ((0, len(_edges(detail, 1))), (1, 1)):
@@ -342,18 +360,18 @@ def _places_of_spans(detail: TableDetail) -> tuple[Tensor, Tensor]:
 
 
 def _between(grid: Tensor, spans: int, edges: tuple[int, int]) -> Tensor:
-    """Which samples [grid] lie in those spans, or next to them."""
+    """Returns the mask of samples [grid] that lie in these spans or next to them."""
     margin = spans / (len(grid) - 1)
     return (grid * spans >= edges[0] - margin) & (grid * spans <= edges[1] + margin)
 
 
 def sample(model: StrokeModel, detail: TableDetail, like: Tensor) -> Tensor:
-    """The model's maps on the table's grid of all three parameters, [grid, rows x columns], precise as `like`."""
+    """Returns the model's maps on the table's grid, [grid, rows x columns], in the precision of `like`."""
     grids = [sample_grid(spans).to(like) for spans in detail.spans]
     (shortest, longest), (least, most) = model.limits.length, model.limits.bend
     thickness, length, bend = (part.flatten() for part in torch.meshgrid(*grids, indexing="ij"))
     length, bend = shortest + length * (longest - shortest), least + bend * (most - least)
-    # Strokes that differ in thickness only are sampled together: some models see them from one path.
+    # Strokes with equal paths are sampled together, because some models compute each path only once.
     order = torch.arange(len(length), device=like.device).view([len(grid) for grid in grids]).permute(1, 2, 0).flatten()
     samples = like.new_empty(len(order), model.frame.rows * model.frame.columns)
     with torch.no_grad():
@@ -363,14 +381,14 @@ def sample(model: StrokeModel, detail: TableDetail, like: Tensor) -> Tensor:
 
 
 def _fit(samples: Tensor, grids: list[Tensor], spans: tuple[int, int, int]) -> Tensor:
-    """Coefficients [knots, knots, knots, cells] of the splines that follow samples [grid, cells] best."""
+    """Returns the coefficients [knots, knots, knots, cells] of the best splines for samples [grid, cells]."""
     fits = [fit_matrix(grid, pieces) for grid, pieces in zip(grids, spans, strict=True)]
     cube = samples.view(*(len(grid) for grid in grids), -1)
     return torch.einsum("ai,bj,ck,ijkr->abcr", *fits, cube)
 
 
 def _best_basis(samples: Tensor, rank: int) -> Tensor:
-    """Orthonormal maps [rank, cells] that span the samples best (randomised subspace iteration, fixed seed)."""
+    """Returns orthonormal maps [rank, cells] that span the samples best (randomised subspace iteration, fixed seed)."""
     rank = min(rank, *samples.shape)
     wider = min(rank + 16, *samples.shape)
     probe = torch.randn(wider, len(samples), generator=torch.Generator().manual_seed(0)).to(samples)
@@ -381,30 +399,29 @@ def _best_basis(samples: Tensor, rank: int) -> Tensor:
     return (torch.linalg.svd(samples @ span.T, full_matrices=False)[2] @ span)[:rank].contiguous()
 
 
-# Tables of stroke models that were made before, kept in the system's folder for caches.
+# Tables of stroke models in the system's cache folder
 #
-# Tabulating a network takes some seconds of computing, which every command would begin with; reading a table
-# takes milliseconds. A file is named after everything that its table follows from, so that it is never out of
-# date; one that is damaged is made anew. Our own models follow from their weights. Of any other nothing is known
-# but what it gives, so it is sampled every time, and only the fit of the table is saved.
+# It takes some seconds to tabulate a network and milliseconds to read a table. The name of a file is a hash of all
+# facts that determine its table, so a table is never out of date. A damaged file is replaced. A model of this
+# project is identified by its weights. Any other model is sampled each time, and only the fit is saved.
 
-# To be raised whenever a table, or what a stroke model makes of its weights, is computed otherwise.
+# Raise this number if the computation of a table, or of a stroke model from its weights, changes.
 VERSION = 3
-# The tables of this many models are kept, about 1.5 MB each.
+# Number of tables that are kept, about 1.5 MB each.
 _MOST_KEPT = 16
 
 
 def cached_table(model: StrokeModel, detail: TableDetail | None = None, folder: Path | None = None) -> StrokeTable:
-    """The table of a model (float32, CPU): read where it was made before, else made, and written.
+    """Returns the table of a model (float32, CPU) from the cache, or makes and saves it.
 
-    folder: of the tables (default: the one that the system gives to caches). Where it cannot be written
-    to, tables are made every time.
+    folder: folder of tables; by default in the system's cache folder. If it cannot be written, tables are made
+    each time.
     """
     detail = detail or TableDetail()
     folder = folder or platformdirs.user_cache_path("frida-painter", appauthor=False) / "tables"
     samples = None if isinstance(model, nn.Module) and _is_ours(model) else sample(model, detail, torch.zeros(()))
     path = folder / f"{_identity(model, detail, samples)}.safetensors"
-    # A table that is missing, damaged or not one is made anew; so is one of other shapes than it should have.
+    # A table that is missing, damaged or of the wrong shapes is made again.
     with contextlib.suppress(StorageError, KeyError, ValueError):
         return StrokeTable.restored(model, detail, tensor_file.read_tensors(path, "a table of a stroke model")[0])
     if samples is None:
@@ -418,12 +435,12 @@ def cached_table(model: StrokeModel, detail: TableDetail | None = None, folder: 
 
 
 def _is_ours(model: nn.Module) -> bool:
-    """Whether what the model computes changes with its weights and `VERSION` only, and with no edit of its code."""
+    """Returns True if the model belongs to this project, so that its weights and `VERSION` determine its result."""
     return type(model).__module__.startswith("frida_painter.")
 
 
 def _identity(model: StrokeModel, detail: TableDetail, samples: Tensor | None) -> str:
-    """Differs between models and details of different tables; by the samples, or without any by the weights."""
+    """Returns a hash of model and detail, which includes the samples, or else the weights."""
     about = (VERSION, type(model).__name__, torch.__version__, model.brush, astuple(model.frame), astuple(model.limits))
     told = hashlib.sha256(repr((*about, astuple(detail))).encode())
     weights = model.state_dict() if samples is None and isinstance(model, nn.Module) else {"samples": samples}

@@ -1,7 +1,7 @@
-"""The inner loops of a stroke table on the CPU in float32, compiled by numba. `StrokeTable.plainly` is their twin.
+"""Inner loops of a stroke table for the CPU in float32, compiled by numba; `StrokeTable.plainly` computes the same.
 
-Loops over cells see nothing but slices and have no branches, so that the compiler turns them into vector code.
-Reordering of sums is allowed, nothing else: NaN goes through as it must.
+Loops over cells use only slices and have no branches, so that the compiler can vectorise them. Sums may be
+reordered, but NaN keeps its meaning.
 """
 
 from typing import Any, NamedTuple
@@ -15,13 +15,13 @@ Array = NDArray[Any]
 _SUMS = {"reassoc", "contract", "nsz"}
 _NONE, _ONE = np.float32(0), np.float32(1)
 _LOG2_E, _LN_2 = np.float32(1.4426950408889634), np.float32(0.6931471805599453)
-_LARGEST = np.float32(80)  # exp of it is finite
+_LARGEST = np.float32(80)  # its exponential is finite
 # 1 / k!, k = 2 ... 6: the exponential series, to 2e-7 for |x| <= ln 2 / 2
 _C2, _C3, _C4, _C5, _C6 = (np.float32(1 / k) for k in (2, 6, 24, 120, 720))
 
 
 class TableArrays(NamedTuple):
-    """The buffers of a `StrokeTable`, as they are explained there, and how far its magnitudes are stretched."""
+    """Buffers of a `StrokeTable`, see there, and the overshoot of the squash."""
 
     coefficients: Array
     basis: Array
@@ -36,9 +36,10 @@ class TableArrays(NamedTuple):
 
 @njit(cache=True)
 def part_by_part(place, spans, table):  # type: ignore[no-untyped-def]
-    """The numbers [n] of the strokes at place [3, n], those of one part one after another, and their parts [n].
+    """Returns the indices [n] of strokes at coordinates [3, n], grouped by part, and their parts [n].
 
-    Also where those of each part end among them, [parts + 1]. Counted, not sorted: numba compiles a sort for a second.
+    Also returns the end of each part in this order, [parts + 1]. It counts instead of sorting, because numba
+    needs a second to compile a sort.
     """
     n = place.shape[1]
     part, ends = np.zeros(n, np.int64), np.zeros(len(table.counts) + 1, np.int64)
@@ -51,7 +52,7 @@ def part_by_part(place, spans, table):  # type: ignore[no-untyped-def]
     for k in range(len(table.counts)):
         ends[k + 1] += ends[k]
     order, parts = np.empty(n, np.int64), np.empty(n, np.int64)
-    for i in range(n):  # until now, each stood where its part begins
+    for i in range(n):  # until here, each entry is the start of its part
         at = ends[part[i]]
         ends[part[i]] += 1
         order[at], parts[at] = i, part[i]
@@ -60,11 +61,10 @@ def part_by_part(place, spans, table):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, fastmath=_SUMS, error_model="numpy")
 def look_up(place, spans, table, maps, shift):  # type: ignore[no-untyped-def]
-    """Magnitudes of n strokes at place [3, n] in [0, 1], to windows [n, rows x columns].
+    """Writes magnitudes of n strokes at coordinates [3, n] in [0, 1] to windows [n, rows x columns].
 
-    shift [n, 2, 3] comes as zeros, and tells where they are as `StrokeTable.windows` does.
-
-    Four strokes of a part look at its basis together: reading it takes longer than computing with it.
+    shift [n, 2, 3]: zeros at first; receives the shifts of `StrokeTable.windows`
+    Four strokes of a part are computed together, because reading the basis takes longer than computing.
     """
     rank, most = table.basis.shape[1:]
     weight, slope = np.empty((3, 4), np.float32), np.empty((3, 4), np.float32)
@@ -77,7 +77,7 @@ def look_up(place, spans, table, maps, shift):  # type: ignore[no-untyped-def]
         part = parts[begin]
         four = order[begin : min(begin + 4, ends[part])]
         count, cells = table.counts[part], table.inside[part]
-        for j in range(4):  # where there are fewer, the last one is looked at again
+        for j in range(4):  # if there are fewer, the last one is repeated
             _weigh(place[:, four[min(j, len(four) - 1)]], spans, table, first, weight, slope)
             _sum_up(table.coefficients[part], first, weight, coordinates[j])
             line, mean = logits[j], table.mean[part]
@@ -97,7 +97,7 @@ def look_up(place, spans, table, maps, shift):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, fastmath=_SUMS)
 def _add_up(coordinates, basis, count, one, two, three, four):  # type: ignore[no-untyped-def]
-    """Adds to four lines of logits the maps of a basis [rank, most], by coordinates [4, rank]; four maps at a time."""
+    """Adds the maps of a basis [rank, most], weighted by coordinates [4, rank], to four lines of logits."""
     for r in range(0, len(basis), 4):
         a, b, c, d = basis[r], basis[r + 1], basis[r + 2], basis[r + 3]
         share = coordinates[:, r : r + 4]
@@ -114,7 +114,10 @@ def _add_up(coordinates, basis, count, one, two, three, four):  # type: ignore[n
 
 @njit(cache=True, fastmath=_SUMS)
 def pull_back(place, spans, table, maps, upstream, to_place):  # type: ignore[no-untyped-def]
-    """From gradients to the windows, both [n, rows x columns], to those of the places [3, n]; four strokes together."""
+    """Computes gradients of coordinates [3, n] from those of the windows; four strokes together.
+
+    maps, upstream [n, rows x columns]: windows and their gradients
+    """
     rank, most = table.basis.shape[1:]
     weight, slope = np.empty((3, 4), np.float32), np.empty((3, 4), np.float32)
     first = np.empty(3, np.int64)
@@ -157,7 +160,7 @@ def pull_back(place, spans, table, maps, upstream, to_place):  # type: ignore[no
 
 @njit(cache=True, fastmath=_SUMS)
 def _dot(one, two, three, four, basis, count, upon):  # type: ignore[no-untyped-def]
-    """The products of four lines with the maps of a basis [rank, most], to upon [4, rank]; two maps at a time."""
+    """Writes the products of four lines with the maps of a basis [rank, most] to upon [4, rank]; two maps at a time."""
     for r in range(0, len(basis), 2):
         a, b = basis[r], basis[r + 1]
         a1 = a2 = a3 = a4 = b1 = b2 = b3 = b4 = np.float32(0)
@@ -176,7 +179,7 @@ def _dot(one, two, three, four, basis, count, upon):  # type: ignore[no-untyped-
 
 @njit(cache=True, fastmath=_SUMS)
 def _weigh(place, spans, table, first, weight, slope):  # type: ignore[no-untyped-def]
-    """Fills in, per axis, the first of four knots inside the part, their weights and slopes."""
+    """Writes, for each axis, the first of four knots inside the part, their weights and the derivatives of these."""
     for axis in range(3):
         at = place[axis] * np.float32(spans[axis])
         span = min(max(np.int64(np.floor(at)), 0), spans[axis] - 1)
@@ -207,9 +210,9 @@ def _sum_up(coefficients, first, weight, coordinates):  # type: ignore[no-untype
                     coordinates[r] += share * row[r]
 
 
-@njit(cache=True, fastmath=_SUMS, error_model="numpy")  # Python's division looks for zeros, one number at a time
+@njit(cache=True, fastmath=_SUMS, error_model="numpy")  # checks for zeros prevent vectorisation
 def _squash(line, bits, beyond):  # type: ignore[no-untyped-def]
-    """`squash` in place; e^-x is 2^n times a polynomial, and 2^n is written bit by bit."""
+    """Computes `squash` in place; e^-x is 2^n times a polynomial, and 2^n is written as bits."""
     for k in range(len(line)):
         x = -line[k]
         x = _LARGEST if x > _LARGEST else x
@@ -227,7 +230,7 @@ def _squash(line, bits, beyond):  # type: ignore[no-untyped-def]
 
 
 def argument_types():  # type: ignore[no-untyped-def]
-    """The loops, each with the types of its arguments where a plan is made in float32; see compiled.py."""
+    """Returns the loops with their argument types for plans in float32; see compiled.py."""
     table, index = float32[:, ::1], int64[:, ::1]
     buffers = (float32[:, :, :, :, ::1], float32[:, :, ::1], table, int64[::1], index, index, index, index, float32)
     spans, arrays = types.UniTuple(int64, 3), types.NamedTuple(buffers, TableArrays)  # type: ignore[no-untyped-call]

@@ -1,4 +1,4 @@
-"""What all training of stroke models has in common: who is held out, how far it has come, what it did."""
+"""Shared parts of the training of stroke models: held-out strokes, progress, reports, files of weights."""
 
 import json
 import math
@@ -20,7 +20,7 @@ from frida_painter.errors import LibraryError, WeightsError
 from frida_painter.frames import MapFrame
 from frida_painter.strokes import StrokeLimits
 
-# Files of weights: the tensors of a stroke model, and all that belongs to them, checked when they are read.
+# Files of weights: tensors and metadata of a stroke model, checked when they are read
 
 _ABOUT = "stroke_model"
 _LARGEST_MAP = 4096
@@ -29,10 +29,12 @@ _FARTHEST = 10.0
 
 @dataclass(frozen=True)
 class ModelFile:
-    """What a file of weights holds.
+    """Content of a file of weights.
 
-    format: which kind of stroke model it is; version: of that format; brush, frame and limits: as in
-    StrokeModel; tensors: the weights by name.
+    format: kind of the stroke model
+    version: version of that format
+    brush, frame, limits: as in StrokeModel
+    tensors: weights by name
     """
 
     path: Path
@@ -45,7 +47,7 @@ class ModelFile:
 
     @classmethod
     def read(cls, path: Path) -> "ModelFile":
-        """Reads weights of any kind of stroke model. Raises WeightsError where they are missing, damaged or foreign."""
+        """Reads weights of any kind of stroke model. Raises WeightsError if they are missing, damaged or foreign."""
         tensors, metadata = tensor_file.read_tensors(path, "weights of a stroke model", WeightsError)
         about = _about(metadata)
         if not isinstance(about.get("format"), str) or not isinstance(about.get("version"), int):
@@ -56,12 +58,12 @@ class ModelFile:
             raise _misfit(path, cause) from cause
 
     def require(self, format: str, version: int) -> None:
-        """Raises WeightsError unless it is of that format and version."""
+        """Raises WeightsError unless the file has that format and version."""
         if (self.format, self.version) != (format, version):
             raise WeightsError(_foreign(self.path))
 
     def fill(self, model: nn.Module) -> None:
-        """Puts the weights into a model, and freezes it. Raises WeightsError where they do not fit."""
+        """Loads the weights into a model and freezes it. Raises WeightsError if they do not fit."""
         try:
             model.load_state_dict(self.tensors)
         except (RuntimeError, ValueError) as cause:
@@ -69,12 +71,12 @@ class ModelFile:
         model.eval().requires_grad_(False)
 
     def misfit(self, cause: Exception) -> WeightsError:
-        """The error to raise where a model cannot be built from what the file says."""
+        """Returns the error for a file from which no model can be built."""
         return _misfit(self.path, cause)
 
 
 def write_model(path: Path, format: str, version: int, model: StrokeModel, tensors: Mapping[str, Tensor]) -> str:
-    """Writes weights with all that belongs to them; returns the file's sha256. Raises StorageError."""
+    """Writes weights with their metadata and returns the file's sha256. Raises StorageError."""
     frame, limits = model.frame, model.limits
     about = {
         "format": format,
@@ -84,7 +86,7 @@ def write_model(path: Path, format: str, version: int, model: StrokeModel, tenso
         "cells": [frame.rows, frame.columns],
         "limits": [*limits.length, *limits.bend],
     }
-    # One entry only: several would be written in an order that changes from run to run.
+    # A single entry, because the order of several entries would change from run to run.
     return tensor_file.write_tensors(path, tensors, {_ABOUT: json.dumps(about)})
 
 
@@ -103,7 +105,7 @@ def _misfit(path: Path, cause: Exception) -> WeightsError:
 
 
 def _about(metadata: dict[str, str]) -> dict[str, Any]:
-    """What a file of weights says of itself; empty where it says nothing that can be read."""
+    """Returns the metadata of a file of weights; empty if it cannot be read."""
     try:
         about = json.loads(metadata.get(_ABOUT, ""))
     except (ValueError, RecursionError):
@@ -112,7 +114,7 @@ def _about(metadata: dict[str, str]) -> dict[str, Any]:
 
 
 def _geometry(about: dict[str, Any]) -> tuple[MapFrame, StrokeLimits]:
-    """The frame and the limits of a file of weights. Raises KeyError, TypeError, ValueError or OverflowError."""
+    """Returns frame and limits from the metadata. Raises KeyError, TypeError, ValueError or OverflowError."""
     left, right, bottom, top = (float(number) for number in about["frame"])
     rows, columns = about["cells"]
     shortest, longest, least, most = (float(number) for number in about["limits"])
@@ -133,7 +135,10 @@ VALIDATION_SHARE = 0.2
 
 @dataclass(frozen=True)
 class TrainingProgress:
-    """How far training has come: after `epoch` of at most `epochs`, mean absolute errors of the magnitude."""
+    """Progress of a training after `epoch` of at most `epochs`.
+
+    The errors are mean absolute errors of the magnitude.
+    """
 
     epoch: int
     epochs: int
@@ -144,12 +149,13 @@ class TrainingProgress:
 
 @dataclass(frozen=True)
 class TrainingReport:
-    """What training did.
+    """Result of a training.
 
-    best_epoch: the epoch whose weights were best; validation_error: their mean absolute error on
-    strokes held out, over the whole map; held_out: indices of those strokes in the library;
-    predicted [held out, rows, columns]: their marks as those weights drew them; curve: every epoch's
-    progress.
+    best_epoch: epoch with the best weights
+    validation_error: their mean absolute error on held-out strokes over the whole map
+    held_out: indices of these strokes in the library
+    predicted [held out, rows, columns]: their marks by these weights
+    curve: progress of each epoch
     """
 
     best_epoch: int
@@ -161,14 +167,17 @@ class TrainingReport:
 
 @dataclass(frozen=True)
 class Split:
-    """Indices of the strokes to learn from and of those that are held out for validation, in random order."""
+    """Indices of the strokes for training and of those held out for validation, in random order."""
 
     training: NDArray[np.int64]
     held_out: NDArray[np.int64]
 
     @classmethod
     def of(cls, library: StrokeLibrary, chance: torch.Generator) -> "Split":
-        """A fifth is held out (paper, "Brush Stroke Model"). Raises LibraryError for fewer than 5 strokes."""
+        """Returns a split that holds out a fifth (paper, "Brush Stroke Model").
+
+        Raises LibraryError for fewer than 5 strokes.
+        """
         require_enough(library)
         order = torch.randperm(len(library), generator=chance).numpy()
         count = max(1, round(VALIDATION_SHARE * len(library)))
@@ -176,7 +185,7 @@ class Split:
 
 
 def require_enough(library: StrokeLibrary) -> None:
-    """Raises LibraryError where there are fewer than 5 strokes."""
+    """Raises LibraryError if there are fewer than 5 strokes."""
     if len(library) < FEWEST_STROKES:
         raise LibraryError(
             f"The stroke library has {len(library)} strokes to learn from; training needs at least {FEWEST_STROKES}, "
@@ -185,7 +194,7 @@ def require_enough(library: StrokeLibrary) -> None:
 
 
 class Best:
-    """The best weights so far, by their validation error."""
+    """Best weights so far by validation error."""
 
     def __init__(self, model: nn.Module) -> None:
         self.model = model
@@ -194,12 +203,12 @@ class Best:
         self._weights = _copy(model)
 
     def see(self, epoch: int, error: float) -> None:
-        """Keeps the model's weights of now if their error is the least."""
+        """Keeps the present weights of the model if their error is the lowest."""
         if error < self.error:
             self.error, self.epoch, self._weights = error, epoch, _copy(self.model)
 
     def restore(self) -> None:
-        """Puts the best weights back into the model."""
+        """Loads the best weights into the model."""
         self.model.load_state_dict(self._weights)
 
 

@@ -1,1 +1,1 @@
-"""Mixing: how much of which paint that a person owns gives a colour, by Kubelka and Munk's theory."""
+"""Mixing recipes: amounts of a person's paints for a colour, by the theory of Kubelka and Munk."""

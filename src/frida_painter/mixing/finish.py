@@ -1,10 +1,10 @@
-"""The surface of dry paint."""
+"""Surface of dry paint."""
 
 from enum import StrEnum
 
 
 class Finish(StrEnum):
-    """What the surface of the dry paint does with light: scatters it to every side, or mirrors it past the eye."""
+    """Surface of dry paint: matte scatters light in all directions, gloss reflects it away from the eye."""
 
     matte = "matte"
     gloss = "gloss"

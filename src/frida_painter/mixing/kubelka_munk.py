@@ -1,9 +1,8 @@
-"""Kubelka and Munk's theory of paint: absorption K and scattering S, which add up when paints are mixed.
+"""Theory of Kubelka and Munk: absorption K and scattering S of paints, which add up in mixtures.
 
-P. Kubelka, F. Munk, "Ein Beitrag zur Optik der Farbanstriche" (1931); for mixtures D. R. Duncan, "The
-colour of pigment mixtures" (1940); for the surface J. L. Saunderson, "Calculation of the color of
-pigmented plastics" (1942). All is per band of light, and for films so thick that nothing shows through,
-unless said otherwise.
+P. Kubelka, F. Munk, "Ein Beitrag zur Optik der Farbanstriche" (1931); for mixtures D. R. Duncan, "The colour of
+pigment mixtures" (1940); for the surface J. L. Saunderson, "Calculation of the color of pigmented plastics"
+(1942). All values are for each band of light. Films are opaque unless stated otherwise.
 """
 
 import torch
@@ -11,15 +10,15 @@ from torch import Tensor
 
 from frida_painter.mixing.finish import Finish
 
-# Of the light outside and inside, what the surface of a dried matte paint sends back (Saunderson).
+# Reflection by the surface of a dry matte paint for light from outside and from inside (Saunderson).
 _OUTER, _INNER = 0.035, 0.6
-_BLACKEST = 1e-3  # reflectance within a paint
+_BLACKEST = 1e-3  # smallest reflectance inside a paint
 _LEAST_SCATTERING = 1e-4
-_OPAQUE = 1e-4  # difference between over white and over black: no film is that opaque in any measurement
+_OPAQUE = 1e-4  # smallest difference between white and black ground
 
 
 def reflectance(absorption: Tensor, scattering: Tensor, finish: Finish = Finish.matte) -> Tensor:
-    """What a thick film is seen to reflect, in (0, 1]: any shape."""
+    """Returns the visible reflectance of an opaque film in (0, 1], any shape."""
     ratio = absorption / scattering
     within = 1 + ratio - (ratio.square() + 2 * ratio).sqrt()
     beneath = (1 - _OUTER) * (1 - _INNER) * within / (1 - _INNER * within)
@@ -27,27 +26,31 @@ def reflectance(absorption: Tensor, scattering: Tensor, finish: Finish = Finish.
 
 
 def ratio(reflected: Tensor) -> Tensor:
-    """K / S of a thick matte film that is seen to reflect so much: any shape."""
+    """Returns K / S of an opaque matte film with this visible reflectance, any shape."""
     within = inside(reflected)
     return (1 - within).square() / (2 * within)
 
 
 def inside(reflected: Tensor) -> Tensor:
-    """What is reflected within a paint whose matte surface is seen to reflect so much: any shape."""
+    """Returns the reflectance inside a paint from the visible reflectance of its matte surface, any shape."""
     beneath = (reflected - _OUTER) / (1 - _OUTER)
     return (beneath / (1 - _INNER + _INNER * beneath)).clamp(_BLACKEST, 1 - _BLACKEST)
 
 
 def mixed(parts: Tensor, absorption: Tensor, scattering: Tensor, finish: Finish = Finish.matte) -> Tensor:
-    """What mixtures are seen to reflect: parts [m, n] of n paints with K and S [n, b] each -> [m, b]."""
+    """Returns the visible reflectance [m, b] of mixtures.
+
+    parts [m, n]: amounts of n paints
+    absorption, scattering [n, b]: K and S of the paints
+    """
     return reflectance(parts @ absorption, parts @ scattering, finish)
 
 
 def film_over(over_white: Tensor, over_black: Tensor, ground: Tensor) -> tuple[Tensor, Tensor]:
-    """K and S [b] per thickness of a film that was seen over white and over black.
+    """Returns K and S [b], for the thickness of the film, from measurements over white and over black.
 
-    over_white, over_black: what the film reflects over a ground that reflects `ground`, and over one
-    that reflects nothing, where it must not be lighter (Kubelka's hyperbolic solution, 1948).
+    over_white, over_black: reflectance of the film on a ground of reflectance `ground`, and on a black ground.
+    The second must not be larger than the first (Kubelka's hyperbolic solution, 1948).
     """
     over_black, ground = inside(over_black), inside(ground)
     white = torch.maximum(inside(over_white), over_black + _OPAQUE)

@@ -1,4 +1,4 @@
-"""A paint that a person owns, and what its name, its colour or a few marks tell of its absorption and scattering."""
+"""Paints of a person: absorption and scattering from a name, a colour or a few test marks."""
 
 import csv
 import math
@@ -18,12 +18,12 @@ from frida_painter.mixing.kubelka_munk import film_over, ratio, reflectance
 from frida_painter.palette import ciede2000, from_hex, to_lab
 from frida_painter.perception.srgb import to_linear, to_srgb
 
-# Reflectance in sixteen bands of light, the colour that it has, and the smoothest one that has a given colour.
+# Reflectance in sixteen bands of light, its colour, and the smoothest reflectance of a colour
 #
-# Three numbers are too few to mix paints by: what two paints both reflect only shows band by band.
+# Three numbers are too few for mixing: the common reflectance of two paints shows only in bands.
 
 BANDS = tuple(range(400, 701, 20))
-"""Middles of the bands, nanometres."""
+"""Centres of the bands in nanometres."""
 # CIE 1931 colour matching functions and the power of daylight D65 at the bands (ISO/CIE 11664-1 and -2).
 _X = (
     0.01431,
@@ -81,23 +81,23 @@ _D65 = (
     71.61,
 )
 _XYZ_TO_RGB = ((3.2406, -1.5372, -0.4986), (-0.9689, 1.8758, 0.0415), (0.0557, -0.2040, 1.0570))
-# No paint reflects less or more: beyond, spectra with that colour grow wild, and no paint is like them.
+# Limits of the reflectance of paints. Outside them the computed spectra are extreme and unlike any paint.
 _DARKEST, _LIGHTEST = 0.003, 0.95
 _ROUNDS = 60
 _EXACT = 1e-9
 
 
 def color_of(reflectance: Tensor) -> Tensor:
-    """sRGB [..., 3] in [0, 1] of reflectances [..., 16] in daylight; what sRGB cannot hold is brought to its side."""
+    """Converts reflectances [..., 16] to sRGB [..., 3] in [0, 1] in daylight, clipped to sRGB."""
     return to_srgb(reflectance @ _light(reflectance).T)
 
 
 def reflectance_of(color: Tensor) -> Tensor:
-    """The smoothest reflectance [..., 16] between 0 and 1 that has the colour sRGB [..., 3].
+    """Returns the smoothest reflectance [..., 16] between 0 and 1 with the colour sRGB [..., 3].
 
-    Least squares of the slope of its inverse hyperbolic tangent, by Newton's method (S. A. Burns,
-    "Generating reflectance curves from sRGB triplets", arXiv 1710.05732, 2017). Colours that are
-    darker or lighter than any paint are brought to where paints end.
+    It minimises the squared slope of the inverse hyperbolic tangent by Newton's method (S. A. Burns,
+    "Generating reflectance curves from sRGB triplets", arXiv 1710.05732, 2017). Colours darker or lighter than
+    all paints are clipped first.
     """
     linear = to_linear(color.detach().double()).clamp(_DARKEST, _LIGHTEST)
     flat = linear.reshape(-1, 3)
@@ -106,14 +106,14 @@ def reflectance_of(color: Tensor) -> Tensor:
 
 
 def _smoothest(linear: Tensor) -> Tensor:
-    """The reflectance [16] with that linear light [3]."""
+    """Returns the smoothest reflectance [16] with the linear light [3]."""
     bands, light = len(BANDS), _light(linear)
     slope = torch.diff(torch.eye(bands, dtype=linear.dtype), dim=0)
     stiffness = 2 * slope.T @ slope
     height, price = linear.new_full((bands,), float(torch.atanh(2 * linear.mean() - 1))), linear.new_zeros(3)
     for _ in range(_ROUNDS):
         curve = torch.tanh(height)
-        steep = light * (1 - curve**2) / 2  # [3, 16], how the light answers to the heights
+        steep = light * (1 - curve**2) / 2  # [3, 16], derivative of the light by the heights
         bent = torch.diag(-curve * (1 - curve**2) * (light.T @ price))
         left = torch.cat((stiffness @ height + steep.T @ price, light @ (curve + 1) / 2 - linear))
         if float(left.abs().max()) < _EXACT:
@@ -123,36 +123,36 @@ def _smoothest(linear: Tensor) -> Tensor:
         system[:bands, bands:] = steep.T
         system[bands:, :bands] = steep
         step = torch.linalg.solve(system, -left)
-        pace = min(1.0, 1.5 / float(step[:bands].abs().max().clamp(min=1e-12)))  # where tanh is flat, steps are wild
+        pace = min(1.0, 1.5 / float(step[:bands].abs().max().clamp(min=1e-12)))  # limits steps in flat parts of tanh
         height, price = height + pace * step[:bands], price + pace * step[bands:]
     return (torch.tanh(height) + 1) / 2
 
 
 def _light(like: Tensor) -> Tensor:
-    """Linear light of each band in red, green and blue [3, 16]; all bands together are white."""
+    """Returns the linear light of each band in red, green and blue: [3, 16]; all bands together are white."""
     matching = torch.tensor((_X, _Y, _Z), dtype=like.dtype) * torch.tensor(_D65, dtype=like.dtype)
     light = torch.tensor(_XYZ_TO_RGB, dtype=like.dtype) @ matching
     return light / light.sum(1, keepdim=True)
 
 
 WHITE = "titanium white"
-_WHITE_CARD = 0.95  # what the white ground under a film reflects
+_WHITE_CARD = 0.95  # reflectance of the white ground under a film
 _NOISE = 0.01  # sRGB
-_TINT = 4.0  # parts of white with one part of a published paint
+_TINT = 4.0  # parts of white for one part of a published paint
 _WHITE_ABSORPTION = 0.0025
-# What is tried for a paint's scattering: how strong (powers of ten, steps), how it leans, how it follows absorption.
+# Tested scatterings: strength (powers of ten, number), slope over the bands, dependence on absorption.
 _STRENGTHS = (-2.7, -0.3, 61)
 _LEANS, _FOLLOWS = (-1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0), (-0.5, -0.25, 0.0, 0.25, 0.5, 0.75)
 _SCATTERING, _LEAST_ABSORPTION, _LEAST_SHARE = (0.005, 0.5), 3e-4, 0.05
-_PRICE = 0.5  # CIEDE2000 for a scattering that leans by 1
+_PRICE = 0.5  # CIEDE2000 of penalty for a slope of 1
 _PAINT_ROUNDS = 10
 _MOST_OFF = 10.0  # CIEDE2000
-# How much less than titanium white the published paints scatter, on average, where they are dark.
+# Scattering of dark published paints relative to titanium white, on average.
 _TYPICAL_SCATTERING = 0.1
 
 
 class PaintDataSource(StrEnum):
-    """Where a paint's numbers come from, best first."""
+    """Source of a paint's numbers, best first."""
 
     published = "published"
     tint = "its tint with white"
@@ -162,7 +162,7 @@ class PaintDataSource(StrEnum):
 
 @dataclass(frozen=True)
 class Paint:
-    """A paint: absorption K and scattering S [16] in the bands of `spectrum`, where titanium white scatters 1."""
+    """Paint with absorption K and scattering S [16] in the bands of `BANDS`; titanium white has S = 1."""
 
     name: str
     absorption: Tensor
@@ -171,15 +171,15 @@ class Paint:
 
     @property
     def color(self) -> Tensor:
-        """sRGB [3] of a thick mark of it."""
+        """Colour of a thick mark, sRGB [3]."""
         return color_of(reflectance(self.absorption, self.scattering))
 
     @classmethod
     def of_color(cls, name: str, color: Tensor) -> Self:
-        """A paint of which only its colour, sRGB [3], is known.
+        """Returns a paint from its colour alone, sRGB [3].
 
-        Kubelka-Munk with a single constant: only K / S is known. Dark paints are taken to scatter as
-        typical ones do, light ones like the white that they mostly hold.
+        Kubelka-Munk with a single constant: only K / S is known. Dark paints get a typical scattering. Light
+        paints get one like white, which they mostly contain.
         """
         seen = reflectance_of(color)
         lightest = float(color_of(seen).min())
@@ -188,11 +188,12 @@ class Paint:
 
     @classmethod
     def of_tint(cls, name: str, color: Tensor, tint: Tensor, parts: float) -> Self:
-        """A paint whose colour is known alone and as one part with `parts` parts of titanium white, sRGB [3] each.
+        """Returns a paint from its colour, and the colour of one part with `parts` parts of titanium white.
 
-        The tint tells the absorption band by band, whatever the scattering is; the colour alone tells
-        that, of which is tried how strong it is, how it leans towards red or blue, and how it goes with
-        the absorption. Raises ConfigError where the tint cannot be one of that paint.
+        color, tint: sRGB [3]
+        The tint gives the absorption in each band for a given scattering. The scattering is searched so that
+        the pure colour fits: its strength, its slope towards red or blue, and its dependence on the absorption.
+        Raises ConfigError if the tint cannot belong to that colour.
         """
         white, tinted = _white(), ratio(reflectance_of(tint))
         axis = torch.linspace(-1, 1, len(tinted), dtype=tinted.dtype)
@@ -220,9 +221,11 @@ class Paint:
 
     @classmethod
     def of_films(cls, name: str, over_white: Tensor, over_black: Tensor) -> Self:
-        """A paint that was drawn down over a white and a black ground, sRGB [3] each, in films of equal thickness.
+        """Returns a paint from films of equal thickness over a white and a black ground.
 
-        Its scattering is per film, not yet against white: see `against`. Raises ConfigError.
+        over_white, over_black: sRGB [3]
+        The scattering is for the film, not yet relative to white: see `against`. Raises ConfigError if the film
+        is lighter over black.
         """
         if not bool((over_black <= over_white + _NOISE).all()):
             raise ConfigError("it is lighter over black than over white; give over_white and over_black of one film")
@@ -232,22 +235,22 @@ class Paint:
         return cls(name, absorption, scattering, PaintDataSource.films)
 
     def against(self, scattering: float) -> Self:
-        """The same paint where white scatters `scattering` per film and not 1."""
+        """Returns the paint relative to a white whose film scatters `scattering`."""
         return type(self)(self.name, self.absorption / scattering, self.scattering / scattering, self.source)
 
 
 def published_names() -> tuple[str, ...]:
-    """Names of eleven artists' acrylics."""
+    """Returns the names of eleven artists' acrylics."""
     return WHITE, *_colors()
 
 
 def published(name: str) -> Paint:
-    """One of the eleven acrylics by its name.
+    """Returns one of the eleven acrylics by name.
 
-    Each is known by two colours, of a thick mark and of one part with four parts of titanium white. Both
-    follow from absorption and scattering that were determined by the method of Y. Okumura, "Developing a
-    spectral and colorimetric database of artist paint materials" (Rochester Institute of Technology,
-    2005), as github.com/feeneyko/km-web has them.
+    Each is known by two colours: a thick mark, and one part with four parts of titanium white. Both follow from
+    absorption and scattering as determined by the method of Y. Okumura, "Developing a spectral and colorimetric
+    database of artist paint materials" (Rochester Institute of Technology, 2005), with the data of
+    github.com/feeneyko/km-web.
     """
     if name == WHITE:
         return _white()
@@ -256,39 +259,39 @@ def published(name: str) -> Paint:
 
 
 def _white() -> Paint:
-    """Titanium white, which hardly absorbs, and by whose scattering all others are measured."""
+    """Returns titanium white, which hardly absorbs; other paints are relative to its scattering."""
     scattering = torch.ones(len(BANDS), dtype=torch.float64)
     return Paint(WHITE, _WHITE_ABSORPTION * scattering, scattering, PaintDataSource.published)
 
 
 def _colors() -> dict[str, tuple[str, str]]:
-    """The colours of the other ten, alone and as tints, by name."""
+    """Returns the colours of the other ten acrylics, pure and as tints, by name."""
     table = resources.files("frida_painter.mixing") / "data" / "acrylics.csv"
     rows = csv.DictReader(table.read_text(encoding="utf-8").splitlines())
     return {row["paint"]: (row["color"], row["tint"]) for row in rows}
 
 
-# The paints that a person owns, from a small TOML file; without one, a set of six that mixes most colours.
+# Paints of a person, from a small TOML file; by default six paints that mix most colours
 
 MOST_PAINTS = 32
 SIX = ("titanium white", "hansa yellow", "pyrrole red", "quinacridone magenta", "phthalo blue", "carbon black")
-"""Names of the published paints that are taken where nobody says what they own."""
+"""Names of the published paints that are used by default."""
 _MOST_BYTES = 2**18
 _ENTRIES = ("name", "color", "tint", "white", "over_white", "over_black")
 _ADVICE = "docs/how-to/mix.md shows such a file"
 
 
 def usual_paints() -> tuple[Paint, ...]:
-    """The six paints."""
+    """Returns the six default paints."""
     return tuple(published(name) for name in SIX)
 
 
 def read_paints(path: Path) -> tuple[Paint, ...]:
-    """The paints of a TOML file of [[paint]] entries. Raises ConfigError naming all that is wrong with them.
+    """Reads the paints of a TOML file with [[paint]] entries. Raises ConfigError that names all faults.
 
-    An entry has a name, and nothing more where it is that of a published paint; else a color
-    ("#rrggbb" of a thick mark), better still with the tint that one part of it gives with `white`
-    parts of titanium white, or over_white and over_black of one film.
+    An entry has a name. A published paint needs nothing else. Other paints have `color` ("#rrggbb" of a thick
+    mark), better with `tint`, the colour of one part with `white` parts of titanium white; or `over_white` and
+    `over_black` of one film.
     """
     values = storage.read_toml(path, "a file of paints (TOML)", _MOST_BYTES, _ADVICE)
     entries = values.get("paint")
@@ -319,7 +322,7 @@ def read_paints(path: Path) -> tuple[Paint, ...]:
 
 
 def _faults(number: int, entry: Any) -> Iterator[str]:
-    """What is wrong with the form of an entry."""
+    """Yields a sentence for each formal fault of an entry."""
     if not isinstance(entry, dict):
         yield f"paint {number} is no table; write [[paint]] and its entries below"
         return

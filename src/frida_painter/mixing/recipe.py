@@ -1,4 +1,4 @@
-"""Recipes: small whole parts of a few paints whose mixture comes nearest to a colour."""
+"""Recipes: small integer parts of a few paints whose mixture is nearest to a colour."""
 
 import itertools
 import math
@@ -18,26 +18,32 @@ from frida_painter.palette import ciede2000, to_lab
 from frida_painter.plan import Plan
 
 GOOD, REACHED = 2.0, 5.0
-"""CIEDE2000 up to which a mixture is hardly told from its colour, and from which the colour is out of reach."""
+"""Limits of CIEDE2000: the difference is hardly visible up to GOOD; the colour is out of reach above REACHED."""
 EASY_PARTS, MOST_PARTS, PARTS_WITH_TRACES = 40, 120, 600
-"""Of all paints together: drops of half a teaspoon; of a whole one where half a teaspoon will not do; and with
-traces of strong paints, as whites have that are nearly white, where nothing else is within reach."""
-_LEVELS = (1, 3, 9, 27, 81)  # parts that are tried first
-# What a fourth paint is tried with: how many times the other three, and its parts.
+"""Largest number of parts of all paints together.
+
+EASY_PARTS: drops of half a teaspoon
+MOST_PARTS: drops of a teaspoon, if half a teaspoon is not enough
+PARTS_WITH_TRACES: with traces of strong paints, if nothing else is within reach, as in whites that are nearly white
+"""
+_LEVELS = (1, 3, 9, 27, 81)  # parts that are tested first
+# Tests of a fourth paint: factor of the other three, and its parts.
 _LITTLE, _MUCH = ((27, 1), (9, 1), (3, 1)), tuple((1, level) for level in _LEVELS)
-_SEEDS = 16  # mixtures from which the nearest is sought
-# What a simpler recipe may cost in CIEDE2000: for each paint less, and for half as many parts.
+_SEEDS = 16  # number of mixtures at which the search starts
+# CIEDE2000 that a simpler recipe may cost: for each paint less, and for half as many parts.
 _PER_PAINT, _PER_DOUBLING = 0.6, 0.25
-# CIEDE2000 that more than `EASY_PARTS` must bring, and below which nobody sees what they bring.
+# CIEDE2000 that more than `EASY_PARTS` must gain, and below which the gain is invisible.
 _WORTH_COUNTING, _UNSEEN = 0.5, 1.0
 
 
 @dataclass(frozen=True)
 class Recipe:
-    """How to mix one colour.
+    """Recipe for one colour.
 
-    target [3] sRGB; parts: the paints and how many parts of each, most first; color [3] sRGB: what it
-    is predicted to look like when it is dry; difference: CIEDE2000 between the two.
+    target [3]: sRGB
+    parts: paints with their parts, largest first
+    color [3]: predicted colour of the dry mixture, sRGB
+    difference: CIEDE2000 between target and color
     """
 
     target: Tensor
@@ -47,30 +53,31 @@ class Recipe:
 
     @property
     def within_reach(self) -> bool:
-        """Whether these paints can give about that colour."""
+        """True if the mixture is near the target."""
         return self.difference <= REACHED
 
     @property
     def whole(self) -> int:
-        """How many parts it has in all."""
+        """Sum of all parts."""
         return sum(count for _, count in self.parts)
 
     @property
     def words(self) -> str:
-        """ "6 titanium white + 1 phthalo blue"."""
+        """Recipe in words: "6 titanium white + 1 phthalo blue"."""
         return " + ".join(f"{count} {paint.name}" for paint, count in self.parts)
 
     def volumes(self, total: float) -> list[float]:
-        """How much of each paint makes `total` of the mixture, in its unit."""
+        """Returns the amount of each paint in `total` of the mixture, in the unit of `total`."""
         return [total * count / self.whole for _, count in self.parts]
 
 
 def recipes(colors: Tensor, paints: Sequence[Paint], most: int = 4, finish: Finish = Finish.matte) -> list[Recipe]:
-    """A recipe for each colour sRGB [k, 3] of at most `most` of the paints, dry in that finish. Raises ConfigError.
+    """Returns a recipe for each colour sRGB [k, 3] of at most `most` of the paints, in that finish.
 
-    All mixtures of three paints in rough parts are looked at, the best are extended by a fourth, and
-    from the best of those whole parts are moved up and down as long as that brings the mixture nearer
-    or makes it simpler by what it is worth. More than `EASY_PARTS` are counted only where that can be seen.
+    All mixtures of three paints in rough parts are tested. The best ones are extended by a fourth paint. From
+    the best results, integer parts are changed step by step while this reduces difference plus complexity. More
+    than `EASY_PARTS` are used only if the gain is visible.
+    Raises ConfigError if there are no paints, or `most` is not from 1 to 4.
     """
     if not paints or not 1 <= most <= 4:
         raise ConfigError(
@@ -81,7 +88,7 @@ def recipes(colors: Tensor, paints: Sequence[Paint], most: int = 4, finish: Fini
 
 
 def _recipe(color: Tensor, mixer: "_Mixer") -> Recipe:
-    """The best in many parts, or the best in few where hardly anybody would see the difference."""
+    """Returns the best recipe in many parts, or in few parts if the difference is hardly visible."""
     best = _Search(color, mixer, MOST_PARTS).best()
     if not best.within_reach:
         traces = _Search(color, mixer, PARTS_WITH_TRACES).best()
@@ -93,7 +100,11 @@ def _recipe(color: Tensor, mixer: "_Mixer") -> Recipe:
 
 
 class _Mixer:
-    """Paints, of which at most `most` go into one mixture; rough: mixtures to begin with, and rough_lab their Lab."""
+    """Paints with precomputed mixtures.
+
+    most: largest number of paints in a mixture
+    rough: start mixtures; rough_lab: their Lab colours
+    """
 
     def __init__(self, paints: Sequence[Paint], most: int, finish: Finish) -> None:
         self.paints, self.most, self._finish = paints, most, finish
@@ -103,12 +114,12 @@ class _Mixer:
         self.rough_lab = to_lab(self.colors(self.rough))
 
     def colors(self, parts: Tensor) -> Tensor:
-        """sRGB of mixtures [m, n], [m, 3]."""
+        """Returns sRGB [m, 3] of mixtures [m, n]."""
         return color_of(mixed(parts, self._absorption, self._scattering, self._finish))
 
 
 class _Search:
-    """The search for one colour, in at most so many parts."""
+    """Search for one colour with a limit of parts."""
 
     def __init__(self, target: Tensor, mixer: _Mixer, parts: int) -> None:
         self._target, self._mixer, self._parts = target, mixer, parts
@@ -128,7 +139,10 @@ class _Search:
         return Recipe(self._target, tuple(used), color, float(ciede2000(to_lab(color), self._lab)))
 
     def _cost(self, parts: Tensor, lab: Tensor | None = None) -> Tensor:
-        """The difference of mixtures, and what a recipe's length and size count against it, [m]; lab: theirs [m, 3]."""
+        """Returns the cost of mixtures, [m]: difference plus penalties for the numbers of paints and parts.
+
+        lab [m, 3]: their Lab colours, if known
+        """
         used, total = (parts > 0).sum(1), parts.sum(1)
         lab = to_lab(self._mixer.colors(parts)) if lab is None else lab
         cost = ciede2000(lab, self._lab) + _PER_PAINT * used + _PER_DOUBLING * total.log2()
@@ -138,16 +152,16 @@ class _Search:
         return parts[self._cost(parts, lab).argsort()[:_SEEDS]]
 
     def _with_another(self, seed: Tensor) -> Tensor:
-        """The mixture with very little to much of each paint that it has none of."""
+        """Returns the mixture with very little to much of each unused paint."""
         unused = (seed == 0).nonzero()[:, 0].tolist()
         added = [scale * seed + _only(index, level, seed) for index in unused for scale, level in (*_LITTLE, *_MUCH)]
         return torch.stack(added or [seed])
 
     def _refined(self, starts: list[tuple[int, ...]]) -> tuple[int, ...]:
-        """Whole parts near one of `starts` that cost least.
+        """Returns integer parts near one of `starts` with the lowest cost.
 
-        From each of them, the cheapest neighbour is gone to as long as that costs less: step by step for all of
-        them together. A way that comes to where another has been would go on as that one did, and ends there.
+        Each start moves to its cheapest neighbour while that lowers the cost; all starts move together. A path
+        that reaches a visited mixture ends, because it would repeat the other path.
         """
         costs = self._cost(torch.tensor(starts, dtype=torch.float64)).tolist()
         ways = dict(zip(starts, costs, strict=True))
@@ -170,11 +184,11 @@ class _Search:
 
 
 def _rough(count: int, most: int) -> Tensor:
-    """Mixtures of up to `most` of `count` paints in rough parts, [m, count]."""
+    """Returns mixtures of up to `most` of `count` paints in rough parts: [m, count]."""
     found = []
     for used in range(1, most + 1):
         levels = torch.tensor(list(itertools.product(_LEVELS, repeat=used)), dtype=torch.float64)
-        levels = levels[(levels.amin(1) == 1)]  # the others are these in larger amounts
+        levels = levels[(levels.amin(1) == 1)]  # the others are multiples
         for chosen in itertools.combinations(range(count), used):
             parts = torch.zeros(len(levels), count, dtype=torch.float64)
             parts[:, list(chosen)] = levels
@@ -183,7 +197,7 @@ def _rough(count: int, most: int) -> Tensor:
 
 
 def _neighbours(parts: tuple[int, ...]) -> list[tuple[int, ...]]:
-    """The same mixture with one or two of its parts changed, in lowest terms."""
+    """Returns mixtures with one or two parts changed, in lowest terms, and mixtures in finer parts."""
     used = [index for index, count in enumerate(parts) if count]
     changes: list[dict[int, int]] = [{index: count} for index in used for count in _near(parts[index])]
     changes += [
@@ -202,7 +216,7 @@ def _neighbours(parts: tuple[int, ...]) -> list[tuple[int, ...]]:
 
 
 def _near(count: int) -> list[int]:
-    """Parts that may take the place of `count`, the nearest first."""
+    """Returns parts that may replace `count`, nearest first."""
     return [count + 1, count - 1, *(other for other in (2 * count, count // 2, count + 3, count - 3) if other >= 0)]
 
 
@@ -221,18 +235,18 @@ def _most_first(used: tuple[Paint, int]) -> tuple[int, str]:
     return -used[1], used[0].name
 
 
-# How much of each paint a plan takes, so that nobody runs out half-way.
+# Amount of each paint in a plan, so that paint does not run out
 
-_FILM = 0.15e-3  # metres of wet paint under a brush
-_KEPT_BACK = 2.0  # as much again stays in the brush, the water and the wells
-_LEAST = 3.0  # millilitres in which a brush can be dipped at all
-_ML = 1e6  # in a cubic metre
+_FILM = 0.15e-3  # thickness of wet paint under a brush in metres
+_KEPT_BACK = 2.0  # factor: as much paint again stays in the brush, the water and the wells
+_LEAST = 3.0  # millilitres, the least in which a brush can be dipped
+_ML = 1e6  # millilitres in a cubic metre
 
 
 def volumes(plan: Plan) -> Tensor:
-    """Millilitres to mix of each paint of the plan's palette, [k], by the area that its strokes paint.
+    """Returns the millilitres to mix of each paint of the plan's palette, [k], from the painted areas.
 
-    Raises ConfigError where a brush of the plan is not known.
+    Raises ConfigError if a brush of the plan is unknown.
     """
     areas = [brush_kind(part.layers[0].brush).area(part.strokes).double() for part in plan.filled_layers()]
     area = torch.cat(areas) if areas else torch.zeros(0).double()  # [n] m2

@@ -1,1 +1,1 @@
-"""What a painting is judged by while it is planned: functions of the rendered picture."""
+"""Objectives: losses of the rendered picture that a plan is optimised for."""

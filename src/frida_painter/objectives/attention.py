@@ -1,4 +1,4 @@
-"""Where a picture says what it shows: with few strokes, those places are worth more of them than others."""
+"""Importance of places in a picture: with few strokes, faces and other subjects get more of them."""
 
 from __future__ import annotations
 
@@ -20,24 +20,24 @@ if TYPE_CHECKING:
     from frida_painter.objectives.encoders.vgg import Hed
 
 
-# Faces in a picture: who looks at a painting looks there first, and sees whether it is like.
+# Faces in a picture
 #
-# They are found by a cascade of local binary patterns that comes with scikit-image (P. Viola, M. Jones, "Rapid object
-# detection using a boosted cascade of simple features", 2001; S. Liao et al., "Learning multi-scale block local
-# binary
-# patterns for face recognition", 2007): faces that look at the camera, in photographs.
+# Viewers look at faces first and judge their likeness. The detector is a cascade of local binary patterns from
+# scikit-image (P. Viola, M. Jones, "Rapid object detection using a boosted cascade of simple features", 2001; S.
+# Liao et al., "Learning multi-scale block local binary patterns for face recognition", 2007). It finds faces that
+# look at the camera, in photographs.
 
-_LONGEST = 320  # pixels of the picture that is searched
-_SMALLEST = 24  # pixels of a face: about as wide as a broad stroke on a canvas of 14 inches
-_LIKE_SIZED = 0.6  # of the largest face, that others have: what is much smaller is mostly none
-_VOTES = 12  # windows about a face that have to agree: tissue and cells had up to 7
-_MORE = 6.0  # times more than elsewhere matters what is in a face
-_AROUND = 1.25  # times its box: hair and chin
-_SOFT = 0.25  # of the radius, over which that falls off
+_LONGEST = 320  # longer side in pixels of the searched picture
+_SMALLEST = 24  # pixels of a face: about the width of a broad stroke on a canvas of 14 inches
+_LIKE_SIZED = 0.6  # smallest size relative to the largest face; much smaller finds are mostly wrong
+_VOTES = 12  # windows about a face that must agree; tissue and cells had up to 7
+_MORE = 6.0  # additional importance inside a face
+_AROUND = 1.25  # times its box: includes hair and chin
+_SOFT = 0.25  # share of the radius over which the importance falls off
 
 
 class Face(NamedTuple):
-    """Where a face is: its middle, and its height and width, as shares of the picture's height and width."""
+    """Place of a face: its centre, height and width, as shares of the picture's height and width."""
 
     row: float
     column: float
@@ -46,7 +46,7 @@ class Face(NamedTuple):
 
 
 def faces(picture: Tensor) -> list[Face]:
-    """The faces of a picture, sRGB [3, H, W]; the largest comes first."""
+    """Returns the faces in a picture, sRGB [3, H, W], largest first."""
     from skimage import data
     from skimage.feature import Cascade
 
@@ -76,7 +76,7 @@ def faces(picture: Tensor) -> list[Face]:
 
 
 def importance_of(found: list[Face], rows: int, columns: int) -> Tensor:
-    """How much each place of a picture with these faces matters, [rows, columns], 1 in the mean."""
+    """Returns the importance of each place of a picture with these faces: [rows, columns], mean 1."""
     down = ((torch.arange(rows) + 0.5) / rows)[:, None]
     across = ((torch.arange(columns) + 0.5) / columns)[None]
     inside = torch.zeros(rows, columns)
@@ -89,18 +89,19 @@ def importance_of(found: list[Face], rows: int, columns: int) -> Tensor:
 
 
 FACES, SUBJECT, EVERYWHERE = "faces", "subject", "none"
-"""Where a painting of a photograph is most careful."""
-_ROWS = 112  # of the picture that is looked at
-_ATTENTION_AROUND = 9  # pixels of it over which an edge matters
-_SIDE = 224  # of the view in which things are seen
-_EDGES, _THINGS = 1.0, 0.7  # against what every place matters by itself
-_STRONGEST = 6.0  # times the mean that a place may matter
+"""Possible focus of a painting of a photograph."""
+_ROWS = 112  # rows of the examined picture
+_ATTENTION_AROUND = 9  # pixels: window over which an edge counts
+_SIDE = 224  # pixels of a side of the network's input
+_EDGES, _THINGS = 1.0, 0.7  # relative to the base importance of each place
+_STRONGEST = 6.0  # largest importance, relative to the mean
 
 
 def attended(goal: Goal, encoders: EncoderRegistry) -> Goal:
-    """The goal, which begins with a picture that is to be painted by its meaning there where its meaning is.
+    """Returns the goal with importance maps for the pictures that it begins with.
 
-    A goal that begins with anything else stays as it is. Raises WeightsError where a network is missing.
+    This applies if the goal begins with a picture that is painted by its content (SemanticTerm). Other goals
+    stay unchanged. Raises WeightsError if a network is missing.
     """
     begins = goal.initial_terms
     meant = [term.picture for term in goal.terms if term.picture is not None and not term.is_pixelwise]
@@ -115,9 +116,9 @@ def attended(goal: Goal, encoders: EncoderRegistry) -> Goal:
 
 
 def focused(goal: Goal, focus: str, encoders: EncoderRegistry) -> Goal:
-    """The goal, in whose photographs faces matter more than the rest (FACES), or all that they show (SUBJECT).
+    """Returns the goal with more importance on faces (FACES) or on the whole subject (SUBJECT) of its photographs.
 
-    What was found is a remark of the encoders. Raises WeightsError where SUBJECT needs a network that is missing.
+    If it finds faces, it adds a remark to `encoders`. Raises WeightsError if SUBJECT needs a missing network.
     """
     if focus == EVERYWHERE:
         return goal
@@ -139,16 +140,16 @@ def _focused(term: Term, focus: str, encoders: EncoderRegistry) -> Term:
 
 
 def _looked_at(picture: Tensor) -> tuple[int, int]:
-    """Rows and columns of a picture [3, H, W] as it is looked at."""
+    """Returns rows and columns at which a picture [3, H, W] is examined."""
     _, rows, columns = picture.shape
     return _ROWS, max(16, round(_ROWS * columns / rows))
 
 
 @torch.no_grad()
 def importance(picture: Tensor, seer: Seer, hed: Hed | None) -> Tensor:
-    """How much each place of a picture [3, H, W] matters for what it shows, [h, w], 1 in the mean.
+    """Returns the importance of each place for the content of a picture [3, H, W]: [h, w], mean 1.
 
-    More along edges, as HED sees them, and where a network's last layer answers most strongly.
+    It is higher along edges, by HED, and at strong responses of the network's last layer.
     """
     small = images.fit(picture, *_looked_at(picture))
     shape = small.shape[1:]

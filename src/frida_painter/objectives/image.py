@@ -1,4 +1,4 @@
-"""A picture to come near to, pixel by pixel."""
+"""Goal "image": a picture to reproduce pixel by pixel."""
 
 from __future__ import annotations
 
@@ -25,9 +25,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class PictureTerm(Term):
-    """A term with a picture, `image` [3, H, W] in [0, 1], mattering by `weight` > 0. Raises ConfigError.
+    """Base class of terms with a picture.
 
-    called: what messages call it; longest: pixels of the longer side to which a file is reduced, None: it is not.
+    image [3, H, W]: sRGB in [0, 1]
+    called: name in messages
+    longest: longer side in pixels to which a file is shrunk; None to keep its size
+    Raises ConfigError if the weight is invalid.
     """
 
     image: Tensor
@@ -39,18 +42,18 @@ class PictureTerm(Term):
         require_weight(self.weight, self.called)
 
     def begun(self, goal: Goal) -> ImageTerm:
-        """The pixels of the picture."""
+        """Returns an ImageTerm with the same picture and weight."""
         return ImageTerm(self.image, self.weight)
 
     def fitted(self, rows: int, columns: int, *, pad: bool = False) -> Self:
-        """The picture as it fills so many rows and columns."""
+        """Returns the term with its picture fitted to `rows` x `columns`."""
         from frida_painter import images
 
         return replace(self, image=(images.pad if pad else images.fit)(self.image, rows, columns))
 
     @classmethod
     def open(cls, path: Path, weight: float = 1.0) -> Self:
-        """The term of a picture's file. Raises ConfigError and ImageError."""
+        """Returns the term of a picture file. Raises ConfigError and ImageError."""
         from frida_painter import images
 
         picture = images.load(path) if cls.longest is None else images.load(path, longest=cls.longest)
@@ -59,10 +62,11 @@ class PictureTerm(Term):
 
 @dataclass(frozen=True)
 class ImageTerm(PictureTerm):
-    """Paint this picture.
+    """Term of a goal: reproduce a picture pixel by pixel.
 
-    importance [h, w]: how much each of its places matters, 1 in the mean; None: all the same. wanted [3, h, w]: what is
-    planned towards so that the painting looks like the picture; None: the picture itself.
+    importance [h, w]: importance of each place, with mean 1; None if uniform
+    wanted [3, h, w]: picture that the planner compares with, so that the painting looks like `image`; None for
+    `image`
     """
 
     importance: Tensor | None = None
@@ -72,23 +76,23 @@ class ImageTerm(PictureTerm):
     is_pixelwise = True
 
     def begun(self, goal: Goal) -> ImageTerm:
-        """Itself, with the places that matter."""
+        """Returns the term itself, with its importance."""
         return self
 
     @property
     def picture(self) -> Tensor:
-        """The picture itself."""
+        """Picture to paint."""
         return self.image
 
     @property
     def guide(self) -> Tensor:
-        """What is planned towards."""
+        """Picture that the planner compares with."""
         return self.image if self.wanted is None else self.wanted
 
     def fitted(self, rows: int, columns: int, *, pad: bool = False) -> Self:
-        """The picture as it fills so many rows and columns; a smaller one keeps the pixels that it has.
+        """Returns the term with its picture fitted to `rows` x `columns`; a smaller picture keeps its pixels.
 
-        It will be shrunk again, to where it is planned and judged, and is not softened on the way.
+        It is shrunk again later to the planning image, so it is not softened here.
         """
         from frida_painter import images
 
@@ -99,20 +103,20 @@ class ImageTerm(PictureTerm):
         return replace(self, image=images.averaged(self.image, *fewer))
 
     def with_picture(self, picture: Tensor) -> ImageTerm:
-        """The same for another picture, in which the same places matter."""
+        """Returns the term with another picture and the same importance."""
         return replace(self, image=picture, wanted=None)
 
     def prepare(self, context: ObjectiveContext) -> ObjectiveTerm:
-        """The mean squared difference to what is planned towards."""
+        """Returns the mean squared difference to `guide`."""
         from frida_painter.objectives.pixel_loss import Replication
 
         return _term_of(Replication.of(self.guide, context.grid, self.importance))
 
     @classmethod
     def interpret(cls, goal: Goal, context: ObjectiveContext) -> Goal:
-        """Photographs alone are planned towards as much sharper as painting makes them softer.
+        """Sharpens photographs to compensate for the blur of painting, if the goal has no other terms.
 
-        Beside anything else they stay as they are, for then other terms say what is wanted of edges.
+        Beside other terms, photographs stay unchanged, because the other terms set the edges.
         """
         from frida_painter.objectives.pixel_loss import sharpened
 

@@ -1,4 +1,4 @@
-"""From a goal to one objective: what a person said is interpreted, its terms are prepared and weighed."""
+"""Conversion of a goal to one objective: interpretation of the terms, preparation, weighted sum."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -11,16 +11,17 @@ from frida_painter.frames import PixelGrid, Rows
 from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.objectives.objective import Goal, Objective, ObjectiveContext, ObjectiveTerm
 
-_INSISTENCE = 4.0  # times as much as else, what makes a painting less recognisable than its beginning counts
+_INSISTENCE = 4.0  # weight of a recognition that is worse than that of the beginning
 
 
 def interpreted(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, seed: int, sharpness: float = 0.0) -> Goal:
-    """The goal as it is pursued on pictures of that grid: each kind of term in it is asked once, in their order.
+    """Returns the goal after interpretation: each kind of term may change the other terms, in a fixed order.
 
-    Sketches are drawn on the photograph they came with, words get a picture to begin with, what is painted in
-    a style is wanted in its colours, what is painted by its meaning is attended to where its meaning is, and
-    photographs alone are wanted with that sharpness (objectives/pixel_loss.py).
-    Raises WeightsError where a network is missing.
+    Sketches are drawn on their photographs. Words get a first picture. Pictures with a style term get the
+    colours of the style. Pictures with a semantic term get importance maps. Photographs without other terms are
+    sharpened by `sharpness` (objectives/pixel_loss.py).
+    grid: grid of the planning image
+    Raises WeightsError if a network is missing.
     """
     context = ObjectiveContext(grid, encoders, seed, sharpness=sharpness)
     kinds = {type(term) for term in (*goal.terms, *goal.initial)}
@@ -30,10 +31,10 @@ def interpreted(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, seed: in
 
 
 class WeightedObjective:
-    """The weighted sum of a goal's terms (paper, Eq. for p_next): itself an objective.
+    """Objective that is the weighted sum of a goal's terms (paper, Eq. for p_next).
 
-    begun [3, H, W]: the picture that a painting of words begins with. As long as a painting is less recognisable than
-    that, by the terms that recognise, its validation insists on it.
+    begun [3, H, W]: picture that a painting of words begins with. The validation adds a penalty if the painting
+    is less recognisable than this picture. Terms with `recognizes` measure that.
     """
 
     def __init__(self, terms: Sequence[tuple[float, ObjectiveTerm]], begun: Tensor | None = None) -> None:
@@ -45,7 +46,7 @@ class WeightedObjective:
                 self._limit = float(self.recognition(begun))
 
     def __call__(self, picture: Tensor, variance: Tensor | None = None) -> Tensor:
-        """picture [3, H, W], variance [H, W] -> a number, the less the better; differentiable."""
+        """Returns the loss of a picture [3, H, W] with pixel variance [H, W]; lower is better. Differentiable."""
         total = picture.new_zeros(())
         for weight, term in self._terms:
             total = total + weight * (term.objective(picture) + _of_variance(term, variance))
@@ -53,19 +54,19 @@ class WeightedObjective:
 
     @property
     def validation(self) -> Objective | None:
-        """What says which of several pictures is best; None where the sum itself says it."""
+        """Objective that selects the best of several pictures; None if the sum itself does."""
         return self._validation if any(term.validation is not None for _, term in self._terms) else None
 
     @property
     def on_rows(self) -> Callable[[Rows], Objective] | None:
-        """The sum for pictures that have some rows of the grid only; None where a term has to see all of them."""
+        """Maker of the sum for pictures with some rows of the grid only; None if a term needs all rows."""
         makers = [(weight, term.on_rows) for weight, term in self._terms if term.on_rows is not None]
         if len(makers) < len(self._terms):
             return None
         return lambda rows: WeightedObjective([(weight, make(rows)) for weight, make in makers])
 
     def recognition(self, picture: Tensor) -> Tensor:
-        """How far a picture [3, H, W] is from being recognised as what is meant; 0 where nothing says it."""
+        """Returns how far a picture [3, H, W] is from being recognised as the wish; 0 if no term measures it."""
         return self._validated(picture, None)[1]
 
     def _validation(self, picture: Tensor, variance: Tensor | None = None) -> Tensor:
@@ -73,7 +74,7 @@ class WeightedObjective:
         return total + _INSISTENCE * (recognition - self._limit).clamp(min=0)
 
     def _validated(self, picture: Tensor, variance: Tensor | None) -> tuple[Tensor, Tensor]:
-        """What the terms' validations say together, and those of them that recognise."""
+        """Returns two sums: of the validations of all terms, and of those terms that measure recognition."""
         total = recognition = picture.new_zeros(())
         for weight, term in self._terms:
             value = weight * ((term.validation or term.objective)(picture) + _of_variance(term, variance))
@@ -88,10 +89,10 @@ def _of_variance(term: ObjectiveTerm, variance: Tensor | None) -> Tensor | float
 
 
 def prepare(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry | None = None, seed: int = 0) -> WeightedObjective:
-    """The objective of the goal for pictures of that grid.
+    """Returns the objective of a goal for pictures on `grid`.
 
-    encoders: the networks that terms other than pictures are seen through; by default those that
-    were fetched. Raises WeightsError where one is missing.
+    encoders: networks for terms that need them; by default those that were fetched
+    Raises WeightsError if a network is missing.
     """
     picture = next((term.picture for term in goal.initial if term.picture is not None), None)
     begun = None if picture is None else images.fit(picture, grid.rows, grid.columns)

@@ -1,4 +1,4 @@
-"""What an objective is, and what the objectives of a painting are prepared for."""
+"""Goals, terms and kinds of goals, and the objectives that are prepared from them."""
 
 from __future__ import annotations
 
@@ -22,18 +22,20 @@ if TYPE_CHECKING:
     from frida_painter.objectives.encoders.registry import EncoderRegistry
 
 
-# The goal: what a person wants to see on the canvas, as weighted terms.
+# The goal: a person's wishes for the canvas, as weighted terms
 
 
 class Term(ABC):
-    """One thing that is wanted, and how much it matters: `weight` > 0. Pictures are [3, H, W] in [0, 1].
+    """Base class of the terms of a goal. A term is one wish of a person with its weight.
 
-    Every kind of goal has its own, a frozen dataclass that says all of itself (objectives/kinds/). Terms of
-    different kinds know of each other only what the properties below say. Only `prepare` has to be written:
-    the rest says, if nothing else is said, that the term has neither picture nor words.
+    weight: importance, > 0
+    initial_order: a plan begins with the terms of the lowest number. A term with None takes part only if no
+    term has a number.
+    interpretation_order: order in which the `interpret` methods are called, lowest first
 
-    initial_order: a plan begins with the terms whose number is least; None: only where no term has a number.
-    interpretation_order: the terms' `interpret` are called by this number, the least first.
+    Pictures are [3, H, W] in [0, 1]. Each kind of goal has a frozen dataclass for its terms
+    (objectives/NAME.py). Terms of different kinds see each other only through the properties below. A subclass
+    must define `prepare`; by default a term has neither a picture nor words.
     """
 
     weight: float
@@ -42,69 +44,78 @@ class Term(ABC):
 
     @abstractmethod
     def prepare(self, context: ObjectiveContext) -> ObjectiveTerm:
-        """The objective of this term. What can be computed once is computed here. Raises WeightsError."""
+        """Returns the objective of this term after all one-time computations.
+
+        Raises WeightsError if a network is missing.
+        """
 
     @property
     def picture(self) -> Tensor | None:
-        """The picture to paint: it says what is where, and in which colours."""
+        """Picture to paint: sets composition and colours."""
         return None
 
     @property
     def is_pixelwise(self) -> bool:
-        """Whether the picture to paint is compared pixel by pixel: drawings beside it are drawn on it then."""
+        """True if the picture is compared pixel by pixel. Drawings of other terms are then drawn on it."""
         return False
 
     @property
     def drawing(self) -> Tensor | None:
-        """Dark lines on white paper that say what is where, and nothing of colours."""
+        """Dark lines on white paper: set composition, not colours."""
         return None
 
     @property
     def colors(self) -> Tensor | None:
-        """A picture that says which colours are wanted, and nothing of what is where."""
+        """Picture that sets colours, not composition."""
         return None
 
     @property
     def brushwork(self) -> Tensor | None:
-        """A picture whose marks say which way strokes go where the picture to paint does not."""
+        """Picture whose brush marks direct the strokes.
+
+        It counts only at places without a direction in the picture to paint.
+        """
         return None
 
     @property
     def words(self) -> str | None:
-        """Words that say what is wanted."""
+        """Words that describe what to paint."""
         return None
 
     @property
     def guide(self) -> Tensor | None:
-        """The picture towards which strokes are placed where a plan begins with this term: the picture to paint."""
+        """Picture that guides the placement of the first strokes, if a plan begins with this term.
+
+        By default `picture`.
+        """
         return self.picture
 
     @property
     def importance(self) -> Tensor | None:
-        """How much each place of the guide matters, [h, w], 1 in the mean; None: all the same."""
+        """Importance of each place of the guide, [h, w], with mean 1; None if uniform."""
         return None
 
     def begun(self, goal: Goal) -> Term:
-        """What a plan of that goal begins with where it begins with this term."""
+        """Returns the term that a plan of `goal` starts with, if it begins with this term."""
         return self
 
     def with_picture(self, picture: Tensor) -> Term:
-        """The term with another picture to paint."""
+        """Returns the term with another picture to paint."""
         return self
 
     def on_picture(self, picture: Tensor) -> Term:
-        """The term, whose drawing was drawn on that picture."""
+        """Returns the term after its drawing was drawn on `picture`."""
         return self
 
     def fitted(self, rows: int, columns: int, *, pad: bool = False) -> Term:
-        """The term with each picture that is to fill the canvas as it fills so many rows and columns.
+        """Returns the term with its pictures fitted to a canvas of `rows` x `columns`.
 
-        pad: whether all of a picture of other proportions is shown, on white; else its middle is.
+        pad: True to show the whole picture on white; False to crop it to its middle
         """
         return self
 
     def to(self, device: torch.device) -> Self:
-        """The term with its pictures on that device."""
+        """Returns the term with its pictures on that device."""
         from torch import Tensor
 
         this: Any = self
@@ -113,16 +124,17 @@ class Term(ABC):
 
     @classmethod
     def interpret(cls, goal: Goal, context: ObjectiveContext) -> Goal:
-        """The goal as it is pursued, where terms of this kind are in it and change what others ask for."""
+        """Returns the goal after the changes that terms of this kind make to other terms."""
         return goal
 
 
 @dataclass(frozen=True)
 class Goal:
-    """One or more terms that are pursued together. Raises ConfigError where there is none.
+    """One or more terms that are pursued together.
 
-    initial: terms that are pursued first, so that their composition stays (paper, Algorithm 1). A style among them is
-    begun with as the picture that it is.
+    initial: terms that are pursued first, so that their composition stays (paper, Algorithm 1). A style among
+    them counts as a picture.
+    Raises ConfigError if there are no terms.
     """
 
     terms: tuple[Term, ...]
@@ -133,7 +145,7 @@ class Goal:
             raise ConfigError("A goal without any term was given; name at least one picture or some words to paint.")
 
     def to(self, device: torch.device) -> Self:
-        """The goal with its pictures on that device."""
+        """Returns the goal with its pictures on that device."""
         return replace(
             self,
             terms=tuple(term.to(device) for term in self.terms),
@@ -141,7 +153,10 @@ class Goal:
         )
 
     def fitted(self, rows: int, columns: int, *, pad: bool = False) -> Self:
-        """The goal with the pictures that are to fill the canvas as they fill so many rows and columns."""
+        """Returns the goal with all pictures fitted to a canvas of `rows` x `columns`.
+
+        pad: True to show whole pictures on white; False to crop them to their middle
+        """
         return replace(
             self,
             terms=tuple(term.fitted(rows, columns, pad=pad) for term in self.terms),
@@ -150,9 +165,9 @@ class Goal:
 
     @cached_property
     def initial_terms(self) -> tuple[Term, ...]:
-        """What a plan begins with: the initial terms, or those of least `initial_order`, or else all.
+        """Terms that a plan begins with: the initial terms, or the terms of the lowest `initial_order`, or all terms.
 
-        These are the goal's own terms, and the same tuple, where it has nothing but pictures to come near to.
+        If all terms begin unchanged, this is the tuple `terms` itself.
         """
         if self.initial:
             return tuple(term.begun(self) for term in self.initial)
@@ -165,19 +180,19 @@ class Goal:
 
 
 def require_weight(weight: float, what: str) -> None:
-    """Raises ConfigError unless the weight, which was given to `what`, is above 0 and finite."""
+    """Raises ConfigError unless the weight of `what` is above 0 and finite."""
     if not 0 < weight < math.inf:
         raise ConfigError(f"A weight of {weight} was given to {what}; weights are above 0 and finite.")
 
 
-# What a kind of goal says of itself to whoever asks people for goals.
+# Description of a kind of goal, for everything that asks people for goals
 
 _NAME = re.compile("[a-z][a-z0-9_]{0,29}")
 _TAKEN = ("goal", "initial", "photo", "weight", "clip", "pictures")
 
 
 class Gives(Enum):
-    """What a person gives for a goal; the value is how help pages call it."""
+    """Value that a person gives for a goal; the enum's value is its name in help texts."""
 
     PICTURE = "FILE"
     WORDS = "WORDS"
@@ -185,15 +200,21 @@ class Gives(Enum):
 
 @dataclass(frozen=True)
 class GoalKind:
-    """One kind of goal. Its file, objectives/kinds/NAME.py or one of somebody's own, says all that there is to say.
+    """Description of one kind of goal. It is defined in objectives/NAME.py or in another package.
 
-    name: of the option --NAME, of its weight's --NAME-weight, and of the key in goal files: small letters, digits, _;
-    gives: a picture's file or words; help: of the option, one sentence; label: what records call such a goal;
-    open: the file or the words, and the weight, to a term; raises ConfigError and ImageError for what makes none;
-    begin: the same for what a painting only begins with; None: as `open` with a weight of 1;
-    initial_help: of the option --init-NAME; "": there is none (goal files may still begin with this kind);
-    networks: groups of names of weights, of each of which one must have been fetched, best first.
-    Raises ConfigError for a name that cannot be.
+    name: name of the option --NAME, of its weight --NAME-weight, and of the key in goal files: lower-case
+    letters, digits, _
+    gives: a picture file, or words
+    help: help text of the option, one sentence
+    label: name of the goal in records
+    open: makes a term from the file or the words, and the weight; raises ConfigError and ImageError
+
+    begin: makes the term for a painting that only begins with it; None for `open` with weight 1
+    initial_help: help text of the option --init-NAME; "" if there is no such option. Goal files may still begin
+    with this kind.
+    networks: groups of names of weights, best first. One network of each group must have been fetched.
+
+    Raises ConfigError if the name is invalid.
     """
 
     name: str
@@ -215,16 +236,16 @@ class GoalKind:
 
     @property
     def option(self) -> str:
-        """The option of the command line."""
+        """Command line option for a goal of this kind."""
         return f"--{self.name.replace('_', '-')}"
 
     @property
     def initial_option(self) -> str:
-        """The option for what a painting begins with."""
+        """Command line option for a painting that begins with a goal of this kind."""
         return f"--init-{self.name.replace('_', '-')}"
 
     def opened(self, value: Any, weight: float, *, beginning: bool) -> Term:
-        """The term of a file or of words. Raises ConfigError, which names the option, and ImageError."""
+        """Returns the term of a file or of words. Raises ImageError, or ConfigError that names the option."""
         try:
             if not beginning:
                 return self.open(value, weight)
@@ -236,13 +257,16 @@ class GoalKind:
 
 @dataclass(frozen=True)
 class KnownKinds:
-    """The kinds of goals by their names, the project's own first; complaints: a sentence for each that was left out."""
+    """Kinds of goals by name, those of this project first.
+
+    complaints: one sentence for each kind that was left out
+    """
 
     by_name: Mapping[str, GoalKind]
     complaints: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> GoalKind:
-        """The kind of that name. Raises ConfigError where there is none."""
+        """Returns the kind of that name. Raises ConfigError if there is none."""
         if name not in self.by_name:
             raise ConfigError(f"There is no kind of goal called {name[:40]!r}; there are {', '.join(self.by_name)}.")
         return self.by_name[name]
@@ -250,9 +274,9 @@ class KnownKinds:
 
 @cache
 def goal_kinds() -> KnownKinds:
-    """The kinds of goals. Neither networks nor PyTorch are loaded for it.
+    """Returns all kinds of goals; loads neither networks nor PyTorch.
 
-    A kind of another package that cannot be loaded, or whose name is taken, is left out with a complaint.
+    A kind of another package that cannot be loaded is left out with a complaint.
     """
     known: dict[str, GoalKind] = {}
     complaints: list[str] = []
@@ -265,22 +289,25 @@ def goal_kinds() -> KnownKinds:
 
 
 class Objective(Protocol):
-    """Judges a picture of the canvas: the less, the nearer to the goal. Differentiable."""
+    """Differentiable loss of a picture of the canvas: a lower value is nearer to the goal."""
 
     def __call__(self, picture: Tensor, variance: Tensor | None = None) -> Tensor:
-        """picture [3, H, W] in [0, 1] -> a number.
+        """Returns the loss of a picture [3, H, W] in [0, 1] as a scalar.
 
-        variance [H, W]: of the pixels about the picture, which then is the mean of what may come; what is
-        judged is the expectation, as far as the goal can tell it.
+        variance [H, W]: variance of the pixels, if `picture` is the mean of possible results. The loss is then
+        the expected loss, as far as the goal can compute it.
         """
 
 
 @dataclass(frozen=True)
 class ObjectiveContext:
-    """What objectives are prepared for: the pictures' grid, the networks at hand, the run's seed.
+    """Data that terms need to prepare their objectives.
 
-    begun [3, H, W]: the picture of that grid that a painting begins with, where the goal has one beside its terms.
-    sharpness: how much sharper than its photographs a painting is planned (objectives/pixel_loss.py).
+    grid: pixel grid of the pictures
+    encoders: available networks
+    seed: seed of the run
+    begun [3, H, W]: picture on that grid that the painting begins with, if the goal has one beside its terms
+    sharpness: strength of the sharpening of photographs before planning (objectives/pixel_loss.py)
     """
 
     grid: PixelGrid
@@ -292,15 +319,15 @@ class ObjectiveContext:
 
 @dataclass(frozen=True)
 class ObjectiveTerm:
-    """One term, ready to judge pictures.
+    """Prepared objective of one term.
 
-    validation: where the objective looks at a picture in another way every time, or could be fooled,
-    what says in the end whether a picture is good: steady, and best by a network kept aside.
-    of_variance: what pixels that vary by so much [H, W] about a picture add to its objective on average, exact for
-    squared errors; None where that is not known.
-    recognizes: whether the validation says how far a picture is from being recognised as what is meant.
-    on_rows: the term for pictures that have some rows of the grid only, where the objective is a mean over pixels; None
-    where it is not.
+    objective: loss of a picture
+    validation: steady judgement of a finished picture, best by a network that the optimiser does not use. None
+    if `objective` is deterministic and cannot be fooled.
+    of_variance: mean increase of the loss by the variance [H, W] of the pixels, exact for squared errors; None
+    if unknown
+    recognizes: True if `validation` measures how well the picture is recognised as the wish
+    on_rows: makes the term for pictures with some rows of the grid only; None if the loss is no mean over pixels
     """
 
     objective: Callable[[Tensor], Tensor]

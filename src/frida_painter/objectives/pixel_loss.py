@@ -1,4 +1,4 @@
-"""The simple replication objective: be the same as the picture, pixel by pixel."""
+"""Replication objective: same pixels as the picture; and sharpening of photographs before planning."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Replication:
-    """l_print of the paper (Eq. "l2"): the mean squared difference to `target` [3, H, W].
+    """Mean squared difference to `target` [3, H, W]: l_print of the paper (Eq. "l2").
 
-    matters [H, W]: how much each pixel matters, 1 in the mean; None: all the same.
+    matters [H, W]: weight of each pixel, mean 1; None if uniform
     """
 
     target: Tensor
@@ -27,12 +27,15 @@ class Replication:
 
     @classmethod
     def of(cls, image: Tensor, grid: PixelGrid, importance: Tensor | None = None) -> Self:
-        """To `image` [3, h, w] as it fits the grid. importance [h, w]: how much each place of the image matters."""
+        """Returns the objective for a picture [3, h, w], fitted to the grid.
+
+        importance [h, w]: importance of each place of the picture
+        """
         matters = None if importance is None else spread(importance, grid.rows, grid.columns)
         return cls(images.fit(image, grid.rows, grid.columns), matters)
 
     def __call__(self, picture: Tensor) -> Tensor:
-        """How far a picture [3, H, W] is from the target."""
+        """Returns the distance of a picture [3, H, W] to the target."""
         target = self.target.to(picture)
         if self.matters is None:
             return mse_loss(picture, target)
@@ -40,44 +43,42 @@ class Replication:
         return mse_loss(root * picture, root * target)
 
     def of_variance(self, variance: Tensor) -> Tensor:
-        """What pixels that vary by so much [H, W] add on average: E[(C - T)^2] = (M - T)^2 + Var C."""
+        """Returns the mean increase by pixel variance [H, W]: E[(C - T)^2] = (M - T)^2 + Var C."""
         return variance.mean() if self.matters is None else (self.matters.to(variance) * variance).mean()
 
     def on_rows(self, rows: Rows) -> Self:
-        """The same for pictures that have these rows only."""
+        """Returns the objective for pictures with these rows only."""
         return type(self)(rows.of(self.target), None if self.matters is None else rows.of(self.matters))
 
 
 def spread(importance: Tensor, rows: int, columns: int) -> Tensor:
-    """Importance [h, w] for a picture that is fitted to so many rows and columns: [rows, columns], 1 in the mean."""
+    """Returns importance [h, w] fitted to `rows` x `columns`, mean 1."""
     most = importance.amax()
     fitted = images.fit((importance / most)[None], rows, columns)[0] * most
     return fitted / fitted.mean()
 
 
-# What a painting of a photograph is planned towards: the photograph, sharpened by as much as painting softens it.
+# Sharpening of photographs before planning
 #
-# Marks have soft edges and land beside where they are meant, and where the planner is not sure of them it evens
-# colours
-# out. So a painting has less contrast than its photograph, from one mark to the next. Printers sharpen pictures for
-# the
-# same reason.
+# Painting softens a picture: marks have soft edges and land beside their intended place, and the planner averages
+# colours if it is uncertain. So photographs are sharpened first, as printers do.
 
 _SPREAD = 0.0037
-"""Standard deviation, metres on the canvas, over which a place is compared with what is around it."""
+"""Standard deviation in metres on the canvas of the blur in unsharp masking."""
 
 
 def sharpened(picture: Tensor, sharpness: float, grid: PixelGrid) -> Tensor:
-    """A picture [3, h, w] as it fills the grid [3, H, W], and as sharp as it is to be planned for that canvas.
+    """Returns a picture [3, h, w], fitted to the grid [3, H, W] and sharpened for planning.
 
-    sharpness: by how much of its difference from its surroundings each place differs more.
+    sharpness: increase of each pixel's difference from its surroundings
     """
     return with_contrast(images.fit(picture, grid.rows, grid.columns), _SPREAD / grid.pitch[1], sharpness)
 
 
 def with_contrast(picture: Tensor, spread: float, amount: float) -> Tensor:
-    """A picture [3, H, W] in [0, 1] with `amount` more of each pixel's difference from those within `spread` pixels.
+    """Sharpens a picture [3, H, W] in [0, 1] by unsharp masking.
 
-    That is unsharp masking.
+    spread: standard deviation of the blur in pixels
+    amount: increase of each pixel's difference from the blurred picture
     """
     return (picture + amount * (picture - images.blurred(picture, spread))).clamp(0, 1)

@@ -1,4 +1,4 @@
-"""A picture to be painted by what it shows, rather than pixel by pixel."""
+"""Goal "semantic": a picture to paint by its content, not pixel by pixel."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class SemanticTerm(PictureTerm):
-    """Paint what this picture shows rather than its pixels."""
+    """Term of a goal: paint the content of a picture, not its pixels."""
 
     called = "a picture to be painted by its meaning"
     initial_order = 2
@@ -22,19 +22,19 @@ class SemanticTerm(PictureTerm):
 
     @property
     def picture(self) -> Tensor:
-        """The picture itself."""
+        """Picture to paint."""
         return self.image
 
     def with_picture(self, picture: Tensor) -> SemanticTerm:
-        """The same for another picture."""
+        """Returns the term with another picture."""
         return replace(self, image=picture)
 
     def prepare(self, context: ObjectiveContext) -> ObjectiveTerm:
-        """The difference as networks see it; it is validated by a network that the optimiser never asks."""
+        """Returns the difference as networks see it. The validation uses a network that the optimiser does not use."""
         from frida_painter import images
         from frida_painter.objectives.semantic_loss import Semantic
 
-        # What will fill the canvas is what is shown.
+        # Only the part that fills the canvas counts as content.
         shown = images.fit(self.image, context.grid.rows, context.grid.columns)
         trunk = context.encoders.shapes()
         aside = Semantic(shown, context.encoders.aside(), context.seed, trunk)
@@ -43,7 +43,7 @@ class SemanticTerm(PictureTerm):
 
     @classmethod
     def interpret(cls, goal: Goal, context: ObjectiveContext) -> Goal:
-        """The plan begins with the picture's pixels, attended to where its meaning is."""
+        """Lets the plan begin with the pixels of the picture, weighted by their importance for its content."""
         from frida_painter.objectives.attention import attended
 
         return attended(goal, context.encoders)

@@ -1,4 +1,4 @@
-"""The semantic replication objective: show what a picture shows, as networks see it, rather than its pixels."""
+"""Semantic objective: same content as a picture, as networks see it, instead of the same pixels."""
 
 import math
 
@@ -11,19 +11,19 @@ from frida_painter.images import sized
 from frida_painter.objectives.encoders.base import Seer
 from frida_painter.objectives.encoders.vgg import Vgg16
 
-# Looking at a picture from here and there: what is only noise to a network from one side is not so from another.
+# Augmented views of a picture: noise that fools a network in one view does not in another.
 
-# kornia.augmentation's random perspectives and crops draw from the global generator, not from a seed of ours, and take
-# twice as long: 54 ms of one core for eight views of 224 pixels with their gradient, against 25 ms here.
-_CLOSEST = 0.65  # of the picture's sides that the tightest crop still shows
-_TILT = 0.12  # by how much, of a half side, each corner may move on its own
+# kornia's augmentations use the global generator instead of a seed, and take twice as long: 54 ms on one core for
+# eight views of 224 pixels with gradient, against 25 ms here.
+_CLOSEST = 0.65  # share of the picture's sides in the tightest crop
+_TILT = 0.12  # largest offset of each corner, of a half side
 
 
 class Views:
-    """`count` ways of looking at pictures: the first at all of it, the others by random crops and perspectives.
+    """Augmentation of pictures with `count` fixed views: the whole picture, then random crops and perspectives.
 
-    size: rows and columns of a view, in pixels. The ways are drawn once, from `seed`, so that a
-    target can be prepared for each.
+    size: rows and columns of a view in pixels
+    seed: the views are drawn from it once, so a target can be prepared for each view
     """
 
     def __init__(self, count: int, size: int, seed: int) -> None:
@@ -36,7 +36,10 @@ class Views:
         return len(self._maps)
 
     def of(self, picture: Tensor, which: Tensor) -> Tensor:
-        """picture [3, H, W] as it is seen in the ways numbered `which` [n] (of the CPU), [n, 3, size, size]."""
+        """Returns views of a picture [3, H, W]: [n, 3, size, size].
+
+        which [n]: numbers of the views, on the CPU
+        """
         side = self._size * 5 // 4
         small = functional.interpolate(picture[None], [side, side], mode="bilinear", antialias=True)
         along = (torch.arange(self._size) + 0.5) / self._size * 2 - 1
@@ -50,7 +53,7 @@ class Views:
 
 
 def _look(generator: torch.Generator) -> Tensor:
-    """A homography from the corners of a view, at -1 and 1, to where they lie in the picture."""
+    """Returns a random homography from the corners of a view, at -1 and 1, to their places in the picture."""
     share, right, down = torch.rand(3, generator=generator).tolist()
     share = _CLOSEST + (1 - _CLOSEST) * math.sqrt(share)
     tilt = _TILT * (2 * torch.rand(4, 2, generator=generator) - 1)
@@ -66,23 +69,24 @@ def _look(generator: torch.Generator) -> Tensor:
 
 _VIEWS = 12
 _AT_A_TIME = 2
-_SIDE = 176  # pixels of a view
-_LAYERS = ("conv3_3", "conv4_3")  # of the trunk: small shapes, and parts of things
-_PIXELS = 12_500  # of the picture that the trunk sees, about 100 x 125
-_COLORS = 0.02  # of the shorter side: colours are to be right over so much
-_HELD = 2.0  # of colours, against the squared difference to a picture
-_BALANCE = 0.05  # against the squared difference to a picture, when both have a weight of 1
+_SIDE = 176  # pixels of a side of a view
+_LAYERS = ("conv3_3", "conv4_3")  # of the trunk: small shapes, and parts of objects
+_PIXELS = 12_500  # pixels of the trunk's input, about 100 x 125
+_COLORS = 0.02  # share of the shorter side: blur for the comparison of colours
+_HELD = 2.0  # weight of colours, relative to the squared difference to a picture
+_BALANCE = 0.05  # relative to the squared difference to a picture, if both weights are 1
 
 
 class Semantic:
-    """How differently networks see a picture and a target, place by place (paper, Eq. "clip_conv_loss").
+    """Difference of a picture from a target as networks see them, place by place (paper, Eq. "clip_conv_loss").
 
-    image [3, H, W] in [0, 1]: what is to be shown; seer: the network whose deep features are
-    compared, in augmented views; trunk: where given, the shapes that it sees are compared as well,
-    and so are colours, blurred. Features are compared by their direction (cosine distance): paint
-    has textures of its own, which make them stronger or weaker all over. What the target looks
-    like in each of the views is prepared once. Every call looks in the next two of them, in an
-    order drawn from `seed`.
+    image [3, H, W]: target in [0, 1]
+    seer: network whose deep features are compared in augmented views
+    seed: seed of the views and of their order
+    trunk: network for shapes; with it, shapes and blurred colours are compared as well
+
+    Features are compared by cosine distance, because the texture of paint scales them all over. Target features
+    of each view are computed once. Each call uses two random views.
     """
 
     def __init__(self, image: Tensor, seer: Seer, seed: int, trunk: Vgg16 | None = None) -> None:
@@ -96,11 +100,11 @@ class Semantic:
             self._shapes = [] if trunk is None else trunk.features(sized(image, _PIXELS), _LAYERS)
 
     def __call__(self, picture: Tensor) -> Tensor:
-        """picture [3, H, W] in [0, 1] -> its distance in two random views; differentiable."""
+        """Returns the distance of a picture [3, H, W] in [0, 1] in two random views. Differentiable."""
         return self._distance(picture, torch.randperm(_VIEWS, generator=self._generator)[:_AT_A_TIME])
 
     def validation(self, picture: Tensor) -> Tensor:
-        """The same for all of the picture at once, always the same."""
+        """Returns the distance in the view of the whole picture; deterministic."""
         return self._distance(picture, torch.zeros(1, dtype=torch.long))
 
     def _distance(self, picture: Tensor, which: Tensor) -> Tensor:
@@ -116,11 +120,11 @@ class Semantic:
 
 
 def _apart(seen: Tensor, wanted: Tensor) -> Tensor:
-    """The mean cosine distance of maps [n, c, h, w] over all places."""
+    """Returns the mean cosine distance of maps [n, c, h, w] over all places."""
     return (1 - functional.cosine_similarity(seen, wanted.to(seen), dim=1)).mean()
 
 
 def _blurred(picture: Tensor) -> Tensor:
-    """The picture, each pixel the mean of its neighbourhood."""
+    """Returns the picture with each pixel replaced by the mean of its neighbourhood."""
     reach = round(_COLORS * min(picture.shape[1:]))
     return functional.avg_pool2d(picture[None], 2 * reach + 1, 1, reach, count_include_pad=False)[0]

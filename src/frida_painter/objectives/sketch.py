@@ -1,4 +1,4 @@
-"""A drawing whose lines the painting follows."""
+"""Goal "sketch": a drawing whose lines the painting follows."""
 
 from __future__ import annotations
 
@@ -13,16 +13,17 @@ if TYPE_CHECKING:
     from torch import Tensor
 
 
-_FEWEST = 2e-4  # of a drawing's pixels that are a line; fewer are a speck
-_BROAD = 1 / 40  # of a canvas's shorter side: about as fine as brushes paint
+_FEWEST = 2e-4  # smallest share of line pixels; fewer are a speck
+_BROAD = 1 / 40  # of a canvas's shorter side: about the finest lines of the brushes
 
 
 @dataclass(frozen=True)
 class SketchTerm(PictureTerm):
-    """Paint along the lines of this drawing, which has at least one.
+    """Term of a goal: paint along the lines of a drawing, which has at least one line.
 
-    Dark lines on light paper, scanned or photographed, or chalk on a dark board. shown [3, h, w]: the
-    drawing on a photograph that is painted with it; None: on white paper.
+    The drawing has dark lines on light paper, scanned or photographed, or chalk on a dark board.
+    shown [3, h, w]: the drawing on a photograph that is painted with it; None for white paper
+    Raises ConfigError if there is no line.
     """
 
     shown: Tensor | None = None
@@ -41,29 +42,29 @@ class SketchTerm(PictureTerm):
 
     @property
     def drawing(self) -> Tensor:
-        """The lines on white paper, no finer than brushes paint, [3, H, W] in [0, 1]."""
+        """Lines on white paper, at least as broad as a brush paints: [3, H, W] in [0, 1]."""
         from frida_painter.objectives.sketch_loss import broadened, cleaned
 
         return broadened(cleaned(self.image), _BROAD)
 
     @property
     def guide(self) -> Tensor:
-        """The sheet as it was given."""
+        """Drawing as it was given."""
         return self.image
 
     def begun(self, goal: Goal) -> ImageTerm:
-        """The drawing as a picture: filled with the colours of the goal's first style, where there is one."""
+        """Returns the drawing as a picture, filled with the colours of the goal's first style if there is one."""
         from frida_painter.objectives.sketch_loss import colored
 
         style = next((term.colors for term in goal.terms if term.colors is not None), None)
         return ImageTerm(self.drawing if style is None else colored(self.drawing, style), self.weight)
 
     def on_picture(self, picture: Tensor) -> SketchTerm:
-        """The lines are looked for together with the edges of the picture on which they are drawn."""
+        """Returns the term for a drawing on a picture: its edges are those of lines and picture together."""
         return replace(self, shown=picture)
 
     def prepare(self, context: ObjectiveContext) -> ObjectiveTerm:
-        """The difference of edges as HED sees them, and a little of meaning."""
+        """Returns the difference of edges by HED, with a small part for the content."""
         from frida_painter import images
         from frida_painter.objectives.semantic_loss import Semantic
         from frida_painter.objectives.sketch_loss import Sketch
@@ -76,7 +77,7 @@ class SketchTerm(PictureTerm):
 
     @classmethod
     def interpret(cls, goal: Goal, context: ObjectiveContext) -> Goal:
-        """Sketches are drawn on the pictures that they came with."""
+        """Draws the sketches on the pictures of the goal."""
         from frida_painter.objectives.sketch_loss import overlaid
 
         return overlaid(goal)

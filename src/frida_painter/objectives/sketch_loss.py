@@ -1,4 +1,4 @@
-"""The sketch objective: have edges where a drawing has lines, and show what it shows."""
+"""Sketch objective: edges at the lines of a drawing, and the same content."""
 
 from collections.abc import Callable
 
@@ -13,21 +13,21 @@ from frida_painter.objectives.encoders.vgg import Hed
 from frida_painter.objectives.objective import Goal, Term
 from frida_painter.palette import Palette, to_lab
 
-# Drawings: the lines on a sheet of paper, whatever its light, made as broad as a brush paints, and filled in.
+# Preparation of drawings: even light, lines as broad as the brush, filled areas
 
-_INK = 0.25  # from white paper at 0 to black at 1: what is darker is a line
-_DIRTY, _BLACK = 0.15, 0.45  # darkness below which paper is only dirty, and above which ink is black
-_WINDOW = 16  # of the shorter side: lines are thinner than two such parts, and light changes more slowly
-_COLORS = 6  # of a style that a drawing is filled with
-_SPECK = 1e-3  # of the sheet
-_COARSE = 160  # rows and columns, at most, in which the light is looked at
+_INK = 0.25  # darkness, 0 for white paper, 1 for black: darker pixels are lines
+_DIRTY, _BLACK = 0.15, 0.45  # below: dirt of the paper; above: full ink
+_WINDOW = 16  # parts of the shorter side. Lines are thinner than two parts; light changes more slowly.
+_COLORS = 6  # colours of a style with which a drawing is filled
+_SPECK = 1e-3  # share of the sheet
+_COARSE = 160  # largest number of rows and columns for the estimate of the light
 
 
 def cleaned(picture: Tensor) -> Tensor:
-    """The drawing on a photograph or scan [3, H, W] in [0, 1], on white paper, with its lines in full colour.
+    """Returns the drawing of a photograph or scan [3, H, W] in [0, 1] on white paper, with its lines in full colour.
 
-    Light on paper changes slowly and lines are thin: what is left when they are closed is the paper.
-    A drawing in chalk on a dark board comes out dark on white.
+    Light on paper changes slowly and lines are thin, so a morphological closing leaves the paper. Chalk on a
+    dark board becomes dark on white.
     """
     if float(picture.mean(0).median()) < 0.5:
         picture = 1 - picture
@@ -36,7 +36,7 @@ def cleaned(picture: Tensor) -> Tensor:
     size = [max(8, round(rows * scale)), max(8, round(columns * scale))]
     small = functional.interpolate(picture[None], size, mode="bilinear", antialias=True)
     paper = _closed(small, min(size) // _WINDOW)
-    # Where a filled area is wider than the window, the sheet as a whole says how bright paper is.
+    # If a filled area is wider than the window, the median of the sheet sets the brightness of the paper.
     paper = torch.maximum(paper, 0.6 * paper.flatten(2).median(2).values[..., None, None])
     paper = functional.interpolate(paper, [rows, columns], mode="bilinear")[0].clamp(min=0.05)
     shade = (1 - picture / paper).clamp(0, 1)  # [3, H, W]
@@ -46,17 +46,17 @@ def cleaned(picture: Tensor) -> Tensor:
 
 
 def ink(drawing: Tensor) -> Tensor:
-    """Where a cleaned drawing [3, H, W] has lines: [H, W], true or false."""
+    """Returns the line mask of a cleaned drawing [3, H, W]: [H, W], boolean."""
     return 1 - drawing.amin(0) > _INK
 
 
 def broadened(drawing: Tensor, share: float) -> Tensor:
-    """A cleaned drawing [3, H, W] whose lines are about `share` of its shorter side wide; broader ones stay."""
-    import cv2  # only drawings need it
+    """Returns a cleaned drawing [3, H, W] with lines about `share` of its shorter side wide; wider lines stay."""
+    import cv2  # loaded here because only drawings need it
 
     lines = ink(drawing).cpu().numpy().astype(np.uint8)
     depth = cv2.distanceTransform(lines, cv2.DIST_L2, 3)
-    # Across a line of half width a, the distance to the next pixel beyond is (a + 1) / 2 in the mean.
+    # Across a line of half width a, the mean distance to its nearest edge pixel is (a + 1) / 2.
     half = 2 * float(depth[lines > 0].mean()) - 1 if lines.any() else 0.0
     reach = round(share * min(drawing.shape[1:]) / 2 - half)
     if reach <= 0:
@@ -67,10 +67,10 @@ def broadened(drawing: Tensor, share: float) -> Tensor:
 
 
 def colored(drawing: Tensor, style: Tensor) -> Tensor:
-    """A cleaned drawing [3, H, W] in the colours of a picture [3, h, w]: its lines, and what they enclose.
+    """Returns a cleaned drawing [3, H, W] in the colours of a style picture [3, h, w].
 
-    Lines get the darkest of the picture's colours, the widest area (the ground) the lightest, the
-    others the most vivid ones in turn. Specks between lines stay with the lines.
+    Lines get the darkest colour. The largest enclosed area (the ground) gets the lightest. The other areas get
+    the most vivid colours in turn. Specks between lines get the colour of the lines.
     """
     import cv2
 
@@ -89,7 +89,7 @@ def colored(drawing: Tensor, style: Tensor) -> Tensor:
 
 
 def _closed(picture: Tensor, reach: int) -> Tensor:
-    """The picture [1, 3, h, w] without what is dark and narrower than 2 `reach` + 1 pixels, and smoothed."""
+    """Returns the picture [1, 3, h, w], smoothed, without dark details narrower than 2 `reach` + 1 pixels."""
     around = 2 * reach + 1
 
     def pad(x: Tensor) -> Tensor:
@@ -99,16 +99,16 @@ def _closed(picture: Tensor, reach: int) -> Tensor:
     return functional.avg_pool2d(pad(-functional.max_pool2d(pad(-dilated), around, 1)), around, 1)
 
 
-# A drawing beside a photograph is drawn on it: the photograph stays, and the lines are seen on top.
+# A drawing beside a photograph: its lines are drawn on the photograph.
 
-_DARK = 0.4  # lightness of a photograph under a drawing below which its lines are light
+_DARK = 0.4  # lightness of the photograph below the lines; darker ones get light lines
 
 
 def overlaid(goal: Goal) -> Goal:
-    """The goal, in which the lines of every sketch are drawn on the pictures that are to be painted with it.
+    """Returns the goal with all sketches drawn on its pictures that are compared pixel by pixel.
 
-    The pictures show them then, and the sketch asks for the edges of lines and picture together: asking for
-    the lines' alone, it would fight all that the picture has. A goal without both stays as it is.
+    The sketch term then compares with the edges of lines and picture together. With the edges of the lines
+    alone, it would work against the picture. A goal without a picture or without a sketch stays unchanged.
     """
     drawings = [term.drawing for term in goal.terms if term.drawing is not None]
     picture = next((term.picture for term in goal.terms if term.is_pixelwise), None)
@@ -131,9 +131,9 @@ def overlaid(goal: Goal) -> Goal:
 
 
 def drawn_on(picture: Tensor, drawing: Tensor) -> Tensor:
-    """A cleaned drawing, dark on white, on a picture, both [3, H, W]: in its own colours, or in chalk where it is dark.
+    """Draws a cleaned drawing on a picture, both [3, H, W], in its own colours, or in white on a dark picture.
 
-    A drawing stays of one kind: by the lightness of the picture under all of its lines.
+    The mean lightness of the picture under all lines decides, so a drawing is never half white.
     """
     strength = 1 - drawing.amin(0)
     under = float((picture.mean(0) * strength).sum() / strength.sum().clamp(min=1e-6))
@@ -142,19 +142,21 @@ def drawn_on(picture: Tensor, drawing: Tensor) -> Tensor:
     return (picture + strength * (line - picture)).clamp(0, 1)
 
 
-_PIXELS = 16_000  # of the picture in which edges are compared, about 112 x 143
-_BLURS = (0.008, 0.02, 0.05)  # of the shorter side: a line that is a little off is still nearly right
-_MEANING = 0.1  # of the weight of edges: to a network a drawing is far from any painting in colours
-_BALANCE = 0.05  # against the squared difference to a picture, when both have a weight of 1
+_PIXELS = 16_000  # pixels of the compared picture, about 112 x 143
+_BLURS = (0.008, 0.02, 0.05)  # shares of the shorter side: a slightly misplaced line still counts as nearly right
+_MEANING = 0.1  # relative to the edges. Kept small: for a network, a drawing is far from any colour painting.
+_BALANCE = 0.05  # relative to the squared difference to a picture, if both weights are 1
 
 
 class Sketch:
-    """The difference between the edges of a picture and those of a drawing, as the edge detector HED sees them.
+    """Difference between the edges of a picture and those of a drawing, by the edge detector HED.
 
-    drawing [3, H, W] in [0, 1]: lines on white. Both maps are blurred three ways and compared, each
-    difference relative to the strength of the drawing's own edges: 0 is the drawing itself, and
-    without any edge it is as far off as 1 before the balance. The drawing is looked at once.
-    meaning: what else a picture is to have in common with the drawing.
+    drawing [3, H, W]: lines on white, in [0, 1]
+    meaning: another loss against the drawing, which is added
+
+    Both edge maps are blurred at three scales and compared. Each difference is divided by the strength of the
+    drawing's edges: the drawing itself has 0, a picture without edges 1 (before the balance factor). The edges
+    of the drawing are computed once.
     """
 
     def __init__(self, drawing: Tensor, hed: Hed, meaning: Callable[[Tensor], Tensor] | None = None) -> None:
@@ -164,7 +166,7 @@ class Sketch:
             self._wanted = self._see(drawing)
 
     def __call__(self, picture: Tensor) -> Tensor:
-        """picture [3, H, W] in [0, 1] -> its distance to the drawing; differentiable."""
+        """Returns the distance of a picture [3, H, W] in [0, 1] to the drawing. Differentiable."""
         total = picture.new_zeros(())
         for seen, wanted in zip(self._see(picture), self._wanted, strict=True):
             wanted = wanted.to(seen)
@@ -173,13 +175,13 @@ class Sketch:
         return distance if self._meaning is None else distance + _MEANING * self._meaning(picture)
 
     def _see(self, picture: Tensor) -> list[Tensor]:
-        """The edges [h, w] at each blur."""
+        """Returns the edges [h, w] at each blur."""
         edges = self._hed.edges(sized(picture, _PIXELS))
         return [_blurred(edges, share * min(edges.shape)) for share in _BLURS]
 
 
 def _blurred(edges: Tensor, spread: float) -> Tensor:
-    """Edges [h, w] blurred by a Gaussian of `spread` pixels."""
+    """Blurs edges [h, w] with a Gaussian of standard deviation `spread` pixels."""
     reach = max(1, round(2.5 * spread))
     along = torch.arange(-reach, reach + 1, dtype=edges.dtype, device=edges.device)
     kernel = torch.exp(-along.square() / (2 * spread**2))

@@ -1,4 +1,4 @@
-"""A picture in whose style is painted."""
+"""Goal "style": a picture whose style the painting takes."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ if TYPE_CHECKING:
     from torch import Tensor
 
 
-_FLAT = 0.01  # standard deviation under which a picture is of one colour
+_FLAT = 0.01  # standard deviation below which a picture has a single colour
 
 
 @dataclass(frozen=True)
 class StyleTerm(PictureTerm):
-    """Paint in the style of this picture, which has more than one colour."""
+    """Term of a goal: paint in the style of a picture. Raises ConfigError if the picture has a single colour."""
 
     called = "a style"
     longest = 1024  # pixels; styles are compared in small pictures
@@ -32,27 +32,27 @@ class StyleTerm(PictureTerm):
 
     @property
     def colors(self) -> Tensor:
-        """The style picture."""
+        """Style picture."""
         return self.image
 
     @property
     def brushwork(self) -> Tensor:
-        """The style picture: strokes go its way."""
+        """Style picture: strokes follow its marks."""
         return self.image
 
     def fitted(self, rows: int, columns: int, *, pad: bool = False) -> Self:
-        """Itself: a style fills no canvas."""
+        """Returns the term unchanged: a style does not fill the canvas."""
         return self
 
     def prepare(self, context: ObjectiveContext) -> ObjectiveTerm:
-        """The distance of styles as VGG16 sees them."""
+        """Returns the distance in style by VGG16."""
         from frida_painter.objectives.style_loss import Style
 
         return ObjectiveTerm(Style(self.image, context.encoders.style(), context.seed))
 
     @classmethod
     def interpret(cls, goal: Goal, context: ObjectiveContext) -> Goal:
-        """Pictures to paint are wanted in the colours of the styles."""
+        """Moves the colours of the pictures to paint to those of the styles."""
         from frida_painter.objectives.style_loss import in_style_colors
 
         return in_style_colors(goal)

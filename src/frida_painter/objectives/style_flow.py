@@ -1,7 +1,8 @@
-"""Which way the brush went in a picture: the field of directions that a style's marks leave.
+"""Directions of the brush marks in a style picture.
 
-Directions are those of least change, from the structure tensor of the lightness (Bigün and Granlund 1987, "Optimal
-orientation detection of linear symmetry"); where light and dark change alike in all directions there is none.
+The direction is that of least change, from the structure tensor of the lightness (Bigün and Granlund 1987,
+"Optimal orientation detection of linear symmetry"). There is no direction if the lightness changes equally in
+all directions.
 """
 
 import torch
@@ -12,18 +13,20 @@ from frida_painter import images
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.objective import Goal
 
-_ROWS = 160  # of the pictures in which directions are seen
-_MARK = 1.0  # pixels of those, over which the grain of a picture is smoothed
-_AROUND = 5.0  # pixels of those, over which a direction is asked for: about a stroke's width
-_CLEAR = 0.5  # coherence from which a direction is sure
-_EDGE = 2.0  # times the mean slope, from which the content has an opinion
+_ROWS = 160  # rows of the picture in which directions are measured
+_MARK = 1.0  # pixels of that picture: smoothing of its grain
+_AROUND = 5.0  # pixels of that picture: window of one direction, about a stroke's width
+_CLEAR = 0.5  # coherence above which a direction is certain
+_EDGE = 2.0  # times the mean slope: above it the content sets the direction
 
 
 def directions(picture: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """The directions of a picture [3, H, W]: twice the angle from the canvas's x, counter-clockwise, [h, w]; how much
-    lightness changes one way rather than the other, [h, w] in [0, 1]; how much it changes at all, [h, w].
+    """Returns the directions in a picture [3, H, W] at up to 160 rows, three maps [h, w].
 
-    h is 160 rows at the most. An angle and the opposite one are the same direction, hence twice.
+    First map: twice the angle from the canvas's x axis, counter-clockwise. Doubled, because opposite angles are
+    the same direction.
+    Second map: coherence in [0, 1], how much more the lightness changes along one axis than along the other.
+    Third map: energy, total change of the lightness.
     """
     rows = min(_ROWS, picture.shape[1])
     small = images.fit(picture, rows, max(1, round(rows * picture.shape[2] / picture.shape[1])))
@@ -35,13 +38,13 @@ def directions(picture: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     energy = along + across
     difference = along - across
     coherence = torch.sqrt(difference.square() + 4 * both.square()) / energy.clamp(min=1e-8)
-    # The gradient points across a mark: the mark's own direction is a quarter turn further, half a turn when doubled.
+    # The gradient points across a mark. The mark's direction is a quarter turn further, half a turn when doubled.
     doubled = torch.atan2(-2 * both, -difference)
     return doubled, coherence.clamp(0, 1), energy
 
 
 def flow_of(goal: Goal, grid: PixelGrid) -> Tensor | None:
-    """The `flow` on a grid of a goal's first style beside what a plan begins with; None without a style."""
+    """Returns `flow` on a grid for the first style of a goal and the guide of its beginning; None without a style."""
     style = next((term.brushwork for term in goal.terms if term.brushwork is not None), None)
     if style is None:
         return None
@@ -50,10 +53,11 @@ def flow_of(goal: Goal, grid: PixelGrid) -> Tensor | None:
 
 
 def flow(style: Tensor, content: Tensor | None, rows: int, columns: int) -> Tensor:
-    """The directions of a style's brushwork on a canvas where the content has none of its own, [3, rows, columns].
+    """Returns the directions of a style on a canvas, [3, rows, columns]; the content's own directions take precedence.
 
-    style, content [3, H, W]: both as they fill the canvas; None: nothing but the style says what is where. Cosine and
-    sine of twice the direction, and how sure it is, in [0, 1].
+    style, content [3, H, W]: pictures that fill the canvas. Content None: the style alone sets the composition.
+    Returns cosine and sine of twice the angle, and certainty in [0, 1]. The certainty is low at places with
+    directions in the content.
     """
     filled = images.fit(style, rows, columns)
     doubled, coherence, _ = directions(filled)

@@ -1,4 +1,4 @@
-"""The style objective: have the colours, textures and marks of another picture, wherever they lie."""
+"""Style objective: colours, textures and marks of another picture, independent of their places."""
 
 from collections.abc import Sequence
 
@@ -11,7 +11,7 @@ from frida_painter.objectives.encoders.vgg import Vgg16
 from frida_painter.objectives.objective import Goal, Term
 from frida_painter.palette import from_lab, to_lab
 
-# How far one cloud of features lies from another: the Earth Mover's Distance, relaxed so that it can be descended.
+# Distance of two clouds of features: a differentiable relaxation of the Earth Mover's Distance
 #
 # Kolkin, Salavon and Shakhnarovich 2019 (STROTSS); Kusner et al. 2015 (the relaxation).
 
@@ -19,26 +19,29 @@ _SMALL = 1e-8
 
 
 def cosine_cost(a: Tensor, b: Tensor) -> Tensor:
-    """Cosine distances [n, m] in [0, 2] between rows of a [n, c] and b [m, c]; 1 from or to a row of zeros."""
+    """Returns cosine distances [n, m] in [0, 2] between rows of a [n, c] and b [m, c]; 1 for a row of zeros."""
     return 1 - _unit(a) @ _unit(b).T
 
 
 def euclidean_cost(a: Tensor, b: Tensor) -> Tensor:
-    """Distances [n, m] between rows of a [n, c] and b [m, c]; its slope is finite where rows are equal."""
+    """Returns distances [n, m] between rows of a [n, c] and b [m, c]. The gradient is finite for equal rows."""
     squared = a.square().sum(1)[:, None] + b.square().sum(1)[None] - 2 * a @ b.T
     return (squared.clamp(min=0) + _SMALL).sqrt()
 
 
 def relaxed_emd(cost: Tensor) -> Tensor:
-    """A lower bound of the Earth Mover's Distance for cost [n, m] between two clouds of equal weights.
+    """Returns a lower bound of the Earth Mover's Distance for cost [n, m] between two clouds of equal weights.
 
-    Each point goes where it is cheapest, in one direction or the other, whichever costs more.
+    Each point moves to its cheapest partner. This is done in both directions; the larger mean cost counts.
     """
     return torch.maximum(cost.amin(1).mean(), cost.amin(0).mean())
 
 
 def moment_distance(a: Tensor, b: Tensor) -> Tensor:
-    """Mean absolute difference of the means, plus that of the covariances, of rows a [n, c] and b [m, c]."""
+    """Returns the difference of the moments of rows a [n, c] and b [m, c].
+
+    It is the mean absolute difference of the means plus that of the covariances.
+    """
     mean_a, mean_b = a.mean(0), b.mean(0)
     covariance_a = (a - mean_a).T @ (a - mean_a) / len(a)
     covariance_b = (b - mean_b).T @ (b - mean_b) / len(b)
@@ -49,23 +52,23 @@ def _unit(rows: Tensor) -> Tensor:
     return rows / (rows.square().sum(1, keepdim=True) + _SMALL).sqrt()
 
 
-# A picture that is to be painted in a style is wanted in the style's colours: otherwise the one undoes the other.
+# Colours of a picture to be painted in a style: they are moved to the style's colours first, because picture and
+# style would otherwise work against each other.
 #
-# Its colours are moved by the straight map that carries their mean and covariance to the style's with the least
-# movement (Pitié and Kokaram 2007, "The linear Monge-Kantorovitch linear colour mapping for example-based colour
-# transfer"), in CIE L*a*b*.
+# The linear map carries mean and covariance to those of the style with the least movement, in CIE L*a*b* (Pitié and
+# Kokaram 2007, "The linear Monge-Kantorovitch linear colour mapping for example-based colour transfer").
 
-_SEEN = 40_000  # pixels of a picture from which its colours are told
-_CHANGE = (0.5, 3.0)  # of differences between colours: what a picture shows stays seen, and an even ground even
-_RARE = 0.02  # share of the pixels that may be darker, or lighter, than can be shown
-_LEAST = 1.0  # variance of colours of Lab along any direction, below which nothing is told of it
+_SEEN = 40_000  # pixels of a picture that are used for its colours
+_CHANGE = (0.5, 3.0)  # limits for the scaling of colour differences: content stays visible, an even ground stays even
+_RARE = 0.02  # share of pixels that may be too dark or too light
+_LEAST = 1.0  # variance in Lab that is added along each direction, so that the covariance can be inverted
 
 
 def in_style_colors(goal: Goal) -> Goal:
-    """The goal, whose pictures have the colours of its styles, as far as these matter against them.
+    """Returns the goal with the colours of its pictures moved to those of its styles.
 
-    With the weight of a picture, or more, of a style, all of the way; with less, so much of it. A picture to begin
-    with that is not painted afterwards stays as it is, and so does a goal without a style.
+    A style with at least the weight of a picture moves the colours completely, a lighter style in proportion. A
+    first picture that is not painted later stays unchanged. So does a goal without a style.
     """
     styles = [(term.colors, term.weight) for term in goal.terms if term.colors is not None]
     if not styles:
@@ -88,7 +91,7 @@ def in_style_colors(goal: Goal) -> Goal:
 
 
 def _moments(every: Sequence[Tensor], weights: Sequence[float]) -> tuple[Tensor, Tensor]:
-    """Mean [3] and covariance [3, 3] of all colours in Lab, those of each picture [n, 3] mattering by its weight."""
+    """Returns mean [3] and covariance [3, 3] of colours in Lab; each picture [n, 3] counts by its weight."""
     share = torch.tensor(weights, dtype=torch.float64) / sum(weights)
     mean = sum((part * lab.mean(0) for part, lab in zip(share, every, strict=True)), torch.zeros(3).double())
     spread = sum(
@@ -99,7 +102,7 @@ def _moments(every: Sequence[Tensor], weights: Sequence[float]) -> tuple[Tensor,
 
 
 def _carried(picture: Tensor, wanted: tuple[Tensor, Tensor]) -> Tensor:
-    """The picture [3, H, W] with its mean and covariance of colours carried to those wanted."""
+    """Returns the picture [3, H, W] with mean and covariance of its colours moved to `wanted`."""
     seen = _lab(picture)
     mean, spread = _moments([seen], [1.0])
     root = _root(spread)
@@ -107,7 +110,7 @@ def _carried(picture: Tensor, wanted: tuple[Tensor, Tensor]) -> Tensor:
     stretch, directions = torch.linalg.eigh(back @ _root(root @ wanted[1] @ root) @ back)
     carry = directions @ torch.diag(stretch.clamp(*_CHANGE)) @ directions.T
     carried = (to_lab(picture.flatten(1).T).double() - mean) @ carry.T + wanted[0]
-    # A style may be as good as black: then what the picture shows is only as dark as it can be told apart.
+    # A style may be nearly black: the lightness is then raised so that the content stays visible.
     lightness = ((seen - mean) @ carry.T + wanted[0])[:, 0]
     darkest, lightest = lightness.quantile(_RARE), lightness.quantile(1 - _RARE)
     carried[:, 0] += (-darkest).clamp(min=0) - (lightest - 100).clamp(min=0)
@@ -115,29 +118,32 @@ def _carried(picture: Tensor, wanted: tuple[Tensor, Tensor]) -> Tensor:
 
 
 def _lab(picture: Tensor) -> Tensor:
-    """Colours of a picture [3, H, W] at some of its pixels, in Lab, [n, 3] float64."""
+    """Returns colours at some pixels of a picture [3, H, W] in Lab: [n, 3] float64."""
     return to_lab(sized(picture, _SEEN).clamp(0, 1).flatten(1).T).double()
 
 
 def _root(matrix: Tensor) -> Tensor:
-    """The symmetric square root of a symmetric matrix [3, 3] without negative eigenvalues."""
+    """Returns the symmetric square root of a positive semidefinite matrix [3, 3]."""
     values, directions = torch.linalg.eigh(matrix)
     return directions @ torch.diag(values.clamp(min=0).sqrt()) @ directions.T
 
 
 LAYERS = ("conv1_2", "conv2_2", "conv3_1", "conv3_3", "conv4_3")
-_PIXELS = 16_000  # of the picture in which styles are compared, about 112 x 143
-_BALANCE = 0.04  # against the squared difference to a picture, when both have a weight of 1
+_PIXELS = 16_000  # pixels of the compared picture, about 112 x 143
+_BALANCE = 0.04  # relative to the squared difference to a picture, if both weights are 1
 _SAMPLES = 1024  # places at which features are compared
-# Rows of the matrix that turns sRGB into lightness and two colour differences, which vary independently.
+# Rows of the matrix from sRGB to lightness and two colour differences, which vary independently.
 _DECORRELATE = ((0.577, 0.577, 0.577), (-0.577, 0.789, -0.211), (0.577, 0.211, -0.789))
 
 
 class Style:
-    """l_style of the paper (Eq. "style"), as in STROTSS: relaxed Earth Mover's Distances, and moments.
+    """Distance in style, l_style of the paper (Eq. "style"), as in STROTSS.
 
-    style [3, H, W] in [0, 1]: whose style is wanted; vgg: sees it. Places are sampled once, from
-    `seed`, so that the same picture always has the same distance.
+    style [3, H, W]: style picture in [0, 1]
+    vgg: network whose features are compared
+    seed: places are sampled once from it, so the distance is deterministic
+
+    The distance is a sum of relaxed Earth Mover's Distances and differences of moments.
     """
 
     def __init__(self, style: Tensor, vgg: Vgg16, seed: int) -> None:
@@ -148,7 +154,10 @@ class Style:
             self._clouds = self._see(style)
 
     def __call__(self, picture: Tensor) -> Tensor:
-        """picture [3, H, W] in [0, 1] -> its distance in style, 0 for the style picture itself; differentiable."""
+        """Returns the distance in style of a picture [3, H, W] in [0, 1]; 0 for the style picture itself.
+
+        Differentiable.
+        """
         (colors, *seen), (wanted, *layers) = self._see(picture), self._clouds
         total = relaxed_emd(euclidean_cost(colors, wanted.to(colors))) + moment_distance(colors, wanted.to(colors))
         for cloud, aim in zip(seen, layers, strict=True):
@@ -157,17 +166,17 @@ class Style:
         return _BALANCE * total
 
     def _see(self, picture: Tensor) -> list[Tensor]:
-        """Colours, then the features of each layer, at sampled places: [n, c] each."""
+        """Returns colours, then the features of each layer, at sampled places: [n, c] each."""
         small = sized(picture, _PIXELS)
         maps = [small, *self._vgg.features(small, LAYERS)]
         clouds = [_sampled(one, self._seed) for one in maps]
         clouds[0] = clouds[0] @ self._decorrelate.like(clouds[0]).T
-        # Features of one layer are brought to one size: their own units mean nothing.
+        # Features of each layer are scaled to one size, because their units have no meaning.
         return [clouds[0], *(cloud / (cloud.detach().square().mean().sqrt() + 1e-6) for cloud in clouds[1:])]
 
 
 def _sampled(features: Tensor, seed: int) -> Tensor:
-    """Features [c, h, w] at no more than so many places, [n, c]: the same places for every map of that shape."""
+    """Returns features [c, h, w] at up to 1024 places, [n, c]; the same places for each map of that shape."""
     rows = features.flatten(1).T
     if len(rows) <= _SAMPLES:
         return rows

@@ -1,1 +1,1 @@
-"""The painter's sight: from the photograph of an easel to the canvas as it is, straight on and in true colours."""
+"""Perception: from a photograph of the easel to a rectified picture of the canvas in true colours."""

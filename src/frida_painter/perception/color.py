@@ -1,7 +1,7 @@
-"""Perceived colours to true ones, by the calibration's affine map of linear light; and how that map is fitted.
+"""Colour calibration with a colour checker, and palettes from pictures and photographs.
 
-Filters that overlap mix the bands of light, and stray light adds to them: both are linear in light, and
-not in sRGB.
+The affine map of linear light converts perceived to true colours. Overlapping filters mix the bands of light,
+and stray light adds to them. Both are linear in light, not in sRGB.
 """
 
 import contextlib
@@ -22,14 +22,14 @@ from frida_painter.palette import MOST_COLORS, Palette, difference
 from frida_painter.palette_file import FORMS, is_palette_file
 from frida_painter.perception.srgb import light_of_bytes, to_linear, to_srgb
 
-# The colour checker in a photograph: where its 24 patches are, what they look like, what they should look like.
+# Colour checker: places, readings and true colours of its 24 patches
 
 ACROSS, DOWN = 6, 4
 PATCHES = ACROSS * DOWN
 Corners = tuple[tuple[float, float], ...]
 
-# CIE L*a*b* (D50, 2 degrees) as published by X-Rite, "New color specifications for ColorChecker SG and
-# Classic charts" (2016), for charts made until and since November 2014; row by row from dark skin to black.
+# CIE L*a*b* (D50, 2 degrees) as published by X-Rite, "New color specifications for ColorChecker SG and Classic
+# charts" (2016), for charts made until and since November 2014; row by row from dark skin to black.
 _LAB = {
     "until November 2014": (
         (37.986, 13.555, 14.059), (65.711, 18.13, 17.81), (49.927, -4.88, -21.905), (43.139, -13.095, 21.905),
@@ -55,7 +55,7 @@ NAMES = (
     "blue", "green", "red", "yellow", "magenta", "cyan",
     "white", "neutral 8", "neutral 6.5", "neutral 5", "neutral 3.5", "black",
 )  # fmt: skip
-# D50 white of the ICC; from D50 to D65 by K. M. Lam's transform ("Bradford"), and on to linear sRGB.
+# D50 white of the ICC; the matrix from D50 to D65 by K. M. Lam's transform ("Bradford"); the matrix to linear sRGB.
 _D50 = (0.9642, 1.0, 0.8249)
 _TO_D65 = (
     (0.9555766, -0.0230393, 0.0631636), (-0.0282895, 1.0099416, 0.0210077), (0.0122982, -0.0204830, 1.3299098),
@@ -64,7 +64,7 @@ _TO_RGB = (
     (3.2404542, -1.5371385, -0.4985314), (-0.9692660, 1.8760108, 0.0415560), (0.0556434, -0.2040259, 1.0572252),
 )  # fmt: skip
 
-# Of a patch only the middle is looked at, this share of the way from patch to patch, in cells of some samples.
+# Only the middle of a patch is read: this share of the distance of two patches, in cells of some samples.
 _LOOKED_AT = 0.4
 _CELLS, _SAMPLES = 4, 5
 _BLOWN_OUT = 254
@@ -72,7 +72,7 @@ _FAINT = 0.01
 
 
 def true_colors(edition: str) -> Tensor:
-    """What the patches of charts of that edition look like, linear light of sRGB in [0, 1], [24, 3] float64."""
+    """Returns the true colours of the patches of an edition: linear light of sRGB in [0, 1], [24, 3] float64."""
     lab = torch.tensor(_LAB[edition], dtype=torch.float64)
     lightness = (lab[:, 0] + 16) / 116
     root = torch.stack((lightness + lab[:, 1] / 500, lightness, lightness - lab[:, 2] / 200), -1)
@@ -84,11 +84,13 @@ def true_colors(edition: str) -> Tensor:
 
 @dataclass(frozen=True)
 class PatchReadings:
-    """What the camera saw of the 24 patches, row by row from dark skin to black.
+    """Readings of the 24 patches, row by row from dark skin to black.
 
-    light [24, 3]: mean linear light; place [24, 2]: middles, (column, row) pixels of the photograph;
-    outline [24, 4, 2]: what was looked at; unevenness [24]: how much the light differs within a
-    patch, share of it; blown_out [24]: share of what was looked at that is overexposed.
+    light [24, 3]: mean linear light
+    place [24, 2]: centres, (column, row) in pixels of the photograph
+    outline [24, 4, 2]: area that was read
+    unevenness [24]: variation of the light within a patch, relative to its mean
+    blown_out [24]: share of overexposed samples
     """
 
     light: Tensor
@@ -99,10 +101,10 @@ class PatchReadings:
 
 
 def find_checker(photograph: NDArray[np.uint8]) -> Corners | None:
-    """Where the middles of its dark brown, turquoise, black and white corner patches are, (column, row) pixels.
+    """Returns the centres of the chart's corner patches (dark brown, turquoise, black, white) as (column, row) pixels.
 
-    photograph [rows, columns, 3] sRGB. They go round clockwise from the first patch, however the
-    chart is turned. None where no chart is found.
+    photograph [rows, columns, 3]: sRGB
+    The corners go clockwise from the first patch for any rotation of the chart. Returns None if no chart is found.
     """
     detector = cv2.mcc.CCheckerDetector.create()
     detector.setColorChartType(cv2.mcc.MCC24)
@@ -117,7 +119,7 @@ def find_checker(photograph: NDArray[np.uint8]) -> Corners | None:
 
 
 def read_checker(photograph: NDArray[np.uint8], corners: Corners) -> PatchReadings:
-    """The patches between these corners, as `find_checker` gives them."""
+    """Returns the readings of the patches between the corners of `find_checker`."""
     view = np.asarray(cv2.getPerspectiveTransform(_corner_middles(), np.array(corners, np.float32)), np.float64)
     half = _LOOKED_AT / 2
     outline = _lattice()[:, None] + np.array([(-half, -half), (half, -half), (half, half), (-half, half)])
@@ -139,7 +141,7 @@ def read_checker(photograph: NDArray[np.uint8], corners: Corners) -> PatchReadin
 
 
 def _lattice() -> NDArray[np.float64]:
-    """Middles of the patches, (across, down) counted in patches, [24, 2]."""
+    """Returns the centres of the patches, (across, down) counted in patches: [24, 2]."""
     across, down = np.meshgrid(np.arange(ACROSS), np.arange(DOWN))
     return np.stack((across, down), -1).reshape(PATCHES, 2).astype(np.float64)
 
@@ -149,7 +151,7 @@ def _corner_middles() -> NDArray[np.float32]:
 
 
 def _seen(view: NDArray[np.float64], place: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Where places of the chart [..., 2] are in the photograph."""
+    """Converts places on the chart [..., 2] to places in the photograph."""
     return np.asarray(cv2.perspectiveTransform(place.reshape(1, -1, 2), view), np.float64).reshape(place.shape)
 
 
@@ -158,7 +160,7 @@ _WORTH_IT = 0.85
 
 
 def true_color(picture: Tensor, calibration: Calibration) -> Tensor:
-    """The picture [3, H, W] in true sRGB, in [0, 1]; to be used after the light has been evened out."""
+    """Returns the picture [3, H, W] in true sRGB in [0, 1]; correct uneven light first."""
     affine = torch.tensor(calibration.color, dtype=picture.dtype, device=picture.device)  # [3, 4]
     light = torch.einsum("ij,jhw->ihw", affine[:, :3], to_linear(picture)) + affine[:, 3, None, None]
     return to_srgb(light)
@@ -166,10 +168,11 @@ def true_color(picture: Tensor, calibration: Calibration) -> Tensor:
 
 @dataclass(frozen=True)
 class ColorFit:
-    """A map from perceived to true linear light, [3, 4] float64, and what it is worth.
+    """Fitted map from perceived to true linear light.
 
-    before, after, held_out [n]: CIEDE2000 of each colour that was fitted: as perceived, as mapped,
-    and as mapped by a fit to all others.
+    affine [3, 4]: the map, float64
+    before, after, held_out [n]: CIEDE2000 of each fitted colour as perceived, as mapped, and as mapped by a fit
+    to all others
     """
 
     affine: Tensor
@@ -179,11 +182,12 @@ class ColorFit:
 
 
 def fit_color(perceived: Tensor, true: Tensor) -> ColorFit:
-    """Fits the map to n colours seen and known, linear light [n, 3] each; n is 6 or more.
+    """Fits the map to n colours, n >= 6.
 
-    Least squares, in which dark colours count more, as they do to the eye. The map has an offset only
-    where that makes colours that are held out a good deal better: there is stray light then. Elsewhere
-    it would follow the few dark patches' own faults, and be wrong for everything that is darker.
+    perceived, true [n, 3]: linear light
+    The fit is by least squares with a larger weight for dark colours, as for the eye. The map has an offset
+    (stray light) only if that clearly improves held-out colours. Otherwise an offset would follow the errors of
+    the few dark patches and spoil darker colours.
     """
     plain, stray = (_fit(perceived.double(), true.double(), offset) for offset in (False, True))
     return stray if float(stray.held_out.mean()) < _WORTH_IT * float(plain.held_out.mean()) else plain
@@ -204,9 +208,9 @@ def _fit(perceived: Tensor, true: Tensor, offset: bool) -> ColorFit:
 
 
 def _affine(perceived: Tensor, true: Tensor, offset: bool) -> Tensor:
-    """The best map [3, 4], whose last column is 0 where there is to be no offset."""
+    """Returns the best map [3, 4]; its last column is 0 without an offset."""
     columns = torch.cat((perceived, torch.ones_like(perceived[:, :1])), 1)[:, : 4 if offset else 3]
-    # How steeply lightness grows with light: as the power -2/3 of it, bounded where it is faint.
+    # Slope of lightness over light: its power -2/3, bounded for faint light.
     weight = (true.mean(1, keepdim=True) + _COLOR_FAINT) ** (-2 / 3)
     solution = torch.linalg.lstsq(weight * columns, weight * true).solution.T
     return torch.nn.functional.pad(solution, (0, 4 - solution.shape[1]))
@@ -216,21 +220,21 @@ def _apply(affine: Tensor, light: Tensor) -> Tensor:
     return light @ affine[:, :3].T + affine[:, 3]
 
 
-# Paints from a file: of colours, a picture of them, or a photograph of swatches beside bare white paper.
+# Palettes from files: lists of colours, pictures of colours, or photographs of swatches beside white paper
 
-_PAPER = 0.9  # what white paper reflects
+_PAPER = 0.9  # reflectance of white paper
 _DIMMEST = 0.08  # linear light of paper in a usable photograph
-_INNER = 0.5  # of each field's sides is looked at: edges are ragged, and the cut is by hand
-_UNEVEN = 0.13  # sRGB between the lighter and the darker part of one field
-_LEAST = 8  # pixels of a field's side
+_INNER = 0.5  # share of each field's sides that is read, because edges are ragged and the crop is made by hand
+_UNEVEN = 0.13  # largest sRGB difference within one field
+_LEAST = 8  # smallest side of a field in pixels
 
 
 def read_swatches(photograph: Tensor, count: int) -> Palette:
-    """The colours of `count` swatches, in the order of the wells.
+    """Returns the colours of `count` swatches in the order of the wells.
 
-    photograph [3, H, W] sRGB: cut to the strip, whose fields are equally long and run along its longer
-    side, from the left or the top; before the first lies bare white paper, by which the light is taken
-    out. Raises FrameRejected, saying which field is not as it must be.
+    photograph [3, H, W]: sRGB, cropped to the strip. Its fields have equal lengths and run along the longer
+    side, from the left or the top. The first field is bare white paper, which gives the colour of the light.
+    Raises FrameRejected that names the bad field.
     """
     if not 1 <= count <= MOST_COLORS:
         raise FrameRejected(f"{count} swatches were asked for; a palette has 1 to {MOST_COLORS}.")
@@ -253,7 +257,7 @@ def read_swatches(photograph: Tensor, count: int) -> Palette:
 
 
 def _field(strip: Tensor, number: int, pitch: float) -> Tensor:
-    """Linear light [3] of the inner part of a field. Raises FrameRejected where it is not one colour."""
+    """Returns linear light [3] of the inner part of a field. Raises FrameRejected if it is not one colour."""
     height = strip.shape[1]
     rows = slice(round(height * (1 - _INNER) / 2), round(height * (1 + _INNER) / 2))
     columns = slice(round(pitch * (number + (1 - _INNER) / 2)), round(pitch * (number + (1 + _INNER) / 2)))
@@ -269,10 +273,10 @@ def _field(strip: Tensor, number: int, pitch: float) -> Tensor:
 
 
 def read_palette(path: Path, count: int | None) -> Palette:
-    """The palette of a file of any form: of colours, a picture of them, or a photograph of `count` swatches.
+    """Reads the palette of a list of colours, a picture of colours, or a photograph of `count` swatches.
 
-    A picture of at most 64 different colours, without a blend of them anywhere, shows the paints themselves. Raises
-    ConfigError, ImageError and FrameRejected; ConfigError also if there are not `count` paints.
+    A picture with at most 64 different colours counts as a picture of the paints. Raises ConfigError,
+    ImageError and FrameRejected; ConfigError also if there are not `count` paints.
     """
     found = Palette.load(path) if is_palette_file(path) else _pictured(path, count)
     if count is not None and len(found) != count:
@@ -281,13 +285,13 @@ def read_palette(path: Path, count: int | None) -> Palette:
 
 
 def _pictured(path: Path, count: int | None) -> Palette:
-    """The palette of a picture of colours, or of a photograph of `count` swatches."""
+    """Returns the palette of a picture of colours, or of a photograph of `count` swatches."""
     try:
         picture = _picture(path)
     except ImageError as error:
         raise ImageError(f"{str(error).removesuffix('.')}; {FORMS}.") from error
     found = _flat_colors(picture)
-    if found is not None and (count is None or len(found) != count + 1):  # then it is not bare paper and the swatches
+    if found is not None and (count is None or len(found) != count + 1):  # else paper and swatches
         return found
     if count is None:
         raise ConfigError(
@@ -298,10 +302,10 @@ def _pictured(path: Path, count: int | None) -> Palette:
 
 
 def _picture(path: Path) -> Tensor:
-    """A picture of any size, sRGB [3, H, W]; one of a pixel for each colour is smaller than other pictures may be."""
+    """Returns a picture as sRGB [3, H, W]; also accepts very small pictures with one pixel for each colour."""
     with (
         storage.opened(path, picture_file.WHAT, storage.MAX_BYTES, ImageError) as file,
-        contextlib.suppress(Exception),  # whatever is wrong with it is told below
+        contextlib.suppress(Exception),  # `images.load` below reports any fault
         Image.open(file, formats=("PNG", "GIF", "BMP", "WEBP", "TIFF")) as picture,
     ):
         if min(picture.size) < picture_file.LEAST_SIDE and max(picture.size) <= picture_file.LONGEST:
@@ -310,7 +314,7 @@ def _picture(path: Path) -> Tensor:
 
 
 def _flat_colors(picture: Tensor) -> Palette | None:
-    """The colours of a picture of few of them, in the order in which one reads; None if there are more."""
+    """Returns the colours of a picture with few colours, in reading order; None if there are too many."""
     pixels = images.to_uint8(picture).reshape(-1, 3)
     code = (pixels.astype(np.uint32) * np.array([65536, 256, 1], np.uint32)).sum(1)
     if len(np.unique(code[:: max(1, len(code) // 4096)])) > MOST_COLORS:

@@ -1,4 +1,4 @@
-"""Uneven light and a colour cast, learned from the bare canvas and taken out of every photograph."""
+"""Flat field: uneven light and colour cast, learned from the bare canvas and removed from photographs."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -31,20 +31,22 @@ _LEAST_BARE = 0.05
 
 @dataclass(frozen=True)
 class FlatField:
-    """How bright the light on the canvas is, for each band, as a smooth surface over the canvas.
+    """Brightness of the light on the canvas for each band, as a smooth surface.
 
-    logarithm [3, terms]: coefficients of a polynomial in the canvas's (across, down), each in
-    [-1, 1], whose value is the logarithm of what the camera sees of a perfectly white canvas,
-    in linear light: there light and canvas multiply, and the two can be told apart.
+    logarithm [3, terms]: coefficients of a polynomial in the canvas coordinates (across, down), each in [-1,
+    1]. Its value is the logarithm of linear light that the camera sees from a white canvas. Linear light is the
+    product of light and canvas, so the two can be separated.
     """
 
     logarithm: Tensor
 
     @classmethod
     def learn(cls, bare: Tensor, ground: tuple[float, float, float]) -> Self:
-        """From the rectified photograph [3, H, W] of the bare canvas, whose true colour is `ground` (sRGB).
+        """Learns the field from a rectified photograph of the bare canvas.
 
-        Specks and pencil lines do not count. Raises FrameRejected where the photograph is too dark,
+        bare [3, H, W]: the photograph, sRGB
+        ground: true colour of the canvas, sRGB
+        Specks and pencil lines do not matter. Raises FrameRejected if the photograph is too dark or
         overexposed, or the canvas is not bare.
         """
         step = [max(1, side // _SAMPLES) for side in bare.shape[1:]]
@@ -66,11 +68,13 @@ class FlatField:
         return cls(logarithm.float())
 
     def renewed(self, light: Tensor, bare: Tensor, ground: tuple[float, float, float]) -> Self:
-        """The field as it is in a later photograph of the same canvas, of which only parts are still bare.
+        """Returns the field of a later photograph of the same canvas, of which only parts are still bare.
 
-        light [3, H, W]: the later photograph, rectified, linear; bare [H, W]: where it shows the
-        ground, of colour `ground` (sRGB). Only broad changes are followed: another brightness, another
-        colour, light from another side. Where less than a twentieth is bare, all stays as it was.
+        light [3, H, W]: the later photograph, rectified, linear light
+        bare [H, W]: mask of the bare ground
+        ground: true colour of the ground, sRGB
+        Only broad changes are followed: brightness, colour, direction of the light. If less than a twentieth is
+        bare, the field stays as it is.
         """
         step = [max(1, side // _RENEWING_SAMPLES) for side in bare.shape]
         share = torch.nn.functional.avg_pool2d(bare[None].to(light), step)[0]  # [h, w]
@@ -87,10 +91,11 @@ class FlatField:
         return type(self)(logarithm)
 
     def tilted(self, change: Tensor, down: Tensor, across: Tensor) -> tuple[Self, float]:
-        """The field after a change of the light, and how far places are from it in the mean.
+        """Returns the field after a change of the light, and the mean deviation of the places from it.
 
-        change [3, places]: the logarithm of how much brighter each band is at places (down, across) [places], -1
-        to 1 over the canvas and a little beyond. Brightness, colour and a lean to one side are followed.
+        change [3, places]: logarithm of the change of brightness for each band
+        down, across [places]: coordinates of the places, -1 to 1 over the canvas and a little outside
+        Changes of brightness, colour and a tilt to one side are followed.
         """
         tilt = [_pairs().index(pair) for pair in ((0, 0), (1, 0), (0, 1))]
         terms = torch.stack((torch.ones_like(down), down, across), 1).to(change)
@@ -100,7 +105,7 @@ class FlatField:
         return type(self)(logarithm), residual
 
     def light(self, rows: int, columns: int) -> Tensor:
-        """What the camera sees of a white canvas, linear light, [3, rows, columns]."""
+        """Returns the linear light that the camera sees from a white canvas: [3, rows, columns]."""
         down, across = _chebyshev(_places(rows)).float(), _chebyshev(_places(columns)).float()  # [degree + 1, side]
         grid = self.logarithm.new_zeros(3, _DEGREE + 1, _DEGREE + 1)
         for term, (i, j) in enumerate(_pairs()):
@@ -108,14 +113,14 @@ class FlatField:
         return (down.T @ grid @ across).exp()
 
     def correct(self, picture: Tensor) -> Tensor:
-        """The rectified photograph [3, H, W] as it would look in even, white light, sRGB in [0, 1]."""
+        """Returns the rectified photograph [3, H, W] as in even white light, sRGB in [0, 1]."""
         return to_srgb(to_linear(picture) / self.light(*picture.shape[1:]).to(picture))
 
 
 def _fitted(terms: Tensor, seen: Tensor) -> tuple[Tensor, float]:
-    """Coefficients [3, terms] of what is seen [3, samples], and the mean residual.
+    """Returns coefficients [3, terms] of values [3, samples], and the mean residual.
 
-    Least squares, in which what does not fit counts less and less.
+    The fit is by least squares with falling weights of outliers.
     """
     weight = torch.ones_like(seen)
     for _ in range(_ROUNDS):
@@ -128,18 +133,18 @@ def _fitted(terms: Tensor, seen: Tensor) -> tuple[Tensor, float]:
 
 
 def _terms(rows: int, columns: int) -> Tensor:
-    """Products of Chebyshev polynomials up to the degree at every pixel centre, [rows x columns, terms]."""
+    """Returns products of Chebyshev polynomials up to the degree at each pixel centre: [rows x columns, terms]."""
     down, across = _chebyshev(_places(rows)), _chebyshev(_places(columns))  # [degree + 1, side]
     return torch.stack([(down[i][:, None] * across[j]).flatten() for i, j in _pairs()], 1)
 
 
 def _pairs() -> list[tuple[int, int]]:
-    """Degrees (down, across) of the terms."""
+    """Returns the degrees (down, across) of the terms."""
     return [(i, j) for i in range(_DEGREE + 1) for j in range(_DEGREE + 1 - i)]
 
 
 def _places(count: int) -> Tensor:
-    """Where pixel centres lie in [-1, 1]."""
+    """Returns the pixel centres in [-1, 1]."""
     return (torch.arange(count, dtype=torch.float64) * 2 + 1) / count - 1
 
 
@@ -147,25 +152,28 @@ def _chebyshev(place: Tensor) -> Tensor:
     return torch.cos(torch.arange(_DEGREE + 1, dtype=place.dtype)[:, None] * torch.acos(place))
 
 
-# The margin around the canvas: by it the light is known on a canvas that is not bare.
+# Margin around the canvas: it shows the light if the canvas is not bare
 #
-# A bare white canvas shows the light itself. Where something is on the canvas, the light is as it was when the canvas
-# was bare, changed as the margin has changed since: another brightness, another colour, light from another side.
+# A bare white canvas shows the light directly. On a painted canvas the light is that of the bare canvas, changed
+# like the margin: another brightness, another colour, or another direction.
 
 Color = tuple[float, float, float]
 _ROWS = 256
 _PLACES = 12  # on each side of the canvas
-_BAND = (0.004, 0.012)  # metres beyond the edge
+_BAND = (0.004, 0.012)  # distance from the edge in metres
 _ACROSS, _ALONG = 8, 9  # samples of a place
-_MARGIN_DIMMEST = 0.003  # linear light, below which a place shows the camera's noise
+_MARGIN_DIMMEST = 0.003  # linear light; darker places show only noise
 _FEWEST = 16  # places
 _MARGIN_MOST_RESIDUAL = 0.1
-_CELLS = 24  # rows and columns of squares by which a canvas is called bare
-_UNLIKE, _MOST_TOUCHED = 9.0, 0.02  # CIELAB of a square that has another colour, and the share of them in specks
+_CELLS = 24  # rows and columns of squares in the test of a bare canvas
+_UNLIKE, _MOST_TOUCHED = 9.0, 0.02  # CIELAB difference of another colour, and the largest share of specks
 
 
 def bare_canvas(photograph: NDArray[np.uint8], calibration: Calibration, size: CanvasSize) -> BareCanvas:
-    """What a photograph [H, W, 3] of a bare white canvas tells of the light. Raises FrameRejected where it is none."""
+    """Returns the light measurements of a photograph [H, W, 3] of a bare white canvas.
+
+    Raises FrameRejected if the photograph is unusable.
+    """
     light = FlatField.learn(rectify(photograph, calibration, PixelGrid.of_height(size, _ROWS)), WHITE)
     seen = _margin(photograph, calibration, size)
     margin = tuple(None if np.isnan(place).any() else tuple(place.tolist()) for place in seen)
@@ -173,10 +181,10 @@ def bare_canvas(photograph: NDArray[np.uint8], calibration: Calibration, size: C
 
 
 def light_by_margin(photograph: NDArray[np.uint8], calibration: Calibration, size: CanvasSize) -> FlatField:
-    """The light on a canvas with anything on it, by the margin now and when the canvas was bare.
+    """Returns the light on a canvas with any content, from the margin now and at the time of the bare canvas.
 
-    Raises CalibrationError where the record knows nothing of a bare canvas, and FrameRejected where the margin is
-    not what it was, or too dark.
+    Raises CalibrationError if the record has no bare canvas, and FrameRejected if the margin has changed or is
+    too dark.
     """
     known = calibration.bare
     if known is None:
@@ -207,19 +215,24 @@ def light_by_margin(photograph: NDArray[np.uint8], calibration: Calibration, siz
 
 
 def share_unlike(canvas: Tensor, color: Color, tolerance: float = _UNLIKE) -> float:
-    """The share of the canvas [3, H, W], in true colours, that is not of that colour (sRGB), within so much CIELAB."""
+    """Returns the share of a canvas that does not have a given colour.
+
+    canvas [3, H, W]: true colours
+    color: sRGB
+    tolerance: largest distance in CIELAB
+    """
     squares = functional.adaptive_avg_pool2d(to_linear(canvas)[None], (_CELLS, _CELLS))[0]
     seen = to_lab(to_srgb(squares).permute(1, 2, 0))
     return float(((seen - to_lab(torch.tensor(color))).norm(dim=-1) > tolerance).double().mean())
 
 
 def is_evenly(canvas: Tensor, color: Color, tolerance: float = _UNLIKE) -> bool:
-    """Whether the canvas [3, H, W], in true colours, has that colour (sRGB) all over but for specks."""
+    """Returns True if the canvas [3, H, W], in true colours, has that colour (sRGB) everywhere except for specks."""
     return share_unlike(canvas, color, tolerance) <= _MOST_TOUCHED
 
 
 def _margin(photograph: NDArray[np.uint8], calibration: Calibration, size: CanvasSize) -> NDArray[np.float64]:
-    """Linear light [places, 3] around the canvas; not a number where it is not seen, or dark."""
+    """Returns linear light [places, 3] around the canvas; NaN if a place is not visible or too dark."""
     require_photograph(photograph, calibration)
     place = _margin_places(size)  # [places, samples, 2], (row, column) in [-1, 1] over the canvas
     grid = PixelGrid.of_height(size, _ROWS)
@@ -237,7 +250,10 @@ def _margin(photograph: NDArray[np.uint8], calibration: Calibration, size: Canva
 
 
 def _margin_places(size: CanvasSize) -> NDArray[np.float64]:
-    """Samples [places, samples, 2] around the canvas, clockwise from its top left: (row, column) in its halves."""
+    """Returns samples [places, samples, 2] around the canvas, clockwise from its top left.
+
+    Coordinates are (row, column), -1 to 1 over the canvas.
+    """
     along = (np.arange(_PLACES) + 0.5) / _PLACES * 2 - 1
     step = (np.arange(_ALONG) + 0.5) / _ALONG * 2 - 1
     half = np.array([size.height, size.width]) / 2

@@ -1,9 +1,8 @@
-"""Whether a photograph shows the canvas as it must, before anything is decided by it; and if not, why not.
+"""Check that a photograph shows the canvas properly before it is used for decisions, with a reason if not.
 
-How sharp the edges of the canvas are is learned from a first good photograph; where it lies, from the last good one,
-with which each is registered. What is on the canvas is compared with what should be: where nothing was painted since
-the last look, nothing may have changed; where something was, it may look as before, as it was meant to, or like
-anything in between.
+The sharpness of the canvas edges comes from a first good photograph. The position comes from the last good one:
+each photograph is registered with it. The content is compared with the expectation. At a place without new
+strokes nothing may have changed. At a place with new strokes it may look as before, as planned, or in between.
 """
 
 from dataclasses import dataclass, field, replace
@@ -34,36 +33,41 @@ from frida_painter.perception.registration import (
 )
 from frida_painter.perception.srgb import to_linear
 
-_TELLABLE = 0.5  # of a large pixel
-_REACH = 0.012  # metres around the edge of the canvas in which it is looked for
-_MOST_BLUR = 0.75  # pixels that the edge is wider than it was, and
-_BLURRED = 0.0008  # metres, whichever is more
-_LIGHT = (0.7, 1.4)  # of what is expected, in the middle of all places
+_TELLABLE = 0.5  # share of a large pixel
+_REACH = 0.012  # metres around the canvas edge that are searched
+_MOST_BLUR = 0.75  # largest widening of the edge, in pixels
+_BLURRED = 0.0008  # and in metres; the larger one counts
+_LIGHT = (0.7, 1.4)  # allowed light relative to the expectation, median over all places
 _CLIPPED = 253  # bytes
-_MOST_CLIPPED = 0.02  # of the canvas, more than in the good photograph
+_MOST_CLIPPED = 0.02  # more of the canvas than in the good photograph
 _MOST_COVERED = 0.015  # metres along the edge
-_CELL = 0.006  # metres: the canvas is compared in squares of this size
+_CELL = 0.006  # metres; side of the squares in which the canvas is compared
 _BESIDE = 2  # squares
-_A_CHANGE = 6.0  # CIELAB: from here on the plan speaks of a change
-_LIKE_BEFORE, _LIKE_PLANNED = 8.0, 30.0  # CIELAB, beyond which a square cannot be explained
+_A_CHANGE = 6.0  # CIELAB; larger planned differences count as a change
+_LIKE_BEFORE, _LIKE_PLANNED = 8.0, 30.0  # CIELAB; larger differences are unexplained
 _MOST_UNEXPLAINED = 0.0009  # m2 in one piece: a square of 3 cm
 
 
 @dataclass(frozen=True)
 class Expected:
-    """What should be seen: the canvas as it was last seen, and as the strokes since then make it, [3, H, W] each."""
+    """Expected pictures of the canvas, [3, H, W] each.
+
+    before: the canvas as last seen
+    after: the same with the strokes painted since then
+    """
 
     before: Tensor
     after: Tensor
 
     def changes(self, size: CanvasSize) -> bool:
-        """Whether something should look otherwise than before."""
+        """Returns True if the strokes should change something."""
         return bool(((_cells(self.after, size) - _cells(self.before, size)).norm(dim=0) > _A_CHANGE).any())
 
     def strange(self, seen: Tensor, size: CanvasSize) -> Tensor:
-        """Where the canvas [3, H, W] looks like neither of the two, nor anything in between, [rows, columns].
+        """Returns the mask [rows, columns] of squares that look unlike both pictures and unlike any mixture of them.
 
-        Strokes may lie two squares beside where they were meant to be.
+        seen [3, H, W]: the canvas now
+        Strokes may lie up to two squares from their intended place.
         """
         before, after, now = (_cells(picture, size) for picture in (self.before, self.after, seen))
         changed = ((after - before).norm(dim=0) > _A_CHANGE).float()
@@ -81,11 +85,13 @@ class Expected:
 
 @dataclass(frozen=True)
 class FrameCheck:
-    """A good photograph, to which others of the same camera and canvas are compared.
+    """Reference for the photographs of one camera and one canvas.
 
-    edge: of the canvas; clipped: share of the canvas that is as bright as can be recorded; view: how the camera sees
-    the canvas; last: the last good photograph in it, as CanvasView.light has it; drift: by how much the canvas lay
-    elsewhere in that one than in the first.
+    edge: edge of the canvas
+    clipped: share of the canvas that is overexposed
+    view: plane of the canvas as the camera sees it
+    last: last good photograph in that view, from CanvasView.light
+    drift: motion of the canvas from the first photograph to the last one
     """
 
     calibration: Calibration
@@ -104,9 +110,9 @@ class FrameCheck:
         size: CanvasSize,
         last: NDArray[np.uint8] | None = None,
     ) -> Self:
-        """From a photograph [rows, columns, 3] that shows the canvas where the calibration says that it is.
+        """Returns the reference from a photograph [rows, columns, 3] with the canvas at its calibrated place.
 
-        last: one of the same canvas since, None where that is the last one.
+        last: a later photograph of the same canvas; None if there is none
         """
         edge = PaperEdge.read(photograph, calibration.corners, _REACH * _pixels(calibration, size))
         view = CanvasView.of(calibration, size)
@@ -122,11 +128,11 @@ class FrameCheck:
     def require(
         self, photograph: NDArray[np.uint8], seen: Tensor, expected: Expected | None, *, doubtful: bool = False
     ) -> Self:
-        """What later photographs are compared with; raises FrameRejected, with the reason, if this one is not trusted.
+        """Checks a photograph and returns the new reference. Raises FrameRejected with the reason if it is not usable.
 
-        seen [3, H, W]: the canvas in it, straight on and in true colours; expected: None where a person
-        may have painted as well, and anything may be there; doubtful: whether a canvas counts as lying still if
-        nothing can tell; else FrameDoubtful is raised then.
+        seen [3, H, W]: rectified canvas of the photograph in true colours
+        expected: None if a person may have painted too, so that any content is allowed
+        doubtful: True to count the canvas as unmoved if the motion is uncertain; False to raise FrameDoubtful
         """
         if expected is not None:
             self._require_light(seen, expected)
@@ -143,8 +149,8 @@ class FrameCheck:
             self.require_explained(seen, expected)
         if not doubtful:
             self._require_sure(found)
-        # Of an unsure one somebody says that the canvas lies where it did. A camera with large pixels, in which paint
-        # looks like motions of a part of one, tells no slow drift: these would only add up.
+        # If the result is unsure, a person has confirmed the position. A camera with large pixels cannot measure
+        # slow drift: paint looks like a motion of part of a pixel, and these errors would add up.
         large = self.view.pitch if self.view.pitch > COARSEST else 0.0
         tells = found.motion.corner_shift(self.size) > _TELLABLE * large
         is_drift = tells and found.verdict is not Verdict.UNSURE
@@ -152,7 +158,7 @@ class FrameCheck:
         return replace(self, last=self.view.light(photograph), drift=drift)
 
     def register(self, photograph: NDArray[np.uint8], expected: Expected | None) -> Registration:
-        """How the canvas lies in a photograph [rows, columns, 3] against the last good one."""
+        """Registers a photograph [rows, columns, 3] with the last good one."""
         strokes = None
         if expected is not None:
             before, after = (_light_of(picture, self.view.grid) for picture in (expected.before, expected.after))
@@ -210,7 +216,7 @@ class FrameCheck:
         return PaperEdge.read(photograph, self.calibration.corners, _REACH * _pixels(self.calibration, self.size))
 
     def require_explained(self, seen: Tensor, expected: Expected) -> None:
-        """Raises FrameRejected where the canvas in the photograph shows what nobody has painted."""
+        """Raises FrameRejected if the canvas in the photograph shows something that was not painted."""
         strange = expected.strange(seen, self.size).numpy().astype(np.uint8)
         count, _, pieces, _ = cv2.connectedComponentsWithStats(strange, connectivity=4)
         area = max((int(piece[cv2.CC_STAT_AREA]) for piece in pieces[1:count]), default=0) * _cell_area(self.size)
@@ -226,7 +232,7 @@ def _shape(size: CanvasSize) -> tuple[int, int]:
 
 
 def _light_of(picture: Tensor, grid: PixelGrid) -> Pixels:
-    """Linear light [rows, columns, 3] of a picture [3, H, W]."""
+    """Returns linear light [rows, columns, 3] of a picture [3, H, W]."""
     light = to_linear(images.fit(picture, grid.rows, grid.columns))
     return np.ascontiguousarray(light.permute(1, 2, 0).numpy(), np.float32)
 
@@ -237,20 +243,20 @@ def _cell_area(size: CanvasSize) -> float:
 
 
 def _cells(picture: Tensor, size: CanvasSize) -> Tensor:
-    """The picture [3, H, W] in coarse squares, CIELAB [3, rows, columns]."""
+    """Returns the picture [3, H, W] in coarse squares, CIELAB [3, rows, columns]."""
     coarse = functional.adaptive_avg_pool2d(picture[None], _shape(size))[0]
     return to_lab(coarse.permute(1, 2, 0)).permute(2, 0, 1)
 
 
 def _pixels(calibration: Calibration, size: CanvasSize) -> float:
-    """Of the photograph, per metre of the canvas."""
+    """Returns the pixels of the photograph per metre of the canvas."""
     corners = np.array(calibration.corners)
     top, right, bottom, left = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)
     return float(top + right + bottom + left) / (2 * (size.width + size.height))
 
 
 def _clipped(photograph: NDArray[np.uint8], calibration: Calibration) -> float:
-    """Share of the canvas whose bands are all as bright as can be recorded."""
+    """Returns the share of the canvas that is overexposed in all bands."""
     canvas = np.zeros(photograph.shape[:2], np.uint8)
     cv2.fillConvexPoly(canvas, np.array(calibration.corners).round().astype(np.int32), 1)
     return float((photograph.min(2)[canvas > 0] >= _CLIPPED).mean())

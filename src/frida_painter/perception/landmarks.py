@@ -1,4 +1,4 @@
-"""Where the canvas is in a photograph: its four corners, or why they cannot be told."""
+"""Detection in photographs: the outline of the canvas, and new dots of paint."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -16,30 +16,32 @@ from frida_painter.errors import CalibrationError
 from frida_painter.frames import Lens, PixelGrid
 from frida_painter.perception.srgb import light_of_bytes, to_linear
 
-# The outline of a canvas in a photograph, to a small part of a pixel, and how its lens bends it.
+# Outline of the canvas with subpixel accuracy, and distortion of the lens
 #
-# Around four rough corners each side is looked for where many places along it show a step of colour
-# on one straight line (a vote, as P. Hough's): what is painted on the canvas or lies on the table
-# seldom does. A canvas's edges are straight; where all four are seen bowed, the lens bows them
-# (F. Devernay and O. Faugeras, "Straight lines have to be straight", 2001).
+# The four sides are searched around four rough corners. A side is the straight line with a step of colour at most
+# of its places (a vote, as in P. Hough's transform); paint and objects seldom look like that. The canvas has
+# straight edges, so if all four look curved, the lens is the cause (F. Devernay and O. Faugeras, "Straight lines
+# have to be straight", 2001).
 
-_PLACES = 240  # looked at along each side
-_MARGIN = 0.02  # of a side, left out at its ends: there the next side disturbs
+_PLACES = 240  # places along each side
+_MARGIN = 0.02  # share of a side at its ends that is left out, because the next side disturbs there
 _FINE = 2  # samples a pixel across the edge
-_SIGMA = 1.5  # pixels, of the slope that is looked for
-_LEAST_STEP = 0.04  # of light, as a share of what is brightest in the photograph
-_CLOSE = 2.5  # pixels from the line of a side within which a step votes for it
+_SIGMA = 1.5  # pixels; scale of the derivative filter
+_LEAST_STEP = 0.04  # of light, relative to the brightest part of the photograph
+_CLOSE = 2.5  # distance in pixels from the line within which a step votes for it
 _ROUNDS = 6
-_CERTAIN = 5.0  # standard deviations from none at which a lens is believed
-_BELIEVABLE = 0.15  # of bending at the photograph's corner
+_CERTAIN = 5.0  # standard deviations from zero at which a lens is accepted
+_BELIEVABLE = 0.15  # largest distortion at the photograph's corner
 
 
 @dataclass(frozen=True)
 class Outline:
-    """Four corners clockwise, first the one given first, (column, row) as seen; the lens, if it shows.
+    """Outline of the canvas in a photograph.
 
-    support: share of the places along a side at which its edge is seen, of the worst side; residual:
-    root mean square of the distances, in pixels, of those places from straight lines.
+    corners: four corners clockwise from the first given one, (column, row), distorted
+    lens: distortion; None if it is not measurable
+    support: share of the places of a side with a visible edge, for the worst side
+    residual: root mean square distance of these places from straight lines, in pixels
     """
 
     corners: Corners
@@ -49,9 +51,9 @@ class Outline:
 
 
 def trace_outline(photograph: NDArray[np.uint8], corners: Corners, reach: float) -> Outline | None:
-    """The outline within `reach` pixels of four rough corners; None where a side shows no edge at all.
+    """Returns the outline within `reach` pixels of four rough corners; None if a side shows no edge.
 
-    photograph [rows, columns, 3] uint8 sRGB.
+    photograph [rows, columns, 3]: uint8 sRGB
     """
     light = light_of_bytes(photograph)
     light = (light / max(float(np.percentile(light[::4, ::4], 95)), 1e-3)).astype(np.float32)
@@ -76,9 +78,9 @@ def trace_outline(photograph: NDArray[np.uint8], corners: Corners, reach: float)
 def _edge(
     light: NDArray[np.float32], start: NDArray[np.float64], end: NDArray[np.float64], reach: float
 ) -> NDArray[np.float64]:
-    """Points [k, 2] on the edge that runs about from `start` to `end`."""
+    """Returns points [k, 2] on the edge that runs approximately from `start` to `end`."""
     way = end - start
-    outward = np.array([way[1], -way[0]]) / np.hypot(*way)  # the corners go round clockwise
+    outward = np.array([way[1], -way[0]]) / np.hypot(*way)  # the corners are in clockwise order
     along = np.linspace(_MARGIN, 1 - _MARGIN, _PLACES)
     offset = np.arange(-reach - 4 * _SIGMA, reach + 4 * _SIGMA, 1 / _FINE)
     places = (start + along[:, None] * way)[:, None] + offset[:, None] * outward  # [places, offsets, 2]
@@ -97,15 +99,15 @@ def _edge(
         if len(place) < 0.1 * _PLACES:
             return np.empty((0, 2))
         exact = _summit(slope, offset, place, nearest[place])
-        # A lens bows the side a little; with a parabola its ends are not taken for something else.
+        # A parabola follows the curvature by the lens, so the ends of the side stay included.
         line = np.asarray(np.polynomial.polynomial.polyfit(along[place], exact, 2), np.float64)
     return start + along[place, None] * way + exact[:, None] * outward
 
 
 def _slope(seen: NDArray[np.float32]) -> NDArray[np.float64]:
-    """How steeply the colour [places, offsets, 3] changes across the edge, [places, offsets]; of a step, its height.
+    """Returns the change of colour [places, offsets, 3] across the edge: [places, offsets]; at a step its height.
 
-    In linear light, in which an edge that is blurred stays where it is.
+    Computed in linear light, in which blur does not move an edge.
     """
     reach = round(4 * _SIGMA * _FINE)
     place = np.arange(-reach, reach + 1) / (_SIGMA * _FINE)
@@ -119,9 +121,9 @@ def _slope(seen: NDArray[np.float32]) -> NDArray[np.float64]:
 def _vote(
     peak: NDArray[np.bool_], along: NDArray[np.float64], offset: NDArray[np.float64], reach: float
 ) -> NDArray[np.float64]:
-    """The straight line (offset at the start, and its growth to the end) on which most places have a peak.
+    """Returns the straight line through the most peaks: offset at its start, and growth to its end.
 
-    Of lines nearly as good the outermost is taken: what is painted along an edge lies inside it.
+    Of nearly equal lines the outermost wins, because paint along an edge lies inside it.
     """
     ends = np.arange(-reach, reach + 1)
     votes = np.zeros((len(ends), len(ends)))
@@ -132,7 +134,7 @@ def _vote(
     outermost = (ends[:, None] + ends[None]) / 2
     good = votes >= 0.9 * votes.max()
     first, last = np.unravel_index(np.where(good, outermost + 1e-3 * votes, -np.inf).argmax(), votes.shape)
-    # Of the votes around that one the best: the outermost of a broad peak lies beside it.
+    # The best line near that one: the outermost vote of a broad peak is off its centre.
     around = np.s_[max(0, first - 3) : first + 4, max(0, last - 3) : last + 4]
     inner = np.unravel_index(votes[around].argmax(), votes[around].shape)
     a, b = ends[around[0]][inner[0]], ends[around[1]][inner[1]]
@@ -142,13 +144,16 @@ def _vote(
 def _summit(
     slope: NDArray[np.float64], offset: NDArray[np.float64], place: NDArray[np.intp], top: NDArray[np.intp]
 ) -> NDArray[np.float64]:
-    """Where the slope is steepest, between the samples: the vertex of the parabola through three of them."""
+    """Returns the offset of the steepest slope between samples: the vertex of the parabola through three samples."""
     before, at, after = slope[place, top - 1], slope[place, top], slope[place, top + 1]
     return offset[top] + (before - after) / (2 * np.minimum(before - 2 * at + after, -1e-9)) / _FINE
 
 
 def _lens(sides: list[NDArray[np.float64]], shape: tuple[int, ...]) -> Lens | None:
-    """The radial distortion about the photograph's middle that makes the sides straight, where it is certain."""
+    """Returns the radial distortion that straightens the sides; None if it is uncertain.
+
+    The distortion is centred on the photograph's middle.
+    """
     rows, columns = shape
     middle = ((columns - 1) / 2, (rows - 1) / 2)
     focal = float(np.hypot(*middle))
@@ -161,7 +166,7 @@ def _lens(sides: list[NDArray[np.float64]], shape: tuple[int, ...]) -> Lens | No
         return np.concatenate([_distance(_line(points), points) for points in straight])
 
     bending, step = 0.0, 1e-3
-    for _ in range(_ROUNDS):  # Gauss and Newton's method
+    for _ in range(_ROUNDS):  # Gauss-Newton method
         change = (off(bending + step) - off(bending - step)) / (2 * step)
         left = off(bending)
         bending = float(np.clip(bending - change @ left / (change @ change), -_BELIEVABLE, _BELIEVABLE))
@@ -171,14 +176,14 @@ def _lens(sides: list[NDArray[np.float64]], shape: tuple[int, ...]) -> Lens | No
 
 @dataclass(frozen=True)
 class _Line:
-    """All points p with normal . p = distance."""
+    """Line of all points p with normal . p = distance."""
 
     normal: NDArray[np.float64]
     distance: float
 
 
 def _line(points: NDArray[np.float64]) -> _Line:
-    """The line from which the points [k, 2] lie least far, in which those further off count less."""
+    """Returns the best line through points [k, 2], with falling weights of outliers."""
     weight = np.ones(len(points))
     for _ in range(_ROUNDS):
         middle = weight @ points / weight.sum()
@@ -196,33 +201,33 @@ def _distance(line: _Line, points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _meeting(one: _Line, other: _Line) -> NDArray[np.float64]:
-    """Where two lines meet, [2]; not finite where they are parallel."""
+    """Returns the intersection of two lines, [2]; NaN if they are parallel."""
     matrix = np.stack((one.normal, other.normal))
     if not abs(np.linalg.det(matrix)) > 1e-6:
         return np.full(2, np.nan)
     return np.linalg.solve(matrix, np.array([one.distance, other.distance]))
 
 
-_SMALL = 400  # rows or columns in which candidates are looked for
-_RING = 0.03  # of the photograph, along its border: table
-_SMALLEST = 0.06  # share of the photograph that a canvas fills at least
-_REACH = 0.012  # of the photograph's diagonal: how wrong a candidate's corners may be
-_EVEN = 0.008  # of its outline, that a hull may differ from a polygon
+_SMALL = 400  # longest side of the picture in which candidates are searched
+_RING = 0.03  # share of the photograph along its border that counts as table
+_SMALLEST = 0.06  # smallest share of the photograph that a canvas fills
+_REACH = 0.012  # share of the photograph's diagonal: error of a candidate's corners
+_EVEN = 0.008  # share of its outline: tolerance for the polygon of a hull
 _MOST_SIDES = 6
-_FINELY = 6.0  # pixels within which the outline is traced once more
+_FINELY = 6.0  # pixels; search range of the final trace
 _LEAST_SUPPORT = 0.5
-_PLAIN = 0.97  # share of its worst edge at which no better canvas is looked for
-_ODDEST_SHAPE = 1.4  # how much longer than it is a side may look against the other, by perspective
+_PLAIN = 0.97  # support at which the search ends
+_ODDEST_SHAPE = 1.4  # largest ratio of the apparent to the true proportions, by perspective
 _DARK = 0.01
 
 _HELP = "clear the table, even out the light, or point at the four corners yourself"
 
 
 def find_canvas(photograph: NDArray[np.uint8], size: CanvasSize) -> Outline:
-    """The canvas's outline in a photograph [rows, columns, 3] (uint8 sRGB), its corners from the top left.
+    """Returns the canvas outline in a photograph [rows, columns, 3] (uint8 sRGB), corners from the top left.
 
-    It is the quadrilateral unlike the table around it, in one of several senses, whose four edges
-    show best. Raises CalibrationError where none does.
+    Candidates are quadrilaterals that differ from the table around them by one of several criteria. The one
+    with the best visible edges wins. Raises CalibrationError if there is none.
     """
     reach = _REACH * float(np.hypot(*photograph.shape[:2]))
     best: Outline | None = None
@@ -248,7 +253,7 @@ def find_canvas(photograph: NDArray[np.uint8], size: CanvasSize) -> Outline:
 
 
 def _candidates(photograph: NDArray[np.uint8]) -> Iterator[NDArray[np.float64]]:
-    """Quadrilaterals [4, 2] that may be the canvas, (column, row) clockwise from the top left."""
+    """Yields quadrilaterals [4, 2] that may be the canvas, (column, row) clockwise from the top left."""
     scale = max(1.0, max(photograph.shape[:2]) / _SMALL)
     rows, columns = (round(side / scale) for side in photograph.shape[:2])
     light = cv2.resize(light_of_bytes(photograph), (columns, rows), interpolation=cv2.INTER_AREA)
@@ -267,7 +272,7 @@ def _candidates(photograph: NDArray[np.uint8]) -> Iterator[NDArray[np.float64]]:
 
 
 def _masks(light: NDArray[np.float32]) -> Iterator[NDArray[np.bool_]]:
-    """Where the canvas may be, [rows, columns]: what is bright, and what is unlike the table."""
+    """Yields masks [rows, columns] of possible canvases: bright areas, and areas unlike the table."""
     luminance = light.mean(-1)
     span = np.percentile(luminance, [1, 99])
     grey = np.clip(255 * (luminance - span[0]) / max(float(span[1] - span[0]), 1e-6), 0, 255).astype(np.uint8)
@@ -281,9 +286,9 @@ def _masks(light: NDArray[np.float32]) -> Iterator[NDArray[np.bool_]]:
 
 
 def _table(light: NDArray[np.float32]) -> NDArray[np.float64]:
-    """What the table would look like everywhere, [rows, columns, 3], from its light along the border.
+    """Returns the estimated light of the table everywhere, [rows, columns, 3], from the border of the photograph.
 
-    A plane for each band, in which what does not fit (things on the table) counts less.
+    A quadratic surface for each band, with falling weights of outliers (objects on the table).
     """
     rows, columns = light.shape[:2]
     down, across = np.meshgrid(np.linspace(-1, 1, rows), np.linspace(-1, 1, columns), indexing="ij")
@@ -307,9 +312,9 @@ def _ring(shape: tuple[int, ...]) -> NDArray[np.bool_]:
 
 
 def _quadrilaterals(hull: NDArray[np.int32]) -> Iterator[NDArray[np.float64]]:
-    """What four of a convex hull's longest sides make, prolonged until they meet, [4, 2] each.
+    """Yields quadrilaterals [4, 2] from four of a convex hull's longest sides, extended to their intersections.
 
-    So a canvas is found even where paint or a hand hides one of its corners.
+    So a canvas is found even if paint or a hand hides one of its corners.
     """
     polygon = cv2.approxPolyDP(hull, _EVEN * cv2.arcLength(hull, True), True)[:, 0].astype(np.float64)
     side = np.roll(polygon, -1, axis=0) - polygon
@@ -325,14 +330,14 @@ def _quadrilaterals(hull: NDArray[np.int32]) -> Iterator[NDArray[np.float64]]:
 
 
 def _from_top_left(corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The same four corners, clockwise as one sees them, from the one nearest to the photograph's top left."""
+    """Returns the four corners clockwise on screen, from the one nearest to the photograph's top left."""
     around = corners - corners.mean(0)
     ordered = corners[np.argsort(np.arctan2(around[:, 1], around[:, 0]))]
     return np.roll(ordered, -int(np.argmin(ordered.sum(1))), axis=0)
 
 
 def _fits(corners: NDArray[np.float64], shape: tuple[int, ...], size: CanvasSize) -> bool:
-    """Whether corners [4, 2] lie in the photograph and make a quadrilateral of about the canvas's shape."""
+    """Returns True if corners [4, 2] lie in the photograph and have about the canvas's proportions."""
     side = np.roll(corners, -1, axis=0) - corners
     after = np.roll(side, -1, axis=0)
     convex = (side[:, 0] * after[:, 1] - side[:, 1] * after[:, 0] > 0).all()
@@ -346,11 +351,11 @@ def _corners(points: NDArray[np.float64]) -> Corners:
     return tuple((float(column), float(row)) for column, row in points)
 
 
-# Dots of paint that are new on the canvas, and which of them are the ones that were meant.
+# New dots of paint on the canvas, and their matches with the intended dots
 
-_FAINTEST = 0.25  # share of its light that the canvas loses where paint covers it
-_SOLID = 0.5  # of its smallest enclosing circle that a dot fills at least
-_ODDEST_AREA = 4.0  # times larger or smaller than the usual dot
+_FAINTEST = 0.25  # share of the canvas's light that paint takes away
+_SOLID = 0.5  # smallest share of the enclosing circle that a dot fills
+_ODDEST_AREA = 4.0  # largest ratio of areas to the usual dot
 _DOTS_SMALLEST = 4  # pixels
 _MOST_SPOTS = 200
 _MOST_TURN = np.tan(np.radians(20))
@@ -359,7 +364,11 @@ _MOST_SCALE = 0.1
 
 @dataclass(frozen=True)
 class Match:
-    """Which dots are which. meant [k]: indices of those meant; seen [k]: of those seen."""
+    """Pairs of intended and visible dots, as indices.
+
+    meant [k]: indices of intended dots
+    seen [k]: indices of visible dots
+    """
 
     meant: NDArray[np.intp]
     seen: NDArray[np.intp]
@@ -369,10 +378,10 @@ class Match:
 
 
 def find_dots(before: Tensor, after: Tensor, grid: PixelGrid) -> NDArray[np.float64]:
-    """Centres of roundish new marks of about one size, canvas metres [n, 2].
+    """Returns the centres of round new marks of similar size, canvas metres [n, 2].
 
-    before, after: the rectified canvas, sRGB [3, rows, columns] of `grid`. The centre is that of the
-    paint that was added, weighed by how much of the canvas it covers.
+    before, after [3, rows, columns]: rectified canvas on `grid`, sRGB
+    The centre is that of the added paint, weighted by its coverage.
     """
     bare, seen = to_linear(before).mean(0), to_linear(after).mean(0)
     covered = (1 - seen / bare.clamp(min=1e-3)).clamp(0, 1).numpy()
@@ -402,11 +411,12 @@ def find_dots(before: Tensor, after: Tensor, grid: PixelGrid) -> NDArray[np.floa
 
 
 def match_dots(meant: NDArray[np.float64], seen: NDArray[np.float64], *, reach: float, tolerance: float) -> Match:
-    """The largest set of dots [k, 2] that one shift, turn and slight change of size carries from meant to seen.
+    """Returns the largest set of dots that one shift, rotation and small scaling maps from `meant` to `seen`.
 
-    Any may be missing, and others be there. reach: how far from where it is meant a dot is looked
-    for; tolerance: how far from where the others put it; both in metres. All pairs of dots are
-    tried, not a sample of them (M. Fischler and R. Bolles, "Random sample consensus", 1981).
+    meant, seen [k, 2]: positions in metres. Dots may be missing in either.
+    reach: largest distance of a dot from its intended place in metres
+    tolerance: largest distance from the place that the other dots predict in metres
+    All pairs of dots are tried, not a random sample (M. Fischler and R. Bolles, "Random sample consensus", 1981).
     """
     nothing = Match(np.empty(0, np.intp), np.empty(0, np.intp))
     near = np.linalg.norm(seen[None] - meant[:, None], axis=-1) <= reach if len(seen) else np.zeros((len(meant), 0))
@@ -427,7 +437,7 @@ def match_dots(meant: NDArray[np.float64], seen: NDArray[np.float64], *, reach: 
 
 
 def _nearest(expected: NDArray[np.complexfloating], seen: NDArray[np.complexfloating], tolerance: float) -> Match:
-    """Pairs of which each is the nearest to the other, and not further than the tolerance."""
+    """Returns pairs of mutually nearest dots within the tolerance."""
     away = np.abs(seen[None] - expected[:, None])
     mine, theirs = away.argmin(1), away.argmin(0)
     number = np.arange(len(expected))

@@ -1,4 +1,4 @@
-"""From a photograph of the easel to a picture of the canvas alone, seen straight on."""
+"""Rectification of photographs of the easel to pictures of the canvas, and fits of homographies."""
 
 import math
 from dataclasses import dataclass
@@ -14,21 +14,23 @@ from frida_painter.errors import CalibrationError, FrameRejected
 from frida_painter.frames import Lens, PixelGrid
 from frida_painter.perception.srgb import light_of_bytes, to_srgb
 
-# The map from where the robot was sent to where its paint is, fitted to a few places at which both are known.
+# Map from commanded to painted positions, fitted to places at which both are known
 
 FEWEST = 8
-"""Places that a fit takes at least."""
-_SINGULAR = 0.2  # by which areas may shrink, or their inverse grow
+"""Smallest number of places for a fit."""
+_SINGULAR = 0.2  # smallest scale of areas, and of their inverse
 _OUTLYING = 3.5  # times the usual distance
 _ROUNDS = 5
 
 
 @dataclass(frozen=True)
 class Fit:
-    """A homography [3, 3] of canvas metres, scaled so that its last number is 1.
+    """Fitted homography of canvas metres.
 
-    kind: "similarity", "affine" or "homography", what it is a special case of; off [n]: how far, in
-    metres, it leaves each place it was fitted to; used [n]: which it was fitted to.
+    matrix [3, 3]: scaled so that its last number is 1
+    kind: "similarity", "affine" or "homography"
+    off [n]: distance of each place from its mapped position in metres
+    used [n]: True for places that the fit used
     """
 
     matrix: NDArray[np.float64]
@@ -38,28 +40,28 @@ class Fit:
 
     @property
     def residual(self) -> float:
-        """Root mean square of the distances that are left, metres."""
+        """Root mean square of the remaining distances of used places in metres."""
         return float(np.sqrt(np.mean(self.off[self.used] ** 2)))
 
     def inverse(self) -> NDArray[np.float64]:
-        """The way back, [3, 3], its last number 1."""
+        """Returns the inverse homography [3, 3] with last number 1."""
         back = np.linalg.inv(self.matrix)
         return back / back[2, 2]
 
 
 def apply(matrix: NDArray[np.float64], places: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Where a homography [3, 3] takes places [n, 2]."""
+    """Returns the positions of places [n, 2] after a homography [3, 3]."""
     homogeneous = np.c_[places, np.ones(len(places))] @ matrix.T
     return homogeneous[:, :2] / homogeneous[:, 2:]
 
 
 def fit_homography(meant: NDArray[np.float64], seen: NDArray[np.float64]) -> Fit:
-    """The homography that takes places `meant` [n, 2] nearest to where they are `seen` [n, 2].
+    """Returns the best homography from places `meant` [n, 2] to places `seen` [n, 2].
 
-    A robot that merely stands askew needs four numbers, and a homography fitted to noisy dots makes
-    up the other four; so of similarity, affine map and homography the one with the least corrected
-    information criterion is taken (N. Sugiura, 1978). Places far off the rest are left out.
-    Raises CalibrationError where there are too few, or the fit is singular or mirrored.
+    A robot that only stands askew needs four numbers; a homography fits its other four to the noise of the
+    dots. So the fit with the lowest corrected information criterion is chosen from similarity, affine map and
+    homography (N. Sugiura, 1978). Outliers are left out.
+    Raises CalibrationError if there are too few places, or if the fit is singular or mirrored.
     """
     there = np.asarray(np.isfinite(meant).all(1) & np.isfinite(seen).all(1), bool)
     fit = _simplest(meant, seen, there)
@@ -91,7 +93,7 @@ def _simplest(meant: NDArray[np.float64], seen: NDArray[np.float64], used: NDArr
 
 
 def _similarity(meant: NDArray[np.float64], seen: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The best similarity; it may be mirrored, which is refused afterwards (S. Umeyama, 1991)."""
+    """Returns the best similarity, which may be mirrored; `_refuse_impossible` rejects that (S. Umeyama, 1991)."""
     middle, there = meant.mean(0), seen.mean(0)
     u, stretch, vt = np.linalg.svd((seen - there).T @ (meant - middle))
     scale = stretch.sum() / max(float(((meant - middle) ** 2).sum()), 1e-18)
@@ -116,11 +118,11 @@ def _full(meant: NDArray[np.float64], seen: NDArray[np.float64]) -> NDArray[np.f
 
 
 def _refuse_impossible(matrix: NDArray[np.float64], places: NDArray[np.float64]) -> None:
-    """Raises CalibrationError where the map folds, flattens or mirrors the canvas around the places."""
+    """Raises CalibrationError if the map folds, flattens or mirrors the canvas around the places."""
     low, high = places.min(0), places.max(0)
     around = np.array([(x, y) for x in (low[0], high[0]) for y in (low[1], high[1])])
     depth = np.c_[around, np.ones(4)] @ matrix[2]
-    # The determinant of a homography's derivative at a place is its own over the depth cubed.
+    # The determinant of a homography's derivative at a place is that of the matrix over the depth cubed.
     area = np.linalg.det(matrix) / np.where(depth > 0, depth, np.nan) ** 3
     spread = np.linalg.svd(places - places.mean(0), compute_uv=False)
     if not spread[-1] > 0.05 * spread[0]:
@@ -128,7 +130,7 @@ def _refuse_impossible(matrix: NDArray[np.float64], places: NDArray[np.float64])
             "The dots that were found lie on one line, which tells nothing about the rest of the canvas; "
             "repeat the robot calibration."
         )
-    if (area <= -_SINGULAR).any():  # the sign of one that is flat is chance
+    if (area <= -_SINGULAR).any():  # a flat map has a random sign
         raise CalibrationError(
             "The robot paints mirrored: one of its axes runs the other way than the workspace says. Mend the "
             "workspace, then repeat the robot calibration."
@@ -140,21 +142,21 @@ def _refuse_impossible(matrix: NDArray[np.float64], places: NDArray[np.float64])
         )
 
 
-_DARKEST = 0.01  # linear light of what is brightest: a painting may be black, but not all that is around it
-_BRIGHTEST, _APART = 0.99, 4  # so much of the pixels, of which every fourth is looked at, is no brighter
+_DARKEST = 0.01  # linear light of the brightest part; the canvas may be black, but not everything around it
+_BRIGHTEST, _APART = 0.99, 4  # quantile for the brightest part, and step between the tested pixels
 _MOST_OVERLAP = 2.0
-_RIM = 1.0  # pixels of the photograph: a corner is known to about half of one
+_RIM = 1.0  # pixels of the photograph; a corner is known to about half a pixel
 _FINEST = 8
 _STRIDE = 16
 
 
 def rectify(photograph: NDArray[np.uint8], calibration: Calibration, grid: PixelGrid) -> Tensor:
-    """The canvas [3, rows, columns], sRGB in [0, 1], float32, whose top-left corner is at row 0, column 0.
+    """Returns the rectified canvas [3, rows, columns], sRGB in [0, 1], float32, with its top-left corner at (0, 0).
 
-    photograph [rows, columns, 3] uint8 sRGB; the lens's distortion, where it is known, is undone. Where
-    the photograph is finer than the grid, each pixel of the grid is the mean over its area, in linear
-    light, so that nothing aliases. Raises FrameRejected where the photograph is not one of the
-    calibrated camera, or is dark.
+    photograph [rows, columns, 3]: uint8 sRGB
+    The distortion of a known lens is removed. If the photograph is finer than the grid, each pixel is the mean
+    over its area in linear light, which avoids aliasing.
+    Raises FrameRejected if the photograph is dark or not from the calibrated camera.
     """
     require_photograph(photograph, calibration)
     fineness = _fineness(calibration, grid)
@@ -181,10 +183,10 @@ def rectify(photograph: NDArray[np.uint8], calibration: Calibration, grid: Pixel
 
 
 def sampling_places(calibration: Calibration, grid: PixelGrid) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """The column and the row of the photograph at which each sample is taken: [f rows, f columns] each.
+    """Returns column and row in the photograph of each sample: [f rows, f columns] each.
 
-    Each pixel of the grid is the mean, in linear light, of its f x f samples; f is as in `rectify`, and the
-    outermost samples are taken where the next ones further in are.
+    Each pixel of the grid is the mean in linear light of its f x f samples, as in `rectify`. The outermost
+    samples use the positions of their inner neighbours.
     """
     fineness = _fineness(calibration, grid)
     rows, columns = grid.rows * fineness, grid.columns * fineness
@@ -202,15 +204,15 @@ def sampling_places(calibration: Calibration, grid: PixelGrid) -> tuple[NDArray[
 
 
 def require_some_light(light: NDArray[np.float32]) -> None:
-    """Raises FrameRejected where a photograph, in linear light [H, W, 3], is dark."""
+    """Raises FrameRejected if a photograph, linear light [H, W, 3], is dark."""
     if not float(np.quantile(light[::_APART, ::_APART], _BRIGHTEST)) >= _DARKEST:
         raise FrameRejected("The photograph of the canvas is dark; switch the light on and take the camera's cap off.")
 
 
 def rectified_pixels(place: NDArray[np.float64], calibration: Calibration, grid: PixelGrid) -> NDArray[np.float64]:
-    """Where places of the photograph [n, 2] (column, row) lie in the rectified picture, (column, row) [n, 2].
+    """Returns the positions in the rectified picture of photograph positions [n, 2], both (column, row).
 
-    Not a number where the calibrated lens shows nothing.
+    NaN at positions that the calibrated lens does not show.
     """
     seen = _straightened(np.array(calibration.corners), calibration)
     view = cv2.getPerspectiveTransform(seen.astype(np.float32), _outline(grid.rows, grid.columns))
@@ -219,20 +221,23 @@ def rectified_pixels(place: NDArray[np.float64], calibration: Calibration, grid:
 
 
 def photographed_pixels(place: NDArray[np.float64], calibration: Calibration, grid: PixelGrid) -> NDArray[np.float64]:
-    """Where places of the rectified picture [n, 2] (column, row), also beyond it, lie in the photograph, [n, 2]."""
+    """Returns the positions in the photograph of positions [n, 2] in the rectified picture or outside it.
+
+    Both are (column, row).
+    """
     view = _to_photograph(calibration, grid.rows, grid.columns)
     straight = np.asarray(cv2.perspectiveTransform(np.asarray(place, np.float64)[None], view)[0], np.float64)
     return straight if calibration.lens is None else calibration.lens.bent(straight)
 
 
 def _outline(rows: int, columns: int) -> NDArray[np.float32]:
-    """The corners of a picture, clockwise from the top left: the outer corners of its corner pixels."""
+    """Returns the corners of a picture, clockwise from the top left: the outer corners of its corner pixels."""
     right, lower = columns - 0.5, rows - 0.5
     return np.array([(-0.5, -0.5), (right, -0.5), (right, lower), (-0.5, lower)], np.float32)
 
 
 def _to_photograph(calibration: Calibration, rows: int, columns: int) -> NDArray[np.float64]:
-    """The homography [3, 3] from a picture of rows x columns samples to the photograph, without its lens."""
+    """Returns the homography [3, 3] from a picture of rows x columns samples to the undistorted photograph."""
     seen = _straightened(np.array(calibration.corners), calibration)
     return np.asarray(cv2.getPerspectiveTransform(_outline(rows, columns), seen.astype(np.float32)), np.float64)
 
@@ -244,9 +249,9 @@ def _straightened(seen: NDArray[np.float64], calibration: Calibration) -> NDArra
 def _bent(
     lens: Lens, to_photograph: NDArray[np.float64], rows: int, columns: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """The column and the row of the photograph at which each of rows x columns places of the canvas is seen.
+    """Returns column and row in the distorted photograph of rows x columns places of the canvas.
 
-    Computed for one place in 16 x 16, and in between by interpolation, to less than 0.01 pixels.
+    It is computed for one place in 16 x 16 and interpolated between them, with an error below 0.01 pixels.
     """
     down, across = (_STRIDE * np.arange(-1, side // _STRIDE + 2) + (_STRIDE - 1) / 2 for side in (rows, columns))
     grid = np.stack(np.meshgrid(across, down), -1)
@@ -258,7 +263,7 @@ def _bent(
 
 
 def require_photograph(photograph: NDArray[np.uint8], calibration: Calibration) -> None:
-    """Raises FrameRejected where the photograph cannot be one of the calibrated camera."""
+    """Raises FrameRejected if the photograph cannot be from the calibrated camera, or the canvas leaves it."""
     wanted = (*calibration.photograph, 3)
     if photograph.shape != wanted or photograph.dtype != np.uint8:
         raise FrameRejected(
@@ -276,10 +281,10 @@ def require_photograph(photograph: NDArray[np.uint8], calibration: Calibration) 
 
 
 def _without_rim(light: NDArray[np.float32], calibration: Calibration) -> NDArray[np.float32]:
-    """The same array, its outermost samples as the next ones further in: a copy of so many takes a tenth of a second.
+    """Replaces the outermost samples by their inner neighbours, in place, and returns the array.
 
-    They fall into pixels of the photograph that show some of the table, and a painter would take
-    that for a dark line along the canvas's edge.
+    The outermost samples fall into photograph pixels that show some of the table, which would look like a dark
+    line along the canvas edge. A copy of the array would take a tenth of a second.
     """
     rows, columns = light.shape[:2]
     across, down = _rim(calibration, rows, columns)
@@ -289,20 +294,20 @@ def _without_rim(light: NDArray[np.float32], calibration: Calibration) -> NDArra
 
 
 def _rim(calibration: Calibration, rows: int, columns: int) -> tuple[int, int]:
-    """How many samples of rows x columns the rim is wide: at the left and the right, and at the top and the bottom."""
+    """Returns the width of the rim in samples: (left and right, top and bottom)."""
     top, right, bottom, left = _sides(calibration)
     return math.ceil(_RIM * columns / min(top, bottom)), math.ceil(_RIM * rows / min(left, right))
 
 
 def _sides(calibration: Calibration) -> tuple[float, float, float, float]:
-    """How long the canvas's top, right, bottom and left are in the photograph, in pixels."""
+    """Returns the lengths of the canvas's top, right, bottom and left side in photograph pixels."""
     corners = np.array(calibration.corners)
     top, right, bottom, left = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1).tolist()
     return top, right, bottom, left
 
 
 def _fineness(calibration: Calibration, grid: PixelGrid) -> int:
-    """How many samples along each side of a grid's pixel it takes to look at every pixel of the photograph."""
+    """Returns the number of samples along each side of a grid pixel that reaches each photograph pixel."""
     top, right, bottom, left = _sides(calibration)
     denser = max(top / grid.columns, bottom / grid.columns, left / grid.rows, right / grid.rows)
     return min(_FINEST, max(1, math.ceil(denser)))

@@ -1,10 +1,10 @@
-"""Whether a canvas lies where it lay: the photograph that is expected, registered with the one that is seen.
+"""Registration of a photograph with the expected one, to detect motions of the canvas.
 
-The painter knows what it painted, and where. So what is compared is whole: the canvas as it was last photographed, the
-strokes since then, which may lie a little beside where they were sent, its edges, and the table around it. A motion
-moves all of that at once; paint along an edge changes some colours, and moves nothing. Small squares of canvas and
-table are witnesses, and each tells how much worse the photograph is explained by one motion than by another. The
-verdict is by how far they agree.
+The program knows what it painted and where. So whole pictures are compared: the last photograph of the canvas,
+the strokes since then (which may lie slightly off), the canvas edges, and the table around. A motion shifts all
+of them together. New paint along an edge changes only some colours. Small squares of canvas and table are
+witnesses: each measures how much worse one motion explains the photograph than another. Their agreement gives
+the verdict.
 """
 
 import math
@@ -22,30 +22,33 @@ from frida_painter.frames import PixelGrid
 from frida_painter.perception.rectify import photographed_pixels
 from frida_painter.perception.srgb import light_of_bytes
 
-# The edge of a sheet of paper in a photograph: whether the paper moved since, and whether the picture is sharp.
+# Edge of a sheet of paper in a photograph, to detect motion and blur
 #
-# Every photograph has it, also the first one of a bare sheet, and nobody paints on it.
+# Each photograph shows the edge, also the first one of a bare sheet, and paint does not cover it.
 
-_PLACES = 48  # looked at along each side
-_MARGIN = 0.06  # of a side, left out at its ends
+_PLACES = 48  # places along each side
+_MARGIN = 0.06  # share of a side at its ends that is left out
 _FINE = 2  # samples a pixel across the edge
 _LEAST_STEP = 0.06  # of linear light, between table and paper
-_LEAST_SEEN = 0.5  # of the places of a side
+_LEAST_SEEN = 0.5  # share of the places of a side
 _LEAST_LEFT = 0.2
 _DIMMEST = 0.01  # linear light: the camera's noise
-_OTHER_LIGHT = 0.3  # natural logarithm of the light beside the edge, against that of all places
+_OTHER_LIGHT = 0.3  # natural logarithm of the light beside the edge, relative to that of all places
 _ROUNDS = 6
 
 
 @dataclass(frozen=True)
 class PaperEdge:
-    """Where the edge of the paper is seen.
+    """Measured edge of the paper at 48 places of each side.
 
-    place, outward [4 x 48, 2]: points (column, row) around the paper and the way out of it; offset
-    [4 x 48]: how many pixels outwards of its point the edge lies, NaN where it is not seen; width
-    [4 x 48]: pixels within which it passes from a fifth to four fifths of its step, NaN likewise; table
-    [4 x 48]: linear light just beyond it; inside [4 x 48]: the same just within it; softness: the median width, NaN
-    where it is not visible; visible: whether the edge is seen at most places of every side.
+    place, outward [4 x 48, 2]: points (column, row) around the paper, and the direction outwards
+    offset [4 x 48]: distance of the edge from its point outwards in pixels; NaN if it is not visible
+    softness: median of `width`; NaN if the edge is not visible
+    visible: True if the edge is visible at most places of each side
+
+    width [4 x 48]: pixels between a fifth and four fifths of the step; NaN if it is not visible
+    table [4 x 48]: linear light just outside the edge
+    inside [4 x 48]: linear light just inside the edge
     """
 
     place: NDArray[np.float64]
@@ -59,9 +62,10 @@ class PaperEdge:
 
     @classmethod
     def read(cls, photograph: NDArray[np.uint8], corners: Corners, reach: float) -> Self:
-        """Looks within `reach` pixels of the four sides between the corners, which go round clockwise.
+        """Measures the edge within `reach` pixels of the four sides between the corners.
 
-        photograph [rows, columns, 3] uint8 sRGB.
+        photograph [rows, columns, 3]: uint8 sRGB
+        corners: in clockwise order
         """
         start = np.array(corners, np.float64)
         way = np.roll(start, -1, 0) - start
@@ -79,7 +83,7 @@ class PaperEdge:
         outside = np.median(light[:, -len(step) // 5 :], 1)
         inside = np.median(light[:, : len(step) // 3], 1)
         rise = np.where(np.abs(inside - outside) >= _LEAST_STEP, inside - outside, np.nan)
-        height = (light - outside[:, None]) / rise[:, None]  # 0 the table, 1 the paper
+        height = (light - outside[:, None]) / rise[:, None]  # 0 for the table, 1 for the paper
         offset, near, far = (_first_above(height, level, step) for level in (0.5, 0.8, 0.2))
         soft = far - near
         visible = bool((np.isfinite(offset).reshape(4, _PLACES).mean(1) >= _LEAST_SEEN).all())
@@ -89,13 +93,13 @@ class PaperEdge:
 
     @property
     def beside(self) -> float:
-        """How many pixels the farthest corner lies beside where it was looked for; NaN where that cannot be told."""
+        """Largest distance in pixels of a corner from its expected place; NaN if the edge is not visible."""
         return self._motion(self.offset) if self.visible else math.nan
 
     def moved_since(self, earlier: Self) -> float:
-        """By how many pixels the farthest corner moved, of a paper that was seen `earlier` with the same corners.
+        """Returns the largest motion of a corner in pixels since `earlier`, which was read with the same corners.
 
-        Infinite where it is not seen any more, NaN where it was not seen before either.
+        Infinity if the edge is no longer visible; NaN if it was not visible before.
         """
         if not earlier.visible:
             return math.nan
@@ -104,25 +108,28 @@ class PaperEdge:
         return self._motion(self.offset - earlier.offset)
 
     def blurring_since(self, earlier: Self) -> float:
-        """How many pixels wider the edge is, in the middle of all places; NaN where too little of it is left."""
+        """Returns the median widening of the edge in pixels; NaN if too little of it is visible."""
         wider = self.width - earlier.width
         return float(np.nanmedian(wider)) if _enough(wider) else math.nan
 
     def covered_since(self, earlier: Self) -> int:
-        """At how many places in a row something reaches over the edge that was not there, whatever the light is now."""
+        """Returns the largest number of consecutive places at which something new reaches over the edge.
+
+        A change of the light does not count.
+        """
         strange = _is_other(self.table, earlier.table, self._brighter_than(earlier))
         longest = run = 0
-        for place in np.concatenate((strange, strange)):  # round the paper, over its first corner
+        for place in np.concatenate((strange, strange)):  # goes on past the first corner
             run = run + 1 if place else 0
             longest = max(longest, run)
         return min(longest, len(strange))
 
     def _brighter_than(self, earlier: Self) -> float:
-        """How many times as bright the lamps are as they were, by the table in the middle of all places."""
+        """Returns the ratio of the lamps' brightness to the earlier one, as the median over the table."""
         return float(np.median((self.table + _DIMMEST) / (earlier.table + _DIMMEST)))
 
     def _motion(self, outwards: NDArray[np.float64]) -> float:
-        """The largest way of a corner under the shift and turn that move the places outwards [n] so."""
+        """Returns the largest motion of a corner for the shift and rotation that fit the outward motions [n]."""
         known = np.isfinite(outwards)
         place, outward, outwards = self.place[known], self.outward[known], outwards[known]
         middle = self.place.mean(0)
@@ -132,7 +139,7 @@ class PaperEdge:
         terms = np.c_[outward, turning]
         weight = np.ones(len(outwards))
         motion = np.zeros(3)
-        for _ in range(_ROUNDS):  # least squares, in which what does not fit counts less and less
+        for _ in range(_ROUNDS):  # least squares with falling weights of outliers
             root = np.sqrt(weight)
             motion = np.linalg.lstsq(root[:, None] * terms, root * outwards, rcond=None)[0]
             off = np.abs(terms @ motion - outwards)
@@ -143,18 +150,21 @@ class PaperEdge:
 
 
 def _is_other(light: NDArray[np.float64], earlier: NDArray[np.float64], brighter: float) -> NDArray[np.bool_]:
-    """At which places the light is another than it was, the lamps being so many times as bright."""
+    """Returns the mask of places with another light than before, after correction for the lamps.
+
+    brighter: ratio of the lamps' brightness to the earlier one
+    """
     share = (light + _DIMMEST) / (earlier + _DIMMEST) / brighter
     return np.asarray(np.abs(np.log(share)) > _OTHER_LIGHT)
 
 
 def _enough(values: NDArray[np.float64]) -> bool:
-    """Whether values [4 x 48] are known at a fifth of the places of three sides, or more."""
+    """Returns True if values [4 x 48] are known at a fifth of the places of at least three sides."""
     return bool((np.isfinite(values).reshape(4, _PLACES).mean(1) >= _LEAST_LEFT).sum() >= 3)
 
 
 def _first_above(height: NDArray[np.float64], level: float, step: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Where each row of heights, seen from its end, first passes the level, between its samples; NaN for never."""
+    """Returns the interpolated place of each row's first crossing of a level, from its end; NaN if there is none."""
     backwards = height[:, ::-1]
     above = backwards >= level
     index = above.argmax(1)
@@ -167,42 +177,42 @@ def _first_above(height: NDArray[np.float64], level: float, step: NDArray[np.flo
     return np.where(crossed, place, np.nan)
 
 
-COARSEST, _ROWS = 0.001, 250  # metres of the canvas per pixel of what is registered, and pixels along its shorter side
-_AROUND = 0.015  # metres of the table that are looked at around the canvas
-_REACH = 0.012  # metres that a motion is searched for
-_DIM = 0.02  # linear light that is added before logarithms are taken: the camera's noise
-_NOISE = 0.1  # logarithm of light within which a pixel looks as it should
-_GRAINY = 4.0  # times the usual square of a difference is still noise
-_SOFTEST = 0.8  # the same, where a search begins
-_BESIDE = 0.006  # metres that strokes may lie beside where they were sent, at most
-_CHANGED = 0.04  # logarithm of light from which strokes are said to have changed a pixel
-_SPREAD = 0.15  # logarithm of light by which paint looks lighter or darker than it was rendered
-_SMOOTHNESS = 0.7  # pixels, standard deviation, so that between pixels a picture is as smooth as on them
-_RIM = 4  # pixels on either side of the edge of the canvas, in which its blur shows
-_BLUR = 0.8  # pixels, standard deviation of that
-_WITNESSES, _WIDEST = 20, 12  # along the shorter side of a view, squares that have one voice each; pixels of one
+COARSEST, _ROWS = 0.001, 250  # largest pixel in metres; rows along the shorter side
+_AROUND = 0.015  # metres of table around the canvas
+_REACH = 0.012  # largest motion of the search in metres
+_DIM = 0.02  # linear light, added before logarithms
+_NOISE = 0.1  # logarithm of light; normal difference of a pixel
+_GRAINY = 4.0  # times the usual squared difference that still counts as noise
+_SOFTEST = 0.8  # noise at the start of a search
+_BESIDE = 0.006  # largest displacement of strokes in metres
+_CHANGED = 0.04  # logarithm of light; a larger planned change counts as stroke
+_SPREAD = 0.15  # logarithm of light; error of the rendered paint
+_SMOOTHNESS = 0.7  # pixels, standard deviation; equal smoothness on and between pixels
+_RIM = 4  # pixels on each side of the canvas edge that show its blur
+_BLUR = 0.8  # pixels, standard deviation of that blur
+_WITNESSES, _WIDEST = 20, 12  # number of witnesses along the shorter side; largest side in pixels
 _FAINT, _LOUD = (
     1 / 15,
     4 / 15,
-)  # of the side of a witness, in pixels that it finds explained worse: hardly counts; fully
-_MURMUR = 0.02  # of the pixels of a witness: no voice
-_STRANGE = 0.5  # how badly a canvas is explained on which a person may have painted anything
-_PATCH = 13  # pixels of a square that looks otherwise all over, as no motion makes it
-_LIGHT_CELL = 10  # pixels along the side of a square by which light is compared
+)  # parts of a witness's side, in worse pixels: hardly counts; counts fully
+_MURMUR = 0.02  # share of a witness's pixels that is ignored
+_STRANGE = 0.5  # misfit of an area in which a person may have painted
+_PATCH = 13  # pixels; side of a square that changed as a whole, not by a motion
+_LIGHT_CELL = 10  # pixels; side of a square for the comparison of light
 
 MAX_SHIFT = 0.00125
-"""Metres that a corner of the canvas may have moved."""
+"""Largest allowed motion of a canvas corner in metres."""
 MAX_TURN = math.radians(0.4)
-"""Radians that the canvas may have turned."""
-_SURE = 3.0  # standard deviations by which witnesses agree
+"""Largest allowed rotation of the canvas in radians."""
+_SURE = 3.0  # standard deviations of agreement for a motion
 _SURE_STILL = 2.0
-_WELL_WITHIN = 0.5  # of what is allowed: a canvas was moved if no such motion explains a photograph as well
+_WELL_WITHIN = 0.5  # of the allowed motion: a canvas moved if no motion of this size explains the photograph as well
 
 Pixels = NDArray[np.float32]
 
 
 class Verdict(Enum):
-    """What a registration says of the canvas."""
+    """Result of a registration."""
 
     STILL = "it lies where it lay"
     MOVED = "it was moved"
@@ -211,9 +221,11 @@ class Verdict(Enum):
 
 @dataclass(frozen=True)
 class Motion:
-    """A motion in the plane of the canvas.
+    """Motion in the plane of the canvas.
 
-    right, down: metres; turn: radians, clockwise as seen; growth: natural logarithm of how much larger all became.
+    right, down: shift in metres
+    turn: rotation in radians, clockwise on screen
+    growth: natural logarithm of the scale
     """
 
     right: float = 0.0
@@ -223,29 +235,33 @@ class Motion:
 
     @classmethod
     def of(cls, values: NDArray[np.float64]) -> Self:
-        """From its four numbers, [4]."""
+        """Returns the motion of four numbers [4]."""
         return cls(*(float(value) for value in values))
 
     @property
     def values(self) -> NDArray[np.float64]:
-        """Its four numbers [4]."""
+        """Four numbers of the motion, [4]."""
         return np.array([self.right, self.down, self.turn, self.growth])
 
     def corner_shift(self, size: CanvasSize) -> float:
-        """Metres that the corner moves that moves farthest."""
+        """Returns the largest shift of a canvas corner in metres."""
         x, y = size.width / 2, size.height / 2
         return max(math.hypot(*self._move(right, down)) for right in (-x, x) for down in (-y, y))
 
     def size(self, size: CanvasSize) -> float:
-        """How large it is: 1 where a corner moves, or all turns, by as much as is allowed."""
+        """Returns the size relative to the limits: 1 if a corner shift or the rotation is at its limit."""
         return max(self.corner_shift(size) / MAX_SHIFT, abs(self.turn) / MAX_TURN)
 
     def followed_by(self, later: "Motion") -> Self:
-        """Both, one after the other; they are small, and so their order does not matter."""
+        """Returns both motions in sequence; for small motions the order does not matter."""
         return self.of(self.values + later.values)
 
     def to_source(self, center: tuple[float, float], pitch: float) -> NDArray[np.float64]:
-        """Where what is at a pixel (column, row) afterwards was before: a matrix [2, 3]."""
+        """Returns the matrix [2, 3] from pixels (column, row) after the motion to pixels before it.
+
+        center: centre of the picture in pixels
+        pitch: metres of a pixel
+        """
         scale = math.exp(-self.growth)
         cos, sin = scale * math.cos(self.turn), scale * math.sin(self.turn)
         back = np.array([[cos, sin], [-sin, cos]])
@@ -261,10 +277,12 @@ class Motion:
 
 @dataclass(frozen=True)
 class Registration:
-    """What became of a canvas since it was photographed before, by which it is judged with what it had moved then.
+    """Result of a comparison of a canvas with an earlier photograph.
 
-    motion: the likeliest; deviation: standard deviations of its four numbers; evidence: by how many standard
-    deviations witnesses agree that it moved (above 0) or lies still (below 0).
+    verdict: judgement of this motion together with the earlier drift
+    motion: most likely motion
+    deviation: standard deviations of its four numbers
+    evidence: agreement of the witnesses in standard deviations; positive for a motion, negative for none
     """
 
     verdict: Verdict
@@ -275,11 +293,13 @@ class Registration:
 
 @dataclass(frozen=True)
 class CanvasView:
-    """The plane of the canvas, a little of the table around it included, as a camera sees it.
+    """Plane of the canvas with a margin of the table, as the camera sees it.
 
-    grid: of the canvas alone; column, row [rows, columns] float32: where each of its pixels lies in a photograph;
-    canvas, seen [rows, columns] bool: which are on the canvas, and in the photograph; smoothing: pixels of the
-    photograph that make one of these; pitch: metres of one.
+    grid: grid of the canvas alone
+    column, row [rows, columns] float32: place of each pixel in a photograph
+    canvas, seen [rows, columns] bool: True on the canvas, and inside the photograph
+    smoothing: photograph pixels in one pixel of the view
+    pitch: metres of one pixel
     """
 
     grid: PixelGrid
@@ -292,7 +312,7 @@ class CanvasView:
 
     @classmethod
     def of(cls, calibration: Calibration, size: CanvasSize) -> Self:
-        """By a calibration record."""
+        """Returns the view of a calibration record."""
         sides = np.linalg.norm(np.roll(calibration.corners, -1, 0) - np.array(calibration.corners), axis=1)
         finest = 2 * (size.width + size.height) / float(sides.sum())  # a pixel of the photograph
         pitch = max(finest, min(COARSEST, size.width / _ROWS, size.height / _ROWS))
@@ -302,7 +322,7 @@ class CanvasView:
         place = np.stack(np.meshgrid(across, down), -1).astype(np.float64)
         seen = photographed_pixels(place.reshape(-1, 2), calibration, grid).reshape(place.shape)
         rows, columns = calibration.photograph
-        in_sight = np.asarray(((seen >= 0) & (seen <= (columns - 1, rows - 1))).all(2), np.bool_)  # NaN: not
+        in_sight = np.asarray(((seen >= 0) & (seen <= (columns - 1, rows - 1))).all(2), np.bool_)  # NaN gives False
         canvas = np.asarray(((place >= 0) & (place < (grid.columns, grid.rows))).all(2), np.bool_)
         column, row = np.nan_to_num(seen, nan=-1.0).astype(np.float32).transpose(2, 0, 1)
         return cls(
@@ -316,25 +336,29 @@ class CanvasView:
         )
 
     def light(self, photograph: NDArray[np.uint8]) -> Pixels:
-        """The logarithm of light [rows, columns, 3] in a photograph [H, W, 3] uint8 sRGB."""
+        """Returns the logarithm of light [rows, columns, 3] of a photograph [H, W, 3], uint8 sRGB."""
         smooth = cv2.blur(light_of_bytes(photograph), (self.smoothing, self.smoothing))
         seen = cv2.remap(smooth, self.column, self.row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         return np.asarray(np.log(cv2.GaussianBlur(seen, (0, 0), _SMOOTHNESS) + _DIM), np.float32)
 
     def around(self, picture: Pixels) -> Pixels:
-        """A picture of the canvas [rows, columns, ...] of the grid in this view, its margin repeated around it."""
+        """Returns a picture of the canvas [rows, columns, ...] in this view, with its border repeated in the margin."""
         beyond = (self.canvas.shape[0] - self.grid.rows) // 2
         return np.asarray(cv2.copyMakeBorder(picture, *(beyond,) * 4, cv2.BORDER_REPLICATE), np.float32)
 
 
 @dataclass(frozen=True)
 class _Scene:
-    """One photograph, and what is expected in it, at one fineness.
+    """One photograph with its expectation at one resolution. Arrays are [rows, columns] unless stated.
 
-    seen, expected: logarithm of light [rows, columns, 3]; known: where both can be compared; canvas: where the canvas
-    is expected; touched: where strokes came since; as_paint: how badly a pixel is explained by these strokes, [0, 1];
-    rim: where the edge of the canvas is blurred into them; grain: square of the camera's noise, to which a picture
-    that is moved by parts of a pixel, and so smoothed, must owe nothing.
+    seen, expected [rows, columns, 3]: logarithm of light
+    known: 1 at pixels that can be compared
+    canvas: 1 on the expected canvas
+    touched: 1 at new strokes
+    as_paint: misfit of a pixel as new paint, in [0, 1]
+    rim: 1 at new strokes in the blur of the canvas edge
+    grain: squared noise of the camera. It is subtracted, because a shift by parts of a pixel smooths noise and
+    would look better.
     """
 
     seen: Pixels
@@ -348,7 +372,7 @@ class _Scene:
     pitch: float
 
     def coarser(self) -> "_Scene":
-        """The same with half as many rows and columns."""
+        """Returns the scene with half as many rows and columns."""
         rows, columns = self.canvas.shape
         arrays = {
             name: np.asarray(cv2.resize(each, (columns // 2, rows // 2), interpolation=cv2.INTER_AREA), np.float32)
@@ -358,11 +382,11 @@ class _Scene:
         return replace(self, **arrays, pitch=self.pitch * 2)
 
     def misfit(self, motion: Motion, noise: float = _NOISE) -> Pixels:
-        """How badly each pixel is explained by a motion, [rows, columns], from 0 to 1."""
+        """Returns the misfit of each pixel for a motion: [rows, columns] in [0, 1]."""
         expected, canvas, known, touched = self._moved(motion)
         misfit = _misfit(self.seen - expected, noise, self.grain)
         on_table = canvas <= 0.5
-        lies_still = on_table & (self.canvas <= 0.5)  # the table need not have gone with the canvas
+        lies_still = on_table & (self.canvas <= 0.5)  # the table may stay while the canvas moves
         misfit = np.where(lies_still, np.minimum(misfit, _misfit(self.seen - self.expected, noise, self.grain)), misfit)
         misfit = np.where(~on_table & (touched > 0), np.minimum(misfit, self.as_paint), misfit)
         return np.asarray(misfit * (known > 0.99), np.float32)
@@ -370,10 +394,11 @@ class _Scene:
     def refine(
         self, motion: Motion, noises: tuple[float, ...], *, grows: bool = True
     ) -> tuple[Motion, NDArray[np.float64]]:
-        """The motion near that one by which most is explained, and the covariance of its four numbers [4, 4].
+        """Returns the best motion near `motion`, and the covariance of its four numbers [4, 4].
 
-        grows: whether another growth than that of `motion` is looked for.
-        Robust least squares, in which what does not fit counts less and less (Geman and McClure).
+        noises: noise of each iteration
+        grows: True to fit the scale as well
+        The fit is by robust least squares with falling weights of outliers (Geman and McClure).
         """
         step = np.array([0.3 * self.pitch, 0.3 * self.pitch, 0.5 * self.pitch / 0.2, 0.5 * self.pitch / 0.2])
         loose = np.diag(step**-2) * 1e-3
@@ -402,7 +427,7 @@ class _Scene:
         return motion, np.asarray(covariance, np.float64)
 
     def votes(self, better: Motion, worse: Motion) -> float:
-        """By how many standard deviations witnesses agree that one motion explains the photograph better."""
+        """Returns the witnesses' agreement, in standard deviations, that `better` fits the photograph better."""
         voices = self._voices((self.misfit(worse) - self.misfit(better))[..., None])[:, 0]
         murmur = _MURMUR * self._witness**2
         voices = np.sign(voices) * np.maximum(np.abs(voices) - murmur, 0)
@@ -411,11 +436,11 @@ class _Scene:
 
     @property
     def _witness(self) -> int:
-        """Pixels along the side of a witness."""
+        """Side of a witness in pixels."""
         return min(_WIDEST, max(2, min(self.canvas.shape) // _WITNESSES))
 
     def _voices(self, each: NDArray[np.float32]) -> NDArray[np.float64]:
-        """Sums over squares of pixels [rows, columns, k]: [squares, k]."""
+        """Returns sums over squares of pixels [rows, columns, k]: [squares, k]."""
         rows, columns, k = each.shape
         side = self._witness
         high, wide = -(-rows // side), -(-columns // side)
@@ -452,18 +477,20 @@ def register(
     strokes: tuple[Pixels, Pixels] | None = None,
     drift: Motion = Motion(),
 ) -> Registration:
-    """How the canvas lies in a photograph, against one before, both as CanvasView.light has them.
+    """Registers a photograph with an earlier one, both as from CanvasView.light.
 
-    Where not even the photograph before would tell a motion, a canvas that shows none lies still: nobody is asked again
-    and again. strokes: the canvas before, and as the strokes since then make it, linear light [rows, columns, 3] of the
-    view's grid; None where a person may have painted anything; drift: by how much it had moved before.
+    strokes: linear light [rows, columns, 3] on the view's grid before and after the strokes since then; None if
+    a person may have painted
+    drift: motion of the canvas before
+    If even the earlier photograph could not show a motion, a canvas without visible motion counts as still, so
+    that a person is not asked each time.
     """
     scene = _scene(view, seen, before, strokes)
     size = view.grid.size
     best, covariance = _best(scene, size)
     deviation = Motion.of(np.sqrt(np.maximum(np.diag(covariance), 0)))
     whole = drift.followed_by(best)
-    how_large = whole.size(size) / max(1.0, view.pitch / MAX_SHIFT)  # large pixels tell of no smaller motion
+    how_large = whole.size(size) / max(1.0, view.pitch / MAX_SHIFT)  # large pixels show no smaller motion
     if how_large > 1:
         back = Motion.of(best.values - (1 - _WELL_WITHIN / how_large) * whole.values)
         still = min((back, Motion()), key=lambda each: float(scene.misfit(each).sum()))
@@ -476,12 +503,12 @@ def register(
 
 
 def _stillness(scene: _Scene, best: Motion, size: CanvasSize) -> float:
-    """By how many standard deviations witnesses agree, at least, that the best motion is better than larger ones."""
+    """Returns the least agreement of the witnesses, in standard deviations, for the best motion against larger ones."""
     return min(scene.votes(best, best.followed_by(rival)) for rival in _rivals(size))
 
 
 def _rivals(size: CanvasSize) -> list[Motion]:
-    """Motions a little larger than is allowed: a canvas lies still where none of them explains a photograph as well."""
+    """Returns motions slightly above the limit; a canvas is still if none of them explains a photograph as well."""
     far = 1.2 * MAX_SHIFT
     shifts = [Motion(far * math.cos(angle), far * math.sin(angle)) for angle in np.arange(8) * math.pi / 4]
     turn = far / math.hypot(size.width / 2, size.height / 2)
@@ -489,7 +516,7 @@ def _rivals(size: CanvasSize) -> list[Motion]:
 
 
 def _best(fine: _Scene, size: CanvasSize) -> tuple[Motion, NDArray[np.float64]]:
-    """The motion by which most of the photograph is explained, found from coarse to fine, and its covariance."""
+    """Returns the motion that explains most of the photograph, by a coarse-to-fine search, and its covariance."""
     coarse = fine.coarser()
     step = 2 * max(coarse.pitch, _REACH / 6)
     count = int(_REACH / step)
@@ -551,7 +578,7 @@ def _scene(view: CanvasView, seen: Pixels, expected: Pixels, strokes: tuple[Pixe
     grain = np.zeros_like(canvas)
     for where in (view.canvas, ~view.canvas):
         as_before = where & (known > 0) & (touched <= 0)
-        if as_before.any():  # faint light on a bright canvas is another share of it than on a dark table
+        if as_before.any():  # faint extra light is a larger share of the dark table than of the bright canvas
             seen[where] -= np.median((seen - expected)[as_before], axis=0)
             alike = ((seen - expected) ** 2).mean(2)[as_before]
             grain[where] = min(_GRAINY * float(np.median(alike)), (_NOISE / 2) ** 2)
@@ -560,9 +587,9 @@ def _scene(view: CanvasView, seen: Pixels, expected: Pixels, strokes: tuple[Pixe
 
 
 def _with_rim(view: CanvasView, seen: Pixels, expected: Pixels, touched: Pixels) -> tuple[Pixels, Pixels]:
-    """What is expected, with the new colour of the canvas in the blur of its edge where that was painted, and where.
+    """Returns the expectation with new paint blended into the blur of the canvas edge, and the mask of these pixels.
 
-    The colour is that which is seen a little farther in: there alone a stroke that lies beside its place changes it.
+    The colour of the paint is read slightly farther inside. Only there can a displaced stroke change it.
     """
     composed, is_rim = expected.copy(), np.zeros_like(touched)
     share = cv2.GaussianBlur(view.canvas.astype(np.float32), (0, 0), _BLUR)[..., None]
@@ -580,7 +607,7 @@ def _with_rim(view: CanvasView, seen: Pixels, expected: Pixels, touched: Pixels)
 
 
 def _lamps(change: Pixels, weight: Pixels) -> Pixels:
-    """How much brighter the lamps became, as a plane over the view, logarithm of light [rows, columns, 3]."""
+    """Returns the change of the lamps' brightness as a plane over the view, logarithm of light [rows, columns, 3]."""
     rows, columns = weight.shape
     small = (max(2, columns // _LIGHT_CELL), max(2, rows // _LIGHT_CELL))
     share = cv2.resize(weight, small, interpolation=cv2.INTER_AREA)
@@ -606,6 +633,6 @@ def _lamps(change: Pixels, weight: Pixels) -> Pixels:
 
 
 def _misfit(off: Pixels, noise: float, grain: Pixels | float = 0.0) -> Pixels:
-    """How little a difference of light [..., 3] looks like noise, [...], from 0 to 1; none up to `grain`, a square."""
+    """Returns how unlike noise a difference of light [..., 3] is: [...] in [0, 1]; 0 for squares up to `grain`."""
     square = np.maximum((off**2).mean(-1) - grain, 0)
     return np.asarray(square / (square + noise**2), np.float32)

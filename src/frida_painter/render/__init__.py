@@ -1,6 +1,7 @@
-"""The differentiable renderer: from strokes to the picture that they would paint.
+"""Differentiable renderer: from strokes to the picture that they paint.
 
-A name is loaded when it is first used: the process that compiles the renderer's loops needs none, and no tensors.
+Each name is loaded at its first use. The process that compiles the renderer's loops uses none of them and loads
+no tensor library.
 """
 
 from importlib import import_module

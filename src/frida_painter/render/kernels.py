@@ -1,10 +1,9 @@
-"""The inner loops of the scanline renderer, compiled by numba; the derivation is in docs/explanation/renderer.md.
+"""Inner loops of the scanline renderer, compiled by numba; docs/explanation/renderer.md derives them.
 
-Each kernel works on a range of strokes or of bands of rows and writes to no memory that another
-range writes to, so that any number of threads computes the same bits. The loops over a run of
-pixels are split, and see nothing but slices, so that the compiler turns all but the look-ups in
-the map into vector code. Reordering of sums is allowed, nothing else: NaN and infinity go through
-as they must.
+Each kernel works on a range of strokes or of bands of rows. No two ranges write to the same memory, so the
+result has the same bits for any number of threads. Loops over a run of pixels are split and use only slices, so
+that the compiler can vectorise all but the look-ups in the map. Sums may be reordered, but NaN and infinity
+keep their meaning.
 """
 
 from typing import Any, NamedTuple
@@ -13,21 +12,20 @@ import numpy as np
 from numba import float32, float64, int32, int64, njit, types
 from numpy.typing import NDArray
 
-# Which pixels a stroke covers: for every row of the canvas the exact run of columns whose samples touch its cells.
+# Pixels of a stroke: for each row of the canvas, the exact run of columns whose samples touch its cells
 #
-# Compiled by numba. A box of cells, rows [top, bottom) and columns [left, right), is touched by a
-# sample whose column lies in [left - 1, right) and whose row lies in [top - 1, bottom): there at
-# least one of the four cells around the sample is in the box. If all cells outside the box are zero,
-# so are coverage and sampling gradient, exactly, wherever the box is not touched.
+# A sample touches a box of cells, rows [top, bottom) and columns [left, right), if its column lies in [left - 1,
+# right) and its row in [top - 1, bottom). Then at least one of the four cells around the sample is in the box. If
+# all cells outside the box are zero, coverage and its gradient are exactly zero outside these samples.
 
 Array = NDArray[Any]
 
 
 class Spans(NamedTuple):
-    """The touched pixels of n strokes, packed: stroke after stroke, row after row, left to right.
+    """Touched pixels of n strokes, packed by stroke, then by row, then by column.
 
-    Stroke i reaches rows top[i] to bottom[i] - 1. Its row y is segment k = segment[i] + y - top[i]:
-    it begins at column first[k] and its pixels are offset[k] to offset[k + 1] - 1 of the packed ones.
+    Stroke i reaches rows top[i] to bottom[i] - 1. Its row y is segment k = segment[i] + y - top[i]. Segment k
+    begins at column first[k], and its packed pixels are offset[k] to offset[k + 1] - 1.
     """
 
     top: Array  # [n]
@@ -38,25 +36,28 @@ class Spans(NamedTuple):
 
     @property
     def pixels(self) -> int:
-        """How many packed pixels there are."""
+        """Number of packed pixels."""
         return int(self.offset[-1])
 
 
 def whole_maps(magnitude: Array) -> Array:
-    """The boxes of all cells: [n, 4] (top, bottom, left, right) for maps [n, h, w]."""
+    """Returns boxes of all cells: [n, 4] (top, bottom, left, right) for maps [n, h, w]."""
     n, h, w = magnitude.shape
     return np.tile(np.array([0, h, 0, w]), (n, 1))
 
 
 def painted_boxes(magnitude: Array) -> Array:
-    """The smallest boxes that hold all cells which are not zero: [n, 4] (top, bottom, left, right)."""
+    """Returns the smallest boxes that hold all nonzero cells: [n, 4] (top, bottom, left, right)."""
     boxes = np.zeros((len(magnitude), 4), np.int64)
     _find_boxes(magnitude, boxes)
     return boxes
 
 
 def find_spans(affine: Array, boxes: Array, height: int, width: int) -> Spans:
-    """The spans of boxes of cells [n, 4] that affine [n, 2, 3] places on a canvas of so many pixels."""
+    """Returns the spans of boxes of cells [n, 4] on a canvas of `height` x `width` pixels.
+
+    affine [n, 2, 3]: maps from canvas pixels to cells
+    """
     n = len(affine)
     top, bottom = np.zeros(n, np.int64), np.zeros(n, np.int64)
     slack = np.zeros(n)
@@ -94,7 +95,10 @@ def _find_boxes(magnitude, boxes):  # type: ignore[no-untyped-def]
 
 @njit(nogil=True, cache=True)
 def _find_rows(affine, boxes, height, width, slack, top, bottom):  # type: ignore[no-untyped-def]
-    """Fills in rows that are sure to hold each stroke, and by how many cells rounding can move its border."""
+    """Writes the range of rows that surely holds each stroke to `top` and `bottom`.
+
+    slack: receives the rounding error at the border of each stroke in cells
+    """
     for i in range(len(affine)):
         a, b, c = np.float64(affine[i, 0, 0]), np.float64(affine[i, 0, 1]), np.float64(affine[i, 0, 2])
         d, e, f = np.float64(affine[i, 1, 0]), np.float64(affine[i, 1, 1]), np.float64(affine[i, 1, 2])
@@ -104,9 +108,9 @@ def _find_rows(affine, boxes, height, width, slack, top, bottom):  # type: ignor
         slack[i] = 8 * np.finfo(affine.dtype).eps * reach
         top[i], bottom[i] = 0, height
         determinant = a * e - b * d
-        if determinant == 0:  # a map squeezed flat has no inverse; its rows are all looked at
+        if determinant == 0:  # a degenerate map has no inverse; all rows are examined
             continue
-        # The row of map point (u, v) is (a (v - f) - d (u - c)) / determinant: extremes at the corners.
+        # Row of map point (u, v): (a (v - f) - d (u - c)) / determinant. Its extremes are at the corners.
         above, below = boxes[i, 0] - 1 - slack[i] - f, boxes[i, 1] + slack[i] - f
         left, right = boxes[i, 2] - 1 - slack[i] - c, boxes[i, 3] + slack[i] - c
         p, q = a / determinant, -d / determinant
@@ -121,7 +125,7 @@ def _find_rows(affine, boxes, height, width, slack, top, bottom):  # type: ignor
 
 @njit(nogil=True, cache=True, error_model="numpy")
 def _find_columns(affine, boxes, width, slack, top, bottom, segment, first, offset):  # type: ignore[no-untyped-def]
-    """Fills in where the run of each row begins, and after it how many columns it has."""
+    """Writes the first column of the run of each segment k to first[k], and its number of columns to offset[k + 1]."""
     number = affine.dtype.type
     for i in range(len(affine)):
         a, b, c = affine[i, 0, 0], affine[i, 0, 1], affine[i, 0, 2]
@@ -134,7 +138,7 @@ def _find_columns(affine, boxes, width, slack, top, bottom, segment, first, offs
             least, most = _clip(least, most, d, np.float64(down) + f, above - slack[i], below + slack[i])
             left = np.int64(max(np.floor(least), 0.0))
             right = np.int64(min(np.ceil(most) + 1, np.float64(width)))
-            # From there inwards by the very arithmetic of the samples, so that the run is exact.
+            # The exact ends are found with the arithmetic of the samples.
             while left < right:
                 column, row = a * number(left) + across + c, d * number(left) + down + f
                 if before <= column < past and above <= row < below:
@@ -152,7 +156,7 @@ def _find_columns(affine, boxes, width, slack, top, bottom, segment, first, offs
 
 @njit(nogil=True, cache=True, error_model="numpy")
 def _clip(least, most, slope, shift, low, high):  # type: ignore[no-untyped-def]
-    """The part of [least, most] in which slope x + shift lies in [low, high]."""
+    """Returns the part of [least, most] for which slope x + shift lies in [low, high]."""
     if slope == 0:
         if low <= shift <= high:
             return least, most
@@ -162,7 +166,7 @@ def _clip(least, most, slope, shift, low, high):  # type: ignore[no-untyped-def]
 
 
 def _types_of_spans():  # type: ignore[no-untyped-def]
-    """The loops, each with the types of its arguments where a plan is made in float32; see compiled.py."""
+    """Returns the loops of spans with their argument types for plans in float32; see compiled.py."""
     places, boxes, index = float32[:, :, ::1], int64[:, ::1], int64[::1]
     rows = (float64[::1], index, index)
     return (
@@ -173,35 +177,36 @@ def _types_of_spans():  # type: ignore[no-untyped-def]
 
 
 def spans_type() -> Any:
-    """The type of `Spans` to compiled loops."""
+    """Returns numba's type of `Spans`."""
     index = int64[::1]
     return types.NamedTuple((index, index, index, int32[::1], index), Spans)  # type: ignore[no-untyped-call]
 
 
 BAND = 8  # rows
-LANES = 8  # samples are located so many at a time
+LANES = 8  # number of samples that are located together
 _SUMS = {"reassoc", "contract", "nsz"}
 
 
 @njit(nogil=True, cache=True)
 def run(firsts, offsets, k):  # type: ignore[no-untyped-def]
-    """Of segment k of `Spans`: its first column, where its packed pixels begin, and how many they are.
+    """Returns first column, start of the packed pixels and number of pixels of segment k.
 
-    Unsigned, so that no index made of them could count from an array's end: that would keep the
-    compiler from vectorising. It takes two arrays and not the spans, of which every call would count the references to
-    all five, twice: that takes longer than the pixels of a run.
+    The numbers are unsigned, because indices that may be negative prevent vectorisation. The function takes two
+    arrays instead of `Spans`: numba would count references to all five arrays at each call, which takes longer
+    than the pixels of a run.
     """
     start = offsets[k]
     return np.uint64(firsts[k]), np.uint64(start), np.uint64(offsets[k + 1] - start)
 
 
-# fastmath is inherited from the caller unless it is refused by name.
+# fastmath is inherited from the caller unless it is switched off here.
 @njit(nogil=True, cache=True, fastmath=False)
 def _locate(place, columns, left, count, y, stride, cell, right_share, below_share):  # type: ignore[no-untyped-def]
-    """For `count` columns on row y: the bordered map's cell at the upper left of each sample, and the shares beyond.
+    """Finds the cells of `count` pixels of row y on the bordered map, with their bilinear weights.
 
-    Rounds as `reference.composite` does, operation by operation, so that both fall on the same side
-    of every kink. Fills whole vectors; what lies beyond the count means nothing.
+    Writes the index of the upper left cell to `cell` and the weights of the right and lower cells to the
+    shares. Rounds exactly like `reference.composite`, so both fall on the same side of each kink. Fills whole
+    vectors; values after `count` are undefined.
     """
     a, b, c = place[0, 0], place[0, 1], place[0, 2]
     d, e, f = place[1, 0], place[1, 1], place[1, 2]
@@ -218,9 +223,9 @@ def _locate(place, columns, left, count, y, stride, cell, right_share, below_sha
 
 @njit(nogil=True, cache=True)
 def _border(mark, box, bordered):  # type: ignore[no-untyped-def]
-    """Copies the rows of a map [h, w] that its box touches into the middle of `bordered` [(h + 2) (w + 2)].
+    """Copies the rows of a map [h, w] inside its box into `bordered` [(h + 2) (w + 2)].
 
-    The first and last column of it are zero for good; the rows around the box are made so.
+    Its first and last columns are always zero. The rows next to the box are set to zero.
     """
     _, w = mark.shape
     stride = w + 2
@@ -234,9 +239,9 @@ def _border(mark, box, bordered):  # type: ignore[no-untyped-def]
 
 @njit(nogil=True, cache=True, fastmath=_SUMS)
 def sample(begin, end, magnitude, affine, boxes, columns, spans, base, sampled):  # type: ignore[no-untyped-def]
-    """Coverage of strokes begin to end - 1 at their packed pixels, to sampled[0, offset - base].
+    """Writes the coverage of strokes begin to end - 1 at their packed pixels to sampled[0, offset - base].
 
-    To sampled[1] and sampled[2] goes by how much it rises from one map column and one map row to the next.
+    Writes the derivatives along map columns and map rows to sampled[1] and sampled[2].
     """
     tops, bottoms, segments, firsts, offsets = spans
     _, h, w = magnitude.shape
@@ -266,7 +271,7 @@ def sample(begin, end, magnitude, affine, boxes, columns, spans, base, sampled):
 
 @njit(nogil=True, cache=True, fastmath=_SUMS)
 def blend(begin, end, strokes, spans, base, alpha, color, picture):  # type: ignore[no-untyped-def]
-    """Lays strokes[0] to strokes[1] - 1 in order over bands begin to end - 1 of the picture [3, H, W]."""
+    """Paints strokes[0] to strokes[1] - 1 in order on bands begin to end - 1 of the picture [3, H, W]."""
     tops, bottoms, segments, firsts, offsets = spans
     for band in range(begin, end):
         for i in range(strokes[0], strokes[1]):
@@ -283,12 +288,14 @@ def blend(begin, end, strokes, spans, base, alpha, color, picture):  # type: ign
 
 @njit(nogil=True, cache=True, fastmath=_SUMS)
 def pull_through(begin, end, spans, alpha, color, canvas, gradient, through, slope, to_color):  # type: ignore[no-untyped-def]
-    """Goes up and down through the strokes in bands begin to end - 1, with C the picture below each of them.
+    """Computes gradients of coverage and colours in bands begin to end - 1, in two passes over the strokes.
 
-    Upwards only the scalar g . C is carried, never the colours. through [H, W] comes as ones and leaves as what
-    reaches the canvas. slope (packed, or empty if not wanted) receives the gradient to the coverage, which is
-    g . (c - C) times what the strokes above let through; to_color [bands, n, 3] comes as zeros and receives each
-    band's part of the gradient to the colours.
+    C is the picture below a stroke, g the gradient of the picture. The first pass goes from the canvas up and
+    carries only the scalar g . C. The second pass goes down.
+    through [H, W]: ones at first; at the end the visible share of the canvas
+    slope (packed; empty if not wanted): receives the gradient of the coverage, g . (c - C) times the
+    transmission of the strokes above
+    to_color [bands, n, 3]: zeros at first; receives each band's part of the gradient of the colours
     """
     tops, bottoms, segments, firsts, offsets = spans
     _, height, width = canvas.shape
@@ -334,10 +341,12 @@ def pull_through(begin, end, spans, alpha, color, canvas, gradient, through, slo
 
 @njit(nogil=True, cache=True, fastmath=_SUMS)
 def scatter_to_strokes(begin, end, affine, boxes, columns, spans, sampled, slope, to_affine, to_map):  # type: ignore[no-untyped-def]
-    """Gradients to the affine maps [n, 2, 3], which come as zeros, and to the maps [n, h, w] of those strokes.
+    """Computes gradients of the affine maps [n, 2, 3] and of the magnitude maps [n, h, w] of strokes begin to end - 1.
 
-    Either is left out where it has no strokes. sampled [3, packed]: as `sample` left it; slope (packed): the gradient
-    to the coverage.
+    sampled [3, packed]: output of `sample`
+    slope (packed): gradient of the coverage
+    to_affine: zeros at first; skipped if it is empty
+    to_map: skipped if it is empty
     """
     tops, bottoms, segments, firsts, offsets = spans
     _, h, w = to_map.shape
@@ -389,7 +398,7 @@ def scatter_to_strokes(begin, end, affine, boxes, columns, spans, sampled, slope
 
 
 def _types_of_strokes():  # type: ignore[no-untyped-def]
-    """The loops, each with the types of its arguments where a plan is made in float32; see compiled.py."""
+    """Returns the loops of strokes with their argument types for plans in float32; see compiled.py."""
     line, table, maps, boxes, spans = float32[::1], float32[:, ::1], float32[:, :, ::1], int64[:, ::1], spans_type()
     some, pair = (int64, int64), types.UniTuple(int64, 2)  # type: ignore[no-untyped-call]
     return (
@@ -400,16 +409,14 @@ def _types_of_strokes():  # type: ignore[no-untyped-def]
     )
 
 
-# The inner loops that lay strokes of uncertain coverage: mean and variance of every pixel, and their gradients.
+# Strokes of uncertain coverage: mean and variance of each pixel, and their gradients
 #
-# Compiled by numba, in the manner of kernels.py: no range writes to memory that another range writes to. The
-# recurrences and their derivation are in docs/explanation/renderer.md. `share` and `full` are those of
-# `CoverageSpread`.
+# docs/explanation/renderer.md derives the recurrences. `share` and `full` are those of `CoverageSpread`.
 
 
 @njit(nogil=True, cache=True, fastmath=_SUMS)
 def blend_moments(begin, end, strokes, spans, base, alpha, color, spread, mean, variance):  # type: ignore[no-untyped-def]
-    """Lays strokes[0] to strokes[1] - 1 in order over bands begin to end - 1 of mean [3, H, W] and variance [H, W]."""
+    """Paints strokes[0] to strokes[1] - 1 in order on bands begin to end - 1 of mean [3, H, W] and variance [H, W]."""
     tops, bottoms, segments, firsts, offsets = spans
     share, full = spread
     number = mean.dtype.type
@@ -435,12 +442,14 @@ def blend_moments(begin, end, strokes, spans, base, alpha, color, spread, mean, 
 def pull_through_moments(  # type: ignore[no-untyped-def]
     begin, end, spans, alpha, color, spread, canvas, uncertain, to_mean, to_variance, slope, to_color
 ):  # fmt: skip
-    """Goes up and down through the strokes in bands begin to end - 1, one band after another.
+    """Computes gradients of coverage, colours and canvas in bands begin to end - 1, one band after another.
 
-    Upwards, mean and variance under every stroke are found anew, of one band only, so that they stay in the cache.
-    canvas [3, H, W], uncertain [H, W]: mean and variance of the canvas. to_mean [3, H, W], to_variance [H, W] come as
-    the gradients to the moments of the whole and leave as those to the canvas's; slope (packed) receives the gradient
-    to the coverage; to_color [bands, n, 3] comes as zeros and receives each band's part of the gradient to the colours.
+    The pass upwards computes mean and variance below each stroke again. It does so for one band at a time, so
+    they stay in the cache.
+    canvas [3, H, W], uncertain [H, W]: mean and variance of the canvas
+    to_mean [3, H, W], to_variance [H, W]: gradients of the result at first, of the canvas at the end
+    slope (packed): receives the gradient of the coverage
+    to_color [bands, n, 3]: zeros at first; receives each band's part of the gradient of the colours
     """
     tops, bottoms, segments, firsts, offsets = spans
     _, height, width = canvas.shape
@@ -458,7 +467,7 @@ def pull_through_moments(  # type: ignore[no-untyped-def]
                 pixels += np.int64(run(firsts, offsets, segments[i] + y - tops[i])[2])
         if pixels > below.shape[1]:
             below = np.empty((4, pixels), canvas.dtype)
-        for row in range(rows):  # not by slices: numba compiles half of its strings to say that two do not fit
+        for row in range(rows):  # no slices: half of numba's compiled strings would be messages about unequal shapes
             for x in range(width):
                 mean[0, row, x], mean[1, row, x] = canvas[0, top + row, x], canvas[1, top + row, x]
                 mean[2, row, x], variance[row, x] = canvas[2, top + row, x], uncertain[top + row, x]
@@ -468,7 +477,7 @@ def pull_through_moments(  # type: ignore[no-untyped-def]
             for y in range(max(tops[i], top), min(bottoms[i], top + BAND)):
                 left, start, count = run(firsts, offsets, segments[i] + y - tops[i])
                 row = y - top
-                # What lies below is kept as its distance from the paint.
+                # The mean below is stored as its difference from the paint.
                 for p in range(count):
                     x = left + p
                     below[0, at + p], below[1, at + p] = mean[0, row, x] - red, mean[1, row, x] - green
@@ -517,7 +526,7 @@ def pull_through_moments(  # type: ignore[no-untyped-def]
 
 
 def _types_of_moments():  # type: ignore[no-untyped-def]
-    """The loops, each with the types of its arguments where a plan is made in float32; see compiled.py."""
+    """Returns the loops of moments with their argument types for plans in float32; see compiled.py."""
     line, table, maps, spans = float32[::1], float32[:, ::1], float32[:, :, ::1], spans_type()
     some, pair = (int64, int64), types.UniTuple(int64, 2)  # type: ignore[no-untyped-call]
     spread = types.UniTuple(float32, 2)  # type: ignore[no-untyped-call]
@@ -528,5 +537,5 @@ def _types_of_moments():  # type: ignore[no-untyped-def]
 
 
 def argument_types():  # type: ignore[no-untyped-def]
-    """The loops, each with the types of its arguments where a plan is made in float32; see compiled.py."""
+    """Returns all loops with their argument types for plans in float32; see compiled.py."""
     return (*_types_of_spans(), *_types_of_strokes(), *_types_of_moments())  # type: ignore[no-untyped-call]

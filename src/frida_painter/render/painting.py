@@ -1,4 +1,4 @@
-"""From strokes to the picture they would paint: the stroke model, the frames and the compositing in one call."""
+"""Rendering of strokes and plans: stroke model, frames and compositing in one call."""
 
 from collections.abc import Mapping
 from importlib.util import find_spec
@@ -17,13 +17,14 @@ from frida_painter.frames import ALL_ROWS, PixelGrid, Rows, pixel_to_map
 from frida_painter.plan import Plan
 from frida_painter.strokes import Strokes
 
-# Strokes as maps of their coverage, and the maps' places on a picture: what all renderers lay.
+# Marks: coverage maps of strokes with their places on the picture; the input of all renderers
 
 
 class Marks(NamedTuple):
-    """Magnitude [n, h, w] in [0, 1], zero outside, and from a picture's pixels to its cells, [n, 2, 3].
+    """Coverage maps of strokes and their places on a picture.
 
-    The latter as `pixel_to_map` tells it. Maps are those of the stroke model, or parts of them that hold all paint.
+    magnitude [n, h, w]: coverage in [0, 1], zero outside; whole maps of the stroke model, or windows with all paint
+    affine [n, 2, 3]: maps from picture pixels to cells, as from `pixel_to_map`
     """
 
     magnitude: Tensor
@@ -31,7 +32,7 @@ class Marks(NamedTuple):
 
 
 def marks_of(strokes: Strokes, model: StrokeModel, grid: PixelGrid, rows: Rows = ALL_ROWS) -> Marks:
-    """The marks that a model's brush makes of strokes on those rows of a picture; differentiable in the strokes."""
+    """Returns the marks of strokes on these rows of a picture. Differentiable in the strokes."""
     affine = pixel_to_map(strokes.position, strokes.angle, grid, model.frame, rows)
     if not isinstance(model, StrokeTable):
         return Marks(model(strokes.thickness, strokes.length, strokes.bend), affine)
@@ -42,21 +43,21 @@ def marks_of(strokes: Strokes, model: StrokeModel, grid: PixelGrid, rows: Rows =
 def composite(
     magnitude: Tensor, affine: Tensor, color: Tensor, canvas: Tensor, *, bare_cells_answer: bool = True
 ) -> Tensor:
-    """Lays strokes over a canvas in order, by the fastest path for these tensors.
+    """Paints strokes in order on a canvas, by the fastest method for these tensors.
 
-    magnitude: the strokes' magnitude maps [n, h, w] in [0, 1], zero outside
-    affine:    from canvas pixels (column, row, 1) to map cells (column, row), [n, 2, 3]
-    color:     sRGB [n, 3] in [0, 1]
-    canvas:    what is there before, [3, H, W]
-    bare_cells_answer: False where the maps come from a model whose bare cells stay bare, and so has
-               no use for the gradient to them; the compiled path then leaves part of it out
-    returns    the picture [3, H, W]; differentiable in all four.
+    magnitude [n, h, w]: coverage maps in [0, 1], zero outside
+    affine [n, 2, 3]: maps from canvas pixels (column, row, 1) to map cells (column, row)
+    color [n, 3]: sRGB in [0, 1]
+    canvas [3, H, W]: picture before the strokes
+    bare_cells_answer: False if cells without paint need no gradient, because the stroke model keeps them at
+    zero. The compiled methods then skip a part of it.
+    Returns the picture [3, H, W]. Differentiable in all four tensors.
 
-    Tensors on the CPU go to compiled scanlines if numba is installed, those on a GPU to compiled tiles
-    if Triton is; all others go to plain PyTorch, on their own device. All equal `reference.composite`.
+    CPU tensors use compiled scanlines if numba is installed. CUDA tensors use compiled tiles if Triton is
+    installed. All other tensors use PyTorch on their device. All methods equal `reference.composite`.
     """
     if compiles_for(canvas):
-        # Imported here because loading the compiler takes a second that a CUDA user need not pay.
+        # Imported here because the compiler takes a second to load, which CUDA users do not need.
         from frida_painter.render import scanline
 
         return scanline.composite(magnitude, affine, color, canvas, bare_cells_answer=bare_cells_answer)
@@ -70,32 +71,34 @@ def composite(
 
 
 def _in_tiles(canvas: Tensor) -> bool:
-    """Whether strokes are laid by tile_kernels.py."""
+    """Returns True if tile_kernels.py paints the strokes."""
     return canvas.device.type == "cuda" and find_spec("triton") is not None
 
 
 def render(
     strokes: Strokes, stroke_model: StrokeModel, canvas: Tensor, size: CanvasSize, rows: Rows = ALL_ROWS
 ) -> Tensor:
-    """The picture [3, H, W] that strokes leave on a canvas of that size which now looks like `canvas` [3, H, W].
+    """Renders strokes on a canvas and returns the picture that they leave, [3, H, W].
 
-    rows: which of its rows are rendered; then H of the picture is how many these are, and they equal those of the
-    whole picture but for rounding.
-    The resolution is that of `canvas`: hand in a larger one to print the same plan larger.
-    Differentiable in the seven parameters of every stroke and in the canvas; where no gradient is
-    asked for, nothing is kept, so that any size fits which the picture itself fits.
+    canvas [3, H, W]: picture of the canvas before the strokes; it sets the resolution
+    size: size of the canvas
+    rows: rows to render, by default all. The result then has only these rows, equal to those of the whole
+    picture except for rounding.
+
+    Differentiable in the seven parameters of each stroke and in the canvas. Without gradients nothing else is
+    stored, so memory limits only the picture itself.
     """
     grid = PixelGrid(size, *canvas.shape[1:])
     marks = marks_of(strokes, stroke_model, grid, rows)
-    # A table's maps are cut off at zero, where their slope is zero as well.
+    # Maps of a table are clipped at zero; their gradient is zero there as well.
     answers = not isinstance(stroke_model, StrokeTable)
     return composite(*marks, strokes.color, rows.of(canvas), bare_cells_answer=answers)
 
 
 class Moments(NamedTuple):
-    """What a picture is on average, mean [3, H, W], and how much it varies about that, variance [H, W]; of sRGB.
+    """Mean [3, H, W] and variance [H, W] of a picture in sRGB.
 
-    The variance is the mean of those of the three channels: no squared error needs to know more.
+    The variance is the mean over the three channels, which is enough for squared errors.
     """
 
     mean: Tensor
@@ -112,10 +115,12 @@ def composite_moments(
     *,
     bare_cells_answer: bool = True,
 ) -> Moments:
-    """Lays strokes of uncertain coverage over a canvas in order, by the fastest path for these tensors.
+    """Paints strokes of uncertain coverage in order on a canvas, by the fastest method for these tensors.
 
-    As `composite`, `magnitude` being the mean coverage and `spread` how its variance follows from that; variance
-    [H, W]: that of the canvas, None where it is certain. Equals `reference.composite_moments`.
+    Tensors as in `composite`, but `magnitude` is the mean coverage.
+    spread: variance of the coverage as a function of its mean
+    variance [H, W]: variance of the canvas; None for zero
+    Equals `reference.composite_moments`.
     """
     if compiles_for(canvas):
         from frida_painter.render import scanline
@@ -140,10 +145,10 @@ def render_moments(
     spread: CoverageSpread,
     rows: Rows = ALL_ROWS,
 ) -> Moments:
-    """Mean [3, H, W] and variance [H, W] of the picture that strokes leave, as `render` draws it.
+    """Renders mean [3, H, W] and variance [H, W] of the picture, like `render`.
 
-    spread: of the marks' coverage, from stroke to stroke. Where they do not vary, the mean is `render`'s picture.
-    rows: which rows are rendered, as `render` says.
+    spread: variance of the coverage from stroke to stroke. Without variance the mean is the picture of `render`.
+    rows: rows to render, as in `render`
     """
     if spread.share == 0:
         picture = render(strokes, stroke_model, canvas, size, rows)
@@ -154,15 +159,16 @@ def render_moments(
     return composite_moments(*marks, strokes.color, rows.of(canvas), spread, bare_cells_answer=answers)
 
 
-# A plan as a picture of any size.
+# Plans as pictures of any size
 
 LEAST_ROWS, MOST_ROWS = 16, 10_000
 
 
 def render_on(plan: Plan, models: Mapping[str, StrokeModel], canvas: Tensor) -> Tensor:
-    """The picture [3, H, W] that a plan leaves on a canvas of its size which now looks like `canvas` [3, H, W].
+    """Renders a plan on a canvas and returns the picture that it leaves, [3, H, W], without gradients.
 
-    models: what the marks of its brushes look like, by their names.
+    models: stroke models by brush
+    canvas [3, H, W]: picture of the canvas before the strokes
     """
     with torch.no_grad():
         for part in plan.filled_layers():
@@ -171,10 +177,11 @@ def render_on(plan: Plan, models: Mapping[str, StrokeModel], canvas: Tensor) -> 
 
 
 def render_plan(plan: Plan, height: int = 1080, models: Mapping[str, StrokeModel] | None = None) -> Tensor:
-    """The picture [3, height, W] that a plan paints on its bare canvas, as the simulation of its brushes sees it.
+    """Renders a plan on its bare canvas as a picture [3, height, W].
 
-    models: what their marks look like, by their names; by default the models that they have. Raises ConfigError unless
-    height is from 16 to 10000 pixels, and WeightsError where a brush of the plan has no model here.
+    height: from 16 to 10000 pixels
+    models: stroke models by brush; by default those that ship with the brushes
+    Raises ConfigError if the height is out of range, and WeightsError if a brush has no stroke model.
     """
     if not LEAST_ROWS <= height <= MOST_ROWS:
         raise ConfigError(f"A picture {height} pixels high was asked for; it is from {LEAST_ROWS} to {MOST_ROWS} high.")

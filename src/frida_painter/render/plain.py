@@ -1,8 +1,8 @@
-"""The renderer in plain PyTorch: each stroke touches only the slice of the canvas that its map reaches.
+"""Renderer in PyTorch: each stroke touches only the part of the canvas that its map reaches.
 
-For CUDA, and for machines without numba. Equals `reference.composite`, with gradients written out
-by hand so that one coverage per stroke slice is all that is kept. Strokes are sampled in batches
-(sampling.py) and laid over the canvas one by one. See docs/explanation/renderer.md.
+For machines without numba, and for GPUs without Triton. Equals `reference.composite`. The gradients are written
+by hand, so that only one coverage per stroke is stored. Strokes are sampled in batches and then painted one by
+one. See docs/explanation/renderer.md.
 """
 
 import math
@@ -16,21 +16,21 @@ from torch.nn.functional import grid_sample, pad
 
 from frida_painter.brush.kinds import CoverageSpread
 
-# Sampling magnitude maps over boxes of pixels in plain PyTorch, many strokes at a time.
+# Sampling of magnitude maps over boxes of pixels, many strokes at a time
 
 Box = tuple[int, int, int, int]  # pixel rows [top, bottom), columns [left, right)
 BATCH_PIXELS = 2**17
 
 
 def whole_maps(magnitude: Tensor) -> Tensor:
-    """The box of all cells of each map, [n, 4] (top, bottom, left, right)."""
+    """Returns the box of all cells of each map: [n, 4] (top, bottom, left, right)."""
     n, h, w = magnitude.shape
-    none = magnitude.new_zeros((), dtype=torch.float64)  # filled where the maps are, not sent there
+    none = magnitude.new_zeros((), dtype=torch.float64)  # made on the device of the maps, without a transfer
     return torch.stack((none, none + h, none, none + w)).expand(n, 4)
 
 
 def painted_boxes(magnitude: Tensor) -> Tensor:
-    """The smallest box that holds all cells of each map which are not zero, [n, 4]; NaN where there are none."""
+    """Returns the smallest box with all nonzero cells of each map: [n, 4]; NaN if there are none."""
     painted = magnitude != 0
     edges: list[Tensor] = []
     for side in (painted.any(2), painted.any(1)):  # [n, h], [n, w]
@@ -40,17 +40,17 @@ def painted_boxes(magnitude: Tensor) -> Tensor:
 
 
 def pixel_boxes(affine: Tensor, cells: Tensor, canvas: Tensor) -> list[Box]:
-    """`pixel_extents` as numbers of the host, which waits for the device."""
+    """Returns `pixel_extents` as Python numbers; waits for the device."""
     return [(box[0], box[1], box[2], box[3]) for box in pixel_extents(affine, cells, canvas).tolist()]
 
 
 def pixel_extents(affine: Tensor, cells: Tensor, canvas: Tensor) -> Tensor:
-    """For each stroke the pixels whose samples can touch its box of cells [n, 4], [n, 4]; (0, 0, 0, 0) if none can."""
+    """Returns the box of pixels whose samples can touch each box of cells [n, 4]: [n, 4]; zeros if there are none."""
     _, height, width = canvas.shape
     place = affine.detach().double()
     a, b, c, d, e, f = place.flatten(1).unbind(1)
     determinant = a * e - b * d
-    # Rounding in the map's coordinates moves the border by this many cells at most.
+    # Largest shift of the border by rounding, in cells.
     slack = 8 * torch.finfo(affine.dtype).eps * place.abs().sum((1, 2)) * max(height, width)
     top, bottom, left, right = cells.unbind(1)
     above, below = top - 1 - slack - f, bottom + slack - f
@@ -60,7 +60,7 @@ def pixel_extents(affine: Tensor, cells: Tensor, canvas: Tensor) -> Tensor:
         across = torch.stack((by_column * before, by_column * past))
         down = torch.stack((by_row * above, by_row * below))
         least, most = across.amin(0) + down.amin(0), across.amax(0) + down.amax(0)
-        # A map that is squeezed flat has no inverse: then nothing is known, and all is looked at.
+        # A degenerate map has no inverse: all pixels are examined.
         first = torch.where(least.isfinite(), least.floor(), 0).clamp(0, pixels)
         return first, torch.where(most.isfinite(), most.ceil() + 1, pixels).clamp(0, pixels)
 
@@ -72,10 +72,10 @@ def pixel_extents(affine: Tensor, cells: Tensor, canvas: Tensor) -> Tensor:
 
 
 class Batch:
-    """A few strokes whose boxes are sampled together, each as large as the largest of them.
+    """Some strokes whose boxes are sampled together, each at the size of the largest box.
 
-    grid_sample counts in [-1, 1]. On a map padded to 2^k + 1 cells the way there and back is a shift
-    of the exponent, so that samples on whole cells, where the gradient jumps, stay on them.
+    grid_sample uses coordinates in [-1, 1]. Maps are padded to 2^k + 1 cells, so the conversion only shifts the
+    exponent. So a sample on a whole cell stays there exactly; the gradient jumps at these places.
     """
 
     def __init__(self, strokes: Sequence[int], boxes: Sequence[Box], magnitude: Tensor, affine: Tensor) -> None:
@@ -94,23 +94,26 @@ class Batch:
         self.row = corner[:, 1:2] + count[: self.rows]  # [k, rows]
 
     def maps(self) -> Tensor:
-        """The strokes' maps, padded, [k, 1, 2^a + 1, 2^b + 1]."""
+        """Returns the padded maps: [k, 1, 2^a + 1, 2^b + 1]."""
         h, w = self.magnitude.shape[1:]
         return pad(self.magnitude[self.strokes], (0, self.sides[0] + 1 - w, 0, self.sides[1] + 1 - h))[:, None]
 
     def grid(self) -> Tensor:
-        """Where on the maps each pixel of the boxes lies, [k, rows, columns, 2]."""
+        """Returns the map coordinates of each pixel of the boxes: [k, rows, columns, 2]."""
         across = self.place[:, :, 0:1] * self.column[:, None]  # [k, 2, columns]
         down = self.place[:, :, 1:2] * self.row[:, None]  # [k, 2, rows]
         grid = across[:, :, None, :] + down[:, :, :, None]  # [k, 2, rows, columns]
         return grid.add_(self.place[:, :, 2, None, None]).sub_(1).permute(0, 2, 3, 1)
 
     def alpha(self) -> Tensor:
-        """Coverage over the boxes, [k, rows, columns]."""
+        """Returns the coverage over the boxes: [k, rows, columns]."""
         return grid_sample(self.maps(), self.grid(), padding_mode="zeros", align_corners=True)[:, 0]
 
     def pull(self, slope: Tensor) -> tuple[Tensor, Tensor]:
-        """Gradients to maps [k, h, w] and affine maps [k, 2, 3], from that to the coverage [k, rows, columns]."""
+        """Converts the gradient of the coverage [k, rows, columns] to gradients of the inputs.
+
+        Returns those of maps [k, h, w] and of affine maps [k, 2, 3].
+        """
         to_map, to_grid = torch.ops.aten.grid_sampler_2d_backward(
             slope[:, None], self.maps(), self.grid(), 0, 0, True, [True, True]
         )
@@ -121,15 +124,15 @@ class Batch:
         return to_map[:, 0, :h, :w], torch.stack((by_x, by_y, by_row.sum(1)), -1) / self.half
 
     def views(self, boxed: Tensor) -> Iterator[tuple[int, Tensor]]:
-        """Each stroke with its own part of a tensor [k, rows, columns]."""
+        """Yields each stroke with its part of a tensor [k, rows, columns]."""
         for i, (top, bottom, left, right), one in zip(self.strokes, self.boxes, boxed.unbind(), strict=True):
             yield i, one[: bottom - top, : right - left]
 
 
 def batches(boxes: list[Box], magnitude: Tensor, affine: Tensor, *, by_shape: bool = False) -> Iterator[Batch]:
-    """All strokes with a box, as many at a time as sampling can hold in the cache.
+    """Yields all strokes with a box in batches that fit in the cache.
 
-    In order; or by_shape, strokes with boxes alike together, which wastes less.
+    by_shape: True to group boxes of similar shape, which wastes less; False to keep the order of the strokes
     """
     visible = [i for i, (top, bottom, _, _) in enumerate(boxes) if top < bottom]
     if by_shape:
@@ -149,11 +152,11 @@ def batches(boxes: list[Box], magnitude: Tensor, affine: Tensor, *, by_shape: bo
 
 
 def composite(magnitude: Tensor, affine: Tensor, color: Tensor, canvas: Tensor) -> Tensor:
-    """Lays strokes over a canvas in order; signature and meaning of `reference.composite`.
+    """Paints strokes in order on a canvas, as `reference.composite`.
 
-    magnitude [n, h, w], affine [n, 2, 3], color [n, 3], canvas [3, H, W] -> [3, H, W], on the
-    device and in the precision of `canvas`; differentiable (once) in all four. A place or colour
-    that is not finite spoils the whole picture: all of it is NaN.
+    magnitude [n, h, w], affine [n, 2, 3], color [n, 3], canvas [3, H, W]: see `reference.composite`
+    Returns the picture [3, H, W] on the device and in the precision of `canvas`. Differentiable once in all
+    four tensors. If an affine map or a colour is not finite, the whole picture is NaN.
     """
     magnitude, affine, color = magnitude.to(canvas.dtype), affine.to(canvas.dtype), color.to(canvas.dtype)
     if torch.is_grad_enabled() and any(tensor.requires_grad for tensor in (magnitude, affine, color, canvas)):
@@ -166,7 +169,7 @@ def composite(magnitude: Tensor, affine: Tensor, color: Tensor, canvas: Tensor) 
 def _lay(
     magnitude: Tensor, affine: Tensor, color: Tensor, canvas: Tensor, boxes: list[Box], kept: list[Tensor] | None
 ) -> Tensor:
-    """The picture; each batch's coverage is appended to `kept` if that is given."""
+    """Returns the picture; appends the coverage of each batch to `kept` if that is given."""
     picture = canvas.detach().clone(memory_format=torch.contiguous_format)
     paints = color.detach()[:, :, None, None].unbind()
     for batch in batches(boxes, magnitude.detach(), affine.detach()):
@@ -176,12 +179,12 @@ def _lay(
         for i, alpha in batch.views(coverage):
             top, bottom, left, right = boxes[i]
             picture[:, top:bottom, left:right].lerp_(paints[i], alpha)
-    # The reference lays 0 times the paint everywhere, so what is not finite spoils the whole picture.
+    # The reference paints every pixel, so one value that is not finite makes the whole picture NaN.
     return torch.where(affine.isfinite().all() & color.isfinite().all(), picture, torch.nan)
 
 
 class _Slices(torch.autograd.Function):
-    """`composite` with its gradients; `marks` are the boxes of the paint, `reach` those of the whole maps."""
+    """`composite` with gradients. `marks` are the boxes of the paint, `reach` those of the whole maps."""
 
     @staticmethod
     def forward(ctx: Any, magnitude: Tensor, affine: Tensor, color: Tensor, canvas: Tensor) -> Tensor:
@@ -199,7 +202,7 @@ class _Slices(torch.autograd.Function):
         marks: list[Box] = ctx.marks
         in_batches = zip(batches(marks, magnitude, affine), kept, strict=True)
         alphas = {i: alpha for batch, boxed in in_batches for i, alpha in batch.views(boxed)}
-        # Paint that is not there may still be wanted: the gradient to a zero cell is not zero.
+        # Cells without paint may still need a gradient: it is not zero.
         reach = pixel_boxes(affine, whole_maps(magnitude), canvas) if wants_map else marks
         asked = batches(reach, magnitude, affine, by_shape=True) if wants_map or wants_affine else ()
         slopes = [(batch, canvas.new_zeros(len(batch.strokes), batch.rows, batch.columns)) for batch in asked]
@@ -216,7 +219,7 @@ class _Slices(torch.autograd.Function):
 
 
 def slices_inside(box: Box, around: Box) -> tuple[slice, slice]:
-    """Where a box lies in the slice of the box around it."""
+    """Returns the place of a box inside a larger box, as slices."""
     top, left = around[0], around[2]
     return slice(box[0] - top, box[1] - top), slice(box[2] - left, box[3] - left)
 
@@ -230,9 +233,9 @@ def _find_slopes(
     alphas: dict[int, Tensor],
     rises: dict[int, Tensor],
 ) -> None:
-    """Fills in g . (c - C) over each stroke's reach, where C is the picture just below the stroke.
+    """Writes g . (c - C) over each stroke's reach to `rises`; C is the picture just below the stroke.
 
-    Only the scalar g . C is carried from stroke to stroke, never the colours.
+    Carries only the scalar g . C from stroke to stroke, not the colours.
     """
     below = (gradient * canvas).sum(0)  # [H, W]
     paints = color.tolist()
@@ -255,9 +258,9 @@ def _pull_through(
     rises: dict[int, Tensor],
     to_color: Tensor,
 ) -> Tensor:
-    """Goes down through the strokes; returns what all of them let through to the canvas, [H, W].
+    """Goes down through the strokes and returns the visible share of the canvas, [H, W].
 
-    Turns the slopes into gradients to the coverage, and fills in the gradient to the colours [n, 3].
+    Converts `rises` to gradients of the coverage. Writes the gradients of the colours to `to_color` [n, 3].
     """
     through = torch.ones_like(gradient[0])
     for i in range(len(reach) - 1, -1, -1):
@@ -273,9 +276,7 @@ def _pull_through(
     return through
 
 
-# Mean and variance of the picture that strokes of uncertain coverage leave, in plain PyTorch.
-#
-# For CUDA, and for machines without numba, as slices.py is for certain ones. Equals `reference.composite_moments`.
+# Strokes of uncertain coverage: mean and variance of the picture, equal to `reference.composite_moments`
 
 
 def composite_moments(
@@ -286,9 +287,9 @@ def composite_moments(
     spread: CoverageSpread,
     variance: Tensor | None = None,
 ) -> tuple[Tensor, Tensor]:
-    """Lays strokes of mean coverage `magnitude` over a canvas in order; as `reference.composite_moments`.
+    """Paints strokes of mean coverage `magnitude` in order on a canvas, as `reference.composite_moments`.
 
-    Tensors as in `slices.composite`; differentiable (once) in all five.
+    Tensors as in `composite`. Differentiable once in all five tensors.
     """
     magnitude, affine, color = magnitude.to(canvas.dtype), affine.to(canvas.dtype), color.to(canvas.dtype)
     variance = torch.zeros_like(canvas[0]) if variance is None else variance
@@ -302,7 +303,7 @@ def composite_moments(
 
 
 class _Moments(torch.autograd.Function):
-    """`composite_moments` with its gradients; `marks` are the boxes of the paint, `reach` those of the whole maps."""
+    """`composite_moments` with gradients. `marks` are the boxes of the paint, `reach` those of the whole maps."""
 
     @staticmethod
     def forward(
@@ -326,7 +327,7 @@ class _Moments(torch.autograd.Function):
         magnitude, affine, color, canvas, uncertain, *kept = ctx.saved_tensors
         marks: list[Box] = ctx.marks
         covers = _Moments._covers(marks, magnitude, affine, kept)
-        # Paint that is not there may still be wanted: the gradient to a zero cell is not zero.
+        # Cells without paint may still need a gradient: it is not zero.
         reach = pixel_boxes(affine, whole_maps(magnitude), canvas) if ctx.needs_input_grad[0] else marks
         below: dict[int, tuple[Tensor, Tensor]] = {}
 
@@ -364,7 +365,7 @@ class _Moments(torch.autograd.Function):
 
     @staticmethod
     def _covers(marks: list[Box], magnitude: Tensor, affine: Tensor, kept: list[Tensor]) -> dict[int, Tensor]:
-        """The coverage of each stroke that can be seen, over its box."""
+        """Returns the coverage of each visible stroke over its box."""
         in_batches = zip(batches(marks, magnitude, affine), kept, strict=True)
         return {i: cover for batch, boxed in in_batches for i, cover in batch.views(boxed)}
 
@@ -380,9 +381,9 @@ def _climb(
     *,
     visit: Callable[[int, Tensor, Tensor], None],
 ) -> tuple[Tensor, Tensor]:
-    """The moments; `visit` is shown those under each stroke before it is laid down.
+    """Returns the moments; calls `visit` with the moments below each stroke before it is painted.
 
-    canvas [3, H, W], uncertain [H, W]: mean and variance of the canvas.
+    canvas [3, H, W], uncertain [H, W]: mean and variance of the canvas
     """
     mean = canvas.detach().clone(memory_format=torch.contiguous_format)
     variance = uncertain.detach().clone(memory_format=torch.contiguous_format)
@@ -395,6 +396,6 @@ def _climb(
         away, doubt = under - paints[i], spread.variance(cover)
         varies.mul_((1 - cover).square() + doubt).add_(doubt * away.square().mean(0))
         under.sub_(cover * away)
-    # The reference lays 0 times the paint everywhere, so what is not finite spoils the whole picture.
+    # The reference paints every pixel, so one value that is not finite makes the whole picture NaN.
     sound = affine.isfinite().all() & color.isfinite().all()
     return torch.where(sound, mean, torch.nan), torch.where(sound, variance, torch.nan)

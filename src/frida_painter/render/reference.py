@@ -1,6 +1,6 @@
-"""The renderer as the paper draws it: one stroke after another, each over the full canvas.
+"""Reference renderer, as in the paper: one stroke after another, each over the whole canvas.
 
-Written to be read, and kept as the oracle of the fast paths, which have the same signature.
+It is written for readers and checks the fast renderers, which have the same signature.
 """
 
 import torch
@@ -10,13 +10,13 @@ from frida_painter.brush.kinds import CoverageSpread
 
 
 def composite(magnitude: Tensor, affine: Tensor, color: Tensor, canvas: Tensor) -> Tensor:
-    """Lays strokes over a canvas in order (paper, Fig. "process of rendering a stroke").
+    """Paints strokes in order on a canvas (paper, Fig. "process of rendering a stroke").
 
-    magnitude: the strokes' magnitude maps [n, h, w] in [0, 1], zero outside
-    affine:    from canvas pixels (column, row, 1) to map cells (column, row), [n, 2, 3]
-    color:     sRGB [n, 3] in [0, 1]
-    canvas:    what is there before, [3, H, W]
-    returns    the picture [3, H, W]; differentiable in all four.
+    magnitude [n, h, w]: coverage maps in [0, 1], zero outside
+    affine [n, 2, 3]: maps from canvas pixels (column, row, 1) to map cells (column, row)
+    color [n, 3]: sRGB in [0, 1]
+    canvas [3, H, W]: picture before the strokes
+    Returns the picture [3, H, W]. Differentiable in all four tensors.
     """
     _, height, width = canvas.shape
     column = torch.arange(width, dtype=canvas.dtype, device=canvas.device).expand(height, width)
@@ -38,16 +38,17 @@ def composite_moments(
     spread: CoverageSpread,
     variance: Tensor | None = None,
 ) -> tuple[Tensor, Tensor]:
-    """Mean and variance of the picture that strokes leave whose coverage is only known by its own moments.
+    """Returns mean [3, H, W] and variance [H, W] of the picture for strokes of uncertain coverage. Differentiable.
 
-    magnitude: the mean coverage of each stroke, [n, h, w] in [0, 1]; spread: its variance. Strokes vary independently
-    of one another. affine, color, canvas: as in `composite`; variance [H, W], the mean of those of the channels: of the
-    canvas, where strokes of another kind are on it already, None: it is certain. Returns mean [3, H, W] and variance
-    [H, W], differentiable.
+    magnitude [n, h, w]: mean coverage of each stroke in [0, 1]
+    spread: variance of the coverage; strokes vary independently
+    affine, color, canvas: as in `composite`
+    variance [H, W]: variance of the canvas, mean over the channels, if strokes are on it already; None for zero
 
-    With a the coverage, m its mean and v its variance, C' = C - a (C - c), and a and C independent:
-    E[C'] = M - m (M - c), Var[C'] = ((1 - m)^2 + v) Var[C] + v (M - c)^2. The factors are the same for all channels, so
-    that the mean of their variances follows from itself and the mean of (M - c)^2.
+    With coverage a of mean m and variance v, C' = C - a (C - c), and a and C independent:
+    E[C'] = M - m (M - c), Var[C'] = ((1 - m)^2 + v) Var[C] + v (M - c)^2.
+    The factors are the same for all channels, so the formula also holds for the means over the channels of
+    Var[C] and (M - c)^2.
     """
     _, height, width = canvas.shape
     column = torch.arange(width, dtype=canvas.dtype, device=canvas.device).expand(height, width)
@@ -65,7 +66,7 @@ def composite_moments(
 
 
 def bilinear(mark: Tensor, column: Tensor, row: Tensor) -> Tensor:
-    """Samples a map [h, w] at fractional cells [...]; the map is surrounded by zeros without end."""
+    """Samples a map [h, w] at fractional cells [...]; all cells outside the map are zero."""
     height, width = mark.shape
     left, above = torch.floor(column).detach(), torch.floor(row).detach()
     right_share, below_share = column - left, row - above

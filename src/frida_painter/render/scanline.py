@@ -1,8 +1,8 @@
-"""The renderer on the CPU: compiled scanlines that touch only the pixels which strokes cover.
+"""Renderer for the CPU: compiled scanlines that touch only the pixels of the strokes.
 
-Equals `reference.composite`. The geometry is in spans.py, the loops are in kernels.py, and
-docs/explanation/renderer.md tells why the gradients are what they are. Nothing in here computes with torch,
-whose own threads spin for a while after each operation and would take the cores from the scanlines'.
+Equals `reference.composite`. The loops are in kernels.py; docs/explanation/renderer.md derives the gradients.
+This module does not compute with torch, because torch's threads spin after each operation and would take the
+cores.
 """
 
 from collections.abc import Callable
@@ -20,7 +20,7 @@ from frida_painter.compiled import array
 from frida_painter.render import kernels
 from frida_painter.render.kernels import Array, Spans, find_spans, painted_boxes, whole_maps
 
-# Packed pixels that are sampled and then blended in one go: few enough to stay in the cache.
+# Number of packed pixels in a batch, few enough for the cache.
 _BATCH = 2**18
 _PIECES_PER_THREAD = 4
 
@@ -28,16 +28,17 @@ _PIECES_PER_THREAD = 4
 def composite(
     magnitude: Tensor, affine: Tensor, color: Tensor, canvas: Tensor, *, bare_cells_answer: bool = True
 ) -> Tensor:
-    """Lays strokes over a canvas in order; signature and meaning of `reference.composite`.
+    """Paints strokes in order on a canvas, as `reference.composite`.
 
-    magnitude [n, h, w], affine [n, 2, 3], color [n, 3], canvas [3, H, W] -> [3, H, W]; all on the
-    CPU, in the precision of `canvas` (float32 or float64); differentiable (once) in all four. A
-    stroke whose place is not finite leaves no picture: all of it is NaN. Runs on as many threads as
-    torch does, with the same bits for any number of them.
+    magnitude [n, h, w], affine [n, 2, 3], color [n, 3], canvas [3, H, W]: on the CPU, see `reference.composite`
+    bare_cells_answer: True to compute the gradient of cells outside the smallest box with all paint of a map.
+    It is not zero, but a stroke model that keeps bare cells at zero multiplies it by zero. False saves a third
+    of the time.
+    Returns the picture [3, H, W] in the precision of `canvas` (float32 or float64). Differentiable once in all
+    four tensors.
 
-    bare_cells_answer: whether the gradient to cells without paint is wanted beyond the smallest box
-    that holds a map's paint. It is not zero, but a stroke model whose bare cells stay bare under
-    small changes multiplies it by zero, and need not pay for it: a third of the time.
+    If an affine map or a colour is not finite, the whole picture is NaN. Runs on torch's number of threads; the
+    bits are the same for any number.
     """
     magnitude, affine, color = magnitude.to(canvas.dtype), affine.to(canvas.dtype), color.to(canvas.dtype)
     if torch.is_grad_enabled() and any(tensor.requires_grad for tensor in (magnitude, affine, color, canvas)):
@@ -49,7 +50,7 @@ def composite(
 
 
 class _Scanline(torch.autograd.Function):
-    """`composite` with its gradients; of the forward pass it keeps three numbers per covered pixel."""
+    """`composite` with gradients. The forward pass keeps three numbers for each covered pixel."""
 
     @staticmethod
     def forward(
@@ -87,9 +88,11 @@ class _Scanline(torch.autograd.Function):
 
 
 class Laid(NamedTuple):
-    """How strokes were laid: where their pixels are, and the boxes of cells [n, 4] that matter.
+    """Places of the pixels of painted strokes.
 
-    sampled [3, packed]: their coverage, and by how much it rises from one map column and one map row to the next.
+    spans: packed pixels
+    sampled [3, packed]: coverage, and its derivatives along map columns and map rows
+    boxes [n, 4]: boxes of the cells that count
     """
 
     spans: Spans
@@ -107,16 +110,17 @@ def lay(
     keep: bool = False,
     whole: bool = False,
 ) -> Laid:
-    """Samples the strokes batch by batch, and has `blend` lay them over bands of the pictures, each [3, H, W].
+    """Samples the strokes batch by batch and lets `blend` paint them on bands of the pictures, each [3, H, W].
 
-    blend is a kernel that takes (begin, end, strokes, spans, base, alpha, *arguments, *pictures). keep: whether all
-    coverages are kept, not only those of a batch; whole: whether cells without paint matter as well.
+    blend: kernel with arguments (begin, end, strokes, spans, base, alpha, *arguments, *pictures)
+    keep: True to keep the coverage of all batches, not only of one
+    whole: True if cells without paint count as well
     """
     maps, places = array(magnitude), array(affine)
     _, height, width = pictures[0].shape
     boxes = whole_maps(maps) if whole else painted_boxes(maps)
     spans = find_spans(places, boxes, height, width)
-    pixels = spans.offset[spans.segment]  # [n + 1], where each stroke's packed pixels begin
+    pixels = spans.offset[spans.segment]  # [n + 1], start of each stroke's packed pixels
     batches = _batches(pixels)
     largest = max((int(pixels[last] - pixels[first]) for first, last in batches), default=0)
     sampled = np.empty((3, spans.pixels if keep else largest), maps.dtype)
@@ -126,7 +130,7 @@ def lay(
             base = 0 if keep else int(pixels[first])
             team.share(range(first, last), kernels.sample, maps, places, boxes, columns, spans, base, sampled)
             team.share(bands, blend, (first, last), spans, base, sampled[0], *arguments, *pictures)
-    # The reference lays 0 times the paint everywhere, so what is not finite spoils the whole picture.
+    # The reference paints every pixel, so one value that is not finite makes the whole picture NaN.
     if not (np.isfinite(places).all() and bool(torch.isfinite(color).all())):
         for picture in pictures:
             picture.fill(np.nan)
@@ -136,7 +140,10 @@ def lay(
 def pull_to_strokes(
     team: "Team", magnitude: Array, affine: Array, laid: Laid, slope: Array, wants_affine: bool, wants_map: bool
 ) -> tuple[Tensor | None, Tensor | None]:
-    """From gradients to the coverage, packed, to those of the places [n, 2, 3] and maps [n, h, w] that are wanted."""
+    """Converts packed gradients of the coverage to those of the affine maps [n, 2, 3] and the maps [n, h, w].
+
+    A gradient that is not wanted is None.
+    """
     if not (wants_affine or wants_map):
         return None, None
     nothing = slice(None if wants_affine else 0), slice(None if wants_map else 0)
@@ -150,12 +157,15 @@ def pull_to_strokes(
 
 
 def bands_of(picture: Array) -> range:
-    """The numbers of the bands of a picture [3, H, W]."""
+    """Returns the range of band numbers of a picture [3, H, W]."""
     return range(-(-picture.shape[1] // kernels.BAND))
 
 
 def _batches(pixels: Array) -> list[tuple[int, int]]:
-    """Ranges of strokes of about _BATCH packed pixels each, at least one stroke; pixels [n + 1]."""
+    """Returns ranges of strokes of about _BATCH packed pixels, at least one stroke each.
+
+    pixels [n + 1]: start of each stroke's packed pixels
+    """
     batches, first = [], 0
     while first < len(pixels) - 1:
         last = max(first + 1, int(np.searchsorted(pixels, pixels[first] + _BATCH, side="right")) - 1)
@@ -165,12 +175,12 @@ def _batches(pixels: Array) -> list[tuple[int, int]]:
 
 
 def column_numbers(width: int, like: Array) -> Array:
-    """0, 1, 2, ..., some lanes beyond the width, because samples are located in whole vectors."""
+    """Returns 0, 1, 2, ...; longer than `width`, because samples are located in whole vectors."""
     return np.arange(width + kernels.LANES, dtype=like.dtype)
 
 
 class Team:
-    """As many threads as torch has been given, for as long as the `with` lasts; none for one."""
+    """Threads for the kernels, for a `with` block: as many as torch uses. With one thread it starts none."""
 
     def __enter__(self) -> "Team":
         self.threads = torch.get_num_threads()
@@ -182,7 +192,7 @@ class Team:
             self.pool.shutdown()
 
     def share(self, whole: range, kernel: Callable[..., None], *arguments: object) -> None:
-        """Runs kernel(begin, end, *arguments) over ranges that make up the whole."""
+        """Runs kernel(begin, end, *arguments) over parts of the range `whole`."""
         if self.pool is None:
             kernel(whole.start, whole.stop, *arguments)
             return
@@ -193,10 +203,7 @@ class Team:
             piece.result()
 
 
-# Mean and variance of the picture that strokes of uncertain coverage leave, on the CPU by compiled scanlines.
-#
-# Equals `reference.composite_moments`. The loops are in moment_kernels.py; sampling, spans and the way back to maps
-# and places are those of the plain renderer (scanline.py).
+# Strokes of uncertain coverage: mean and variance of the picture, equal to `reference.composite_moments`
 
 
 def composite_moments(
@@ -209,9 +216,9 @@ def composite_moments(
     *,
     bare_cells_answer: bool = True,
 ) -> tuple[Tensor, Tensor]:
-    """Lays strokes of mean coverage `magnitude` over a canvas in order; as `reference.composite_moments`.
+    """Paints strokes of mean coverage `magnitude` in order on a canvas, as `reference.composite_moments`.
 
-    Tensors, threads and `bare_cells_answer` as in `scanline.composite`; differentiable (once) in all five tensors.
+    Tensors, threads and `bare_cells_answer` as in `composite`. Differentiable once in all five tensors.
     """
     magnitude, affine, color = magnitude.to(canvas.dtype), affine.to(canvas.dtype), color.to(canvas.dtype)
     tensors = magnitude, affine, color, canvas, torch.zeros_like(canvas[0]) if variance is None else variance
@@ -223,7 +230,7 @@ def composite_moments(
 
 
 class _Moments(torch.autograd.Function):
-    """`composite_moments` with its gradients; of the forward pass it keeps three numbers per covered pixel."""
+    """`composite_moments` with gradients. The forward pass keeps three numbers for each covered pixel."""
 
     @staticmethod
     def forward(
@@ -279,7 +286,10 @@ def _lay(
     spread: CoverageSpread,
     **how: Any,
 ) -> tuple[tuple[Tensor, Tensor], Laid]:
-    """The moments, and how the strokes were laid; `how` is told to `lay`."""
+    """Returns the moments and the places of the strokes.
+
+    how: keyword arguments of `lay`
+    """
     moments = array(canvas).copy(), array(variance).copy()
     numbers = _numbers(spread, moments[0])
     laid = lay(magnitude, affine, color, moments, kernels.blend_moments, array(color), numbers, **how)
@@ -287,5 +297,5 @@ def _lay(
 
 
 def _numbers(spread: CoverageSpread, like: np.ndarray[Any, Any]) -> tuple[Any, Any]:
-    """Share and full in the precision of an array, so that the loops compute in no other."""
+    """Returns share and full of `spread` in the precision of an array, so that the loops compute in it."""
     return like.dtype.type(spread.share), like.dtype.type(spread.full)

@@ -1,10 +1,10 @@
-"""The inner loops that lay strokes on a GPU: one program paints one tile of the canvas, stroke after stroke.
+"""Inner loops of the renderer for a GPU: one program paints one tile of the canvas, stroke after stroke.
 
-Compiled by Triton, which comes with PyTorch for CUDA. Tensors are contiguous, in one precision; pixels of a picture
-[3, H, W] lie H * W apart from channel to channel. numbers [2] are those of `CoverageSpread`. The recurrences and
-their derivation are in docs/explanation/renderer.md, and the same in moment_kernels.py.
+Triton compiles them; it comes with PyTorch for CUDA. All tensors are contiguous and have one precision. The
+channels of a picture [3, H, W] lie H * W apart. numbers [2] are those of `CoverageSpread`. The recurrences are
+those of `blend_moments` in kernels.py; docs/explanation/renderer.md derives them.
 
-What many tiles add to is added in whole numbers, of which every order has the same sum.
+Sums over several tiles are added as integers, because their result does not depend on the order.
 """
 
 import triton
@@ -13,7 +13,7 @@ import triton.language as tl
 
 @triton.jit
 def _touches(boxes, stroke, top, left, ROWS: tl.constexpr, COLUMNS: tl.constexpr):
-    """Whether the stroke's box of pixels [top, bottom) x [left, right) meets the tile."""
+    """Returns True if the stroke's box of pixels [top, bottom) x [left, right) meets the tile."""
     box = boxes + 4 * stroke
     below = (tl.load(box) < top + ROWS) & (tl.load(box + 1) > top)
     return below & (tl.load(box + 2) < left + COLUMNS) & (tl.load(box + 3) > left)
@@ -21,14 +21,15 @@ def _touches(boxes, stroke, top, left, ROWS: tl.constexpr, COLUMNS: tl.constexpr
 
 @triton.jit
 def _cells(maps, affine, stroke, x, y, inside, rows, columns):
-    """Where pixels lie on the stroke's map: the cell's offset, shares to the right and below, and four cells' values.
+    """Returns the place of pixels on the stroke's map.
 
-    Cells beyond the map are zero; the last four values say which of them are on it.
+    Returns cell offset, right and lower share, values of four cells, four flags. Cells outside the map are
+    zero. The flags tell which of the four cells are inside.
     """
     place = affine + 6 * stroke
     column = tl.load(place) * x + tl.load(place + 1) * y + tl.load(place + 2)
     row = tl.load(place + 3) * x + tl.load(place + 4) * y + tl.load(place + 5)
-    column = tl.minimum(tl.maximum(column, -2), columns + 1)  # farther off it is as bare
+    column = tl.minimum(tl.maximum(column, -2), columns + 1)  # farther cells are bare as well
     row = tl.minimum(tl.maximum(row, -2), rows + 1)
     left, above = tl.floor(column), tl.floor(row)
     right_share, below_share = column - left, row - above
@@ -46,7 +47,7 @@ def _cells(maps, affine, stroke, x, y, inside, rows, columns):
 
 @triton.jit
 def _cover(right_share, below_share, value_0, value_1, value_2, value_3):
-    """The map's bilinear value."""
+    """Returns the bilinear value of the map."""
     upper = value_0 * (1 - right_share) + value_1 * right_share
     lower = value_2 * (1 - right_share) + value_3 * right_share
     return upper * (1 - below_share) + lower * below_share
@@ -54,14 +55,14 @@ def _cover(right_share, below_share, value_0, value_1, value_2, value_3):
 
 @triton.jit
 def _away(red, green, blue, paint):
-    """How far means are from the paint in three channels, and the mean of the squares."""
+    """Returns the differences of means from the paint in three channels, and the mean of their squares."""
     red, green, blue = red - tl.load(paint), green - tl.load(paint + 1), blue - tl.load(paint + 2)
     return red, green, blue, (red * red + green * green + blue * blue) / 3
 
 
 @triton.jit
 def _laid(red, green, blue, variance, paint, cover, share, full):
-    """The moments after a stroke of that mean coverage."""
+    """Returns the moments after a stroke of mean coverage `cover`."""
     from_red, from_green, from_blue, apart = _away(red, green, blue, paint)
     keeps = 1 - cover
     doubt = share * cover * tl.maximum(full - cover, 0)
@@ -71,7 +72,7 @@ def _laid(red, green, blue, variance, paint, cover, share, full):
 
 @triton.jit
 def _store(planes, at, plane, inside, red, green, blue, variance):
-    """Writes the mean of three channels and the variance as four planes."""
+    """Writes the means of three channels and the variance as four planes."""
     tl.store(planes + at, red, inside)
     tl.store(planes + at + plane, green, inside)
     tl.store(planes + at + 2 * plane, blue, inside)
@@ -80,7 +81,7 @@ def _store(planes, at, plane, inside, red, green, blue, variance):
 
 @triton.jit
 def _load(planes, at, plane, inside):
-    """Reads what `_store` wrote."""
+    """Reads the four planes of `_store`."""
     return (
         tl.load(planes + at, inside, 0),
         tl.load(planes + at + plane, inside, 0),
@@ -95,20 +96,21 @@ def lay(
     strokes, height, width, rows, columns, segment,
     KEEP: tl.constexpr, ROWS: tl.constexpr, COLUMNS: tl.constexpr,
 ):  # fmt: skip
-    """Mean and variance [4, H, W] of the canvas [4, H, W], of which they are given too, after all strokes.
+    """Computes mean and variance [4, H, W] after all strokes from those of the canvas [4, H, W].
 
-    KEEP: whether those under every stroke whose number divides by `segment` go to kept [segments, 4, H, W].
+    KEEP: True to write the moments below each stroke whose number is divisible by `segment` to kept [segments,
+    4, H, W]
     """
     top, left = tl.program_id(1) * ROWS, tl.program_id(0) * COLUMNS
     y, x = top + tl.arange(0, ROWS)[:, None], left + tl.arange(0, COLUMNS)[None, :]
     inside = (y < height) & (x < width)
     plane = height * width
-    leap = tl.full((), 4, tl.int64) * plane  # from the moments of one picture to those of the next
+    leap = tl.full((), 4, tl.int64) * plane  # offset from the moments of one picture to the next
     at = y * width + x
     share, full = tl.load(numbers), tl.load(numbers + 1)
     red, green, blue, variance = _load(canvas, at, plane, inside)
     for stroke in range(strokes):
-        if KEEP:  # noqa: SIM102 - what is not kept is not compiled
+        if KEEP:  # noqa: SIM102 - nested, so that Triton can leave it out
             if stroke % segment == 0:
                 begun = kept + (stroke // segment) * leap
                 _store(begun, at, plane, inside, red, green, blue, variance)
@@ -122,7 +124,7 @@ def lay(
 
 @triton.jit
 def _pulled(red, green, blue, variance, paint, cover, share, full, to_red, to_green, to_blue, to_variance):
-    """The way back through a stroke over these moments: gradients to coverage and three of the paint, and onwards."""
+    """Returns gradients of one stroke: of its coverage, of its paint (three), and of the four moments below it."""
     from_red, from_green, from_blue, apart = _away(red, green, blue, paint)
     keeps, bare = 1 - cover, tl.maximum(full - cover, 0)
     doubt = share * cover * bare
@@ -144,13 +146,13 @@ def _pulled(red, green, blue, variance, paint, cover, share, full, to_red, to_gr
 
 @triton.jit
 def _whole(values):
-    """As whole numbers, of which there is none for what is no number."""
+    """Converts to integers; NaN becomes 0."""
     return tl.where(values == values, values, 0).to(tl.int64)
 
 
 @triton.jit
 def _add(sums, index, values, scale):
-    """Adds the sum of the values to a sum, in whole numbers."""
+    """Adds the sum of the values to an integer sum."""
     tl.atomic_add(sums + index, _whole(tl.sum(tl.sum(values, 1), 0) * scale), sem="relaxed")
 
 
@@ -160,17 +162,21 @@ def pull(
     strokes, height, width, rows, columns, segment, segments,
     BARE_ANSWERS: tl.constexpr, ROWS: tl.constexpr, COLUMNS: tl.constexpr,
 ):  # fmt: skip
-    """The gradients, from those to the moments, gradients [4, H, W], to all that `lay` was given.
+    """Computes the gradients of all inputs of `lay` from gradients [4, H, W] of the moments.
 
-    kept: as `lay` left it; states [segment, 4, H, W]: memory for the moments under the strokes of one segment;
-    scale [1]: whole numbers to 1; to_maps [n, rows, columns], to_strokes [n, 9] (six of the place, three of the
-    colour): int64, of zeros; to_canvas [4, H, W]. BARE_ANSWERS: whether cells are wanted around which nothing is.
+    kept: output of `lay`
+    states [segment, 4, H, W]: memory for the moments below the strokes of one segment
+    scale [1]: factor from gradients to integers
+    to_maps [n, rows, columns]: int64, zeros at first
+    to_strokes [n, 9]: int64, zeros at first; six numbers of the affine map, three of the colour
+    to_canvas [4, H, W]: gradient of the canvas
+    BARE_ANSWERS: True to compute gradients of cells without paint around them
     """
     top, left = tl.program_id(1) * ROWS, tl.program_id(0) * COLUMNS
     y, x = top + tl.arange(0, ROWS)[:, None], left + tl.arange(0, COLUMNS)[None, :]
     inside = (y < height) & (x < width)
     plane = height * width
-    leap = tl.full((), 4, tl.int64) * plane  # from the moments of one picture to those of the next
+    leap = tl.full((), 4, tl.int64) * plane  # offset from the moments of one picture to the next
     at = y * width + x
     share, full, unit = tl.load(numbers), tl.load(numbers + 1), tl.load(scale)
     to_red, to_green, to_blue, to_variance = _load(gradients, at, plane, inside)
@@ -179,7 +185,7 @@ def pull(
         first = number * segment
         count = tl.minimum(segment, strokes - first)
         red, green, blue, variance = _load(kept + number * leap, at, plane, inside)
-        for index in range(count):  # the moments under each stroke, found anew
+        for index in range(count):  # computes the moments below each stroke again
             stroke = first + index
             if _touches(boxes, stroke, top, left, ROWS, COLUMNS):
                 state = states + index * leap
@@ -190,7 +196,7 @@ def pull(
                 cover = _cover(right, below, v_0, v_1, v_2, v_3)
                 paint = color + 3 * stroke
                 red, green, blue, variance = _laid(red, green, blue, variance, paint, cover, share, full)
-        tl.debug_barrier()  # what one thread of the program wrote, another may read
+        tl.debug_barrier()  # threads of the program read what other threads wrote
         for index in range(count):
             stroke = first + count - 1 - index
             if _touches(boxes, stroke, top, left, ROWS, COLUMNS):
@@ -225,5 +231,5 @@ def pull(
                 tl.atomic_add(corner + 1, _whole(upper * right), on_1, sem="relaxed")
                 tl.atomic_add(corner + columns, _whole(lower * (1 - right)), on_2, sem="relaxed")
                 tl.atomic_add(corner + columns + 1, _whole(lower * right), on_3, sem="relaxed")
-        tl.debug_barrier()  # before the next segment's moments take their place
+        tl.debug_barrier()  # before the next segment overwrites the moments
     _store(to_canvas, at, plane, inside, to_red, to_green, to_blue, to_variance)

@@ -1,8 +1,8 @@
-"""The renderer for a GPU: every tile of the canvas is painted by a program of its own, through all strokes in order.
+"""Renderer for a GPU: one program for each tile of the canvas paints all strokes in order.
 
-Equals `reference.composite` and `reference.composite_moments`. Nothing is asked of the device on the way: how many
-pixels a stroke covers is known there and nowhere else. The kernels are in tile_kernels.py, and need Triton, which comes
-with PyTorch for CUDA. See docs/explanation/renderer.md.
+Equals `reference.composite` and `reference.composite_moments`. The host never waits for the device: for
+example, it does not ask how many pixels a stroke covers. The kernels are in tile_kernels.py and need Triton,
+which comes with PyTorch for CUDA. See docs/explanation/renderer.md.
 """
 
 import math
@@ -19,13 +19,13 @@ from frida_painter.render.plain import painted_boxes, pixel_extents, whole_maps
 
 TILE = 16
 """Rows and columns of a tile, in pixels."""
-_MARGIN = 2.0**61  # the largest whole number that gradients add up to
+_MARGIN = 2.0**61  # limit for integer sums of gradients
 
 
 def composite(
     magnitude: Tensor, affine: Tensor, color: Tensor, canvas: Tensor, *, bare_cells_answer: bool = True
 ) -> Tensor:
-    """Lays strokes over a canvas in order; signature and meaning of `render.composite`."""
+    """Paints strokes in order on a canvas, as `painting.composite`."""
     tensors = magnitude, affine, color, canvas
     return composite_moments(*tensors, CERTAIN, bare_cells_answer=bare_cells_answer)[0]
 
@@ -40,10 +40,10 @@ def composite_moments(
     *,
     bare_cells_answer: bool = True,
 ) -> tuple[Tensor, Tensor]:
-    """Lays strokes of mean coverage `magnitude` over a canvas in order; as `reference.composite_moments`.
+    """Paints strokes of mean coverage `magnitude` in order on a canvas, as `reference.composite_moments`.
 
-    Tensors as in `slices.composite`; differentiable (once) in all five. Gradients are sums of whole numbers, so that
-    they are the same bits every time.
+    Tensors as in `plain.composite`. Differentiable once in all five tensors. Gradients are integer sums, so
+    they have the same bits each time.
     """
     magnitude, affine, color = magnitude.to(canvas.dtype), affine.to(canvas.dtype), color.to(canvas.dtype)
     variance = torch.zeros_like(canvas[0]) if variance is None else variance
@@ -58,7 +58,7 @@ def composite_moments(
 
 
 class _Tiles(torch.autograd.Function):
-    """`composite_moments` with its gradients; of the moments on the way, those under every sqrt(n)-th stroke stay."""
+    """`composite_moments` with gradients. Of the moments on the way, it keeps those below each sqrt(n)-th stroke."""
 
     @staticmethod
     def forward(
@@ -111,7 +111,7 @@ def _lay(
     spread: CoverageSpread,
     kept: Tensor | None,
 ) -> tuple[Tensor, Tensor]:
-    """The moments; kept [segments, 4, H, W] is filled with those under the first stroke of every segment."""
+    """Returns the moments; writes those below the first stroke of each segment to kept [segments, 4, H, W]."""
     n, rows, columns = magnitude.shape
     _, height, width = canvas.shape
     moments = canvas.new_empty(4, height, width)
@@ -120,23 +120,24 @@ def _lay(
         n, height, width, rows, columns, _segment(n),
         KEEP=kept is not None, ROWS=TILE, COLUMNS=TILE,
     )  # fmt: skip
-    # The reference lays 0 times the paint everywhere, so what is not finite spoils the whole picture.
+    # The reference paints every pixel, so one value that is not finite makes the whole picture NaN.
     sound = affine.isfinite().all() & color.isfinite().all()
     moments = torch.where(sound, moments, torch.nan)
     return moments[:3], moments[3]
 
 
 def _boxes(magnitude: Tensor, affine: Tensor, canvas: Tensor, *, bare: bool) -> Tensor:
-    """The pixels whose samples can touch each stroke's painted cells, or all of its cells, int32 [n, 4]."""
+    """Returns the box of pixels whose samples can touch each stroke's painted cells, or all cells: int32 [n, 4]."""
     cells = whole_maps(magnitude) if bare else painted_boxes(magnitude)
     return pixel_extents(affine, cells, canvas).int()
 
 
 def _scale(magnitude: Tensor, affine: Tensor, color: Tensor, canvas: Tensor, gradients: Tensor) -> Tensor:
-    """Whole numbers to 1, [1], such that no sum of gradients is too large; NaN where something given is not finite.
+    """Returns the factor [1] from gradients to integers, so that no sum overflows; NaN if an input is not finite.
 
-    By bounds of all that one can come to: those of the colours and of the mean are sums over the pixels of what reaches
-    the canvas, which no stroke makes larger; a place's are that much for each row or column.
+    It follows from upper bounds of the gradients. Gradients of the colours and of the mean are sums over pixels
+    of the gradient that reaches the canvas, which no stroke increases. Gradients of an affine map have that
+    bound for each row or column.
     """
     apart = 2 * torch.maximum(canvas.abs().amax(), color.abs().amax()).clamp(min=0.5)
     strongest = magnitude.abs().amax().clamp(min=1)
@@ -147,12 +148,12 @@ def _scale(magnitude: Tensor, affine: Tensor, color: Tensor, canvas: Tensor, gra
 
 
 def _numbers(spread: CoverageSpread, like: Tensor) -> Tensor:
-    """Share and full as the kernels take them, [2]: filled on the device, not sent to it."""
+    """Returns share and full for the kernels, [2]; made on the device, without a transfer."""
     return torch.stack((like.new_full((), spread.share), like.new_full((), spread.full)))
 
 
 def _segment(strokes: int) -> int:
-    """How many strokes there are to a segment: as many as there are segments, about, so that both need least memory."""
+    """Returns the number of strokes of a segment, about the square root of all, which needs the least memory."""
     return max(1, math.isqrt(strokes))
 
 

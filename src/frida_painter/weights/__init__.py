@@ -1,8 +1,10 @@
-"""Named pretrained weights: fetched on request, checked against pinned hashes, converted once, loaded without risk.
+"""Pretrained weights by name: fetched on request, checked against fixed hashes, converted once, loaded safely.
 
-`known` says which there are, and `words` which painting from words uses; `find` and `require` give the folder of
-those that are here; `tensors` loads a network's; `fetch` gets them from the first of several sources that gives the
-right files.
+`known`: all weights
+`words`: weights for painting from words
+`find`, `require`: folder of fetched weights
+`tensors`: tensors of a network
+`fetch`: fetches weights from the first of several sources that gives the right files
 """
 
 from frida_painter.registry import VARIABLE, cache_folder

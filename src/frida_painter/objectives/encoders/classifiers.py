@@ -1,4 +1,4 @@
-"""EfficientNet-Lite: a small network that recognises a thousand kinds of things.
+"""EfficientNet-Lite, a small classifier with a thousand classes, and ConSE, which relates its classes to words.
 
 Tan and Le 2019; the Lite variants are Google's. Batch normalisations are folded into the convolutions, which
 halves the work.
@@ -18,14 +18,14 @@ from frida_painter.devices import Constant, half_precision
 from frida_painter.errors import WeightsError
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 
-_STRIDES = (1, 2, 2, 2, 1, 2, 1)  # of the first block in each of the seven stages
+_STRIDES = (1, 2, 2, 2, 1, 2, 1)  # stride of the first block in each of the seven stages
 _EPSILON = 1e-3
 _MEAN, _SPREAD = 127 / 255, 128 / 255
 
 
 @dataclass(frozen=True)
 class _Convolution:
-    """A convolution with the normalisation behind it: weight [out, in / groups, k, k], bias [out]."""
+    """Convolution with folded normalisation: weight [out, in / groups, k, k], bias [out]."""
 
     weight: Tensor
     bias: Tensor
@@ -36,7 +36,7 @@ class _Convolution:
         groups = x.shape[1] // self.weight.shape[1]
         if self.stride == 1:
             return functional.conv2d(x, self.weight.to(x), self.bias.to(x), padding=kernel // 2, groups=groups)
-        # As TensorFlow pads: so that the last step still reaches the edge, the odd row and column at the end.
+        # Padding as in TensorFlow: the odd row and column come last, so the last step reaches the edge.
         rows, columns = (max(0, (-(-n // self.stride) - 1) * self.stride + kernel - n) for n in x.shape[-2:])
         x = functional.pad(x, (columns // 2, columns - columns // 2, rows // 2, rows - rows // 2))
         return functional.conv2d(x, self.weight.to(x), self.bias.to(x), stride=self.stride, groups=groups)
@@ -44,7 +44,7 @@ class _Convolution:
 
 @dataclass(frozen=True)
 class _Block:
-    """Widen, look around channel by channel, narrow; what came in is added where shapes allow."""
+    """Inverted residual block: expand, depthwise convolution, project; with a skip connection if shapes match."""
 
     expand: _Convolution | None
     depthwise: _Convolution
@@ -57,7 +57,10 @@ class _Block:
 
 
 class EfficientNetLite:
-    """Lite 0, 1 or 2 with frozen weights, by the tensors of its published state dict. Raises WeightsError."""
+    """EfficientNet-Lite 0, 1 or 2 with frozen weights from the tensors of its published state dict.
+
+    Raises WeightsError if the tensors do not fit.
+    """
 
     def __init__(self, tensors: Mapping[str, Tensor]) -> None:
         try:
@@ -73,9 +76,10 @@ class EfficientNetLite:
             raise WeightsError(f"The weights have {len(self._stages)} stages; EfficientNet-Lite has {len(_STRIDES)}.")
 
     def features(self, views: Tensor) -> tuple[Tensor, Tensor]:
-        """What is seen where in views [n, 3, h, w], sRGB in [0, 1], before it is summed up.
+        """Returns two feature maps of views [n, 3, h, w], sRGB in [0, 1], before pooling.
 
-        Of stage five [n, c, h / 16, w / 16], parts of things, and of the last layer [n, 1280, h / 32, w / 32].
+        The first is that of stage five, [n, c, h / 16, w / 16]: parts of objects. The second is that of the
+        last layer, [n, 1280, h / 32, w / 32].
         """
         with half_precision(views.device):
             x = functional.relu6(self._stem((views - _MEAN) / _SPREAD))
@@ -88,17 +92,17 @@ class EfficientNetLite:
             return parts.to(views), functional.relu6(self._head(x)).to(views)
 
     def logits(self, views: Tensor) -> Tensor:
-        """Views [n, 3, h, w], sRGB in [0, 1], to scores of ImageNet's thousand classes [n, 1000]."""
+        """Returns logits [n, 1000] of ImageNet's classes for views [n, 3, h, w], sRGB in [0, 1]."""
         return self.classified(self.features(views)[1])
 
     def classified(self, deepest: Tensor) -> Tensor:
-        """What is seen at last [n, 1280, h, w] to scores [n, 1000]."""
+        """Converts features of the last layer [n, 1280, h, w] to logits [n, 1000]."""
         weight, bias = self._classes
         return deepest.mean((2, 3)) @ weight.to(deepest).T + bias.to(deepest)
 
 
 def _stages(tensors: Mapping[str, Tensor]) -> list[list[_Block]]:
-    """The blocks by stages: a new one begins where the number of channels changes."""
+    """Returns the blocks by stage; a stage begins at each change of the number of channels."""
     stages: list[list[_Block]] = []
     channels = number = 0
     while f"_blocks.{number}._project_conv.weight" in tensors:
@@ -122,19 +126,20 @@ def _folded(tensors: Mapping[str, Tensor], convolution: str, norm: str, stride: 
     return _Convolution(tensors[f"{convolution}.weight"] * scale[:, None, None, None], bias, stride)
 
 
-# Words and pictures in one space without CLIP: a picture means what the names of the classes it shows mean.
+# Words and pictures in one space without CLIP: the embedding of a picture is that of its class names.
 #
-# Norouzi et al. 2013 (ConSE): the classifier says how probable each class is, a sentence encoder what
-# each class's name means, and the picture's meaning is their mixture.
+# Norouzi et al. 2013 (ConSE): the classifier gives the probability of each class, a sentence encoder the embedding
+# of each class name. The picture's embedding is their mixture.
 
-_SHARPNESS = 0.05  # of similarity, over which a class's share of what is wanted falls to a third
+_SHARPNESS = 0.05  # difference of similarity over which the wanted share of a class falls to a third
 
 
 class ConSE:
-    """Sees with a classifier and reads with a sentence encoder.
+    """Encoder of words and pictures from a classifier and a sentence encoder.
 
-    classifier: its thousand classes are those that are named; names: of each class, one or more; meanings [m, d]: of
-    all names, one after the other, of unit length; title: what the classifier is called.
+    names: one or more names of each class of the classifier
+    meanings [m, d]: embeddings of all names in order, of unit length
+    title: name of the classifier
     """
 
     side = 160
@@ -158,47 +163,50 @@ class ConSE:
 
     @property
     def name(self) -> str:
-        """As a person is told."""
+        """Name in messages."""
         return f"{self.title} and the names of its classes (ConSE)"
 
     def reads_all(self, prompt: str) -> bool:
-        """Whether the sentence encoder reads all of the words."""
+        """Returns True if the sentence encoder reads all words."""
         return not self._sentences.is_cut_off(prompt)
 
     def embed_text(self, prompt: str) -> Tensor:
-        """The meaning of words, [d], of unit length."""
+        """Returns the embedding of words: [d], of unit length."""
         return self._sentences.embed([prompt])[0]
 
     def embed_pictures(self, pictures: Tensor) -> Tensor:
-        """The mixture of the class names' meanings for pictures [n, 3, h, w]: [n, d], of unit length."""
+        """Returns embeddings of pictures [n, 3, h, w]: [n, d], of unit length.
+
+        Each is a mixture of the embeddings of the class names.
+        """
         return self._mixture(self._seen(pictures))
 
     def wanted(self, prompt: str) -> Tensor:
-        """How much of each class the words ask for, [classes], together 1.
+        """Returns how strongly a prompt asks for each class: [classes], with sum 1.
 
-        A class is as near to the words as the nearest of its names.
+        The similarity of a class to the words is that of its most similar name.
         """
         similarity = self._meanings @ self.embed_text(prompt)  # [m]
         nearest = torch.full((self._count,), -1.0).scatter_reduce(0, self._owner, similarity, "amax")
         return (nearest / _SHARPNESS).softmax(0)
 
     def features(self, views: Tensor) -> tuple[Tensor, Tensor]:
-        """What the classifier sees where in views [n, 3, h, w]: parts of things, and things."""
-        # Channels last: a fifth quicker on CPUs.
+        """Returns the classifier's feature maps of views [n, 3, h, w]: parts of objects, and objects."""
+        # Channels last are a fifth faster on CPUs.
         return self._classifier.features(views.contiguous(memory_format=torch.channels_last))
 
     def distance_to(self, prompt: str) -> Callable[[Tensor], Tensor]:
-        """How far pictures [n, 3, h, w] are from what the prompt says, [n]: half cosine distance, half surprise.
+        """Returns a function that computes the distance [n] of pictures [n, 3, h, w] to a prompt.
 
-        Where nothing that is wanted is probable yet, the mixture's cosine is flat. The surprise, the
-        cross-entropy against the classes that are wanted over that of a picture that shows nothing
-        (the logarithm of their number), still falls.
+        The distance is half cosine distance, half surprise. While no wanted class is probable, the cosine of
+        the mixture is flat, but the surprise still falls. The surprise is the cross-entropy against the wanted
+        classes, divided by that of a uniform prediction (the logarithm of the number of classes).
         """
         apart = self.distance_of(prompt)
         return lambda pictures: apart(self.features(pictures))
 
     def distance_of(self, prompt: str) -> Callable[[Sequence[Tensor]], Tensor]:
-        """The same of what `features` says of pictures."""
+        """Returns the function of `distance_to` for feature maps from `features`."""
         meaning, wanted = Constant(self.embed_text(prompt)), Constant(self.wanted(prompt))
 
         def apart(features: Sequence[Tensor]) -> Tensor:
@@ -209,7 +217,7 @@ class ConSE:
         return apart
 
     def _seen(self, pictures: Tensor) -> Tensor:
-        """Log probabilities of the classes, [n, classes]."""
+        """Returns log probabilities of the classes: [n, classes]."""
         return self._classifier.classified(self.features(pictures)[-1]).log_softmax(1)
 
     def _mixture(self, seen: Tensor) -> Tensor:
@@ -217,37 +225,40 @@ class ConSE:
 
 
 FILE = "class_names.txt"
-_LIVING = (range(398), range(991, 998))  # the classes of animals and of mushrooms
-_KIN = 6  # classes before and after one, that are of its kind
+_LIVING = (range(398), range(991, 998))  # classes of animals and of mushrooms
+_KIN = 6  # number of neighbouring classes on each side that are related
 
 
 @cache
 def class_names() -> tuple[tuple[str, ...], ...]:
-    """The names of each class, in the order of a classifier's scores, such as ("beacon", "lighthouse", ...).
+    """Returns the names of each class in the order of the logits, for example ("beacon", "lighthouse", ...).
 
-    They are lemmas of WordNet 3.0 (Princeton University 2006), whose licence stands beside this file.
+    They are lemmas of WordNet 3.0 (Princeton University 2006). The licence lies beside this file.
     """
     text = (resources.files(__package__) / FILE).read_text("utf-8")
     return tuple(tuple(line.split(", ")) for line in text.splitlines())
 
 
 def has_class(noun: str) -> bool:
-    """Whether a class of ImageNet is called so, or is a kind of it, as a red fox is a fox."""
+    """Returns True if an ImageNet class has this name or is a kind of it: a red fox is a fox."""
     return any(noun.lower() == one.lower().split()[-1] for some in class_names() for one in some)
 
 
 def synonyms(name: str) -> list[str]:
-    """What else the classes of that name are called, as "lady beetle" for "ladybird"; nothing where there is none."""
+    """Returns other names of the class of that name; empty for other names.
+
+    Example: "lady beetle" for "ladybird".
+    """
     plain = name.lower()
     known = [some for some in class_names() if any(plain == one.lower() for one in some)]
     return [one for some in known for one in some if one.lower() != plain]
 
 
 def kin(name: str) -> list[str]:
-    """What living things are called that are most like one, nearest first: "wolf" for "dhole"; nothing for others.
+    """Returns names of related living things, nearest first; empty for other names.
 
-    The classes of animals stand in the order of WordNet's kinds, so that those of a kind stand together. The last
-    word of a name says what that is, but where it lives in the sea: a sea cucumber is none.
+    Example: "wolf" for "dhole". Classes of animals are in the order of WordNet, so related ones are neighbours.
+    The last word of a name is its kind, except for sea animals: a sea cucumber is no cucumber.
     """
     names, plain = class_names(), name.lower()
     at = next((number for number, some in enumerate(names) if plain in (one.lower() for one in some)), -1)

@@ -1,4 +1,4 @@
-"""CLIP as `transformers` loads it: words and pictures in one space (Radford et al. 2021), without anything unsafe."""
+"""CLIP: words and pictures in one space (Radford et al. 2021), loaded by `transformers` without foreign code."""
 
 import json
 from collections.abc import Mapping
@@ -15,23 +15,23 @@ from frida_painter.devices import Constant, half_precision
 from frida_painter.errors import WeightsError
 from frida_painter.weights.sources import Hub
 
-# The image tower of CLIP's ResNet kind, whose last convolutional layer the paper compares (Radford et al. 2021).
+# Image tower of CLIP's ResNet variants; the paper compares its last convolutional layer (Radford et al. 2021).
 #
-# A ResNet with three changes: the stem has three convolutions and an average pool, every stride is an
-# average pool before a convolution of stride one, so that nothing is aliased, and what is seen is
-# summed up by attention in place of a mean. Batch normalisations are folded into the convolutions.
+# It is a ResNet with three changes. The stem has three convolutions and an average pool. Each stride is an average
+# pool before a convolution of stride one, which avoids aliasing. Attention replaces the mean at the end. Batch
+# normalisations are folded into the convolutions.
 
 MEAN, SPREAD = (0.48145466, 0.4578275, 0.40821073), (0.26862954, 0.26130258, 0.27577711)
 _PREFIX = "visual."
 _EPSILON = 1e-5
-_EXPANSION = 4  # channels out of a block, against those inside it
-_HEAD = 64  # channels of one head of the attention
-_CELL = 32  # pixels a side that one feature of the last layer stands for
+_EXPANSION = 4  # output channels of a block, relative to those inside
+_HEAD = 64  # channels of one attention head
+_CELL = 32  # pixels of a side that one feature of the last layer covers
 
 
 @dataclass(frozen=True)
 class _Convolution:
-    """A convolution with the normalisation behind it: weight [out, in, k, k], bias [out]."""
+    """Convolution with folded normalisation: weight [out, in, k, k], bias [out]."""
 
     weight: Tensor
     bias: Tensor
@@ -43,7 +43,7 @@ class _Convolution:
 
 @dataclass(frozen=True)
 class _Block:
-    """Narrow, look around, widen; what came in is added, brought to the same shape where it must be."""
+    """Bottleneck block: narrow, convolve, widen, with a skip connection that is adapted to the shape if needed."""
 
     narrow: _Convolution
     look: _Convolution
@@ -58,10 +58,9 @@ class _Block:
 
 
 class ClipResNet:
-    """The tower with frozen weights, by the tensors of OpenAI's state dict (`visual.conv1.weight` and so on).
+    """Image tower with frozen weights from the tensors of OpenAI's state dict (`visual.conv1.weight` and so on).
 
-    Its size is read off them: RN50, RN101, RN50x4 and so on. Raises WeightsError where they are not
-    such a tower's.
+    The tensors set the size: RN50, RN101, RN50x4 and so on. Raises WeightsError if they do not fit.
     """
 
     def __init__(self, tensors: Mapping[str, Tensor], name: str = "CLIP ResNet") -> None:
@@ -87,9 +86,9 @@ class ClipResNet:
             )
 
     def features(self, views: Tensor) -> tuple[Tensor, Tensor]:
-        """What is seen where in views [n, 3, h, w], sRGB in [0, 1]: the last layers of stages three and four.
+        """Returns feature maps of views [n, 3, h, w], sRGB in [0, 1]: the last layers of stages three and four.
 
-        [n, c / 2, h / 16, w / 16] and [n, c, h / 32, w / 32]; differentiable.
+        Returns [n, c / 2, h / 16, w / 16] and [n, c, h / 32, w / 32]. Differentiable.
         """
         mean, spread = self._statistics.like(views)
         x = (views - mean) / spread
@@ -105,7 +104,7 @@ class ClipResNet:
         return seen[2].to(views), seen[3].to(views)
 
     def embed_pictures(self, pictures: Tensor) -> Tensor:
-        """What pictures [n, 3, h, w], sRGB in [0, 1], show: [n, d], each of unit length; differentiable."""
+        """Returns embeddings of pictures [n, 3, h, w], sRGB in [0, 1]: [n, d], each of unit length. Differentiable."""
         size = [self.side, self.side]
         seen = self.features(functional.interpolate(pictures, size, mode="bicubic", antialias=True).clamp(0, 1))[1]
         cells = seen.flatten(2).transpose(1, 2)  # [n, cells, c]
@@ -122,7 +121,7 @@ class ClipResNet:
 
 
 def _stage(tensors: Mapping[str, Tensor], number: int) -> list[_Block]:
-    """The blocks of one stage; all but the first stage begin by halving the picture."""
+    """Returns the blocks of one stage; each stage but the first halves the picture in its first block."""
     blocks: list[_Block] = []
     while not blocks or f"layer{number}.{len(blocks)}.conv1.weight" in tensors:
         name = f"layer{number}.{len(blocks)}"
@@ -145,15 +144,16 @@ def _pooled(x: Tensor, stride: int) -> Tensor:
     return functional.avg_pool2d(x, stride) if stride > 1 else x
 
 
-_MOST_BYTES = 2**20  # of a settings file
+_MOST_BYTES = 2**20  # size of a settings file
 _FILES = "config.json, model.safetensors and tokenizer.json"
 
 
 class Clip:
-    """A CLIP of the ViT kind with frozen weights.
+    """CLIP of the ViT variant with frozen weights.
 
-    model, tokenizer: of `transformers`; name: as a person is told; mean, spread: of the sRGB
-    channels, as it was trained with.
+    model, tokenizer: objects of `transformers`
+    name: name in messages
+    mean, spread: statistics of the sRGB channels in training
     """
 
     def __init__(
@@ -172,10 +172,10 @@ class Clip:
 
     @classmethod
     def load(cls, source: str | Path, name: str | None = None) -> Self:
-        """The CLIP in a folder of this machine, or of that name on the hub that `transformers` uses.
+        """Loads the CLIP in a local folder, or of that name on the hub of `transformers`.
 
-        Weights are opened as safetensors only and no code that comes with them is run. Raises
-        WeightsError where that is not possible, ConfigError where transformers is not installed.
+        Weights are read only as safetensors, and no code beside them is run. Raises WeightsError if that fails,
+        ConfigError if transformers is not installed.
         """
         registry.require("words", "transformers", "Seeing through CLIP")
         from safetensors import SafetensorError
@@ -202,12 +202,12 @@ class Clip:
         return cls(model, tokenizer, name or f"CLIP {Path(source).name}", mean, spread)
 
     def reads_all(self, prompt: str) -> bool:
-        """Whether all of the words are read; those beyond the network's 77 tokens are cut off."""
+        """Returns True if all words fit in the network's 77 tokens."""
         return len(self._tokenizer(prompt)["input_ids"]) <= self._most_tokens
 
     @torch.no_grad()
     def embed_text(self, prompt: str) -> Tensor:
-        """The meaning of words, [d], of unit length; what goes beyond the 77 tokens that it can read is cut off."""
+        """Returns the embedding of words: [d], of unit length. Cuts off words beyond 77 tokens."""
         tokens = self._tokenizer(prompt, truncation=True, max_length=self._most_tokens, return_tensors="pt").to(
             self._model.device
         )
@@ -215,19 +215,19 @@ class Clip:
         return functional.normalize(found.pooler_output[0], dim=0)
 
     def embed_pictures(self, pictures: Tensor) -> Tensor:
-        """What pictures [n, 3, h, w], sRGB in [0, 1], show: [n, d], each of unit length; differentiable."""
+        """Returns embeddings of pictures [n, 3, h, w], sRGB in [0, 1]: [n, d], each of unit length. Differentiable."""
         with half_precision(pictures.device):
             found = self._model.get_image_features(self._as_input(pictures))
         return functional.normalize(found.pooler_output.to(pictures), dim=1)
 
     def features(self, views: Tensor) -> tuple[Tensor]:
-        """What is seen where in views [n, 3, h, w], sRGB in [0, 1]: the last layer's patches, [n, d, g, g].
+        """Returns the last layer's patches of views [n, 3, h, w], sRGB in [0, 1]: [n, d, g, g]; g = 7 for ViT-B/32.
 
-        Differentiable. g = 7 for ViT-B/32.
+        Differentiable.
         """
         with half_precision(views.device):
             every = self._model.vision_model(self._as_input(views)).last_hidden_state
-        seen = every[:, 1:]  # the first one is the summary
+        seen = every[:, 1:]  # the first one is the class token
         cells = round(seen.shape[1] ** 0.5)
         return (seen.transpose(1, 2).reshape(len(seen), -1, cells, cells).to(views),)
 
@@ -236,7 +236,7 @@ class Clip:
         return int(self._model.config.text_config.max_position_embeddings)
 
     def _as_input(self, pictures: Tensor) -> Tensor:
-        """As the image processor of `transformers` does it: the shorter side resized, the middle, normalised."""
+        """Prepares pictures like the image processor of `transformers`: resize, centre crop, normalisation."""
         _, _, rows, columns = pictures.shape
         scale = self.side / min(rows, columns)
         size = [max(self.side, int(rows * scale)), max(self.side, int(columns * scale))]
@@ -249,7 +249,7 @@ class Clip:
 
 
 def _is_here(name: str) -> bool:
-    """Whether `transformers` has fetched that name before."""
+    """Returns True if `transformers` has fetched that name before."""
     from transformers import AutoConfig
 
     try:
@@ -260,7 +260,7 @@ def _is_here(name: str) -> bool:
 
 
 def _statistics(folder: Path) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Mean and spread of the channels, as the folder says them, else the published ones. Raises WeightsError."""
+    """Returns mean and spread of the channels from the folder, or the published ones. Raises WeightsError."""
     path = folder / "preprocessor_config.json"
     if not path.is_file():
         return MEAN, SPREAD

@@ -1,4 +1,4 @@
-"""Which network sees what: the best that is at hand for each purpose, loaded when it is first asked for."""
+"""Networks of a painting: the best available one for each purpose, loaded at its first use."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -22,15 +22,20 @@ if TYPE_CHECKING:
 Kept = TypeVar("Kept")
 
 GROUP = "frida_painter.encoders"
-"""The group of entry points in which a package names its encoders."""
+"""Group of entry points in which packages register their encoders."""
 _CLIP = "clip-vit-b-32"
 CLIP_MISSING = f"CLIP: frida-painter models fetch {_CLIP}"
-"""What is said where CLIP would see better and is not at hand."""
+"""Message for a purpose that CLIP would serve better, if it is not available."""
 
 
 @dataclass(frozen=True)
 class Choice:
-    """A network that was used: for what, which, and the better one that was not at hand, if any, with how to get it."""
+    """Record of a network that was used.
+
+    purpose: its task
+    used: name of the network
+    better: name of a better network that was missing, with the command that fetches it; "" if there is none
+    """
 
     purpose: str
     used: str
@@ -41,16 +46,19 @@ _ASIDE = Choice("progress", "EfficientNet-Lite2, kept aside")
 
 
 class EncoderRegistry:
-    """The networks of one painting.
+    """Networks of one painting.
 
-    cache: the folder of fetched weights, by default the usual one; clip: a CLIP to be used in place of
-    what was fetched: an encoder that an installed package brings, a folder, a name on the hub, or a file of CLIP's
-    ResNet kind; device: where
-    those that see are held (pictures of any device are seen, but best of that one); choices: those
-    used so far; pictures: a folder of the person's own pictures of things; remarks: what else a person is to be told of
-    how the goal was understood.
-    Everything that loads raises WeightsError, with the command that mends it, where weights are
-    missing or altered.
+    cache: folder of fetched weights; by default the usual one
+    clip: CLIP to use in place of the fetched one: the name of an installed encoder, a folder, a name on the
+    hub, or a file of CLIP's ResNet variant
+    device: device of the networks for pictures. Pictures on other devices work too, but more slowly.
+    pictures: folder of the person's own pictures of objects
+
+    choices: networks used so far
+    remarks: notes for the person about the interpretation of the goal
+
+    Methods that load weights raise WeightsError if weights are missing or altered; the message has the command
+    that helps.
     """
 
     def __init__(
@@ -78,7 +86,7 @@ class EncoderRegistry:
         self.remarks: list[str] = []
 
     def style(self) -> "Vgg16":
-        """What sees style: VGG16 as it was trained on ImageNet, or else the trunk of the edge detector."""
+        """Returns the network for style: VGG16 of ImageNet, or else the trunk of the edge detector."""
         from frida_painter.objectives.encoders.vgg import Vgg16
 
         if self._vgg is None:
@@ -92,7 +100,7 @@ class EncoderRegistry:
         return self._vgg
 
     def meaning(self) -> Seer:
-        """What sees what a picture shows: CLIP, or else EfficientNet-Lite."""
+        """Returns the network for content: CLIP, or else EfficientNet-Lite0."""
         from frida_painter.objectives.encoders.classifiers import EfficientNetLite
 
         if self._meaning is None:
@@ -107,21 +115,21 @@ class EncoderRegistry:
 
     @property
     def idle_clip(self) -> str | None:
-        """The CLIP that was to be used, and that nothing asked for so far; None where there is no such one."""
+        """Requested CLIP that was not used so far; None if there is none."""
         return self._clip_source if self._clip is None else None
 
     @property
     def idle_pictures(self) -> Path | None:
-        """The folder of own pictures that nothing asked for so far; None if there is no such one."""
+        """Folder of own pictures that was not used so far; None if there is none."""
         return None if self._asked_for_pictures else self._pictures
 
     def own_pictures(self) -> Path | None:
-        """The folder of the person's own pictures of things; None if there is none."""
+        """Returns the folder of the person's own pictures of objects, and marks it as used; None if there is none."""
         self._asked_for_pictures = True
         return self._pictures
 
     def clip(self) -> Encoder | None:
-        """The CLIP that was asked for, or that was fetched; None where there is none."""
+        """Returns the requested or the fetched CLIP; None if there is none."""
         from frida_painter.objectives.encoders.clip import Clip
 
         if self._clip is None:
@@ -132,7 +140,7 @@ class EncoderRegistry:
         return self._clip
 
     def shapes(self) -> "Vgg16 | None":
-        """What sees shapes beside what sees meaning; None, and it is said, where neither VGG16 nor HED was fetched."""
+        """Returns the network for shapes; None, with a note in `choices`, if neither VGG16 nor HED was fetched."""
         if self._vgg is None and all(weights.find(name, self.cache) is None for name in ("vgg16", "hed")):
             missing = Choice("shapes", "nothing", "the trunk of HED: frida-painter models fetch hed")
             self._note(missing)
@@ -140,7 +148,7 @@ class EncoderRegistry:
         return self.style()
 
     def edges(self) -> "Hed":
-        """What sees where a picture has edges."""
+        """Returns the edge detector."""
         from frida_painter.objectives.encoders.vgg import Hed
 
         if self._edges is None:
@@ -149,11 +157,14 @@ class EncoderRegistry:
         return self._edges
 
     def edges_if_any(self) -> "Hed | None":
-        """The same, or None where it was not fetched."""
+        """Returns the edge detector; None if it was not fetched."""
         return None if self._edges is None and weights.find("hed", self.cache) is None else self.edges()
 
     def aside(self) -> Seer:
-        """What the optimiser never asks, and which says when to stop: the best of the others, or else the same."""
+        """Returns the network for the validation, which decides when to stop.
+
+        It differs from the network of the optimiser, unless no other one was fetched.
+        """
         from frida_painter.objectives.encoders.classifiers import EfficientNetLite
 
         if self._aside is None:
@@ -167,7 +178,7 @@ class EncoderRegistry:
         return self._aside
 
     def readers(self) -> tuple[Reader, ...]:
-        """What reads words and sees whether a picture shows them: CLIP, or classifiers whose classes have names."""
+        """Returns encoders of words and pictures: CLIP, or classifiers with named classes (ConSE)."""
 
         clip = self.clip()
         if not self._readers and clip is not None and isinstance(clip, Reader):
@@ -188,14 +199,17 @@ class EncoderRegistry:
         return self._readers
 
     def reader_aside(self) -> Reader | None:
-        """A reader that the optimiser never asks, and which says when to stop; None where there is none."""
+        """Returns the encoder of words for the validation, which decides when to stop; None if there is none.
+
+        The optimiser does not use it.
+        """
         if self._reader_aside is None and self._has("efficientnet-lite2") and self._has("minilm"):
             self._reader_aside = self._conse(2)
             self._note(_ASIDE)
         return self._reader_aside
 
     def sentences(self) -> "SentenceEncoder":
-        """What reads words without seeing anything."""
+        """Returns the encoder of words alone."""
         from frida_painter.objectives.encoders.sentence import SentenceEncoder
 
         if self._sentences is None:
@@ -203,27 +217,27 @@ class EncoderRegistry:
         return self._sentences
 
     def keep(self, name: str, make: Callable[[], Kept]) -> Kept:
-        """What `make` gave when it was first called under that name: what other rooms keep as long as the networks.
+        """Returns the result of `make`, cached under that name as long as the networks; for other modules.
 
-        None is not kept: the next call makes it again.
+        None is not cached: the next call makes the result again.
         """
         if self._kept_by_name.get(name) is None:
             self._kept_by_name[name] = make()
         return cast(Kept, self._kept_by_name[name])
 
     def remark(self, words: str) -> None:
-        """Notes once what a person is to be told."""
+        """Adds a note for the person, once."""
         if words not in self.remarks:
             self.remarks.append(words)
 
     def _note(self, choice: Choice) -> None:
-        """Notes once which network was used."""
+        """Adds a choice, once."""
         if choice not in self.choices:
             self.choices.append(choice)
 
     @property
     def meanings(self) -> Path:
-        """Where the meanings of many names are kept."""
+        """Folder of cached embeddings of names."""
         return weights.cache_folder(self.cache) / "meanings"
 
     def _has(self, name: str) -> bool:
@@ -242,7 +256,7 @@ class EncoderRegistry:
 
 
 def _given_clip(source: str, device: torch.device) -> Encoder:
-    """The encoder of an installed package, or the CLIP of a folder, a name on the hub, or a safetensors file.
+    """Returns the encoder of an installed package, or the CLIP of a safetensors file, a folder or a name on the hub.
 
     Raises WeightsError.
     """
@@ -258,13 +272,13 @@ def _given_clip(source: str, device: torch.device) -> Encoder:
 
 
 def _brought(point: EntryPoint, device: torch.device) -> Encoder:
-    """An encoder that another package brings. Raises WeightsError where it cannot be used."""
+    """Returns an encoder of another package. Raises WeightsError if it cannot be used."""
     package = f" of {point.dist.name}" if point.dist is not None else ""
     try:
         encoder = point.load()(device)
     except FridaError:
         raise
-    except Exception as error:  # whatever code of others raises
+    except Exception as error:  # foreign code may raise anything
         raise WeightsError(
             f"The encoder {point.name!r}{package} cannot be used ({type(error).__name__}: {error}); "
             "mend that package, or paint without --clip."

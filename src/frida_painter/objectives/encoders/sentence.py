@@ -1,4 +1,4 @@
-"""Sentences as directions: MiniLM, whose mean over the words of a sentence says what it is about.
+"""Sentence encoder MiniLM: the mean over the words of a sentence is its embedding.
 
 Reimers and Gurevych 2019 (Sentence-BERT); Wang et al. 2020 (MiniLM).
 """
@@ -22,12 +22,12 @@ if TYPE_CHECKING:
     from transformers import BertModel, PreTrainedTokenizerBase
 
 
-_LONGEST = 256  # tokens that it was trained on
+_LONGEST = 256  # tokens, as in training
 _AT_A_TIME = 64
 
 
 class SentenceEncoder:
-    """Reads sentences with a frozen network of the BERT kind and its tokenizer."""
+    """Encoder of sentences: a frozen network of the BERT kind with its tokenizer."""
 
     def __init__(self, network: BertModel, tokenizer: PreTrainedTokenizerBase) -> None:
         self._network = network.train(False).requires_grad_(False)
@@ -35,16 +35,16 @@ class SentenceEncoder:
 
     @classmethod
     def load(cls, cache: Path | None = None) -> SentenceEncoder:
-        """The fetched MiniLM.
+        """Loads the fetched MiniLM.
 
-        Raises WeightsError where it is missing, altered, or not that network, ConfigError where
-        transformers is not installed.
+        Raises WeightsError if it is missing, altered or another network, ConfigError if transformers is not
+        installed.
         """
         registry.require("words", "transformers", "Painting towards words")
         from transformers import AutoTokenizer, BertConfig, BertModel
 
         folder, tensors = weights.require("minilm", cache), weights.tensors("minilm", cache)
-        tensors.pop("embeddings.position_ids", None)  # numbers from 0 on, which older files held
+        tensors.pop("embeddings.position_ids", None)  # only in older files: the numbers 0, 1, 2, ...
         network = BertModel(BertConfig.from_pretrained(folder, local_files_only=True), add_pooling_layer=False)
         wanted = network.state_dict().keys()
         try:
@@ -54,12 +54,12 @@ class SentenceEncoder:
         return cls(network, AutoTokenizer.from_pretrained(folder, local_files_only=True))
 
     def is_cut_off(self, sentence: str) -> bool:
-        """Whether the sentence is longer than what is read of it: 256 tokens, about 200 words."""
+        """Returns True if the sentence is longer than 256 tokens (about 200 words), so its end is cut off."""
         return len(self._tokenizer(sentence, verbose=False)["input_ids"]) > _LONGEST
 
     @torch.no_grad()
     def embed(self, sentences: Sequence[str]) -> Tensor:
-        """[n, d], each of unit length; what is too long is cut off."""
+        """Returns embeddings of sentences: [n, d], each of unit length. Cuts off long sentences."""
         found = []
         for first in range(0, len(sentences), _AT_A_TIME):
             batch = self._tokenizer(
@@ -75,9 +75,9 @@ class SentenceEncoder:
         return torch.cat(found)
 
     def embed_once(self, sentences: Sequence[str], keep: Path) -> Tensor:
-        """The same for many that are asked for again and again: kept in the folder `keep`, and read from it.
+        """Returns embeddings of sentences, cached in a file in the folder `keep`.
 
-        What is kept elsewise, or damaged, is made anew; where the folder cannot be written, nothing is kept.
+        A damaged or unfit file is replaced. If the folder cannot be written, there is no cache.
         """
         mark = hashlib.sha256("\n".join(sentences).encode()).hexdigest()[:16]
         path = keep / f"sentences-{mark}.safetensors"

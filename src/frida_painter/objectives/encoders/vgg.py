@@ -1,4 +1,4 @@
-"""VGG16's convolutions, whose layers show style (Simonyan and Zisserman 2014)."""
+"""VGG16's convolutions, whose layers describe style (Simonyan and Zisserman 2014), and the edge detector HED."""
 
 from collections.abc import Mapping, Sequence
 from typing import Self
@@ -10,7 +10,7 @@ from torch.nn import functional
 from frida_painter.devices import Constant, half_precision
 from frida_painter.errors import WeightsError
 
-_BLOCKS = (2, 2, 3, 3, 3)  # convolutions in each; between blocks the picture is halved
+_BLOCKS = (2, 2, 3, 3, 3)  # convolutions in each block; the picture is halved between blocks
 _NAMES = tuple(f"conv{block}_{layer}" for block, count in enumerate(_BLOCKS, 1) for layer in range(1, count + 1))
 _IMAGENET_MEAN, _IMAGENET_SPREAD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
 _CAFFE_MEAN, _CAFFE_SPREAD = (123.68 / 255, 116.779 / 255, 103.939 / 255), (1 / 255,) * 3
@@ -18,10 +18,11 @@ _POSITIONS = (0, 2, 5, 7, 10, 12, 14, 17, 19, 21, 24, 26, 28)
 
 
 class Vgg16:
-    """The thirteen convolutions with frozen weights.
+    """The thirteen convolutions of VGG16 with frozen weights.
 
-    convolutions: weight [out, in, 3, 3] and bias [out] of each; mean, spread: of the sRGB channels,
-    as the network was trained with. Raises WeightsError where they do not form the network.
+    convolutions: weight [out, in, 3, 3] and bias [out] of each
+    mean, spread: statistics of the sRGB channels in training
+    Raises WeightsError if the shapes are not those of VGG16.
     """
 
     def __init__(
@@ -37,19 +38,19 @@ class Vgg16:
 
     @classmethod
     def of_hed(cls, tensors: Mapping[str, Tensor]) -> Self:
-        """The trunk of a HED network, trained on blue, green, red less their means."""
+        """Returns the trunk of a HED network, which was trained on blue, green, red minus their means."""
         (first, bias), *others = _trunk(tensors)
         return cls([(first.flip(1), bias), *others], _CAFFE_MEAN, _CAFFE_SPREAD)
 
     @classmethod
     def of_torchvision(cls, tensors: Mapping[str, Tensor]) -> Self:
-        """The trunk of the ImageNet classifier that torchvision publishes."""
+        """Returns the trunk of torchvision's ImageNet classifier."""
         return cls(_trunk(tensors), _IMAGENET_MEAN, _IMAGENET_SPREAD)
 
     def features(self, picture: Tensor, layers: Sequence[str]) -> list[Tensor]:
-        """Feature maps [c, h, w], after the rectifier, of layers such as "conv3_3", for sRGB [3, H, W] in [0, 1].
+        """Returns feature maps [c, h, w], after the rectifier, of layers like "conv3_3", for sRGB [3, H, W] in [0, 1].
 
-        Nothing is computed beyond the last of the layers.
+        Stops at the last of these layers. Raises ValueError if a layer is unknown.
         """
         unknown = set(layers) - set(_NAMES)
         if unknown:
@@ -69,28 +70,28 @@ class Vgg16:
 
 
 def _trunk(tensors: Mapping[str, Tensor]) -> list[tuple[Tensor, Tensor]]:
-    """The convolutions, under the names that torchvision gives them."""
+    """Returns the convolutions, by their names in torchvision."""
     return [_layer(tensors, f"features.{position}") for position in _POSITIONS]
 
 
 def _layer(tensors: Mapping[str, Tensor], name: str) -> tuple[Tensor, Tensor]:
-    """Weight and bias of one convolution."""
+    """Returns weight and bias of one convolution."""
     try:
         return tensors[f"{name}.weight"], tensors[f"{name}.bias"]
     except KeyError as cause:
         raise WeightsError(f"The weights hold no {name!r}, so they are not VGG16's; fetch them again.") from cause
 
 
-# HED: where a person would draw the edges of a picture (Xie and Tu 2015).
+# HED: probable edges in a picture, as a person would draw them (Xie and Tu 2015)
 #
-# A side output looks at each of VGG16's five blocks, from fine to coarse; a weighted sum fuses them.
+# A side output reads each of VGG16's five blocks, from fine to coarse. A weighted sum combines them.
 
 _SEEN = ("conv1_2", "conv2_2", "conv3_3", "conv4_3", "conv5_3")
 _SIDES = tuple(f"dsn{number}" for number in range(1, 6))
 
 
 class Hed:
-    """The edge detector with frozen weights, by the tensors of the weights `hed`. Raises WeightsError."""
+    """Edge detector HED with frozen weights from the tensors of the weights `hed`. Raises WeightsError."""
 
     def __init__(self, tensors: Mapping[str, Tensor]) -> None:
         self._trunk = Vgg16.of_hed(tensors)
@@ -103,7 +104,7 @@ class Hed:
             ) from cause
 
     def edges(self, picture: Tensor) -> Tensor:
-        """How likely each pixel of sRGB [3, H, W] in [0, 1] lies on an edge, [H, W] in [0, 1]; differentiable."""
+        """Returns the edge probability of each pixel of sRGB [3, H, W] in [0, 1]: [H, W] in [0, 1]. Differentiable."""
         size = list(picture.shape[1:])
         sides = []
         for seen, (weight, bias) in zip(self._trunk.features(picture, _SEEN), self._sides, strict=True):
