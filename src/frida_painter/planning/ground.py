@@ -23,7 +23,7 @@ _ROWS = 64
 _TRYING, _TRIAL_ROWS = 0.1, 96  # share of the planner's effort; rows of the picture
 _FEWEST = 8  # strokes of a quick plan
 _CLEARLY = 0.944  # share of the loss: 0.25 dB, by which quick plans on the same ground differ by chance
-_OTHER = 25.0
+_OTHER = 25.0  # CIELAB distance above which two colours count as equally different
 
 
 def proposed_ground(
@@ -97,10 +97,10 @@ def _in_paint(picture: Tensor, planner: Planner) -> Tensor:
 
 
 def ground_around_things(planner: Planner) -> tuple[float, float, float]:
-    """The colour that is commonest around the things of the picture that a goal begins with, sRGB in 256 steps.
+    """Returns the commonest colour around the things of the goal's start picture, in sRGB rounded to 8 bits.
 
-    It needs no strokes then, which the things have instead: a hundred of them do not cover a canvas. White where the
-    goal begins without a picture, or with one that says nothing of things.
+    This colour then needs no strokes, and the things get them instead; a hundred strokes do not cover a canvas. The
+    ground is white if the goal starts without a picture, or with one that has no importance map.
     """
     term = next((term for term in planner.goal.initial_terms if term.guide is not None), None)
     if term is None or term.guide is None or term.importance is None:

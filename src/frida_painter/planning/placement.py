@@ -206,7 +206,7 @@ def _contrast(strokes: Strokes, scene: Scene) -> Tensor:
 
 
 def _visible(strokes: Strokes, tells: Tensor, aside: Tensor, scene: Scene) -> tuple[Tensor, Tensor]:
-    """Returns where contrasting strokes are visible: masks [H, W] of the strokes to learn from, and of those kept aside.
+    """Returns masks [H, W] of visible contrasting strokes: those to learn from, and those kept for validation.
 
     tells [n], aside [n]: True for contrasting strokes, and for strokes kept for validation.
     """
@@ -313,7 +313,10 @@ def locate(meant: Strokes, known: Placement, before: Scene, seen: Tensor) -> Pla
 
 
 def moved(strokes: Strokes, error: tuple[float, ...], size: CanvasSize) -> Strokes:
-    """Returns the strokes where they land with this error: metres, metres, radians (`Placement.error`)."""
+    """Returns the strokes as they land with this error.
+
+    error: metres, metres, radians, as `Placement.error`.
+    """
     x, y, turn = error
     position = (strokes.position - _middle(strokes, size)) @ _rotation(strokes, turn) + _middle(strokes, size)
     return strokes.with_groups(position=position + position.new_tensor([x, y]), angle=strokes.angle + turn)

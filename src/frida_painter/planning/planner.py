@@ -488,7 +488,10 @@ class Planner:
             return self.scenes.of(canvas, self.fine, layer.brush).render(layer.strokes).cpu()
 
     def _clear(self, plan: Plan) -> Plan:
-        """Returns the plan with no stroke that touches the region; strokes are moved out of it if possible, else left out."""
+        """Returns the plan without a stroke that touches the region.
+
+        Strokes are moved out of the region if possible, else left out.
+        """
         if self.region is None or len(plan) == 0:
             return plan
         return self.region.cleared(plan, self.scenes.models, self.fine.rows, self.device)

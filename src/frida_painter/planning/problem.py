@@ -62,7 +62,10 @@ class Scene:
         return self.model.limits.within(self.size)
 
     def in_paint(self, color: Tensor) -> Tensor:
-        """Returns the nearest colour that paint can have: sRGB [..., 3] in [0, 1], no channel below the darkest paint."""
+        """Returns the nearest colour that paint can have.
+
+        color [..., 3]: sRGB. The result is in [0, 1], with no channel below the darkest paint.
+        """
         return color.clamp(0, 1) if self.darkest is None else torch.maximum(color.clamp(max=1), self.darkest)
 
     def marks(self, strokes: Strokes) -> Marks:
@@ -244,7 +247,10 @@ class Region:
         return None
 
     def _crossed_by(self, strokes: Strokes, size: CanvasSize, rows: int) -> Tensor:
-        """Returns True for each stroke whose path, without width, crosses the region, [n]; much faster than rendering."""
+        """Returns True for each stroke whose path, without width, crosses the region, [n].
+
+        This is faster than rendering.
+        """
         grid = PixelGrid.of_height(size, rows)
         along = torch.linspace(0, 1, 9).to(strokes.length)
         pixel = grid.to_pixels(strokes.path(along)).round().long()  # [n, 9, 2]
@@ -289,7 +295,10 @@ class Scenes:
     darkest: tuple[float, float, float] | None = None
 
     def of(self, canvas: Tensor, grid: PixelGrid, brush: str, objective: WeightedObjective | None = None) -> Scene:
-        """Returns the scene of a canvas picture [3, H, W] on a grid, with a brush. Raises PlanError for an unknown brush."""
+        """Returns the scene of a canvas picture [3, H, W] on a grid, with a brush.
+
+        Raises PlanError for an unknown brush.
+        """
         if brush not in self.models:
             known = ", ".join(self.models)
             raise PlanError(f"The plan is for the brush {brush!r}, and here are {known}; name it in --brushes.")
@@ -307,12 +316,18 @@ class Scenes:
         return self.of(canvas, grid, brush, self.initial_objective)
 
     def stack(self, plan: Plan, canvas: Tensor, grid: PixelGrid) -> tuple[list[Strokes], list[Scene]]:
-        """Returns the strokes of each brush in turn, and a scene of the canvas for each; one of each for an empty plan."""
+        """Returns the strokes of each brush in turn, and a scene of the canvas for each.
+
+        One of each for an empty plan.
+        """
         runs = plan.by_brush() or [(plan.layers[0].brush, plan.strokes)]
         return [strokes.to(self.device) for _, strokes in runs], [self.of(canvas, grid, brush) for brush, _ in runs]
 
     def guide(self, scene: Scene) -> Tensor | None:
-        """Returns the picture, at the scene's resolution, that shows where strokes are needed; None if the goal has none."""
+        """Returns the picture that shows where strokes are needed, at the scene's resolution.
+
+        None: the goal has none.
+        """
         picture = next((term.guide for term in self.goal.initial_terms if term.guide is not None), None)
         if picture is None:
             return None
