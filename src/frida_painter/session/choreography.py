@@ -264,7 +264,10 @@ class _Hand:
 
 
 def _on_canvas(plan: Plan, choreography: Choreography) -> tuple[NDArray[np.float64], list[float]]:
-    """Returns the tip positions above each stroke's start and end, robot frame [n, 2, 3], and the path lengths in metres."""
+    """Returns the tip positions above each stroke's start and end, and the lengths of the paths in metres.
+
+    The positions are in the robot frame, [n, 2, 3].
+    """
     motion = choreography.motion
     path = plan.strokes.detach().to(torch.float64).path(torch.linspace(0, 1, 33, dtype=torch.float64)).numpy()
     lengths = np.linalg.norm(np.diff(path, axis=1), axis=2).sum(1)
