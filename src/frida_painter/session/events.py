@@ -4,6 +4,7 @@ There are two sorts of events. A `Moment` carries plans and pixels and stays ins
 `Written` event is plain data with a JSON form (`record`, `events_of`), named after its class. It stands in the
 journal, in the feed of the studio page, or in both, and names pictures by their files. Listeners receive both
 sorts.
+
 This module loads neither torch nor the planner, because the web process reads events.
 """
 
@@ -240,7 +241,7 @@ class Remark:
 
 @dataclass(frozen=True)
 class Finishing:
-    """Nothing moves any more; film, page and exports are being made."""
+    """The robot no longer moves; film, page and exports are being made."""
 
 
 @dataclass(frozen=True)
@@ -606,7 +607,7 @@ class Photographed:
 
 @dataclass(frozen=True)
 class Paused:
-    """Nothing moves until a person answers; the arm is at home and the brush is clean. `reason` is a sentence.
+    """The painting waits for a person; the arm is at home and the brush is clean. `reason` is a sentence.
 
     turn: True if the pause is the person's turn to paint.
     """

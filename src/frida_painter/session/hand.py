@@ -314,7 +314,10 @@ class Brushwork:
         self._gateway.check(each for name in names for each in motion.change(name, name))
 
     def changing(self, brush: str) -> list[tuple[Waypoints, str]]:
-        """Returns the motions that bring a brush of the rack ("" for none) into the hand, with the held brush after each."""
+        """Returns the motions that change the brush with the rack, and the held brush after each motion.
+
+        brush: brush that is to be in the hand; "" for none.
+        """
         motion = self._choreography().motion
         steps: list[tuple[Waypoints, str]] = []
         if self.held and self.held != brush:

@@ -1,6 +1,7 @@
 """Closed loop of a painting: plan, paint some strokes, look, replan the rest (paper, Algorithm 1, `paint`).
 
 Start reading here. This file holds only the order of the steps; these modules perform them:
+
     look at the bare canvas, have it toned if a ground is wanted, and plan
     while strokes are left:
         paint a batch of strokes                         act      executor.py, hand.py

@@ -51,7 +51,7 @@ class CanvasStart:
     """Allowed start of a painting.
 
     ground: sRGB of the ground, to be toned or already there.
-    on_canvas: True if the painting begins on what is on the canvas.
+    on_canvas: True if the canvas has a painting, which the new one begins on.
     paint_on: called with a sentence and the canvas [3, H, W] if something is on it unexpectedly; returns True to
     paint on.
     """
@@ -203,8 +203,9 @@ class CanvasObserver:
         self._film_view: FilmView | None = None
 
     def look(self, last_motion: float, rows: int) -> Tensor:
-        """Returns the canvas [3, rows, columns] in sRGB after `last_motion` (seconds of the robot's clock), for display.
+        """Returns the canvas [3, rows, columns] in sRGB, for display.
 
+        last_motion: seconds of the robot's clock; the photograph is newer.
         Raises CameraError if the camera gives no newer photograph, or none that shows the canvas.
         """
         return self.see(self.photograph(last_motion).image, rows)

@@ -290,9 +290,7 @@ class ExecutionMonitor:
                 self._brushwork.last_motion, PHOTOGRAPH_ROWS, expected, doubtful=self._looked_after == progress.painted
             )
         except FrameDoubtful:
-            self._looked_after = (
-                progress.painted
-            )  # a person who goes on now accepts the photograph until more is painted
+            self._looked_after = progress.painted  # accepted by a person who goes on now
             raise
         self._journal.looked(frame, self._observer.light)
         self._interruptions.touched = False

@@ -195,8 +195,10 @@ def looks_on_the_way(policy: ReplanPolicy, strokes: int) -> list[int]:
 
 
 def replan_policy_named(text: str) -> ReplanPolicy:
-    """Returns the policy for "4" (number of replans), "every:75", "when-off-by:0.02", "when-it-pays", or a plugin's name.
+    """Returns the replan policy that a text names.
 
+    The text is "4" (number of replans), "every:75", "when-off-by:0.02", "when-it-pays", or the name of a plugin's
+    policy.
     Raises ConfigError for an unknown name or a wrong argument.
     """
     name, _, argument = text.strip().partition(":")
