@@ -1,18 +1,19 @@
 """Folder of a painting: its description, copies of its pictures, its journal and its results.
 
-| file | content | made again from |
-|---|---|---|
-| settings.json | the RunSpec | nothing: resuming needs it |
-| goal/ | the goal (TOML) with copies of its pictures; changes/N/goal if it was changed midway | nothing |
-| journal | every stroke, motion, plan and photograph | nothing |
-| plan.json, plan-*.safetensors | the plan of all strokes | nothing |
-| photographs/ | the photographs for decisions | nothing |
-| studio.diary | the log of a simulated studio | nothing |
-| calibration.json | the calibration of the easel at the time of the painting | nothing |
-| sketchbook/ | timelapse frames and looks, for film and page | nothing |
-| film.mp4, painting.png, index.html, result.json, palette.png, mixing.png, strokes.svg, strokes.csv | the results
-for a person | the files above, by `resume` |
-"""  # noqa: E501
+Resuming needs these files, and nothing can make them again:
+
+settings.json: the RunSpec.
+goal/: the goal (TOML) with copies of its pictures; changes/N/goal if it was changed midway.
+journal: every stroke, motion, plan and photograph.
+plan.json, plan-*.safetensors: the plan of all strokes.
+photographs/: the photographs for decisions.
+studio.diary: the log of a simulated studio.
+calibration.json: the calibration of the easel at the time of the painting.
+sketchbook/: timelapse frames and looks, for film and page.
+
+`resume` can make the results for a person again: film.mp4, painting.png, index.html, result.json, palette.png,
+mixing.png, strokes.svg and strokes.csv.
+"""
 
 import hashlib
 import json
@@ -72,7 +73,10 @@ PAUSE_FILE = "pause"
 
 
 def new_folder(out: Path | None, name: str, needed: int) -> Path:
-    """Makes a new, empty folder with room for `needed` bytes: `out`, or one under "paintings" with the painting's name."""
+    """Makes a new, empty folder with room for `needed` bytes.
+
+    The folder is `out`, or one under "paintings" that is named after the painting and the time.
+    """
     folder = out or Path("paintings") / f"{name}-{datetime.now():%Y%m%d-%H%M%S}"
     storage.require_space(folder, needed)
     storage.new_folder(folder)

@@ -375,7 +375,10 @@ class PaintingRun:
         return self.session
 
     def _stop_asked(self) -> bool:
-        """Returns True if painting ends after this stroke or planning iteration: on request, or after a stop of the robot."""
+        """Returns True if painting ends after this stroke or planning iteration.
+
+        It ends on request, or after a stop of the robot.
+        """
         return self.controls.stop_asked() or (self._process is not None and self._process.stopped)
 
     def _paint_on(self, sentence: str, canvas: Tensor) -> bool:

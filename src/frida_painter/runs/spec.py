@@ -253,7 +253,7 @@ def paints_of(palette: Path) -> int:
     """
     if is_palette_file(palette):
         return len(read_colors(palette))
-    from frida_painter.perception.color import read_palette  # with it come tensors
+    from frida_painter.perception.color import read_palette  # loads tensors
 
     try:
         return len(read_palette(palette, None))
