@@ -155,11 +155,14 @@ class Tuft:
             self.pigment += _LEVELLING * (even[:, None] * mean - self.pigment)
 
     def feet(self, path: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-        """Returns the contact of each bristle along a path, [k, n, 3], and the drag of the tuft in mm at each step, [k].
+        """Returns the contact of each bristle along a path, and the drag of the tuft in each step.
 
         path [k, 3]: x, y of the tip in mm on the canvas, and depth (0 lightest touch, 1 hardest press), evenly
         spaced.
-        The contact is x, y in mm, and the pressed depth of the bristle; at 0 or below, the bristle is in the air.
+        Returns contacts [k, n, 3]: x, y in mm, and the pressed depth of the bristle; at 0 or below, it is in the
+        air.
+        Returns drags [k]: mm in each step.
+
         The tuft takes a slightly different shape with every stroke.
         """
         random, n, lock = self._random, len(self.load), self._lock

@@ -226,7 +226,10 @@ class VirtualCamera:
 
 
 def _optics(spec: CameraSpec, width: float, height: float) -> tuple[NDArray[np.float32], Corners]:
-    """Returns the point of each pixel on the canvas plane, [rows, columns, 2] mm, and the canvas's corners in pixels."""
+    """Returns the view of each pixel, and the canvas's corners in pixels.
+
+    The view [rows, columns, 2] is the point on the canvas plane in mm.
+    """
     rows, columns = spec.photograph
     distance = 2.2 * math.hypot(width, height)
     tilt = np.array([[1, 0, 0], [0, math.cos(spec.tilt), math.sin(spec.tilt)],
@@ -284,7 +287,7 @@ def _light(spec: CameraSpec, random: np.random.Generator) -> NDArray[np.float32]
 
 
 def _leaning(shape: tuple[int, ...], lean: tuple[float, float]) -> NDArray[np.float32]:
-    """Returns the factor of brightness at each pixel [rows, columns] if the light comes from the (right, lower) side."""
+    """Returns the factor of brightness [rows, columns] if the light comes from the (right, lower) side."""
     down, across = np.linspace(-1, 1, shape[0])[:, None], np.linspace(-1, 1, shape[1])[None]
     return np.maximum(0, 1 + lean[0] * across + lean[1] * down).astype(np.float32)
 

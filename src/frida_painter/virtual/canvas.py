@@ -201,7 +201,10 @@ def _look(wet, ground, dry, changed, looks, cell):  # type: ignore[no-untyped-de
 
 
 def _cloth(rows: int, columns: int, cell: float, random: np.random.Generator) -> NDArray[np.float32]:
-    """Returns the tooth [rows, columns] of a primed cloth, uniform in [0, 1]: threads both ways, and the primer's grain."""
+    """Returns the tooth [rows, columns] of a primed cloth, uniform in [0, 1].
+
+    The tooth consists of threads in both directions and the primer's grain.
+    """
 
     def noise(along: float, across: float) -> NDArray[np.float32]:
         rough = random.standard_normal((rows, columns), dtype=np.float32)

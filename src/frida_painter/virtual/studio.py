@@ -442,7 +442,7 @@ def open_studio(
 
 
 def _first_look(settings: StudioSettings, canvas: CanvasSize) -> NDArray[np.float64]:
-    """Returns the first linear reflectance of the canvas: [3], or that of the picture [h, w, 3], row 0 at the bottom."""
+    """Returns the first linear reflectance of the canvas: [3], or a picture [h, w, 3] with row 0 at the bottom."""
     if settings.picture is None:
         return to_linear(np.array(settings.ground))
     grid = PixelGrid.of_height(canvas, _PICTURE_ROWS)
@@ -462,10 +462,10 @@ def _furnishing(canvas: CanvasSize, brush: str, settings: StudioSettings, seed: 
 
 
 def load_kernels(brush: str) -> None:
-    """Dips, touches and takes a photograph in a small studio, to load its kernels: half a second, or more without a cache.
+    """Loads the kernels: dips, touches and takes a photograph in a small studio.
 
-    Loading blocks all threads of a process, also the one that watches for a stop. Raises ConfigError for an unknown
-    brush.
+    This takes half a second, or more without a cache. It blocks all threads of a process, also the one that watches
+    for a stop. Raises ConfigError for an unknown brush.
     """
     settings = StudioSettings(cell=2.0, camera=CameraSpec((30, 40)))
     easel = open_studio(CanvasSize(0.2, 0.2), brush, settings=settings).easel
