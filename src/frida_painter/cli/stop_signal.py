@@ -32,9 +32,10 @@ class StopSignal:
         return 128 + (self.signal or signal.SIGINT)
 
     def hear(self, number: int, frame: FrameType | None) -> None:
-        """Handles a signal: SIGHUP and the first SIGINT ask to stop, SIGTERM and the second SIGINT stop the robot at once.
+        """Handles a signal.
 
-        A third SIGINT raises KeyboardInterrupt, which ends the program.
+        SIGHUP and the first SIGINT ask to stop; SIGTERM and the second SIGINT stop the robot at once. A third
+        SIGINT raises KeyboardInterrupt, which ends the program.
         """
         self.asked, self.signal = True, self.signal or number
         if number == signal.SIGHUP:
