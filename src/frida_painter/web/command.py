@@ -106,9 +106,7 @@ def studio(
             better = "" if certified else " Better: --certificate and --key, or an SSH tunnel to this machine."
             print(f"It listens on {address}: whoever has one of these links can use it{read}.{better}", flush=True)
         if browser:
-            webbrowser.open(
-                links.once
-            )  # others on this machine can read a browser's command line, so the link works once
+            webbrowser.open(links.once)  # valid once: others can read a browser's command line
 
     with LoopCompiler():  # compiles while people look at the page; the first plan waits for it
         serve(store, easel, listen(address, port), tuple(name or ()), tell, stop_port, certified)
