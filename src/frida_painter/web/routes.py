@@ -715,7 +715,11 @@ async def events(
     streams: TheStreams,
     of: Annotated[list[str], Query(max_length=MOST_TOPICS)],
 ) -> EventStream:
-    """Streams the states of paintings (by id), of "calibration" and of "paintings" at each change (server-sent events)."""
+    """Streams states to a browser at each change, as server-sent events.
+
+    of: names of topics: ids of paintings, "calibration", and "paintings" for the gallery.
+    Answers 404 for an unknown painting, 503 if too many streams are open.
+    """
     topics = await run_in_threadpool(lambda: [_topic(name, store, feeds) for name in dict.fromkeys(of)])
     if not streams.take_seat(session.role):
         raise HTTPException(503, "Too many are watching already; close another page first.")

@@ -100,7 +100,7 @@ def _make(path: Path) -> None:
 
 STOP, HEARD = b"!", b"+"
 WORK, PRESS, END = "work", "press", "end"
-"""How a caller begins, followed by a name and a line's end: a worker, a stop, the listener's end."""
+"""First words of a caller, followed by a name and a line's end: a worker, a stop, the listener's end."""
 _SOCKET = ".stop"
 _LONGEST = 100  # bytes; a local socket's address has at most 104 to 108
 _BETWEEN_CALLS = 0.5  # seconds
@@ -113,7 +113,10 @@ class StopPressed(Exception):
 
 @contextmanager
 def address(folder: Path) -> Iterator[str]:
-    """Yields the address of the listener's local socket for the studio in `folder`, short enough for the system's limit."""
+    """Yields the address of the listener's local socket for the studio in `folder`.
+
+    The address is short enough for the system's limit.
+    """
     whole = str(folder.absolute() / _SOCKET)
     if len(os.fsencode(whole)) <= _LONGEST:
         yield whole

@@ -113,7 +113,7 @@ class PaintingStore:
             base.execute("DELETE FROM painting WHERE id = ?", (entry.id,))
 
     def note(self, by: str, painting: str, what: str) -> None:
-        """Records who asked for what, and when; these records cannot be changed."""
+        """Adds a record of an action: its time, person and painting; records cannot be changed."""
         with self._base() as base:
             at = datetime.now().astimezone().isoformat(timespec="milliseconds")
             base.execute("INSERT INTO deed VALUES (?, ?, ?, ?)", (at, by, painting, what))

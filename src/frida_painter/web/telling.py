@@ -133,7 +133,10 @@ def palette(plan: Plan) -> list[dict[str, Any]]:
 
 
 def mixtures(plan: Plan) -> list[dict[str, Any]]:
-    """Returns for each paint of a plan its recipe from common acrylics, its millilitres, and True if it is within reach."""
+    """Returns for each paint of a plan its recipe from common acrylics and its millilitres.
+
+    near: True if the recipe comes within reach of the paint's colour.
+    """
     found = recipes(plan.palette.color, usual_paints())
     return [
         {"recipe": recipe.words, "millilitres": round(amount, 1), "near": recipe.within_reach}
