@@ -122,7 +122,10 @@ def _ends(strokes: Strokes, light_to_dark: bool) -> list[slice]:
 
 
 def propose(error: Tensor, count: int, limits: StrokeLimits, size: CanvasSize, generator: torch.Generator) -> Strokes:
-    """Returns `count` strokes of random shape whose middles lie at large errors [H, W], on the device of the error."""
+    """Returns `count` strokes of random shape, on the device of the error.
+
+    Large errors [H, W] attract their middles.
+    """
     _, columns = error.shape
     wanted, error = error, error.cpu()  # same random choices on every device
     chosen = torch.multinomial(error.flatten() + 1e-12, count, replacement=True, generator=generator)

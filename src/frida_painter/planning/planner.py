@@ -328,7 +328,8 @@ class Planner:
         palette: mixed paints for the layer of the next stroke, in the order of the wells. Later layers without new
         paints use them too.
         canvas [3, H, W]: picture of the canvas.
-        Each stroke of these layers gets the nearest paint; then the strokes are polished together.
+        Each stroke of these layers gets the nearest paint. Each of these layers is then polished on the expected
+        canvas below it.
         """
         parts = plan.filled_layers()
         if not parts:

@@ -307,7 +307,8 @@ class Timelapse:
         leaves: True if the hand leaves the canvas now anyway, for paint or for a look.
 
         A frame costs a trip of the arm, so it waits until the hand leaves the canvas anyway. It waits at most until
-        the next frame is due, but at least eight strokes. Frames that become due meanwhile are left out.
+        the next frame is due, or eight strokes if frames are due more often. Frames that become due meanwhile are
+        left out.
         """
         if self.due(done, of) <= taken:
             return False

@@ -62,7 +62,7 @@ class PlanKeeper:
         self._progress, self._tell = progress, tell
 
     def begin(self, strokes: int, colors: int, made: Plan | None = None) -> None:
-        """Adopts a plan with this number of strokes: the given one if the canvas fits it, else a new one.
+        """Adopts a plan with this number of strokes: `made` if the canvas shows only its ground, else a new one.
 
         Raises ConfigError if no painting fits the budget.
         """

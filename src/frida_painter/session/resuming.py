@@ -124,7 +124,7 @@ def recall_brush(hand: Brushwork, history: History, answer: Callable[[Question],
 
 
 def light(history: History) -> FlatField | None:
-    """Returns the light of the room at the last look; None before the first look."""
+    """Returns the light of the room from the journal; None before the first look."""
     return FlatField(torch.tensor(history.light)) if history.light is not None else None
 
 
