@@ -216,7 +216,7 @@ def _goals() -> Iterator[str]:
 
 
 def _policies() -> Iterator[str]:
-    """Yields the names of replan policies, in the same form."""
+    """Yields the names of replan policies: our own in one line, then those of other packages."""
     return _listed(registry.parts(registry.REPLAN_POLICIES), object, lambda policy: "")
 
 

@@ -246,7 +246,7 @@ def resume(
 
 
 def _show_canvas(run: "PaintingRun") -> "Callable[[Event], None]":
-    """Returns a listener that prints the file of the found canvas when painting goes on."""
+    """Returns a listener that prints where the picture of the canvas is when a painting is resumed."""
     from frida_painter.cli.leading import say
     from frida_painter.runs.folder import NOW
     from frida_painter.session.events import Resumed

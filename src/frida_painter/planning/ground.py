@@ -99,8 +99,8 @@ def _in_paint(picture: Tensor, planner: Planner) -> Tensor:
 def ground_around_things(planner: Planner) -> tuple[float, float, float]:
     """Returns the commonest colour around the things of the goal's start picture, in sRGB rounded to 8 bits.
 
-    This colour then needs no strokes, and the things get them instead; a hundred strokes do not cover a canvas. The
-    ground is white if the goal starts without a picture, or with one that has no importance map.
+    Areas of this colour need no strokes, so that more strokes remain for the things. A hundred strokes do not cover
+    a canvas. The ground is white if the goal has no start picture, or if that picture has no importance map.
     """
     term = next((term for term in planner.goal.initial_terms if term.guide is not None), None)
     if term is None or term.guide is None or term.importance is None:

@@ -1,9 +1,9 @@
 """Placement of strokes on the real canvas, learned from the photograph after each batch.
 
-A robot that stands a few millimetres off the canvas shifts every stroke in the same way. The shift is found from
-the strokes just painted and the canvas before and after them. It is the rigid motion that makes the simulated
-strokes look most like the seen ones. The fit is a least-squares fit on blurred pictures together with the earlier
-estimate. Each is weighted by its information, like in a Kalman filter for a constant.
+A robot that stands a few millimetres beside its expected position shifts every stroke in the same way. The shift is
+found from the strokes just painted and the canvas before and after them. It is the rigid motion that makes the
+simulated strokes look most like the seen ones. The fit is a least-squares fit on blurred pictures together with the
+earlier estimate. Each is weighted by its information, as in a Kalman filter for a constant.
 """
 
 import math

@@ -246,7 +246,7 @@ class PaintingRun:
         return self._easel
 
     def load_easel(self, launch: EaselLaunch | None = None) -> None:
-        """Starts the easel's process, which loads beside the planner; or takes over a started one."""
+        """Starts the easel's process, or uses one that was started before; it loads in parallel with the planner."""
         self._process = self._stack.enter_context(EaselProcess(launch or EaselLaunch(self.spec.robot)))
 
     def start(self, plan: Plan | None = None) -> RunOutcome:

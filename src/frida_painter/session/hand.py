@@ -371,8 +371,8 @@ STROKES_PER_DIP = 4
 def refilled(kind: BrushKind, record: Calibration, *, simulated: bool) -> BrushKind:
     """Returns the brush with the capacity of one dip at the easel of that record.
 
-    The record's stroke library shows the capacity. Otherwise the capacity is a fixed number of strokes, but in the
-    virtual studio it is the known one of the project's brushes.
+    The record's stroke library shows the capacity. Without it, the capacity is a fixed number of strokes. In the
+    virtual studio, a brush of the project then keeps its known capacity.
     Raises LibraryError if the library is damaged.
     """
     if kind.name in record.others:

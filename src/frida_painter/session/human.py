@@ -313,7 +313,7 @@ class ByHand(PersonAsOperator):
         self._coming = [motion for motion in motions if len(motion.position) > 1]
 
     def connect(self) -> None:
-        """Connects the robot behind it."""
+        """Connects `easel.robot`."""
         self._robot.connect()
 
     def home(self) -> MotionReport:
@@ -353,7 +353,7 @@ class ByHand(PersonAsOperator):
         self._robot.stop()
 
     def close(self) -> None:
-        """Closes the robot behind it."""
+        """Closes `easel.robot`."""
         self._robot.close()
 
     def _changing_to(self, brush: str) -> str:

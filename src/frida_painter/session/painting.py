@@ -18,7 +18,7 @@ class CanvasMemory:
 
     before: picture [3, H, W] from the last look, with `strokes` strokes of the plan on it; None before the first
     look.
-    left_out: indices of strokes that a person left out who paints by hand.
+    left_out: indices of strokes that a person who paints by hand left out.
     """
 
     before: Tensor | None = None

@@ -175,7 +175,10 @@ class StopWatch:
             raise StopPressed
 
     def then(self, reaction: Callable[[], None]) -> None:
-        """Adds a reaction that runs at once, in a watching thread, when stop is pressed; it runs now after a stop."""
+        """Adds a reaction to a stop.
+
+        It runs at once when stop is pressed, in a watching thread. If stop was pressed before, it runs now.
+        """
         with self._turn:
             self._reactions.append(reaction)
             asked = self.asked
