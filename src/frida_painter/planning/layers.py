@@ -204,7 +204,7 @@ class LayerAtWork:
 
 
 def mixed_later(rest: Plan, new_paints: bool, *, fresh: bool) -> list[bool]:
-    """Returns True for each layer with strokes whose paints are its own and are not mixed yet.
+    """Returns a bool for each layer that has strokes: True if its paints are its own and are not mixed yet.
 
     rest: part of the plan that is not painted.
     new_paints: True if layers have palettes of their own.

@@ -323,7 +323,7 @@ def moved(strokes: Strokes, error: tuple[float, ...], size: CanvasSize) -> Strok
 
 
 def _unmoved(strokes: Strokes, error: tuple[float, ...], size: CanvasSize) -> Strokes:
-    """Returns the strokes as sent by the robot, so that with this error they land where the given strokes are."""
+    """Returns the strokes as the robot must be sent, so that with this error they land at the given places."""
     x, y, turn = error
     offset = strokes.position - strokes.position.new_tensor([x, y]) - _middle(strokes, size)
     position = offset @ _rotation(strokes, -turn) + _middle(strokes, size)

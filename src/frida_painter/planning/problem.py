@@ -324,10 +324,7 @@ class Scenes:
         return [strokes.to(self.device) for _, strokes in runs], [self.of(canvas, grid, brush) for brush, _ in runs]
 
     def guide(self, scene: Scene) -> Tensor | None:
-        """Returns the picture that shows where strokes are needed, at the scene's resolution.
-
-        None: the goal has none.
-        """
+        """Returns the picture, at the scene's resolution, that shows where strokes are needed, or None."""
         picture = next((term.guide for term in self.goal.initial_terms if term.guide is not None), None)
         if picture is None:
             return None

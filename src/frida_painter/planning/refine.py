@@ -45,7 +45,7 @@ def distinct(palette: Palette, color: Tensor, weight: Tensor, apart: float) -> P
 
 
 def without_twins(paints: Paints, apart: float) -> Paints:
-    """Returns the paints after merging those much nearer than `apart`; strokes keep their order."""
+    """Returns the paints after merging all that are closer than 0.8 times `apart`; strokes keep their order."""
     strokes = torch.bincount(paints.paint, minlength=len(paints.color)).to(paints.color)
     colors, number = _merged(paints.color, strokes, _GROWN * apart)
     return Paints(colors, number[paints.paint], paints.first)

@@ -89,7 +89,7 @@ class Choreography:
             load, already_done = BrushLoad(), already_done + len(part)
 
     def loads(self, layer: Plan, load: BrushLoad) -> list[tuple[bool, BrushLoad]]:
-        """Returns for each stroke of a layer True if the brush is dipped before it, and the brush load after it.
+        """Returns for each stroke of a layer if the brush is dipped before it, and the brush load after it.
 
         load: paint on the brush at the beginning.
         """
@@ -115,7 +115,7 @@ class Choreography:
             yield Action(motions, StrokePainted(number, of, (red, green, blue)), load)
 
     def cleaning_between(self, layer: Plan, held: int | None, paint: int) -> tuple[Waypoints, ...]:
-        """Returns the motions that clean a brush between two paints of a layer; fewer ones if the next paint is darker.
+        """Returns the motions that clean a brush between two paints of a layer; a darker next paint needs fewer.
 
         held: paint on the brush, None for a clean one.
         """
