@@ -112,7 +112,8 @@ def make_goal(
     weights: weight of each kind, by its name, above 0; 1 by default.
 
     Semantic, sketch, text and style need networks that `frida-painter models fetch` gets.
-    Raises ConfigError for an unknown kind or a wrong weight, ImageError if a picture cannot be read.
+    Raises ConfigError if no input is given, or for an unknown kind or a wrong weight. Raises ImageError if a picture
+    cannot be read.
     """
     given = dict(zip(_KINDS, (image, semantic, sketch, text, style), strict=True))
     weights = weights or {}
