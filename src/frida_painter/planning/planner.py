@@ -43,8 +43,8 @@ from frida_painter.planning.variables import Paints
 
 # Layers: later strokes go on the dry paint of earlier ones, and start light again, as painters work.
 #
-# The strokes of later layers are a reserve. Shortly before a later layer begins, its strokes move to where the seen
-# canvas differs most from the goal. There, light paint may cover dark paint.
+# The strokes of later layers are a reserve. When a later layer begins, the replan moves its strokes to the places
+# where the seen canvas differs most from the goal. There, light paint may cover dark paint.
 
 LAYERS = 2
 """Default number of layers of a plan towards a picture."""
