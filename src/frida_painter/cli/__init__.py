@@ -1,1 +1,1 @@
-"""The command line: parse, call, show."""
+"""Command line: reads options, calls the library and shows results."""

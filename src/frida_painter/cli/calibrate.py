@@ -1,4 +1,4 @@
-"""The commands that get to know an easel: calibrate, doctor."""
+"""Commands for an easel: calibrate, doctor and arm."""
 
 import sys
 from enum import StrEnum
@@ -22,7 +22,7 @@ from frida_painter.options import (
 
 
 class What(StrEnum):
-    """What can be calibrated."""
+    """Names of the calibration procedures, and all of them."""
 
     canvas = "canvas"
     robot = "robot"
@@ -131,7 +131,7 @@ def doctor(
         raise typer.Exit(1)
 
 
-# The command that lets a stopped robot move again: arm.
+# Command that lets a stopped robot move again: arm.
 
 
 def arm(
@@ -151,7 +151,7 @@ def arm(
     for latch in held:
         stopped = latch.read()
         if stopped is None:
-            continue  # somebody else was faster
+            continue  # another process has released it
         print(f"{stopped}.")
         if yes or _confirmed():
             latch.release()
@@ -161,7 +161,10 @@ def arm(
 
 
 def _confirmed() -> bool:
-    """Whether the person at the terminal says so. Raises RobotStopped where nobody sits there."""
+    """Returns True if the person at the terminal confirms.
+
+    Raises RobotStopped if nobody sits at a terminal, Interrupted if the person leaves.
+    """
     if not sys.stdin.isatty():
         raise RobotStopped(
             "A robot is armed by somebody who looks at it: run `frida-painter arm` in a terminal beside it, or, from a "

@@ -1,4 +1,4 @@
-"""What `calibrate` does: procedures are led at an easel, and what they find is entered into its record."""
+"""Work of `calibrate` and `doctor`: leads procedures at an easel, saves their results, and shows a record's state."""
 
 import platform
 import shutil
@@ -27,9 +27,10 @@ from frida_painter.session.opening import OLD, ProcedureStatus, planning_device,
 
 
 def lead_all(names: Sequence[str], setup: "CalibrationSetup", *, anew: bool, ask: bool) -> None:
-    """Does the procedures of these names, and enters each into the record as soon as it is done.
+    """Runs these procedures, and enters each result into the record at once.
 
-    anew: all that was known is done again; ask: a person answers, else the virtual studio agrees to what is proposed.
+    anew: True if all procedures are done again.
+    ask: True if a person answers; otherwise the virtual studio accepts every proposal.
     """
     here, path = setup.easel, setup.record
     known = record_to_renew(path, here.calibration, anew=anew)
@@ -66,7 +67,7 @@ def easel_spec(
     seed: int,
     placement_error: str | None,
 ) -> RunSpec:
-    """The easel that the options name. Raises ConfigError."""
+    """Returns the description of the easel that the options name. Raises ConfigError."""
     given = {"canvas": canvas, "workspace": workspace, "placement_error": placement_error}
     said = {name: value for name, value in given.items() if value is not None}
     return RunSpec.of(robot=robot, camera=camera, brush=brush, seed=seed, **said)
@@ -81,12 +82,12 @@ def _tell(name: str, finding: Finding, setup: CalibrationSetup) -> None:
 
 
 def _proposal(question: Question) -> Answer:
-    """The virtual studio agrees to whatever is proposed."""
-    return question.proposal  # type: ignore[return-value]  # None where nothing was found: the procedure says what to do
+    """Returns the proposal, as the answer of the virtual studio."""
+    return question.proposal  # None if nothing was found: the procedure says what to do
 
 
 class _Silence:
-    """Stands where a status line would be overwritten by a dialogue."""
+    """Replacement for a status line, which a dialogue would overwrite."""
 
     def __enter__(self) -> "_Silence":
         return self
@@ -95,16 +96,17 @@ class _Silence:
         pass
 
     def update(self, text: str) -> None:
-        """Says nothing."""
+        """Does nothing."""
 
 
-# What doctor prints: how a calibration record stands, procedure by procedure, and what this machine has.
+# Output of doctor: the state of a calibration record, procedure by procedure, and the parts on this machine.
 
 
 def examine(path: Path, easel: Calibration, *, named: bool) -> bool:
-    """Prints how the record at `path` stands at an easel whose default record is `easel`.
+    """Prints the state of the record at `path` for an easel whose default record is `easel`.
 
-    named: whether a person asked for this very file. Returns whether painting would go ahead.
+    named: True if a person asked for this file.
+    Returns True if painting with the record is possible.
     """
     console = Console(highlight=False, soft_wrap=True)
     record, trouble = _read(path, easel, named)
@@ -124,7 +126,7 @@ def examine(path: Path, easel: Calibration, *, named: bool) -> bool:
 
 
 def _read(path: Path, easel: Calibration, named: bool) -> tuple[Calibration | None, str]:
-    """The record, None where there is none, and why it would be refused, "" where it would not."""
+    """Returns the record or None, and the reason why painting with it is refused, or ""."""
     if not path.exists() and not named:
         return None, ""
     record = None
@@ -172,7 +174,7 @@ def _state(status: ProcedureStatus) -> str:
 
 
 def _about(path: Path, easel: Calibration, record: Calibration | None) -> Table:
-    """The ids, the files, the machine."""
+    """Returns a table of the ids, the files and the machine."""
     table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
     kept = f" (the one before: {previous(path).name})" if previous(path).exists() else ""
     table.add_row("record", _plain(str(path) + (kept if path.exists() else ", not there yet")))
@@ -201,7 +203,7 @@ def _about(path: Path, easel: Calibration, record: Calibration | None) -> Table:
 
 
 def _robots() -> Iterator[str]:
-    """How each robot is written after --robot, what it is and what it lacks."""
+    """Yields each robot: its form after --robot, its title and missing packages."""
     for part in registry.parts(registry.EASELS).values():
         yield _told(part, EaselKind, lambda kind: _part(kind.name, kind.title, kind.needed))
     for part in registry.parts(registry.ROBOTS).values():
@@ -209,19 +211,19 @@ def _robots() -> Iterator[str]:
 
 
 def _goals() -> Iterator[str]:
-    """The kinds of goals, ours in one line, and those of other packages, each with its package."""
+    """Yields the kinds of goals: our own in one line, then those of other packages with the package's name."""
     return _listed(registry.parts(registry.OBJECTIVES), GoalKind, lambda kind: _plain(kind.option))
 
 
 def _policies() -> Iterator[str]:
-    """The names of replan policies, in the same way."""
+    """Yields the names of replan policies: our own in one line, then those of other packages."""
     return _listed(registry.parts(registry.REPLAN_POLICIES), object, lambda policy: "")
 
 
 def _listed(
     known: Mapping[str, registry.Part], kind: type[registry.Kind], tell: Callable[[registry.Kind], str]
 ) -> Iterator[str]:
-    """Ours in one line, and the others below, each with its package; of one that cannot be used, why."""
+    """Yields our own parts in one line, then each part of another package; a broken part with the reason."""
     yield ", ".join(_told(part, kind, tell) or _plain(name) for name, part in known.items() if part.is_ours)
     for name, part in known.items():
         if not part.is_ours:
@@ -229,13 +231,13 @@ def _listed(
 
 
 def _cameras() -> Iterator[str]:
-    """The same of cameras, after --camera."""
+    """Yields each camera: its form after --camera, its title and missing packages."""
     for part in registry.parts(registry.CAMERAS).values():
         yield _told(part, CameraKind, lambda kind: _part(kind.form, kind.title, kind.needed))
 
 
 def _stroke_models() -> Iterator[str]:
-    """Ours in one line, and the others below, each with its package."""
+    """Yields our own stroke models in one line, then those of other packages."""
 
     def loaded(model: BrushModel) -> str:
         model.load()
@@ -250,7 +252,7 @@ def _part(form: str, title: str, needed: Needed | None) -> str:
 
 
 def _told(part: registry.Part, kind: type[registry.Kind], tell: Callable[[registry.Kind], str]) -> str:
-    """What is told of a part; of one that cannot be used, why."""
+    """Returns the description of a part; for a broken part, the reason."""
     try:
         return tell(part.load(kind))
     except WeightsError:

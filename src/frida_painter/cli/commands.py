@@ -1,4 +1,4 @@
-"""All commands of the command line, by name; docs and the list of commands show them in this order."""
+"""All commands of the command line, by name; help and docs list them in this order."""
 
 import signal
 import sys
@@ -17,14 +17,16 @@ from frida_painter.cli.stop_signal import leave_terminal
 from frida_painter.errors import FridaError, PaintingPaused, PluginError, RobotStopped
 from frida_painter.storage import shown
 
-# Commands that are listed by name and one sentence, and whose module is imported only when one of them is called.
+# Deferred commands: listed by name and one sentence; the module is imported only when the command is called.
 
 
 @dataclass(frozen=True)
 class Deferred:
-    """A command or a group of commands: its name, the module whose `register(app)` adds it, and the help of its list.
+    """Command or group of commands that is imported when it is called.
 
-    help: the first paragraph of the command's own help, word for word; a test compares them.
+    name: its name.
+    module: module whose `register(app)` adds it.
+    help: first paragraph of the command's own help, word for word; a test compares them.
     """
 
     name: str
@@ -32,14 +34,14 @@ class Deferred:
     help: str
 
     def load(self) -> Any:
-        """The command itself, with its options; imports its module."""
+        """Imports the module and returns the command with its options."""
         app = typer.Typer(callback=nothing_first, rich_markup_mode="rich")
         import_module(self.module).register(app)
         return get_group(app).commands[self.name]
 
 
 def group_of(entries: tuple[Deferred, ...]) -> type[TyperGroup]:
-    """A group whose commands are those entries, in that order: for `typer.Typer(cls=...)`."""
+    """Returns a group class whose commands are these entries, in that order: for `typer.Typer(cls=...)`."""
 
     class DeferredGroup(TyperGroup):
         def __init__(self, **settings: Any) -> None:
@@ -54,7 +56,7 @@ def nothing_first() -> None:
 
 
 class _DeferredCommand(TyperCommand):
-    """Stands in a list of commands, and hands over to the command itself when that is called."""
+    """Entry in a list of commands that calls the real command."""
 
     def __init__(self, entry: Deferred) -> None:
         super().__init__(name=entry.name, help=entry.help, rich_markup_mode="rich")
@@ -118,27 +120,27 @@ COMMANDS = (
         "models", f"{_CLI}.models", "Download the networks for text, styles and sketches, and show which are here."
     ),
 )
-"""Those of the project's core. Edges and other packages add theirs through entry points."""
+"""Commands of the project's core. Other packages add theirs through entry points."""
 
 
 def all_commands() -> tuple[Deferred, ...]:
-    """Returns all commands in the order of the list; one of another package that cannot be loaded is left out."""
+    """Returns all commands in list order, without those of other packages that cannot be loaded."""
     entries = {entry.name: entry for entry in COMMANDS}
     for name, part in registry.parts(registry.COMMANDS).items():
-        with suppress(PluginError):  # `doctor` says why; nothing else waits for it
+        with suppress(PluginError):  # `doctor` shows the reason
             entries.setdefault(name, part.load(Deferred))
     return tuple(entries.values())
 
 
-# The command line: parse, call, show. commands.py lists the commands; a command's module is imported when it runs.
+# Command line: builds the app, runs it and reports errors.
 
 _PAUSED = 3
-# Typer keeps the class of all errors of usage to itself; this one of its children is public.
+# The class of all usage errors is private in Typer; this is a base class of a public one.
 _UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 
 
 def build() -> typer.Typer:
-    """The command `frida-painter` with all that it can do."""
+    """Returns the app `frida-painter` with all commands."""
     return typer.Typer(
         name="frida-painter",
         help="A robot painter. It plans brush strokes, paints some, looks at the canvas and replans the rest.",
@@ -155,13 +157,12 @@ def build() -> typer.Typer:
 def main() -> None:
     """Runs the command line.
 
-    Exit status 0 when done, 2 with one sentence when something has to be mended, 3 when a painting has
-    paused and can be resumed, 130 when stopped, also by the stop file. Raises KeyboardInterrupt if a signal
-    ended it (__main__.py).
+    The exit status is 0 for success, 2 for an error with one sentence, 3 for a paused painting that can be resumed,
+    and 130 after a stop, also by the stop file. Raises KeyboardInterrupt after a signal (__main__.py).
     """
     try:
         status = build()(prog_name="frida-painter", standalone_mode=False)
-    except typer.Abort as abort:  # Typer's word for a signal
+    except typer.Abort as abort:  # Typer's name for a signal
         raise KeyboardInterrupt from abort
     except FridaError as error:
         _complain(str(error))
@@ -169,7 +170,7 @@ def main() -> None:
     except _UsageError as error:
         _complain(_advice(error))
         status = 2
-    except BrokenPipeError:  # whoever read the output wants no more of it
+    except BrokenPipeError:  # the reader of the output has closed it
         leave_terminal((1,))
         status = 128 + signal.SIGPIPE
     except OSError as error:
@@ -190,7 +191,7 @@ def _complain(message: str) -> None:
 
 
 def _advice(error: Any) -> str:
-    """What is wrong with the command itself, and where help is; nothing where the help was just shown."""
+    """Returns a message about a wrong command, with its help command; "" if the help was just shown."""
     message = error.format_message().strip().rstrip(".")
     if not message:
         return ""
@@ -198,7 +199,7 @@ def _advice(error: Any) -> str:
 
 
 def _plain(message: str) -> str:
-    """A message in lines without control characters (a file's name may hold them) and without rich's markup."""
+    """Returns a message without control characters, which file names may hold, and without rich's markup."""
     printable = "".join(
         character if character.isprintable() or character == "\n" else "\N{REPLACEMENT CHARACTER}"
         for character in message
@@ -206,7 +207,7 @@ def _plain(message: str) -> str:
     return printable.replace("[", r"\[")
 
 
-# The commands that teach the painter its brush: strokes paint, inspect, train, evaluate.
+# Commands for stroke models: strokes paint, inspect, train, evaluate.
 
 STROKE_COMMANDS = (
     Deferred(

@@ -1,4 +1,4 @@
-"""How a painting is led from the terminal: progress, pauses, questions, and what is told at the end."""
+"""Control of a painting from the terminal: progress, pauses, questions and the final report."""
 
 import sys
 import time
@@ -26,15 +26,17 @@ from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import Paused
 from frida_painter.session.time_left import Forecast, duration
 
-PLAN_ROOM = 20 * 2**20  # bytes, without which not even a plan is begun
-_GLANCE = 0.2  # seconds between two looks for the pause file
+PLAN_ROOM = 20 * 2**20  # bytes needed before a plan begins
+_GLANCE = 0.2  # seconds between two checks for the pause file
 
 
 class Leader:
-    """Leads a run whose easel is open, in a `with` block; then says what came of it.
+    """Leads a run with an open easel, in a `with` block, then reports the result.
 
-    asked: whether a person is asked anything; asks_for_paints: whether they may tell what they have mixed; repaint:
-    what becomes of a stroke in doubt, None where that is asked; started: when the command began, monotonic seconds.
+    asked: True if a person answers questions.
+    asks_for_paints: True if the person may enter the mixed paints.
+    repaint: decision about a stroke in doubt. None: the person is asked.
+    started: start time of the command, monotonic seconds.
     """
 
     def __init__(
@@ -76,7 +78,7 @@ class Leader:
         self._bar.__exit__(kind, error, trace)
 
     def conclude(self, outcome: RunOutcome) -> None:
-        """Says what came of it, and leaves as a program that was asked to stop, or raises the fault that ended it."""
+        """Reports the result; then exits with the stop's exit status, or raises the error that ended the run."""
         tell(outcome, self._run.spec.strokes, time.monotonic() - self._started)
         if self._stop.asked and (outcome.trouble is None or isinstance(outcome.trouble, RobotStopped)):
             sys.exit(self._stop.exit_status)
@@ -88,7 +90,7 @@ class Leader:
         return self._run.folder / PAUSE_FILE
 
     def _go_on(self, paused: Paused) -> bool:
-        """Waits until the painting may go on: a file in its folder is gone, or a person says so; else it ends here."""
+        """Waits until the pause file is removed, or asks the person; returns True to go on."""
         if self._pause_file.exists():
             self._console.print(f"Paused after {paused.done} strokes; to go on, remove {self._pause_file}")
             while self._pause_file.exists() and not self._stop.asked:
@@ -121,10 +123,10 @@ class Leader:
 
 
 def ready_planner(run: PaintingRun, stop: StopSignal, out: Path | None = None) -> None:
-    """Opens the planner, and says what a person should know: what is chosen, how the goal was understood, and so on.
+    """Opens the planner, and prints the choices, the networks in use and remarks.
 
-    out: the folder that is to be made afterwards, looked at before any work. Raises StorageError where it cannot be,
-    and Interrupted where it is stopped while it chooses brushes or ground by quick plans.
+    out: folder to be made later, checked before any work.
+    Raises StorageError if the folder cannot be made, Interrupted after a stop during quick plans.
     """
     if out is not None:
         storage.require_space(out, PLAN_ROOM)
@@ -148,7 +150,7 @@ def ready_planner(run: PaintingRun, stop: StopSignal, out: Path | None = None) -
 
 
 def say_films(spec: RunSpec) -> None:
-    """Says where a film that is wanted cannot be made."""
+    """Prints the reason if a wanted film cannot be made."""
     kind = easel_kind(spec.robot) if spec.films_arm else None
     why_not = None if kind is None or kind.why_no_film is None else kind.why_no_film()
     if why_not is not None:
@@ -156,13 +158,13 @@ def say_films(spec: RunSpec) -> None:
 
 
 def say(*lines: str) -> None:
-    """Lines for people, on the standard output."""
+    """Prints lines for people to the standard output."""
     for line in lines:
         print(line)
 
 
 def confirm(question: str, *, default: bool, ask: Callable[[str], str] = input) -> bool:
-    """Asks at the terminal until the answer is yes, no or nothing. Raises Interrupted where nobody answers."""
+    """Asks at the terminal until the answer is yes, no or empty. Raises Interrupted if nobody answers."""
     choice = "[Y/n]" if default else "[y/N]"
     while True:
         try:
@@ -186,7 +188,7 @@ def _forecast(run: PaintingRun, started: float) -> Forecast:
 
 
 def tell(outcome: RunOutcome, of: int, seconds: float) -> None:
-    """Says what came of it, and where it is."""
+    """Prints the result and the files of a run."""
     folder, painting = outcome.folder, outcome.painting
     if outcome.page is None or painting is None:
         say(f"Stopped before there was a plan; nothing was painted. ({folder})")

@@ -1,4 +1,4 @@
-"""The commands that get pretrained networks: models list, fetch, path."""
+"""Commands for pretrained networks: models list, fetch, path."""
 
 from pathlib import Path
 from typing import Annotated

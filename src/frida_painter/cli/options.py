@@ -1,4 +1,4 @@
-"""The options of `paint` and `plan`, made from RunSpec and the kinds of goals, and what they say read back into one."""
+"""Options of `paint` and `plan`: made from RunSpec and the kinds of goals, and read back into a RunSpec."""
 
 import inspect
 import sys
@@ -30,10 +30,10 @@ if TYPE_CHECKING:
     from frida_painter.palette import Palette
 
 
-# How goals are given on the command line: an option for each kind of goal that there is.
+# Options of goals: one for each kind of goal.
 
 _PANEL = "What to paint"
-_PHOTO = "image"  # the kind of goal that PHOTO is
+_PHOTO = "image"  # kind of the goal PHOTO
 
 GoalFile = Annotated[
     Path | None,
@@ -62,10 +62,10 @@ Pictures = Annotated[
 
 
 def goal_options() -> list[inspect.Parameter]:
-    """The options by which a command takes goals, as keyword parameters for Typer, in the order of its help.
+    """Returns the goal options as keyword parameters for Typer, in the order of the help.
 
-    For every kind NAME its values and weights, NAME and NAME_weight; what is begun with, init_NAME; then goal, a
-    file, clip, and pictures. `goal_given` reads what they were given.
+    Each kind NAME has values and weights, NAME and NAME_weight. Then follow goals of the start, init_NAME, then
+    goal (a file), clip and pictures. `goal_given` reads them.
     """
     kinds = list(goal_kinds().by_name.values())
     options = [parameter for kind in kinds for parameter in _options(kind)]
@@ -74,14 +74,14 @@ def goal_options() -> list[inspect.Parameter]:
 
 
 def free_goal_options(taken: Collection[str]) -> list[inspect.Parameter]:
-    """The goal options whose names a command has not `taken` for other options."""
+    """Returns the goal options whose names a command has not `taken`."""
     return [option for option in goal_options() if option.name not in taken]
 
 
 def goal_given(photo: Path | None, given: Mapping[str, Any]) -> dict[str, list[Any]]:
-    """What PHOTO, which counts as the first --image, the options and the goal file ask for, in the words of RunSpec.
+    """Returns the goals from PHOTO, the options and the goal file, in the form of RunSpec.
 
-    Raises ConfigError where weights do not fit, and for a goal file that cannot be read.
+    PHOTO counts as the first --image. Raises ConfigError if weights do not fit, or if the goal file cannot be read.
     """
     from frida_painter.runs.goal_item import read_goal_file
 
@@ -93,7 +93,7 @@ def goal_given(photo: Path | None, given: Mapping[str, Any]) -> dict[str, list[A
 
 
 def _items(kind: GoalKind, photo: Path | None, given: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """The values of a kind's option, with the weight of each."""
+    """Returns the values of a kind's option, each with its weight."""
     values = [*([] if photo is None else [photo]), *(given.get(kind.name) or [])]
     weights = given.get(f"{kind.name}_weight") or [1.0] * len(values)
     if len(weights) != len(values):
@@ -106,7 +106,7 @@ def _items(kind: GoalKind, photo: Path | None, given: Mapping[str, Any]) -> list
 
 
 def tell_left_out(taken: Collection[str]) -> None:
-    """Says on stderr which kinds of goals of other packages cannot be used, or have no option, and why."""
+    """Prints to stderr which kinds of goals of other packages cannot be used or have no option, and why."""
     for complaint in goal_kinds().complaints:
         print(complaint, file=sys.stderr)
     for option in goal_options():
@@ -116,7 +116,7 @@ def tell_left_out(taken: Collection[str]) -> None:
 
 
 def _options(kind: GoalKind) -> list[inspect.Parameter]:
-    """The option of a kind's values, and that of their weights."""
+    """Returns the options of a kind's values and weights."""
     text = f"The weight of each {kind.option}, in the same order. [dim]1[/]"
     weight = typer.Option(parser=any_number, metavar="X", help=text, rich_help_panel=_PANEL)
     return [
@@ -126,7 +126,7 @@ def _options(kind: GoalKind) -> list[inspect.Parameter]:
 
 
 def _repeated(name: str, kind: GoalKind, text: str) -> inspect.Parameter:
-    """An option that may be given more than once."""
+    """Returns an option that may be given more than once."""
     option = typer.Option(metavar=kind.gives.value, help=f"{text} May be repeated.", rich_help_panel=_PANEL)
     if kind.gives is Gives.WORDS:
         return _parameter(name, Annotated[list[str] | None, option])
@@ -137,7 +137,7 @@ def _parameter(name: str, annotation: Any) -> inspect.Parameter:
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=annotation)
 
 
-# The wells before painting: a person sees what to mix, says when it is done, and may tell what it has become.
+# Wells before painting: a person sees the paints to mix, confirms them, and may enter the mixed ones.
 
 PaletteOption = Annotated[
     Path | None,
@@ -164,11 +164,12 @@ FilledOption = Annotated[
 
 @dataclass
 class Wells:
-    """Asked when the paints of the next layers are settled; answers with what was mixed, None for what was wanted.
+    """Dialogue about the wells of the next layers; the answer is the mixed paints, or None for the wanted ones.
 
-    given: known from the beginning; ask: shows a prompt and returns what was typed, None where nobody
-    is to be asked; folder: where the palette and the mixing sheet lie; poured: whether somebody has said
-    by then that the wells are filled.
+    given: paints known from the beginning.
+    ask: shows a prompt and returns the typed line. None: nobody is asked.
+    folder: folder of the palette and the mixing sheet.
+    poured: True if a person has confirmed before that the wells are filled.
     """
 
     given: "Palette | None"
@@ -177,7 +178,7 @@ class Wells:
     poured: bool = False
 
     def filled(self, wanted: "Palette") -> "Palette | None":
-        """Returns when the wells are filled. Raises Interrupted where the person leaves."""
+        """Waits until the wells are filled, and returns the mixed paints. Raises Interrupted if the person leaves."""
         from frida_painter.perception.color import read_palette
 
         if self.ask is None:
@@ -202,7 +203,7 @@ class Wells:
                 prompt = f"{error} Enter, or another file: "
 
     def _sheet(self, wanted: "Palette") -> str:
-        """The name of the sheet that shows these paints; where the plan does not tell, that of the first layer."""
+        """Returns the name of the sheet with these paints; that of the first layer if the plan does not tell."""
         import torch
 
         from frida_painter.plan import Plan
@@ -292,7 +293,7 @@ _EASEL: Mapping[str, tuple[Any, Any]] = {
 
 
 def planning_options() -> list[Parameter]:
-    """What a plan can be asked for."""
+    """Returns the options of a plan."""
     return [
         *free_goal_options(TAKEN),
         *(_keyword(name, _option(RunSpec.model_fields[name])) for name in _PLAN),
@@ -303,7 +304,7 @@ def planning_options() -> list[Parameter]:
 
 
 def painting_options() -> list[Parameter]:
-    """What a painting can be asked for: all of a plan's, and where and how it is painted."""
+    """Returns the options of a painting: those of a plan, and those of the easel and the painting process."""
     return [
         *planning_options(),
         *(_keyword(name, _option(RunSpec.model_fields[name])) for name in _PAINT),
@@ -312,7 +313,7 @@ def painting_options() -> list[Parameter]:
 
 
 def taking(options: list[Parameter], command: Callable[..., None]) -> Callable[..., None]:
-    """The command as one that takes these options, by name, beside those that it declares itself."""
+    """Returns the command with these options, in addition to its own."""
     own = [one for one in signature(command, eval_str=True).parameters.values() if one.kind is Parameter.KEYWORD_ONLY]
     every = [*options, *own]
 
@@ -327,7 +328,10 @@ def taking(options: list[Parameter], command: Callable[..., None]) -> Callable[.
 
 
 def spec_of(photo: Path | None, given: Mapping[str, Any]) -> RunSpec:
-    """The painting of PHOTO and the options, which go before the TOML file of --settings. Raises ConfigError."""
+    """Returns the description from PHOTO and the options, which override the TOML file of --settings.
+
+    Raises ConfigError.
+    """
     defaults = {name: default for name, (_, default) in _EASEL.items()}
     said = {
         name: value
@@ -341,7 +345,7 @@ def spec_of(photo: Path | None, given: Mapping[str, Any]) -> RunSpec:
 
 
 def require_person(spec: RunSpec, *, asked: bool) -> None:
-    """Raises ConfigError where a person is to paint and not to be `asked` anything."""
+    """Raises ConfigError if a person is to paint but not to be `asked` anything."""
     if spec.by_hand and not asked:
         raise ConfigError("--yes is for scripts, and a person who paints is asked for every stroke; leave it out.")
 
@@ -351,7 +355,7 @@ def _keyword(name: str, annotation: Any, default: Any = None) -> Parameter:
 
 
 def _option(field: FieldInfo) -> Any:
-    """A command-line option for a field of RunSpec; where it is not given, the field's own default holds."""
+    """Returns the command-line option of a field of RunSpec; without it, the field's own default holds."""
     more = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
     default = more.get("default", field.default)
     text = f"{field.description} [dim]{default}[/]"

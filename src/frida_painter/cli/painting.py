@@ -1,4 +1,4 @@
-"""The commands that make and show paintings: paint, plan, render."""
+"""Commands that make and show paintings: paint, plan, render, resume."""
 
 import sys
 import time
@@ -81,8 +81,8 @@ def paint(
 def _paint(
     spec: "RunSpec", chosen: "Plan | None", started: float, out: Path | None, *, asked: bool, asks_for_paints: bool
 ) -> None:
-    """Paints what is described; chosen: by that plan."""
-    with EaselLaunch(spec.robot) as launch:  # it loads while this process does
+    """Paints a description; with `chosen`, by that plan."""
+    with EaselLaunch(spec.robot) as launch:  # loads in parallel with this process
         from frida_painter.cli.leading import Leader, ready_planner, say_films
         from frida_painter.cli.stop_signal import stop_on_signals
         from frida_painter.devices import prepare_process
@@ -100,7 +100,7 @@ def _paint(
 
 
 def _best_of(candidates: int, spec: "RunSpec") -> "tuple[RunSpec, Plan]":
-    """The description with the best of so many seeds, and its plan; says which it is."""
+    """Returns the description with the best of this number of seeds, and its plan; prints which seed it is."""
     choose = registry.parts(registry.PLAN_CHOOSERS)["candidates"].load(FunctionType)
     return choose(spec, candidates)
 
@@ -113,7 +113,7 @@ def plan(*, photo: Photo = None, **given: Any) -> None:
 
 
 def _plan(spec: "RunSpec", out: Path | None) -> None:
-    """Plans what is described, into a folder."""
+    """Plans a description, into a folder."""
     from rich.console import Console
 
     from frida_painter import images
@@ -181,7 +181,7 @@ def render(
     print(f"{len(loaded)} strokes at {columns} x {rows} pixels: {out}", file=sys.stdout)
 
 
-# The command that goes on with a painting that broke off, was stopped or has paused.
+# Command that continues a painting that broke off, was stopped or has paused.
 
 Folder = Annotated[Path, typer.Argument(metavar="FOLDER", help="The folder of the painting.", show_default=False)]
 Repaint = Annotated[
@@ -236,7 +236,7 @@ def resume(
         if not (yes or confirm(f"{first} will be photographed. Go on?", default=True)):
             raise Interrupted("Nothing was moved; the painting stays as it is.")
         stop = stack.enter_context(stop_on_signals())
-        run.load_easel()  # it loads while the planner does
+        run.load_easel()  # loads in parallel with the planner
         ready_planner(run, stop)
         stop.at_once = run.open_easel(hear_signals=True).robot.stop
         leader = stack.enter_context(Leader(run, stop, asked=not yes, repaint=repaint, started=started))
@@ -246,7 +246,7 @@ def resume(
 
 
 def _show_canvas(run: "PaintingRun") -> "Callable[[Event], None]":
-    """Says, when painting goes on, where the canvas is shown as it was found."""
+    """Returns a listener that prints where the picture of the canvas is when a painting is resumed."""
     from frida_painter.cli.leading import say
     from frida_painter.runs.folder import NOW
     from frida_painter.session.events import Resumed
@@ -259,7 +259,7 @@ def _show_canvas(run: "PaintingRun") -> "Callable[[Event], None]":
 
 
 def _show(run: "PaintingRun") -> None:
-    """How far it came."""
+    """Prints the progress of the painting."""
     from frida_painter.cli.leading import say
     from frida_painter.session.time_left import duration
 
@@ -279,7 +279,7 @@ def _show(run: "PaintingRun") -> None:
 
 
 def register(app: typer.Typer) -> None:
-    """Adds the commands; says which kinds of goals of other packages cannot be used."""
+    """Adds the commands; prints which kinds of goals of other packages cannot be used."""
     tell_left_out(TAKEN)
     app.command("paint")(taking(painting_options(), paint))
     app.command("plan")(taking(planning_options(), plan))

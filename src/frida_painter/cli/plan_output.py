@@ -1,4 +1,4 @@
-"""What `check` does: asks for every motion of a plan, tells what cannot be done, and draws it."""
+"""Work of `export` and `check`: writes plans for other programs, and checks if a plan can be painted."""
 
 import sys
 from collections.abc import Iterator
@@ -32,11 +32,11 @@ from frida_painter.session.rehearsal import FlatbedWorkspace, Rehearsal, rehears
 from frida_painter.session.time_left import duration
 from frida_painter.storage import count_of
 
-# What `export` writes: a plan as SVG, as G-code, as a table.
+# Output of `export`: a plan as SVG, G-code or a table.
 
 
 def write_svg(plan: Path, out: Path, *, keep_order: bool, dips: bool) -> Plan:
-    """The plan as an SVG with a layer per paint; dips: with a pause wherever the brush is dipped."""
+    """Writes the plan as an SVG with a layer per paint; with `dips`, a pause at each dip of the brush."""
     loaded = Plan.load(plan)
     widths = plan_widths(loaded, load_stroke_models(loaded.brushes))
     marks = set(_dipped(_actions(loaded, FlatbedWorkspace()))) if dips else set()
@@ -54,10 +54,11 @@ def write_gcode(
     calibration: Path | None,
     drying: float | None,
 ) -> Plan:
-    """The plan as a program in that dialect of G-code. press, lift: millimetres, only without a workspace;
-    drying: minutes for which a layer dries, None for as long as the painting says.
+    """Writes the plan as a G-code program in that dialect.
 
-    Raises ConfigError, and WorkspaceViolation where the plan cannot be painted in that workspace.
+    press, lift: millimetres, only without a workspace.
+    drying: drying time of a layer in minutes. None: that of the painting.
+    Raises ConfigError, and WorkspaceViolation if the plan cannot be painted in that workspace.
     """
     loaded = Plan.load(plan)
     dries = drying_of(plan) if drying is None else 60 * drying
@@ -77,14 +78,17 @@ def write_gcode(
 
 
 def write_table(plan: Path, out: Path) -> Plan:
-    """The plan as CSV, a row per stroke."""
+    """Writes the plan as CSV, one row per stroke."""
     loaded = Plan.load(plan)
     storage.write_text(out, table(loaded))
     return loaded
 
 
 def _program(plan: Plan, workspace: Path | None, calibration: Path | None, dialect: str, drying: float) -> str:
-    """All of a painting for a machine with wells. Raises WorkspaceViolation, where any of it cannot be done there."""
+    """Returns the program for a machine with wells.
+
+    Raises WorkspaceViolation if a part of the plan cannot be painted.
+    """
     if workspace is None:
         raise ConfigError("--calibration was given without --workspace; say where the wells stand as well.")
     workcell = WorkcellConfig.load(workspace)
@@ -114,13 +118,13 @@ def _program(plan: Plan, workspace: Path | None, calibration: Path | None, diale
 
 
 def _actions(plan: Plan, flatbed: FlatbedWorkspace) -> list[Action]:
-    """What painting the plan at a flatbed takes, beginning with a clean brush."""
+    """Returns the actions of painting the plan on a flatbed, beginning with a clean brush."""
     choreography = Choreography.of(flatbed.motion(plan.canvas), plan.brushes)
     return list(choreography.actions(plan, BrushLoad(), 0, len(plan)))
 
 
 def _dipped(actions: list[Action]) -> Iterator[int]:
-    """Indices of the strokes before which the brush is dipped."""
+    """Yields the indices of strokes that follow a dip."""
     for before, action in pairwise(actions):
         if isinstance(before.done, Dipped) and isinstance(action.done, StrokePainted):
             yield action.done.done - 1
@@ -128,11 +132,14 @@ def _dipped(actions: list[Action]) -> Iterator[int]:
 
 _TOLD = 12  # faults; the picture shows all
 _ROWS = 900
-_SOME_CAMERA = "opencv:0"  # a person's easel has to have one; nothing is photographed here
+_SOME_CAMERA = "opencv:0"  # a person's easel needs one; nothing is photographed here
 
 
 def check_plan(plan: Path, robot: str | None, workspace: Path | None, calibration: Path | None, out: Path) -> bool:
-    """Whether all of the plan can be painted there; prints why not, and draws those strokes into `out`."""
+    """Returns True if all of the plan can be painted.
+
+    Otherwise prints the faults and draws their strokes into `out`.
+    """
     prepare_process()
     loaded = Plan.load(plan)
     there = _place(loaded, robot, workspace)
@@ -157,7 +164,7 @@ def check_plan(plan: Path, robot: str | None, workspace: Path | None, calibratio
 
 @dataclass(frozen=True)
 class _Place:
-    """What a plan is checked against: an easel of which nothing is opened."""
+    """Data of an easel for a check; no device is opened."""
 
     workspace: Workspace
     canvas: CanvasSize
@@ -168,16 +175,16 @@ class _Place:
 
 
 def _place(plan: Plan, robot: str | None, workspace: Path | None) -> _Place:
-    """Where it is to be painted: in the workspace of that file, or where a robot of that name knows its own."""
+    """Returns the place of painting: the workspace of that file, or that of a robot with its own workspace."""
     first, *others = plan.brushes
     if workspace is not None:
         workcell = WorkcellConfig.load(workspace)
         if robot is not None and require_known(robot) in MACHINES:
-            robot_named(robot, workcell.workspace)  # only to hear what is wrong with it
+            robot_named(robot, workcell.workspace)  # only to raise its errors
         reach: Reach | None = workcell.reach
         timing: Timing | None = None
         kind = None if robot is None else easel_kind(robot)
-        if kind is not None and kind.reach_from is not None:  # its foot is the workspace's origin
+        if kind is not None and kind.reach_from is not None:  # its base is the workspace's origin
             reach, timing = kind.reach_from(workcell.workspace, workcell.canvas)
         known, simulated = workcell.calibration(first, others=others), robot in SIMULATED
         return _Place(workcell.workspace, workcell.canvas, known, reach, timing, simulated)
@@ -189,7 +196,7 @@ def _place(plan: Plan, robot: str | None, workspace: Path | None) -> _Place:
 
 
 def _known(record: Path | None, default: Calibration) -> Calibration:
-    """The easel's record; refused where it is of another easel, brush or canvas."""
+    """Returns the easel's record. Raises CalibrationError if it is of another easel, brush or canvas."""
     if record is None:
         return default
     return loaded_record(record, default, simulated=False)

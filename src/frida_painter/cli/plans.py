@@ -1,4 +1,4 @@
-"""The commands about where things stand around a robot: check a plan there, print and draw workspaces."""
+"""Commands for plans and workspaces: mix, export, check, and workspace example and draw."""
 
 from enum import StrEnum
 from pathlib import Path
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from frida_painter.palette import Palette
 
 
-# The command that tells how to mix a palette from the paints that a person owns.
+# Command for recipes of a palette from a person's own paints.
 
 
 def mix(
@@ -73,9 +73,9 @@ def mix(
 
 
 def _wanted(path: Path) -> list[tuple[int, "Palette", list[float] | None]]:
-    """For each time that the wells are filled: before which layer, from 1, with which paints, and how much of each.
+    """Returns each filling of the wells: the number of its layer, from 1, its paints, and the amount of each paint.
 
-    That is in millilitres, None where no plan says what the paints are for.
+    Amounts are in millilitres; None without a plan.
     """
     from frida_painter.mixing.recipe import volumes
     from frida_painter.perception.color import read_palette
@@ -88,7 +88,7 @@ def _wanted(path: Path) -> list[tuple[int, "Palette", list[float] | None]]:
 
 
 def _is_plan(path: Path) -> bool:
-    """Whether a file begins as a plan does. Raises ConfigError where there is no such file."""
+    """Returns True if a file begins like a plan. Raises ConfigError if there is no file."""
     with storage.opened(path, "a plan or a palette", storage.MAX_JSON_BYTES, ConfigError) as file:
         return b'"frida-painter plan"' in file.read(200)
 
@@ -113,11 +113,11 @@ def _show(found: list["Recipe"], wanted: list[float] | None) -> None:
         )
 
 
-# The command that writes plans for other programs and for machines: export.
+# Command that writes plans for other programs and for machines: export.
 
 
 class ExportFormat(StrEnum):
-    """What a plan can be turned into."""
+    """File formats of an exported plan."""
 
     svg = "svg"
     gcode = "gcode"
@@ -125,7 +125,7 @@ class ExportFormat(StrEnum):
 
 
 class Flavour(StrEnum):
-    """What understands the G-code."""
+    """Dialects of G-code."""
 
     grbl = "grbl"
     marlin = "marlin"
@@ -217,7 +217,7 @@ def export(
 
 
 def _refuse_strangers(to: ExportFormat, given: dict[str, dict[str, bool]]) -> None:
-    """Raises ConfigError where an option was given that says nothing about this kind of file."""
+    """Raises ConfigError if an option does not belong to this file format."""
     for kind, options in given.items():
         for option, is_given in options.items():
             if is_given and kind != to.value:

@@ -1,4 +1,4 @@
-"""Signals such as Ctrl-C: the first asks the painter to stop after this stroke, the second stops the robot at once."""
+"""Stop by signals such as Ctrl-C: the first ends painting after the stroke, the second stops the robot at once."""
 
 import contextlib
 import os
@@ -12,10 +12,11 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class StopSignal:
-    """Whether somebody has asked to stop, and what stops the robot at once.
+    """State of a stop by signals.
 
-    asked: finish the stroke, lift, look, and write what there is; signal: the number of the first that
-    came. The easel's process hears of signals by itself and sooner; `at_once` is for an easel without one.
+    asked: True after the first signal: finish the stroke, lift, look, and save the work.
+    signal: number of the first signal.
+    at_once: stops the robot of an easel without a process. An easel's process receives signals itself, and sooner.
     """
 
     def __init__(self) -> None:
@@ -27,11 +28,15 @@ class StopSignal:
 
     @property
     def exit_status(self) -> int:
-        """What a process ends with that was asked to stop, by custom."""
+        """Exit status of a process after a stop, by convention."""
         return 128 + (self.signal or signal.SIGINT)
 
     def hear(self, number: int, frame: FrameType | None) -> None:
-        """A handler: SIGHUP and the first SIGINT ask, SIGTERM and the second SIGINT stop, a third ends the program."""
+        """Handles a signal.
+
+        SIGHUP and the first SIGINT ask to stop; SIGTERM and the second SIGINT stop the robot at once. A third
+        SIGINT raises KeyboardInterrupt, which ends the program.
+        """
         self.asked, self.signal = True, self.signal or number
         if number == signal.SIGHUP:
             leave_terminal(self.terminal)
@@ -50,7 +55,7 @@ class StopSignal:
 
 @contextmanager
 def stop_on_signals() -> Iterator[StopSignal]:
-    """While it lasts, signals ask the painter to stop."""
+    """Handles signals as requests to stop, within the `with` block."""
     stop = StopSignal()
     heard = [number for number in _SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]  # as by nohup
     before = {number: signal.signal(number, stop.hear) for number in heard}
@@ -62,18 +67,18 @@ def stop_on_signals() -> Iterator[StopSignal]:
 
 
 def _nothing() -> None:
-    """There is no robot to stop yet."""
+    """Does nothing, before there is a robot to stop."""
 
 
 def _say(line: str) -> None:
-    with contextlib.suppress(OSError, RuntimeError):  # the terminal is gone, or was just being written to
+    with contextlib.suppress(OSError, RuntimeError):  # the terminal is closed or busy
         print(line, file=sys.stderr)
 
 
 def leave_terminal(files: Iterable[int]) -> None:
-    """Whatever is still said to these files goes nowhere, instead of failing: what they led to was closed.
+    """Redirects these files to the null device, because their terminal or reader is closed.
 
-    They are those that were a terminal: one that was closed says itself that it is none.
+    files: descriptors that were a terminal before; a closed terminal no longer reports itself as one.
     """
     nowhere = os.open(os.devnull, os.O_RDWR)
     for file in files:

@@ -1,4 +1,4 @@
-"""strokes paint, strokes inspect: the strokes that the painter learns its brush from, and which of them are good."""
+"""Commands for stroke libraries and stroke models: strokes paint, inspect, train, evaluate."""
 
 import csv
 import io
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from frida_painter.brush.library import StrokeLibrary
 
 
-# strokes evaluate: how near a stroke model comes to strokes that were really painted.
+# strokes evaluate: error of a stroke model on really painted strokes.
 
 _SHOWN = 8
 
@@ -137,7 +137,7 @@ def _show(strokes: "StrokeLibrary", found: "Evaluation", foretold: "Likelihood")
     console.print(table)
 
 
-# strokes train: from photographs of strokes to a model of the brush.
+# strokes train: from photographs of strokes to a stroke model.
 
 
 def train(
@@ -191,8 +191,8 @@ def train(
         raise ConfigError("--folds was given 1; a library is parted into at least 2 folds, or 0 for none.")
     kind = brush_kind(brush) if brush is not None else None
     strokes = StrokeLibrary.load(library)
-    prepare_process()  # as fast as several here, and the same weights whatever the number of cores
-    # Whether the weights can be written is known before minutes are spent on them.
+    prepare_process()  # one thread: as fast as several here, and the same weights for any number of cores
+    # The output file is opened first, so that an unwritable one fails before minutes of training.
     with storage.replacing(out) as unfinished, _bar() as bar:
         if folds:
             task = bar.add_task("cross-validation", total=folds)

@@ -1,4 +1,4 @@
-"""The terminal as the place of a calibration dialogue: questions become lines to read, and lines typed answers."""
+"""Terminal: progress lines, and calibration dialogues by printed questions and typed answers."""
 
 import math
 import re
@@ -51,18 +51,18 @@ from frida_painter.session.events import (
 from frida_painter.session.time_left import Forecast, duration
 from frida_painter.storage import megabytes
 
-# Progress with a time left that can be believed: it is forecast from what each kind of work has really taken.
+# Progress with a forecast of the time left, from measured durations of each kind of work.
 
 _GROWING_COST = 1.4
 
 
 def progress_bar(console: Console) -> Progress:
-    """Returns a bar for one long task: what is done, a bar, and the time left."""
+    """Returns a bar for one long task: the current work, a bar, and the time left."""
     return Progress(TextColumn("{task.description}"), BarColumn(bar_width=36), _TimeLeft(), console=console)
 
 
 class Line:
-    """A bar on the terminal, there while a `with` block lasts."""
+    """Bar on the terminal within a `with` block."""
 
     def __init__(self, bar: Progress) -> None:
         self._bar = bar
@@ -78,7 +78,7 @@ class Line:
 
 
 class PaintingLine(Line):
-    """One line on the terminal: what is going on, how far it is, and the time left."""
+    """Line on the terminal for a painting: the current work, its progress, and the time left."""
 
     def __init__(self, console: Console, forecast: Forecast) -> None:
         self._forecast = forecast
@@ -87,7 +87,7 @@ class PaintingLine(Line):
         self._task = self._bar.add_task("getting ready", total=1.0, left=forecast.remaining)
 
     def hear(self, event: Event) -> None:
-        """Shows an event; while the painting pauses, the terminal is for questions."""
+        """Shows an event; during a pause, the terminal is free for questions."""
         now = time.monotonic()
         if isinstance(event, Paused):
             self._bar.stop()
@@ -106,7 +106,7 @@ class PaintingLine(Line):
 
     @contextmanager
     def aside(self) -> Iterator[None]:
-        """Leaves the terminal to a question."""
+        """Hides the line within the `with` block, for a question."""
         shown = self._bar.live.is_started
         self._bar.stop()
         try:
@@ -117,7 +117,7 @@ class PaintingLine(Line):
 
 
 class PlanningLine(Line):
-    """One line on the terminal for a plan alone."""
+    """Line on the terminal for a single plan."""
 
     def __init__(self, console: Console) -> None:
         self._started = time.monotonic()
@@ -125,14 +125,14 @@ class PlanningLine(Line):
         self._task = self._bar.add_task("getting ready", total=1.0, left=math.inf)
 
     def hear(self, step: Step) -> None:
-        """Shows a step; later ones, with all strokes placed, take longer than the first."""
+        """Shows a step; later steps, with all strokes placed, take longer than the first."""
         share = (step.iteration / step.of) ** _GROWING_COST
         left = (time.monotonic() - self._started) * (1 - share) / share
         self._bar.update(self._task, description=f"planning {100 * share:3.0f} %", completed=share, left=left)
 
 
 class _TimeLeft(ProgressColumn):
-    """The time left in words."""
+    """Column with the time left, in words."""
 
     def render(self, task: Task) -> Text:
         left = task.fields["left"]
@@ -171,11 +171,11 @@ def _words(event: Event) -> str:
             return ""
 
 
-# What is shown on the terminal while networks are fetched.
+# Progress of downloads of networks.
 
 
 class FetchProgress(Line):
-    """On the terminal: from where and how much, how far it is, and why a source did not give it."""
+    """Progress of a download on the terminal: source, size, progress, and errors of a source."""
 
     def __init__(self, console: Console) -> None:
         self._console = console
@@ -193,7 +193,7 @@ class FetchProgress(Line):
         )
 
     def hear(self, notice: weights.Notice) -> None:
-        """Shows what is told."""
+        """Shows a notice."""
         match notice:
             case weights.Announced(name, source, size, remote):
                 how = "downloading" if remote else "copying"
@@ -215,10 +215,11 @@ _STEPS = {"u": 0.001, "d": -0.001, "uu": 0.005, "dd": -0.005, "+": 0.0002, "-": 
 
 @dataclass(frozen=True)
 class Terminal:
-    """Leads a dialogue line by line; `answer` is what `dialogue.lead` wants.
+    """Leads a dialogue line by line; `answer` is the callback for `dialogue.lead`.
 
-    ask: shows a prompt and returns the line typed, raises EOFError where there are no more; tell:
-    shows a line; pictures: the folder in which pictures to look at are put.
+    ask: shows a prompt and returns the typed line; raises EOFError if there are no more lines.
+    tell: shows a line.
+    pictures: folder for pictures of questions.
     """
 
     ask: Callable[[str], str]
@@ -226,7 +227,7 @@ class Terminal:
     pictures: Path
 
     def answer(self, question: Question) -> Answer:
-        """What the person types, asked again until it can be understood. Raises Interrupted where they leave."""
+        """Returns the typed answer; asks again until it is valid. Raises Interrupted if the person leaves."""
         self.tell(question.text)
         if not isinstance(question, Measure):
             self._show(question.picture)
@@ -265,7 +266,7 @@ def _prompt(question: Question) -> str:
 
 
 def _understood(question: Question, line: str) -> Answer | None:
-    """What a line means as an answer; None where it means nothing."""
+    """Returns the answer that a line means; None if it is not valid."""
     match question:
         case Confirm(proposal=proposal):
             return proposal if not line else {"y": True, "yes": True, "n": False, "no": False}.get(line)
@@ -297,7 +298,7 @@ def _move(question: Jog, line: str) -> JogMove | None:
 
 
 def _length(line: str) -> float | None:
-    """ "31", "31mm", "3.1 cm" in metres."""
+    """Returns a length such as "31", "31mm" or "3.1 cm" in metres; None if it is not valid."""
     match = re.fullmatch(r"([+-]?\d+(?:\.\d+)?)\s*(mm|cm|m)?", line)
     if match is None:
         return None

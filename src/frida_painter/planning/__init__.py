@@ -1,1 +1,1 @@
-"""The planner: where strokes start, how they are optimised, and how they become a plan."""
+"""Planner: places strokes, optimises them and turns them into a plan."""

@@ -1,8 +1,8 @@
-"""How near a painting will come to its photograph: what is expected of a plan, and within which range.
+"""Forecast of the similarity of a painting to its photograph: the expected value and its range.
 
-The expectation is exact for the moments of the marks that the stroke model knows (docs/explanation/renderer.md). The
-range has three parts: chance, which lets every stroke leave another mark; the placement, as long as it is not known
-where the robot's strokes land; and what the model does not know, which was measured on paintings.
+The expectation is exact for the moments of the marks in the stroke model (docs/explanation/renderer.md). The range
+has three parts: the random differences of marks, the unknown placement error of the robot, and the error of the
+model, which was measured on paintings.
 """
 
 import math
@@ -33,7 +33,11 @@ _LEAST_ERROR = 1e-6
 
 @dataclass(frozen=True)
 class SimilarityForecast:
-    """Similarity of the finished painting to its photograph, PSNR in dB: expected, and the least and most to expect."""
+    """Forecast of the PSNR between the finished painting and its photograph, in dB.
+
+    expected: expected PSNR.
+    least, most: ends of the likely range.
+    """
 
     expected: float
     least: float
@@ -44,7 +48,7 @@ class SimilarityForecast:
 
     @classmethod
     def of_error(cls, error: float, deviation: float) -> Self:
-        """From the mean squared error that is expected, and its standard deviation from painting to painting."""
+        """Returns the forecast for an expected mean squared error and its standard deviation between paintings."""
         error = max(error, _LEAST_ERROR)
         expected = -10 * math.log10(error)
         relative = _LIKELY * deviation / error * 10 / math.log(10)
@@ -59,11 +63,12 @@ def forecast(
     placement: Placement | None = None,
     unseen: int = 0,
 ) -> SimilarityForecast | None:
-    """What is to be expected of strokes, in painting order, in a scene; None where the goal has no photograph.
+    """Forecasts the similarity of a painting to its photograph; None if the goal has no photograph.
 
-    strokes, scenes: of each brush in turn, on the canvas of the first scene; placement: what is known of where strokes
-    land, None for everything; unseen: how many strokes are painted before the next look makes it known better. Later
-    ones are planned on what is then seen, and repair what landed beside: as much of it as is their share of the plan.
+    strokes, scenes: one for each brush in painting order; all are painted on the canvas of the first scene.
+    placement: placement error of the robot as known so far. None: strokes land exactly.
+    unseen: number of strokes painted before the next photograph improves the placement. Later strokes are planned
+    on that photograph and repair a part of the earlier errors, equal to their share of the plan.
     """
     photograph = next((term.picture for term in goal.terms if term.is_pixelwise), None)
     if photograph is None:
@@ -73,7 +78,7 @@ def forecast(
     error, chance = _error_and_chance(strokes, scenes, target)
     if placement is None or unseen == 0:
         return SimilarityForecast.of_error(error, chance)
-    # Three-point Gauss-Hermite rule along each axis of the placement's covariance, about what is believed.
+    # Three-point Gauss-Hermite rule along each axis of the placement's covariance, about the believed error.
     covariance = np.linalg.inv(np.array(placement.information))
     lengths, axes = np.linalg.eigh(covariance)
     shift, variance = 0.0, chance**2
@@ -90,7 +95,7 @@ def forecast(
 def _landed(
     strokes: Sequence[Strokes], error: np.ndarray[tuple[int], np.dtype[np.float64]], size: CanvasSize, count: int
 ) -> list[Strokes]:
-    """The strokes, the first `count` of which land beside where they are meant by that placement error."""
+    """Returns the strokes, with the first `count` of them shifted by the placement error."""
     found = []
     for part in strokes:
         astray = moved(part[:count], tuple(error.tolist()), size)
@@ -101,16 +106,17 @@ def _landed(
 
 @torch.no_grad()
 def _error(strokes: Sequence[Strokes], scenes: Sequence[Scene], target: Tensor) -> float:
-    """The mean squared error to the target that is expected."""
+    """Returns the expected mean squared error to the target."""
     mean, variance = stacked_moments(strokes, scenes)
     return float((mean - target).square().mean() + variance.mean())
 
 
 def _error_and_chance(strokes: Sequence[Strokes], scenes: Sequence[Scene], target: Tensor) -> tuple[float, float]:
-    """The mean squared error that is expected, and its standard deviation by chance.
+    """Returns the expected mean squared error and its standard deviation by chance.
 
-    A stroke that leaves more or less paint than its mean does so along the whole mark, strokes independently: to first
-    order the error's variance is the sum of squares of what each stroke's deviation makes of it.
+    A stroke that leaves more or less paint than its mean does so along the whole mark, and strokes are independent.
+    To first order, the variance of the error is therefore the sum of the squared effects of each stroke's
+    deviation.
     """
     parts = [(part, scene) for part, scene in zip(strokes, scenes, strict=True) if len(part)]
     if not parts or all(scene.spread.share == 0 for _, scene in parts):
@@ -129,14 +135,15 @@ def _error_and_chance(strokes: Sequence[Strokes], scenes: Sequence[Scene], targe
     return float(error.detach()), math.sqrt(by_chance)
 
 
-# What it costs that a brush runs dry: how much worse a painting gets where a stroke lacks a share of its paint.
+# Cost of a brush that runs dry: the loss from strokes that lack a share of their paint.
 
 
 @dataclass(frozen=True)
 class Fading:
-    """Of n strokes what it costs that one lacks a share f of its paint: f slope + f^2 square, [n] and [n].
+    """Cost of n strokes that lack a share f of their paint: f slope + f^2 square.
 
-    In shares of what the whole plan's painting has of squared error. The slope may be below 0: there is too much paint.
+    slope, square [n]: in shares of the squared error of the whole plan's painting. A slope below 0 means that the
+    stroke has too much paint.
     """
 
     slope: Tensor
@@ -144,24 +151,25 @@ class Fading:
 
     @property
     def without_paint(self) -> Tensor:
-        """How much each stroke would be missed, [n]: what it costs that it lacks all of its paint."""
+        """Cost of each stroke that lacks all of its paint, [n]."""
         return self.slope + self.square
 
     @classmethod
     def none(cls, strokes: int) -> Self:
-        """That of strokes of which it does not matter."""
+        """Returns a zero cost for this number of strokes."""
         return cls(torch.zeros(strokes), torch.zeros(strokes))
 
     def of(self, strokes: Sequence[int]) -> Self:
-        """That of some strokes, by their numbers."""
+        """Returns the costs of the strokes with these numbers."""
         return replace(self, slope=self.slope[strokes], square=self.square[strokes])
 
 
 def fading_of(plan: Plan, canvas: Tensor, scenes: Scenes, grid: PixelGrid, seed: int) -> Fading:
-    """That of a plan's strokes on a canvas picture [3, H, W], as it is seen under the strokes that follow.
+    """Returns the cost of missing paint for each stroke of a plan, as seen under the strokes that follow.
 
-    Towards the picture that guides the plan; where there is none, a stroke counts by the area in which it is seen.
-    Where there is not memory enough to tell, it does not matter.
+    The cost is measured towards the picture that guides the plan. Without a guide picture, a stroke counts by its
+    visible area. The cost is zero if memory is too short to compute it.
+    canvas [3, H, W]: picture of the canvas.
     """
     parts, on = scenes.stack(plan, canvas, grid)
     guide = scenes.guide(on[0])

@@ -1,4 +1,4 @@
-"""The ground: the colour in which a canvas is toned before it is painted on."""
+"""Choice of the ground: the colour in which a canvas is toned before it is painted."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -18,21 +18,24 @@ from frida_painter.planning.optimize import Step
 from frida_painter.planning.planner import Planner
 
 _ROWS = 64
-# On nine pictures with two seeds, quick plans chose the ground that whole plans would or one at most 0.05 dB worse, but
-# for a logo on white once (0.26 dB).
-_TRYING, _TRIAL_ROWS = 0.1, 96  # of the planner's effort, and rows of the picture
+# Quick plans, measured on nine pictures with two seeds: they chose the same ground as whole plans, or one at most
+# 0.05 dB worse. The one exception was a logo on white (0.26 dB worse).
+_TRYING, _TRIAL_ROWS = 0.1, 96  # share of the planner's effort; rows of the picture
 _FEWEST = 8  # strokes of a quick plan
-_CLEARLY = 0.944  # of the loss, a quarter of a decibel: by so much quick plans on one ground differ by chance
-_OTHER = 25.0  # of Lab, from which a colour is just another one
+_CLEARLY = 0.944  # share of the loss: 0.25 dB, by which quick plans on the same ground differ by chance
+_OTHER = 25.0  # CIELAB distance above which two colours count as equally different
 
 
 def proposed_ground(
     planner: Planner, strokes: int, colors: int, notify: Callable[[Step], None] = unheard
 ) -> tuple[float, float, float]:
-    """The colour in which the canvas is best toned for a plan of so many strokes and paints, sRGB.
+    """Returns the best ground for a plan with these numbers of strokes and paints, in sRGB.
 
-    A quick plan is made on each of a few colours; the one that leaves the least expected loss is taken, and white
-    where none is clearly better. notify: hears of every step. Raises ConfigError where no picture tells colours.
+    The function makes a quick plan on each of a few colours and takes the colour with the least expected loss. It
+    returns white if no colour is clearly better than white.
+    notify: called after every step.
+    Raises ConfigError if the goal has no picture to take colours from, or if the strokes are too few for the
+    layers.
     """
     term = next((term for term in planner.goal.initial_terms if term.guide is not None), None)
     if term is None or term.guide is None:
@@ -40,7 +43,7 @@ def proposed_ground(
             "--ground auto takes its colour from the picture to paint, and this goal has none; give a colour, such as "
             "#c8a878."
         )
-    planner.layer_sizes(strokes)  # what cannot be planned is said before anything is tried
+    planner.layer_sizes(strokes)  # raises before the trials start
     picture = term.guide
     trial = _quick(planner, ImageTerm(picture, importance=term.importance))
     few = max(strokes // 2, min(strokes, _FEWEST))
@@ -55,10 +58,12 @@ def proposed_ground(
 
 
 def possible_grounds(picture: Tensor) -> list[tuple[float, float, float]]:
-    """Colours that suit the canvas of a painting of this picture, sRGB [3, H, W] in [0, 1], in 256 steps.
+    """Returns candidate grounds for a painting of this picture, in sRGB rounded to 8 bits.
 
-    White; the mean of the picture, which leaves the least squared error where no stroke comes; and the mean of its
-    darker half, because light strokes come first, and dark ones leave gaps.
+    The candidates are white, the mean of the picture and the mean of its darker half. The mean leaves the least
+    squared error between strokes. The darker mean suits because strokes are painted from light to dark, and dark
+    strokes leave gaps.
+    picture [3, H, W]: sRGB in [0, 1].
     """
     color = images.fit(picture, _ROWS, _ROWS).flatten(1)  # [3, pixels]
     lightness = color.mean(0)
@@ -71,7 +76,7 @@ def possible_grounds(picture: Tensor) -> list[tuple[float, float, float]]:
 
 
 def _quick(planner: Planner, term: ImageTerm) -> Planner:
-    """A planner that comes to a rough plan for a picture in a seventh of the time, with its first two brushes."""
+    """Returns a planner with the first two brushes that makes a rough plan of a picture in a seventh of the time."""
     settings = replace(
         planner.settings,
         model=[planner.models[brush] for brush in planner.brushes[:2]],
@@ -79,7 +84,7 @@ def _quick(planner: Planner, term: ImageTerm) -> Planner:
         effort=planner.effort.scaled(_TRYING),
         layers=None,
         shares=None,
-        focus=EVERYWHERE,  # the term has what matters, and is as sharp as it is to be
+        focus=EVERYWHERE,  # the term already has its importance map and its sharpness
         sharpness=0.0,
         ground=WHITE,
     )
@@ -87,15 +92,15 @@ def _quick(planner: Planner, term: ImageTerm) -> Planner:
 
 
 def _in_paint(picture: Tensor, planner: Planner) -> Tensor:
-    """The picture, sRGB [3, H, W], in colours that are no darker than the darkest paint."""
+    """Returns the picture, sRGB [3, H, W], with no colour darker than the darkest paint."""
     return picture if planner.darkest is None else torch.maximum(picture, torch.tensor(planner.darkest)[:, None, None])
 
 
 def ground_around_things(planner: Planner) -> tuple[float, float, float]:
-    """The colour that is commonest around the things of the picture that a goal begins with, sRGB in 256 steps.
+    """Returns the commonest colour around the things of the goal's start picture, in sRGB rounded to 8 bits.
 
-    It needs no strokes then, which the things have instead: a hundred of them do not cover a canvas. White where the
-    goal begins without a picture, or with one that says nothing of things.
+    Areas of this colour need no strokes, so that more strokes remain for the things. A hundred strokes do not cover
+    a canvas. The ground is white if the goal has no start picture, or if that picture has no importance map.
     """
     term = next((term for term in planner.goal.initial_terms if term.guide is not None), None)
     if term is None or term.guide is None or term.importance is None:

@@ -1,4 +1,4 @@
-"""Where strokes start: uniformly at random as in the paper, or placed where a guiding picture needs them."""
+"""Start of a plan: strokes placed at random as in the paper, or at the places that a guide picture needs most."""
 
 import math
 from collections.abc import Callable
@@ -18,19 +18,20 @@ from frida_painter.planning.variables import Paints
 from frida_painter.render import composite
 from frida_painter.strokes import StrokeLimits, Strokes
 
-# Strokes that go the way of a style's brushwork: its directions, its curves, and no longer than it runs straight.
+# Strokes along the brushwork of a style: they follow its directions and curves, and end before it turns too far.
 
 _WAVERS = 0.15  # radians, standard deviation of strokes about the flow
-_TURN = math.pi / 3  # of the flow from one end of a stroke to the other, for which a stroke has half the length
+_TURN = math.pi / 3  # turn of the flow between the ends of a stroke that halves its length
 
 
 def along_flow(
     strokes: Strokes, flow: Tensor, limits: StrokeLimits, size: CanvasSize, generator: torch.Generator
 ) -> Strokes:
-    """Strokes about whose directions chance has decided, turned into the flow about their middles.
+    """Turns strokes of random direction into the flow about their middles.
 
-    flow [3, H, W]: cosine and sine of twice the direction and how sure it is; a stroke is turned with that probability,
-    forwards or backwards. It bends as the flow turns between its ends, and is the shorter the more that is.
+    The probability that a stroke is turned is the certainty of the flow there; it then points forwards or
+    backwards. It bends as the flow turns between its ends, and a stronger turn makes it shorter.
+    flow [3, H, W]: cosine and sine of twice the direction, and the certainty.
     """
     middle = strokes.path(strokes.angle.new_tensor([0.5]))[:, 0]
     doubled, sure = _seen(flow, middle, size)
@@ -42,9 +43,12 @@ def along_flow(
     along = torch.stack((angle.cos(), angle.sin()), -1)
     half = along * strokes.length[:, None] / 2
     ends = [_seen(flow, middle + step, size)[0] for step in (-half, half)]
-    turn = torch.remainder((ends[1] - ends[0]) + math.pi, 2 * math.pi) / 2 - math.pi / 2  # of a direction: a quarter
+    turn = (
+        torch.remainder((ends[1] - ends[0]) + math.pi, 2 * math.pi) / 2 - math.pi / 2
+    )  # of a direction, not of its double
     length = torch.where(turned, strokes.length / (1 + turn.abs() / _TURN), strokes.length)
-    # A stroke's path heads by 3 b / l to one side at its start, and as much to the other at its end.
+    # The heading of a path differs from its chord by 3 b / l at the start, and by as much to the other side at the
+    # end.
     bend = torch.where(turned, -turn * length / 6, strokes.bend)
     across = torch.stack((-angle.sin(), angle.cos()), -1)
     start = middle - along * length[:, None] / 2 - across * (0.75 * bend)[:, None]
@@ -52,7 +56,7 @@ def along_flow(
 
 
 def _seen(flow: Tensor, place: Tensor, size: CanvasSize) -> tuple[Tensor, Tensor]:
-    """Twice the direction of the flow and how sure it is, [n] each, at canvas places [n, 2]."""
+    """Returns twice the direction of the flow and its certainty, [n] each, at canvas positions [n, 2]."""
     at = torch.stack((2 * place[:, 0] / size.width - 1, 1 - 2 * place[:, 1] / size.height), -1)
     cosine, sine, sure = functional.grid_sample(
         flow[None], at[None, None].to(flow), align_corners=False, padding_mode="border"
@@ -60,22 +64,23 @@ def _seen(flow: Tensor, place: Tensor, size: CanvasSize) -> tuple[Tensor, Tensor
     return torch.atan2(sine, cosine), sure
 
 
-# Where the next stroke does the most good: many strokes are proposed, their gain is computed, the best are kept.
+# Places for the next strokes: many strokes are proposed, their gains are computed, and the best are kept.
 #
-# For a quadratic objective the best colour of a single stroke and what it gains have a closed form,
-# so thousands of proposals can be weighed at once on a coarse picture.
+# For a quadratic objective, the best colour of a single stroke and its gain have a closed form. Thousands of
+# proposals can therefore be weighed at once on a coarse picture.
 
-_CELLS = (16, 26)  # rows and columns at which a proposal's mark is weighed
-_PLACES = 12  # in the painting order, between which a new stroke may go
+_CELLS = (16, 26)  # rows and columns of the grid on which a proposal's mark is weighed
+_PLACES = 12  # most places in the painting order for a new stroke
 
 
 @dataclass(frozen=True)
 class Layers:
-    """Places in the painting order where one more stroke could go, and what it would find there.
+    """Places in the painting order for one more stroke, with the picture below and the light let through above.
 
-    lightness [k - 1], falling: a stroke darker than the first i of them goes to place i; below
-    [k, 3, H, W]: the picture that it would be painted over; open [k, H, W]: the share of light that
-    the strokes painted afterwards let through; picture [3, H, W]: all strokes.
+    lightness [k - 1]: falling. A stroke that is darker than the first i values goes to place i.
+    below [k, 3, H, W]: picture under a stroke at each place.
+    open [k, H, W]: share of light that the strokes painted afterwards let through.
+    picture [3, H, W]: picture of all strokes.
     """
 
     lightness: Tensor
@@ -84,12 +89,12 @@ class Layers:
     picture: Tensor
 
     def place_of(self, color: Tensor) -> Tensor:
-        """Where strokes of these colours [m, 3] go, [m]."""
+        """Returns the place [m] of strokes with these colours [m, 3]."""
         return (to_lab(color)[:, :1] < self.lightness).sum(1)
 
 
 def layers(strokes: Strokes, scene: Scene, *, light_to_dark: bool) -> Layers:
-    """The layers of strokes that are in painting order; where any order will do, the one place is on top."""
+    """Returns the layers of strokes in painting order; if the order is free, the only place is on top."""
     magnitude, affine = scene.marks(strokes)
     ends = _ends(strokes, light_to_dark)
     below, picture = [], scene.canvas
@@ -111,15 +116,18 @@ def layers(strokes: Strokes, scene: Scene, *, light_to_dark: bool) -> Layers:
 
 
 def _ends(strokes: Strokes, light_to_dark: bool) -> list[slice]:
-    """The strokes cut where another may be put between: everywhere that matters, but not too often."""
+    """Splits the strokes into at most 12 slices, between which a new stroke may go."""
     count = min(_PLACES, len(strokes)) if light_to_dark else 1
     return [slice(len(strokes) * i // count, len(strokes) * (i + 1) // count) for i in range(count)]
 
 
 def propose(error: Tensor, count: int, limits: StrokeLimits, size: CanvasSize, generator: torch.Generator) -> Strokes:
-    """`count` strokes of random shapes, whose middles lie where the error [H, W] is large; on its device."""
+    """Returns `count` strokes of random shape, on the device of the error.
+
+    Large errors [H, W] attract their middles.
+    """
     _, columns = error.shape
-    wanted, error = error, error.cpu()  # the same chances on every device
+    wanted, error = error, error.cpu()  # same random choices on every device
     chosen = torch.multinomial(error.flatten() + 1e-12, count, replacement=True, generator=generator)
     grid = PixelGrid(size, *error.shape)
     pixel = torch.stack((chosen % columns, chosen // columns), -1).to(error)
@@ -130,7 +138,7 @@ def propose(error: Tensor, count: int, limits: StrokeLimits, size: CanvasSize, g
 
     angle = uniform(-torch.pi, torch.pi)
     length = uniform(*limits.length)
-    # A bend beyond a third of the length is a hook, rarely what a picture asks for.
+    # A bend beyond a third of the length is a hook, which pictures rarely need.
     bend = uniform(-1, 1) * torch.minimum(length / 3, torch.tensor(limits.bend[1]))
     half = torch.stack((torch.cos(angle), torch.sin(angle)), -1) * length[:, None] / 2
     strokes = Strokes(middle - half, angle, length, bend, uniform(0, 1), torch.zeros(count, 3))
@@ -140,11 +148,12 @@ def propose(error: Tensor, count: int, limits: StrokeLimits, size: CanvasSize, g
 def weigh(
     proposals: Strokes, under: Layers, target: Tensor, paints: Paints | None, scene: Scene
 ) -> tuple[Tensor, Strokes, Tensor | None]:
-    """What each proposal gains: the fall of the summed squared error, in pixels of the target [3, H, W].
+    """Computes the gain of each proposal: the fall of the summed squared error, in pixels of the target [3, H, W].
 
-    Returns the gains [m], the proposals coloured, and with paints the paint of each [m]. A stroke
-    of alpha a changes the picture by o a (c - below), o the share left open above it; with
-    r = target - picture, the gain is |r|^2 - |r - o a (c - below)|^2, each pixel by its importance.
+    Returns the gains [m], the proposals with their best colours, and with `paints` the paint of each proposal [m].
+
+    A stroke of alpha a changes the picture by o a (c - below); o is the share left open above it. With r = target -
+    picture, the gain is |r|^2 - |r - o a (c - below)|^2, and each pixel counts by its importance.
     """
     alpha, place = _cells(proposals, scene)
     wanted = _sample(target, place)  # [m, 3, cells]
@@ -168,8 +177,8 @@ def weigh(
 
 
 def pick(strokes: Strokes, gain: Tensor, count: int, model: StrokeModel) -> Tensor:
-    """Indices of up to `count` strokes of the largest gain whose marks keep clear of each other's."""
-    strokes, gain = strokes.to("cpu"), gain.cpu()  # one after another is looked at
+    """Returns the indices of up to `count` strokes of the largest gain whose marks keep clear of each other."""
+    strokes, gain = strokes.to("cpu"), gain.cpu()  # a loop over single strokes is faster there
     middle = strokes.path(torch.tensor([0.5]))[:, 0]
     width = (model.frame.top - model.frame.bottom) / 3
     radius = torch.sqrt(strokes.length * (0.3 + 0.7 * strokes.thickness) * width) / 2
@@ -186,7 +195,7 @@ def pick(strokes: Strokes, gain: Tensor, count: int, model: StrokeModel) -> Tens
 
 
 def _cells(strokes: Strokes, scene: Scene) -> tuple[Tensor, Tensor]:
-    """Coarse alpha [m, cells] of each mark, and where its cells lie on the canvas, [m, cells, 2] in [-1, 1]."""
+    """Returns the coarse alpha [m, cells] of each mark, and the cells' canvas positions [m, cells, 2] in [-1, 1]."""
     magnitude = scene.model(strokes.thickness, strokes.length, strokes.bend)
     alpha = functional.interpolate(magnitude[:, None], _CELLS, mode="area")[:, 0].flatten(1)
     centers = scene.model.frame.resized(*_CELLS).cell_centers(dtype=alpha.dtype, device=alpha.device).flatten(0, 1)
@@ -199,7 +208,7 @@ def _cells(strokes: Strokes, scene: Scene) -> tuple[Tensor, Tensor]:
 
 
 def _sample(picture: Tensor, place: Tensor) -> Tensor:
-    """The picture [c, H, W] at places [m, cells, 2] -> [m, c, cells]."""
+    """Samples the picture [c, H, W] at positions [m, cells, 2]; returns [m, c, cells]."""
     found = functional.grid_sample(picture[None], place[None].to(picture), align_corners=False, padding_mode="border")
     return found[0].transpose(0, 1)
 
@@ -210,12 +219,12 @@ def _pixels_per_cell(scene: Scene) -> float:
     return cell[0] * cell[1] / (pixel[0] * pixel[1])
 
 
-_COARSENESS = 3  # pixels, of the picture in which a start is planned
+_COARSENESS = 3  # pixels of the planning image to a pixel of the descended picture
 _DESCENDING, _DESCENT = 60, 0.05  # steps, and their size in sRGB
 
 
 def uniform(count: int, limits: StrokeLimits, size: CanvasSize, generator: torch.Generator) -> Strokes:
-    """`count` strokes sampled uniformly over the parameters (paper, Algorithm 1, `init_brush_strokes`)."""
+    """Returns `count` strokes sampled uniformly over the parameters (paper, Algorithm 1, `init_brush_strokes`)."""
 
     def between(low: float, high: float) -> Tensor:
         return low + (high - low) * torch.rand(count, generator=generator)
@@ -234,9 +243,11 @@ def uniform(count: int, limits: StrokeLimits, size: CanvasSize, generator: torch
 
 @dataclass(frozen=True)
 class Growth:
-    """How a plan grows: in `rounds` rounds of more and more strokes, each settled by `settling` joint steps.
+    """Growth of a plan in rounds of increasing size.
 
-    proposals: how many are weighed for each stroke that is placed.
+    rounds: number of rounds.
+    settling: joint optimisation steps after each round.
+    proposals: proposals weighed for each placed stroke.
     """
 
     rounds: int = 8
@@ -255,10 +266,10 @@ def progressive(
     generator: torch.Generator,
     notify: Callable[[Step], None] = lambda step: None,
 ) -> tuple[Strokes, Paints | None]:
-    """`count` strokes, in painting order, grown towards `target` [3, H, W] (of the scene's resolution).
+    """Grows `count` strokes, in painting order, towards `target` [3, H, W] (at the scene's resolution).
 
-    In every round the error of the picture so far says where strokes are proposed; those that gain
-    most are placed, and all are settled together by gradient descent on the scene's objective.
+    Each round proposes strokes at the errors of the current picture and places those with the largest gains.
+    Gradient descent on the scene's objective then settles all strokes together.
     """
     strokes = Strokes.empty(device=scene.canvas.device)
     if paints is not None:
@@ -290,7 +301,7 @@ def place(
     light_to_dark: bool,
     generator: torch.Generator,
 ) -> tuple[Strokes, Paints | None]:
-    """`count` more strokes where they gain most; strokes and paints come and go in painting order."""
+    """Adds `count` strokes at the places of the largest gain; strokes and paints are in painting order."""
     while count > 0:
         found = best_proposals(
             strokes, paints, count, scene, target, proposals, light_to_dark=light_to_dark, generator=generator
@@ -301,10 +312,11 @@ def place(
 
 
 def descended(scene: Scene) -> Tensor:
-    """A picture [3, H, W] for strokes to be placed towards where the goal has none: gradient descent from the canvas.
+    """Returns a target picture [3, H, W] for a goal without a guide picture, by gradient descent from the canvas.
 
-    It is no finer than strokes are, or networks would be pleased by patterns that no brush can paint. Against strokes
-    that start at random, as in the paper, plans of 24 and 60 strokes towards four such goals ended a third nearer.
+    The picture is no finer than strokes are; otherwise networks would favour patterns that no brush can paint.
+    Against strokes that start at random, as in the paper, plans of 24 and 60 strokes towards four of these goals
+    ended a third nearer.
     """
     _, rows, columns = scene.canvas.shape
     shape = (max(1, rows // _COARSENESS), max(1, columns // _COARSENESS))
@@ -325,14 +337,18 @@ def descended(scene: Scene) -> Tensor:
 
 @dataclass(frozen=True)
 class Found:
-    """Proposed strokes, best first: what each gains (summed squared error) and, with a palette, its paint."""
+    """Proposed strokes, best first.
+
+    gain: gain of each stroke in summed squared error.
+    paint: paint of each stroke; None without a palette.
+    """
 
     strokes: Strokes
     gain: Tensor
     paint: Tensor | None
 
     def first(self, count: int) -> "Found":
-        """The best `count` of them."""
+        """Returns the best `count` strokes."""
         return Found(self.strokes[:count], self.gain[:count], None if self.paint is None else self.paint[:count])
 
 
@@ -348,7 +364,10 @@ def best_proposals(
     light_to_dark: bool,
     generator: torch.Generator,
 ) -> Found:
-    """From 1 to `count` strokes that would gain most and keep clear of each other; `proposals` are weighed for each."""
+    """Returns 1 to `count` strokes of the largest gain that keep clear of each other.
+
+    proposals: number of proposals weighed for each stroke, at least 64 in all.
+    """
     under = layers(strokes, scene, light_to_dark=light_to_dark)
     error = (target - under.picture).square().sum(0)
     if scene.importance is not None:
@@ -360,7 +379,7 @@ def best_proposals(
         candidates = along_flow(candidates, scene.flow.to(error), scene.limits, scene.size, generator)
     gain, candidates, paint = weigh(candidates, under, target, paints, scene)
     chosen = pick(candidates, gain, count, scene.model)
-    if len(chosen) == 0:  # nothing gains any more; the rest still has to be somewhere
+    if len(chosen) == 0:  # no stroke gains any more, but the rest must still be placed
         chosen = torch.argsort(gain, descending=True)[:count]
     return Found(candidates[chosen], gain[chosen], None if paint is None else paint[chosen])
 
@@ -368,7 +387,7 @@ def best_proposals(
 def insert(
     strokes: Strokes, paints: Paints | None, found: Found, *, light_to_dark: bool
 ) -> tuple[Strokes, Paints | None]:
-    """The strokes with those found put where they belong in the painting order."""
+    """Inserts the found strokes at their places in the painting order."""
     strokes = Strokes.join(strokes, found.strokes)
     if paints is not None and found.paint is not None:
         paints = replace(paints, paint=torch.cat([paints.paint, found.paint]))
@@ -379,7 +398,7 @@ def insert(
 
 
 def round_sizes(count: int, rounds: int) -> list[int]:
-    """`count` split into at most `rounds` growing parts, each at least 1."""
+    """Splits `count` into at most `rounds` growing parts, each at least 1."""
     rounds = min(rounds, count)
     if rounds == 0:
         return []
@@ -389,6 +408,6 @@ def round_sizes(count: int, rounds: int) -> list[int]:
 
 
 def _blurred(error: Tensor) -> Tensor:
-    """The error [H, W] over a neighbourhood of about a twentieth of the height."""
+    """Averages the error [H, W] over a neighbourhood of about a twentieth of the height."""
     width = 2 * (error.shape[0] // 40) + 1
     return functional.avg_pool2d(error[None, None], width, 1, width // 2, count_include_pad=False)[0, 0]

@@ -1,7 +1,7 @@
-"""Layers that are settled together: what one of them leaves is what another one makes good.
+"""Layers of a plan that are optimised together, so that one layer can correct what another one leaves.
 
-Each layer is grown as if it were the last one. Then strokes of all layers move and descend towards the picture that all
-of them make, so that a broad brush cares for what finer ones cannot do as well.
+Each layer is first grown as if it were the last one. Then the strokes of all layers move and descend towards the
+picture that all layers make together. A broad brush can so leave details to the finer brushes.
 """
 
 import math
@@ -21,11 +21,11 @@ from frida_painter.planning.refine import HARDLY_APART, MOVED, PROPOSALS, bindin
 from frida_painter.planning.variables import Paints, as_palette
 from frida_painter.strokes import Strokes
 
-# Steps of planning as they are told: one count through all the optimisations that make a plan.
+# Reports of planning steps: one count through all optimisations that make a plan.
 
 
 class StepCount:
-    """Adds the iterations of several optimisations up to one count."""
+    """Adds up the iterations of several optimisations into one count."""
 
     def __init__(self, notify: Callable[[Step], None], total: int) -> None:
         self._notify = notify
@@ -33,7 +33,10 @@ class StepCount:
         self._done = 0
 
     def begin(self, iterations: int, below: Sequence[tuple[str, Strokes]] = ()) -> Callable[[Step], None]:
-        """Where the next `iterations` steps are to be reported; below: each brush and its strokes that lie below."""
+        """Returns the callback for the next `iterations` steps.
+
+        below: each brush below, with its strokes on the canvas.
+        """
         before = self._done
         self._done += iterations
 
@@ -45,29 +48,34 @@ class StepCount:
 
 
 def unheard(step: Step) -> None:
-    """Where nobody listens."""
+    """Ignores the step."""
 
 
 def at_the_end(notify: Callable[[Step], None]) -> Callable[[Step], None]:
-    """Where the steps of a second try are to be reported: nobody knew before that there is one."""
+    """Returns the callback for a second try, which reports each step as the last one of the total."""
     return lambda step: notify(replace(step, iteration=step.of))
 
 
-# How much work a plan is worth.
+# Effort of a plan: the numbers of iterations.
 
 _WHERE_A_LAYER_BEGINS = 3
 
 
 @dataclass(frozen=True)
 class Effort:
-    """How many iterations are spent on what.
+    """Numbers of iterations and rounds of each stage; docs/lab/planning.md has the measurements.
 
-    growth: on the start; refining: joint steps after each of `relocations` rounds in which weak
-    strokes move; drawing: steps after each round in which colours are drawn towards the paints;
-    binding: steps once they are paints; rounds: in which strokes of several layers move to better places;
-    settling: joint steps after each of them, and after each look; before_settling: which part of the effort each
-    layer is grown with before that; polishing: last steps at full resolution; replanning: the same after
-    each look. docs/lab/planning.md has the measurements.
+    growth: growth of the start.
+    relocations: rounds in which weak strokes move.
+    refining: joint steps after each of these rounds.
+    drawing: steps after each round that draws colours towards the paints.
+    binding: steps after the colours have become paints.
+
+    rounds: rounds in which strokes of several layers move to better places.
+    settling: joint steps after each of these rounds, also in a replan.
+    before_settling: factor of the effort for growing each layer before the rounds.
+    polishing: last steps of a plan, at full resolution.
+    replanning: last steps of a replan, at full resolution.
     """
 
     growth: Growth = field(default_factory=Growth)
@@ -82,30 +90,33 @@ class Effort:
     replanning: int = 40
 
     def scaled(self, factor: float) -> "Effort":
-        """The same effort with `factor` times as many iterations."""
+        """Returns this effort with `factor` times as many iterations."""
         growth = Growth(self.growth.rounds, math.ceil(self.growth.settling * factor), self.growth.proposals)
         names = "refining", "drawing", "binding", "settling", "polishing", "replanning"
         counts = {name: math.ceil(getattr(self, name) * factor) for name in names}
         return replace(self, growth=growth, **counts)
 
     def judged_by_networks(self) -> "Effort":
-        """The same for goals that networks judge: what they see is grown, and settled in fewer rounds."""
+        """Returns the effort for goals that networks judge: more iterations for growth, fewer rounds of settling."""
         return replace(self, rounds=min(self.rounds, 3), settling=self.refining, before_settling=0.6)
 
     def growing_of(self, layers: int) -> "Effort":
-        """What each of so many layers is grown with: less where they are settled together afterwards."""
+        """Returns the effort for growing each of several layers: less if they are settled together afterwards."""
         return self if layers == 1 else self.scaled(self.before_settling)
 
     def growing(self, strokes: int) -> int:
-        """Iterations while so many strokes grow."""
+        """Number of iterations that grow this number of strokes."""
         return min(self.growth.rounds, strokes) * self.growth.settling
 
     def rounds_of(self, layers: int) -> int:
-        """Rounds in which so many layers of a plan are settled together."""
+        """Number of rounds that settle this number of layers together; 0 for one layer."""
         return self.rounds if layers > 1 else 0
 
     def planning(self, sizes: Sequence[int], *, new_paints: bool) -> int:
-        """Iterations of a plan of layers of so many strokes, of which later ones have paints of their own or not."""
+        """Number of iterations of a plan with layers of these sizes.
+
+        new_paints: True if later layers have palettes of their own.
+        """
         effort = self.growing_of(len(sizes))
         mixing = binding_iterations(effort.drawing, effort.binding)
         later = mixing if new_paints else effort.binding
@@ -113,20 +124,24 @@ class Effort:
         return sum(map(effort.free_iterations, sizes)) + mixing + later * (len(sizes) - 1) + settled
 
     def rounds_of_a_look(self, asked: int, *, fresh: bool) -> int:
-        """Rounds in which the rest is planned again where so many are asked for; fresh: whether a layer begins."""
+        """Number of rounds of a replan.
+
+        asked: smallest number of rounds.
+        fresh: True if a layer begins; it gets at least 3 rounds, or `rounds` if that is fewer.
+        """
         return max(asked, min(_WHERE_A_LAYER_BEGINS, self.rounds)) if fresh else asked
 
     @property
     def of_a_look(self) -> int:
-        """Iterations in which the rest is planned again, where nothing else is said."""
+        """Default number of iterations for a replan."""
         return self.settling + self.replanning
 
     def free_iterations(self, strokes: int) -> int:
-        """Iterations until so many strokes are where they are to be, in colours of their own."""
+        """Number of iterations that place this number of strokes, in colours of their own."""
         return self.growing(strokes) + self.relocations * self.refining
 
 
-# Strokes in colours of their own: grown where the canvas needs them, then moved to where they gain most.
+# Strokes in colours of their own: grown at the places that need them, then moved to places of a larger gain.
 
 
 def free_strokes(
@@ -137,11 +152,12 @@ def free_strokes(
     generator: torch.Generator,
     begin: Callable[[int], Callable[[Step], None]],
 ) -> Strokes:
-    """So many strokes, from light to dark, in a scene.
+    """Plans `count` strokes in colours of their own, from light to dark.
 
-    guide [3, H, W]: says where strokes are needed; None: only the objective does, and then strokes do not move far: a
-    picture that is only one of many good ones must not pull them back to it. begin: where so many iterations are to be
-    reported.
+    guide [3, H, W]: picture that shows where strokes are needed. None: strokes grow towards a picture from the
+    objective, and do not move far afterwards. That picture is only one of many good ones, so strokes must not be
+    pulled back to it.
+    begin: returns the callback that reports the next iterations.
     """
     found, _ = progressive(
         count,
@@ -160,14 +176,14 @@ def free_strokes(
     return found
 
 
-_CLOSED = 0.05  # of a canvas that shows through later layers: what lies below is as good as anything
+_CLOSED = 0.05  # share of a layer that shows through; below it, the layer's colour does not matter
 
 
 @dataclass(frozen=True)
 class LayerAtWork:
-    """A layer that is being planned: its brush, its strokes in painting order, their paints.
+    """Layer that is being planned: its brush, its strokes in painting order and their paints.
 
-    mixes: whether the paints may still change.
+    mixes: True if the paints may still change.
     """
 
     brush: str
@@ -176,21 +192,23 @@ class LayerAtWork:
     mixes: bool
 
     def after(self, found: StrokesInScene) -> Self:
-        """The layer with what was found of it; paints that are mixed stay as they are, to the last bit."""
+        """Returns the layer with the optimised strokes; paints that may not change stay exactly the same."""
         assert found.paints is not None
         paints = found.paints if self.mixes else replace(found.paints, color=self.paints.color)
         return replace(self, strokes=found.strokes, paints=paints)
 
     def with_paints_in_order(self) -> Self:
-        """The layer with its paints lightest first, no two of them nearly the same, and its strokes likewise."""
+        """Returns the layer with its paints and its strokes from light to dark; nearly equal paints are merged."""
         strokes, palette, paint = as_palette(self.strokes, without_twins(self.paints, HARDLY_APART))
         return replace(self, strokes=strokes, paints=Paints(palette.color, paint))
 
 
 def mixed_later(rest: Plan, new_paints: bool, *, fresh: bool) -> list[bool]:
-    """Of each layer of the rest of a plan that has strokes: whether paints are mixed for it alone, and were not yet.
+    """Returns a bool for each layer that has strokes: True if its paints are its own and are not mixed yet.
 
-    new_paints: whether layers have paints of their own; fresh: whether the layer of the next stroke begins now.
+    rest: part of the plan that is not painted.
+    new_paints: True if layers have palettes of their own.
+    fresh: True if the layer of the next stroke begins now.
     """
     now, wells = int(rest.layer[0]), [layer.paints for layer in rest.layers]
     return [
@@ -212,12 +230,13 @@ def settled_together(
     share: float = MOVED,
     generator: torch.Generator | None = None,
 ) -> list[LayerAtWork]:
-    """The layers, each painted over the one before on a canvas picture [3, H, W], settled for what they make together.
+    """Optimises layers, each painted over the one before on a canvas picture [3, H, W], for their joint picture.
 
-    coarse: a grid, in how many rounds strokes move to better places on it, and how many iterations follow each; fine:
-    another grid, and how many iterations end on it, at `pace`; begin: where so many iterations are to be reported;
-    share: of each layer's strokes that may move in a round.
-    generator: of the places that are weighed; None: strokes stay about where they are.
+    coarse: grid of the rounds, number of rounds in which strokes move, iterations after each round.
+    fine: grid of the last iterations, and their number; `pace` scales their steps.
+    begin: returns the callback that reports the next iterations.
+    share: largest share of each layer's strokes that moves in a round.
+    generator: source of random places. None: strokes do not move to other places.
     """
     grid, rounds, refining = coarse
     found = list(layers)
@@ -238,7 +257,7 @@ def _descended(
     begin: Callable[[int], Callable[[Step], None]],
     pace: float = 1.0,
 ) -> list[LayerAtWork]:
-    """The layers after some steps down the slope of what they cost together."""
+    """Returns the layers after gradient descent on their joint cost."""
     found = optimize_together(
         [
             StrokesInScene(layer.strokes, scenes.of(canvas, grid, layer.brush), layer.paints, layer.mixes)
@@ -259,7 +278,7 @@ def _moved(
     share: float,
     generator: torch.Generator,
 ) -> list[LayerAtWork]:
-    """The layers, of each of which some strokes moved to where they gain more, below the layers that follow."""
+    """Returns the layers after some strokes of each moved to places of a larger gain, seen below the later layers."""
     found, below = list(layers), canvas
     for number, layer in enumerate(found):
         scene = scenes.of(below, grid, layer.brush)
@@ -281,11 +300,13 @@ def _moved(
 def beneath(
     above: Sequence[tuple[Strokes, Scene]], strokes: Strokes, scene: Scene, target: Tensor
 ) -> tuple[Scene, Tensor]:
-    """A layer's scene and target [3, H, W] as they are under other layers, each with a scene of its brush.
+    """Returns the scene and the target [3, H, W] of a layer below other layers.
 
-    What lies above shows a share t of what is below, and adds a: the picture is t p + a where the layer leaves p. So
-    (t p + a - target)^2 is t^2 (p - (target - a) / t)^2: errors count by t^2, from another target. Where hardly
-    anything shows through, the layer's own strokes are as they should be.
+    above: strokes of each later layer, with a scene of its brush.
+
+    The layers above let through a share t of the picture below, and add a. They turn the layer's picture p into t p
+    + a, and (t p + a - target)^2 is t^2 (p - (target - a) / t)^2. So each error counts by t^2 and is measured from
+    (target - a) / t. If t is almost 0, the target is the layer's own picture.
     """
     added, through = torch.zeros_like(scene.canvas), torch.ones_like(scene.canvas)
     for laid, on in above:

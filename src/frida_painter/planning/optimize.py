@@ -1,4 +1,4 @@
-"""Gradient descent on the plan (paper, Algorithm 1, `optimize`), under the limits it will be painted with."""
+"""Gradient descent on the plan (paper, Algorithm 1, `optimize`), within the limits of the brush and the canvas."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -16,15 +16,18 @@ from frida_painter.planning.variables import Paints, Variables
 from frida_painter.render import Marks, Moments, composite_moments
 from frida_painter.strokes import Strokes
 
-# Adam for the planner's two leaves, torch's own but for rounding (D. Kingma, J. Ba, ICLR 2015).
+# Adam for the planner's two leaves: that of PyTorch but for rounding (D. Kingma, J. Ba, ICLR 2015).
 #
-# torch.optim.Adam loads PyTorch's compiler, whatever it is used for: more than a second of every command that plans.
+# torch.optim.Adam loads PyTorch's compiler, which would cost every planning command more than a second.
 
 _EPSILON = 1e-8
 
 
 class Adam:
-    """Steps `leaves`, in place, along their gradients; betas: how long the means of slope and of its square last."""
+    """Adam optimiser that steps `leaves` in place along their gradients.
+
+    betas: decay rates of the means of the gradient and of its square.
+    """
 
     def __init__(self, leaves: Sequence[Tensor], betas: tuple[float, float]) -> None:
         self._leaves = list(leaves)
@@ -34,13 +37,13 @@ class Adam:
         self._steps = 0
 
     def forget_gradients(self) -> None:
-        """Has the next gradients begin at nothing."""
+        """Sets the gradients of all leaves to None."""
         for leaf in self._leaves:
             leaf.grad = None
 
     @torch.no_grad()
     def step(self, rate: float) -> None:
-        """One step of that rate for every leaf that has a gradient."""
+        """Makes one step of this rate for every leaf that has a gradient."""
         self._steps += 1
         first, second = self._betas
         length = rate / (1 - first**self._steps)
@@ -60,21 +63,20 @@ class Adam:
                 leaf.addcdiv_(mean, square.sqrt().div_(spread).add_(_EPSILON), value=-length)
 
 
-# Which rows of the canvas an iteration looks at: what a stroke does to one row, it does to the next one as well.
+# Interlacing: an iteration renders only some rows, because a stroke changes adjacent rows in nearly the same way.
 #
-# Rendering takes time in proportion to the rows that strokes cross. The mean squared error of some rows estimates
-# that of
-# all, and the mean over the turns is the whole, with its gradient. docs/lab/planning.md says what is lost and won.
+# Rendering time is proportional to the rows that strokes cross. The mean squared error of some rows estimates that
+# of all rows. Its mean over the turns is exact, and so is the gradient. docs/lab/planning.md has the gains and
+# losses.
 
 _ROWS_TO_A_MARK = 32  # in the rectangle that holds every mark of the brush
 
 
 def interlaced(scenes: list[Scene]) -> list[list[Scene]]:
-    """What iterations see in turn, each time the scenes of all parts with the same rows; together they have all rows.
+    """Returns the scenes of each turn: those of all parts, with the same rows; together the turns have all rows.
 
-    Where all rows are needed, that is the scenes alone. Rows are at most a 32nd of the height of the rectangle that
-    holds the marks of any of the brushes apart, or of the canvas's where that is less. So how many turns there are
-    follows from the brushes and from the resolution.
+    There is one turn if all rows are needed. The distance of two rows is at most a 32nd of the height of the
+    rectangle that holds the marks of a brush, or of the canvas if that is less. The smallest brush decides.
     """
     every = min(_rows_apart(scene) for scene in scenes)
     if every == 1:
@@ -84,13 +86,13 @@ def interlaced(scenes: list[Scene]) -> list[list[Scene]]:
 
 
 def _on_rows(scene: Scene, rows: Rows) -> Scene:
-    """The scene with those rows only."""
+    """Returns the scene with these rows only."""
     assert scene.objective_on_rows is not None
     return replace(scene, objective=scene.objective_on_rows(rows), rows=rows)
 
 
 def _rows_apart(scene: Scene) -> int:
-    """How many rows farther the next one is that has to be looked at."""
+    """Returns the distance of two rendered rows, in rows."""
     if scene.objective_on_rows is None:
         return 1
     _, pitch = PixelGrid(scene.size, *scene.canvas.shape[1:]).pitch
@@ -98,18 +100,18 @@ def _rows_apart(scene: Scene) -> int:
     return max(1, int(min(mark, scene.size.height) / _ROWS_TO_A_MARK / pitch))
 
 
-# Strokes of several brushes, each brush's laid over those of the one before: their picture and their loss.
+# Strokes of several brushes, each painted over the one before: their joint picture and loss.
 #
-# Every part of the strokes has a scene, with its brush, on the canvas of the first.
+# Each part has a scene with its brush; all parts are on the canvas of the first scene.
 
 
 def stacked_moments(
     strokes: Sequence[Strokes], scenes: Sequence[Scene], marks: Sequence[Marks] | None = None
 ) -> Moments:
-    """Mean [3, H, W] and variance [H, W] of the picture after strokes of several brushes, each over the one before.
+    """Returns mean [3, H, W] and variance [H, W] of the picture after strokes of several brushes, painted in turn.
 
-    scenes: one for each part, with its brush, on the canvas of the first; marks: those of each part's strokes, to
-    differentiate in, by default what its stroke model says.
+    scenes: one for each part, with its brush; the canvas is that of the first.
+    marks: marks of each part, as leaves of a gradient. None: the marks of the stroke model.
     """
     mean = scenes[0].rows.of(scenes[0].canvas)
     variance = torch.zeros_like(mean[0])
@@ -122,16 +124,20 @@ def stacked_moments(
 
 
 def stacked_loss(strokes: Sequence[Strokes], scenes: Sequence[Scene], objective: Objective | None = None) -> Tensor:
-    """What the objective (default: that of the first scene) says on average of paintings of the strokes."""
+    """Returns the expected loss over paintings of the strokes.
+
+    objective: None: the objective of the first scene.
+    """
     if len(scenes) == 1:
         return scenes[0].expected_loss(strokes[0], objective)
     return (objective or scenes[0].objective)(*stacked_moments(strokes, scenes))
 
 
 def stacked_cost(strokes: Sequence[Strokes], scenes: Sequence[Scene], objective: Objective | None = None) -> Tensor:
-    """That, and what the paint costs: every dip takes time, and paint that is hardly seen wins little.
+    """Returns the expected loss plus the price of the paint.
 
-    The price is a share of the loss, for a decibel is worth as much in a dark picture as in a light one.
+    Paint has a price because every dip takes time, and hardly visible paint gains little. The price is a share of
+    the loss, because a decibel is worth as much in a dark picture as in a light one.
     """
     loss = stacked_loss(strokes, scenes, objective)
     if all(scene.paint_price == 0 for scene in scenes):
@@ -143,15 +149,16 @@ _MOST_FAILURES = 3
 _WARMING = 6
 _BETAS = (0.9, 0.98)
 _BETWEEN_VALIDATIONS = 10  # iterations
-_READ_TOGETHER = 8  # iterations of a GPU, which would stand still at each reading
+_READ_TOGETHER = 8  # iterations; a GPU would stand still at each reading
 
 
 @dataclass(frozen=True)
 class Step:
-    """One iteration that was made: its number, of how many, the loss before it, and the strokes as they stood then.
+    """Report of one iteration of the optimiser.
 
-    The loss is that of the rows that the iteration looked at. laid: what is on the canvas by then, each brush and its
-    strokes in painting order, for whoever wants to watch the plan grow.
+    iteration, of: number of the iteration, and their total.
+    loss: loss before the iteration, on the rows that it rendered.
+    laid: each brush and its strokes on the canvas, in painting order.
     """
 
     iteration: int
@@ -161,16 +168,16 @@ class Step:
 
     @property
     def parts(self) -> tuple[tuple[str, Strokes], ...]:
-        """All strokes as they stand, on the CPU."""
+        """Each brush and its current strokes, on the CPU."""
         return tuple((brush, strokes.to("cpu")) for brush, strokes in self.laid)
 
 
 @dataclass(frozen=True)
 class StrokesInScene:
-    """Strokes of one brush, in painting order, that are optimised in a scene.
+    """Strokes of one brush, in painting order, to be optimised in a scene.
 
-    With `paints` every colour is one of the palette's, throughout; `vary_colors` says whether the palette (or, without
-    one, each stroke's colour) may change.
+    paints: palette and the paint of each stroke. None: each stroke has its own colour.
+    vary_colors: True if the palette, or each stroke's own colour, may change.
     """
 
     strokes: Strokes
@@ -190,7 +197,7 @@ def optimize(
     pace: float = 1.0,
     notify: Callable[[Step], None] = lambda step: None,
 ) -> tuple[Strokes, Paints | None]:
-    """The strokes (in painting order) and paints that do better on the scene's objective, as `optimize_together`."""
+    """Optimises strokes of one brush, in painting order, and their paints; see `optimize_together`."""
     (found,) = optimize_together(
         [StrokesInScene(strokes, scene, paints, vary_colors)],
         iterations=iterations,
@@ -209,14 +216,16 @@ def optimize_together(
     pace: float = 1.0,
     notify: Callable[[Step], None] = lambda step: None,
 ) -> list[StrokesInScene]:
-    """The parts, each laid over the one before, that together do better on the objective of the first one's scene.
+    """Optimises parts, each painted over the one before, for the objective of the first part's scene.
 
-    `pace` scales the steps. Iterations look at some rows of the canvas in turn where that is enough
-    (interlace.py), and at all of them at the beginning and at the end. The best strokes of which all rows
-    were looked at are returned, never worse than those given: by the objective or, where the scene has one,
-    by its validation objective, asked every ten iterations. A step that is not finite is discarded, and steps
-    are halved from then on; the third raises PlanningDiverged, and so does a loss that was never finite. On a
-    GPU `notify` hears of several steps at once, and so late a step is discarded.
+    pace: factor of the step size.
+    notify: called after every iteration; on a GPU, for several iterations at once.
+    Returns the best parts seen, never worse than the given ones. They are compared on all rows, by the objective.
+    If the scene has a validation objective, that one compares them, every ten iterations.
+    Raises PlanningDiverged at the third loss or gradient that is not finite, or if no loss was finite.
+
+    Iterations render some rows in turn if that is enough (`interlaced`), but all rows at the beginning and at the
+    end. A step that is not finite is discarded (on a GPU at the next reading), and later steps are half as large.
     """
     working = [part for part in parts if len(part.strokes)]
     if not working:
@@ -240,7 +249,7 @@ def optimize_together(
         with torch.set_grad_enabled(iteration < iterations):
             loss = stacked_cost(current, seen)
         if validation is None:
-            if seen is scenes:  # losses of other rows differ by what is wanted there
+            if seen is scenes:  # losses of different rows are not comparable
                 best.consider(loss, variables)
         elif iteration % _BETWEEN_VALIDATIONS == 0 or iteration == iterations:
             with torch.no_grad():
@@ -274,7 +283,7 @@ def optimize_together(
 
 
 def _in_order(part: StrokesInScene, variables: Variables) -> StrokesInScene:
-    """The part with what was found, in painting order."""
+    """Returns the part with the optimised strokes, in painting order."""
     order = variables.order()
     found = variables.paints()
     if found is not None:
@@ -283,21 +292,22 @@ def _in_order(part: StrokesInScene, variables: Variables) -> StrokesInScene:
 
 
 def _rhythm(iteration: int, iterations: int) -> float:
-    """Steps grow over the first iterations and then shrink along a half cosine to a tenth.
+    """Returns the step size: it grows over the first iterations and then falls along a half cosine to a tenth.
 
-    Adam's first steps have the same size however small the slope is: taken in full, they would
-    throw a settled plan back.
+    Adam's first steps have the same size for every gradient. At full size, they would undo a settled plan.
     """
     warm = min(1.0, (iteration + 1) / _WARMING)
     return warm * (0.1 + 0.45 * (1 + math.cos(math.pi * iteration / iterations)))
 
 
 def _made_sound(loss: Tensor, leaves: list[Tensor]) -> Tensor:
-    """Whether the loss and its slope are finite, one bool on their device; where they are not, the slope becomes 0."""
+    """Returns True, as a tensor, if loss and gradients are finite; otherwise sets the gradients to 0."""
     if any(leaf.grad is None for leaf in leaves):
         return torch.zeros_like(loss, dtype=torch.bool)
     slopes = [leaf.grad for leaf in leaves if leaf.grad is not None]
-    sound = torch.stack([loss.detach(), *(slope.sum() for slope in slopes)]).isfinite().all()  # one spoils a sum
+    sound = (
+        torch.stack([loss.detach(), *(slope.sum() for slope in slopes)]).isfinite().all()
+    )  # one bad number spoils a sum
     for leaf, slope in zip(leaves, slopes, strict=True):
         leaf.grad = torch.where(sound, slope, 0)
     return sound
@@ -305,7 +315,11 @@ def _made_sound(loss: Tensor, leaves: list[Tensor]) -> Tensor:
 
 @dataclass(frozen=True)
 class _Reading:
-    """An iteration: its loss and whether it was sound, on the device, its strokes; value: the loss, once read."""
+    """One iteration whose loss may still be on the device.
+
+    sound: True if loss and gradients were finite.
+    value: loss as a number, NaN until it is read.
+    """
 
     iteration: int
     loss: Tensor
@@ -315,7 +329,7 @@ class _Reading:
 
 
 class _Readings:
-    """Iterations whose losses are still on the device; as many are read together as are given."""
+    """Iterations whose losses are still on the device; `together` of them are read at once."""
 
     def __init__(self, together: int) -> None:
         self._together = together
@@ -323,15 +337,18 @@ class _Readings:
 
     @property
     def full(self) -> bool:
-        """Whether it is time to read."""
+        """True if it is time to read."""
         return len(self._waiting) >= self._together
 
     def add(self, reading: _Reading) -> None:
-        """One more that waits."""
+        """Adds a waiting iteration."""
         self._waiting.append(reading)
 
     def read(self, least: Tensor) -> tuple[list[_Reading], _Reading | None, float]:
-        """Those that waited up to the first that was not sound, that one, and the least loss: in one transfer."""
+        """Reads all waiting iterations and the least loss in one transfer.
+
+        Returns the iterations before the first one that was not sound, that one or None, and the least loss.
+        """
         waiting, self._waiting = self._waiting, []
         numbers = [part.to(least) for one in waiting for part in (one.loss, one.sound)]
         found, *values = torch.stack([least, *numbers]).tolist()
@@ -344,14 +361,14 @@ class _Readings:
 
 
 class _Best:
-    """The best variables seen, kept on their device to be returned whatever happens later."""
+    """Best variables seen so far, kept on their device."""
 
     def __init__(self, variables: Sequence[Variables]) -> None:
         self.loss = variables[0].shape.new_full((), math.inf)
         self._kept = [(each.shape.detach().clone(), each.color.detach().clone()) for each in variables]
 
     def consider(self, loss: Tensor, variables: Sequence[Variables]) -> None:
-        """Keeps the variables where the loss is less than any before."""
+        """Keeps the variables if the loss is the least so far."""
         loss = loss.detach().to(self.loss)
         better = loss < self.loss
         self.loss = torch.where(better, loss, self.loss)
@@ -361,7 +378,7 @@ class _Best:
         ]
 
     def restore(self, variables: Sequence[Variables]) -> None:
-        """Sets the variables to the best."""
+        """Sets the variables to the best ones."""
         with torch.no_grad():
             for each, (shape, color) in zip(variables, self._kept, strict=True):
                 each.shape.copy_(shape)

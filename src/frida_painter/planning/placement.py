@@ -1,10 +1,9 @@
-"""Where strokes really land: learned from what the painter sees after each batch.
+"""Placement of strokes on the real canvas, learned from the photograph after each batch.
 
-A robot that stands a few millimetres off against the canvas does so for every stroke. The strokes
-just painted, the canvas before and the canvas after tell by how much: the rigid motion is sought
-that makes the simulated strokes look most like the ones that are seen. It is a least-squares fit on
-blurred pictures, together with what was known before, each weighted by its information (as a Kalman
-filter does for a quantity that stays the same).
+A robot that stands a few millimetres beside its expected position shifts every stroke in the same way. The shift is
+found from the strokes just painted and the canvas before and after them. It is the rigid motion that makes the
+simulated strokes look most like the seen ones. The fit is a least-squares fit on blurred pictures together with the
+earlier estimate. Each is weighted by its information, as in a Kalman filter for a constant.
 """
 
 import math
@@ -26,17 +25,19 @@ from frida_painter.frames import PixelGrid
 from frida_painter.planning.problem import Scene
 from frida_painter.strokes import Strokes
 
-# Gauss and Newton's method: a few numbers that explain a picture best, together with what was known of them before.
+# Gauss-Newton method: a few numbers that explain a picture best, together with their earlier estimate.
 
 
 def gauss_newton(
     residual: Callable[[Tensor], Tensor], prior: Tensor, certainty: Tensor, steps: Tensor, alike: float, rounds: int
 ) -> tuple[Tensor, Tensor]:
-    """The numbers [k] that leave least, and their information [k, k], the inverse of their covariance; float64.
+    """Returns the numbers [k] of the least residual and their information [k, k] (inverse covariance), in float64.
 
-    residual: from the numbers to what they leave unexplained [m]; prior [k]: what they were believed to be, with
-    information `certainty` [k, k]; steps [k]: at which slopes are taken; alike: how many of the m err together, so
-    that they tell as much as one. It ends after so many rounds, or where one leaves no less than the one before.
+    residual: function from the numbers to the unexplained part [m].
+    prior [k]: earlier estimate of the numbers, with information `certainty` [k, k].
+    steps [k]: step sizes of the numerical derivatives.
+    alike: number of correlated residuals that together tell as much as one.
+    rounds: largest number of rounds. The iteration ends earlier if a round does not reduce the residual.
     """
     numbers, left, information = prior, residual(prior), certainty
     for _ in range(rounds):
@@ -53,30 +54,31 @@ def gauss_newton(
     return numbers, information
 
 
-# At which heights brushes really touch the canvas: learned from what the painter sees after each batch.
+# Touch heights of the brushes, learned from the photograph after each batch.
 #
-# A brush that sits a millimetre higher in its holder than when it was calibrated, or a canvas that lies lower, makes
-# every mark thinner and shorter than it was planned. The strokes just painted, the canvas before and the canvas after
-# tell by how much: the thickness is sought at which the simulated strokes look most like the ones that are seen. What
-# is
-# learned of one brush is partly true of the others, because they paint on the same canvas.
+# A brush may sit a millimetre higher in its holder than at its calibration, or the canvas may lie lower. Then every
+# mark is thinner and shorter than planned. The difference is found from the strokes just painted and the canvas
+# before and after them. It is the change of thickness that makes the simulated strokes look most like the seen
+# ones. A measurement of one brush partly holds for the others, because they paint on the same canvas.
 
 MOST_LOWER = 0.002
-"""Metres by which a brush is sent lower or higher than its record says; what seems further off is not believed."""
-# One standard deviation of what brushes are off, metres: all of them together, and each by itself.
+"""Largest correction of a brush's height in metres, lower or higher; a larger one is not believed."""
+# Standard deviation of the height errors in metres: that of all brushes together, and that of each brush alone.
 _TOGETHER, _EACH = 0.0005, 0.0005
-_UNTOLD = 0.0003  # metres: marks in a painting differ from those in a stroke library also for other reasons
-# What is sought: units of thickness, metres of length, share of coverage. Usual errors, and steps for slopes. Marks are
-# hardly ever paler than they were learned: if more were usual, thin marks would be taken for pale ones.
+_UNTOLD = 0.0003  # metres: marks in a painting differ from those in a stroke library for other reasons too
+# Unknowns: thickness, length in metres, share of coverage; usual errors, and steps of derivatives. The usual error
+# of coverage is small, because marks are hardly ever paler than the model. Otherwise thin marks would be taken for
+# pale ones.
 _USUAL, _STEPS = (0.2, 0.0005, 0.01), (0.03, 0.0005, 0.01)
 _ROUNDS = 5
 _CORRELATED = 0.006  # metres over which a mark differs from the model in the same way
-# Of sRGB, by which a stroke has to differ from what is below it: on its own colour, errors of colour would be learned.
+# Least difference in sRGB between a stroke and the colour below it. On its own colour, errors of colour would be
+# learned.
 _CONTRAST = 0.06
-_ALONG, _FEWEST = 7, 4  # points of a path that are looked at; strokes that have to tell something
-_KEPT_ASIDE = 4  # of so many strokes one is not learned from
-# Units of thickness below the lightest touch at which a stroke leaves no mark: at that touch its ends are pressed by
-# 0.2, its middle by next to nothing.
+_ALONG, _FEWEST = 7, 4  # points of a path that are compared; fewest strokes that must contrast
+_KEPT_ASIDE = 4  # one of this many strokes is kept for validation
+# Thickness below the lightest touch at which a stroke leaves no mark. At the lightest touch, its ends are pressed
+# by 0.2 and its middle by almost 0.
 _GONE = 0.15
 
 _Heights = TypeVar("_Heights", Calibration, BrushRecord)
@@ -84,11 +86,12 @@ _Heights = TypeVar("_Heights", Calibration, BrushRecord)
 
 @dataclass(frozen=True)
 class TouchHeights:
-    """By how much lower than its record says each brush touches the canvas.
+    """Height corrections of the brushes: how much lower than its record each brush touches the canvas.
 
-    depths: metres from the lightest touch to the hardest press of each brush, by its name; lower: metres, of each,
-    below 0 where it touches higher; information: the inverse of its covariance, 1/m^2. Raises ValueError where they are
-    not as many, or a brush would be off by more than MOST_LOWER.
+    depths: metres between the lightest touch and the hardest press of each brush, by its name.
+    lower: correction of each brush in metres; below 0 if the brush touches higher.
+    information: inverse of the covariance of `lower`, in 1/m^2.
+    Raises ValueError if the numbers of entries differ, or if a correction exceeds MOST_LOWER.
     """
 
     depths: Mapping[str, float] = field(default_factory=dict)
@@ -104,15 +107,16 @@ class TouchHeights:
 
     @classmethod
     def unknown(cls, depths: Mapping[str, float]) -> Self:
-        """Before anything was seen: what the records say is the best guess, and half a millimetre off is usual."""
+        """Returns the estimate before any measurement: no correction, and half a millimetre of usual error."""
         count = len(depths)
         covariance = np.full((count, count), _TOGETHER**2) + np.eye(count) * _EACH**2
         return cls(dict(depths), (0.0,) * count, _rows(np.linalg.inv(covariance)))
 
     def after(self, brush: str, lower: float, deviation: float) -> Self:
-        """With one more measurement of one brush, and of its standard deviation, both in metres.
+        """Returns the estimate after one more measurement of one brush.
 
-        As it was where a brush would be off by more than MOST_LOWER then.
+        lower, deviation: measured correction and its standard deviation, in metres.
+        The estimate stays as it was if a correction would exceed MOST_LOWER.
         """
         seen = np.array([float(name == brush) for name in self.depths])
         before = np.array(self.information)
@@ -123,21 +127,23 @@ class TouchHeights:
         return replace(self, lower=tuple(best.tolist()), information=_rows(information))
 
     def correction(self, brush: str) -> float:
-        """By how much lower than its record says a brush is sent, metres; 0 where nothing is known of it."""
+        """Returns the metres by which a brush is sent lower than its record; 0 for an unknown brush."""
         return dict(zip(self.depths, self.lower, strict=True)).get(brush, 0.0)
 
     def corrected(self, calibration: Calibration) -> Calibration:
-        """The calibration by which brushes are sent to where they really touch."""
+        """Returns the calibration with the touch and press heights corrected."""
         others = {name: _lowered(one, self.correction(name)) for name, one in calibration.others.items()}
         return _lowered(replace(calibration, others=others), self.correction(calibration.brush))
 
 
 @torch.no_grad()
 def measure_touch(landed: Strokes, known: TouchHeights, before: Scene, seen: Tensor) -> TouchHeights:
-    """What is known of touch heights after strokes of one brush, that `landed` so, have been seen.
+    """Returns the touch heights after a look at painted strokes of one brush.
 
-    before: the scene in which they were painted; seen [3, H, W]: the canvas afterwards. What was known before stays
-    where that explains the strokes kept aside better.
+    landed: strokes at the places where they landed.
+    before: scene in which they were painted.
+    seen [3, H, W]: canvas afterwards.
+    The earlier estimate stays if it explains the strokes kept for validation better.
     """
     brush = before.model.brush
     if brush not in known.depths:
@@ -158,7 +164,7 @@ def measure_touch(landed: Strokes, known: TouchHeights, before: Scene, seen: Ten
             thickness=(landed.thickness + thicker).clamp(max=1),
             length=(landed.length + longer).clamp(*before.model.limits.length),
         )
-        # As if paint covered more or less; true where marks do not overlap, and enough to tell thin from pale.
+        # Scaled coverage: exact if marks do not overlap, and good enough to tell thin marks from pale ones.
         picture = before.canvas + (1 + opaquer) * (pressed.render(marks) - before.canvas)
         return (seen - picture)[:, where].flatten().cpu().double()
 
@@ -179,7 +185,7 @@ def measure_touch(landed: Strokes, known: TouchHeights, before: Scene, seen: Ten
 
 
 class _TouchingOrNot:
-    """A stroke model that knows strokes of thickness below 0 too, which hardly touch the canvas, or do not at all."""
+    """Stroke model that also takes a thickness below 0: the brush touches the canvas hardly or not at all."""
 
     def __init__(self, model: StrokeModel) -> None:
         self._model = model
@@ -191,7 +197,7 @@ class _TouchingOrNot:
 
 
 def _contrast(strokes: Strokes, scene: Scene) -> Tensor:
-    """By how much each stroke's colour differs from the canvas along its path, in the band that differs most, [n]."""
+    """Returns the mean difference between stroke colour and canvas along the path, of the largest channel, [n]."""
     grid = PixelGrid(scene.size, *scene.canvas.shape[1:])
     at = grid.to_pixels(strokes.path(torch.linspace(0, 1, _ALONG).to(strokes.angle))).round().long()  # [n, t, 2]
     column, row = at[..., 0].clamp(0, grid.columns - 1), at[..., 1].clamp(0, grid.rows - 1)
@@ -200,7 +206,10 @@ def _contrast(strokes: Strokes, scene: Scene) -> Tensor:
 
 
 def _visible(strokes: Strokes, tells: Tensor, aside: Tensor, scene: Scene) -> tuple[Tensor, Tensor]:
-    """Where strokes are seen that tell something [n] and are not `aside` [n], and where those that are, both [H, W]."""
+    """Returns masks [H, W] of visible contrasting strokes: those to learn from, and those kept for validation.
+
+    tells [n], aside [n]: True for contrasting strokes, and for strokes kept for validation.
+    """
     shade = torch.where(tells, aside.to(strokes.color), 0.5)[:, None].expand(-1, 3)
     shown = replace(scene, canvas=torch.full_like(scene.canvas, 0.5)).render(strokes.with_groups(color=shade))[0]
     return shown < 0.45, shown > 0.55
@@ -218,21 +227,22 @@ def _rows(matrix: NDArray[np.floating]) -> tuple[tuple[float, ...], ...]:
     return tuple(map(tuple, matrix.tolist()))
 
 
-# What a robot set up by hand is off, one standard deviation: metres, metres, radians.
+# Standard deviation of the placement error of a robot set up by hand: metres, metres, radians.
 _PLACEMENT_USUAL = (0.003, 0.003, math.radians(1.5))
-# Steps at which slopes are taken.
+# Step sizes of the numerical derivatives.
 _STEP = (0.0005, 0.0005, math.radians(0.25))
 _PLACEMENT_ROUNDS = 6
-_BLUR = 0.004  # metres: edges of marks are ragged, and further off than their slopes reach
+_BLUR = 0.004  # metres: edges of marks are ragged, and errors are larger than the reach of their gradients
 _PLACEMENT_CORRELATED = 0.03  # metres over which the model errs in the same way
 
 
 @dataclass(frozen=True)
 class Placement:
-    """By how much strokes land beside where the robot was sent.
+    """Placement error of the robot: the offset between where strokes land and where the robot was sent.
 
-    error: metres along the canvas's x and y, and radians counter-clockwise about its centre;
-    information [3, 3]: the inverse of its covariance, in the same units; touch: at which heights brushes touch there.
+    error: metres along the canvas's x and y, and radians counter-clockwise about the canvas centre.
+    information [3, 3]: inverse of its covariance, in the same units.
+    touch: height corrections of the brushes.
     """
 
     error: tuple[float, float, float]
@@ -241,15 +251,15 @@ class Placement:
 
     @classmethod
     def unknown(cls, depths: Mapping[str, float] | None = None) -> Self:
-        """Before anything was seen: no error is the best guess, and a few millimetres are usual.
+        """Returns the placement before any look: no error is assumed, with a few millimetres of deviation.
 
-        depths: of brushes whose touch heights are learned, as TouchHeights has them.
+        depths: depths of the brushes whose touch heights are learned, as in TouchHeights.
         """
         information = tuple(map(tuple, np.diag(1 / np.square(_PLACEMENT_USUAL)).tolist()))
         return cls((0.0, 0.0, 0.0), information, TouchHeights.unknown(depths or {}))
 
     def corrected(self, calibration: Calibration, size: CanvasSize) -> Calibration:
-        """The calibration by which the robot is sent so that strokes land where they are meant to."""
+        """Returns the calibration that sends the robot so that strokes land at their planned places."""
         x, y, turn = self.error
         cos, sin = math.cos(turn), math.sin(turn)
         middle = np.array([size.width, size.height]) / 2
@@ -262,10 +272,12 @@ class Placement:
 
 
 def learn(meant: Strokes, known: Placement, coarse: Scene, fine: Scene, seen: Tensor) -> Placement:
-    """What is known after strokes of one brush, that were `meant` so, and sent as `known` says, have been seen.
+    """Returns the placement and the touch heights after a look at painted strokes of one brush.
 
-    coarse, fine: the scene in which they were painted, of a low and of a high resolution; seen [3, H, W]: the canvas
-    afterwards. Where they land is seen in the coarse one, and at which height the brush touched in the fine one.
+    meant: strokes as planned, sent with the correction of `known`.
+    coarse, fine: scene in which they were painted, at a low and at a high resolution. The coarse one shows where
+    strokes landed, the fine one the touch height.
+    seen [3, H, W]: canvas afterwards.
     """
     found = locate(meant, known, coarse, images.fit(seen, *coarse.canvas.shape[1:]))
     landed = moved(_unmoved(meant, known.error, fine.size), found.error, fine.size)
@@ -274,9 +286,11 @@ def learn(meant: Strokes, known: Placement, coarse: Scene, fine: Scene, seen: Te
 
 @torch.no_grad()
 def locate(meant: Strokes, known: Placement, before: Scene, seen: Tensor) -> Placement:
-    """What is known after strokes that were `meant` so, and sent as `known` says, have been seen.
+    """Returns the placement after a look at painted strokes.
 
-    before: the scene in which they were painted; seen [3, H, W]: the canvas afterwards.
+    meant: strokes as planned, sent with the correction of `known`.
+    before: scene in which they were painted.
+    seen [3, H, W]: canvas afterwards.
     """
     sent = _unmoved(meant, known.error, before.size)
     width = _odd_pixels(_BLUR, before)
@@ -299,14 +313,17 @@ def locate(meant: Strokes, known: Placement, before: Scene, seen: Tensor) -> Pla
 
 
 def moved(strokes: Strokes, error: tuple[float, ...], size: CanvasSize) -> Strokes:
-    """Where strokes land that are sent with that error: metres, metres, radians (`Placement.error`)."""
+    """Returns the strokes as they land with this error.
+
+    error: metres, metres, radians, as `Placement.error`.
+    """
     x, y, turn = error
     position = (strokes.position - _middle(strokes, size)) @ _rotation(strokes, turn) + _middle(strokes, size)
     return strokes.with_groups(position=position + position.new_tensor([x, y]), angle=strokes.angle + turn)
 
 
 def _unmoved(strokes: Strokes, error: tuple[float, ...], size: CanvasSize) -> Strokes:
-    """Where strokes are sent so that they land, with that error, where they are."""
+    """Returns the strokes as the robot must be sent, so that with this error they land at the given places."""
     x, y, turn = error
     offset = strokes.position - strokes.position.new_tensor([x, y]) - _middle(strokes, size)
     position = offset @ _rotation(strokes, -turn) + _middle(strokes, size)
@@ -314,7 +331,7 @@ def _unmoved(strokes: Strokes, error: tuple[float, ...], size: CanvasSize) -> St
 
 
 def _rotation(strokes: Strokes, turn: float) -> Tensor:
-    """Turns rows (x, y) counter-clockwise, [2, 2]."""
+    """Returns the matrix [2, 2] that turns rows (x, y) counter-clockwise."""
     cos, sin = math.cos(turn), math.sin(turn)
     return strokes.position.new_tensor([[cos, sin], [-sin, cos]])
 

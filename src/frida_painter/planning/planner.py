@@ -1,4 +1,4 @@
-"""The planner: a goal and a canvas become a plan, and what is left of a plan is planned again from a photograph."""
+"""Planner: makes a plan for a goal and a canvas, and replans the rest of a plan from a photograph."""
 
 import copy
 import itertools
@@ -41,22 +41,22 @@ from frida_painter.planning.refine import MOVED, MOVED_WHERE_A_LAYER_BEGINS, bou
 from frida_painter.planning.settings import PlannerSettings
 from frida_painter.planning.variables import Paints
 
-# Layers: later strokes go on the dry paint of earlier ones, and begin light again, as painters work.
+# Layers: later strokes go on the dry paint of earlier ones, and start light again, as painters work.
 #
-# Strokes of later layers are a reserve, which is not settled before its turn comes: by then they move to where the
-# canvas, as it is seen, is farthest from what it should be, and light paint may go over dark.
+# The strokes of later layers are a reserve. When a later layer begins, the replan moves its strokes to the places
+# where the seen canvas differs most from the goal. There, light paint may cover dark paint.
 
 LAYERS = 2
-"""Of a plan towards a picture, where nothing else is said."""
+"""Default number of layers of a plan towards a picture."""
 FEWEST_FOR_LAYERS = 100  # strokes
 RESERVE = 0.4
-"""Share of the strokes that later layers get together, where nothing else is said."""
+"""Default share of the strokes that later layers get together."""
 
 
 def stroke_models(given: StrokeModel | str | Sequence[StrokeModel | str]) -> tuple[StrokeModel, ...]:
-    """The stroke model of each layer, or the one of all: those given, and the tables of those that are named.
+    """Returns the stroke model of each layer, or one for all layers; a name gives the table of that stroke model.
 
-    Raises WeightsError where there is none of that name, ConfigError for two of one brush.
+    Raises WeightsError if a named model does not exist, ConfigError if two different models are of one brush.
     """
     several = given if isinstance(given, Sequence) and not isinstance(given, str) else (given,)
     named = {name: cached_table(load_stroke_model(name)) for name in several if isinstance(name, str)}
@@ -67,19 +67,19 @@ def stroke_models(given: StrokeModel | str | Sequence[StrokeModel | str]) -> tup
 
 
 def usual_layers(strokes: int, brushes: int) -> int:
-    """How many layers so many strokes towards a picture have, where nothing else is said."""
+    """Default number of layers of a plan with this many strokes towards a picture."""
     return max(LAYERS, brushes) if strokes >= FEWEST_FOR_LAYERS else 1
 
 
 def usual_shares(layers: int) -> tuple[float, ...]:
-    """Which share of the strokes each of so many layers gets, where nothing else is said."""
+    """Returns the default share of the strokes for each layer."""
     if layers <= 1:
         return (1.0,) * layers
     return (1 - RESERVE, *([RESERVE / (layers - 1)] * (layers - 1)))
 
 
 def layer_sizes(strokes: int, shares: Sequence[float]) -> tuple[int, ...]:
-    """How many of so many strokes each layer gets, by its share. Raises ConfigError unless each has one."""
+    """Returns the number of strokes of each layer, by its share. Raises ConfigError if a layer gets no stroke."""
     if not 1 <= len(shares) <= strokes:
         raise ConfigError(f"{len(shares)} layers for {strokes} strokes were asked for; give from 1 layer to {strokes}.")
     total = sum(shares)
@@ -101,11 +101,12 @@ _POLISHING_PACE = 0.5
 
 
 class Planner:
-    """Plans strokes towards one goal on one canvas (paper, Algorithm 1), as its settings say; nothing of it changes.
+    """Plans strokes towards one goal on one canvas (paper, Algorithm 1); a planner does not change.
 
-    encoders: the networks that the goal is seen through, by default those that were fetched. device: where is planned;
-    pictures and plans come and go on the CPU. Raises WeightsError if a network that the goal needs is missing,
-    ConfigError if layers, models and shares are not as many.
+    encoders: networks that judge the goal. None: the fetched ones.
+    device: device for planning. Arguments and results are on the CPU.
+    Raises WeightsError if a network for the goal is missing, ConfigError if the numbers of layers, models and
+    shares differ.
     """
 
     def __init__(
@@ -119,7 +120,7 @@ class Planner:
         size, models = CanvasSize.of(settings.size), stroke_models(settings.model)
         self.size: Final = size
         self.models: Final[Mapping[str, StrokeModel]] = {one.brush: one for one in models}
-        self.brushes: Final = tuple(one.brush for one in models)  # of each layer, or the one of all layers
+        self.brushes: Final = tuple(one.brush for one in models)  # of each layer, or one for all layers
         layers, shares = settings.layers, settings.shares
         if len(models) > 1 and layers not in (None, 1, len(models)):
             raise ConfigError(f"{layers} layers and {len(models)} brushes were given; give one brush for each layer.")
@@ -155,7 +156,7 @@ class Planner:
 
     @property
     def seed(self) -> int:
-        """The seed of every random choice."""
+        """Seed of every random choice."""
         return self.settings.seed
 
     @property
@@ -165,31 +166,31 @@ class Planner:
 
     @property
     def region(self) -> Region | None:
-        """What strokes keep clear of."""
+        """Part of the canvas that strokes keep clear of."""
         return self.settings.region
 
     @property
     def darkest(self) -> tuple[float, float, float] | None:
-        """sRGB of the darkest paint that there is: none is planned darker. None: black."""
+        """sRGB of the darkest available paint; no stroke is planned darker. None: black."""
         return self.settings.darkest
 
     def on_ground(self, ground: tuple[float, float, float]) -> "Planner":
-        """The same planner for a bare canvas of that colour, sRGB."""
+        """Returns the same planner for a bare canvas of this colour, sRGB."""
         return self._with(replace(self.settings, ground=ground), self.scenes)
 
     def keeping_clear(self, region: Region | None) -> "Planner":
-        """The same planner, whose strokes keep clear of that region."""
+        """Returns the same planner with this protected region."""
         return self._with(replace(self.settings, region=region), replace(self.scenes, region=region))
 
     def _with(self, settings: PlannerSettings, scenes: Scenes) -> "Planner":
-        """A copy that shares what was prepared for the goal."""
+        """Returns a copy that shares the prepared goal."""
         other = copy.copy(self)
         vars(other).update(settings=settings, scenes=scenes)
         return other
 
     @property
     def bare(self) -> Tensor:
-        """A canvas without a stroke on its ground, [3, H, W] of the fine grid."""
+        """Picture of the bare canvas, [3, H, W] on the fine grid."""
         return torch.tensor(self.ground)[:, None, None].repeat(1, self.fine.rows, self.fine.columns)
 
     def plan(
@@ -199,12 +200,18 @@ class Planner:
         colors: int | None = None,
         notify: Callable[[Step], None] | None = None,
     ) -> Plan:
-        """A plan of `strokes` strokes in at most `colors` paints for a canvas picture [3, H, W], by default a bare one.
+        """Plans strokes for a canvas.
 
-        How many, the settings say by default; fewer strokes than colours of the settings have a paint each.
-        There are fewer paints where more would hardly be told apart. A photograph of a bare canvas is planned on as
-        bare: its noise would make another plan. notify: hears of every step. Raises ConfigError where not a stroke or
-        not a paint was asked for, or more paints than a plan has, and PlanningDiverged where no plan is found.
+        canvas [3, H, W]: picture of the canvas. None: a bare canvas. A photograph of a bare canvas counts as
+        exactly bare; otherwise its noise would change the plan.
+        strokes: number of strokes. None: that of the settings.
+        colors: largest number of paints of a palette. None: that of the settings, or the number of strokes if that
+        is smaller.
+        notify: called after every step.
+
+        The plan has fewer paints if more would hardly be told apart.
+        Raises ConfigError if strokes or colors is below 1, if a layer would get no stroke, or if the plan would
+        have too many paints. Raises PlanningDiverged if the optimiser finds no plan.
         """
         strokes = self.settings.strokes if strokes is None else strokes
         colors = min(self.settings.colors, max(strokes, 1)) if colors is None else colors
@@ -250,9 +257,9 @@ class Planner:
         steps: StepCount,
         below: Sequence[LayerAtWork],
     ) -> LayerAtWork:
-        """A layer of `count` strokes, grown for a canvas picture [3, H, W] as if it were the last one.
+        """Returns a layer of `count` strokes, grown for a canvas picture [3, H, W] as if it were the last layer.
 
-        wells: the paints that are there, or how many are to be mixed for it.
+        wells: existing paints, or the number of paints to mix for the layer.
         """
         begin = partial(steps.begin, below=[(layer.brush, layer.strokes) for layer in below])
         scene = self.scenes.initial(canvas, self.coarse, brush)
@@ -288,8 +295,8 @@ class Planner:
         generator: torch.Generator | None = None,
         sparing: bool = False,
     ) -> list[Plan]:
-        """Plans of the layers, which were settled together on a canvas picture [3, H, W]."""
-        # Elsewhere than with pictures and what they mean, the guide is only what the plan began with.
+        """Settles layers together on a canvas picture [3, H, W] and returns their plans."""
+        # For other goals than pictures and their meaning, the guide only served to start the plan.
         guided = self.goal.initial_terms is self.goal.terms or self.goal.initial_terms[0].importance is not None
         found = settled_together(
             layers,
@@ -305,22 +312,24 @@ class Planner:
         return [self._as_plan(layer) for layer in found]
 
     def fading(self, plan: Plan, canvas: Tensor) -> Fading:
-        """What it costs that strokes of the plan lack paint, on a picture [3, H, W] of the canvas."""
+        """Returns the cost of strokes of the plan that lack paint, on a picture [3, H, W] of the canvas."""
         return fading_of(plan, canvas, self.scenes, self.coarse, self.seed)
 
     def without_weakest(self, plan: Plan, canvas: Tensor, count: int) -> Plan:
-        """The plan without the `count` strokes that would be missed least on a picture [3, H, W] of the canvas."""
+        """Returns the plan without the `count` strokes that matter least, on a picture [3, H, W] of the canvas."""
         kept = torch.argsort(self.fading(plan, canvas).without_paint, descending=True)[: len(plan) - count]
         return plan.part(kept.sort().values.tolist())
 
     def bind_to_palette(
         self, plan: Plan, canvas: Tensor, palette: Palette, notify: Callable[[Step], None] | None = None
     ) -> Plan:
-        """The plan in the paints of another palette, those that were really mixed.
+        """Returns the plan in the really mixed paints.
 
-        They are in the wells for the next stroke's layer, and stay there for those that follow without new paints.
-        Each stroke gets the paint that is nearest to what it was to have, and all of them are polished
-        on the picture [3, H, W] of the canvas. The palette keeps its order, which is that of the wells.
+        palette: mixed paints for the layer of the next stroke, in the order of the wells. Later layers without new
+        paints use them too.
+        canvas [3, H, W]: picture of the canvas.
+        Each stroke of these layers gets the nearest paint. Each of these layers is then polished on the expected
+        canvas below it.
         """
         parts = plan.filled_layers()
         if not parts:
@@ -349,13 +358,16 @@ class Planner:
         *,
         fresh: bool = False,
     ) -> Plan:
-        """The strokes of `rest` planned again on a photograph [3, H, W] of the canvas; their brushes stay.
+        """Replans the strokes of `rest` on a photograph [3, H, W] of the canvas; their brushes stay the same.
 
-        So do the paints of the layer of the next stroke, unless it begins and gets new ones; those of later layers may
-        change. fresh: whether a layer begins now, of which nothing was painted. rounds: more than one are worth it
-        where the goal has changed. Where memory is short, it is tried once more at half the resolution, without moving
-        strokes far; where nothing better is found, with every stroke about where it was. Where that fails too, or the
-        optimiser diverges, `rest` stays as it is, but for strokes that would touch the region.
+        The paints of the next stroke's layer stay, unless that layer begins now with new paints. The paints of
+        later layers may change.
+        rounds: number of rounds; more than one is useful if the goal has changed.
+        fresh: True if a layer begins now, and none of its strokes is painted.
+
+        If no better plan is found, the planner tries again without moving strokes far. If memory is short, the
+        planner tries once more at half the resolution, also without moving strokes far. If that fails or the
+        optimiser diverges, the function returns `rest`, except for strokes that would touch the region.
         """
         rest = self._clear(rest)
         if len(rest) == 0:
@@ -388,9 +400,9 @@ class Planner:
         sparing: bool,
         fresh: bool,
     ) -> Plan:
-        """All layers of the rest, settled once more."""
+        """Returns all layers of the rest, settled once more."""
         parts = rest.filled_layers()
-        # Never back to a lighter paint inside a layer: it would pick up the dark paint that is still wet.
+        # A layer never goes back to a lighter paint, which would pick up dark paint that is still wet.
         lightest = 0 if fresh else int(parts[0].paint.min())
         mixed = mixed_later(rest, self.settings.new_paints, fresh=fresh)
         layers = [
@@ -411,13 +423,13 @@ class Planner:
         )
 
     def towards(self, goal: Goal) -> "Planner":
-        """A planner for another goal, everything else being the same."""
+        """Returns a planner with the same settings for another goal."""
         return Planner(goal, self.settings, encoders=self.encoders, device=self.device)
 
     def locate(self, painted: Plan, known: Placement, before: Tensor, seen: Tensor) -> Placement:
-        """Where strokes really land, from those just painted and the canvas [3, H, W] before and after them.
+        """Returns the placement learned from the strokes just painted and the canvas [3, H, W] before and after them.
 
-        Of several layers that were painted without a look, the last one tells.
+        If several layers were painted without a look, only the last layer counts.
         """
         *lower, last = painted.filled_layers()
         for part in lower:
@@ -426,7 +438,7 @@ class Planner:
         return learn(last.strokes.to(self.device), known, coarse, fine, seen.to(self.device))
 
     def expected(self, plan: Plan, canvas: Tensor | None = None) -> Tensor:
-        """The canvas [3, H, W], by default a bare one, as it would look after the plan."""
+        """Returns the expected canvas [3, H, W] after the plan; the canvas before it is bare by default."""
         picture = self.bare if canvas is None else canvas
         with torch.no_grad():
             for brush, strokes in plan.by_brush():
@@ -434,11 +446,11 @@ class Planner:
         return images.fit(picture, self.fine.rows, self.fine.columns).cpu()
 
     def expected_loss(self, plan: Plan, canvas: Tensor) -> float:
-        """The distance to the goal that paintings of the plan on a canvas [3, H, W] have on average."""
+        """Returns the mean distance to the goal over paintings of the plan on a canvas [3, H, W]."""
         return self._judged(stacked_loss, plan, canvas)
 
     def cost(self, plan: Plan, canvas: Tensor) -> float:
-        """That, and what the paint costs."""
+        """Returns the expected loss plus the price of the paint."""
         return self._judged(stacked_cost, plan, canvas)
 
     def _judged(self, by: Callable[..., Tensor], plan: Plan, canvas: Tensor) -> float:
@@ -449,12 +461,15 @@ class Planner:
     def forecast(
         self, plan: Plan, canvas: Tensor, placement: Placement | None = None, unseen: int = 0
     ) -> SimilarityForecast | None:
-        """How near the plan's painting on a canvas [3, H, W] will come to its photograph; as forecast.py says."""
+        """Forecasts the similarity of the plan's painting on a canvas [3, H, W] to its photograph; see forecast.py."""
         seen = images.averaged(canvas, self.fine.rows, self.fine.columns)
         return forecast(self.goal, *self.scenes.stack(plan, seen, self.fine), placement, unseen)
 
     def validation_loss(self, picture: Tensor) -> float:
-        """The distance of a picture [3, H, W] of the canvas to the goal, by the validation objective if any."""
+        """Returns the distance of a picture [3, H, W] of the canvas to the goal.
+
+        The validation objective measures it, if the goal has one.
+        """
         with torch.no_grad():
             objective = self.scenes.objectives[self.fine]
             seen = images.fit(picture.to(self.device), self.fine.rows, self.fine.columns)
@@ -469,18 +484,21 @@ class Planner:
         return self._clear(Plan.of(strokes, Palette(layer.paints.color.cpu()), layer.paints.paint.cpu(), **facts))
 
     def _laid(self, layer: LayerAtWork, canvas: Tensor) -> Tensor:
-        """The canvas [3, H, W] as it would look after the layer."""
+        """Returns the expected canvas [3, H, W] after the layer."""
         with torch.no_grad():
             return self.scenes.of(canvas, self.fine, layer.brush).render(layer.strokes).cpu()
 
     def _clear(self, plan: Plan) -> Plan:
-        """The plan without a stroke that touches the region; each is moved out of it where it can be."""
+        """Returns the plan without a stroke that touches the region.
+
+        Strokes are moved out of the region if possible, else left out.
+        """
         if self.region is None or len(plan) == 0:
             return plan
         return self.region.cleared(plan, self.scenes.models, self.fine.rows, self.device)
 
     def layer_sizes(self, strokes: int) -> tuple[int, ...]:
-        """How many of so many strokes each layer of a plan gets. Raises ConfigError where there are too few."""
+        """Returns the number of strokes of each layer. Raises ConfigError if a layer gets no stroke."""
         layers, shares = self.settings.layers, self.settings.shares
         if layers is None:
             pictures = any(term.guide is not None for term in self.goal.initial_terms)
@@ -488,10 +506,10 @@ class Planner:
         return layer_sizes(strokes, shares if shares is not None and len(shares) == layers else usual_shares(layers))
 
     def layer_brushes(self, strokes: int) -> tuple[str, ...]:
-        """The brush of each layer of a plan of so many strokes."""
+        """Returns the brush of each layer of a plan with this many strokes."""
         layers = len(self.layer_sizes(strokes))
         return self.brushes[:layers] if len(self.brushes) > 1 else self.brushes * layers
 
     def iterations(self, strokes: int) -> int:
-        """How many iterations a plan of so many strokes takes."""
+        """Number of iterations of a plan with this many strokes."""
         return self.effort.planning(self.layer_sizes(strokes), new_paints=self.settings.new_paints)

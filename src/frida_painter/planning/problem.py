@@ -1,4 +1,4 @@
-"""What the planner plans on: a canvas as it is now, a brush, and what the picture shall become."""
+"""Planning problem: the current canvas, a brush and an objective."""
 
 import copy
 from collections.abc import Callable, Mapping
@@ -21,25 +21,27 @@ from frida_painter.plan import Plan
 from frida_painter.render import Marks, Moments, marks_of, render, render_moments
 from frida_painter.strokes import StrokeLimits, Strokes
 
-# Marks vary more in a painting than in a stroke library: paint lies on paint that may be wet, the brush is not always
-# full, and of all strokes those are chosen for which the model is wrong in their favour. Measured on three photographs.
+# Factor of the spread, because marks vary more in a painting than in a stroke library: paint may lie on wet paint,
+# the brush is not always full, and the plan prefers strokes for which the model errs in their favour. Measured on
+# three photographs.
 _IN_A_PAINTING = 1.5
 PAINT_PRICE = 0.0003
-"""Of strokes towards a photograph, as a share of the loss for as much paint as the brush's largest mark takes."""
-_NOISE = 0.03  # of sRGB, by which a photograph of a bare canvas may differ from it
+"""Price of the paint of the brush's largest mark, as a share of the loss, for goals that are photographs."""
+_NOISE = 0.03  # largest difference in sRGB between a photograph of a bare canvas and its ground
 
 
 @dataclass(frozen=True)
 class Scene:
-    """A canvas picture [3, H, W] (blank, or a photograph of the real one) of `size`, a brush and an objective.
+    """Canvas picture [3, H, W] of `size` (blank or photographed), a brush and an objective.
 
-    validation: says which of several plans is best where the objective cannot: where it looks at a picture
-    in another way every time, or could be fooled. importance [H, W]: how much an error matters at each
-    place when strokes are placed, 1 in the mean; None: everywhere the same. flow [3, H, W]: which way strokes go where
-    they are placed, as objectives/style_flow.py tells it; None: any way. paint_price: by which share the
-    loss would have to fall for as much more paint as the brush's largest mark takes. objective_on_rows: the
-    objective for pictures that have some rows only; None where it judges whole pictures. rows: which rows of the
-    canvas are rendered and judged. darkest [3]: sRGB of the darkest paint that there is; None: black.
+    validation: objective that compares plans if `objective` cannot, because it is random or could be fooled.
+    importance [H, W]: weight of errors when strokes are placed, with mean 1. None: the same everywhere.
+    flow [3, H, W]: direction of strokes when they are placed (objectives/style_flow.py). None: any direction.
+    paint_price: share by which the loss must fall for the paint of the brush's largest mark.
+
+    objective_on_rows: objective for pictures with some of the rows only. None: the objective needs whole pictures.
+    rows: rows of the canvas that are rendered and judged.
+    darkest [3]: sRGB of the darkest available paint. None: black.
     """
 
     canvas: Tensor
@@ -56,54 +58,60 @@ class Scene:
 
     @property
     def limits(self) -> StrokeLimits:
-        """What the brush can do on this canvas."""
+        """Limits of the brush on this canvas."""
         return self.model.limits.within(self.size)
 
     def in_paint(self, color: Tensor) -> Tensor:
-        """sRGB [..., 3] as near as paint comes to it: in [0, 1], and no band darker than in the darkest paint."""
+        """Returns the nearest colour that paint can have.
+
+        color [..., 3]: sRGB. The result is in [0, 1], with no channel below the darkest paint.
+        """
         return color.clamp(0, 1) if self.darkest is None else torch.maximum(color.clamp(max=1), self.darkest)
 
     def marks(self, strokes: Strokes) -> Marks:
-        """The marks that the brush makes of strokes, on the rows that are looked at."""
+        """Returns the marks of strokes, on the rendered rows."""
         return marks_of(strokes, self.model, PixelGrid(self.size, *self.canvas.shape[1:]), self.rows)
 
     def render(self, strokes: Strokes) -> Tensor:
-        """The picture [3, H, W] that the strokes, in their order, would make of the canvas."""
+        """Renders the strokes, in their order, over the canvas; returns the picture [3, H, W]."""
         return render(strokes, self.model, self.canvas, self.size, self.rows)
 
     def moments(self, strokes: Strokes) -> Moments:
-        """Mean and variance of that picture, since no two marks of one stroke are the same."""
+        """Returns mean and variance of the picture after the strokes; no two marks of one stroke are the same."""
         return render_moments(strokes, self.model, self.canvas, self.size, self.spread, self.rows)
 
     @property
     def spread(self) -> CoverageSpread:
-        """How much the marks of a painting vary about what the model says."""
+        """Spread of the marks of a painting about the stroke model."""
         return spread_of(self.model).widened(_IN_A_PAINTING)
 
     def expected_loss(self, strokes: Strokes, objective: Objective | None = None) -> Tensor:
-        """What the objective (default: the scene's own) says on average of the pictures that the strokes would make."""
+        """Returns the expected loss over paintings of the strokes.
+
+        objective: None: the objective of the scene.
+        """
         judge = objective or self.objective
         if self.spread.share == 0:
             return judge(self.render(strokes))
         return judge(*self.moments(strokes))
 
     def paint_cost(self, strokes: Strokes) -> Tensor:
-        """What the paint of strokes costs, as a share of the loss."""
+        """Returns the price of the strokes' paint, as a share of the loss."""
         longest = self.model.limits.length[1]
         return self.paint_price * painted_area(strokes.length / longest, strokes.thickness, 1.0).sum()
 
 
 def is_bare(canvas: Tensor, ground: tuple[float, float, float]) -> bool:
-    """Whether a canvas picture [3, H, W] shows nothing but its ground (sRGB) and the noise of a camera."""
+    """Returns True if a canvas picture [3, H, W] shows only its ground (sRGB) and camera noise."""
     return bool((canvas - torch.tensor(ground).to(canvas)[:, None, None]).abs().amax() <= _NOISE)
 
 
 def on_device(model: StrokeModel, device: torch.device) -> StrokeModel:
-    """The model on a device: a copy of it where that is another than the CPU, on which others draw with it."""
+    """Returns the model on a device. On a GPU it is a copy, because others use the original on the CPU."""
     return copy.deepcopy(model).to(device) if device.type != "cpu" and isinstance(model, nn.Module) else model
 
 
-# Where on the canvas strokes may be: parts that a person has painted, or wants to paint, stay untouched.
+# Protected region: parts that a person has painted, or wants to paint, stay untouched.
 
 _SEEN = 1 / 512  # coverage that changes no 8-bit pixel
 _INSISTENCE = 4.0
@@ -114,10 +122,11 @@ _STEPS = (0.01, 0.02, 0.035, 0.055, 0.08, 0.12)  # metres
 
 @dataclass(frozen=True)
 class Region:
-    """The part of a canvas that is not to be touched: forbidden [H, W] bool, a picture of the whole canvas.
+    """Protected part of a canvas, which no stroke may touch.
 
-    margin: metres by which strokes keep away from it, because hands are not as exact as plans.
-    Raises ConfigError where all of the canvas is forbidden.
+    forbidden [H, W]: bool, True for protected pixels of a picture of the whole canvas.
+    margin: distance in metres that strokes keep from it, because hands are less exact than plans.
+    Raises ConfigError if `forbidden` is no bool picture, or if all of the canvas is forbidden.
     """
 
     forbidden: Tensor
@@ -130,7 +139,10 @@ class Region:
             raise ConfigError("All of the canvas is protected, so nothing can be painted; leave some of it free.")
 
     def on(self, grid: PixelGrid, *, widened: bool = True) -> Tensor:
-        """What is forbidden [rows, columns] bool on a grid: pixels of which any part is, or comes near it."""
+        """Returns the forbidden pixels [rows, columns], bool, on a grid.
+
+        A pixel is forbidden if a part of it is. With `widened`, pixels within the margin are forbidden too.
+        """
         picture = self.forbidden.float()[None, None]
         rows, columns = self.forbidden.shape
         if rows > grid.rows or columns > grid.columns:
@@ -141,12 +153,12 @@ class Region:
         return functional.max_pool2d(picture, 2 * reach + 1, 1, reach)[0, 0] > 0
 
     def spared(self, picture: Tensor, canvas: Tensor, size: CanvasSize) -> Tensor:
-        """The picture [3, H, W] with the canvas [3, H, W], as it is, in what is forbidden."""
+        """Returns the picture [3, H, W] with the forbidden pixels replaced by those of the canvas [3, H, W]."""
         forbidden = self.on(PixelGrid(size, *picture.shape[1:]), widened=False).to(picture.device)
         return torch.where(forbidden, canvas, picture)
 
     def guarded(self, scene: Scene) -> Scene:
-        """The scene with objectives for which nothing is gained by touching what is forbidden, and much is lost."""
+        """Returns the scene with objectives that gain nothing, and lose much, from strokes on forbidden pixels."""
         forbidden = self.on(PixelGrid(scene.size, *scene.canvas.shape[1:])).to(scene.canvas.device)
 
         def guard(objective: Objective, rows: Rows = ALL_ROWS) -> Objective:
@@ -165,7 +177,10 @@ class Region:
         return replace(scene, objective=guard(scene.objective), validation=validation, objective_on_rows=on_rows)
 
     def touched_by(self, strokes: Strokes, model: StrokeModel, size: CanvasSize, rows: int) -> Tensor:
-        """Which strokes have a rendered pixel in it, [n] bool, each drawn alone in a picture of so many rows."""
+        """Returns True for each stroke with a rendered pixel in the region, [n], each drawn alone.
+
+        rows: height of the picture in pixels.
+        """
         grid = PixelGrid.of_height(size, rows)
         forbidden = self.on(grid).to(strokes.color.device)
         white = strokes.color.new_ones(3, grid.rows, grid.columns)
@@ -180,10 +195,10 @@ class Region:
         return touched
 
     def keep_clear(self, strokes: Strokes, model: StrokeModel, size: CanvasSize, rows: int) -> tuple[Strokes, Tensor]:
-        """Strokes of which none touches it, and which of those given they are, [m].
+        """Returns strokes that do not touch the region, and their indices [m] in the given strokes.
 
-        A stroke that touches it is moved, and made shorter where it must be, to the nearest place that
-        is clear; where there is none it is left out.
+        A stroke that touches the region is moved, and shortened if necessary, to the nearest clear place. It is
+        left out if there is no clear place near it.
         """
         touched = self.touched_by(strokes, model, size, rows)
         kept: list[Strokes] = []
@@ -200,9 +215,10 @@ class Region:
         return Strokes.join(*kept) if kept else strokes[:0], torch.tensor(numbers, dtype=torch.long)
 
     def cleared(self, plan: Plan, models: Mapping[str, StrokeModel], rows: int, device: torch.device) -> Plan:
-        """The plan with its strokes kept clear, those that cannot be left out.
+        """Returns the plan with all its strokes clear of the region; strokes that cannot be moved are left out.
 
-        models: of its brushes, on that device, by their names; rows: of the pictures in which strokes are drawn.
+        models: stroke models on the device, by brush name.
+        rows: height in pixels of the pictures in which strokes are tested.
         """
         found = []
         for part in plan.filled_layers():
@@ -212,7 +228,7 @@ class Region:
         return plan.with_parts(found)
 
     def _clear_place(self, stroke: Strokes, model: StrokeModel, size: CanvasSize, rows: int) -> Strokes | None:
-        """The nearest place where the stroke is clear, None where there is none near."""
+        """Returns the stroke at the nearest clear place, or None if there is none near it."""
         turns = torch.arange(_DIRECTIONS) * (2 * torch.pi / _DIRECTIONS)
         around = torch.stack((turns.cos(), turns.sin()), -1).to(stroke.position)  # [d, 2]
         for step in (0.0, *_STEPS):
@@ -231,7 +247,10 @@ class Region:
         return None
 
     def _crossed_by(self, strokes: Strokes, size: CanvasSize, rows: int) -> Tensor:
-        """Which strokes' paths, without any width, cross it, [n] bool: told much sooner than by drawing them."""
+        """Returns True for each stroke whose path, without width, crosses the region, [n].
+
+        This is faster than rendering.
+        """
         grid = PixelGrid.of_height(size, rows)
         along = torch.linspace(0, 1, 9).to(strokes.length)
         pixel = grid.to_pixels(strokes.path(along)).round().long()  # [n, 9, 2]
@@ -240,9 +259,10 @@ class Region:
 
 
 def region_of(picture: Tensor, *, only_inside: bool) -> Region:
-    """The region that a person drew: light on dark [3, H, W]; either not to be touched, or the only one that may be.
+    """Returns the region that a person drew, light on dark [3, H, W].
 
-    Raises ConfigError where nothing was drawn, or nothing is left.
+    only_inside: True if only the drawn part may be painted, False if it is protected.
+    Raises ConfigError if nothing was drawn, or if all of the canvas is protected.
     """
     drawn = images.fit(picture, *picture.shape[1:]).mean(0) > 0.5
     if not bool(drawn.any()):
@@ -250,16 +270,19 @@ def region_of(picture: Tensor, *, only_inside: bool) -> Region:
     return Region(~drawn if only_inside else drawn)
 
 
-# The scenes that a planner plans in: one goal, one canvas size and the brushes, for any canvas picture and grid.
+# Scenes of a planner: one goal, one canvas size and the brushes, for any canvas picture and grid.
 
 
 @dataclass(frozen=True)
 class Scenes:
-    """Makes scenes.
+    """Factory of scenes for one goal and one canvas size.
 
-    models: by the names of the brushes; objectives: of the goal, by grid; initial_objective: what strokes are grown
-    towards, where that is another; both are on `device`, as the scenes are; region: what strokes keep clear of;
-    darkest: sRGB of the darkest paint, None for black.
+    models: stroke models by brush name.
+    objectives: objective of the goal on each grid.
+    initial_objective: objective for growing strokes, if it differs.
+    device: device of models, objectives and scenes.
+    region: part of the canvas that strokes keep clear of.
+    darkest: sRGB of the darkest paint. None: black.
     """
 
     size: CanvasSize
@@ -272,7 +295,10 @@ class Scenes:
     darkest: tuple[float, float, float] | None = None
 
     def of(self, canvas: Tensor, grid: PixelGrid, brush: str, objective: WeightedObjective | None = None) -> Scene:
-        """A canvas picture [3, H, W], on a grid, with a brush. Raises PlanError where there is no model of that."""
+        """Returns the scene of a canvas picture [3, H, W] on a grid, with a brush.
+
+        Raises PlanError for an unknown brush.
+        """
         if brush not in self.models:
             known = ", ".join(self.models)
             raise PlanError(f"The plan is for the brush {brush!r}, and here are {known}; name it in --brushes.")
@@ -286,16 +312,19 @@ class Scenes:
         return scene if self.region is None else self.region.guarded(scene)
 
     def initial(self, canvas: Tensor, grid: PixelGrid, brush: str) -> Scene:
-        """The one in which strokes grow."""
+        """Returns the scene in which strokes are grown."""
         return self.of(canvas, grid, brush, self.initial_objective)
 
     def stack(self, plan: Plan, canvas: Tensor, grid: PixelGrid) -> tuple[list[Strokes], list[Scene]]:
-        """The strokes of each brush in turn, and the canvas with that brush; a plan of no strokes has one of each."""
+        """Returns the strokes of each brush in turn, and a scene of the canvas for each.
+
+        One of each for an empty plan.
+        """
         runs = plan.by_brush() or [(plan.layers[0].brush, plan.strokes)]
         return [strokes.to(self.device) for _, strokes in runs], [self.of(canvas, grid, brush) for brush, _ in runs]
 
     def guide(self, scene: Scene) -> Tensor | None:
-        """The picture, of the scene's resolution, that says where strokes are needed; None: only the objective does."""
+        """Returns the picture, at the scene's resolution, that shows where strokes are needed, or None."""
         picture = next((term.guide for term in self.goal.initial_terms if term.guide is not None), None)
         if picture is None:
             return None
@@ -303,16 +332,16 @@ class Scenes:
         return guide if self.region is None else self.region.spared(guide, scene.canvas, self.size)
 
     def _importance(self, grid: PixelGrid) -> Tensor | None:
-        """How much errors matter where, while strokes are placed."""
+        """Returns the weight of errors at each place while strokes are placed."""
         matters = self.goal.initial_terms[0].importance
         return None if matters is None else spread(matters.to(self.device), grid.rows, grid.columns)
 
 
-# Telling a lack of memory from other failures: processors and their libraries each say it in their own way.
+# Lack of memory: processors and libraries each report it in their own words.
 
 _SAID = ("out of memory", "not enough memory", "can't allocate memory", "cannot allocate memory")
 
 
 def is_lack_of_memory(failure: Exception) -> bool:
-    """Whether an exception says that there was not memory enough, on the machine or on its accelerator."""
+    """Returns True if the exception reports a lack of memory, on the machine or its accelerator."""
     return isinstance(failure, MemoryError) or any(words in str(failure).lower() for words in _SAID)

@@ -1,4 +1,4 @@
-"""Between rounds of gradient descent: strokes that hardly matter move, and colours become paints."""
+"""Work between rounds of gradient descent: weak strokes move, and free colours become paints."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -14,19 +14,22 @@ from frida_painter.planning.variables import Paints
 from frida_painter.render import composite
 from frida_painter.strokes import Strokes
 
-# Wells that differ: paints that are hardly told apart become one, and the well that is free gets an accent.
+# Distinct paints: paints that are hardly told apart are merged, and the free well gets an accent colour.
 
 HARDLY_APART = 2.5
-"""CIEDE2000 below which two paints are hardly told apart, and become one. By 5, photographs lost 0.1 to 0.2 dB, and
-things that words name got colours that they do not have, as a dolphin green and purple."""
-_GROWN = 0.8  # of that, below which paints that grew alike while they were optimised are one in the end
+"""CIEDE2000 below which two paints are hardly told apart and are merged.
+
+With 5, photographs lost 0.1 to 0.2 dB, and text goals got wrong colours, such as a green and purple dolphin.
+"""
+_GROWN = 0.8  # share of HARDLY_APART below which paints are merged at the end
 
 
 def distinct(palette: Palette, color: Tensor, weight: Tensor, apart: float) -> Palette:
-    """The palette, lightest first, with no two paints nearer than `apart`; a well that is free gets an accent.
+    """Returns the palette, lightest first, with no two paints nearer than `apart` (CIEDE2000).
 
-    color [n, 3], weight [n]: the colours for which the palette was chosen, and how much each matters. An accent is the
-    one that matters most for how far it is from all paints. There are fewer paints where none is far from them.
+    Each well that becomes free gets an accent: the colour with the largest product of weight and squared distance
+    from all paints. The palette has fewer paints if no colour is farther than `apart` from them.
+    color [n, 3], weight [n]: colours for which the palette was chosen, and their weights.
     """
     paint = palette.nearest(color)
     mass = weight.new_zeros(len(palette)).index_add(0, paint.to(weight.device), weight)
@@ -42,16 +45,17 @@ def distinct(palette: Palette, color: Tensor, weight: Tensor, apart: float) -> P
 
 
 def without_twins(paints: Paints, apart: float) -> Paints:
-    """The paints; those that came clearly nearer to each other than `apart` are one. Strokes keep their order."""
+    """Returns the paints after merging all that are closer than 0.8 times `apart`; strokes keep their order."""
     strokes = torch.bincount(paints.paint, minlength=len(paints.color)).to(paints.color)
     colors, number = _merged(paints.color, strokes, _GROWN * apart)
     return Paints(colors, number[paints.paint], paints.first)
 
 
 def _merged(color: Tensor, mass: Tensor, apart: float) -> tuple[Tensor, Tensor]:
-    """Colours [m, 3], each two of which are `apart` in CIEDE2000 at least, and which of them each of the old is, [k].
+    """Merges the two nearest colours into their weighted mean, until all are at least `apart` in CIEDE2000.
 
-    The two that are nearest become their mean, each mattering by its mass [k], until none are too near.
+    mass [k]: weight of each colour.
+    Returns the colours [m, 3] and the new number of each old colour [k].
     """
     number = torch.arange(len(color), device=color.device)
     while len(color) > 1:
@@ -72,30 +76,30 @@ def _merged(color: Tensor, mass: Tensor, apart: float) -> tuple[Tensor, Tensor]:
 
 
 MOVED = 0.15
-"""Share of the strokes that may move at a time."""
+"""Share of the strokes that may move in a round."""
 MOVED_WHERE_A_LAYER_BEGINS = 0.5
-"""The same where nothing of a layer was painted, and the canvas may be another than it was planned for."""
+"""Share of the strokes that may move if a layer begins, because its canvas may differ from the planned one."""
 PROPOSALS = 24
-"""Weighed for each stroke that moves."""
+"""Number of proposals that are weighed for each stroke that moves."""
 _PROBES = 8
-_WORTHWHILE = 1.5  # a gain is foreseen on a coarse picture, and neighbours may want the same place
+_WORTHWHILE = 1.5  # gains are estimated on a coarse picture, and neighbours may want the same place
 
 
 def loss_without(strokes: Strokes, scene: Scene, target: Tensor, generator: torch.Generator) -> Tensor:
-    """How much the summed squared error to target [3, H, W] rises when one stroke is left out, for each, [n]."""
+    """Returns the rise of the summed squared error to target [3, H, W] without each single stroke, [n]."""
     slope, square = loss_of_paint(strokes, scene, target, generator)
     return slope + square
 
 
 def loss_of_paint(strokes: Strokes, scene: Scene, target: Tensor, generator: torch.Generator) -> tuple[Tensor, Tensor]:
-    """What it costs that a stroke lacks a share f of its paint: f slope + f^2 square, for each stroke, [n] and [n].
+    """Returns the cost of strokes that lack a share f of their paint: f slope + f^2 square, [n] and [n].
 
-    That is by how much the summed squared error to target [3, H, W] rises. Errors count by the scene's importance w,
-    where it has one: r and D_i below are then those times its root.
+    The cost is the rise of the summed squared error to target [3, H, W]. If the scene has an importance w, errors
+    count by w; r and D_i below are then multiplied by its root.
 
-    The picture is linear in the opacity of a single stroke: leaving out stroke i takes D_i from
-    it, and the error rises by 2 r.D_i + |D_i|^2 with r = target - picture. r.D_i is a derivative;
-    |D_i|^2 is the mean of (z.D_i)^2 over random signs z (Hutchinson's estimator), a derivative too.
+    The picture is linear in the opacity of a single stroke. Without stroke i the picture loses D_i, and the error
+    rises by 2 r.D_i + |D_i|^2 with r = target - picture. r.D_i is a derivative. |D_i|^2 is the mean of (z.D_i)^2
+    over random signs z (Hutchinson's estimator), which is a derivative too.
     """
     with torch.no_grad():
         magnitude, affine = scene.marks(strokes)
@@ -114,7 +118,7 @@ def loss_of_paint(strokes: Strokes, scene: Scene, target: Tensor, generator: tor
 
 
 def visible_area(strokes: Strokes, scene: Scene) -> Tensor:
-    """How much of the picture each stroke's colour makes up, in pixels, [n]."""
+    """Returns the visible area of each stroke in pixels [n]: the sum of its share of every pixel."""
     color = strokes.color.detach().clone().requires_grad_()
     picture = scene.render(strokes.with_groups(color=color))
     (share,) = torch.autograd.grad(picture, color, torch.ones_like(picture))
@@ -122,10 +126,10 @@ def visible_area(strokes: Strokes, scene: Scene) -> Tensor:
 
 
 def anneal_to_palette(strokes: Strokes, scene: Scene, colors: int, keeping: float, seed: int) -> Strokes:
-    """The strokes, still in colours of their own, but nearer to `colors` paints: `keeping` of the way is left.
+    """Moves the strokes' own colours towards `colors` paints; `keeping` of the distance is left.
 
-    Done again and again with gradient descent in between, shapes and colours grow used to the
-    paints, and lose less when at last they get them.
+    Rounds of this with gradient descent in between adapt shapes and colours to the paints. The strokes then lose
+    less when they finally get the paints.
     """
     palette, paint = _cluster(strokes, scene, colors, seed)
     nearest = palette.color[paint]
@@ -133,17 +137,16 @@ def anneal_to_palette(strokes: Strokes, scene: Scene, colors: int, keeping: floa
 
 
 def discretize(strokes: Strokes, scene: Scene, colors: int, seed: int) -> tuple[Strokes, Paints]:
-    """The strokes in at most `colors` paints, light to dark (paper, "Paint Colors and Mixing")."""
+    """Returns the strokes in at most `colors` paints, from light to dark (paper, "Paint Colors and Mixing")."""
     palette, paint = _cluster(strokes, scene, colors, seed)
     order = torch.argsort(paint, stable=True)
     return strokes[order].with_groups(color=palette.color[paint[order]]), Paints(palette.color, paint[order])
 
 
 def _cluster(strokes: Strokes, scene: Scene, colors: int, seed: int) -> tuple[Palette, Tensor]:
-    """Paints for the strokes' colours that differ, and which one is nearest to each stroke's, [n].
+    """Returns distinct paints for the strokes' colours, and the nearest paint of each stroke [n].
 
-    A colour counts by the fourth root of the area in which it is seen: by the area alone, small
-    accents would drown.
+    A colour counts by the fourth root of its visible area. With the area itself, small accents would get lost.
     """
     weight = visible_area(strokes, scene).clamp(min=0).pow(0.25)
     palette = distinct(Palette.cluster(strokes.color, weight, colors, seed), strokes.color, weight, HARDLY_APART)
@@ -161,10 +164,10 @@ def relocate(
     proposals: int,
     generator: torch.Generator,
 ) -> tuple[Strokes, Paints | None]:
-    """The same number of strokes, in painting order, of which up to a `share` has moved to better places.
+    """Moves up to a `share` of the strokes to places of a larger gain; the number of strokes stays the same.
 
-    The strokes that matter least make room for the proposals that gain most, pair by pair, as long
-    as the one gains clearly more than the other loses.
+    The strokes that matter least make room for the best proposals, pair by pair. A stroke moves only if the gain of
+    the proposal is 1.5 times its own loss or more.
     """
     most = round(share * len(strokes))
     if most == 0:
@@ -184,11 +187,11 @@ def relocate(
 
 # From free colours to paints: colours move towards the paints in rounds, then strokes and paints settle together.
 
-_KEEPING = (0.7, 0.45, 0.2, 0.1)  # of the way from a stroke's colour to its paint, round after round
+_KEEPING = (0.7, 0.45, 0.2, 0.1)  # share of the way from a stroke's colour to its paint that is left, for each round
 
 
 def binding_iterations(drawing: int, binding: int) -> int:
-    """How many iterations it takes."""
+    """Number of iterations of `bound`."""
     return len(_KEEPING) * drawing + binding
 
 
@@ -202,10 +205,11 @@ def bound(
     seed: int,
     begin: Callable[[int], Callable[[Step], None]],
 ) -> tuple[Strokes, Paints]:
-    """The strokes, in painting order, in at most `colors` paints.
+    """Binds the strokes, in painting order, to at most `colors` paints.
 
-    drawing: iterations after each round; binding: once colours are paints; begin: where so many of them are to be
-    reported.
+    drawing: iterations after each round.
+    binding: iterations after the colours have become paints.
+    begin: returns the callback that reports the next iterations.
     """
     for keeping in _KEEPING:
         strokes = anneal_to_palette(strokes, scene, colors, keeping, seed)

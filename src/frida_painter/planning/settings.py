@@ -1,4 +1,7 @@
-"""What a planner is told, with the defaults of all faces; RunSpec takes its own from here. It loads no tensor."""
+"""Settings of the planner with the defaults of all interfaces; RunSpec takes its defaults from here.
+
+This module loads no PyTorch at run time.
+"""
 
 from __future__ import annotations
 
@@ -20,24 +23,26 @@ Color = tuple[float, float, float]
 
 @dataclass(frozen=True, eq=False)
 class PlannerSettings:
-    """How a plan is made.
+    """Settings of a planner.
 
-    size: of the canvas, such as "14x11in".
-    model: what the brush's marks look like, or the name of a brush that comes with the project; several, of different
-    brushes or the same, paint a layer each.
-    strokes, colors: of a plan, unless `plan` is asked for others.
-    rows: height of the planning image in pixels; the start is planned at half of it.
-    effort: how many iterations are spent, as a factor of the usual number, or one by one.
-    seed: of every random choice.
-    layers: of a plan, one for each of several models; None: that many, or the usual number of one model, towards a
-    picture in 100 strokes or more, else one, of the first model.
-    shares: of the strokes that each layer gets, by default as planning/planner.py says.
-    new_paints: whether each layer has a palette of its own.
-    focus: what matters most in photographs (objectives/attention.py): "faces", "subject" or "none".
-    sharpness: how much sharper than photographs the plan is (objectives/pixel_loss.py).
-    ground: the colour of the bare canvas.
-    darkest: the darkest paint that there is; none is planned darker. None: black.
-    region: what strokes keep clear of.
+    size: canvas size, such as "14x11in".
+    model: stroke model of the brush, or the name of a brush that comes with the project. With several models, each
+    one paints a layer; the brushes may be the same or different ones.
+    strokes, colors: default numbers of strokes and of paints; arguments of `plan` override them.
+    rows: height of the planning image in pixels. The start is planned at half this height.
+    effort: factor of the usual number of iterations, or the iterations of each stage.
+    seed: seed of every random choice.
+
+    layers: number of layers. None: one layer for each of several models. With one model, None means the usual
+    number of layers if the goal is a picture and the plan has 100 strokes or more, else one layer.
+    shares: share of the strokes for each layer. None: the defaults of planning/planner.py.
+    new_paints: True if each layer has a palette of its own.
+
+    focus: part of a photograph that matters most (objectives/attention.py): "faces", "subject" or "none".
+    sharpness: how much sharper than the photograph the plan is (objectives/pixel_loss.py).
+    ground: colour of the bare canvas.
+    darkest: colour of the darkest available paint; no stroke is planned darker. None: black.
+    region: part of the canvas that strokes keep clear of.
     """
 
     size: CanvasSize | str

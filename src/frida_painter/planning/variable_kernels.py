@@ -1,6 +1,7 @@
-"""Between the optimiser's numbers and strokes on the CPU, compiled by numba; the plain ways in variables.py are twins.
+"""Compiled loops (numba) that turn optimiser variables into strokes on the CPU.
 
-A stroke's numbers are its middle x and y, angle, length, bend and thickness, each in its unit, as variables.py tells.
+variables.py has PyTorch versions with equal results. The numbers of a stroke are its middle x and y, angle, length,
+bend and thickness, each in its unit from variables.py.
 """
 
 import math
@@ -11,7 +12,7 @@ from numba import float32, int64, njit, types
 
 @njit(cache=True)
 def start_of(numbers, unit):  # type: ignore[no-untyped-def]
-    """Where a stroke of these numbers [6] starts, and the cosine and sine of its angle."""
+    """Returns the start of a stroke with these numbers [6], and the cosine and sine of its angle."""
     half = unit.dtype.type(0.5)
     angle, length, bend = numbers[2] * unit[2], half * numbers[3] * unit[3], half * numbers[4] * unit[4]
     cos, sin = math.cos(angle), math.sin(angle)
@@ -21,7 +22,7 @@ def start_of(numbers, unit):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def to_strokes(shape, unit, order, position, angle, length, bend, thickness):  # type: ignore[no-untyped-def]
-    """Fills in the strokes of shape [n, 6], in that order [n]."""
+    """Writes the strokes of shape [n, 6], in the given order [n], into the output arrays."""
     for i in range(len(order)):
         numbers = shape[order[i]]
         position[i, 0], position[i, 1], _, _ = start_of(numbers, unit)
@@ -31,7 +32,7 @@ def to_strokes(shape, unit, order, position, angle, length, bend, thickness):  #
 
 @njit(cache=True)
 def pull_to_shape(shape, unit, order, position, angle, length, bend, thickness, to_shape):  # type: ignore[no-untyped-def]
-    """From gradients to the strokes in that order [n] to those to their shape [n, 6]."""
+    """Turns gradients with respect to the ordered strokes into gradients with respect to their shape [n, 6]."""
     half = unit.dtype.type(0.5)
     for i in range(len(order)):
         numbers, to = shape[order[i]], to_shape[order[i]]
@@ -48,7 +49,7 @@ def pull_to_shape(shape, unit, order, position, angle, length, bend, thickness, 
 
 @njit(cache=True)
 def to_colors(color, number, found, unit):  # type: ignore[no-untyped-def]
-    """Fills in found [n, 3]: of colours [k, 3], the one of each number [n], in their unit."""
+    """Writes colours by number into found [n, 3]: color[number[i]] times the unit, with color [k, 3] and number [n]."""
     for i in range(len(number)):
         for band in range(3):
             found[i, band] = color[number[i], band] * unit
@@ -56,7 +57,7 @@ def to_colors(color, number, found, unit):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def pull_to_colors(upstream, number, to_color, unit):  # type: ignore[no-untyped-def]
-    """From gradients to found [n, 3] to those to the colours [k, 3], which come as zeros."""
+    """Adds gradients with respect to found [n, 3] to those with respect to the colours [k, 3], which start at zero."""
     for i in range(len(number)):
         for band in range(3):
             to_color[number[i], band] += upstream[i, band] * unit
@@ -64,7 +65,10 @@ def pull_to_colors(upstream, number, to_color, unit):  # type: ignore[no-untyped
 
 @njit(cache=True)
 def bring_inside(shape, unit, length, bend, width, height):  # type: ignore[no-untyped-def]
-    """`Strokes.project` for shape [n, 6], in place; length and bend: (least, most), in its precision like the rest."""
+    """Projects shape [n, 6] in place like `Strokes.project`.
+
+    length, bend: (least, most) in metres, in the precision of the other arguments.
+    """
     none, half, one = unit.dtype.type(0), unit.dtype.type(0.5), unit.dtype.type(1)
     for i in range(len(shape)):
         numbers = shape[i]
@@ -81,7 +85,7 @@ def bring_inside(shape, unit, length, bend, width, height):  # type: ignore[no-u
 
 @njit(cache=True, error_model="numpy")
 def step(leaf, slope, mean, square, first, second, length, spread, epsilon):  # type: ignore[no-untyped-def]
-    """A step of Adam for numbers [n], in place; the plain way in adam.py is its twin."""
+    """Makes one Adam step for numbers [n] in place; `Adam.step` in optimize.py has an equal PyTorch version."""
     one = leaf.dtype.type(1)
     for i in range(len(leaf)):
         mean[i] += (one - first) * (slope[i] - mean[i])
@@ -91,13 +95,13 @@ def step(leaf, slope, mean, square, first, second, length, spread, epsilon):  # 
 
 @njit(cache=True)
 def _between(value, least, most):  # type: ignore[no-untyped-def]
-    """The nearest value in that range; NaN stays what it is."""
+    """Returns the value clamped to the range; NaN stays NaN."""
     return least if value < least else most if value > most else value
 
 
 @njit(cache=True)
 def _way_back(start, along, aside, most):  # type: ignore[no-untyped-def]
-    """How far a path start + along t + 3 aside t (1 - t), t in [0, 1], has to move to lie between 0 and most."""
+    """Returns the shift that brings the path start + along t + 3 aside t (1 - t), t in [0, 1], between 0 and most."""
     number = type(most)
     lowest, highest = min(start, start + along), max(start, start + along)
     if abs(number(3) * aside) >= number(1e-12):
@@ -108,7 +112,7 @@ def _way_back(start, along, aside, most):  # type: ignore[no-untyped-def]
 
 
 def argument_types():  # type: ignore[no-untyped-def]
-    """The loops, each with the types of its arguments where a plan is made in float32; see compiled.py."""
+    """Returns the loops with the types of their arguments for a plan in float32; see compiled.py."""
     number, line, table, index = float32, float32[::1], float32[:, ::1], int64[::1]
     strokes = (table, line, index, table, line, line, line, line)
     pair = types.UniTuple(float32, 2)  # type: ignore[no-untyped-call]

@@ -1,10 +1,11 @@
-"""The numbers that the optimiser turns: stroke shapes in comparable units, and colours or paints.
+"""Variables of the optimiser: stroke shapes in comparable units, and colours or paints.
 
-Shapes are held as one tensor whose columns are measured in units of a sensible first step, so
-that one learning rate suits them all, and around the middle of a stroke rather than its start, so
-that turning and lengthening do not move it away. The order in which strokes are painted is an
-index computed from their lightness; the variables themselves never change places, and the
-optimiser's memory stays with its stroke.
+One tensor holds all shapes. The unit of each column is a sensible first step, so that one learning rate suits all
+columns. A shape is described around the middle of its stroke, so that turning and lengthening do not move the
+stroke away.
+
+The painting order is an index that is computed from the strokes' lightness. The variables themselves never change
+places, so the optimiser's state stays with its stroke.
 """
 
 from collections.abc import Callable
@@ -20,16 +21,18 @@ from frida_painter.compiled import array, compiles_for
 from frida_painter.palette import Palette, to_lab
 from frida_painter.strokes import StrokeLimits, Strokes
 
-# A first step in metres across, metres up, radians, metres long, metres bent, thickness.
+# First steps of x and y in metres, angle in radians, length and bend in metres, and thickness.
 _UNITS = (0.0015, 0.0015, 0.06, 0.002, 0.001, 0.04)
 _COLOR_UNIT = 0.03
 
 
 @dataclass(frozen=True)
 class Paints:
-    """Colours bound to a palette: stroke i is painted in color[paint[i]]; color [k, 3] sRGB, paint [n].
+    """Palette and the paint of each stroke.
 
-    No stroke that is placed anew takes a paint numbered below `first`.
+    color [k, 3]: sRGB of the paints.
+    paint [n]: index into `color` for each stroke.
+    first: lowest paint number that a newly placed stroke may take.
     """
 
     color: Tensor
@@ -38,11 +41,11 @@ class Paints:
 
 
 class Variables:
-    """Leaf tensors for the optimiser, and their way to strokes and back.
+    """Leaf tensors of the optimiser, made from strokes and turned back into strokes.
 
-    With `paints` the strokes' colours are those of a palette (whose colours may be varied too);
-    without, each stroke has its own. With `light_to_dark` the strokes are painted in that order,
-    otherwise in the order given.
+    With `paints`, each stroke has a colour of the palette, and the palette may vary too. Without `paints`, each
+    stroke has its own colour. With `light_to_dark`, the painting order is from light to dark; otherwise it is the
+    given order.
     """
 
     def __init__(self, strokes: Strokes, paints: Paints | None, *, vary_colors: bool, light_to_dark: bool) -> None:
@@ -56,35 +59,42 @@ class Variables:
 
     @property
     def leaves(self) -> list[Tensor]:
-        """What the optimiser varies."""
+        """Tensors that the optimiser varies."""
         return [leaf for leaf in (self.shape, self.color) if leaf.requires_grad]
 
     def strokes(self, order: Tensor | None = None) -> Strokes:
-        """The strokes as they stand, in that order [n] or the variables' own; differentiable in the leaves."""
+        """Returns the current strokes, differentiable in the leaves.
+
+        order [n]: order of the strokes. None: the order of the variables.
+        """
         look: Callable[..., tuple[Tensor, ...]] = _AsStrokes.apply
         if self._compiled:
             return Strokes(*look(self.shape, self.color, self._unit, order, self.paint))
         return Strokes(*self._plainly(order))
 
     def _plainly(self, order: Tensor | None) -> tuple[Tensor, ...]:
-        """Position [n, 2], angle, length, bend, thickness [n], color [n, 3] of the strokes so, by PyTorch anywhere."""
+        """Returns the fields of `Strokes` in the given order, by plain PyTorch.
+
+        These are position [n, 2], angle, length, bend, thickness [n] and color [n, 3].
+        """
         order = torch.arange(len(self.shape), device=self.shape.device) if order is None else order
         shape, color = self.shape[order], self.color * _COLOR_UNIT
         x, y, angle, length, bend, thickness = (shape * self._unit).unbind(1)
         cos, sin = torch.cos(angle), torch.sin(angle)
-        # From the middle of the stroke, (l/2, b/2) in its own frame, back to its start.
+        # The start, from the middle: the middle is at (l/2, b/2) in the frame of the stroke.
         start = torch.stack((x - cos * length / 2 + sin * bend / 2, y - sin * length / 2 - cos * bend / 2), -1)
         return start, angle, length, bend, thickness, color[order if self.paint is None else self.paint[order]]
 
     @property
     def _compiled(self) -> bool:
-        """Whether compiled loops do the work (variable_kernels.py); elsewhere PyTorch does, to the same effect."""
+        """True if compiled loops do the work (variable_kernels.py); otherwise PyTorch does, with the same result."""
         return compiles_for(self.shape)
 
     def bring_inside(self, limits: StrokeLimits, size: CanvasSize, in_paint: Callable[[Tensor], Tensor]) -> None:
-        """Makes them those of the nearest strokes that a machine may paint (`Strokes.project`).
+        """Replaces the strokes by the nearest ones that a machine can paint (`Strokes.project`).
 
-        Colours that may change become those that paint can have; in_paint: which, of sRGB [..., 3].
+        Colours that may change become colours that paint can have.
+        in_paint: function that maps sRGB [..., 3] to the nearest colour that paint can have.
         """
         with torch.no_grad():
             if self._compiled:
@@ -101,7 +111,7 @@ class Variables:
                 self.color.copy_(in_paint(self.color * _COLOR_UNIT) / _COLOR_UNIT)
 
     def order(self) -> Tensor:
-        """Which stroke is painted when, [n]."""
+        """Painting order of the strokes, as indices [n]."""
         if not self.light_to_dark:
             return torch.arange(len(self.shape), device=self.shape.device)
         lightness = to_lab(self.color.detach() * _COLOR_UNIT)[:, 0]
@@ -110,7 +120,7 @@ class Variables:
         return torch.argsort(lightness, descending=True, stable=True)
 
     def paints(self) -> Paints | None:
-        """The palette's colours and each stroke's paint, as they stand."""
+        """Current colours of the palette and the paint of each stroke; None without a palette."""
         return None if self._paints is None else replace(self._paints, color=self.color.detach() * _COLOR_UNIT)
 
     def _shape_of(self, strokes: Strokes) -> Tensor:
@@ -122,7 +132,7 @@ class Variables:
 
 
 class _AsStrokes(torch.autograd.Function):
-    """`Variables._plainly` by compiled loops, with its derivatives in closed form."""
+    """Compiled version of `Variables._plainly`, with derivatives in closed form."""
 
     @staticmethod
     def forward(
@@ -155,12 +165,12 @@ class _AsStrokes(torch.autograd.Function):
 
 
 def _number(like: Tensor) -> type[np.floating[Any]]:
-    """A number as precise as the tensor's."""
+    """Returns the NumPy scalar type with the precision of the tensor."""
     return array(like).dtype.type
 
 
 def as_palette(strokes: Strokes, paints: Paints) -> tuple[Strokes, Palette, Tensor]:
-    """Strokes in order from light to dark, their palette lightest first, and each stroke's number in it [n]."""
+    """Returns strokes from light to dark, their palette from light to dark, and the paint number of each stroke [n]."""
     rank = torch.argsort(to_lab(paints.color)[:, 0], descending=True, stable=True)  # new number -> old
     palette = Palette(paints.color[rank].clamp(0, 1))
     paint = torch.argsort(rank)[paints.paint]

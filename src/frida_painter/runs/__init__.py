@@ -1,1 +1,1 @@
-"""One painting as a thing: what describes it, what runs it, what lies in its folder."""
+"""One painting as a run: its description, its execution and its folder."""

@@ -1,4 +1,4 @@
-"""Calibrating an easel, as every face does it: which easel, which procedure, and the record that is renewed."""
+"""Easel of a run and its calibration: selection of the easel, the procedures, and the renewed record."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -33,15 +33,15 @@ from frida_painter.session.opening import NEEDED
 from frida_painter.virtual.studio import open_studio
 from frida_painter.virtual.table import PlacementError
 
-# The easel of a run: which one its description means, and the person beside it.
+# Easel of a run: the one that its description names, and the person beside it.
 
 
 def order(spec: RunSpec, brushes: Sequence[str], folder: Path | None, state: Path | None = None) -> EaselOrder:
-    """The easel that the description means, for a painting in `folder`.
+    """Returns the order for the easel of a description, for a painting in `folder`.
 
-    brushes: by their names, the first of them in its holder;
-    state: where stops are latched and robots locked, by default one place for all.
-    Raises ConfigError where the folder of --arm-meshes holds no arm.
+    brushes: brush names; the first brush is in the holder.
+    state: folder for latched stops and robot locks. None: one default place for all.
+    Raises ConfigError if the folder of --arm-meshes holds no arm.
     """
     error = millimetres_and_degrees(spec.placement_error)
     kind = easel_kind(spec.robot)
@@ -66,14 +66,14 @@ def order(spec: RunSpec, brushes: Sequence[str], folder: Path | None, state: Pat
 
 
 def needed_calibrations(spec: RunSpec) -> tuple[str, ...]:
-    """The calibrations without which nothing is painted there: a person's hand needs none of its own."""
+    """Returns the calibration procedures that painting needs; painting by hand needs only the canvas procedure."""
     return ("canvas",) if spec.by_hand else NEEDED
 
 
 def require_sensible(spec: RunSpec) -> None:
-    """Raises ConfigError where something is said of a real easel that is simulated, or of a simulated one that is not.
+    """Raises ConfigError if options for a real easel are given for a simulated one, or the other way round.
 
-    For new paintings: whoever goes on with an old one is not told that it was begun with more than it needs.
+    It is only for new paintings; a resumed one may have been begun with unnecessary options.
     """
     if spec.simulated:
         said: dict[str, object] = {"--camera": spec.camera, "--workspace": spec.workspace}
@@ -100,7 +100,10 @@ def require_sensible(spec: RunSpec) -> None:
 
 
 def with_operator(easel: Easel, spec: RunSpec, answer: Callable[[Question], Answer] | None) -> Easel:
-    """A real easel with the person beside it, or painting on it, who answers questions; a simulated one as it is."""
+    """Returns a real easel with its person, as operator or as painter, who answers questions.
+
+    A simulated one unchanged.
+    """
     if easel.simulated or answer is None:
         return easel
     if not spec.by_hand:
@@ -111,10 +114,11 @@ def with_operator(easel: Easel, spec: RunSpec, answer: Callable[[Question], Answ
 
 @contextmanager
 def easel_of(spec: RunSpec, folder: Path | None = None, state: Path | None = None) -> Iterator[Easel]:
-    """The easel that the description means, neither robot nor camera connected, in a process of its own.
+    """Opens the easel of a description in its own process; robot and camera are not connected.
 
-    A virtual studio without a `folder` to remember what was done in it needs no process. state: where stops are
-    latched. Raises ConfigError, RobotStopped and RobotBusy.
+    A virtual studio without a `folder` for its log needs no process.
+    state: folder for latched stops.
+    Raises ConfigError, RobotStopped and RobotBusy.
     """
     (brush,) = spec.brush_names
     wanted = order(spec, (brush,), folder, state)
@@ -127,17 +131,18 @@ def easel_of(spec: RunSpec, folder: Path | None = None, state: Path | None = Non
 
 
 def default_record(easel: str) -> Path:
-    """Where the record of an easel is kept when nobody says otherwise."""
+    """Returns the default file of an easel's calibration record."""
     folder = "-".join(easel.split())
     return user_data_path("frida-painter", appauthor=False) / "easels" / folder / "calibration.json"
 
 
 @dataclass(frozen=True)
 class CalibrationSetup:
-    """What a calibration procedure works with.
+    """Inputs of a calibration procedure.
 
-    easel: with the record so far; record: the file of the record, beside which procedures put theirs; say: is told
-    the progress in words.
+    easel: easel with the record so far.
+    record: file of the record; files of the procedures are beside it.
+    say: receives the progress in words.
     """
 
     easel: Easel
@@ -149,13 +154,13 @@ class CalibrationSetup:
     refill_every: int = 1
 
     def beside(self, name: str, ending: str) -> Path:
-        """The file of a procedure that belongs to the record, and, where a brush was looked at, to that brush."""
+        """Returns the file of a procedure beside the record; its name holds the brush if the procedure concerns one."""
         of = f"-{self.brush.name}" if name in OF_A_BRUSH else ""
         return self.record.with_name(f"{self.record.stem}-{name}{of}.{ending}")
 
 
 def begin_procedure(name: str, setup: CalibrationSetup) -> Procedure[Any]:
-    """The procedure of that name, begun with this setup."""
+    """Begins the procedure of that name with this setup."""
 
     def hear(progress: StrokesProgress) -> None:
         setup.say(f"strokes: {progress.done} of {progress.of}, paper {progress.sheet}")
@@ -183,9 +188,9 @@ def begin_procedure(name: str, setup: CalibrationSetup) -> Procedure[Any]:
 
 
 def learn_from(finding: StrokesFinding, setup: CalibrationSetup, record: Calibration) -> Calibration:
-    """The record with what the strokes teach of the brush, by which `paint --calibration` plans.
+    """Trains a stroke model on the strokes and returns the record with it; `paint --calibration` then plans with it.
 
-    Raises LibraryError where fewer than 5 strokes are clean.
+    Raises LibraryError if fewer than 5 strokes are clean.
     """
 
     def hear(progress: TrainingProgress) -> None:
@@ -194,15 +199,16 @@ def learn_from(finding: StrokesFinding, setup: CalibrationSetup, record: Calibra
     learned = learn(DEFAULT_MODEL, finding.library, setup.brush, seed=setup.seed, notify=hear)
     path = setup.beside("strokes", "safetensors")
     weights = LearnedFile(str(path), learned.model.save(path))
-    assert record.library is not None  # the finding has just entered it
+    assert record.library is not None  # set by the finding before
     return record.with_strokes(record.library, weights, residual=learned.report.validation_error)
 
 
 def record_to_renew(path: Path, default: Calibration, *, anew: bool) -> Calibration:
-    """The record to go on with: the one in the file, or the easel's default for a first one and for all `anew`.
+    """Returns the record to continue: that of the file, or the easel's default if there is none.
 
-    It has the brush of `default` in the holder, where it knows that one; what it knows of others stays.
-    Raises CalibrationError where the one in the file is damaged, unless all is done anew.
+    The brush of `default` is in the holder, if the record has it; the data of other brushes stay.
+    anew: True if all procedures are to be done again.
+    Raises CalibrationError if the file is damaged, unless all is done anew.
     """
     if not path.exists():
         return default

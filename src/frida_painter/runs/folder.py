@@ -1,17 +1,19 @@
-"""What lies in a painting's folder, beside its log: how it is painted, copies of its pictures, and what else decides.
+"""Folder of a painting: its description, copies of its pictures, its journal and its results.
 
-| file | what it is | made again from |
-|---|---|---|
-| settings.json | the RunSpec | nothing: resuming needs it |
-| goal/ | the goal (TOML) with copies of its pictures; changes/N/goal where it was changed midway | nothing |
-| journal | every stroke, motion, plan and photograph | nothing |
-| plan.json, plan-*.safetensors | the plan of all strokes | nothing |
-| photographs/ | the photographs by which something was decided | nothing |
-| studio.diary | the log of a simulated studio | nothing |
-| calibration.json | the calibration of the easel as it was painted by | nothing |
-| sketchbook/ | timelapse frames and looks, of which film and page are made | nothing |
-| film.mp4, painting.png, index.html, result.json, palette.png, mixing.png, strokes.svg, strokes.csv | what a person keeps | the files above, by `resume` |
-"""  # noqa: E501
+Resuming needs these files, and nothing can make them again:
+
+settings.json: the RunSpec.
+goal/: the goal (TOML) with copies of its pictures; changes/N/goal if it was changed midway.
+journal: every stroke, motion, plan and photograph.
+plan.json, plan-*.safetensors: the plan of all strokes.
+photographs/: the photographs for decisions.
+studio.diary: the log of a simulated studio.
+calibration.json: the calibration of the easel at the time of the painting.
+sketchbook/: timelapse frames and looks, for film and page.
+
+`resume` can make the results for a person again: film.mp4, painting.png, index.html, result.json, palette.png,
+mixing.png, strokes.svg and strokes.csv.
+"""
 
 import hashlib
 import json
@@ -40,14 +42,16 @@ from frida_painter.session.journal import History, Journal
 from frida_painter.session.painting import Painting
 from frida_painter.session.resuming import KeptPlan
 
-# What a painting learned of its easel is kept in the calibration record, for the next painting.
+# Placement and touch heights that a painting learned are kept in the calibration record, for the next painting.
 
 
 def keep_learned(spec: RunSpec, begun: Calibration | None, learned: Placement, painting: Painting) -> Path | None:
-    """Writes into the record that a finished painting went by where strokes land and brushes touch; the record then.
+    """Writes the learned placement and touch heights of a finished painting into its calibration record.
 
-    begun: it as the painting began. Where it was changed meanwhile it stays: whoever calibrated anew knows better. The
-    record before is kept beside it, as Calibration.save does. Raises CalibrationError and StorageError.
+    begun: record at the beginning of the painting. If the file has changed since, it stays as it is, because a
+    newer calibration is better. The old record is kept beside the new one, as by Calibration.save.
+    Returns the file of the record, or None if nothing was written.
+    Raises CalibrationError and StorageError.
     """
     record, finished = spec.calibration, painting.rest is not None and len(painting.rest) == 0
     if record is None or begun is None or spec.by_hand or not finished or Calibration.load(record) != begun:
@@ -59,17 +63,20 @@ def keep_learned(spec: RunSpec, begun: Calibration | None, learned: Placement, p
 SETTINGS = "settings.json"
 GOAL = "goal"
 CALIBRATION = "calibration.json"
-"""A copy of the easel's calibration as it was painted by, by which its photographs can be read again."""
+"""Copy of the easel's calibration at the time of the painting, for reading its photographs again."""
 NOW = "now.png"
-"""The canvas as it was found when the painting was resumed, or where something was on it at first."""
+"""Picture of the canvas when the painting was resumed, or of a canvas that was not bare at the beginning."""
 CALIBRATION_RECORD = "calibration record"
-"""What a painting rests on, in `rests_on`: that by which its robot is sent."""
+"""Key of the calibration record in `rests_on`."""
 PAUSE_FILE = "pause"
-"""As long as it is there, nothing is painted."""
+"""File that pauses the painting as long as it exists."""
 
 
 def new_folder(out: Path | None, name: str, needed: int) -> Path:
-    """A new, empty folder with room for `needed` bytes: `out`, or one below "paintings" named after the painting."""
+    """Makes a new, empty folder with room for `needed` bytes.
+
+    The folder is `out`, or one under "paintings" that is named after the painting and the time.
+    """
     folder = out or Path("paintings") / f"{name}-{datetime.now():%Y%m%d-%H%M%S}"
     storage.require_space(folder, needed)
     storage.new_folder(folder)
@@ -77,19 +84,19 @@ def new_folder(out: Path | None, name: str, needed: int) -> Path:
 
 
 def keep_spec(spec: RunSpec, folder: Path) -> None:
-    """Puts the description into the folder, for people and for resuming. Raises StorageError."""
+    """Writes the description into the folder. Raises StorageError."""
     storage.write_text(folder / SETTINGS, json.dumps(spec.record(), indent=2) + "\n")
 
 
 def read_spec(folder: Path) -> RunSpec:
-    """The description as it lies in the folder, whoever has changed it in the meantime. Raises ConfigError."""
+    """Reads the current description from the folder. Raises ConfigError."""
     return RunSpec.read(folder / SETTINGS)
 
 
 def drying_of(plan: Path) -> float:
-    """Seconds for which each layer dries of the painting that a plan, or the folder of it, belongs to.
+    """Returns the drying time in seconds of the painting that a plan (file or folder) belongs to.
 
-    Where the plan lies on its own, or the painting's settings cannot be read, it is the usual time.
+    It is the default time if no settings of a painting can be read beside the plan.
     """
     try:
         return 60 * read_spec(plan if plan.is_dir() else plan.parent).drying
@@ -98,7 +105,7 @@ def drying_of(plan: Path) -> float:
 
 
 def keep_goal(spec: RunSpec, folder: Path) -> None:
-    """Copies the pictures of a goal into the folder, and how they matter. Raises StorageError."""
+    """Copies the goal with its pictures and weights into the folder. Raises StorageError."""
     lines: list[str] = []
     tables = [("goal", item) for item in spec.goal] + [("initial", item) for item in spec.initial]
     for number, (table, item) in enumerate(tables, 1):
@@ -112,12 +119,12 @@ def keep_goal(spec: RunSpec, folder: Path) -> None:
 
 
 def read_goal(folder: Path) -> dict[str, Any]:
-    """The goal as it was kept, in the words of RunSpec. Raises ConfigError."""
+    """Reads the goal from the folder, in the form of RunSpec. Raises ConfigError."""
     return read_goal_file(folder / GOAL / "goal.toml")
 
 
 def input_hashes(spec: RunSpec, folder: Path) -> dict[str, str]:
-    """Hashes of all files that decide how a painting goes on, by what they are. Raises StorageError."""
+    """Returns the hashes, by name, of all files that decide how a painting goes on. Raises StorageError."""
     files = {
         "goal": folder / GOAL,
         CALIBRATION_RECORD: spec.calibration,
@@ -133,7 +140,7 @@ def input_hashes(spec: RunSpec, folder: Path) -> dict[str, str]:
 
 
 def are_there(folder: Path, strokes: int) -> bool:
-    """Whether all that a person keeps of a finished painting of so many strokes is in its folder."""
+    """Returns True if the folder holds all results of a finished painting with this number of strokes."""
     try:
         result = storage.read_json(folder / "result.json", "the figures of a painting")
     except StorageError:
@@ -146,7 +153,7 @@ def are_there(folder: Path, strokes: int) -> bool:
 
 
 def _quoted(text: str) -> str:
-    """As a TOML string."""
+    """Returns the text as a TOML string."""
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
@@ -155,7 +162,10 @@ def _copy(source: Path, copy: Path) -> None:
 
 
 def content_hash(path: Path) -> str:
-    """sha256 over a file, or over the names and contents of all files in a folder; "gone" where it is."""
+    """Returns the sha256 of a file, or of the names and contents of all files in a folder; "gone" if it is missing.
+
+    Raises StorageError if a file cannot be read.
+    """
     content = hashlib.sha256()
     if not path.exists():
         return "gone"
@@ -171,16 +181,19 @@ def content_hash(path: Path) -> str:
     return content.hexdigest()
 
 
-# A painting that goes on: it is reopened from its folder, and held against what it was begun with.
+# Reopening: a painting is read from its folder and compared with its state at the beginning.
 
 
 @dataclass(frozen=True)
 class ReopenedPainting:
-    """A painting that is resumed.
+    """Painting to be resumed.
 
-    spec: as its folder has it; journal: held until it is closed; history: read from it; plan: the one in the folder,
-    None where it broke off before there was one; placement: as it was learned by then, None where it is for another
-    calibration record than the one that is there now; accept_changes: whether it goes on whatever has changed.
+    spec: description from its folder.
+    journal: its journal, locked until it is closed.
+    history: history from the journal.
+    plan: plan from the folder, None if the painting broke off before the first plan.
+    placement: learned placement, None if the calibration record has changed.
+    accept_changes: True if the painting goes on in spite of changes.
     """
 
     spec: RunSpec
@@ -191,15 +204,16 @@ class ReopenedPainting:
     accept_changes: bool
 
     def require_as_left(self, good: FrameCheck | None, planner: Planner, before: Tensor, now: Tensor) -> None:
-        """Raises FrameRejected where the canvas `now` is not what came, by the journal, of the canvas `before`.
+        """Raises FrameRejected if the canvas `now` differs from the canvas `before` plus the strokes in the journal.
 
-        Both [3, H, W]; good: what a photograph there is like, None where that is not known: then all is as it was.
+        before, now: [3, H, W].
+        good: features of a good photograph. None: no check.
         """
         if self.plan is not None and good is not None:
             good.require_explained(now, resuming.as_left(self.plan, self.history, planner, before))
 
     def stroke_in_doubt(self, planner: Planner, now: Tensor) -> Tensor | None:
-        """A picture, on the canvas `now`, of the stroke that was begun and perhaps not painted; None without one."""
+        """Returns a picture of the stroke in doubt on the canvas `now`; None if there is no such stroke."""
         number = self.history.in_doubt
         if number is None or self.plan is None:
             return None
@@ -208,9 +222,9 @@ class ReopenedPainting:
 
 
 def reopen(folder: Path, *, accept_changes: bool, pace: float) -> ReopenedPainting:
-    """The painting in a folder, and its journal, held. Raises StorageError, PlanError and ConfigError.
+    """Opens the painting in a folder, and locks its journal. Raises StorageError, PlanError and ConfigError.
 
-    The latter names all that was changed since it was begun, where that was not accepted.
+    The ConfigError names all changes since the beginning, if they are not accepted.
     """
     journal, history = Journal.reopen(folder)
     try:
@@ -227,14 +241,14 @@ def reopen(folder: Path, *, accept_changes: bool, pace: float) -> ReopenedPainti
 
 
 def _recalibrated(spec: RunSpec, folder: Path, history: History) -> bool:
-    """Whether the calibration record is another one than when the painting was begun."""
+    """Returns True if the calibration record has changed since the painting began."""
     return not history.finished and input_hashes(spec, folder)[CALIBRATION_RECORD] != history.rests_on.get(
         CALIBRATION_RECORD
     )
 
 
 def history_of(folder: Path) -> History:
-    """How far a painting came, read without taking it from whoever works on it. Raises StorageError."""
+    """Reads the history of a painting, then releases its journal. Raises StorageError."""
     journal, history = Journal.reopen(folder)
     journal.close()
     return history
@@ -243,12 +257,12 @@ def history_of(folder: Path) -> History:
 def _require_unchanged(
     spec: RunSpec, folder: Path, history: History, plan: KeptPlan | None, *, accept_changes: bool
 ) -> None:
-    """Raises ConfigError, showing all of them, where there are changes that nobody accepted, or cannot be."""
+    """Raises ConfigError, with all changes, if there are changes that are not accepted or not possible."""
     begun = RunSpec.of(**upgraded(history.settings)).record()
     history.settings = begun
     diary = missing(folder / DIARY, "the diary of a virtual studio") if spec.simulated else 0
     rests_on = input_hashes(spec, folder)
-    if CALIBRATION not in history.rests_on:  # earlier programs did not take it down
+    if CALIBRATION not in history.rests_on:  # earlier versions did not record it
         del rests_on[CALIBRATION]
     changes = resuming.changes(folder, history, spec.record(), rests_on, plan, diary)
     settled = [name for name in SETTLED if begun[name] != spec.record()[name]]

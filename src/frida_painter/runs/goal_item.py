@@ -1,4 +1,4 @@
-"""What a person asks for: things to paint, each a picture's file or words, and the goal file (TOML) that lists them."""
+"""Goal items: things to paint, each a picture file or words, and the goal file (TOML) with several of them."""
 
 import math
 import re
@@ -19,7 +19,12 @@ _EXAMPLE = 'write [[goal]], then lines such as style = "waves.jpg" and weight = 
 
 
 class GoalItem(BaseModel):
-    """One thing to paint: its kind ("image", "text", ...), a file's path or words, and how much it matters (> 0)."""
+    """One thing to paint.
+
+    kind: "image", "text" and others.
+    value: path of a file, or words.
+    weight: its importance, above 0.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -38,7 +43,10 @@ class GoalItem(BaseModel):
 
     @classmethod
     def of(cls, value: Any) -> Any:
-        """From {"text": "a lemon", "weight": 2}; anything else as it is, for pydantic to judge."""
+        """Returns an item from {"text": "a lemon", "weight": 2}.
+
+        Another value stays as it is, for pydantic to check.
+        """
         if isinstance(value, dict) and "kind" not in value:
             kinds = [name for name in value if name != "weight"]
             if len(kinds) == 1:
@@ -46,7 +54,10 @@ class GoalItem(BaseModel):
         return value
 
     def plain(self, *, beginning: bool) -> Self:
-        """The same, words as one plain line; beginning: whether a painting begins with it. Raises ConfigError."""
+        """Returns the item with its words as one plain line. Raises ConfigError.
+
+        beginning: True for a goal of the start.
+        """
         kind = goal_kinds()[self.kind]
         if kind.gives is not Gives.WORDS:
             return self
@@ -56,35 +67,35 @@ class GoalItem(BaseModel):
 
     @property
     def path(self) -> Path | None:
-        """The file of a picture; None where it is words."""
+        """File of a picture; None for words."""
         return None if goal_kinds()[self.kind].gives is Gives.WORDS else Path(self.value)
 
     @property
     def label(self) -> str:
-        """What records call a thing of this kind."""
+        """Name of its kind in records."""
         return goal_kinds()[self.kind].label
 
     @property
     def described(self) -> str:
-        """As records name it: the file's name, or the words, and the weight."""
+        """Description for records: the file's name, or the words, and the weight."""
         name = f"“{title_of(self.value)}”" if self.path is None else self.path.name
         return name if self.weight == 1 else f"{name} (weight {self.weight:g})"
 
     @property
     def title(self) -> str:
-        """A title for a painting of it."""
+        """Title for a painting of it."""
         if self.path is None:
             return title_of(self.value)
         return self.path.stem.replace("_", " ").replace("-", " ").strip().capitalize() or "Untitled"
 
     @property
     def name(self) -> str:
-        """A name for the files of a painting of it."""
+        """File name for a painting of it."""
         return name_of(self.value) if self.path is None else self.path.stem
 
 
 def read_goal_file(path: Path) -> dict[str, list[dict[str, Any]]]:
-    """The "goal" and the "initial" of a goal file, as RunSpec takes them; pictures are named relative to the file.
+    """Reads "goal" and "initial" of a goal file, in the form of RunSpec; picture paths are relative to the file.
 
     Raises ConfigError.
     """
@@ -114,10 +125,11 @@ def read_goal_file(path: Path) -> dict[str, list[dict[str, Any]]]:
 
 
 def read_prompt(text: str, option: str) -> str:
-    """The words as one line; signs such as emoji become what they are called.
+    """Returns words as one line, with symbols such as emoji replaced by their names.
 
-    Raises ConfigError for no words, more than 10,000 characters, and control characters (an escape sequence
-    of a terminal, say). Which words a kind of goal understands, its own term says.
+    option: option of the words, for messages.
+    Raises ConfigError for no words, more than 10,000 characters, or control characters, such as an escape sequence
+    of a terminal. The goal term itself checks if it understands the words.
     """
     if len(text) > MOST_CHARACTERS:
         raise ConfigError(f"{option} was given {len(text)} characters; say it in at most {MOST_CHARACTERS}.")
@@ -135,13 +147,13 @@ def read_prompt(text: str, option: str) -> str:
 
 
 def title_of(prompt: str) -> str:
-    """The words as a title: their beginning where they are many."""
+    """Returns the words as a title; only their beginning if they are long."""
     short = prompt if len(prompt) <= _TITLE else f"{prompt[: _TITLE - 1].rstrip()}…"
     return short[0].upper() + short[1:]
 
 
 def name_of(prompt: str) -> str:
-    """The words as a name for files: small letters, digits and hyphens, at most 40 of them."""
+    """Returns the words as a file name: small letters, digits and hyphens, at most 40 characters."""
     plain = unicodedata.normalize("NFKD", prompt).encode("ascii", "ignore").decode().lower()
     return re.sub("[^a-z0-9]+", "-", plain)[:40].strip("-") or "words"
 

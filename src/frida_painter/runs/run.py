@@ -1,7 +1,7 @@
-"""PaintingRun: one painting from its description to its folder; everything that plans or paints one goes through here.
+"""PaintingRun: one painting from its description to its folder; all interfaces plan and paint through it.
 
-Command line, page and notebooks give it a RunSpec, listen to its events, and lead it by its Controls. It alone puts
-planner, easel process, journal and recorder together.
+Command line, page and notebooks give it a RunSpec, listen to its events, and steer it with Controls. Only this
+module connects planner, easel process, journal and recorder.
 """
 
 import shutil
@@ -70,10 +70,12 @@ _ROOM = 200 * 2**20  # bytes
 
 @dataclass(frozen=True)
 class RunOutcome:
-    """How a run ended.
+    """Result of a run.
 
-    painting: the result, None where no photograph was taken yet; page: its report; trouble: the fault that ended the
-    run, if any; calibration: the record that was renewed by what was learned of the easel.
+    painting: result, None if no photograph was taken.
+    page: its report.
+    trouble: error that ended the run, if any.
+    calibration: calibration record that was updated, if any.
     """
 
     folder: Path
@@ -84,17 +86,23 @@ class RunOutcome:
 
 
 class PaintingRun:
-    """One painting, used in a `with` block: `plan`, `start`, `simulate`, or, for one that was reopened, `resume`.
+    """One painting, used in a `with` block: `plan`, `start` or `simulate`; `resume` for a reopened one.
 
-    spec: its description, with the final canvas; goal: what is to be painted, with pictures as they fill the canvas;
-    target [3, H, W]: the first of them; folder: where everything goes, made when painting begins; listeners: hear all
-    events; controls: by what it is led; state: where stops are latched; record_may_differ: whether a simulated easel
-    is painted on as it is delivered where the calibration record is of another one; encoders: the networks that the
-    goal is seen through, by default those that were fetched; mixed: the paints that the description says were mixed,
-    None where those of the plan are, and read when the block is entered; remarks: sentences for the person;
-    choosing: hears at every step of quick plans what they choose, "brushes" or "ground", and may raise to end them;
-    tell: hears in a sentence what is waited for before planning begins.
-    Raises ConfigError and ImageError where the description makes no painting.
+    spec: description, with the final canvas.
+    goal: goal, with pictures that fill the canvas.
+    target [3, H, W]: first picture of the goal.
+    folder: folder of the painting, made when painting begins.
+    listeners: receive all events.
+    controls: steer the painting.
+    state: folder for latched stops.
+
+    record_may_differ: True if a simulated easel ignores a calibration record of another easel.
+    encoders: networks that judge the goal. None: the fetched ones.
+    mixed: mixed paints of the description's palette file, read at the start of the block; None: those of the plan.
+    remarks: sentences for the person.
+    choosing: called at every step of quick plans with their purpose, "brushes" or "ground"; may raise to end them.
+    tell: receives a sentence about each wait before planning.
+    Raises ConfigError and ImageError if the description makes no painting.
     """
 
     def __init__(
@@ -127,19 +135,19 @@ class PaintingRun:
         self._stack = ExitStack()
         self._process: EaselProcess | None = None
         self._easel: Easel | None = None
-        self._record: Calibration | None = None  # as its file has it
-        self._seen: Tensor | None = None  # the canvas as it was photographed last
+        self._record: Calibration | None = None  # as in its file
+        self._seen: Tensor | None = None  # last photographed canvas
         self.session: PaintingSession | None = None
 
     @classmethod
     def reopen(
         cls, folder: str | Path, *, accept_changes: bool = False, pace: float = 0.0, state: Path | None = None
     ) -> Self:
-        """A painting that was stopped, killed or has paused; its journal is held until the `with` block ends.
+        """Opens a painting that was stopped, killed or paused; locks its journal until the `with` block ends.
 
-        pace: of a simulated robot, 1 as a real one, 0 as fast as can be computed. Raises StorageError where the folder
-        is no painting's or another process works on it, ConfigError, naming all of them, where something was changed
-        since and that was not accepted.
+        pace: speed of a simulated robot: 1 as a real one, 0 as fast as possible.
+        Raises StorageError if the folder holds no painting or another process works on it. Raises ConfigError, with
+        all changes, if something has changed and that is not accepted.
         """
         reopened = reopen(Path(folder), accept_changes=accept_changes, pace=pace)
         try:
@@ -166,21 +174,21 @@ class PaintingRun:
 
     @property
     def history(self) -> History | None:
-        """What the journal of a reopened painting tells; None for a new one."""
+        """History of a reopened painting; None for a new one."""
         return None if self._reopened is None else self._reopened.history
 
     @property
     def folder(self) -> Path:
-        """The folder of the painting. Raises ConfigError before there is one."""
+        """Folder of the painting. Raises ConfigError before it exists."""
         if self._folder is None:
             raise ConfigError("This painting has no folder yet; it gets one when painting begins.")
         return self._folder
 
     @property
     def planner(self) -> Planner:
-        """The planner, opened when it is first asked for; nothing of the painting is left open from then on.
+        """Planner, opened at the first access; brushes and ground are then fixed.
 
-        Raises WeightsError if a network is missing, and what `choosing` raises: then nothing is settled.
+        Raises WeightsError if a network is missing, and the errors of `choosing`; then nothing is fixed.
         """
         if self._settled is None:
             region = None if self._reopened is None else resuming.region(self.folder, self._reopened.history)
@@ -191,38 +199,39 @@ class PaintingRun:
 
     @property
     def spec(self) -> RunSpec:
-        """Its description: with its final canvas, and, once there is a planner, with the brushes and the ground."""
+        """Description with its final canvas, and, once there is a planner, with the brushes and the ground."""
         return self._fitted.spec if self._settled is None else self._settled.spec
 
     @property
     def remarks(self) -> list[str]:
-        """Sentences for the person, on what a picture lost and on what was chosen."""
+        """Sentences for the person about lost parts of a picture and about chosen brushes and ground."""
         chosen = () if self._settled is None else self._settled.remarks
         return [*([self._fitted.remark] if self._fitted.remark else []), *chosen]
 
     @property
     def easel(self) -> Easel:
-        """The easel, once it is open. Raises ConfigError before."""
+        """Open easel. Raises ConfigError before it is open."""
         if self._easel is None:
             raise ConfigError("The easel is not open yet; call open_easel first.")
         return self._easel
 
     def plan(self, notify: Callable[[Step], None] = lambda step: None) -> Plan:
-        """A plan for a bare canvas on its ground; nothing is painted, and nothing is written. Raises PlanError."""
+        """Returns a plan for a bare canvas on its ground; paints and writes nothing. Raises PlanError."""
         planner, spec = self.planner, self.spec
         bare = planner.bare
         made = planner.plan(bare, spec.strokes, spec.colors, notify)
         return made if self.mixed is None else planner.bind_to_palette(made, bare, self.mixed, notify)
 
     def open_easel(self, *, hear_signals: bool = False) -> Easel:
-        """Opens and connects the easel, and makes the folder; where the easel cannot be had, there is none.
+        """Opens and connects the easel, and makes the folder; the folder is removed if the easel cannot be opened.
 
-        hear_signals: whether the easel's process hears the signals of this one, whose main thread this must be.
+        hear_signals: True if the easel's process also gets the signals of this process; call it in the main thread
+        then.
         """
         if self._process is None:
             self.load_easel()
         assert self._process is not None
-        planner = self.planner  # before the folder: what cannot be planned leaves no traces
+        planner = self.planner  # before the folder is made, so that a failed planner leaves no traces
         fresh = self._reopened is None
         if fresh:
             self._folder = new_folder(self._folder, self.spec.name, _ROOM)
@@ -237,14 +246,14 @@ class PaintingRun:
         return self._easel
 
     def load_easel(self, launch: EaselLaunch | None = None) -> None:
-        """Starts the easel's process, which loads while the planner does; or takes over one that was started before."""
+        """Starts the easel's process, or uses one that was started before; it loads in parallel with the planner."""
         self._process = self._stack.enter_context(EaselProcess(launch or EaselLaunch(self.spec.robot)))
 
     def start(self, plan: Plan | None = None) -> RunOutcome:
-        """Paints it: plan, paint some strokes, look, plan the rest again.
+        """Paints the painting: plan, paint some strokes, look, replan the rest.
 
-        plan: one of as many strokes that was made before, and is painted instead of a new one. Raises what keeps it
-        from beginning; what ends it later is the outcome's trouble, and what was made by then is kept.
+        plan: plan with the same number of strokes, painted instead of a new one.
+        Raises an error if painting cannot begin. A later error is in the outcome, and results so far are kept.
         """
         if self._easel is None:
             self.open_easel()
@@ -260,11 +269,12 @@ class PaintingRun:
         return self._to_its_end(session, recorder, lambda: session.run(spec.strokes, spec.colors, plan))
 
     def simulate(self, plan: Plan | None = None, opener: Callable[[EaselOrder], OpenEasel] | None = None) -> Painting:
-        """Paints it on its simulated easel inside this process and writes nothing: for experiments and sweeps.
+        """Paints on the simulated easel in this process and writes nothing: for experiments and sweeps.
 
-        The picture is the one that `start` paints. plan: as for `start`; opener: opens another simulated easel than
-        the usual one of that name. Raises ConfigError where a real robot would move, or where the painting was begun
-        before.
+        The picture is the same as that of `start`.
+        plan: as for `start`.
+        opener: opens another simulated easel. None: the usual one of that name.
+        Raises ConfigError for a real robot, and for a reopened painting.
         """
         if not self.spec.simulated or self._reopened is not None:
             raise ConfigError(
@@ -282,10 +292,10 @@ class PaintingRun:
             opened.close()
 
     def resume(self) -> RunOutcome:
-        """Paints what is left: photographs the canvas, asks about the stroke in doubt, cleans the brush, goes on.
+        """Paints the rest: photographs the canvas, asks about the stroke in doubt, cleans the brush, goes on.
 
-        Of a painting that is finished, only its results are made again. Raises FrameRejected where the canvas is not as
-        it was left and nobody wants it painted on.
+        Of a finished painting, it only makes the results again. Raises FrameRejected if the canvas has changed and
+        nobody accepts that.
         """
         if self._reopened is None:
             raise ConfigError("This painting was not begun yet; give its folder to PaintingRun.reopen to resume it.")
@@ -314,7 +324,7 @@ class PaintingRun:
         return self._to_its_end(session, recorder, lambda: session.resume(where))
 
     def _make_results(self, history: History, kept: resuming.KeptPlan | None) -> RunOutcome:
-        """Picture, film, page and figures of a finished painting, from what its folder holds; nothing is moved."""
+        """Makes picture, film, page and figures of a finished painting from its folder; nothing moves."""
         if kept is None:
             raise StorageError(f"{self.folder} holds no plan, and without it there is nothing to tell; bring it back.")
         canvas = resuming.last_canvas(self.folder, history, self.spec.canvas, self.folder / CALIBRATION)
@@ -326,7 +336,7 @@ class PaintingRun:
             return RunOutcome(self.folder, painting, recorder.finish(painting))
 
     def _on_record(self, easel: Easel) -> Easel:
-        """The easel by its calibration record; one of another simulated easel is as it is delivered."""
+        """Returns the easel with its calibration record; a simulated easel may ignore the record of another easel."""
         try:
             self._record = None if self.spec.calibration is None else Calibration.load(self.spec.calibration)
             return on_record(easel, self.spec.calibration, needed_calibrations(self.spec))
@@ -365,18 +375,21 @@ class PaintingRun:
         return self.session
 
     def _stop_asked(self) -> bool:
-        """Whether it ends after this stroke or planning iteration: a person wants that, or the robot was stopped."""
+        """Returns True if painting ends after this stroke or planning iteration.
+
+        It ends on request, or after a stop of the robot.
+        """
         return self.controls.stop_asked() or (self._process is not None and self._process.stopped)
 
     def _paint_on(self, sentence: str, canvas: Tensor) -> bool:
-        """Whether a canvas that is not bare at first is painted on; it is shown to whoever is asked."""
+        """Returns True if a canvas that is not bare is painted on; saves its picture for the person who is asked."""
         if self._folder is not None:
             images.save(canvas, self.folder / NOW)
         accepted = self._reopened is not None and self._reopened.accept_changes
         return accepted or self.controls.paint_on(sentence, canvas)
 
     def _to_its_end(self, session: PaintingSession, recorder: Recorder, paint: Callable[[], Painting]) -> RunOutcome:
-        """Paints; where robot, camera or person give up on the way, what there is by then is kept as after a stop."""
+        """Paints; if robot, camera or person give up, the results so far are kept as after a stop."""
         trouble: FridaError | None = None
         painting: Painting | None
         try:
@@ -390,13 +403,13 @@ class PaintingRun:
         if painting is not None and painting.rest is not None:  # else there is no plan, and nothing to finish
             for listener in self.listeners:
                 listener(Finishing())
-        with suppress(FridaError):  # whatever is wrong with it was told before
-            session.brushwork.easel.robot.close()  # a film of it ends here
+        with suppress(FridaError):  # its faults were reported before
+            session.brushwork.easel.robot.close()  # ends a film of the robot
         page = None
         try:
             page = None if painting is None else recorder.finish(painting)
         except StorageError as full:
-            if trouble is None:  # else the trouble that ended it is what a person has to know
+            if trouble is None:  # else the first error matters more
                 raise StorageError(
                     f"{full} What was painted is noted: `frida-painter resume {self.folder}` writes the rest later."
                 ) from full
@@ -405,7 +418,10 @@ class PaintingRun:
         return RunOutcome(self.folder, painting, page, trouble, kept)
 
     def _is_as_left(self, session: PaintingSession, before: Tensor, now: Tensor) -> bool:
-        """Whether the canvas is as it was left; where it is not, somebody has to want it painted on all the same."""
+        """Returns True if the canvas is as it was left, False if it has changed and that is accepted.
+
+        Raises FrameRejected if nobody accepts the change.
+        """
         assert self._reopened is not None
         if self._reopened.accept_changes:
             return False
@@ -420,7 +436,7 @@ class PaintingRun:
         return True
 
     def _repaints(self, now: Tensor) -> bool:
-        """Whether the stroke in doubt, if there is one, is painted again; a picture of it is kept."""
+        """Returns True if the stroke in doubt is painted again; saves a picture of it."""
         assert self._reopened is not None
         picture = self._reopened.stroke_in_doubt(self.planner, now)
         number = self._reopened.history.in_doubt
@@ -432,12 +448,12 @@ class PaintingRun:
 
 @contextmanager
 def _taken_back(folder: Path) -> Iterator[None]:
-    """Where the easel cannot be had, nothing was begun: the new folder goes away again."""
+    """Removes the new folder again if the easel cannot be opened."""
     try:
         yield
     except FridaError:
         shutil.rmtree(folder, ignore_errors=True)
-        with suppress(OSError):  # "paintings", where this would have been the first
+        with suppress(OSError):  # "paintings", if it is empty now
             folder.parent.rmdir()
         raise
 
@@ -445,10 +461,11 @@ def _taken_back(folder: Path) -> Iterator[None]:
 def paint(
     photo: str | Path | None = None, *, text: str | None = None, folder: str | Path | None = None, **settings: Any
 ) -> RunOutcome:
-    """Paints a photograph, words, or both in the virtual studio, or where the settings say; returns how it ended.
+    """Paints a photograph, words, or both, in the virtual studio by default; returns the outcome.
 
-    settings: fields of RunSpec, such as strokes=50 or style, sketch and others through goal=[{"style": "waves.jpg"}];
-    folder: where everything goes, by default one below "paintings". Raises ConfigError for what makes no painting.
+    settings: fields of RunSpec, such as strokes=50. Style, sketch and other goals: goal=[{"style": "waves.jpg"}].
+    folder: folder of the painting. None: a new one under "paintings".
+    Raises ConfigError if the settings make no painting.
     """
     asked = [*([{"image": str(photo)}] if photo is not None else []), *([{"text": text}] if text is not None else [])]
     spec = RunSpec.of(**{**settings, "goal": [*asked, *settings.get("goal", [])]})

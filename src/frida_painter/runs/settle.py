@@ -1,4 +1,4 @@
-"""How pictures and canvas come together: the canvas takes their proportions, or they are cropped or padded."""
+"""Settling of a description: it fits pictures and canvas, chooses open settings, and opens planner and session."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -49,20 +49,23 @@ from frida_painter.session.observer import PHOTOGRAPH_ROWS, CanvasObserver, Canv
 from frida_painter.session.opening import planning_device
 from frida_painter.session.replan_policy import EvenlySpaced, ReplanPolicy, replan_policy_named
 
-# Goals: the pictures and words of a painting's description are opened, or given in one line by a notebook.
+# Goals: opened from a painting's description, or made in one line in a notebook.
 
 _MOST_TERMS = 20
 
 Picture = str | Path | Tensor
-"""A picture file, or sRGB [3, H, W] in [0, 1]."""
+"""Picture file, or sRGB [3, H, W] in [0, 1]."""
 _KINDS = ("image", "semantic", "sketch", "text", "style")
 Scores = Callable[[Tensor], Tensor]
-"""A picture [3, H, W] in [0, 1] to a differentiable number; smaller is nearer."""
+"""Function from a picture [3, H, W] in [0, 1] to a differentiable number; smaller is nearer."""
 _OBJECTIVE = "objective"
 
 
 def open_goal(spec: RunSpec) -> Goal:
-    """What the description asks for, its pictures read. Raises ConfigError for what makes no goal, and ImageError."""
+    """Returns the goal of a description, with its pictures read.
+
+    Raises ConfigError for an invalid goal, and ImageError.
+    """
     if not spec.goal:
         options = ", ".join(f"{kind.option} {kind.gives.value}" for kind in goal_kinds().by_name.values())
         raise ConfigError(f"There is nothing to paint; give a PHOTO, or one or more of {options}.")
@@ -76,7 +79,7 @@ def open_goal(spec: RunSpec) -> Goal:
 
 
 def picture_of(goal: Goal) -> Tensor | None:
-    """The first picture that says what is where, or else that of a style where no words say what to paint in it."""
+    """Returns the first picture that shows the content; without one, and without words, the picture of a style."""
     every: tuple[Term, ...] = (*goal.terms, *goal.initial)
     pictures = [term.guide for term in every] + [term.colors for term in goal.initial]
     if all(term.words is None for term in every):
@@ -98,13 +101,19 @@ def make_goal(
     objective: Scores | Sequence[Scores] = (),
     weights: Mapping[str, float] | None = None,
 ) -> Goal:
-    """What shall be painted: one or more of these, each a single one or a sequence; `make_goal("photo.jpg")`.
+    """Returns a goal from one or more of these inputs, each a single one or a sequence: `make_goal("photo.jpg")`.
 
-    image: to come near to, pixel by pixel; semantic: to paint by what it shows; sketch: a drawing to follow;
-    text: words; style: a picture whose colours and marks the painting shall have; objective: a function of one's
-    own. weights: how much a kind matters, by its name, above 0; 1 where it is not named. Semantic, sketch, text and
-    style are seen through networks that `frida-painter models fetch` gets. Raises ConfigError where there is nothing
-    to paint or a kind is not known, and ImageError where a picture cannot be read.
+    image: picture to match pixel by pixel.
+    semantic: picture to match by its content.
+    sketch: drawing to follow.
+    text: words.
+    style: picture whose colours and marks the painting takes.
+    objective: function of your own.
+    weights: weight of each kind, by its name, above 0; 1 by default.
+
+    Semantic, sketch, text and style need networks that `frida-painter models fetch` gets.
+    Raises ConfigError if no input is given, or for an unknown kind or a wrong weight. Raises ImageError if a picture
+    cannot be read.
     """
     given = dict(zip(_KINDS, (image, semantic, sketch, text, style), strict=True))
     weights = weights or {}
@@ -119,7 +128,7 @@ def make_goal(
 
 @dataclass(frozen=True)
 class _FunctionTerm(Term):
-    """A function of the picture as a goal. Raises ConfigError for a weight that is none."""
+    """Goal term from a function of the picture. Raises ConfigError for an invalid weight."""
 
     weight: float
     function: Scores
@@ -128,7 +137,7 @@ class _FunctionTerm(Term):
         require_weight(self.weight, "an objective")
 
     def prepare(self, context: ObjectiveContext) -> ObjectiveTerm:
-        """The function as it is."""
+        """Returns the function itself as the objective term."""
         return ObjectiveTerm(self.function)
 
 
@@ -145,15 +154,17 @@ def _term(kind: str, one: Picture, weight: float) -> Term:
     return cast(Term, terms[kind](one, weight))
 
 
-_TOLD = 0.01  # of a picture that is cut off without a word: pixels are whole numbers
+_TOLD = 0.01  # share of a picture that may be cut off without a remark, because pixels are whole numbers
 
 
 @dataclass(frozen=True)
 class Fitted:
-    """A painting whose canvas and pictures have one shape.
+    """Description and goal whose canvas and pictures have one shape.
 
-    spec: with its final canvas; goal: with pictures as they fill the canvas; target [3, H, W]: the first of them, if
-    any; remark: a sentence where a picture lost something, else "".
+    spec: description with its final canvas.
+    goal: goal with pictures that fill the canvas.
+    target [3, H, W]: first picture of the goal, if any.
+    remark: sentence about a lost part of the picture, else "".
     """
 
     spec: RunSpec
@@ -163,10 +174,10 @@ class Fitted:
 
 
 def fitted(spec: RunSpec, goal: Goal, *, canvas_is_fixed: bool = False) -> Fitted:
-    """Brings canvas and pictures together as `spec.fit` says.
+    """Fits canvas and pictures together as `spec.fit` says.
 
-    canvas_is_fixed: whether the canvas stays as it is: a real one, or that of a painting that was begun. Raises
-    ConfigError where a canvas in the picture's proportions would be too narrow.
+    canvas_is_fixed: True for the canvas of a painting that has begun; it keeps its size.
+    Raises ConfigError if a canvas in the picture's proportions would be too narrow.
     """
     picture, canvas = picture_of(goal), spec.canvas
     fixed = canvas_is_fixed or not spec.simulated or spec.calibration is not None  # then it lies on an easel
@@ -184,9 +195,9 @@ def fitted(spec: RunSpec, goal: Goal, *, canvas_is_fixed: bool = False) -> Fitte
 
 
 def _planned_from(spec: RunSpec) -> tuple[int, int]:
-    """Rows and columns of the pictures that a planner is given: some times those that it plans and judges in.
+    """Returns rows and columns of the pictures for a planner: a multiple of its planning image.
 
-    Means of whole pixels are then exactly those of the file's areas, and no detail is lost in between.
+    The planner's pixels are then exact means of whole pixels, and no detail is lost before.
     """
     grid = PixelGrid.of_height(spec.canvas, spec.render_height)
     times = math.ceil(PHOTOGRAPH_ROWS / grid.rows)
@@ -194,7 +205,7 @@ def _planned_from(spec: RunSpec) -> tuple[int, int]:
 
 
 def _lost(picture: Tensor, canvas: CanvasSize) -> str:
-    """What a crop takes away, in a sentence."""
+    """Returns a sentence about the part that a crop removes; "" if it is tiny."""
     share = (picture.shape[2] / picture.shape[1]) / (canvas.width / canvas.height)
     lost, side = (1 - 1 / share, "width") if share > 1 else (1 - share, "height")
     if lost <= _TOLD:
@@ -205,7 +216,7 @@ def _lost(picture: Tensor, canvas: CanvasSize) -> str:
     )
 
 
-# Opening what a run needs: its planner, its session at an easel, led by controls, and what records it.
+# Opening of a run's parts: its planner, its session at an easel, and its recorder.
 
 _FIT = {
     "canvas": "the canvas has the picture's proportions",
@@ -222,16 +233,16 @@ def _never() -> bool:
 
 @dataclass(frozen=True)
 class Controls:
-    """How a painting is led; by default nobody is there: it is neither stopped nor paused, and every doubt is a no.
+    """Callbacks of a person who leads a painting; by default nobody is there, and every answer is no.
 
-    stop_asked, pause_asked: looked at after every stroke and planning iteration;
-    go_on: waits in a pause for a person, and says whether the painting goes on;
-    mixed: waits until the wells are filled, and answers with what was really mixed, None for just what was wanted
-    (by default: what the description says);
-    answer: leads a dialogue with a person at a real easel, None where nobody is asked;
-    paint_on: whether a canvas that is not bare at first, or not as it was left (a sentence, a photograph [3, H, W]),
-    is painted on;
-    repaint: whether the stroke in doubt (its number, a picture of it) is painted again.
+    stop_asked, pause_asked: checked after every stroke and planning iteration.
+    go_on: waits in a pause for a person; returns True to go on.
+    mixed: waits until the wells are filled; returns the really mixed paints, None for the wanted ones. Default: the
+    paints of the description.
+    answer: answers a question at a real easel. None: nobody is asked.
+    paint_on: called with a sentence and a photograph [3, H, W] of a canvas that is not bare, or has changed;
+    returns True to paint on.
+    repaint: called with the number and a picture of the stroke in doubt; returns True to paint it again.
     """
 
     stop_asked: Callable[[], bool] = _never
@@ -244,9 +255,10 @@ class Controls:
 
 
 def wanted_ground(spec: RunSpec) -> str:
-    """The ground asked for, or the usual one: white, but one that the planner chooses where a simulated operator tones.
+    """Returns the ground of the description, or the default one.
 
-    Not settled before there is a planner are AUTO, usual for pictures, and OF_SCENE, for words without a picture.
+    The default is white. If a simulated operator tones, it is AUTO for pictures of 100 strokes or more, and
+    OF_SCENE for words without a picture. The planner later replaces AUTO and OF_SCENE by a colour.
     """
     if spec.ground is not None:
         return spec.ground
@@ -259,7 +271,7 @@ def wanted_ground(spec: RunSpec) -> str:
 
 
 def darkest_paint(spec: RunSpec) -> tuple[float, float, float] | None:
-    """sRGB of the darkest paint there is: the one told, the virtual studio's, or None where nothing is known of it."""
+    """Returns sRGB of the darkest available paint: the given one, that of the virtual studio, or None if unknown."""
     told = spec.darkest or (_DARKEST_OF_STUDIO if spec.simulated else None)
     return None if told is None else rgb(told)
 
@@ -271,13 +283,14 @@ def open_planner(
     model: StrokeModel | Sequence[StrokeModel] | None = None,
     tell: Callable[[str], None] = lambda sentence: None,
 ) -> Planner:
-    """The planner that the description means, on the usual ground, or on white if one is to be chosen.
+    """Returns the planner of a description, on its ground, or on white if the ground is to be chosen.
 
-    What the easel's own strokes taught of the brush, by its calibration record, goes before what the project ships.
-    encoders: the networks that the goal is seen through, by default those that were fetched; model: what takes the
-    place of the description's brushes; tell: hears in a sentence what is waited for. Raises CalibrationError if the
-    record is damaged, and WeightsError and ConfigError if there is no such brush, or a network that the goal needs is
-    missing.
+    A stroke model in the calibration record is preferred to that of the project.
+    encoders: networks that judge the goal. None: the fetched ones.
+    model: stroke models instead of the description's brushes.
+    tell: receives a sentence about each wait.
+    Raises CalibrationError if the record is damaged, WeightsError if a brush or a network is missing, ConfigError
+    if --clip or --pictures has no use.
     """
     device = planning_device()
     networks = encoders or EncoderRegistry(clip=spec.clip, device=device, pictures=spec.pictures)
@@ -298,7 +311,10 @@ def open_planner(
 
 
 def planner_settings(spec: RunSpec, model: StrokeModel | Sequence[StrokeModel] | None = None) -> PlannerSettings:
-    """What the planner of a description is told; model: in place of its brushes. Raises as `open_planner` does."""
+    """Returns the planner's settings for a description. Raises like `open_planner`.
+
+    model: stroke models instead of the description's brushes.
+    """
     known = None if spec.calibration is None else Calibration.load(spec.calibration)
     usual = spec.brushes is None and (spec.strokes < FEWEST_FOR_LAYERS or spec.is_short)
     names = spec.brush_names[:1] if usual else spec.brush_names
@@ -328,7 +344,7 @@ def planner_settings(spec: RunSpec, model: StrokeModel | Sequence[StrokeModel] |
 
 
 def _source(brush: str, known: Calibration | None) -> str | Path:
-    """Where the stroke model of a brush comes from."""
+    """Returns the source of a brush's stroke model: the file in the calibration record, or the brush name."""
     if known is not None and brush in (known.brush, *known.others):
         learned = known.of_brush(brush).weights
         if learned is not None:
@@ -337,9 +353,9 @@ def _source(brush: str, known: Calibration | None) -> str | Path:
 
 
 def replan_policy(spec: RunSpec, layers: tuple[int, ...] = ()) -> ReplanPolicy:
-    """When the painter looks, and whether it plans again: as often as `replans` says, unless a policy is named.
+    """Returns the named replan policy; without one, evenly spaced looks, `replans` times.
 
-    layers: how many strokes each has; the looks where one begins are among the replans.
+    layers: strokes of each layer; the looks at their starts are among the replans.
     """
     return replan_policy_named(spec.replan_policy) if spec.replan_policy else EvenlySpaced(spec.replans, layers)
 
@@ -357,15 +373,18 @@ def open_session(
     light: FlatField | None = None,
     placement: Placement | None = None,
 ) -> PaintingSession:
-    """A session on an easel whose robot and camera are connected. Raises LibraryError where its library is damaged.
+    """Opens a session on an easel with connected robot and camera.
 
-    mixed: asked what was really mixed, and waits; paint_on: asked where something is on the canvas at first; light,
-    placement: what an earlier run learned of the room and of where strokes land.
+    Raises LibraryError if the stroke library is damaged.
+
+    mixed: called when the palette is known; waits and returns the really mixed paints.
+    paint_on: called if something is on the canvas at first; returns True to paint on.
+    light, placement: light and placement learned in an earlier run.
     """
     first, *others = (
         refilled(brush_kind(name), easel.calibration, simulated=easel.simulated) for name in planner.models
     )
-    # A person's hand has no heights that could be corrected.
+    # A person's hand has no heights to correct.
     where = placement or Placement.unknown({} if spec.by_hand else easel.calibration.depths)
     return PaintingSession(
         planner,
@@ -386,7 +405,11 @@ def open_session(
 def open_recorder(
     spec: RunSpec, target: Tensor | None, planner: Planner, folder: Path, before: History | None
 ) -> Recorder:
-    """What writes the painting's folder. target [3, H, W]: the goal picture; before: what earlier runs left, if any."""
+    """Returns the recorder of the painting's folder.
+
+    target [3, H, W]: goal picture.
+    before: history of earlier runs, if any.
+    """
     encoders, first = planner.encoders, spec.goal[0]
     facts = (
         *spec.goal_facts,
@@ -412,16 +435,17 @@ def open_recorder(
     return Recorder(folder, spec.heading, target, facts, settings, planner.models, spec.film_length, before)
 
 
-# Which ground a painting has, where its description leaves that to the planner.
+# Choice of the ground, if the description leaves it to the planner.
 
 
 def settled_ground(
     spec: RunSpec, planner: Planner, notify: Callable[[Step], None] = unheard
 ) -> tuple[Planner, str, str]:
-    """The planner on the ground that the description means, that ground, "white" or a colour, and a sentence on it.
+    """Chooses the ground; returns the planner on it, its name ("white" or a colour), and a sentence about the choice.
 
-    The sentence is "" if nothing was chosen. notify: hears of every step of quick plans. Raises ConfigError if no
-    picture tells colours for "auto".
+    The sentence is "" if nothing was chosen.
+    notify: called at every step of quick plans.
+    Raises ConfigError if the ground is "auto" and the goal has no picture.
     """
     wanted = wanted_ground(spec)
     if wanted == AUTO:
@@ -439,7 +463,7 @@ def settled_ground(
 
 
 def ground_of(plan: Plan) -> str:
-    """The ground of a plan, as --ground has it: what was settled when it was made."""
+    """Returns the ground of a plan in the form of --ground."""
     return _named(plan.ground)
 
 
@@ -447,11 +471,11 @@ def _named(color: tuple[float, float, float]) -> str:
     return "white" if color == WHITE else to_hex(torch.tensor(color))
 
 
-# Which brushes suit a picture: found by quick plans with several.
+# Choice of the brushes for a picture, by quick plans with several of them.
 
 IN_ONE_LAYER = ("broad", "medium", "fine")
 IN_LAYERS = ("broad:30%,medium:35%,fine:35%", "broad:50%,medium:50%", "medium:50%,fine:25%,fine:25%")
-_TRYING = 0.25  # of the effort
+_TRYING = 0.25  # factor of the effort
 _LEAST_EFFORT = 0.05
 
 
@@ -461,10 +485,11 @@ def suited_brushes(
     encoders: EncoderRegistry | None = None,
     notify: Callable[[Step], None] = unheard,
 ) -> str:
-    """The brushes with which a quick plan leaves the least expected loss, as --brushes has them.
+    """Returns the brushes, in the form of --brushes, whose quick plan has the least expected loss.
 
-    A real easel has those of its calibration record. notify: hears of every step. Raises ConfigError where none of
-    these is to be chosen, and what `open_planner` raises.
+    A real easel offers the brushes of its calibration record.
+    notify: called at every step.
+    Raises ConfigError if the record has none of these brushes, and the errors of `open_planner`.
     """
 
     def expected_loss(brushes: str) -> float:
@@ -476,7 +501,10 @@ def suited_brushes(
 
 
 def choices(spec: RunSpec) -> Sequence[str]:
-    """What there is to choose from, as --brushes has it."""
+    """Returns the brushes to choose from, in the form of --brushes.
+
+    Raises ConfigError if the calibration record has none of them.
+    """
     several = spec.strokes >= FEWEST_FOR_LAYERS and not spec.is_short
     named = (*(IN_LAYERS if several else ()), *([] if several and spec.simulated else IN_ONE_LAYER))
     if spec.simulated or spec.calibration is None:
@@ -493,12 +521,12 @@ def choices(spec: RunSpec) -> Sequence[str]:
 
 
 def brushes_of(plan: Plan) -> str:
-    """The brushes of a plan's layers with their shares, as --brushes has them."""
+    """Returns the brushes of a plan's layers with their shares, in the form of --brushes."""
     shares = [(layer.brush, 100 * layer.strokes / len(plan)) for layer in plan.layers if layer.strokes]
     return ",".join(f"{brush}:{share:.4f}%" for brush, share in shares)
 
 
-# A painting's description is settled, once: what it leaves to the planner is chosen, and there is a planner for it.
+# Settling of a description: open settings are chosen once, and the planner is opened.
 
 _SETTLING_KINDS: dict[type[Term], str] = {
     ImageTerm: "image",
@@ -510,10 +538,11 @@ _SETTLING_KINDS: dict[type[Term], str] = {
 
 @dataclass(frozen=True)
 class SettledRun:
-    """A painting of which nothing is left open.
+    """Painting with all settings chosen.
 
-    spec: with its canvas, brushes and ground; planner: what plans it, on that ground; remarks: sentences for the
-    person, on what was chosen.
+    spec: description with its canvas, brushes and ground.
+    planner: its planner on that ground.
+    remarks: sentences for the person about the choices.
     """
 
     spec: RunSpec
@@ -529,11 +558,14 @@ def settle(
     choosing: Callable[[str], None] = lambda what: None,
     tell: Callable[[str], None] = lambda sentence: None,
 ) -> SettledRun:
-    """Chooses the brushes and the ground that a description leaves open, by quick plans, and opens the planner.
+    """Chooses open brushes and an open ground by quick plans, and opens the planner.
 
-    made: the description and its goal, which fit each other; encoders: the networks that the goal is seen through, by
-    default those that were fetched; region: what strokes keep clear of; choosing: hears at every step of quick plans
-    what they choose, "brushes" or "ground", and may raise to end them. Raises what `open_planner` does.
+    made: description and goal, fitted to each other.
+    encoders: networks that judge the goal. None: the fetched ones.
+    region: part of the canvas that strokes keep clear of.
+    choosing: called at every step of quick plans with their purpose, "brushes" or "ground"; may raise to end them.
+    tell: receives a sentence about each wait.
+    Raises like `open_planner`.
     """
     spec, remarks = made.spec, []
     if spec.brushes == AUTO:
@@ -555,11 +587,12 @@ def make_planner(
     encoders: EncoderRegistry | None = None,
     **settings: Any,
 ) -> Planner:
-    """The planner that `frida-painter plan` has for a goal or a picture: the same settings make the same plan.
+    """Returns the planner that `frida-painter plan` uses for a goal or a picture; equal settings make an equal plan.
 
-    model: stroke models of one's own in place of the brushes that the settings name, one for all layers or one each;
-    settings: fields of RunSpec, such as strokes=300, seed=1, canvas="A3", brushes="fine" or focus="none". The planner's
-    settings say what was chosen. Raises ConfigError, ImageError and WeightsError.
+    model: own stroke models instead of the brushes of the settings, one for all layers or one for each.
+    settings: fields of RunSpec, such as strokes=300, seed=1, canvas="A3", brushes="fine" or focus="none". The
+    planner's settings show the choices.
+    Raises ConfigError, ImageError and WeightsError.
     """
     wanted = goal if isinstance(goal, Goal) else make_goal(goal)
     described = {"goal": _described(wanted.terms), "initial": _described(wanted.initial)}
@@ -571,6 +604,6 @@ def make_planner(
 
 
 def _described(terms: Sequence[Term]) -> list[dict[str, object]]:
-    """Terms as a description names them, without their pictures: what is usual depends on their kinds."""
+    """Returns terms in the form of a description, without pictures; the defaults depend only on their kinds."""
     kinds = [(term, _SETTLING_KINDS.get(type(term), None if term.words is None else "text")) for term in terms]
     return [{kind: term.words or "given as a picture"} for term, kind in kinds if kind is not None]

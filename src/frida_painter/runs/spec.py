@@ -1,6 +1,6 @@
-"""RunSpec: everything that makes a painting what it is, with one set of defaults and limits for all faces.
+"""RunSpec: the full description of a painting, with one set of defaults and limits for all interfaces.
 
-Command line, page, TOML files, experiments and notebooks describe a painting by it. It loads without any tensor.
+Command line, page, TOML files, experiments and notebooks use it. This module loads no tensors.
 """
 
 import json
@@ -34,11 +34,11 @@ from frida_painter.runs.goal_item import GoalItem
 from frida_painter.session.replan_policy import replan_policy_named
 from frida_painter.storage import count_of
 
-# Faults in the description of a painting, in the words of the command line.
+# Faults of a description, in the words of the command line.
 
 
 def sentence_on(fault: Any, fields: Mapping[str, FieldInfo]) -> str:
-    """One fault of pydantic's in the words of the command line."""
+    """Returns a fault of pydantic in the words of the command line."""
     message = fault["msg"].removeprefix("Value error, ").removesuffix(".")
     if not fault["loc"]:
         return message
@@ -54,7 +54,7 @@ def sentence_on(fault: Any, fields: Mapping[str, FieldInfo]) -> str:
 
 
 def _allowed(field: FieldInfo) -> str:
-    """The values that a setting may have, in words."""
+    """Returns the allowed values of a setting, in words."""
     bounds = {name: getattr(part, name) for part in field.metadata for name in ("ge", "le") if hasattr(part, name)}
     choices = getattr(field.annotation, "__args__", ()) if "Literal" in str(field.annotation) else ()
     if choices:
@@ -72,21 +72,22 @@ def _shortly(value: Any) -> str:
     return text if len(text) <= 40 else f"{text[:37]}..."
 
 
-# Fields of a painting's description as a person writes them: a canvas, a colour, a file, a replan policy.
+# Fields of a description as a person writes them: a canvas, a colour, a file, a replan policy.
 
 MOST_LAYERS = 8
 AUTO = "auto"
-"""Leaves a ground or brushes to the planner."""
+"""Value that leaves a ground or brushes to the planner."""
 OF_SCENE = "scene"
-"""A ground that nobody names: the colour around the things of a scene."""
+"""Internal value of a ground: the colour around the things of a scene."""
 _FURTHEST, _MOST_TURNED = 0.05, 15.0
-_LIGHTEST_DARK = 0.4  # of sRGB, that a band of the darkest paint may have
+_LIGHTEST_DARK = 0.4  # largest channel of the darkest paint in sRGB
 
 
 def millimetres_and_degrees(text: str | None) -> tuple[float, float, float] | None:
-    """ "4mm,2deg" as 4 mm to the right and 2 degrees counter-clockwise, "3mm,-2mm,1deg" as right, up and turn.
+    """Parses a placement error: "4mm,2deg" is right and turn, "3mm,-2mm,1deg" is right, up and turn.
 
-    Returns metres right, metres up and radians; None where nothing was given. Raises ConfigError.
+    The turn is counter-clockwise. Returns metres right, metres up and radians; None for None.
+    Raises ConfigError.
     """
     if text is None:
         return None
@@ -136,14 +137,14 @@ def _placement(text: str | None) -> str | None:
 
 
 def ground_color(ground: str) -> tuple[float, float, float] | None:
-    """The colour of "white" or "#c8a878", sRGB in [0, 1]; None for one that the planner chooses."""
+    """Returns the colour of "white" or "#c8a878" as sRGB in [0, 1]; None if the planner chooses it."""
     if ground in (AUTO, OF_SCENE):
         return None
     return (1.0, 1.0, 1.0) if ground == "white" else rgb(ground)
 
 
 def rgb(color: str) -> tuple[float, float, float]:
-    """ "#c8a878" as sRGB in [0, 1]."""
+    """Returns a colour such as "#c8a878" as sRGB in [0, 1]."""
     red, green, blue = (int(color[at : at + 2], 16) / 255 for at in (1, 3, 5))
     return red, green, blue
 
@@ -185,9 +186,9 @@ def _policy(text: str | None) -> str | None:
 
 
 def brush_shares(text: str) -> tuple[tuple[str, float | None], ...]:
-    """ "broad:60%,fine:40%" as brushes with their shares in (0, 1], None where none are given; raises ValueError.
+    """Parses brushes such as "broad:60%,fine:40%"; returns names with shares in (0, 1], None without shares.
 
-    A brush is a name or a file; what it is, is not looked at.
+    A brush is a name or a file, which is not opened here. Raises ValueError.
     """
     found = []
     for part in text.split(","):
@@ -215,7 +216,7 @@ def brush_shares(text: str) -> tuple[tuple[str, float | None], ...]:
 
 
 def _brushes(value: Any) -> Any:
-    """As a TOML file may have them: a text, or a list of texts."""
+    """Checks brushes from a TOML file: a text, or a list of texts."""
     if isinstance(value, list | tuple) and all(isinstance(part, str) for part in value):
         value = ",".join(value)
     if isinstance(value, str) and value:
@@ -238,18 +239,21 @@ Placement = Annotated[str | None, AfterValidator(_placement)]
 
 
 def canvas_of(workspace: Path) -> CanvasSize:
-    """The canvas of a workspace file. Raises ConfigError."""
-    from frida_painter.hardware.workcell import WorkcellConfig  # with it come tensors
+    """Returns the canvas of a workspace file. Raises ConfigError."""
+    from frida_painter.hardware.workcell import WorkcellConfig  # loads tensors
 
     size = WorkcellConfig.load(workspace).canvas
     return CanvasSize.parse(f"{size.width * 1000:.3f}x{size.height * 1000:.3f}mm")
 
 
 def paints_of(palette: Path) -> int:
-    """The number of paints of a palette's file or picture. Raises ConfigError for a photograph, which shows any."""
+    """Returns the number of paints in a palette file or picture.
+
+    Raises ConfigError for a photograph of any other thing.
+    """
     if is_palette_file(palette):
         return len(read_colors(palette))
-    from frida_painter.perception.color import read_palette  # with it come tensors
+    from frida_painter.perception.color import read_palette  # loads tensors
 
     try:
         return len(read_palette(palette, None))
@@ -259,27 +263,27 @@ def paints_of(palette: Path) -> int:
 
 VERSION = 1
 SETTLED = ("strokes", "layers", "colors", "canvas", "brushes", "new_paints", "ground")
-"""What a painting's plan rests on: it cannot be changed once there is a plan."""
+"""Settings that a plan depends on; they cannot change once there is a plan."""
 EASEL = (
     "robot", "camera", "workspace", "calibration", "placement_error", "pace", "arm_meshes", "studio_canvas", "on_canvas"
 )  # fmt: skip
-"""What says where a painting is painted rather than what."""
+"""Settings of the easel, which do not change the picture."""
 FILES = ("palette", "pictures", "workspace", "calibration", "arm_meshes", "studio_canvas")
-"""Fields that name files other than those of the goal."""
+"""Settings that name files, other than those of the goal."""
 USUAL_BRUSHES = "broad:30%,medium:35%,fine:35%"
-"""Of a picture in the virtual studio; other goals, and few strokes, have the first one only."""
+"""Default brushes of a picture in the virtual studio; plans for other goals, or with few strokes, use the first one."""
 FEWER_BRUSHES = "broad:50%,medium:50%"
-"""The same of a picture with less than 200 strokes, or where drying twice would take a third of the minutes."""
+"""Default brushes of a picture with less than 200 strokes, or if drying twice takes a third of the minutes."""
 _FEWEST_FOR_ALL = 200  # strokes
 WORDS_BRUSHES = "broad:50%,fine:50%"
-"""The same of words alone: a thing is recognised by its outline and its small parts."""
+"""Default brushes of words alone; people recognise a thing by its outline and its small parts."""
 _OF_PLANS: dict[str, Any] = {field.name: field.default for field in fields(PlannerSettings)}
-"""Defaults of the planner's settings, which are those of all faces."""
+"""Defaults of the planner's settings, shared by all interfaces."""
 _MOST_SPEC_BYTES = 2**20
 
 
 def _goal_items(value: Any) -> Any:
-    """Goal items as tables of a TOML file have them ({"text": "a lemon", "weight": 2}), or as they are."""
+    """Returns goal items from tables of a TOML file ({"text": "a lemon", "weight": 2}); others stay as they are."""
     return tuple(map(GoalItem.of, value)) if isinstance(value, list | tuple) else value
 
 
@@ -297,15 +301,19 @@ InitialItems = Annotated[
 
 
 class RunSpec(BaseModel):
-    """One painting, described. Raises ConfigError, naming every fault at once, through `of`, `from_toml` and `read`.
+    """Description of a painting. `of`, `from_toml` and `read` raise ConfigError, which names all faults at once.
 
-    goal, initial: what to paint, and what to begin with; canvas: the size asked for, which `fit` may change;
-    brushes: names or files of learned weights, one or a layer each, "broad:60%,fine:40%", or "auto";
-    clip: a CLIP to see words through, None: what was fetched;
-    pictures: a folder of the person's own pictures, for what words name;
-    palette: a file with the paints that were really mixed; timelapse_frames: pictures of the film at the most;
-    workspace, calibration: files of a real easel; placement_error: of the virtual studio, like "4mm,2deg";
-    on_canvas: whether it begins on what is on the canvas; studio_canvas: a picture of that in the virtual studio.
+    goal, initial: goals of the painting, and goals for its start.
+    canvas: wanted size, which `fit` may change.
+    brushes: names or weight files, one for all layers or one each, "broad:60%,fine:40%", or "auto".
+    clip: CLIP network for words. None: the fetched one.
+    pictures: folder of the person's own pictures of things that words name.
+    palette: file with the really mixed paints.
+    timelapse_frames: largest number of frames of the film.
+    workspace, calibration: files of a real easel.
+    placement_error: error of the virtual studio's robot, such as "4mm,2deg".
+    on_canvas: True if the painting begins on an existing painting.
+    studio_canvas: picture of that painting in the virtual studio.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, arbitrary_types_allowed=True)
@@ -504,12 +512,13 @@ class RunSpec(BaseModel):
 
     @classmethod
     def of(cls, **values: Any) -> Self:
-        """A checked description, with what fits where nothing was asked for.
+        """Returns a checked description, with defaults that fit the given values.
 
-        That is: the canvas of the workspace file, as many colors as the palette file has, and of few strokes as few
-        colors and replans.
+        These defaults are the canvas of the workspace file, and the number of colours of the palette file. A plan
+        with few strokes gets fewer colours and replans.
+        Raises ConfigError.
         """
-        if "brush" in values:  # one brush has always been said so
+        if "brush" in values:  # the usual word for one brush
             if "brushes" in values:
                 raise ConfigError("A brush was given, and brushes as well; give --brushes alone.")
             values["brushes"] = values.pop("brush")
@@ -535,7 +544,10 @@ class RunSpec(BaseModel):
 
     @classmethod
     def from_toml(cls, path: Path, **overrides: Any) -> Self:
-        """A description from a TOML file, with `overrides` on top; files in it are named relative to it."""
+        """Reads a description from a TOML file, with `overrides`; its file names are relative to it.
+
+        Raises ConfigError.
+        """
         values = storage.read_toml(
             path, "a settings file (TOML)", _MOST_SPEC_BYTES, "write lines such as: strokes = 300"
         )
@@ -545,7 +557,7 @@ class RunSpec(BaseModel):
         return cls.of(**{**values, **overrides})
 
     def changed(self, **values: Any) -> Self:
-        """The same with other values, checked. Raises ConfigError."""
+        """Returns a checked copy with other values. Raises ConfigError."""
         if "brush" in values:
             values["brushes"] = values.pop("brush")
         kept = {name: getattr(self, name) for name in self.model_fields_set}
@@ -553,16 +565,16 @@ class RunSpec(BaseModel):
 
     @property
     def as_kept(self) -> Self:
-        """The same to the last digit as it will be read again from its folder."""
+        """Description with exactly the values that are read again from its folder."""
         return type(self).of(**self.record(), goal=self.goal, initial=self.initial)
 
     def record(self) -> dict[str, Any]:
-        """As plain values, for people and programs to read; the goal, whose pictures are copied, is kept beside it."""
+        """Returns the description as plain values, without the goal, which is kept beside it."""
         return self.model_dump(mode="json", exclude={"goal", "initial"})
 
     @classmethod
     def read(cls, path: Path) -> Self:
-        """A description as it lies in a painting's folder, also as versions before 0.2 wrote it."""
+        """Reads a description from a painting's folder, also of versions before 0.2. Raises ConfigError."""
         content = storage.read_bytes(path, "the settings of a painting", _MOST_SPEC_BYTES, ConfigError)
         try:
             plain = json.loads(content)
@@ -574,17 +586,17 @@ class RunSpec(BaseModel):
 
     @property
     def heading(self) -> str:
-        """Its title, or one made from the first thing to paint."""
+        """Title, or one from the first goal."""
         return self.title or (self.goal[0].title if self.goal else "Untitled")
 
     @property
     def name(self) -> str:
-        """A name for its folder, from the first thing to paint. Raises IndexError where there is none."""
+        """Folder name from the first goal. Raises IndexError if there is no goal."""
         return self.goal[0].name
 
     @property
     def goal_facts(self) -> tuple[tuple[str, str], ...]:
-        """What is painted, as its page and its record tell it: (label, what)."""
+        """Goals for page and record, as (label, description)."""
         return (
             *((item.label, item.described) for item in self.goal),
             *((f"Begun with {item.kind}", item.described) for item in self.initial),
@@ -592,12 +604,12 @@ class RunSpec(BaseModel):
 
     @property
     def _names_brushes(self) -> bool:
-        """Whether it says which brushes there are, and leaves them neither to the program nor to the planner."""
+        """True if the description names its brushes, instead of leaving them to the defaults or the planner."""
         return self.brushes not in (None, AUTO)
 
     @property
     def _brushes(self) -> str:
-        """Those asked for, or the usual ones: several where they change by themselves."""
+        """Named brushes, or the default ones; several only if the robot changes brushes itself."""
         if self.brushes is not None and self._names_brushes:
             return self.brushes
         if self.layers is not None or not self.simulated:
@@ -609,65 +621,69 @@ class RunSpec(BaseModel):
 
     @property
     def _dryings(self) -> int:
-        """How often a layer dries before the next one, of the layers that were asked for."""
+        """Number of times that a layer dries before the next one, for the requested layers."""
         return max(len(self.brush_names) if self._names_brushes else 1, self.layers or 1) - 1
 
     @property
     def is_words(self) -> bool:
-        """Whether words alone say what to paint."""
+        """True if the goal consists of words alone."""
         return bool(self.goal) and not self.initial and all(item.kind == "text" for item in self.goal)
 
     @property
     def is_composed(self) -> bool:
-        """Whether words say what to paint, alone or with a sketch or a style: it begins with things on a ground."""
+        """True if the goal is words, alone or with a sketch or a style.
+
+        Painting then begins with things on a ground.
+        """
         kinds = {item.kind for item in self.goal}
         return "text" in kinds and not self.initial and kinds <= {"text", "sketch", "style"}
 
     @property
     def brush_names(self) -> tuple[str, ...]:
-        """The brush, or that of each layer: names, or files of learned weights."""
+        """Brush of all layers, or of each layer: names or weight files."""
         return tuple(name for name, _ in brush_shares(self._brushes))
 
     @property
     def shares(self) -> tuple[float, ...] | None:
-        """The share of the strokes that each layer gets; None where they are the usual ones."""
+        """Share of the strokes for each layer; None for the default shares."""
         shares = [share for _, share in brush_shares(self._brushes) if share is not None]
         return tuple(shares) if len(shares) > 1 else None
 
     @property
     def simulated(self) -> bool:
-        """Whether no real robot is moved."""
+        """True if no real robot moves."""
         return self.robot in SIMULATED
 
     @property
     def by_hand(self) -> bool:
-        """Whether a person paints."""
+        """True if a person paints."""
         return self.robot == HUMAN
 
     @property
     def is_short(self) -> bool:
-        """Whether drying once would take more than a third of the time that the robot has."""
+        """True if drying once would take more than a third of the robot's time."""
         return self.minutes is not None and self.minutes < 3 * self.drying
 
     @property
     def films_arm(self) -> bool:
-        """Whether a simulated arm is filmed at work."""
+        """True if a simulated arm is filmed at work."""
         return self.film and self.robot == SAWYER_SIM
 
     @property
     def film_length(self) -> int:
-        """Timelapse frames of the film: none by hand, for nobody wants to step aside after every stroke."""
+        """Number of timelapse frames: 0 by hand, because nobody wants to step aside after every stroke."""
         return min(self.strokes, self.timelapse_frames) if self.film and not self.by_hand else 0
 
 
 def upgraded(plain: Mapping[str, Any]) -> dict[str, Any]:
-    """The plain values of a description of any version as those of this one. Raises ConfigError for a newer one."""
+    """Returns plain values of a description in the form of the current version. Raises ConfigError for a newer one."""
     version = plain.get("version", 0)
     if type(version) is not int or not 0 <= version <= VERSION:
         raise ConfigError(
             f"The settings are of version {version!r}, and this program reads versions up to {VERSION}; use the "
             "program that the painting was begun with, or a newer one."
         )
-    # What was not said yet was always so; before 0.2 there was no version either, and pictures were cropped.
+    # Older descriptions lack these values, which were fixed then. Before 0.2 there was no version, and pictures
+    # were cropped.
     known = {"ground": "white", "focus": "none", "sharpness": 0.0, **plain}
     return known if version == VERSION else {**known, "version": VERSION, "fit": "crop"}

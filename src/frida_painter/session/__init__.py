@@ -1,1 +1,1 @@
-"""A painting session: the closed loop (start reading in loop.py) and what it needs."""
+"""Painting session: the closed loop (start reading in loop.py) and its parts."""

@@ -1,7 +1,7 @@
-"""What the hand does in which order: dips, rinses, wipes and strokes as motions, before anything moves.
+"""Choreography of a plan: dips, rinses, wipes and strokes as motions in their order, before anything moves.
 
-Nothing in here knows a robot. Whoever wants to know what painting a plan takes, in motions, in
-time or in paint, asks here; `brushwork` performs it.
+This module does not use a robot. It also tells how many motions, how much time and how much paint a plan takes. The
+class `Brushwork` performs the motions.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -20,12 +20,16 @@ from frida_painter.palette import to_lab
 from frida_painter.plan import Plan
 from frida_painter.session.events import DRYING, Dipped, StrokePainted, Timetable
 
-_WASHINGS = 2  # rinse and wipe, so often; what one leaves is seen in a lighter paint alone
+_WASHINGS = 2  # rounds of rinse and wipe; the rest of one round shows only in a lighter paint
 
 
 @dataclass(frozen=True)
 class BrushLoad:
-    """What is on the brush: paint from which well, None on a clean one, and how much is left of its dip."""
+    """Paint on the brush.
+
+    paint: well number, None for a clean brush.
+    left: rest of the last dip, in units of the brush's `Dip`.
+    """
 
     paint: int | None = None
     left: float = 0.0
@@ -33,7 +37,7 @@ class BrushLoad:
 
 @dataclass(frozen=True)
 class Action:
-    """One thing to do with the brush: motions that belong together, what to tell then, and what is on it then."""
+    """One action of the brush: its motions, the event that reports it, and the brush load after it."""
 
     motions: tuple[Waypoints, ...]
     done: Dipped | StrokePainted
@@ -42,11 +46,11 @@ class Action:
 
 @dataclass(frozen=True)
 class Choreography:
-    """Sets plans for a brush: refills it before it runs out, and cleans it where the colour changes.
+    """Turns plans into motions of a brush: it refills the brush before it runs out and cleans it between colours.
 
-    What is left on the brush is reckoned by the area that it has painted since it was dipped, or by its
-    strokes where that is all that is known (paper, "Robot Setup Details"). others: for layers of other brushes, by
-    their names.
+    The paint on the brush is estimated from the area painted since the last dip, or from the number of strokes if
+    only that is known (paper, "Robot Setup Details").
+    others: choreographies of the brushes of other layers, by brush name.
     """
 
     motion: Motion
@@ -55,15 +59,18 @@ class Choreography:
 
     @classmethod
     def of(cls, motion: Motion, brushes: Sequence[str]) -> Self:
-        """For several brushes that move alike, and strokes in any order.
+        """Returns a choreography for several brushes with the same motions, and for strokes in any order.
 
-        Raises ConfigError where one of them is not known.
+        Raises ConfigError for an unknown brush.
         """
         first, *others = (brush_kind(name).for_any_order for name in brushes)
         return cls(motion, first, {kind.name: cls(motion, kind) for kind in others})
 
     def with_brush(self, name: str) -> "Choreography":
-        """With the brush of that name. Raises ConfigError where there are several, and it is none of them."""
+        """Returns the choreography of a brush.
+
+        Raises ConfigError if there are several brushes and this is none of them.
+        """
         if self.others and name not in (self.brush.name, *self.others):
             raise ConfigError(
                 f"A layer is for the brush {name!r}; here are {self.brush.name}, {', '.join(self.others)}."
@@ -71,18 +78,21 @@ class Choreography:
         return self.others.get(name, self)
 
     def actions(self, plan: Plan, load: BrushLoad, already_done: int, of: int) -> Iterator[Action]:
-        """All that painting the plan takes with a brush that holds `load`, in order; each further layer begins clean.
+        """Yields all actions of painting the plan, in order; each further layer begins with a clean brush.
 
-        Its strokes are numbered from `already_done` + 1, `of` so many. Raises WorkspaceViolation
-        where the workspace has no well for a paint.
+        load: paint on the brush at the beginning.
+        already_done, of: strokes painted before, and their total; numbers begin at `already_done` + 1.
+        Raises WorkspaceViolation if the workspace has no well for a paint.
         """
         for part in plan.filled_layers():
             yield from self.with_brush(part.layers[0].brush)._layer(part, load, already_done, of)
             load, already_done = BrushLoad(), already_done + len(part)
 
     def loads(self, layer: Plan, load: BrushLoad) -> list[tuple[bool, BrushLoad]]:
-        """Of every stroke of a layer whether the brush, which holds `load` at first, is dipped before it, and what is
-        on it afterwards."""
+        """Returns for each stroke of a layer if the brush is dipped before it, and the brush load after it.
+
+        load: paint on the brush at the beginning.
+        """
         found = []
         used = self.brush.dip.used_by(self.brush.area(layer.strokes.detach().to(torch.float64))).tolist()
         for paint, use in zip(layer.paint.tolist(), used, strict=True):
@@ -105,7 +115,10 @@ class Choreography:
             yield Action(motions, StrokePainted(number, of, (red, green, blue)), load)
 
     def cleaning_between(self, layer: Plan, held: int | None, paint: int) -> tuple[Waypoints, ...]:
-        """What cleans a brush that held one of a layer's paints, None: nothing, for another one: less for a darker."""
+        """Returns the motions that clean a brush between two paints of a layer; a darker next paint needs fewer.
+
+        held: paint on the brush, None for a clean one.
+        """
         if held is None or held == paint:
             return ()
         lightness = to_lab(layer.palette.color)[:, 0]
@@ -113,27 +126,30 @@ class Choreography:
         return self._washing() if darker else self.cleaning()
 
     def cleaning(self) -> tuple[Waypoints, ...]:
-        """Rinses and wipes until whatever comes next is not coloured by what was on the brush."""
+        """Returns rinses and wipes after which no rest of the old paint colours the next one."""
         return _WASHINGS * self._washing()
 
     def _washing(self) -> tuple[Waypoints, ...]:
         return self.motion.rinse(), self.motion.wipe()
 
 
-# Reckons how long painting takes, from lengths, speeds and how the arm starts and stops, by the robot's clock.
+# Duration of painting, from lengths, speeds and accelerations, in seconds of the robot's clock.
 #
-# CpuActivity takes time of its own, and so does whoever fills the wells.
+# The time for planning and for filling the wells is not included.
 
 _PHOTOGRAPH = 0.1  # seconds that the arm waits for a photograph
-_HOME_RISE = 0.1  # metres above the rag, where a workspace states no home
+_HOME_RISE = 0.1  # metres above the rag, if a workspace has no home
 
 Looks = Callable[[int, bool], int]
-"""How often the arm goes aside, to look or for the film, after so many strokes of a plan; whether it leaves the canvas
-then anyway, for paint or because a layer ends. It is asked of every stroke in turn."""
+"""Number of trips to the home position, for a look or for the film, after so many strokes of a plan.
+
+Its second argument is True if the arm leaves the canvas then anyway, for paint or at the end of a layer. It is
+called for every stroke in turn.
+"""
 
 
 def no_looks(painted: int, leaves: bool) -> int:
-    """Nobody looks."""
+    """Returns 0: no looks."""
     return 0
 
 
@@ -146,11 +162,14 @@ def reckon(
     drying: float = DRYING,
     held: str | None = None,
 ) -> Timetable:
-    """The time that a plan takes with a brush that holds `load`, the arm being at home.
+    """Computes the time that a plan takes, with the arm at home at the beginning.
 
-    looks: how often the painter looks, for itself or for the film; timing: how the arm starts and stops, None to reckon
-    with its full speed; drying: seconds between two layers; held: the brush in the hand of a robot with a rack, "" or
-    None for none. Raises WorkspaceViolation where the workspace has no well for a paint.
+    load: paint on the brush at the beginning.
+    looks: looks of the painter and of the film.
+    timing: accelerations of the arm. None: the arm always moves at full speed.
+    drying: seconds between two layers.
+    held: brush in the hand of a robot with a rack; "" or None for none.
+    Raises WorkspaceViolation if the workspace has no well for a paint.
     """
     motion, pace = choreography.motion, _Pace(timing)
     x, y, z = motion.workspace.home or (*motion.workspace.rag[:2], motion.workspace.rag[2] + _HOME_RISE)
@@ -169,7 +188,7 @@ def reckon(
         return table
 
     for number, part in enumerate(plan.filled_layers()):
-        if number:  # the brush is cleaned, and the arm goes aside
+        if number:  # the brush is cleaned, and the arm moves to its home position
             table = wash(table, choreography.cleaning()) if load.paint is not None else table
             load = BrushLoad()
             table = replace(table, travel=table.travel + hand.aside(), drying=table.drying + drying)
@@ -190,7 +209,7 @@ def reckon(
             way = hand.across(places[index, 0], places[index, 1])
             table = replace(table, travel=table.travel + way, strokes=table.strokes + painting[index])
             after.append(table.total)
-            leaves = all(dipped for dipped, _ in loads[index + 1 : index + 2])  # the end of a layer too
+            leaves = all(dipped for dipped, _ in loads[index + 1 : index + 2])  # also True at the end of a layer
             for _ in range(looks(len(after), leaves)):
                 table = replace(table, looks=table.looks + hand.aside() + _PHOTOGRAPH)
     return replace(table, after=tuple(after))
@@ -198,46 +217,46 @@ def reckon(
 
 @dataclass(frozen=True)
 class _Pace:
-    """How long the tip takes for its ways, from rest to rest."""
+    """Duration of motions of the brush tip, from rest to rest."""
 
     timing: Timing | None
 
     def of(self, motion: Waypoints) -> float:
-        """Seconds from the first waypoint to the last."""
+        """Returns the seconds from the first waypoint to the last."""
         return self.along(motion.position, np.full(len(motion.position) - 1, motion.speed))
 
     def along(self, path: NDArray[np.float64], speeds: NDArray[np.float64]) -> float:
-        """Seconds through points [k, 3], the pieces between them at speeds of [k - 1] m/s."""
+        """Returns the seconds through points [k, 3]; speeds [k - 1] of the pieces are in m/s."""
         if self.timing is None:
             return float((np.linalg.norm(np.diff(path, axis=0), axis=1) / speeds).sum())
         return self.timing.seconds(path, speeds)
 
 
 class _Hand:
-    """Where the tip is, and how long it travels from there."""
+    """Position of the brush tip, and durations of travel from there."""
 
     def __init__(self, speed: float, home: Point, pace: _Pace) -> None:
         self._speed, self._home, self._pace = speed, np.array(home), pace
         self._here: NDArray[np.float64] = self._home
 
     def to(self, motion: Waypoints) -> float:
-        """Seconds to where a motion begins; afterwards the tip is where it ends."""
+        """Returns the seconds to the beginning of a motion, and moves the tip to the motion's end."""
         return self.across(motion.position[0], motion.position[-1])
 
     def through(self, motion: Waypoints) -> float:
-        """Seconds to where a motion begins and through it, without a stop in between."""
+        """Returns the seconds to the beginning of a motion and through it, without a stop between."""
         path = np.concatenate([self._here[None], motion.position])
         self._here = motion.position[-1]
         return self._pace.along(path, np.r_[self._speed, np.full(len(path) - 2, motion.speed)])
 
     def across(self, start: NDArray[np.float64], end: NDArray[np.float64]) -> float:
-        """Seconds to `start`; afterwards the tip is at `end`."""
+        """Returns the seconds to `start`, and moves the tip to `end`."""
         seconds = self._pace.along(np.stack([self._here, start]), np.array([self._speed]))
         self._here = end
         return seconds
 
     def aside(self) -> float:
-        """Seconds up and home."""
+        """Returns the seconds for moving up and to the home position."""
         above = np.array([*self._here[:2], max(self._here[2], self._home[2])])
         path = np.stack([self._here, above, self._home])
         self._here = self._home
@@ -245,7 +264,10 @@ class _Hand:
 
 
 def _on_canvas(plan: Plan, choreography: Choreography) -> tuple[NDArray[np.float64], list[float]]:
-    """Where the tip is above each stroke's start and end, robot's frame [n, 2, 3], and the lengths of the paths, m."""
+    """Returns the tip positions above each stroke's start and end, and the lengths of the paths in metres.
+
+    The positions are in the robot frame, [n, 2, 3].
+    """
     motion = choreography.motion
     path = plan.strokes.detach().to(torch.float64).path(torch.linspace(0, 1, 33, dtype=torch.float64)).numpy()
     lengths = np.linalg.norm(np.diff(path, axis=1), axis=2).sum(1)
@@ -255,7 +277,7 @@ def _on_canvas(plan: Plan, choreography: Choreography) -> tuple[NDArray[np.float
 
 
 def _steadily(lengths: list[float], motion: Motion) -> list[float]:
-    """Seconds of each stroke by the length of its path alone, down and up included."""
+    """Returns the seconds of each stroke from the length of its path, with lowering and lifting."""
     low = motion.clearance_height
     drop = low - float(motion.calibration.height(np.array([END_THICKNESS]))[0])
     air = 2 * (motion.travel_height - low) / motion.workspace.travel_speed
@@ -263,7 +285,7 @@ def _steadily(lengths: list[float], motion: Motion) -> list[float]:
 
 
 def _motion_by_motion(plan: Plan, motion: Motion, pace: _Pace) -> list[float]:
-    """Seconds of each stroke as its motion goes, which slows down in bends."""
+    """Returns the seconds of each stroke from its full motion, which slows down in bends."""
     strokes = plan.strokes.detach().to(torch.float64)
     seconds = []
     for index in range(len(plan)):

@@ -1,10 +1,11 @@
-"""The one language in which anything is told of a painting or a calibration, as it happens and afterwards.
+"""Events of a painting or a calibration: the one form in which they are reported, both live and afterwards.
 
-There are two sorts of events. A `Moment` carries plans and pixels and is told inside the process that paints. A
-`Written` event is plain: it has a JSON form, `record` and `events_of`, under the name of its class, and stands in the
-journal, in the feed of the page, or in both. Pictures appear in it by the names of their files. Listeners hear both.
+There are two sorts of events. A `Moment` carries plans and pixels and stays inside the painting process. A
+`Written` event is plain data with a JSON form (`record`, `events_of`), named after its class. It stands in the
+journal, in the feed of the studio page, or in both, and names pictures by their files. Listeners receive both
+sorts.
 
-This module loads neither torch nor the planner, for the page's process reads events and holds neither.
+This module loads neither torch nor the planner, because the web process reads events.
 """
 
 from __future__ import annotations
@@ -29,24 +30,28 @@ if TYPE_CHECKING:
     from frida_painter.strokes import Strokes
 
 
-# How long painting takes at the robot: what it is spent on, and when each stroke is done.
+# Duration of painting at the robot: its parts, and the time at which each stroke is done.
 
 DRYING = 1200.0
-"""Seconds that a layer is let dry before the next one goes on it, unless somebody says otherwise.
+"""Default drying time in seconds between two layers.
 
-Winsor & Newton ("Understanding drying times for acrylic paints") give 10 to 20 minutes for thin films of Galeria and
-20 to 30 for thin films of Professional Acrylic.
+Winsor & Newton ("Understanding drying times for acrylic paints") give 10 to 20 minutes for thin films of Galeria
+and 20 to 30 for thin films of Professional Acrylic.
 """
 
 
 @dataclass(frozen=True)
 class Timetable:
-    """Seconds of the robot's clock that painting takes.
+    """Duration of painting, in seconds of the robot's clock.
 
-    strokes: on the canvas; dips; washing: rinses and wipes; changes: of brushes at the rack;
-    travel: between all of these; looks: going
-    aside and coming back; drying: of layers before the next one; after: seconds from the beginning until each
-    stroke is painted.
+    strokes: on the canvas.
+    dips: paint from the wells.
+    washing: rinses and wipes.
+    changes: brushes at the rack.
+    travel: between all of these.
+    looks: trips to the home position and back.
+    drying: layers that dry before the next one.
+    after: seconds from the beginning until each stroke is painted.
     """
 
     strokes: float = 0.0
@@ -60,20 +65,23 @@ class Timetable:
 
     @property
     def total(self) -> float:
-        """Seconds for everything."""
+        """Total seconds."""
         return self.strokes + self.dips + self.washing + self.changes + self.travel + self.looks + self.drying
 
     def after_drying(self, seconds: float) -> Timetable:
-        """The same where the canvas dries for so many seconds before anything else."""
+        """Returns the timetable with this drying time before everything else."""
         return replace(self, drying=self.drying + seconds, after=tuple(seconds + done for done in self.after))
 
 
-# Written events that only the page is told: of plans, of what it shows of a painting, and of calibrating.
+# Written events for the studio page only: of plans, of the display of a painting, and of calibration.
 
 
 @dataclass(frozen=True)
 class PlanRequested:
-    """A person asked for plan number `plan`; wish: the request, as the page sent it."""
+    """A person asked for plan number `plan`.
+
+    wish: request of the page.
+    """
 
     plan: int
     wish: dict[str, Any]
@@ -81,7 +89,12 @@ class PlanRequested:
 
 @dataclass(frozen=True)
 class PlanningProgress:
-    """How far planning is, in [0, 1], and how many seconds it still takes; plan: its number, None in a painting."""
+    """Progress of planning.
+
+    share: in [0, 1].
+    left: seconds that planning still takes.
+    plan: plan number, None during a painting.
+    """
 
     share: float
     left: float
@@ -90,7 +103,10 @@ class PlanningProgress:
 
 @dataclass(frozen=True)
 class PlanPreview:
-    """A picture of a plan that is being made; plan: its number, None in a painting."""
+    """Picture of a plan that is being made.
+
+    plan: plan number, None during a painting.
+    """
 
     picture: str
     plan: int | None = None
@@ -100,8 +116,11 @@ class PlanPreview:
 class PlanMade:
     """Plan number `plan` is ready, after `seconds`.
 
-    nearer: by which share of the bare canvas's distance it comes nearer to the goal; prefix: of the names of its
-    pictures; frames: after how many strokes there is one; palette: its paints; mixtures: how they are mixed.
+    nearer: share of the bare canvas's distance to the goal that the plan removes.
+    prefix: beginning of the names of its pictures.
+    frames: numbers of strokes for which there is a picture.
+    palette: its paints.
+    mixtures: recipes of the paints.
     """
 
     plan: int
@@ -116,7 +135,10 @@ class PlanMade:
 
 @dataclass(frozen=True)
 class Queued:
-    """Plan number `plan` waits for others; job: "plan" where it is to be made, "paint" where it is to be painted."""
+    """Plan number `plan` waits for other jobs.
+
+    job: "plan" if it waits to be made, "paint" if it waits to be painted.
+    """
 
     plan: int
     job: str
@@ -124,7 +146,10 @@ class Queued:
 
 @dataclass(frozen=True)
 class Dequeued:
-    """Plan number `plan` waits no longer: it was begun, or else a person took it out."""
+    """Plan number `plan` no longer waits.
+
+    begun: True if its job began, False if a person removed it.
+    """
 
     plan: int
     begun: bool
@@ -132,7 +157,10 @@ class Dequeued:
 
 @dataclass(frozen=True)
 class RestReplanned:
-    """What was left was planned again after `done` strokes; gain: as of Planned; the rest as of PlanMade."""
+    """The rest was replanned after `done` strokes.
+
+    gain: as in Planned. The other fields: as in PlanMade.
+    """
 
     done: int
     gain: float
@@ -144,7 +172,7 @@ class RestReplanned:
 
 @dataclass(frozen=True)
 class PaintingStarted:
-    """A person had plan number `plan` painted, of `of` strokes."""
+    """A person started the painting of plan number `plan`, with `of` strokes."""
 
     plan: int
     of: int
@@ -152,7 +180,7 @@ class PaintingStarted:
 
 @dataclass(frozen=True)
 class TakenUp:
-    """A person had a painting that broke off gone on with; `done` strokes are painted."""
+    """A person resumed a painting; `done` strokes are painted."""
 
     done: int
 
@@ -164,14 +192,14 @@ class Mixing:
 
 @dataclass(frozen=True)
 class TimeLeft:
-    """Seconds until the last stroke, as they are forecast now."""
+    """Current forecast of the seconds until the last stroke."""
 
     seconds: float
 
 
 @dataclass(frozen=True)
 class PhotographShown:
-    """A photograph of the canvas after `done` strokes."""
+    """Photograph of the canvas after `done` strokes."""
 
     picture: str
     done: int
@@ -179,7 +207,7 @@ class PhotographShown:
 
 @dataclass(frozen=True)
 class LookShown:
-    """Pictures of a look after `done` strokes: what was seen, what was expected, and the difference."""
+    """Pictures of a look after `done` strokes: the seen canvas, the expected canvas and their difference."""
 
     done: int
     seen: str
@@ -189,36 +217,40 @@ class LookShown:
 
 @dataclass(frozen=True)
 class Considering:
-    """The painter does what a person asked for in a pause."""
+    """The painter works on a request that a person made in a pause."""
 
 
 @dataclass(frozen=True)
 class WentOn:
-    """A pause is over."""
+    """A pause has ended."""
 
 
 @dataclass(frozen=True)
 class Turns:
-    """Robot and person take turns of so many strokes; 0: they do not."""
+    """Robot and person take turns of this many strokes; 0: no turns."""
 
     strokes: int
 
 
 @dataclass(frozen=True)
 class Remark:
-    """Why something could not be done as it was asked for."""
+    """Reason why a request could not be done as asked."""
 
     sentence: str
 
 
 @dataclass(frozen=True)
 class Finishing:
-    """Nothing moves any more; film, page and exports are being made."""
+    """The robot no longer moves; film, page and exports are being made."""
 
 
 @dataclass(frozen=True)
 class PaintingKept:
-    """All that is kept of a painting is in its folder; whether a film, and one of the arm, is among it."""
+    """The folder of a painting is complete.
+
+    film: True if it holds a film.
+    arm: True if it holds a film of the arm.
+    """
 
     film: bool
     arm: bool = False
@@ -226,14 +258,14 @@ class PaintingKept:
 
 @dataclass(frozen=True)
 class Asked:
-    """A person is asked something, as web/painter.py describes it."""
+    """Question to a person, in the form of web/painter.py."""
 
     question: dict[str, Any]
 
 
 @dataclass(frozen=True)
 class Answered:
-    """The question was answered."""
+    """A person answered the question."""
 
 
 @dataclass(frozen=True)
@@ -246,14 +278,14 @@ class Rests:
 
 @dataclass(frozen=True)
 class CalibrationStarted:
-    """A person had these procedures begun, in this order."""
+    """A person started these procedures, in this order."""
 
     what: list[str]
 
 
 @dataclass(frozen=True)
 class CalibrationStatus:
-    """How each procedure stands: its name, when it was done, why it is to be repeated, whether it is old."""
+    """Status of each procedure: its name, its date, the reason to repeat it, and whether it is old."""
 
     easel: str
     procedures: list[dict[str, Any]]
@@ -261,21 +293,21 @@ class CalibrationStatus:
 
 @dataclass(frozen=True)
 class ProcedureBegan:
-    """A procedure is led now."""
+    """A procedure has begun."""
 
     name: str
 
 
 @dataclass(frozen=True)
 class ProcedureProgress:
-    """How far a procedure is, in words."""
+    """Progress of a procedure, in words."""
 
     words: str
 
 
 @dataclass(frozen=True)
 class ProcedureFound:
-    """What a procedure found, and a picture of it if there is one."""
+    """Result of a procedure, with a picture if there is one."""
 
     name: str
     sentence: str
@@ -290,14 +322,15 @@ PageEvent = (
 )  # fmt: skip
 
 
-# Moments: what carries plans and pixels.
+# Moments: events that carry plans and pixels.
 
 
 @dataclass(frozen=True)
 class PlanningStep:
-    """The planner made one iteration of `of`; `phase` is "plan" or "replan".
+    """The planner made iteration `iteration` of `of`.
 
-    parts: the strokes as they stood then, in painting order: the brush, and what it paints.
+    phase: "plan" or "replan".
+    parts: brush and current strokes of each part, in painting order.
     """
 
     phase: str
@@ -309,12 +342,13 @@ class PlanningStep:
 
 @dataclass(frozen=True)
 class Planned:
-    """A plan is there for all strokes not yet painted.
+    """A plan for all unpainted strokes is ready.
 
-    done: strokes painted so far; expected [3, H, W]: the canvas after the plan; loss_before,
-    loss_after: the objective with the plan as it was and as it is (before the first plan: of the
-    bare canvas), on average over paintings of the plan; forecast: how near to its photograph the painting
-    will come, None where it has none.
+    done: strokes painted so far.
+    expected [3, H, W]: canvas after the plan.
+    loss_before, loss_after: expected loss of the old and of the new plan; before the first plan, the loss of the
+    bare canvas.
+    forecast: similarity of the painting to its photograph. None: the goal has no photograph.
     """
 
     plan: Plan
@@ -326,13 +360,13 @@ class Planned:
 
     @property
     def gain(self) -> float:
-        """By which share of what was missing the plan comes nearer to the goal than the one before."""
+        """Share of the old loss that the new plan removes."""
         return 1 - self.loss_after / self.loss_before if self.loss_before > 0 else 0.0
 
 
 @dataclass(frozen=True)
 class Scheduled:
-    """How long the robot takes for the strokes that are left, `done` being painted; told whenever the plan changes."""
+    """Time that the robot takes for the remaining strokes after `done`; reported whenever the plan changes."""
 
     timetable: Timetable
     done: int
@@ -340,21 +374,21 @@ class Scheduled:
 
 @dataclass(frozen=True)
 class GroundWanted:
-    """The canvas is bare; painting begins when it is toned in this colour, sRGB."""
+    """The canvas is bare; painting begins after a person has toned it in this colour, sRGB."""
 
     color: tuple[float, float, float]
 
 
 @dataclass(frozen=True)
 class PaintsWanted:
-    """The paints of the next strokes are settled; painting goes on when their wells are filled."""
+    """The paints of the next strokes are known; painting continues after a person has filled their wells."""
 
     palette: Palette
 
 
 @dataclass(frozen=True)
 class TimelapseFrame:
-    """A photograph for the film, rectified, [3, H, W]."""
+    """Rectified photograph for the film, [3, H, W]."""
 
     photograph: Tensor
     done: int
@@ -364,7 +398,10 @@ class TimelapseFrame:
 
 @dataclass(frozen=True)
 class Looked:
-    """The painter looked: the rectified photograph, what it expected to see [3, H, W] each, strokes so far."""
+    """The painter looked at the canvas after `done` strokes.
+
+    photograph, expected [3, H, W]: rectified photograph, and the expected picture.
+    """
 
     photograph: Tensor
     expected: Tensor
@@ -373,9 +410,9 @@ class Looked:
 
 @dataclass(frozen=True)
 class Resumed:
-    """A painting that broke off goes on: the plan of all its strokes, of which `done` are on the canvas.
+    """A painting goes on with a plan of all its strokes; `done` of them are on the canvas.
 
-    expected [3, H, W]: the canvas after the plan, as far as it can be told before the next look.
+    expected [3, H, W]: canvas after the plan, as far as it is known before the next look.
     """
 
     plan: Plan
@@ -383,14 +420,15 @@ class Resumed:
     expected: Tensor
 
 
-# Written events of a painting session: the journal has them all, the page some.
+# Written events of a painting session: all are in the journal, some on the page.
 
 
 @dataclass(frozen=True)
 class PaintingBegun:
-    """A painting was begun, by these settings; rests_on: hashes, by name, of what else decides how it is painted.
+    """A painting began with these settings.
 
-    by, process, program: who painted, with which process and version.
+    rests_on: hashes, by name, of the other inputs of the painting.
+    by, process, program: painter, process number and program version.
     """
 
     settings: dict[str, Any]
@@ -402,9 +440,11 @@ class PaintingBegun:
 
 @dataclass(frozen=True)
 class SessionResumed:
-    """A person had the painting resumed, `done` strokes being on the canvas.
+    """A person resumed the painting; `done` strokes are on the canvas.
 
-    in_doubt: the stroke of which nothing tells whether it was painted; decision: "repaint" or "skip" for it.
+    in_doubt: stroke that was begun but may not be painted, or None.
+    decision: "repaint" or "skip" for that stroke.
+    by, process, program: painter, process number and program version.
     """
 
     done: int
@@ -417,11 +457,12 @@ class SessionResumed:
 
 @dataclass(frozen=True)
 class PlanAdopted:
-    """From stroke `done` + 1 on, painting goes by the plan of all strokes with this digest.
+    """Painting follows the plan with this digest, which has all strokes, from stroke `done` + 1 on.
 
-    It is told again after a look that left the plan as it was: what is known of the canvas is newer then.
-    photograph: the file of that which it was made for; error, information: the placement, as it was known; depths,
-    lower, touch_information: at which heights brushes touch, as TouchHeights has it; earlier versions did not know.
+    It is reported again after a look that kept the plan, with the newer placement.
+    photograph: file of the photograph that the plan was made for.
+    error, information: placement at that time.
+    depths, lower, touch_information: touch heights, as in TouchHeights; empty in records of earlier versions.
     """
 
     plan: str
@@ -436,7 +477,11 @@ class PlanAdopted:
 
 @dataclass(frozen=True)
 class MotionBegan:
-    """The robot will now be told these motions, by their labels; stroke: the one that they paint, by which plan."""
+    """The robot will now get motions with these labels.
+
+    stroke: number of the stroke that they paint, or None.
+    plan: digest of that stroke's plan.
+    """
 
     what: tuple[str, ...]
     stroke: int | None = None
@@ -445,7 +490,10 @@ class MotionBegan:
 
 @dataclass(frozen=True)
 class Dipped:
-    """The brush took paint from well number `paint`, from 0; `cleaned` says whether it was rinsed and wiped before."""
+    """The brush took paint from well number `paint`, from 0.
+
+    cleaned: True if the brush was rinsed and wiped before.
+    """
 
     paint: int
     cleaned: bool = False
@@ -455,7 +503,7 @@ class Dipped:
 class StrokePainted:
     """Stroke number `done` (from 1) of `of` is on the canvas; `color` is its sRGB.
 
-    Earlier versions did not write all of it down: then `of` is 0, and the color black.
+    Records of earlier versions may lack values: then `of` is 0 and the colour is black.
     """
 
     done: int
@@ -465,9 +513,9 @@ class StrokePainted:
 
 @dataclass(frozen=True)
 class Drying:
-    """A layer dries, after `done` strokes, before the next one goes on it; told every minute until `left` is 0.
+    """A layer dries after `done` strokes; reported every minute until `left` is 0.
 
-    seconds: that it takes in all; left: that it still takes. Of the robot's clock.
+    seconds, left: whole and remaining drying time, by the robot's clock.
     """
 
     done: int
@@ -477,9 +525,9 @@ class Drying:
 
 @dataclass(frozen=True)
 class LayerBegun:
-    """After `done` strokes layer number `layer` (from 1) begins or goes on; its brush and paints are there.
+    """Layer number `layer` (from 1) begins or goes on after `done` strokes; its brush and paints are ready.
 
-    first_paint: the number in the plan's palette, from 0, of the paint in the first well.
+    first_paint: palette number, from 0, of the paint in the first well.
     """
 
     done: int
@@ -490,14 +538,14 @@ class LayerBegun:
 
 @dataclass(frozen=True)
 class BrushInHand:
-    """The brush that the robot holds from now on: "" for none, None while it puts one back or takes one."""
+    """The robot holds this brush from now on: "" for none, None during a change."""
 
     brush: str | None
 
 
 @dataclass(frozen=True)
 class TouchCorrected:
-    """After a look at stroke `done` a brush is sent `lower` metres lower than its record says, below 0 higher."""
+    """After a look at stroke `done`, a brush is sent `lower` metres lower than its record; below 0: higher."""
 
     brush: str
     lower: float
@@ -505,7 +553,7 @@ class TouchCorrected:
 
     @property
     def sentence(self) -> str:
-        """That, for a person."""
+        """Sentence for a person."""
         if abs(self.lower) < 0.00005:
             return f"Marks of the {self.brush} brush are as they were sent, so it is sent as it was calibrated again."
         way, marks = ("higher", "thicker") if self.lower < 0 else ("lower", "thinner")
@@ -517,20 +565,23 @@ class TouchCorrected:
 
 @dataclass(frozen=True)
 class LastLookDoubted:
-    """All `done` strokes are on the canvas, and its last photograph is not as it should be; `reason` is a sentence."""
+    """All `done` strokes are painted, but the last photograph may not show them well; `reason` is a sentence."""
 
     reason: str
     done: int
 
     @property
     def sentence(self) -> str:
-        """That, for a person."""
+        """Sentence for a person."""
         return f"All {self.done} strokes are painted, and the last photograph may not show them well: {self.reason}"
 
 
 @dataclass(frozen=True)
 class StrokeLeftOut:
-    """Whoever paints by hand left stroke number `done` (from 1) of `of` out; it counts, and is not on the canvas."""
+    """A person who paints by hand left out stroke number `done` (from 1) of `of`.
+
+    It counts, but is not on the canvas.
+    """
 
     done: int
     of: int = 0
@@ -538,10 +589,13 @@ class StrokeLeftOut:
 
 @dataclass(frozen=True)
 class Photographed:
-    """A photograph was taken by which something is decided; None where there was no room to keep it.
+    """A photograph for a decision was taken.
 
-    captured_at: s of the robot's clock; sequence: the camera's number; light: of the room, [3, terms]; content: sha256
-    of the file, None where there is none, and in journals of earlier programs.
+    photograph: its file; None if there was no room to keep it.
+    captured_at: seconds of the robot's clock.
+    sequence: number from the camera.
+    light: light of the room, [3, terms].
+    content: sha256 of the file. None without a file, and in journals of earlier versions.
     """
 
     photograph: str | None
@@ -553,9 +607,9 @@ class Photographed:
 
 @dataclass(frozen=True)
 class Paused:
-    """Nothing moves until a person answers: the arm is aside and the brush clean; `reason` is a sentence.
+    """The painting waits for a person; the arm is at home and the brush is clean. `reason` is a sentence.
 
-    turn: whether that is because it is the person's turn to paint.
+    turn: True if the pause is the person's turn to paint.
     """
 
     reason: str
@@ -565,21 +619,24 @@ class Paused:
 
 @dataclass(frozen=True)
 class Stopped:
-    """A person asked to stop; `done` strokes are on the canvas, None where nothing was being painted."""
+    """A person stopped; `done` strokes are on the canvas, None if nothing was being painted."""
 
     done: int | None = None
 
 
 @dataclass(frozen=True)
 class Failed:
-    """The work broke off; `reason` is a sentence."""
+    """The work failed; `reason` is a sentence."""
 
     reason: str
 
 
 @dataclass(frozen=True)
 class Finished:
-    """All strokes are done, `done` of them; robot_seconds: of the robot's clock, in this run."""
+    """All `done` strokes are done.
+
+    robot_seconds: seconds of the robot's clock in this run.
+    """
 
     done: int
     robot_seconds: float = 0.0
@@ -587,9 +644,10 @@ class Finished:
 
 @dataclass(frozen=True)
 class RegionProtected:
-    """A person drew what no stroke may touch, or, where `only`, what alone may be painted.
+    """A person drew a region: no stroke may touch it, or, with `only`, strokes may be only there.
 
-    region: the drawing in the painting's folder, None where nothing is protected any more; picture: as the page has it.
+    region: file of the drawing in the painting's folder. None: nothing is protected any more.
+    picture: picture for the page.
     """
 
     region: str | None
@@ -599,7 +657,11 @@ class RegionProtected:
 
 @dataclass(frozen=True)
 class GoalChanged:
-    """A person wants something else from now on; goal: its folder in the painting's; wish: as the page has it."""
+    """A person changed the goal.
+
+    goal: folder of the goal in the painting's folder.
+    wish: request of the page.
+    """
 
     goal: str
     wish: dict[str, Any]
@@ -616,7 +678,7 @@ Notify = Callable[[Event], None]
 
 
 def kind_of(event: type[Written]) -> str:
-    """The name under which events of a class are written: stroke_painted for StrokePainted."""
+    """Returns the name of a class of events in records: stroke_painted for StrokePainted."""
     return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", event.__name__).lower()
 
 
@@ -624,7 +686,10 @@ KINDS: Mapping[str, type[Written]] = {kind_of(each): each for each in get_args(W
 
 
 def record(event: Written) -> dict[str, Any]:
-    """The JSON form of an event that happens now. Raises TypeError for a moment, which has none."""
+    """Returns the JSON form of an event, with the current time.
+
+    Raises TypeError for a moment, which has no JSON form.
+    """
     if type(event) not in get_args(Written):
         raise TypeError(f"{type(event).__name__} carries what is not written down; tell what was made of it.")
     at = datetime.now(UTC).isoformat(timespec="milliseconds")
@@ -632,9 +697,9 @@ def record(event: Written) -> dict[str, Any]:
 
 
 def events_of(written: Mapping[str, Any]) -> list[Written]:
-    """What a record tells, also one of an earlier version; nothing where its kind is not known.
+    """Returns the events of a record, also of an earlier version; an empty list for an unknown kind.
 
-    Raises ValueError where it lacks something, or has it of another type.
+    Raises ValueError if a field is missing or has a wrong type.
     """
     return [
         _adapter(each["kind"]).validate_python(dict(each)) for each in renewed(written) if each.get("kind") in KINDS
@@ -642,9 +707,9 @@ def events_of(written: Mapping[str, Any]) -> list[Written]:
 
 
 def time_of(written: Mapping[str, Any]) -> datetime:
-    """When a record was written. Raises ValueError where it does not say so."""
+    """Returns the time at which a record was written. Raises ValueError if the record has no valid time."""
     at = written.get("at")
-    if isinstance(at, int | float):  # as earlier versions dated a feed
+    if isinstance(at, int | float):  # the form of earlier versions
         return datetime.fromtimestamp(at, UTC)
     return datetime.fromisoformat(str(at))
 

@@ -1,7 +1,7 @@
-"""Paints a batch stroke by stroke, so that at any moment the disk tells what the robot does.
+"""Paints a batch stroke by stroke, with each stroke in the journal.
 
-Each stroke is in the journal before the robot is told of it, and again when it is done: after a crash at most one is
-in doubt. Where the disk is full, nothing moves before there is room.
+Each stroke is noted before the robot gets it, and again when it is done. After a crash, at most one stroke is
+therefore in doubt. If the disk is full, nothing moves until there is room.
 """
 
 import itertools
@@ -33,16 +33,18 @@ from frida_painter.session.journal import Journal
 from frida_painter.session.observer import CanvasObserver, FrameDeveloper, Timelapse
 from frida_painter.session.painting import PaintingProgress
 
-# What interrupts a painting: a person who stops it or wants a pause, a disk that is full, a camera that fails.
+# Interruptions of a painting: a stop or a pause by a person, a full disk, a camera that fails.
 
 _T = TypeVar("_T")
 
 
 class Interruptions:
-    """Asks after every stroke and every planning step whether a person stops the painting or pauses it, and pauses.
+    """Checks after every stroke and every planning step for a stop or a pause, and performs the pause.
 
-    stop_asked, pause_asked: whether they do; go_on: asked in a pause, and waits for the answer; painted: how many
-    strokes are done. `touched`: whether a person may have painted on the canvas since it was last seen.
+    stop_asked, pause_asked: return True if a person wants to stop or to pause.
+    go_on: called in a pause; waits for the answer and returns True to go on.
+    painted: returns the number of painted strokes.
+    touched: True if a person may have painted on the canvas since the last look.
     """
 
     def __init__(
@@ -62,7 +64,10 @@ class Interruptions:
         self._stopping = False
 
     def check(self, before_pause: Callable[[], None] = lambda: None) -> None:
-        """Raises StopAsked, once, where a person stops the painting; where they want a pause, `before_pause` and it."""
+        """Raises StopAsked, once, if a person wants to stop; pauses, after `before_pause`, if they want a pause.
+
+        Raises PaintingPaused if the person does not want to go on.
+        """
         if not self._stopping and self._stop_asked():
             self._stopping = True
             raise StopAsked
@@ -71,7 +76,10 @@ class Interruptions:
             self.pause("You asked for a pause.")
 
     def retry(self, work: Callable[[], _T]) -> _T:
-        """Does what needs the disk or the camera; where they fail, pauses and, when told to go on, tries again."""
+        """Calls `work`, which needs the disk or the camera; if either fails, pauses and then tries again.
+
+        Raises PaintingPaused if the person does not want to go on.
+        """
         while True:
             try:
                 return work()
@@ -79,14 +87,14 @@ class Interruptions:
                 self.pause(str(trouble), trouble)
 
     def pause(self, reason: str, cause: FridaError | None = None) -> None:
-        """Lifts the brush, cleans it, moves the arm aside and waits until a person has the painting go on.
+        """Cleans the brush, moves the arm to its home position and waits until a person lets the painting go on.
 
-        Raises PaintingPaused where they do not.
+        Raises PaintingPaused if the person does not want to go on.
         """
         if self._brushwork.load.paint is not None:
             self._brushwork.clean()
         self._brushwork.step_aside()
-        self.touched = True  # whoever is asked may paint along, now or while answering
+        self.touched = True  # the person may paint on the canvas, before or after the answer
         paused = Paused(reason, self._painted())
         self._notify(paused)
         if not self._go_on(paused):
@@ -95,18 +103,18 @@ class Interruptions:
 
 
 class StopAsked(Exception):
-    """A person has asked to stop; the session ends the painting in order."""
+    """Signal that a person wants to stop; the session then ends the painting in order."""
 
 
-_STEP = 10.0  # seconds of drying that a simulated easel lets pass at a time
-_GLANCE = 0.1  # seconds of waiting after which is looked whether somebody stops it or wants a pause
+_STEP = 10.0  # seconds of drying that a simulated easel simulates at a time
+_GLANCE = 0.1  # seconds between two checks for a stop or a pause
 _BETWEEN_WORDS = 60.0
 
 
 class BatchExecutor:
-    """Has the robot paint what is next in the plan of `progress`, and counts what is done there.
+    """Paints the next strokes of the plan in `progress` with the robot, and counts them there.
 
-    A person may stop or pause after every stroke; `timelapse` frames for the film are taken in between.
+    A person may stop or pause after every stroke. Frames of the `timelapse` film are taken between strokes.
     """
 
     def __init__(
@@ -122,13 +130,13 @@ class BatchExecutor:
         self._brushwork, self._observer, self._timelapse = brushwork, observer, timelapse
         self._journal, self._interruptions = journal, interruptions
         self._progress, self._tell = progress, tell
-        self._told: str | None = None  # the brush in the hand, as listeners know it
-        self._filmed: int | None = None  # frames that were due at the last one, None before anything is painted
+        self._told: str | None = None  # brush in the hand, as last reported to listeners
+        self._filmed: int | None = None  # frames that were due at the last frame; None before painting
 
     def paint_until(self, end: int) -> None:
-        """Paints until `end` strokes are done. After a pause the brush is clean, and the batch is prepared anew.
+        """Paints until `end` strokes are done; after a pause the brush is clean, and the batch is prepared anew.
 
-        Raises RobotError and its kinds, WorkspaceViolation before anything moves.
+        Raises RobotError or a subclass of it, WorkspaceViolation before anything moves, PaintingPaused, StopAsked.
         """
         progress = self._progress
         if self._filmed is None:
@@ -144,20 +152,20 @@ class BatchExecutor:
                         break
 
     def tone(self, ground: tuple[float, float, float]) -> None:
-        """Tells which ground is wanted (sRGB), and waits until the canvas has it."""
+        """Reports the wanted ground (sRGB), and waits until the canvas has it."""
         self._tell(GroundWanted(ground))
         self._brushwork.easel.operator.tone(ground)
         self._interruptions.touched = True
 
     def fill_wells(self, palette: Palette) -> None:
-        """Tells which paints are wanted, and waits until their wells are filled."""
+        """Reports the wanted paints, and waits until their wells are filled."""
         self._tell(PaintsWanted(palette))
         self._brushwork.easel.operator.fill_wells(palette)
 
     def change_brush(self, brush: str) -> bool:
-        """Has the brush of a layer put into the holder where it is not; whether that was needed.
+        """Puts the brush of a layer into the holder; returns True if the brush had to be changed.
 
-        A robot with a rack does it, else a person; raises Interrupted where nobody does.
+        A robot with a rack changes the brush itself, otherwise a person does. Raises Interrupted if nobody does.
         """
         hand = self._brushwork
         changes = hand.held != brush and (hand.has_rack or bool(hand.others))
@@ -175,7 +183,7 @@ class BatchExecutor:
         return changes
 
     def put_brush_back(self) -> None:
-        """Leaves the hand of a robot with a rack empty, and the brush clean."""
+        """Cleans the brush, and puts it back if the robot has a rack."""
         if self._brushwork.load.paint is not None:
             self.clean()
         if self._brushwork.has_rack:
@@ -183,7 +191,7 @@ class BatchExecutor:
             self._tell(BrushInHand(""))
 
     def _change_in_rack(self, brush: str, *, stoppable: bool = True) -> None:
-        """Each motion is in the journal before the robot is told of it, and what it holds when it is done."""
+        """Changes the brush; each motion is noted before the robot gets it, and the held brush after it."""
         for motion, held in self._brushwork.changing(brush):
             for noted in (BrushInHand(None), MotionBegan((motion.label,))):
                 self._interruptions.retry(partial(self._journal.tell, noted))
@@ -193,15 +201,15 @@ class BatchExecutor:
                 self._interruptions.check()
 
     def begin_layer(self, begun: LayerBegun) -> None:
-        """Notes and tells that brush and paints of a layer are there."""
+        """Notes and reports that brush and paints of a layer are ready."""
         self._interruptions.retry(partial(self._journal.tell, begun))
         self._tell(begun)
 
     def let_dry(self) -> None:
-        """Cleans the brush, moves the arm aside and waits until the paint on the canvas is dry.
+        """Cleans the brush, moves the arm to its home position and waits until the paint is dry.
 
-        A person may stop or pause meanwhile; real paint dries in a pause as well. How long it still takes is in the
-        journal, so that whoever resumes waits for the rest only.
+        A person may stop or pause meanwhile; real paint dries in a pause too. The journal holds the remaining time,
+        so that a resumed painting waits only for the rest.
         """
         if self._brushwork.load.paint is not None:
             self.clean()
@@ -225,34 +233,34 @@ class BatchExecutor:
         progress.dried_at, progress.wet = progress.painted, None
 
     def _wait(self, seconds: float) -> None:
-        """Waits; a person may stop or pause at any moment of it."""
+        """Waits; checks for a stop or a pause every 0.1 s."""
         until = time.monotonic() + seconds
         while (left := until - time.monotonic()) > 0:
             time.sleep(min(left, _GLANCE))
             self._interruptions.check()
 
     def clean(self) -> None:
-        """Rinses and wipes the brush."""
+        """Notes the cleaning in the journal, then rinses and wipes the brush."""
         what = tuple(motion.label for motion in self._brushwork.cleaning())
         self._interruptions.retry(partial(self._journal.tell, MotionBegan(what)))
         self._brushwork.clean()
 
     def step_aside(self) -> None:
-        """Moves the arm out of the camera's sight. Raises StorageError where that cannot be noted."""
+        """Moves the arm out of the camera's view. Raises StorageError if the journal cannot note it."""
         self._journal.tell(MotionBegan(("home",)))
         self._brushwork.step_aside()
 
     def _tell_drying(self, left: float) -> float:
-        """Notes and tells that the canvas still dries for so many seconds, and returns them."""
+        """Notes and reports the remaining seconds of drying, and returns them."""
         drying = Drying(self._progress.painted, self._brushwork.drying, round(left, 1))
         self._interruptions.retry(partial(self._journal.tell, drying))
         self._tell(drying)
         return left
 
     def _perform(self, action: Action, plan: Plan, frames: FrameDeveloper, *, leaves: bool) -> bool:
-        """Notes and does it; False where it was not done, because it could not be noted, and there was a pause.
+        """Notes and performs an action; returns False if it could not be noted, and the painting has paused.
 
-        leaves: whether the hand leaves the canvas afterwards anyway.
+        leaves: True if the hand leaves the canvas afterwards anyway.
         """
         try:
             self._journal.begins(action, plan)
@@ -268,11 +276,11 @@ class BatchExecutor:
             self._progress.painted = done.done
             if isinstance(done, StrokePainted):
                 self._film(done, frames, leaves=leaves)
-            self._interruptions.check(before_pause=frames.wait)  # whoever pauses sees the canvas as it is
+            self._interruptions.check(before_pause=frames.wait)  # a pause shows the current canvas
         return True
 
     def _film(self, painted: StrokePainted, frames: FrameDeveloper, *, leaves: bool) -> None:
-        """Takes the film's next frame, the arm being aside, where it is time for it."""
+        """Takes the film's next frame, with the arm at home, if it is due."""
         done, of = painted.done, painted.of
         if self._timelapse.wants_frame(done, of, self._filmed or 0, leaves=leaves):
             self._filmed = self._timelapse.due(done, of)

@@ -1,4 +1,4 @@
-"""The hand of the painter: performs what the choreography sets, and knows what is on its brush."""
+"""Brushwork: performs the actions of a choreography on an easel and keeps track of the paint on the brush."""
 
 import itertools
 from collections.abc import Sequence
@@ -24,24 +24,21 @@ from frida_painter.session.choreography import Action, BrushLoad, Choreography, 
 from frida_painter.session.events import DRYING, Dipped, StrokeLeftOut, StrokePainted, Timetable
 from frida_painter.strokes import Strokes
 
-# The order of strokes that is quick to paint, and spends a full brush where paint must not lack.
+# Order of strokes: quick to paint, with a full brush for strokes that must not lack paint.
 #
-# Strokes of one paint that follow each other may change places, also where their marks meet: each lets through its
-# share
-# of what lies below, and paint of one colour makes up the rest, in whatever order. Between paints the planner's order
-# stays. What a brush paints last before it is dipped again lacks paint: so strokes that would be missed least are
-# painted
-# then. With the dips that come in between it is the problem of a van that serves customers from a depot, and is
-# solved
-# as such problems are: from a greedy tour, or from one dip a stroke by joining legs where that saves most (G. Clarke
-# and
-# J. Wright, "Scheduling of vehicles from a central depot to a number of delivery points", 1964), then by moving one
-# stroke or exchanging two as long as that costs less.
+# Strokes of one paint may change places even if their marks overlap. Each lets through its share of the picture
+# below, and paint of one colour makes up the rest, in any order. Between paints, the planner's order stays.
+#
+# The last strokes before a dip lack paint, so these should be strokes that matter least. With the dips, this is a
+# vehicle routing problem, and is solved like one. The start is a greedy tour, or a tour with one dip for each
+# stroke, whose legs are joined by their savings (G. Clarke and J. Wright, "Scheduling of vehicles from a central
+# depot to a number of delivery points", 1964). Then single strokes move or two strokes are exchanged, as long as
+# that reduces the cost.
 
-_MOST_AT_ONCE = 60  # strokes; of longer runs each part is put in order on its own
+_MOST_AT_ONCE = 60  # strokes; longer runs are ordered in parts
 _ROUNDS = 4
-_GAIN = 1e-3  # metres: less is not worth a move, and would let a hair's breadth decide between equal ways
-_A_WHOLE_LOSS = 200.0  # metres that may be travelled so that a painting has not twice its squared error
+_GAIN = 1e-3  # metres: a smaller gain is not worth a move; rounding would decide between equal orders
+_A_WHOLE_LOSS = 200.0  # metres of travel that are worth as much as the squared error of the whole painting
 
 PlanarPoint = complex  # metres in the robot's frame from above, x + iy: the distance of two is abs(a - b)
 
@@ -49,10 +46,11 @@ PlanarPoint = complex  # metres in the robot's frame from above, x + iy: the dis
 def put_in_order(
     plan: Plan, count: int, choreography: Choreography, load: BrushLoad, fading: Fading | None = None
 ) -> Plan:
-    """The plan with its first `count` strokes in an order that is good to paint with a brush that holds `load`.
+    """Returns the plan with its first `count` strokes, all of one layer, in a good order for painting.
 
-    All of these are of one layer. The plan's picture stays: only strokes of the same paint change places, and paints
-    keep their order. fading: what it costs that strokes of the plan lack paint, None: nothing.
+    The plan's picture stays the same: only strokes of the same paint change places, and paints keep their order.
+    load: paint on the brush at the beginning.
+    fading: cost of strokes that lack paint. None: no cost.
     """
     fading = fading or Fading.none(len(plan))
     order: list[int] = []
@@ -61,7 +59,7 @@ def put_in_order(
         choreography = choreography.with_brush(plan.layers[int(plan.layer[0])].brush)
     for paint, run in itertools.groupby(range(len(numbers)), numbers.__getitem__):
         if not 0 <= paint < len(choreography.motion.workspace.wells):
-            return plan  # there is no such well; whoever sets the motions says so
+            return plan  # the choreography reports the missing well
         indices = list(run)
         for first in range(0, len(indices), _MOST_AT_ONCE):
             part = indices[first : first + _MOST_AT_ONCE]
@@ -75,7 +73,7 @@ def put_in_order(
 
 @dataclass(frozen=True)
 class _Tour:
-    """Strokes of one paint: where each starts and ends, what it takes of a dip, and what it costs that it fades."""
+    """Strokes of one paint: starts, ends, use of paint, and cost of missing paint."""
 
     starts: list[PlanarPoint]
     ends: list[PlanarPoint]
@@ -86,7 +84,7 @@ class _Tour:
     water: PlanarPoint
     load: float
     dip: Dip
-    dip_length: float  # metres that a dip itself takes at the speed of travel
+    dip_length: float  # length of a dip's motion, in metres at travel speed
 
     @classmethod
     def of(cls, strokes: Strokes, choreography: Choreography, paint: int, load: BrushLoad, fading: Fading) -> Self:
@@ -110,7 +108,7 @@ class _Tour:
         )
 
     def best(self) -> tuple[list[int], float]:
-        """The order of the least cost that was found, and what it leaves of the dip."""
+        """Returns the order of the least cost that was found, and the rest of the dip after it."""
         order = list(range(len(self.starts)))
         best = self.cost(order)
         for start in (self._nearest_next(), self._joined()):
@@ -130,9 +128,9 @@ class _Tour:
         return order, self._walk(order)[1]
 
     def cost(self, order: list[int]) -> float:
-        """Metres from the well through all strokes, by the well wherever the brush runs out, and to the water.
+        """Returns the metres from the well through all strokes to the water, with dips when the brush is empty.
 
-        What strokes lack of paint then counts as metres.
+        Missing paint of strokes is added, converted into metres.
         """
         return self._walk(order)[0]
 
@@ -150,7 +148,7 @@ class _Tour:
         return total + abs(self.water - here), left
 
     def _nearest_next(self) -> list[int]:
-        """Always the nearest stroke; by the well, where the brush has run out."""
+        """Returns the greedy order: always the nearest stroke, by the well if the brush is empty."""
         order: list[int] = []
         here, left = self.well, self.load
         open_ = set(range(len(self.starts)))
@@ -169,7 +167,7 @@ class _Tour:
         return abs(self.starts[index] - here)
 
     def _joined(self) -> list[int]:
-        """At first a dip for each stroke; then what two dips paint is joined wherever that saves most."""
+        """Returns the order of the savings method: one dip for each stroke, then legs joined by the largest saving."""
         count = len(self.starts)
         legs = {index: [index] for index in range(count)}  # by the first stroke
         ends = {index: index for index in range(count)}  # last stroke -> first
@@ -193,13 +191,13 @@ class _Tour:
 
 
 def _moved(order: list[int], one: int, other: int) -> list[int]:
-    """The order with the stroke at place `one` at place `other`."""
+    """Returns the order with the stroke at place `one` moved to place `other`."""
     rest = order[:one] + order[one + 1 :]
     return [*rest[:other], order[one], *rest[other:]]
 
 
 def _exchanged(order: list[int], one: int, other: int) -> list[int]:
-    """The order with the strokes at two places exchanged."""
+    """Returns the order with the strokes at two places exchanged."""
     changed = list(order)
     changed[one], changed[other] = order[other], order[one]
     return changed
@@ -209,10 +207,12 @@ def _exchanged(order: list[int], one: int, other: int) -> list[int]:
 class Brushwork:
     """Paints plans on an easel, stroke by stroke.
 
-    The robot is sent beside where a stroke is meant to be by as much as `placement` says that
-    strokes land beside it. load: what is on the brush; drying: seconds that a layer is let dry before the next one;
-    others: the brushes of later layers; held: the one that is in the holder, "" for none, None where that is not known.
-    Where the workspace has a rack, all of them are in it at first.
+    placement: placement error, which the robot's targets are corrected for.
+    load: paint on the brush.
+    drying: seconds between two layers.
+    others: brushes of later layers.
+    held: brush in the holder; "" for none, None if unknown. If the workspace has a rack, all brushes are in the
+    rack at first.
     """
 
     easel: Easel
@@ -231,11 +231,11 @@ class Brushwork:
 
     @property
     def last_motion(self) -> float:
-        """When the robot last moved, s of its clock."""
+        """Time of the robot's last motion, in seconds of its clock."""
         return self._gateway.last_motion
 
     def learn(self, placement: Placement) -> None:
-        """From now on the robot is sent by that; where it could not go as low, to the heights that it was sent to."""
+        """Corrects later motions by this placement; touch heights stay if the new ones would leave the workspace."""
         calibration = self.easel.calibration
         record = placement.touch.corrected(calibration)
         presses = [record.press_height, *(one.press_height for one in record.others.values())]
@@ -245,21 +245,21 @@ class Brushwork:
         self._gateway.follow_touch(max(map(placement.touch.correction, (calibration.brush, *calibration.others))))
 
     def arranged(self, plan: Plan, count: int, fading: Fading | None = None) -> Plan:
-        """The plan with its first `count` strokes in an order that is good to paint; the plan's picture stays.
+        """Returns the plan with its first `count` strokes in a good order for painting; its picture stays the same.
 
-        fading: what it costs that strokes lack paint, None: nothing.
+        fading: cost of strokes that lack paint. None: no cost.
         """
         return put_in_order(plan, count, self._choreography(), self.load, fading)
 
     def timetable(self, plan: Plan, looks: Looks, load: BrushLoad | None = None) -> Timetable:
-        """How long painting the plan takes, with its looks.
+        """Returns the duration of painting the plan, with its looks.
 
-        load: what is on the brush then, None for what is on it now.
+        load: paint on the brush at the beginning. None: the current load.
         """
         return reckon(plan, self._choreography(), load or self.load, looks, self.easel.timing, self.drying, self.held)
 
     def prepare(self, plan: Plan, already_done: int, of: int) -> list[Action]:
-        """Everything that painting the plan takes, checked as a whole by the gateway, and foretold.
+        """Returns all actions of painting the plan; the gateway has checked their motions, and the easel knows them.
 
         Raises WorkspaceViolation before anything moves.
         """
@@ -270,34 +270,34 @@ class Brushwork:
         return actions
 
     def perform(self, action: Action) -> Dipped | StrokePainted | StrokeLeftOut:
-        """Does it, and tells what was done. Raises RobotError and its kinds."""
+        """Performs an action and returns the event that reports it. Raises RobotError or a subclass of it."""
         left_out = self._gateway.perform(action.motions)
         self.load = action.load
         done = action.done
         return StrokeLeftOut(done.done, done.of) if left_out and isinstance(done, StrokePainted) else done
 
     def step_aside(self) -> None:
-        """Moves the arm out of the camera's sight."""
+        """Moves the arm out of the camera's view."""
         self._gateway.step_aside()
 
     def cleaning(self) -> tuple[Waypoints, ...]:
-        """The motions of `clean`."""
+        """Returns the motions of `clean`."""
         return self._choreography().cleaning()
 
     def clean(self) -> None:
-        """Rinses and wipes the brush as before another paint; afterwards it holds none."""
+        """Rinses and wipes the brush; afterwards it holds no paint."""
         self._gateway.perform(self.cleaning())
         self.load = BrushLoad()
 
     @property
     def has_rack(self) -> bool:
-        """Whether the robot takes its brushes from a rack by itself."""
+        """True if the robot takes its brushes from a rack."""
         return self.easel.workspace.rack is not None
 
     def require_rack(self) -> None:
-        """Where there is a rack, it holds all brushes, and the robot gets to them.
+        """Checks, before anything moves, that a rack holds all brushes and that the robot can reach them.
 
-        Raises ConfigError and WorkspaceViolation, before anything moves.
+        Raises ConfigError if a brush has no place in the rack, WorkspaceViolation if a place cannot be reached.
         """
         rack = self.easel.workspace.rack
         if rack is None:
@@ -314,7 +314,10 @@ class Brushwork:
         self._gateway.check(each for name in names for each in motion.change(name, name))
 
     def changing(self, brush: str) -> list[tuple[Waypoints, str]]:
-        """How the robot has a brush of the rack in its hand, "" for none: motions, and what it holds after each."""
+        """Returns the motions that change the brush with the rack, and the held brush after each motion.
+
+        brush: brush that is to be in the hand; "" for none.
+        """
         motion = self._choreography().motion
         steps: list[tuple[Waypoints, str]] = []
         if self.held and self.held != brush:
@@ -324,15 +327,15 @@ class Brushwork:
         return steps
 
     def move_brush(self, motion: Waypoints, held: str) -> None:
-        """Puts a clean brush into the rack or takes one from it, after which the robot holds the brush `held`."""
+        """Puts a clean brush into the rack or takes one from it; afterwards the robot holds the brush `held`."""
         self.held = None
         self._gateway.perform((motion,))
         self.held, self.load = held, BrushLoad()
 
     def change_brush(self, name: str) -> None:
-        """Has a person put the brush of a layer into the holder; the one before is clean and aside.
+        """Asks a person to put the brush of a layer into the holder; the old brush is clean and the arm at home.
 
-        Raises Interrupted where nobody does it.
+        Raises Interrupted if nobody does it.
         """
         self.held = None
         self.easel.operator.change_brush(name)
@@ -346,9 +349,10 @@ class Brushwork:
 def choreography_at(
     workspace: Workspace, record: Calibration, brushes: Sequence[str], *, simulated: bool
 ) -> Choreography:
-    """What moves these brushes, the first of which is in the holder, at the easel of a record.
+    """Returns the choreography of these brushes at the easel of a record; the first brush is in the holder.
 
-    Raises ConfigError where a brush is not known, CalibrationError where the record does not know it.
+    simulated: True for a simulated easel, as in `refilled`.
+    Raises ConfigError for an unknown brush, CalibrationError if the record does not have a brush.
     """
     kinds = [refilled(brush_kind(name), record, simulated=simulated) for name in brushes]
     return _choreography(workspace, record, kinds)
@@ -361,15 +365,15 @@ def _choreography(workspace: Workspace, record: Calibration, kinds: Sequence[Bru
 
 
 STROKES_PER_DIP = 4
-"""Where nothing is known of a brush: what the program that was published with the paper took for all."""
+"""Strokes per dip of an unmeasured brush; the program that was published with the paper used this for all brushes."""
 
 
 def refilled(kind: BrushKind, record: Calibration, *, simulated: bool) -> BrushKind:
-    """The brush with what one dip of it is good for at the easel of that record.
+    """Returns the brush with the capacity of one dip at the easel of that record.
 
-    That is what the record's stroke library shows; where it does not, or there is none, a fixed number of
-    strokes, but in the virtual studio what is known of the project's own brushes. Raises LibraryError
-    where the library is damaged.
+    The record's stroke library shows the capacity. Without it, the capacity is a fixed number of strokes. In the
+    virtual studio, a brush of the project then keeps its known capacity.
+    Raises LibraryError if the library is damaged.
     """
     if kind.name in record.others:
         record = record.of_brush(kind.name)

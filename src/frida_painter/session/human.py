@@ -1,4 +1,4 @@
-"""Painting with one's own hand: every stroke is shown, with its colour, its place, its length and its pressure."""
+"""Painting by hand: a person paints each stroke from a picture with its colour, place, length and pressure."""
 
 import math
 import time
@@ -27,10 +27,10 @@ from frida_painter.palette import Palette, to_hex
 from frida_painter.perception.rectify import rectify
 from frida_painter.sheet import CREAM, INK, LINE, SOFT, font
 
-# A sheet for a person's own hand: the strokes to paint next, on the canvas as it was last seen.
+# Sheet for painting by hand: the next strokes, drawn on the last seen canvas.
 
 SHEET_ROWS = 720
-_SHARP = 2  # drawn so many times larger, and made smaller in the end
+_SHARP = 2  # drawn larger by this factor, then scaled down
 _MARGIN, _HEAD = 64, 144
 _MARK = (196, 52, 36)
 _FADED = 0.4
@@ -40,10 +40,13 @@ _Color = tuple[int, int, int]
 
 @dataclass(frozen=True)
 class HandStroke:
-    """A stroke as a person paints it.
+    """Stroke for a person to paint.
 
-    label: its name; paint: its number from 0, None where no paint was asked for; color: sRGB in [0, 1];
-    path [k, 2]: canvas metres; pressure [k]: 0 the lightest touch, 1 the hardest press.
+    label: its name.
+    paint: its number from 0, None if no paint was requested.
+    color: sRGB in [0, 1].
+    path [k, 2]: canvas metres.
+    pressure [k]: 0 for the lightest touch, 1 for the hardest press.
     """
 
     label: str
@@ -54,22 +57,22 @@ class HandStroke:
 
     @property
     def name(self) -> str:
-        """ "Stroke 12"."""
+        """Name for a title, such as "Stroke 12"."""
         return self.label.capitalize()
 
     @property
     def number(self) -> str:
-        """ "12"."""
+        """Number as text, such as "12"."""
         return self.label.split()[-1]
 
     @property
     def level(self) -> int:
-        """How hard it is pressed at the most, in five steps from 0."""
+        """Largest pressure, in five steps from 0."""
         return min(int(float(self.pressure.max()) * len(_LEVELS)), len(_LEVELS) - 1)
 
     @property
     def heading(self) -> tuple[str, str, str]:
-        """Its name and paint; where it begins and ends; how long it is, and how hard."""
+        """Three lines: name and paint; begin and end; length and pressure."""
         (x, y), (end_x, end_y) = self.path[0] * 100, self.path[-1] * 100
         length = 100 * float(np.linalg.norm(np.diff(self.path, axis=0), axis=1).sum())
         return (
@@ -80,7 +83,7 @@ class HandStroke:
 
     @property
     def sentence(self) -> str:
-        """All of it in words."""
+        """Lines of the heading as one sentence."""
         name, where, how = self.heading
         return f"{name}: {where[:1].lower()}{where[1:-1]}; {how}"
 
@@ -93,11 +96,14 @@ def hand_sheet(
     heading: Sequence[str],
     width: float,
 ) -> Tensor:
-    """The sheet, sRGB [3, h, w] in [0, 1]: the canvas faded, with centimetres around it, and the strokes upon it.
+    """Returns the sheet, sRGB [3, h, w] in [0, 1]: the faded canvas with rulers in centimetres, and the strokes on it.
 
-    seen [3, 720, w]: the canvas as it was last seen; done: strokes since then; strokes: one or more to be
-    painted, in order; heading: a title and up to three lines; width: of the mark of the hardest press, metres. Each
-    stroke begins at its ring and ends at its arrow, and its line is as wide as its mark.
+    seen [3, 720, w]: canvas at the last look.
+    done: strokes painted since then.
+    strokes: one or more strokes to paint, in order.
+    heading: a title and up to three lines.
+    width: width of the mark of the hardest press, in metres.
+    Each stroke begins at its ring and ends at its arrow, and its line is as wide as its mark.
     """
     rows, columns = seen.shape[1:]
     size = (columns + 2 * _MARGIN, rows + _HEAD + _MARGIN)
@@ -123,7 +129,7 @@ def hand_sheet(
 
 @dataclass(frozen=True)
 class _Pen:
-    """Draws on the sheet; lengths and places are pixels of the sheet as it will be, or metres of the canvas."""
+    """Drawing tool of the sheet; lengths and places are in pixels of the final sheet, or in metres of the canvas."""
 
     draw: ImageDraw.ImageDraw
     canvas: CanvasSize
@@ -137,17 +143,17 @@ class _Pen:
         return self.rows / self.canvas.height
 
     def at(self, point: NDArray[np.float64]) -> tuple[float, float]:
-        """A place on the canvas as (column, row)."""
+        """Returns a place on the canvas as (column, row)."""
         return _MARGIN + float(point[0]) * self.scale, _HEAD + self.rows - float(point[1]) * self.scale
 
     def outline(self, stroke: HandStroke) -> None:
-        """A stroke in its colour with a dark edge on a light one, seen on any ground."""
+        """Draws a stroke in its colour with a dark and a light edge, visible on any ground."""
         for grown, fill in ((2.5, CREAM), (1.2, INK)):
             self._line(stroke, grown, fill)
         self.mark(stroke)
 
     def mark(self, stroke: HandStroke, strength: float = 1.0) -> None:
-        """A stroke in its colour."""
+        """Draws a stroke in its colour."""
         self._line(stroke, 0.0, _bytes(stroke.color, strength))
 
     def _line(self, stroke: HandStroke, grown: float, fill: _Color) -> None:
@@ -156,7 +162,7 @@ class _Pen:
             self._disc(self.at(np.array((x, y))), radius, fill)
 
     def ends(self, stroke: HandStroke, number: str) -> None:
-        """A ring where a stroke begins, with its number, and an arrow where it ends."""
+        """Draws a ring, with the number, at the start of a stroke, and an arrow at its end."""
         points = [np.array(self.at(point)) for point in stroke.path]
         start, tip = points[0], points[-1]
         before = next((point for point in reversed(points) if float(np.linalg.norm(tip - point)) > 8), start)
@@ -176,7 +182,7 @@ class _Pen:
             self._disc(begin, 9.5, _bytes(stroke.color))
 
     def guides(self, stroke: HandStroke) -> None:
-        """From where a stroke begins to both rulers, and what is read there."""
+        """Draws dashed lines from the start of a stroke to both rulers, with the values there."""
         x, y = self.at(stroke.path[0])
         bottom = _HEAD + self.rows
         for start, end in (((x, y), (x, bottom)), ((x, y), (_MARGIN, y))):
@@ -186,7 +192,7 @@ class _Pen:
             self._text((left, top), f"{100 * metres:.1f}", 15, CREAM, "mm")
 
     def gauge(self, stroke: HandStroke) -> None:
-        """How hard, in five steps."""
+        """Draws the pressure, in five steps."""
         right = _MARGIN + self.columns
         for level in range(len(_LEVELS)):
             radius = 6.0 + 2.6 * level
@@ -195,7 +201,7 @@ class _Pen:
         self._text((right - 100, 100), _LEVELS[stroke.level], 16, SOFT, "mm")
 
     def head(self, color: tuple[float, float, float], heading: Sequence[str], room: int) -> None:
-        """The swatch of the paint, a title and its lines, `room` pixels being left free on the right."""
+        """Draws the swatch of the paint, a title and its lines; leaves `room` pixels free on the right."""
         self._box((_MARGIN, 26, _MARGIN + 92, 118), 12, _bytes(color), LINE)
         left = _MARGIN + 108
         most = _MARGIN + self.columns - left - room
@@ -204,7 +210,7 @@ class _Pen:
             self._text((left, 60 + 23 * row), text, self._fitting(text, most, 17), SOFT, "la")
 
     def ruler(self) -> None:
-        """Centimetres from the left and from the bottom, every fifth with its number."""
+        """Draws centimetres from the left and from the bottom, every fifth with its number."""
         left, top, right, bottom = _MARGIN, _HEAD, _MARGIN + self.columns, _HEAD + self.rows
         for corners in (((left, top), (right, top)), ((right, top), (right, bottom))):
             self._stroke(*corners, LINE)
@@ -244,7 +250,7 @@ class _Pen:
         self.draw.text(self._sharp(at), text, fill=fill, font=font(size * _SHARP), anchor=anchor)
 
     def _fitting(self, text: str, width: float, largest: int) -> float:
-        """The size, no larger than that, in which a text is no wider than `width`."""
+        """Returns the largest font size, at most `largest`, in which a text is no wider than `width`."""
         return min(largest, largest * width / max(font(largest).getlength(text), 1.0))
 
     @staticmethod
@@ -253,7 +259,7 @@ class _Pen:
 
 
 def _densely(values: NDArray[np.float64], parts: int = 4) -> NDArray[np.float64]:
-    """Values [k] or [k, 2] with others in between."""
+    """Returns values [k] or [k, 2] with interpolated ones between."""
     at, known = np.linspace(0, len(values) - 1, parts * (len(values) - 1) + 1), np.arange(len(values))
     if values.ndim == 1:
         return np.interp(at, known, values)
@@ -265,15 +271,15 @@ def _bytes(color: tuple[float, float, float], strength: float = 1.0) -> _Color:
     return red, green, blue
 
 
-_MOST = 8  # strokes on one sheet, so that none is lost among the others
+_MOST = 8  # most strokes on one sheet, so that a person can tell them apart
 
 
 class ByHand(PersonAsOperator):
-    """Stands for robot and operator of an easel at which a person paints; its camera remembers what it saw.
+    """Robot and operator of an easel at which a person paints; its camera remembers the last photograph.
 
-    Implements hardware.robot.Robot over `easel.robot`, which hears of a motion when the person says that
-    it is done. One stroke is shown at a time, or as many of one dip as are clear to see, as the person
-    likes. Raises Interrupted where they put the brush down.
+    Implements hardware.robot.Robot around `easel.robot`, which gets a motion after the person reports it done. The
+    sheet shows one stroke at a time, or several of one paint if the person prefers that.
+    Raises Interrupted if the person stops painting.
     """
 
     def __init__(self, easel: Easel, answer: Callable[[Question], Answer]) -> None:
@@ -284,15 +290,15 @@ class ByHand(PersonAsOperator):
         self._palette: Palette | None = None
         self._paint: int | None = None
         self._unclean = False
-        self._at_once: bool | None = None  # several strokes on a sheet; None before the person has said
+        self._at_once: bool | None = None  # True for several strokes on a sheet; None before the person has decided
         self._coming: Sequence[Waypoints] = ()
         self._done_already: Sequence[Waypoints] = ()  # strokes of a sheet that was painted as a whole
-        self._before = ""  # what is to be done with the brush before the next stroke
+        self._before = ""  # instruction for the brush before the next stroke
         self._since_look: list[HandStroke] = []
         self._aside, self._touched = False, True
 
     def fill_wells(self, palette: Palette) -> None:
-        """Asks for the paints, and remembers them; and how many strokes are to be shown at a time."""
+        """Asks for the paints and remembers them; the first time, asks how many strokes a sheet may show."""
         super().fill_wells(palette)
         self._palette, self._paint = palette, None
         if self._at_once is None:
@@ -303,35 +309,35 @@ class ByHand(PersonAsOperator):
             self._at_once = self._answer(several) is True
 
     def foretell(self, motions: Sequence[Waypoints]) -> None:
-        """Hears what will be asked for next."""
+        """Receives the motions that follow."""
         self._coming = [motion for motion in motions if len(motion.position) > 1]
 
     def connect(self) -> None:
-        """Nothing but the camera moves."""
+        """Connects `easel.robot`."""
         self._robot.connect()
 
     def home(self) -> MotionReport:
-        """The brush is washed and laid aside, where there is paint on it."""
+        """Asks the person to wash the brush if there is paint on it, then moves to the home position."""
         if self._unclean:
             self._retry_after_pause(Confirm("Wash the brush and wipe it dry. Done?"))
             self._unclean, self._paint, self._before = False, None, ""
-        self._touched |= self._aside  # nobody looked in between: it was a pause, and who knows what was done in it
+        self._touched |= self._aside  # it was a pause, in which the canvas may have been touched
         self._aside = True
         return self._robot.home()
 
     def pose(self) -> NDArray[np.float64]:
-        """Where the hand was last, [3] metres."""
+        """Returns the last position of the hand, [3] metres."""
         return self._robot.pose()
 
     def follow(self, waypoints: Waypoints) -> MotionReport:
-        """Asks for a stroke, and for what the brush needs before; takes note when it is done or left out."""
-        if len(waypoints.position) == 1:  # a way through the air, which nobody has to be told of
+        """Asks the person for a stroke and for the brush work before it; reports it as done or left out."""
+        if len(waypoints.position) == 1:  # travel through the air needs no request
             return self._robot.follow(waypoints)
         self._pass(waypoints)
         self._aside = left_out = False
         well = self._well(waypoints)
         if self._is_done(waypoints):
-            pass  # it was on a sheet of several
+            pass  # already painted from a sheet of several strokes
         elif well is not None:
             self._before = self._dipping(well)
             self._paint, self._unclean = well, False
@@ -339,15 +345,15 @@ class ByHand(PersonAsOperator):
             self._touched = True
             left_out = not self._is_painted(waypoints)
         else:
-            self._unclean = True  # washing is asked for together with the dip that follows, or before a look
+            self._unclean = True  # washing is requested together with the next dip, or before a look
         return replace(self._robot.follow(waypoints), left_out=left_out)
 
     def stop(self) -> None:
-        """Nothing more is asked for."""
+        """Stops: asks for no further motion."""
         self._robot.stop()
 
     def close(self) -> None:
-        """Lets go."""
+        """Closes `easel.robot`."""
         self._robot.close()
 
     def _changing_to(self, brush: str) -> str:
@@ -358,19 +364,19 @@ class ByHand(PersonAsOperator):
         return f"Mix these paints, and put them out by their numbers: {paints}. Are all of them there?"
 
     def _pass(self, waypoints: Waypoints) -> None:
-        """Of what was foretold, only what comes after this motion is still to come."""
+        """Removes this motion and the ones before it from the motions that follow."""
         later = [index + 1 for index, motion in enumerate(self._coming) if motion is waypoints]
         self._coming = self._coming[later[0] :] if later else ()
 
     def _is_done(self, waypoints: Waypoints) -> bool:
-        """Whether a stroke is painted already, or a dip is for one that is."""
+        """Returns True if a stroke is painted already, or if a dip belongs to a painted stroke."""
         stroke = waypoints if self._over_canvas(waypoints) else next(filter(self._over_canvas, self._coming), None)
         return stroke is not None and any(
             stroke.label == done.label and np.array_equal(stroke.position, done.position) for done in self._done_already
         )
 
     def _well(self, waypoints: Waypoints) -> int | None:
-        """The number of the well into which a motion dips; None where it does not."""
+        """Returns the number of the well that a motion dips into; None for another motion."""
         middle = waypoints.position.mean(0)[:2]
         away = [float(np.linalg.norm(middle - well[:2])) for well in self._easel.workspace.wells]
         nearest = int(np.argmin(away))
@@ -382,14 +388,14 @@ class ByHand(PersonAsOperator):
         return bool(((place >= -0.01) & (place <= (size.width + 0.01, size.height + 0.01))).all())
 
     def _dipping(self, well: int) -> str:
-        """How to take paint from a well, as a sentence."""
+        """Returns the instruction to take paint from a well."""
         color = "" if self._palette is None else f" ({to_hex(self._palette.color[well])})"
         if self._unclean or (self._paint is not None and self._paint != well):
             return f"Wash the brush, wipe it dry and dip it into paint {well + 1}{color}."
         return f"Dip the brush{' again' if self._paint == well else ''} into paint {well + 1}{color}."
 
     def _is_painted(self, waypoints: Waypoints) -> bool:
-        """Whether the person has painted a stroke; False where they leave it out."""
+        """Returns True if the person has painted a stroke; False if they leave it out."""
         if self._at_once and self._are_painted(self._sheet_from(waypoints)):
             return True
         stroke = self._stroke(waypoints)
@@ -406,7 +412,7 @@ class ByHand(PersonAsOperator):
         return False
 
     def _sheet_from(self, waypoints: Waypoints) -> list[Waypoints]:
-        """This stroke and what follows it with the same paint, dips between them too, up to so many strokes."""
+        """Returns this stroke and the following ones of the same paint, with the dips between, up to 8 strokes."""
         found = [waypoints]
         for motion in self._coming:
             if not (self._over_canvas(motion) or self._well(motion) == self._paint):
@@ -416,7 +422,7 @@ class ByHand(PersonAsOperator):
         return found[: strokes[-1] + 1]
 
     def _are_painted(self, motions: Sequence[Waypoints]) -> bool:
-        """Whether the person has painted all of these strokes; where they have not, the first is asked for alone."""
+        """Returns True if the person has painted all of these strokes; otherwise the first one is requested alone."""
         strokes = [self._stroke(motion) for motion in motions if self._over_canvas(motion)]
         if len(strokes) < 2:
             return False
@@ -437,7 +443,7 @@ class ByHand(PersonAsOperator):
         return True
 
     def _stroke(self, waypoints: Waypoints) -> HandStroke:
-        """What a person has to know of a motion: its part on the canvas, without coming down and lifting."""
+        """Returns the stroke of a motion: its part on the canvas, without lowering and lifting."""
         path = waypoints.position[1:-1] if len(waypoints.position) > 3 else waypoints.position
         record = self._easel.calibration
         depth = (record.touch_height - path[:, 2]) / (record.touch_height - record.press_height)
@@ -451,13 +457,13 @@ class ByHand(PersonAsOperator):
         return hand_sheet(self._easel.canvas, self._paper(), self._since_look, strokes, heading, self._width)
 
     def _paper(self) -> Tensor:
-        """The canvas as it was last seen, or bare."""
+        """Returns the canvas at the last look, or a white one."""
         grid = PixelGrid.of_height(self._easel.canvas, SHEET_ROWS)
         seen = self.camera.canvas(self._easel.calibration, grid)
         return torch.ones(3, grid.rows, grid.columns) if seen is None else seen
 
     def _settle(self) -> None:
-        """Asks for the canvas to be in the camera's sight, unless it was when it was last seen."""
+        """Asks the person to clear the camera's view, unless nothing has changed since the last look."""
         if self._touched:
             folder = self._easel.calibration.camera.startswith("folder:")
             how = "Take a photograph of the canvas into the folder" if folder else "The canvas is photographed now"
@@ -471,28 +477,31 @@ class ByHand(PersonAsOperator):
 
 
 class Remembering:
-    """A camera that remembers its last photograph; settle: called before each is taken."""
+    """Camera that remembers its last photograph.
+
+    settle: called before each photograph.
+    """
 
     def __init__(self, camera: Camera, settle: Callable[[], None]) -> None:
         self._camera, self._settle = camera, settle
         self._last: Frame | None = None
 
     def connect(self) -> None:
-        """Reaches the camera."""
+        """Connects the camera."""
         self._camera.connect()
 
     def capture(self, newer_than: float) -> Frame:
-        """A photograph taken after `newer_than` (s)."""
+        """Returns a photograph taken after `newer_than` (s)."""
         self._settle()
         self._last = self._camera.capture(newer_than)
         return self._last
 
     def close(self) -> None:
-        """Lets go of the camera."""
+        """Closes the camera."""
         self._camera.close()
 
     def canvas(self, calibration: Calibration, grid: PixelGrid) -> Tensor | None:
-        """The canvas [3, rows, columns] in the last photograph; None where there is none that shows it."""
+        """Returns the canvas [3, rows, columns] of the last photograph; None if no photograph shows it."""
         if self._last is None:
             return None
         try:
@@ -502,18 +511,18 @@ class Remembering:
 
 
 def _listed(numbers: Sequence[str]) -> str:
-    """ "3", "3 and 5", "3, 5 and 6"."""
+    """Returns numbers as text, such as "3", "3 and 5" or "3, 5 and 6"."""
     return " and ".join([", ".join(numbers[:-1])] * (len(numbers) > 1) + [numbers[-1]])
 
 
-# `human`: a person's own hand in the place of a robot, as the easel's process sees it.
+# Robot of the easel kind `human`: a person paints in the robot's place.
 #
-# Whoever talks with the person asks for a motion first and sends it here when it is done
-# (session/human.py), so that stops, locks, clocks and records are those of any other robot.
+# The painting process asks the person for a motion first, and sends it here when it is done (`ByHand`). Stops,
+# locks, clocks and records therefore work as for any other robot.
 
 
 class HumanRobot:
-    """Implements hardware.robot.Robot: believes that what is sent to it has been done."""
+    """Robot that reports each motion as done; implements hardware.robot.Robot."""
 
     def __init__(self, home: Point) -> None:
         self._home = np.array(home)
@@ -521,21 +530,21 @@ class HumanRobot:
         self._interlock = Interlock("the person")
 
     def connect(self) -> None:
-        """Begins with the hand aside."""
+        """Begins with the hand at the home position."""
         self._tip = self._home
         self._interlock.opened()
 
     def home(self) -> MotionReport:
-        """The hand is out of the camera's sight."""
+        """Returns the report of a motion to the home position."""
         return self.follow(Waypoints("home", self._home[None], 1.0))
 
     def pose(self) -> NDArray[np.float64]:
-        """Where the hand was last, [3] metres."""
+        """Returns the last position of the hand, [3] metres."""
         self._interlock.require_ready("pose")
         return self._tip.copy()
 
     def follow(self, waypoints: Waypoints) -> MotionReport:
-        """Takes note that the person has done it. Raises RobotStopped, MotionFailed where it is no path."""
+        """Stores the motion as done. Raises RobotStopped after a stop, MotionFailed if the waypoints are no path."""
         self._interlock.require_ready(waypoints.label)
         self._interlock.require_path(waypoints)
         self._tip = waypoints.position[-1].copy()
@@ -543,9 +552,9 @@ class HumanRobot:
         return MotionReport(waypoints.label, now, now, self._tip.copy())
 
     def stop(self) -> None:
-        """Nothing more is taken note of; what stops a hand is the person."""
+        """Accepts no further motions; only the person can stop the hand itself."""
         self._interlock.stop()
 
     def close(self) -> None:
-        """Lets go."""
+        """Closes the connection."""
         self._interlock.closed()

@@ -1,4 +1,4 @@
-"""`human`: a canvas, a camera, and the hand of a person whom the painting process talks with."""
+"""Easel kind `human`: a canvas, a camera and a person who paints by hand, guided by the painting process."""
 
 from dataclasses import replace
 from typing import TYPE_CHECKING

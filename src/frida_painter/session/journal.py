@@ -1,9 +1,8 @@
-"""The journal of a painting: every stroke, motion, plan and photograph, so that another process can go on.
+"""Journal of a painting: every stroke, motion, plan and photograph, so that another process can resume it.
 
-What is in the journal is on the disk. A stroke is noted before the robot is told of it and again when
-it is done, so that after any crash at most one stroke is in doubt. That is why the session calls the journal
-itself for what must be on the disk before it goes on, and can pause where it cannot be; what is only good
-to know the journal hears like any listener.
+An entry is on the disk before the painting continues. A stroke is noted before the robot gets it and again when it
+is done, so that after a crash at most one stroke is in doubt. The session therefore writes these entries by direct
+calls and can pause if they fail. Less important entries reach the journal like any listener.
 """
 
 import contextlib
@@ -54,7 +53,7 @@ from frida_painter.session.events import (
 )
 from frida_painter.session.old_events import renewed
 
-# What a journal tells: how far a painting came, by which plan, and which stroke is in doubt.
+# History from a journal: progress, plan and the stroke in doubt.
 
 FORMAT = "frida-painter journal"
 VERSION = 2
@@ -62,7 +61,13 @@ VERSION = 2
 
 @dataclass(frozen=True)
 class Planning:
-    """A plan that was adopted, or kept after a look: its digest, strokes painted then, photograph and placement."""
+    """Plan that was adopted, or kept after a look.
+
+    digest: digest of the plan.
+    done: number of painted strokes at that time.
+    photograph: file of the photograph that it was made for.
+    placement: placement at that time.
+    """
 
     digest: str
     done: int
@@ -72,20 +77,29 @@ class Planning:
 
 @dataclass
 class History:
-    """How far a painting came.
+    """Progress of a painting, from its journal.
 
-    settings, rests_on: as it was begun; plannings: the plans that were adopted or kept, in order; painted: strokes
-    that are done or were given up; in_doubt: the number of the stroke that was begun and not ended;
-    drying: the last word of a layer that dries on the canvas, and when it was written; light: of the last look,
-    [3, terms]; held: the brush that a robot with a rack holds, "" for none, None where it broke off while it changed
-    it; looks, dips, cleanings, runs: how many there were; photographs: the sha256 of those
-    that were kept, by file, None where an earlier program took them; given_up:
-    numbers of strokes in doubt that were skipped, and of those that a person left out; region: the file of
-    what a person drew over the canvas, and whether only there it may be painted, None where nothing is
-    protected; goal: the folder of the goal that it is painted towards since it was changed, "" before;
-    finished: whether nothing is left to do, and robot_seconds: how long the robot took then; seconds: that were
-    spent on it, pauses between runs left out; last: when the last record was written; missing: how many records
-    the journal has lost at its end.
+    settings, rests_on: values at the beginning of the painting.
+    plannings: adopted or kept plans, in order.
+    painted: number of strokes that are done or given up.
+    in_doubt: number of the stroke that was begun and not ended.
+    given_up: numbers of strokes that were skipped in doubt or left out by a person.
+    drying: last event of a layer that dries on the canvas, and the time of its record.
+    held: brush that a robot with a rack holds; "" for none, None if the painting broke off during a change.
+
+    light: light at the last look, [3, terms].
+    photographs: sha256 of each kept photograph, by file; None in journals of earlier versions.
+    last_photograph: file of the last kept photograph.
+    looks, dips, cleanings, runs: their numbers.
+    region: file of the region that a person drew, and True if only its inside may be painted; None without a
+    region.
+    goal: folder of the changed goal, "" before a change.
+
+    finished: True if the painting is complete.
+    robot_seconds: robot time of a finished painting.
+    seconds: time spent, without the breaks between runs.
+    last: time of the last record.
+    missing: number of records lost at the journal's end.
     """
 
     settings: dict[str, Any]
@@ -113,7 +127,10 @@ class History:
 
     @classmethod
     def of(cls, records: Iterable[dict[str, Any]], folder: Path) -> "History":
-        """The history that the records of a journal in `folder` tell. Raises StorageError where they tell none."""
+        """Returns the history from the records of a journal in `folder`.
+
+        Raises StorageError if the journal is not a painting's, is of a newer version, or lacks something.
+        """
         first, *others = records
         if first.get("format") != FORMAT:
             raise StorageError(f"{folder} holds a journal that is not a painting's; give the folder of a painting.")
@@ -140,7 +157,7 @@ class History:
         if isinstance(event, PaintingBegun | SessionResumed):
             self.runs += 1
         elif self.last is not None:
-            # The clock of the machine may have been set back in between.
+            # The clock of the machine may have been set back meanwhile.
             self.seconds += max(0.0, (at - self.last).total_seconds())
         self.last = at
         match event:
@@ -179,9 +196,9 @@ class History:
                 pass
 
     def wet(self, now: datetime | None = None) -> float | None:
-        """Seconds that the last layer still dries; None where it did not begin to.
+        """Returns the seconds that the last layer still dries; None if drying did not begin.
 
-        now: the time, None where nothing has dried since the painting broke off, as in a simulated studio.
+        now: current time. None: nothing has dried since the painting broke off, as in a simulated studio.
         """
         if self.drying is None or self.drying[0].done != self.painted:
             return None
@@ -190,7 +207,7 @@ class History:
         return max(0.0, drying.left - passed)
 
     def decide(self, *, repaint: bool) -> None:
-        """Settles the stroke in doubt, if there is one: it is painted again, or given up."""
+        """Decides about the stroke in doubt, if there is one: it is painted again, or given up."""
         if self.in_doubt is not None and not repaint:
             self.painted = self.in_doubt
             self.given_up.append(self.in_doubt)
@@ -198,7 +215,7 @@ class History:
 
 
 def renewed_journal(records: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The records of a journal of an earlier version in the words of this one."""
+    """Returns the records of an older journal in the form of the current version."""
     first, *others = [each for record in records for each in renewed(record)]
     return [{**first, "version": VERSION}, *others]
 
@@ -211,8 +228,8 @@ A_PHOTOGRAPH = "a photograph of the canvas"
 class Journal:
     """Writes the journal, the plan and the photographs into a painting's folder.
 
-    book: the journal's file, None where a painting is to leave no traces. Raises StorageError where
-    something cannot be written that resuming needs; a photograph is rather left out.
+    book: file of the journal. None: nothing is written.
+    Raises StorageError if an entry that resuming needs cannot be written; a photograph is left out instead.
     """
 
     def __init__(self, book: EventLog | None, looks: int = 0) -> None:
@@ -222,22 +239,26 @@ class Journal:
 
     @classmethod
     def nowhere(cls) -> Self:
-        """The journal of a painting that nobody will resume."""
+        """Returns a journal that writes nothing."""
         return cls(None)
 
     @classmethod
     def begin(cls, folder: Path, settings: dict[str, Any], rests_on: dict[str, str]) -> Self:
-        """The journal of a new painting.
+        """Returns the journal of a new painting.
 
-        settings: how it is painted, as plain values; rests_on: by name, what else decides how it is
-        painted (hashes of goal, calibration and brush), to be compared when it is resumed.
+        settings: settings of the painting, as plain values.
+        rests_on: hashes, by name, of the other inputs (goal, calibration and brush), which are compared when it is
+        resumed.
         """
         begun = record(PaintingBegun(settings, rests_on, **_who()))
         return cls(EventLog.begin(folder / JOURNAL, {"format": FORMAT, "version": VERSION, **begun}))
 
     @classmethod
     def reopen(cls, folder: Path) -> tuple[Self, History]:
-        """The journal of a painting that broke off, and what it tells; one of an earlier version is written anew."""
+        """Returns the journal of a painting that broke off, and its history; an older journal is converted.
+
+        Raises StorageError if the folder has no journal, or a damaged one.
+        """
         if not storage.exists(folder / JOURNAL):
             raise StorageError(
                 f"{storage.shown(folder)} is not the folder of a painting: it holds no journal; give one that does."
@@ -254,33 +275,33 @@ class Journal:
         return cls(book, history.looks), history
 
     def close(self) -> None:
-        """Lets another process have the journal."""
+        """Closes the journal, so that another process can open it."""
         if self._book is not None:
             self._book.close()
 
     def resumed(self, history: History, *, repaint: bool) -> None:
-        """A person has had the painting resumed, and decided on the stroke in doubt; so `history` has it then."""
+        """Notes that a person resumed the painting and decided about the stroke in doubt; updates `history`."""
         decision = "" if history.in_doubt is None else "repaint" if repaint else "skip"
         self.tell(SessionResumed(history.painted, history.in_doubt, decision, **_who()))
         history.decide(repaint=repaint)
 
     def planned(self, plan: Plan, done: int, placement: Placement) -> None:
-        """From stroke `done` + 1 on, painting goes by this plan of all strokes, which is put into the folder.
+        """Notes that painting follows this plan of all strokes from stroke `done` + 1 on, and saves the plan.
 
-        It is noted first, so that a plan that stands in the folder is always one that the journal names.
+        The note comes first, so that the journal knows every plan that the folder may hold.
         """
         self.kept(plan, done, placement)
         if self._book is not None:
             plan.save(self._book.path.with_name(PLAN))
 
     def kept(self, plan: Plan, done: int, placement: Placement) -> None:
-        """After a look at stroke `done` painting still goes by this plan; the placement was learned from the look."""
+        """Notes that painting still follows this plan after a look at stroke `done`, with the newer placement."""
         touch = placement.touch
         where = (placement.error, placement.information, dict(touch.depths), touch.lower, touch.information)
         self.tell(PlanAdopted(plan.digest, done, self._photograph, *where))
 
     def begins(self, action: Action, plan: Plan) -> None:
-        """The robot will now be told this; not where the disk has no room to take down how it ends."""
+        """Notes that the robot will now get this action. Raises StorageError if there is no room to note its end."""
         if self._book is not None:
             self._book.require_reserve()
         what = tuple(motion.label for motion in action.motions)
@@ -291,11 +312,11 @@ class Journal:
             self.tell(MotionBegan(what))
 
     def ends(self, done: Dipped | StrokePainted | StrokeLeftOut) -> None:
-        """The robot has done it, or a person has left it out."""
+        """Notes that the robot has done an action, or that a person has left out a stroke."""
         self.tell(done)
 
     def looked(self, frame: Frame, light: FlatField | None) -> None:
-        """A photograph was taken for planning; it is kept as the camera gave it where there is room for it."""
+        """Notes a photograph for planning, and keeps it in the camera's pixels if there is room."""
         name = f"{PHOTOGRAPHS}/look-{self._looks:04d}.png"
         self._looks += 1
         content = self._keep(frame.image, name)
@@ -304,18 +325,18 @@ class Journal:
         self.tell(Photographed(self._photograph, frame.captured_at, frame.sequence, light_now, content))
 
     def tell(self, event: Written) -> None:
-        """Writes an event down; when this returns, it is on the disk."""
+        """Writes an event; it is on the disk when this returns."""
         if self._book is not None:
             self._book.append(record(event))
 
     def hear(self, event: Event) -> None:
-        """Notes what is not needed to go on; where it finds no room, it is left out."""
+        """Notes events that resuming does not need; they are left out if there is no room."""
         if isinstance(event, Paused | Failed | LastLookDoubted):
             with contextlib.suppress(StorageError):
                 self.tell(event)
 
     def _keep(self, photograph: NDArray[np.uint8], name: str) -> str | None:
-        """sha256 of the file; None where there is none."""
+        """Saves a photograph and returns its sha256; None if it was not saved."""
         if self._book is None:
             return None
         path = self._book.path.parent / name
@@ -327,7 +348,7 @@ class Journal:
 
 
 def _who() -> dict[str, Any]:
-    """Who paints: the person's name on this machine, the machine, the process and the program."""
+    """Returns the person's name and machine, the process number and the program version."""
     try:
         name = getpass.getuser()
     except (OSError, KeyError):

@@ -1,18 +1,19 @@
-"""The closed loop: plan, paint some strokes, look, plan the rest again (paper, Algorithm 1, `paint`).
+"""Closed loop of a painting: plan, paint some strokes, look, replan the rest (paper, Algorithm 1, `paint`).
 
-Start reading here. This file only says what follows what; who does it:
+Start reading here. This file holds only the order of the steps; these modules perform them:
 
-    look at the bare canvas, have it toned where a ground is wanted, and plan
+    look at the bare canvas, have it toned if a ground is wanted, and plan
     while strokes are left:
-        paint a batch of strokes                         act      batch_executor.py, brushwork.py
-        let a layer dry that is done, and have brush and paints of the next one there
-        look at the canvas, compare with what was meant  observe  execution_monitor.py, canvas_observer.py
-        plan the rest again, where replan_policy.py      plan     plan_keeper.py, planning/planner.py
-            wants that                                   tell     events.py, journal.py
+        paint a batch of strokes                         act      executor.py, hand.py
+        let a finished layer dry, get brush and paints of the next one
+        look at the canvas and compare it with the plan  observe  observer.py, plan_keeper.py
+        replan the rest if replan_policy.py wants that   plan     plan_keeper.py, planning/planner.py
+                                                         tell     events.py, journal.py
 
-`PaintingSession._paint` is these lines. `painting.py` holds how far it is, `interruptions.py` what comes in between: a
-person who stops or pauses it, a disk or a camera that fails. What must be on the disk before the robot moves is put
-into the journal by direct calls, for that can fail, and then nothing moves; the rest is told to whoever listens.
+`PaintingSession._paint` is these lines. `painting.py` holds the progress. `executor.py` handles interruptions: a
+person who stops or pauses, a disk or a camera that fails. Entries that must be on the disk before the robot moves
+are written to the journal by direct calls. If such a call fails, nothing moves. All other events go to the
+listeners.
 """
 
 from collections.abc import Callable
@@ -37,16 +38,18 @@ from frida_painter.session.replan_policy import ReplanPolicy
 
 
 class PaintingSession:
-    """One painting, from a bare canvas, or from where it broke off, to the last stroke.
+    """One painting, from a bare canvas or from the point where it broke off, to the last stroke.
 
-    `stop_asked` and `pause_asked` are heeded after every stroke and every planning iteration; `notify`
-    hears what happens; `go_on` is asked, and waits for a person's answer, when the painting has paused:
-    on a person's wish, or because the disk or the camera failed; `mixed` is asked, and waits, when the
-    palette is settled, and answers with what was really mixed, or None for just that. Raises
-    PaintingPaused where `go_on` answers no, and RobotError, PlanError and their kinds; what is on the
-    canvas stays, and in the journal.
-    budget: seconds of the robot's clock that the painting may take; strokes that would be missed least are left out.
-    Before it answers, `go_on` may have the session `look_again`, or `paint_instead`, or give it another `planner`.
+    stop_asked, pause_asked: checked after every stroke and every planning iteration.
+    notify: receives the events.
+    go_on: called in a pause (on request, or after a fault of disk or camera); waits for a person and returns True
+    to go on. Before it returns, it may call `look_again` or `paint_instead`, or set another `planner`.
+    mixed: called when the palette is known; waits and returns the really mixed paints, or None for the wanted ones.
+    budget: seconds of the robot's clock for the whole painting. The strokes that matter least are left out to keep
+    it.
+
+    Raises PaintingPaused if `go_on` returns False, and RobotError, PlanError and their subclasses. The painting
+    stays on the canvas and in the journal.
     """
 
     def __init__(
@@ -84,26 +87,32 @@ class PaintingSession:
         self._executor = BatchExecutor(brushwork, observer, frames, *shared)
         self._monitor = ExecutionMonitor(self._plans, self._executor, brushwork, observer, *shared)
         self._mixed, self._notify = mixed, notify
-        self._began_at = 0.0  # s of the robot's clock
+        self._began_at = 0.0  # seconds of the robot's clock
 
     def run(self, strokes: int, colors: int, plan: Plan | None = None) -> Painting:
-        """Paints `strokes` strokes, or as many as the budget allows, in `colors` paints on a bare canvas.
+        """Paints a bare canvas with `strokes` strokes, or as many as the budget allows, in `colors` paints.
 
-        A person may stop it. plan: one of so many strokes that was made before, and is painted instead of a new one.
+        A person may stop it.
+        plan: plan with this number of strokes, painted instead of a new one.
         """
         return self._to_the_end(lambda: self._begin(strokes, colors, plan))
 
     def resume(self, where: ResumeState) -> Painting:
-        """Paints what is left of a painting, with a clean brush and wells filled anew."""
+        """Paints the rest of a painting, with a clean brush and newly filled wells."""
         return self._to_the_end(lambda: self._begin_again(where))
 
     def _paint(self) -> None:
-        """Paints a batch, looks, and plans the rest again, until no stroke is left; looks also where a layer begins."""
+        """Paints a batch, looks, and replans the rest, until no stroke is left.
+
+        Also looks at the start of each layer.
+        """
         progress = self._progress
         looks = self.policy.next_look(0, progress.strokes) < progress.strokes
         while progress.planned_at < progress.strokes:
             end = self.policy.next_look(progress.planned_at, progress.strokes)
-            while progress.painted < min(end, progress.strokes) or progress.must_dry:  # a pause may leave strokes out
+            while (
+                progress.painted < min(end, progress.strokes) or progress.must_dry
+            ):  # a plan set in a pause may have fewer strokes
                 if progress.must_dry:
                     self._executor.let_dry()
                 if looks and progress.begins_layer and progress.planned_at < progress.painted:
@@ -117,13 +126,13 @@ class PaintingSession:
                 self._plans.keep()
 
     def look(self) -> Tensor:
-        """The canvas as it is now, seen without the arm, never from a photograph older than the last motion."""
+        """Returns the current canvas, seen without the arm, from a photograph newer than the last motion."""
         return self._monitor.look()
 
     def look_again(self, rounds: int = 1) -> None:
-        """Looks at what a person has made of the canvas, and plans the rest again; while the painting has paused.
+        """Looks at the canvas after a person may have painted on it, and replans the rest; for use in a pause.
 
-        rounds: of planning; more than one where the goal has changed.
+        rounds: rounds of the replan; more than one is useful if the goal has changed.
         """
         if self._monitor.observe().left:
             self._plans.replan(rounds)
@@ -131,12 +140,12 @@ class PaintingSession:
             self._plans.keep()
 
     def paint_instead(self, rest: Plan) -> None:
-        """Takes the place of what was still to be painted, palette and canvas being the same; in a pause as well."""
+        """Replaces the unpainted rest of the plan, with the same palette and canvas; also in a pause."""
         self._plans.replace(rest)
 
     @property
     def planner(self) -> Planner:
-        """What plans; another one may take its place in a pause."""
+        """Planner of the session; it may be replaced in a pause."""
         return self._plans.planner
 
     @planner.setter
@@ -145,12 +154,12 @@ class PaintingSession:
 
     @property
     def rest(self) -> Plan:
-        """What is still to be painted. Raises PlanError where nothing has been planned yet."""
+        """Strokes that are not painted yet. Raises PlanError before the first plan."""
         return self._progress.rest
 
     @property
     def so_far(self) -> Painting | None:
-        """What has come of it, as it was last seen; None where the canvas was never seen."""
+        """Result so far, as last seen; None if the canvas was never seen."""
         seen = self._progress.canvas.before
         return None if seen is None else self._progress.as_painting(seen)
 
@@ -164,7 +173,7 @@ class PaintingSession:
         self._equip()
 
     def _equip(self) -> None:
-        """Has brush and paints of the next stroke's layer there, and the strokes in what was really mixed."""
+        """Gets brush and paints of the next stroke's layer, and binds the strokes to the really mixed paints."""
         progress, rest = self._progress, self.rest
         if not len(rest):
             return
@@ -184,7 +193,7 @@ class PaintingSession:
             self._executor.begin_layer(LayerBegun(progress.painted, number + 1, layer.brush, layer.paints[0]))
 
     def _tone(self, ground: tuple[float, float, float]) -> Tensor:
-        """Has the canvas toned and returns it as it is then, [3, H, W]; pauses once where it has another colour."""
+        """Has the canvas toned and returns it, [3, H, W]; pauses once if its colour differs from the ground."""
         self._executor.tone(ground)
         canvas = self.look()
         if not has_ground(canvas, ground):

@@ -1,4 +1,4 @@
-"""The eye of the painter: photographs of the easel become pictures of the canvas, straight on and in true colours."""
+"""Observer: turns photographs of the easel into rectified pictures of the canvas in true colours."""
 
 import contextlib
 import time
@@ -28,16 +28,16 @@ from frida_painter.perception.srgb import light_of_bytes, to_srgb
 from frida_painter.plan import WHITE
 from frida_painter.session.events import Notify, StrokePainted, TimelapseFrame
 
-# What a painting begins on: a bare canvas, one that was toned, or whatever is there where a person wants that.
+# Start of a painting: on a bare canvas, on a toned one, or on a canvas with a painting.
 
 TOLERANCE = 20.0
-"""CIELAB within which a canvas that a person has toned by hand has the ground that was wanted."""
+"""Largest difference in CIELAB between a canvas toned by hand and the wanted ground."""
 
-_SURE = 5.0  # CIELAB within which the camera knows a colour
+_SURE = 5.0  # accuracy of the camera in CIELAB
 
 
 def has_ground(canvas: Tensor, ground: Color) -> bool:
-    """Whether the canvas [3, H, W] has that ground (sRGB), and is not white paper, to which a pale ground is near."""
+    """Returns True if the canvas [3, H, W] has that ground (sRGB), and is not just white paper."""
     from_white = float((to_lab(torch.tensor(ground)) - to_lab(torch.tensor(WHITE))).norm())
     return is_evenly(canvas, ground, min(TOLERANCE, max(_SURE, from_white / 2)))
 
@@ -48,11 +48,12 @@ def _never(sentence: str, canvas: Tensor) -> bool:
 
 @dataclass(frozen=True)
 class CanvasStart:
-    """How a painting may begin.
+    """Allowed start of a painting.
 
-    ground: sRGB in which the bare canvas is toned, or was toned already; on_canvas: whether it begins on what is on
-    the canvas; paint_on: asked, with a sentence and the canvas [3, H, W], where something is on it and nobody said
-    so.
+    ground: sRGB of the ground, to be toned or already there.
+    on_canvas: True if the canvas has a painting, which the new one begins on.
+    paint_on: called with a sentence and the canvas [3, H, W] if something is on it unexpectedly; returns True to
+    paint on.
     """
 
     ground: Color = WHITE
@@ -60,11 +61,11 @@ class CanvasStart:
     paint_on: Callable[[str, Tensor], bool] = _never
 
     def light(self, photograph: NDArray[np.uint8], picture: Tensor, easel: Easel) -> FlatField:
-        """What the light does, by the first photograph [H, W, 3] and the canvas in it [3, h, w], rectified.
+        """Returns the light in the room, from the first photograph [H, W, 3] and the rectified canvas in it [3, h, w].
 
-        A bare canvas teaches it; with anything on the canvas, the margin and the last bare canvas do. Raises
-        ConfigError where something is on the canvas and nobody wants it painted on, or nothing is although it
-        should; CalibrationError where no bare canvas is known; FrameRejected.
+        A bare canvas shows the light directly. Otherwise it is found from the margin and the last bare canvas.
+        Raises ConfigError if something is on the canvas and nobody accepts that, or if a bare canvas is there with
+        `on_canvas`. Raises CalibrationError if no bare canvas is known, and FrameRejected.
         """
         record = easel.calibration
         if record.bare is None and not self.on_canvas:
@@ -92,16 +93,16 @@ class CanvasStart:
         return light
 
 
-# The canvas for the film: what `rectify`, `FlatField.correct` and `true_color` make of a photograph, in one pass.
+# Canvas pictures for the film: `rectify`, `FlatField.correct` and `true_color` in one pass.
 #
-# Nothing is decided by these pictures, so they need not be equal to the last bit. A film takes many of them
-# through one camera: where each sample lies, and how bright the light is there, is computed once.
+# Film frames decide nothing, so they need not be exactly equal. Sampling positions and light are computed once for
+# all frames of a camera.
 
-_TONES = 1 << 16  # of linear light; the coarsest step, in the dark, is 0.05 of one of 255
+_TONES = 1 << 16  # of linear light; the coarsest step, in the dark, is 0.05/255
 
 
 class FilmView:
-    """Pictures of the canvas on a grid, seen by a calibrated camera in a light that is known."""
+    """Pictures of the canvas on a grid, for a calibrated camera and a known light."""
 
     def __init__(self, calibration: Calibration, light: FlatField, grid: PixelGrid) -> None:
         self.calibration, self.light, self.grid = calibration, light, grid
@@ -113,14 +114,15 @@ class FilmView:
         self._tones = to_srgb(torch.linspace(0, 1, _TONES)).numpy()
 
     def fits(self, calibration: Calibration, light: FlatField, grid: PixelGrid) -> bool:
-        """Whether it was made for these."""
+        """Returns True if the view was made for these inputs."""
         return self.calibration is calibration and self.light is light and self.grid == grid
 
     def picture(self, photograph: NDArray[np.uint8]) -> Tensor:
-        """The canvas [3, rows, columns], true sRGB in [0, 1], float32, in a photograph [H, W, 3] in sRGB bytes.
+        """Returns the canvas [3, rows, columns] in a photograph [H, W, 3] of sRGB bytes.
 
-        It differs from `true_color(light.correct(rectify(...)))` by less than 1/255. Raises FrameRejected as
-        `rectify` does.
+        The result is true sRGB in [0, 1], float32. It differs from `true_color(light.correct(rectify(...)))` by
+        less than 1/255.
+        Raises FrameRejected like `rectify`.
         """
         require_photograph(photograph, self.calibration)
         light = np.asarray(cv2.LUT(photograph, self._light_of_byte), np.float32)
@@ -137,23 +139,23 @@ class FilmView:
 
 
 PHOTOGRAPH_ROWS = 864
-"""Height in pixels of the canvas in a look by which something is decided."""
+"""Height in pixels of the canvas in a look for decisions."""
 TIMELAPSE_ROWS = 540
 _ATTEMPTS = 3
-_BETWEEN = 0.5  # seconds before a frame that was refused is taken again: a hand goes away
+_BETWEEN = 0.5  # seconds before a rejected frame is taken again, for example until a hand has left
 
 
 class Photographer:
-    """Asks a camera until it gives a photograph that is newer than all before it."""
+    """Asks a camera for a photograph until it is newer than all earlier ones."""
 
     def __init__(self, camera: Camera) -> None:
         self._camera = camera
         self._last_sequence = -1
 
     def photograph(self, last_motion: float) -> Frame:
-        """A photograph taken after `last_motion` (s of the robot's clock), never one that was seen before.
+        """Returns a new photograph, taken after `last_motion` (seconds of the robot's clock).
 
-        It is tried three times. Raises StaleFrame, or whatever else the camera complained of last.
+        The camera is asked up to three times. Raises StaleFrame, or the last error of the camera.
         """
         trouble: CameraError | None = None
         for _ in range(_ATTEMPTS):
@@ -177,8 +179,10 @@ class Photographer:
 class CanvasObserver:
     """Looks at the canvas of an easel.
 
-    The first look teaches it the `light` of the room, unless that is known from before, as `start` says, and what
-    a `good` photograph is like. wait: lets seconds pass.
+    The first look learns the `light` of the room, unless it is known from an earlier run, and the features of a
+    `good` photograph.
+    start: allowed start of the painting.
+    wait: waits for a number of seconds.
     """
 
     def __init__(
@@ -199,16 +203,17 @@ class CanvasObserver:
         self._film_view: FilmView | None = None
 
     def look(self, last_motion: float, rows: int) -> Tensor:
-        """The canvas [3, rows, columns] in sRGB as it is after `last_motion` (s of the robot's clock), to be shown.
+        """Returns the canvas [3, rows, columns] in sRGB, for display.
 
-        Raises CameraError where the camera gives no photograph newer than that, or none of the canvas.
+        last_motion: seconds of the robot's clock; the photograph is newer.
+        Raises CameraError if the camera gives no newer photograph, or none that shows the canvas.
         """
         return self.see(self.photograph(last_motion).image, rows)
 
     def film(self, photograph: NDArray[np.uint8], rows: int) -> Tensor:
-        """The canvas in a photograph for the film, by which nothing may be decided: within 1/255 of `see`, but sooner.
+        """Returns the canvas in a photograph for the film, within 1/255 of `see`, but faster; not for decisions.
 
-        Raises FrameRejected as `see` does.
+        Raises FrameRejected like `see`.
         """
         calibration = self.easel.calibration
         if self.light is None:  # `see` learns it
@@ -221,12 +226,14 @@ class CanvasObserver:
     def examine(
         self, last_motion: float, rows: int, expected: Expected | None = None, *, doubtful: bool = False
     ) -> tuple[Frame, Tensor]:
-        """A look by which something is decided: the photograph is taken again until it may be trusted.
+        """Takes a photograph for a decision, again if necessary, until it can be trusted.
 
-        expected: what should be seen, None where that is not known; doubtful: whether a photograph is trusted in which
-        nothing tells where the canvas lies, because a person has looked. On a simulated easel that nobody can look at
-        the third such one is. Raises FrameRejected, with the reason, where the third photograph may not be trusted
-        either (FrameDoubtful where a person has to look), and CameraError as `look` does.
+        expected: expected canvas, None if unknown.
+        doubtful: True if a photograph without any cue to the canvas position is trusted, because a person has
+        looked. On a simulated easel, the third one is trusted anyway.
+        Returns the frame and the canvas [3, rows, columns].
+        Raises FrameRejected, with the reason, if the third photograph cannot be trusted either (FrameDoubtful if a
+        person must look). Raises CameraError like `look`.
         """
         for attempt in range(1, _ATTEMPTS + 1):
             frame = self.photograph(last_motion)
@@ -244,7 +251,7 @@ class CanvasObserver:
         raise AssertionError("the last attempt returns or raises")
 
     def see(self, photograph: NDArray[np.uint8], rows: int) -> Tensor:
-        """The canvas [3, rows, columns] in a photograph [H, W, 3]. Raises FrameRejected."""
+        """Returns the canvas [3, rows, columns] in a photograph [H, W, 3]. Raises FrameRejected."""
         grid = PixelGrid.of_height(self.easel.canvas, rows)
         picture = rectify(photograph, self.easel.calibration, grid)
         if self.light is None:
@@ -252,13 +259,13 @@ class CanvasObserver:
         return true_color(self.light.correct(picture), self.easel.calibration)
 
     def learn_good(self, photograph: NDArray[np.uint8], last: NDArray[np.uint8] | None = None) -> None:
-        """From now on photographs are compared with these: an earlier run took this one first, and `last` last."""
+        """Learns the features of a good photograph from the first one of an earlier run, and from the `last` one."""
         self.good = FrameCheck.learn(photograph, self.easel.calibration, self.easel.canvas, last)
 
     def photograph(self, last_motion: float) -> Frame:
-        """A photograph taken after the last motion, never one that was seen before; tried three times.
+        """Returns a new photograph, taken after the last motion; the camera is asked up to three times.
 
-        Raises StaleFrame, or whatever else the camera complained of last.
+        Raises StaleFrame, or the last error of the camera.
         """
         return self._photographer.photograph(last_motion)
 
@@ -277,28 +284,31 @@ class CanvasObserver:
         self.good = self.good.require(photograph, canvas, expected, doubtful=doubtful)
 
 
-_PATIENCE = 8  # strokes after a frame's turn, for which the hand leaves the canvas though it still has paint
+_PATIENCE = 8  # strokes after a frame is due for which the film waits until the hand leaves the canvas anyway
 
 
 @dataclass(frozen=True)
 class Timelapse:
-    """Timelapse frames: pictures for the film, taken evenly over a painting, by which nothing is decided.
+    """Timelapse frames: pictures for the film, taken evenly over a painting; they decide nothing.
 
-    frames: how many the film gets at most.
+    frames: largest number of frames of the film.
     """
 
     frames: int = 0
 
     def due(self, done: int, of: int) -> int:
-        """How many frames the film has after stroke `done` of `of`, if each is taken in its turn."""
+        """Returns the number of frames that are due after stroke `done` of `of`."""
         return done * self.frames // of if of else 0
 
     def wants_frame(self, done: int, of: int, taken: int, *, leaves: bool) -> bool:
-        """Whether the film gets a frame after stroke `done` of `of`, so many having been due when the last was taken.
+        """Returns True if the film takes a frame after stroke `done` of `of`.
 
-        A frame costs the way aside and back. So it waits until the hand `leaves` the canvas anyway, for paint or for a
-        look, but no longer than until the turn of the next one, or eight strokes where turns are closer; a frame whose
-        turn passes meanwhile is left out.
+        taken: number of frames that were due when the last frame was taken.
+        leaves: True if the hand leaves the canvas now anyway, for paint or for a look.
+
+        A frame costs a trip of the arm, so it waits until the hand leaves the canvas anyway. It waits at most until
+        the next frame is due, or eight strokes if frames are due more often. Frames that become due meanwhile are
+        left out.
         """
         if self.due(done, of) <= taken:
             return False
@@ -307,10 +317,10 @@ class Timelapse:
 
 
 class FrameDeveloper:
-    """Makes timelapse frames of photographs in a thread of its own, while the robot paints on; in a `with` block.
+    """Makes timelapse frames from photographs in its own thread while the robot paints; used in a `with` block.
 
-    One photograph is in hand at a time. `notify` hears of its frame, in the thread that takes photographs, when the
-    next one is taken, when it is waited for, or when the block ends.
+    It works on one photograph at a time. `notify` receives the frame in the calling thread: at the next `take`, at
+    `wait`, or at the end of the block.
     """
 
     def __init__(self, observer: CanvasObserver, notify: Notify) -> None:
@@ -319,14 +329,17 @@ class FrameDeveloper:
         self._in_hand: tuple[StrokePainted, Future[Tensor]] | None = None
 
     def take(self, painted: StrokePainted, last_motion: float) -> None:
-        """Photographs the canvas after a stroke, the arm having moved aside by `last_motion`, if the camera can."""
+        """Takes a photograph after a stroke, with the arm at home since `last_motion`.
+
+        Leaves it out if the camera fails.
+        """
         with contextlib.suppress(CameraError):
             photograph = self._observer.photograph(last_motion).image
             self.wait()
             self._in_hand = painted, self._thread.submit(self._observer.film, photograph, TIMELAPSE_ROWS)
 
     def wait(self) -> None:
-        """Until the frame in hand is made and told of; one in which the canvas is not to be seen is left out."""
+        """Waits for the current frame and reports it; a frame without a visible canvas is left out."""
         if self._in_hand is not None:
             (painted, frame), self._in_hand = self._in_hand, None
             with contextlib.suppress(CameraError):

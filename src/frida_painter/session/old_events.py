@@ -1,7 +1,7 @@
-"""What earlier versions wrote into journals and feeds, in the words of today.
+"""Translation of records from earlier versions of journals and feeds into the current form.
 
-They had two languages, in which one word could mean two things: "planned" was a plan that was adopted in a journal and
-one that was ready in a feed. What else stands in a record tells which it is.
+Earlier versions used two languages, and one word could mean two things. For example, "planned" was an adopted plan
+in a journal but a ready plan in a feed. The other fields of a record tell which one it is.
 """
 
 from collections.abc import Callable, Mapping
@@ -11,13 +11,13 @@ _Record = Mapping[str, Any]
 
 
 def renewed(record: _Record) -> list[dict[str, Any]]:
-    """The records of today that say what this one says; itself where it is of today."""
+    """Returns the current records that say the same as this one; a current record stays as it is."""
     change = _CHANGES.get(str(record.get("kind")))
     return [dict(record)] if change is None else change(record)
 
 
 def _named(kind: str, **names: str) -> Callable[[_Record], list[dict[str, Any]]]:
-    """Gives a record another kind, and what it holds other names: new="old"."""
+    """Returns a change that gives a record a new kind and new field names: new="old"."""
 
     def change(record: _Record) -> list[dict[str, Any]]:
         moved = {new: record[old] for new, old in names.items() if old in record}
@@ -27,7 +27,7 @@ def _named(kind: str, **names: str) -> Callable[[_Record], list[dict[str, Any]]]
 
 
 def _either(key: str, there: str, otherwise: str) -> Callable[[_Record], list[dict[str, Any]]]:
-    """One of two kinds, as the record holds something or not."""
+    """Returns a change that gives a record one of two kinds: `there` if it has the field, else `otherwise`."""
     return lambda record: [{**record, "kind": there if key in record else otherwise}]
 
 

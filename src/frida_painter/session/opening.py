@@ -1,4 +1,4 @@
-"""What a session needs before it begins: a device to plan on, and an easel with its calibration record."""
+"""Preparation of a session: the planning device, and an easel with its valid calibration record."""
 
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -15,12 +15,12 @@ from frida_painter.hardware.easel import Easel
 from frida_painter.virtual.studio import open_studio
 from frida_painter.virtual.table import PlacementError
 
-# How a calibration record stands: which of its procedures hold at this easel, and which are to be repeated.
+# Status of a calibration record: valid procedures, and procedures to repeat.
 
 OLD = 90
-"""Days after which doctor advises to repeat a procedure; nothing is refused for it."""
+"""Days after which doctor advises to repeat a procedure; an old procedure stays valid."""
 NEEDED = ("canvas", "robot", "color", "brush")
-"""What painting on a real easel needs. The strokes are needed by whoever trains a stroke model of them."""
+"""Procedures needed for painting on a real easel. Only training of a stroke model needs the strokes procedure."""
 _SAME = 0.0005
 _RESTS_ON: dict[str, tuple[str, ...]] = {
     "canvas": (),
@@ -33,10 +33,11 @@ _RESTS_ON: dict[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class ProcedureStatus:
-    """The status of one calibration procedure.
+    """Status of one calibration procedure.
 
-    done: when and how well, None where never; fault: why it is to be repeated, "" where it holds or
-    was never done; days: how old it is, None where never done or its date cannot be read.
+    done: time and quality, None if never done.
+    fault: reason to repeat it; "" if it is valid or was never done.
+    days: its age, None if never done or without a readable date.
     """
 
     procedure: str
@@ -46,14 +47,15 @@ class ProcedureStatus:
 
     @property
     def is_old(self) -> bool:
-        """Whether it may be time to repeat it."""
+        """True if it may be time to repeat it."""
         return self.days is not None and self.days > OLD
 
 
 def statuses(record: Calibration, easel: Calibration, now: datetime | None = None) -> tuple[ProcedureStatus, ...]:
-    """How the five procedures of a record stand at an easel, of which `easel` is the default record.
+    """Returns the status of the five procedures of a record at an easel.
 
-    Raises CalibrationError where the record is of another easel altogether.
+    easel: default record of that easel.
+    Raises CalibrationError if the record is of another easel.
     """
     if record.easel != easel.easel:
         raise CalibrationError(
@@ -71,7 +73,7 @@ def statuses(record: Calibration, easel: Calibration, now: datetime | None = Non
 
 
 def require(record: Calibration, easel: Calibration, needed: tuple[str, ...] = NEEDED) -> None:
-    """Raises CalibrationError, saying what to do first, unless the `needed` procedures were done and all hold."""
+    """Raises CalibrationError, with the next step, unless the `needed` procedures were done and all are valid."""
     for status in statuses(record, easel):
         if status.fault:
             raise CalibrationError(f"{status.fault}: frida-painter calibrate {status.procedure}")
@@ -83,9 +85,9 @@ def require(record: Calibration, easel: Calibration, needed: tuple[str, ...] = N
 
 
 def require_basis(procedure: str, record: Calibration, easel: Calibration, *, defaults_hold: bool) -> None:
-    """Raises CalibrationError unless what a procedure rests on was done and holds.
+    """Raises CalibrationError unless the procedures that a procedure rests on were done and are valid.
 
-    defaults_hold: whether the easel's defaults serve where nothing was measured.
+    defaults_hold: True if the easel's defaults replace missing measurements.
     """
     for status in statuses(record, easel):
         if status.procedure in _all_below(procedure):
@@ -99,7 +101,7 @@ def require_basis(procedure: str, record: Calibration, easel: Calibration, *, de
 
 
 def _all_below(procedure: str) -> set[str]:
-    """What a procedure rests on, and what that rests on."""
+    """Returns all procedures that a procedure rests on, directly or indirectly."""
     below = set(_RESTS_ON[procedure])
     return below.union(*(_all_below(basis) for basis in below))
 
@@ -117,14 +119,14 @@ def _foreign(procedure: str, record: Calibration, easel: Calibration) -> str:
 
 
 def _alike(one: CanvasSize | None, other: CanvasSize | None) -> bool:
-    """Whether two sizes are the same, but for how they were written."""
+    """Returns True if two sizes are the same within 0.5 mm."""
     if one is None or other is None:
         return one is other
     return abs(one.width - other.width) <= _SAME and abs(one.height - other.height) <= _SAME
 
 
 def _outrun(procedure: str, done: Done, record: Calibration, found: dict[str, ProcedureStatus]) -> str:
-    """Whether something that a procedure rests on was renewed after it, or is itself to be repeated."""
+    """Returns a fault if a procedure rests on one that was renewed after it or must be repeated; else ""."""
     for basis in _RESTS_ON[procedure]:
         renewed = record.done.get(basis)
         if renewed is not None and renewed.turn > done.turn:
@@ -163,19 +165,19 @@ PAPER = CanvasSize(0.42, 0.297)
 
 
 def planning_device() -> torch.device:
-    """Where is planned: on the GPU that PyTorch sees first, if any (`CUDA_VISIBLE_DEVICES=` hides it), else on the CPU.
+    """Returns the planning device: the first GPU of PyTorch if there is one, else the CPU.
 
-    No other place in the project chooses a device.
+    `CUDA_VISIBLE_DEVICES=` hides the GPU. No other place in the project chooses a device.
     """
     return torch.device("cuda" if torch.cuda.is_available() else "cpu")
 
 
 def on_record(easel: Easel, record: Path | None, needed: tuple[str, ...] = NEEDED) -> Easel:
-    """The easel with its calibration record from a file; without one only a simulated one is painted on.
+    """Returns the easel with its calibration record from a file; only a simulated easel needs no record.
 
-    needed: the procedures that a real one needs. Raises CalibrationError, saying which procedure to
-    repeat, where the record is damaged, of another easel, brush, camera or canvas, out of date, or
-    missing.
+    needed: procedures that a real easel needs.
+    Raises CalibrationError, with the procedure to repeat, if the record is missing, damaged, out of date, or of
+    another easel, brush, camera or canvas.
     """
     if record is None:
         if not easel.simulated:
@@ -193,10 +195,11 @@ def on_record(easel: Easel, record: Path | None, needed: tuple[str, ...] = NEEDE
 def loaded_record(
     record: Path, default: Calibration, needed: tuple[str, ...] = (), *, simulated: bool = False
 ) -> Calibration:
-    """The calibration record of a file, the first brush of `default` in the holder; all of its brushes are checked.
+    """Returns the calibration record of a file, with the first brush of `default` in the holder; checks all brushes.
 
-    default: the easel's own record, before any procedure; simulated: whether its brushes are as they are delivered
-    where the record does not know them. Raises CalibrationError.
+    default: the easel's own record before any procedure.
+    simulated: True if brushes that the record does not have are taken from `default`.
+    Raises CalibrationError.
     """
     needed = () if simulated else needed
     known = Calibration.load(record)
@@ -211,7 +214,7 @@ def loaded_record(
 
 
 def open_virtual_easel(brush: str, seed: int) -> Easel:
-    """A virtual studio for painting a stroke library: paper, and a calibrated robot that paints where it means to."""
+    """Opens a virtual studio for painting a stroke library: paper, and a robot without a placement error."""
     studio = open_studio(PAPER, studio_brush(brush), seed=seed, placement_error=PlacementError((0.0, 0.0), 0.0))
     studio.easel.robot.connect()
     studio.easel.camera.connect()

@@ -1,4 +1,4 @@
-"""A painting as it is made: how far it is, where it goes on after it broke off, and what came of it."""
+"""State of a painting: its progress, the state to resume from, and its result."""
 
 from dataclasses import dataclass, field
 
@@ -14,9 +14,11 @@ from frida_painter.planning.planner import Planner
 
 @dataclass
 class CanvasMemory:
-    """before: the canvas [3, H, W] as it was last seen, with `strokes` of the plan on it; None before the first look.
+    """Last seen state of the canvas.
 
-    left_out: strokes, by index, that whoever paints by hand left out.
+    before: picture [3, H, W] from the last look, with `strokes` strokes of the plan on it; None before the first
+    look.
+    left_out: indices of strokes that a person who paints by hand left out.
     """
 
     before: Tensor | None = None
@@ -25,21 +27,21 @@ class CanvasMemory:
 
     @property
     def last_seen(self) -> Tensor:
-        """The canvas [3, H, W] as it was last seen. Raises PlanError before the first look."""
+        """Canvas [3, H, W] at the last look. Raises PlanError before the first look."""
         if self.before is None:
             raise PlanError("The canvas has not been looked at yet; look at it before anything is planned for it.")
         return self.before
 
     def saw(self, canvas: Tensor, painted: int) -> None:
-        """The canvas [3, H, W] was looked at, with `painted` strokes of the plan on it."""
+        """Stores the canvas [3, H, W] of a look, with `painted` strokes of the plan on it."""
         self.before, self.strokes = canvas, painted
 
     def batch(self, plan: Plan, painted: int) -> Plan:
-        """What was painted since, `painted` strokes of the plan being done."""
+        """Returns the strokes painted since the last look; `painted` strokes of the plan are done."""
         return plan.part([index for index in range(self.strokes, painted) if index not in self.left_out])
 
     def expectation(self, planner: Planner, plan: Plan, painted: int) -> Expected | None:
-        """What should be seen now; None before the first look."""
+        """Returns the expected canvas; None before the first look."""
         if self.before is None:
             return None
         batch = self.batch(plan, painted)
@@ -47,17 +49,20 @@ class CanvasMemory:
 
 
 def difference(seen: Tensor, expected: Tensor) -> float:
-    """Mean difference of two pictures [3, H, W], over pixels and channels, at the second one's size."""
+    """Returns the mean difference of two pictures [3, H, W], over pixels and channels, at the second one's size."""
     rows, columns = expected.shape[1:]
     return float((images.fit(seen, rows, columns) - expected).abs().mean())
 
 
 @dataclass(frozen=True)
 class Painting:
-    """What came of it: the last photograph of the canvas [3, H, W], strokes painted, and those still planned.
+    """Result of a painting.
 
-    robot_seconds: of the robot's clock, from the first plan to the last look; remark: a sentence on a photograph that
-    does not show the canvas as it should, "" where it does.
+    photograph [3, H, W]: last photograph of the canvas.
+    painted: number of painted strokes.
+    rest: strokes that are still planned.
+    robot_seconds: seconds of the robot's clock, from the first plan to the last look.
+    remark: sentence about a photograph that may not show the canvas well, else "".
     """
 
     photograph: Tensor
@@ -69,11 +74,13 @@ class Painting:
 
 @dataclass(frozen=True)
 class ResumeState:
-    """Where a painting stood when it broke off.
+    """State of a painting that broke off.
 
-    plan: of all its strokes, of which `painted` are on the canvas; planned_at: how many there were when
-    it was made; before: the canvas [3, H, W] as it was then, None where that is not known any more;
-    now: the canvas as it is; wet: seconds that its last layer still dries, None where it did not begin to.
+    plan: plan of all its strokes; `painted` of them are on the canvas.
+    planned_at: number of painted strokes when the plan was made.
+    before: canvas [3, H, W] at that time, None if unknown.
+    now: current canvas.
+    wet: seconds that the last layer still dries, None if drying did not begin.
     """
 
     plan: Plan
@@ -86,13 +93,18 @@ class ResumeState:
 
 @dataclass
 class PaintingProgress:
-    """How far a painting is.
+    """Progress of a painting.
 
-    plan: of all its strokes, painted ones first, None before the first plan is adopted; painted: strokes that are done;
-    planned_at: how many were done when it was last decided how the rest is painted; dried_at: how many were done when
-    the paint was last let dry; wet: seconds that it still dries, where it has begun to; wells: what is in them, None
-    where that is not known; canvas: what is remembered of it; gain: dB by which the last replan lowered the expected
-    loss, None before there was one; remark: what is to be said of the photograph of the finished canvas, if anything.
+    plan: plan of all strokes, painted ones first; None before the first plan is adopted.
+    painted: number of strokes that are done.
+    planned_at: value of `painted` when the rest was last planned, or kept.
+    dried_at: value of `painted` when the paint was last left to dry.
+    wet: seconds that the paint still dries, None if drying did not begin.
+
+    wells: paints in the wells, None if unknown.
+    canvas: last seen state of the canvas.
+    gain: dB by which the last replan lowered the expected loss, None before the first one.
+    remark: sentence about the photograph of the finished canvas, or "".
     """
 
     plan: Plan | None = None
@@ -107,63 +119,63 @@ class PaintingProgress:
 
     @property
     def is_complete(self) -> bool:
-        """Whether all strokes of a plan are done."""
+        """True if all strokes of a plan are done."""
         return self.plan is not None and 0 < self.strokes <= self.painted
 
     @property
     def strokes(self) -> int:
-        """How many strokes the whole plan has; 0 before there is one."""
+        """Number of strokes of the whole plan; 0 before the first plan."""
         return 0 if self.plan is None else len(self.plan)
 
     @property
     def rest(self) -> Plan:
-        """What is still to be painted. Raises PlanError where nothing has been planned yet."""
+        """Strokes that are not painted yet. Raises PlanError before the first plan."""
         return self._known_plan.part(slice(self.painted, None))
 
     @property
     def batch(self) -> Plan:
-        """What was painted since the last look. Raises PlanError where nothing has been planned yet."""
+        """Strokes painted since the last look. Raises PlanError before the first plan."""
         return self.canvas.batch(self._known_plan, self.painted)
 
     @property
     def begins_layer(self) -> bool:
-        """Whether the next stroke is the first of a layer that goes on the paint of another."""
+        """True if the next stroke is the first of a layer on top of another one."""
         if self.plan is None or not 0 < self.painted < len(self.plan):
             return False
         return self.plan.layer_end(self.painted - 1) == self.painted
 
     @property
     def layer_number(self) -> int:
-        """The number of the next stroke's layer, from 0."""
+        """Number of the next stroke's layer, from 0."""
         return int(self._known_plan.layer[self.painted])
 
     @property
     def layer_end(self) -> int:
-        """How many strokes are painted when the layer of the next one is done."""
+        """Number of painted strokes at the end of the next stroke's layer."""
         return self._known_plan.layer_end(self.painted)
 
     @property
     def must_dry(self) -> bool:
-        """Whether the paint on the canvas has to dry before the next stroke."""
+        """True if the paint on the canvas must dry before the next stroke."""
         return self.begins_layer and self.dried_at != self.painted
 
     def wet_for(self, drying: float) -> float:
-        """Seconds that the paint on the canvas still dries, of `drying` in all."""
+        """Returns the seconds that the paint still dries, of `drying` in all."""
         return drying if self.wet is None else self.wet
 
     def followed_by(self, rest: Plan) -> Plan:
-        """The plan of all strokes: those that are done, and then `rest`."""
+        """Returns the plan of all strokes: the painted ones, then `rest`."""
         return rest if self.plan is None or self.painted == 0 else self.plan.part(slice(self.painted)).followed_by(rest)
 
     def go_on_from(self, where: ResumeState) -> None:
-        """It is as far as it was when it broke off."""
+        """Restores the progress of a painting that broke off."""
         self.plan, self.painted, self.planned_at = where.plan, where.painted, where.planned_at
         self.wet, self.dried_at = (None, where.painted) if where.wet == 0 else (where.wet, 0)
         known = where.before is not None
         self.canvas = CanvasMemory(*((where.before, where.planned_at) if known else (where.now, where.painted)))
 
     def as_painting(self, photograph: Tensor, robot_seconds: float = 0.0) -> Painting:
-        """What has come of it by now, by a photograph of the canvas [3, H, W]."""
+        """Returns the result so far, with a photograph of the canvas [3, H, W]."""
         rest = None if self.plan is None else self.rest
         return Painting(photograph, self.painted, rest, robot_seconds, self.remark)
 

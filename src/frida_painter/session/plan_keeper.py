@@ -1,7 +1,7 @@
-"""Keeps the plan that is painted: has it made, has what is left planned again, and puts each new one in its place.
+"""Plan keeper: makes the plan of a painting, replans the rest, and adopts each new plan.
 
-A plan is adopted in one order: it is on the disk first, painting goes by it from then on, and then everybody is told,
-with how long the robot will take.
+A plan is adopted in this order: it is saved to the disk, painting follows it, and listeners hear of it with its
+timetable.
 """
 
 import math
@@ -37,11 +37,11 @@ from frida_painter.session.replan_policy import CanvasSeen, ReplanPolicy
 
 
 class PlanKeeper:
-    """Plans through `planner`, which may be another one after a pause, and keeps the plan in `progress`.
+    """Makes plans with `planner`, which may be replaced in a pause, and keeps the plan in `progress`.
 
-    budget: seconds of the robot's clock that the whole painting may take, None for any number.
-    A person may stop or pause at every planning step. In a pause they may have something else adopted than
-    what is being planned: then what is being planned is given up.
+    budget: seconds of the robot's clock for the whole painting. None: no limit.
+    A person may stop or pause at every planning step. If another plan is adopted in such a pause, the running
+    planning is discarded.
     """
 
     def __init__(
@@ -62,9 +62,9 @@ class PlanKeeper:
         self._progress, self._tell = progress, tell
 
     def begin(self, strokes: int, colors: int, made: Plan | None = None) -> None:
-        """Adopts a plan of so many strokes: the one that was made for such a canvas, or a new one for what is seen.
+        """Adopts a plan with this number of strokes: `made` if the canvas shows only its ground, else a new one.
 
-        Raises ConfigError where the painting cannot be had within the budget.
+        Raises ConfigError if no painting fits the budget.
         """
         canvas = self._progress.canvas.last_seen
         made = made if made is not None and is_evenly(canvas, made.ground, TOLERANCE) else None
@@ -72,9 +72,9 @@ class PlanKeeper:
         self._adopt(self._within_budget(plan), self.planner.validation_loss(canvas))
 
     def bind_to_palette(self, mixed: Palette) -> None:
-        """Adopts what is left in the paints that a person has really mixed."""
+        """Adopts the rest in the really mixed paints."""
         bound = None
-        while bound is None:  # overtaken in a pause: what has been adopted since gets these paints
+        while bound is None:  # if another plan was adopted in a pause, that one gets these paints
             rest, canvas = self._progress.rest, self._progress.canvas.last_seen
             before = self._loss()
             with suppress(_Overtaken):
@@ -83,7 +83,7 @@ class PlanKeeper:
         self._adopt(bound, before)
 
     def replan(self, rounds: int = 1) -> None:
-        """Plans what is left again, in so many rounds, for the canvas as it was last seen, and adopts that."""
+        """Replans the rest for the last seen canvas, in this number of rounds, and adopts the result."""
         rest, canvas, before = self._progress.rest, self._progress.canvas.last_seen, self._loss()
         with suppress(_Overtaken):
             hear = self._checking_interrupts("replan")
@@ -92,14 +92,14 @@ class PlanKeeper:
             self._progress.gain = 10 * math.log10(before / after) if min(before, after) > 0 else 0.0
 
     def replace(self, rest: Plan) -> None:
-        """Adopts another rest than what was planned, in the same paints."""
+        """Adopts another rest in the same paints."""
         self._adopt(rest, self._loss())
 
     def keep(self) -> None:
-        """After a look what is left stays as it is; where strokes land is known better now, and that is noted."""
+        """Keeps the rest after a look, and notes the newer placement."""
         progress = self._progress
 
-        def note() -> None:  # in a pause for want of room another plan may be adopted
+        def note() -> None:  # another plan may be adopted in a pause for a full disk
             if progress.plan is not None and progress.painted < progress.strokes:
                 self._journal.kept(progress.plan, progress.painted, self._brushwork.placement)
 
@@ -107,7 +107,7 @@ class PlanKeeper:
         progress.planned_at = progress.painted
 
     def schedule(self) -> None:
-        """Tells how long the robot will take for what is left, with all looks on the way."""
+        """Reports the time that the robot takes for the rest, with all looks."""
         done, of, rest = self._progress.painted, self._progress.strokes, self._progress.rest
         table = self._brushwork.timetable(rest, self._looks(done, of))
         if self._progress.must_dry:
@@ -115,7 +115,7 @@ class PlanKeeper:
         self._tell(Scheduled(table, done))
 
     def _looks(self, done: int, of: int) -> Looks:
-        """How often the arm goes aside after so many of the strokes that come after stroke `done`, asked in turn."""
+        """Returns the function that counts trips to the home position after each stroke that follows stroke `done`."""
         taken = self._timelapse.due(done, of)
 
         def after(painted: int, leaves: bool) -> int:
@@ -130,9 +130,10 @@ class PlanKeeper:
         return after
 
     def _within_budget(self, rest: Plan) -> Plan:
-        """The arranged plan of what is left, without as many strokes as it takes for all to be painted in the budget.
+        """Returns the arranged rest, with strokes left out until the painting fits the budget.
 
-        What is left then is settled anew. Raises ConfigError where not a stroke is painted yet, and none could be.
+        The remaining strokes are then settled again. Raises ConfigError if no stroke is painted yet and not even
+        one fits.
         """
         fitting = self._fitting(rest)
         if len(fitting) == len(rest):
@@ -142,7 +143,7 @@ class PlanKeeper:
         return self._fitting(self._arranged(settled))
 
     def _fitting(self, rest: Plan) -> Plan:
-        """The arranged plan without the strokes that would be missed least, until there is time enough for the rest."""
+        """Returns the arranged rest without the strokes that matter least, until it fits the budget."""
         canvas = self._progress.canvas.last_seen
         while self._budget is not None and len(rest) and (seconds := self._seconds(rest)) > self._budget:
             if len(rest) == 1 and self._progress.painted:
@@ -158,14 +159,15 @@ class PlanKeeper:
         return rest
 
     def _seconds(self, rest: Plan) -> float:
-        """How long the robot takes for what was painted and this, as it is told before it begins."""
+        """Returns the time that the robot takes for the painted strokes and this rest."""
         plan = self._progress.followed_by(rest)
         return self._brushwork.timetable(plan, self._looks(0, len(plan)), BrushLoad()).total
 
     def _adopt(self, rest: Plan, before: float) -> float:
-        """From now on, and whatever happens, what is left is painted by this plan, made for the canvas as it is.
+        """Adopts this rest, made for the current canvas, and reports it.
 
-        before: the validation loss with the plan as it was; returned: that with this one.
+        before: validation loss of the old plan.
+        Returns the validation loss of the new plan.
         """
         progress = self._progress
         plan, placement = progress.followed_by(rest), self._brushwork.placement
@@ -181,12 +183,12 @@ class PlanKeeper:
         return after
 
     def _loss(self) -> float:
-        """The validation loss of what would be on the canvas after what is left."""
+        """Returns the validation loss of the expected canvas after the rest."""
         return self.planner.expected_loss(self._progress.rest, self._progress.canvas.last_seen)
 
     def _arranged(self, rest: Plan) -> Plan:
-        """The strokes that are left, those of the next batch in the order that is best to paint."""
-        if len(rest) == 0:  # all that was left would have touched what is protected
+        """Returns the rest, with the strokes of the next batch in a good order for painting."""
+        if len(rest) == 0:  # all remaining strokes would have touched the region
             return rest
         painted = self._progress.painted
         batch = self._policy.next_look(painted, painted + len(rest)) - painted
@@ -194,7 +196,7 @@ class PlanKeeper:
         return self._brushwork.arranged(rest, min(batch, rest.layer_end(0)), fading)
 
     def _checking_interrupts(self, phase: str) -> Callable[[Step], None]:
-        """Passes planning steps on, and stops the planner when a person has asked for it."""
+        """Returns a callback that reports planning steps and stops the planner if a person wants that."""
 
         def tell(step: Step) -> None:
             self._tell(PlanningStep(phase, step.iteration, step.of, step.loss, step.parts))
@@ -207,20 +209,22 @@ class PlanKeeper:
 
 
 class _Overtaken(Exception):
-    """In a pause a person had something else planned than what was being planned; never leaves this file."""
+    """Signal that a person adopted another plan in a pause; it never leaves this file."""
 
 
-# Watches what comes of the plan: looks at the canvas, and compares it with what the strokes were to make of it.
+# Execution monitor: looks at the canvas and compares it with the expected one.
 
-_TOLD = 0.0004  # metres; less changes a mark by less than two marks of one stroke differ
+_TOLD = 0.0004  # metres; a smaller change is hidden by the differences between marks of one stroke
 
 
 class ExecutionMonitor:
-    """Looks through `observer`, the arm being aside, at the canvas of `progress`.
+    """Looks at the canvas of `progress` through `observer`, with the arm at home.
 
-    plans: whose planner tells what should be seen; executor: that moves the arm aside. Where the camera or the disk
-    fails, the painting pauses and looks again afterwards. Where all strokes are on the canvas nothing is decided by a
-    look any more: then whatever can be seen is taken, with a remark.
+    plans: keeper of the planner that computes the expected canvas.
+    executor: moves the arm to its home position.
+
+    If the camera or the disk fails, the painting pauses and then looks again. If all strokes are painted, a look
+    decides nothing any more. Then any visible canvas is accepted, with a remark.
     """
 
     def __init__(
@@ -238,12 +242,12 @@ class ExecutionMonitor:
         self._brushwork, self._observer = brushwork, observer
         self._journal, self._interruptions = journal, interruptions
         self._progress, self._tell = progress, tell
-        self._looked_after: int | None = None  # since it could not be told whether the canvas was moved
+        self._looked_after: int | None = None  # strokes at a look that could not tell whether the canvas was moved
 
     def look(self) -> Tensor:
-        """The canvas [3, H, W] as it is now, never from a photograph older than the last motion; it is journalled.
+        """Returns the current canvas [3, H, W] from a photograph newer than the last motion, which is journalled.
 
-        Only a painting whose strokes are all on the canvas may get one that is not as it should be, or the one before.
+        Only a complete painting may get a doubtful photograph, or the last seen canvas.
         """
         if self._progress.remark:
             return self._interruptions.retry(self._glance)
@@ -256,18 +260,18 @@ class ExecutionMonitor:
             return self._interruptions.retry(self._glance)
 
     def observe(self) -> CanvasSeen:
-        """Looks, tells what was seen and what was expected, and learns where strokes really land."""
+        """Looks, reports the seen and the expected canvas, and learns the placement."""
         canvas, progress, planner = self.look(), self._progress, self._plans.planner
         batch, last = progress.batch, progress.canvas.last_seen
         expected = planner.expected(batch, last)
         self._tell(Looked(canvas, expected, progress.painted))
-        if len(batch) and not progress.remark:  # where they landed tells where the robot is to be sent
+        if len(batch) and not progress.remark:  # the landed strokes show how to correct the robot
             self._learn(planner.locate(batch, self._brushwork.placement, last, canvas))
         progress.canvas.saw(canvas, progress.painted)
         return CanvasSeen(progress.painted, len(progress.rest), difference(canvas, expected), progress.gain)
 
     def _learn(self, placement: Placement) -> None:
-        """The robot is sent by what is known now; a person is told where a brush is sent lower or higher."""
+        """Corrects later motions by this placement; reports each brush whose height changes."""
         before = self._brushwork.placement.touch
         self._brushwork.learn(placement)
         now = self._brushwork.placement.touch
@@ -286,7 +290,7 @@ class ExecutionMonitor:
                 self._brushwork.last_motion, PHOTOGRAPH_ROWS, expected, doubtful=self._looked_after == progress.painted
             )
         except FrameDoubtful:
-            self._looked_after = progress.painted  # whoever has the painting go on now, until more is painted
+            self._looked_after = progress.painted  # accepted by a person who goes on now
             raise
         self._journal.looked(frame, self._observer.light)
         self._interruptions.touched = False
@@ -297,7 +301,7 @@ class ExecutionMonitor:
         return self._progress.is_complete and self._brushwork.easel.simulated
 
     def _last_look(self) -> Tensor:
-        """A look after the last stroke, where there is nobody to ask."""
+        """Looks after the last stroke on a simulated easel, which has nobody to ask."""
         try:
             return self._look()
         except CameraError as trouble:
@@ -310,7 +314,7 @@ class ExecutionMonitor:
         self._tell(doubted)
 
     def _glance(self) -> Tensor:
-        """The canvas [3, H, W] as it can be seen now, and else as it was last seen; nothing is decided by it."""
+        """Returns the canvas [3, H, W] as visible now, or as last seen; it decides nothing."""
         self._executor.step_aside()
         try:
             frame = self._observer.photograph(self._brushwork.last_motion)

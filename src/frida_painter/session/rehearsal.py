@@ -1,4 +1,4 @@
-"""A rehearsal: everything that painting a plan takes is asked for before anything moves, and all that fails is told."""
+"""Rehearsal of a plan: checks every motion before anything moves, and reports all faults."""
 
 import math
 from collections.abc import Iterator
@@ -14,7 +14,7 @@ from frida_painter.hardware.robot import Point, Reach, Waypoints, Workspace
 from frida_painter.palette import MOST_COLORS
 from frida_painter.plan import Plan
 
-# A desk: a canvas and nothing else that has a place, for plotters and people who are handed their paints.
+# Desk: a workspace with only a canvas, for plotters and for people who hand out the paint.
 
 _WELL_PITCH = 0.03
 _WATER: Point = (0.0, -0.06, 0.0)
@@ -24,10 +24,12 @@ _DEEPEST, _HIGHEST = 0.02, 0.1
 
 @dataclass(frozen=True)
 class FlatbedWorkspace:
-    """How a pen or a brush goes over a canvas whose bottom-left corner is the zero of all three axes.
+    """Workspace of a pen or a brush over a canvas; the canvas's bottom-left corner is the zero of all three axes.
 
-    press: how far below the lightest touch (z = 0) the hardest press is, 0 for a pen; lift: how high
-    it travels (m); painting_speed, travel_speed: m/s. Raises ConfigError.
+    press: depth in metres of the hardest press below the lightest touch (z = 0); 0 for a pen.
+    lift: travel height in metres.
+    painting_speed, travel_speed: in m/s.
+    Raises ConfigError if a value is out of range.
     """
 
     press: float = 0.002
@@ -49,8 +51,11 @@ class FlatbedWorkspace:
                 raise ConfigError(f"A speed of {speed * 1000:g} mm/s was given; it is above 0 and at most 1000 mm/s.")
 
     def motion(self, canvas: CanvasSize) -> Motion:
-        """What a brush does there; its wells, left of the canvas, stand for whoever hands out the paint."""
-        # A pen presses nowhere, but a calibration without any depth is taken for a mistake.
+        """Returns the motions of a brush there.
+
+        Wells left of the canvas stand for the person who hands out the paint.
+        """
+        # A pen does not press, but a calibration must have some depth.
         press = max(self.press, math.ulp(1.0))
         workspace = Workspace(
             lower=(-_MARGIN - _WELL_PITCH * MOST_COLORS, -_MARGIN, -press),
@@ -75,10 +80,11 @@ _SAME = 0.001  # metres: canvases are cut by hand
 
 @dataclass(frozen=True)
 class Rehearsal:
-    """What would be refused.
+    """Faults that a rehearsal found.
 
-    mismatches: where the plan and the easel do not belong together, a sentence each; strokes: the
-    faults of strokes by their index in the plan; others: of dips, rinses, wipes and changes of brushes.
+    mismatches: differences between plan and easel, a sentence each.
+    strokes: faults of strokes by their index in the plan.
+    others: faults of dips, rinses, wipes and changes of brushes.
     """
 
     mismatches: tuple[str, ...]
@@ -87,17 +93,17 @@ class Rehearsal:
 
     @property
     def passed(self) -> bool:
-        """Whether the plan can be painted there."""
+        """True if the plan can be painted there."""
         return not (self.mismatches or self.strokes or self.others)
 
 
 def rehearse(
     plan: Plan, workspace: Workspace, canvas: CanvasSize, calibration: Calibration, reach: Reach | None = None
 ) -> Rehearsal:
-    """Asks for every motion of a plan on an easel with a canvas of that size.
+    """Checks every motion of a plan on an easel with a canvas of that size.
 
-    reach: of the robot, where its arm does not get everywhere in its workspace. Raises CalibrationError where the plan
-    has several brushes, and nothing is known of one of them.
+    reach: reach of the arm, if it does not cover the whole workspace.
+    Raises CalibrationError if the plan has several brushes and the calibration lacks one of them.
     """
     strokes: dict[int, Fault] = {}
     before = 0
@@ -136,7 +142,7 @@ def _mismatches(plan: Plan, workspace: Workspace, canvas: CanvasSize) -> Iterato
 
 
 def _around(plan: Plan, motion: Motion) -> Iterator[Waypoints]:
-    """What is done beside the canvas; wells that are missing are told of on their own."""
+    """Yields the motions beside the canvas; missing wells are reported elsewhere."""
     for paint in sorted(set(plan.well.tolist())):
         if paint < len(motion.workspace.wells):
             yield motion.dip(paint)

@@ -1,4 +1,4 @@
-"""When the painter looks at the canvas, and whether it plans the rest again from what it saw."""
+"""Replan policies: they decide when the painter looks at the canvas, and whether it replans the rest."""
 
 import itertools
 from collections.abc import Callable
@@ -9,16 +9,16 @@ from frida_painter.errors import ConfigError
 from frida_painter.registry import REPLAN_POLICIES, parts
 
 _MOST = 20_000
-_FIRST = 10  # strokes, of a first batch
+_FIRST = 10  # strokes of a first batch
 
 
 @dataclass(frozen=True)
 class CanvasSeen:
-    """What the painter knows after a look.
+    """Result of a look.
 
-    done, left: strokes painted, and still planned; error: mean difference between the canvas as it is seen and as it
-    was expected, over pixels and channels of sRGB, in [0, 1]; gain: dB by which planning again after the last look
-    lowered the expected loss, None before there was one.
+    done, left: numbers of painted and of planned strokes.
+    error: mean difference between the seen and the expected canvas, over pixels and sRGB channels, in [0, 1].
+    gain: dB by which the last replan lowered the expected loss, None before the first one.
     """
 
     done: int
@@ -28,25 +28,25 @@ class CanvasSeen:
 
 
 class ReplanPolicy(Protocol):
-    """Decides when the painter looks, and whether it plans again."""
+    """Decides when the painter looks and whether it replans."""
 
     def next_look(self, done: int, of: int) -> int:
-        """How many of `of` strokes are painted when the painter looks next, `done` < `of` of them being painted now.
+        """Returns the number of painted strokes at the next look, above `done` and at most `of`.
 
-        It is above `done` and at most `of`: after the last stroke the painter always looks.
+        The painter always looks after the last stroke.
         """
 
     def wants_replan(self, seen: CanvasSeen) -> bool:
-        """Whether the strokes that are left are planned again."""
+        """Returns True if the rest is to be replanned."""
 
 
 @dataclass(frozen=True)
 class EvenlySpaced:
-    """Looks and plans again so many times, after batches that differ by at most one stroke.
+    """Looks and replans a fixed number of times, after batches that differ by at most one stroke.
 
-    Where it looks several times and batches are longer, the first has ten strokes: they tell where strokes land.
-    layers: how many strokes the layers of the plan have, where it has several: a look where one begins is one of the
-    replans, and the others cut the longest batches in halves.
+    With at least two replans and longer batches, the first batch has ten strokes, which show where strokes land.
+    layers: strokes of each layer, if the plan has several. Then the start of each later layer is one of the looks,
+    and the other looks halve the longest batches.
     """
 
     replans: int
@@ -57,11 +57,11 @@ class EvenlySpaced:
 
     @classmethod
     def parse(cls, argument: str) -> Self:
-        """From "4". Raises ConfigError."""
+        """Parses a number such as "4". Raises ConfigError."""
         return cls(_whole("replans", argument))
 
     def batches(self, strokes: int) -> list[int]:
-        """Strokes painted between two looks, `replans` + 1 batches where there are as many strokes."""
+        """Returns the numbers of strokes between looks: `replans` + 1 batches if there are as many strokes."""
         if self.replans and len(self.layers) > 1 and sum(self.layers) == strokes:
             return self._inside_layers()
         count = min(self.replans + 1, strokes)
@@ -79,17 +79,17 @@ class EvenlySpaced:
         return batches
 
     def next_look(self, done: int, of: int) -> int:
-        """At the end of the batch."""
+        """Returns the end of the batch."""
         return next(end for end in itertools.accumulate(self.batches(of)) if end > done)
 
     def wants_replan(self, seen: CanvasSeen) -> bool:
-        """Always."""
+        """Returns True."""
         return True
 
 
 @dataclass(frozen=True)
 class EveryNth:
-    """Looks and plans again after every `strokes` strokes."""
+    """Looks and replans after every `strokes` strokes."""
 
     strokes: int
 
@@ -98,23 +98,23 @@ class EveryNth:
 
     @classmethod
     def parse(cls, argument: str) -> Self:
-        """From "75". Raises ConfigError."""
+        """Parses a number such as "75". Raises ConfigError."""
         return cls(_whole("strokes between two looks", argument))
 
     def next_look(self, done: int, of: int) -> int:
-        """At the next multiple."""
+        """Returns the next multiple of `strokes`."""
         return min(of, (done // self.strokes + 1) * self.strokes)
 
     def wants_replan(self, seen: CanvasSeen) -> bool:
-        """Always."""
+        """Returns True."""
         return True
 
 
 @dataclass(frozen=True)
 class WhenOffBy:
-    """Looks after every `strokes` strokes, and plans again only where the canvas is off by more than `tolerance`.
+    """Looks after every `strokes` strokes, and replans only if the canvas error exceeds `tolerance`.
 
-    tolerance: of CanvasSeen.error, in [0, 1].
+    tolerance: limit of CanvasSeen.error, in [0, 1].
     """
 
     tolerance: float
@@ -127,7 +127,7 @@ class WhenOffBy:
 
     @classmethod
     def parse(cls, argument: str) -> Self:
-        """From "0.02", or "0.02,25" with the strokes between two looks. Raises ConfigError."""
+        """Parses "0.02", or "0.02,25" with the strokes between looks. Raises ConfigError."""
         tolerance, comma, strokes = argument.partition(",")
         try:
             off = float(tolerance)
@@ -136,20 +136,22 @@ class WhenOffBy:
         return cls(off, _whole("strokes between two looks", strokes)) if comma else cls(off)
 
     def next_look(self, done: int, of: int) -> int:
-        """At the next multiple."""
+        """Returns the next multiple of `strokes`."""
         return min(of, (done // self.strokes + 1) * self.strokes)
 
     def wants_replan(self, seen: CanvasSeen) -> bool:
-        """Where it is off by more."""
+        """Returns True if the error exceeds the tolerance."""
         return not seen.error <= self.tolerance
 
 
 @dataclass
 class WhenItPays:
-    """Looks and plans again as often as each look lowers the expected loss by `least` dB: it takes everybody time.
+    """Looks and replans as often as each replan lowers the expected loss by `least` dB, because looks take time.
 
-    What the last look won tells what the next one may: where it was enough, the next one comes after half as many
-    strokes, else after twice as many. between: strokes until the next look, after those of the last look at `since`.
+    The last gain predicts the next one. After a sufficient gain, the distance to the next look is halved, otherwise
+    doubled.
+    between: strokes between looks.
+    since: number of painted strokes at the last look.
     """
 
     least: float = 0.05
@@ -164,18 +166,18 @@ class WhenItPays:
 
     @classmethod
     def parse(cls, argument: str) -> Self:
-        """From "0.05", or "" for that. Raises ConfigError."""
+        """Parses a number such as "0.05"; "" gives the default. Raises ConfigError."""
         try:
             return cls(float(argument)) if argument.strip() else cls()
         except ValueError:
             raise ConfigError(f"A gain of {argument[:40]!r} a look was given; it is a number of dB.") from None
 
     def next_look(self, done: int, of: int) -> int:
-        """So many strokes after the last one."""
+        """Returns the next look, `between` strokes after the last one."""
         return min(of, self.since + max(1, (done - self.since) // self.between + 1) * self.between)
 
     def wants_replan(self, seen: CanvasSeen) -> bool:
-        """Always, for only that tells what it wins."""
+        """Returns True, because only a replan shows its gain; adapts `between` to the last gain."""
         if seen.gain is not None:
             between = self.between // 2 if seen.gain >= self.least else self.between * 2
             self.between = min(max(between, _FIRST), _MOST)
@@ -184,7 +186,7 @@ class WhenItPays:
 
 
 def looks_on_the_way(policy: ReplanPolicy, strokes: int) -> list[int]:
-    """After how many of so many strokes the painter looks, the look after the last one left out."""
+    """Returns the numbers of painted strokes at each look, without the look after the last stroke."""
     looks, done = [], 0
     while done < strokes:
         done = policy.next_look(done, strokes)
@@ -193,9 +195,11 @@ def looks_on_the_way(policy: ReplanPolicy, strokes: int) -> list[int]:
 
 
 def replan_policy_named(text: str) -> ReplanPolicy:
-    """The policy that "4" (so many times), "every:75", "when-off-by:0.02" or "when-it-pays" means, or a plugin's.
+    """Returns the replan policy that a text names.
 
-    Raises ConfigError where there is none such, or what follows its name does not fit.
+    The text is "4" (number of replans), "every:75", "when-off-by:0.02", "when-it-pays", or the name of a plugin's
+    policy.
+    Raises ConfigError for an unknown name or a wrong argument.
     """
     name, _, argument = text.strip().partition(":")
     if name.isdecimal() and not argument:

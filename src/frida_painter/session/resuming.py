@@ -1,4 +1,4 @@
-"""Going on with a painting that broke off: what its folder tells, and what has changed since it was begun."""
+"""Resuming of a painting: reads the state from its folder, and lists changes since its beginning."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -32,7 +32,10 @@ from frida_painter.session.observer import PHOTOGRAPH_ROWS, CanvasObserver
 
 @dataclass(frozen=True)
 class KeptPlan:
-    """The plan in a painting's folder, and its entry in the journal; foreign: whether the journal knows another."""
+    """Plan in a painting's folder, and its entry in the journal.
+
+    foreign: True if the journal names another plan.
+    """
 
     plan: Plan
     planning: Planning
@@ -40,9 +43,9 @@ class KeptPlan:
 
 
 def kept_plan(folder: Path, history: History) -> KeptPlan | None:
-    """The plan by which a painting goes on; None where it broke off before there was one.
+    """Returns the plan to go on with; None if the painting broke off before the first plan.
 
-    Raises PlanError where it is damaged, or can be no plan of this painting.
+    Raises PlanError if the plan is damaged, or if all its strokes are already painted.
     """
     if not history.plannings or (history.painted == 0 and not (folder / PLAN).exists()):
         return None
@@ -50,7 +53,7 @@ def kept_plan(folder: Path, history: History) -> KeptPlan | None:
     last = history.plannings[-1]
     if plan.digest == last.digest:
         return KeptPlan(plan, last, foreign=False)
-    # It was noted that the rest was planned again, and there the painting broke off.
+    # The painting broke off after the journal's note of a replan and before the plan was saved.
     earlier = [planning for planning in history.plannings if planning.digest != last.digest]
     unpainted = history.painted == last.done and history.in_doubt is None
     if earlier and unpainted and plan.digest == earlier[-1].digest:
@@ -71,9 +74,9 @@ def changes(
     kept: KeptPlan | None,
     diary_missing: int = 0,
 ) -> list[str]:
-    """What is not as it was when the painting was begun, or broke off, one line each: what, what it was, what it is.
+    """Returns all changes since the painting began or broke off, one line each with the old and the new value.
 
-    diary_missing: how many records the log of a simulated studio has lost at its end.
+    diary_missing: number of records lost at the end of a simulated studio's log.
     """
     lines = [
         f"{name}: it was {history.settings.get(name)!r}, and is {settings.get(name)!r}"
@@ -99,7 +102,7 @@ def changes(
 
 
 def _fault(folder: Path, name: str, history: History) -> str | None:
-    """What has become of a photograph that the painting goes by; None where it is as it was taken."""
+    """Returns the fault of a photograph that the painting relies on; None if it is unchanged."""
     if not storage.exists(folder / name):
         return "gone"
     try:
@@ -110,9 +113,9 @@ def _fault(folder: Path, name: str, history: History) -> str | None:
 
 
 def recall_brush(hand: Brushwork, history: History, answer: Callable[[Question], Answer] | None) -> None:
-    """A robot with a rack holds the brush that it held when the painting broke off; a person is asked where in doubt.
+    """Restores the brush that a robot with a rack held when the painting broke off; if unknown, asks a person.
 
-    Before anything moves. Raises Interrupted where nobody answers, and what Brushwork.require_rack raises.
+    Call it before anything moves. Raises Interrupted if nobody answers, and the errors of Brushwork.require_rack.
     """
     if hand.has_rack:
         hand.require_rack()
@@ -121,12 +124,12 @@ def recall_brush(hand: Brushwork, history: History, answer: Callable[[Question],
 
 
 def light(history: History) -> FlatField | None:
-    """The light of the room as it was learned from the bare canvas; None before the first look."""
+    """Returns the light of the room from the journal; None before the first look."""
     return FlatField(torch.tensor(history.light)) if history.light is not None else None
 
 
 def region(folder: Path, history: History) -> Region | None:
-    """What strokes keep clear of, as a person drew it; None where nothing is protected. Raises ImageError."""
+    """Returns the protected region that a person drew; None if there is none. Raises ImageError."""
     if history.region is None:
         return None
     drawn, only = history.region
@@ -134,7 +137,7 @@ def region(folder: Path, history: History) -> Region | None:
 
 
 def bare_photograph(folder: Path) -> NDArray[np.uint8] | None:
-    """The first photograph, of the bare canvas, with which later ones are compared; None where it is lost."""
+    """Returns the first photograph, with which later ones are compared; None if it is lost."""
     try:
         return images.load_exactly(folder / PHOTOGRAPHS / "look-0000.png")
     except ImageError:
@@ -142,7 +145,7 @@ def bare_photograph(folder: Path) -> NDArray[np.uint8] | None:
 
 
 def last_photograph(folder: Path, history: History) -> NDArray[np.uint8] | None:
-    """The last photograph by which something was decided; None where there is none, or it is lost."""
+    """Returns the last photograph for a decision; None if there is none, or if it is lost."""
     try:
         return None if history.last_photograph is None else images.load_exactly(folder / history.last_photograph)
     except ImageError:
@@ -150,16 +153,17 @@ def last_photograph(folder: Path, history: History) -> NDArray[np.uint8] | None:
 
 
 def as_left(kept: KeptPlan, history: History, planner: Planner, before: Tensor) -> Expected:
-    """The canvas as it should be found: `before` with the strokes since, and the one in doubt perhaps."""
+    """Returns the expected canvas: `before` with the strokes painted since, including the stroke in doubt."""
     until = history.painted if history.in_doubt is None else history.in_doubt
     since = kept.plan.part(slice(kept.planning.done, until))
     return Expected(before, planner.expected(since, before) if len(since) else before)
 
 
 def last_canvas(folder: Path, history: History, size: CanvasSize, calibration: Path) -> Tensor:
-    """The canvas [3, H, W] in the last photograph, seen again; as its picture has it where that is lost.
+    """Returns the canvas [3, H, W] of the last photograph, or of the saved picture if that photograph is lost.
 
-    calibration: the record that it was painted by. Raises ImageError where there is neither.
+    calibration: record that it was painted with.
+    Raises ImageError if both are lost.
     """
     seen = (
         None if history.last_photograph is None else _seen(folder / history.last_photograph, history, size, calibration)
@@ -168,13 +172,16 @@ def last_canvas(folder: Path, history: History, size: CanvasSize, calibration: P
 
 
 def first_canvas(folder: Path, history: History, size: CanvasSize, calibration: Path) -> Tensor | None:
-    """The canvas [3, H, W] as it was before the first stroke, seen again; None where its photograph is lost."""
+    """Returns the canvas [3, H, W] before the first stroke; None if its photograph is lost."""
     began = next((planning.photograph for planning in history.plannings if planning.done == 0), None)
     return None if began is None else _seen(folder / began, history, size, calibration)
 
 
 def _seen(photograph: Path, history: History, size: CanvasSize, calibration: Path) -> Tensor | None:
-    """The canvas in a photograph of the painting; None where that, the record or the light is not known."""
+    """Returns the canvas in a photograph of the painting.
+
+    None if the photograph, the record or the light is unknown.
+    """
     known_light = light(history)
     try:
         taken, known = images.load_exactly(photograph), Calibration.load(calibration)
@@ -186,7 +193,7 @@ def _seen(photograph: Path, history: History, size: CanvasSize, calibration: Pat
 
 
 def seen_before(folder: Path, kept: KeptPlan, observer: CanvasObserver) -> Tensor | None:
-    """The canvas [3, H, W] as the plan was made for it, seen again in its photograph; None where that is lost."""
+    """Returns the canvas [3, H, W] that the plan was made for, from its photograph; None if that is lost."""
     if kept.planning.photograph is None:
         return None
     try:
@@ -201,5 +208,5 @@ def _records(count: int) -> str:
 
 
 def _short(digest: str | None) -> str:
-    """The beginning of a hash, by which people tell two apart."""
+    """Returns the beginning of a hash, enough for people to tell two hashes apart."""
     return "none" if digest is None else digest[:12]

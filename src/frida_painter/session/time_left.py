@@ -1,4 +1,4 @@
-"""How long a painting still takes, forecast from what each kind of work has really taken."""
+"""Remaining time of a painting, forecast from the measured durations of each kind of work."""
 
 from dataclasses import dataclass
 
@@ -19,29 +19,28 @@ from frida_painter.session.replan_policy import ReplanPolicy, looks_on_the_way
 
 @dataclass
 class TimeEstimate:
-    """Seconds per unit of one kind of work: a guess first, then the mean of what was measured."""
+    """Seconds per unit of one kind of work: first a guess, then the mean of the measurements."""
 
     guess: float
     spent: float = 0.0
     units: float = 0.0
 
     def measure(self, seconds: float, units: float) -> None:
-        """Takes note that `units` took `seconds`."""
+        """Adds a measurement: `units` took `seconds`."""
         self.spent += seconds
         self.units += units
 
     @property
     def seconds(self) -> float:
-        """Seconds per unit; the guess counts like one unit of experience in ten of the first."""
+        """Seconds per unit: the mean of the measurements, or the guess before the first one."""
         return self.spent / self.units if self.units else self.guess
 
 
 class Forecast:
-    """How long a painting still takes, from its events.
+    """Remaining time of a painting, from its events.
 
-    Planning is counted in iterations times strokes planned, painting in seconds of the robot's own
-    timetable, which a simulated robot's run away from and a real one's keep to. `remaining` is in
-    seconds.
+    Planning is measured in iterations times planned strokes. Painting is measured in seconds of the robot's
+    timetable, which a real robot keeps and a simulated one runs faster than.
     """
 
     def __init__(self, strokes: int, policy: ReplanPolicy, now: float, *, planning: int, replanning: int) -> None:
@@ -61,9 +60,9 @@ class Forecast:
         self._wet: float | None = None  # seconds that a layer still dries
 
     def hear(self, event: Event, now: float) -> None:
-        """Takes note of an event at time `now` (seconds)."""
+        """Receives an event at time `now` (seconds)."""
         passed, self._last = now - self._last, now
-        if self._wet is not None:  # that takes what it takes, and tells nothing of how fast anything else is
+        if self._wet is not None:  # the time of drying is fixed and says nothing about other work
             passed = 0.0
         match event:
             case PlanningStep(phase, iteration, of):
@@ -92,7 +91,7 @@ class Forecast:
                 self._wet = left or None
             case StrokePainted(done=done) | StrokeLeftOut(done=done):
                 self._painted = done
-                self._forget_looks(until=done - 1)  # after one of them nothing may have been planned again
+                self._forget_looks(until=done - 1)  # a look may not have led to a replan
                 self._painting.measure(passed, self._walk(done))
             case TimelapseFrame() | Looked():
                 self._painting.measure(passed, 0)
@@ -107,12 +106,15 @@ class Forecast:
         return planning + (walking if self._painted < self._strokes else 0.0) * self._painting.seconds
 
     def _forget_looks(self, until: int) -> None:
-        """Looks after at most so many strokes are over, with what is planned again after them."""
+        """Removes the looks up to stroke `until`, with their replans."""
         while self._looks and self._looks[0] <= until:
             del self._looks[0], self._replans[0]
 
     def _walk(self, done: int) -> float:
-        """How much farther the timetable is with stroke `done` than it was, in its seconds; in strokes without one."""
+        """Returns the progress of the timetable at stroke `done`, in its seconds.
+
+        In strokes if there is no timetable.
+        """
         if not self._after:
             return 1.0
         before, self._walked = self._walked, self._after[min(done - self._begun, len(self._after)) - 1]
@@ -120,7 +122,7 @@ class Forecast:
 
 
 def duration(seconds: float) -> str:
-    """Seconds as a person says them."""
+    """Returns seconds as text for a person, such as "3 min 05 s"."""
     whole = max(0, round(seconds))
     if whole < 60:
         return f"{whole} s"

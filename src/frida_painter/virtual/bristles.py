@@ -1,10 +1,10 @@
-"""The tuft of a brush: how its bristles spread, trail behind the handle, leave the canvas one by one, hold paint.
+"""Tuft of a brush: its bristles spread, trail behind the handle, leave the canvas one by one, and hold paint.
 
-The tuft follows the handle like a rope pulled over the ground (a tractrix), opens at once when it is
-pressed and closes slowly when it is raised, and fans out across its path once it is being dragged. So a
-stroke begins round, runs inside its bends, and ends blunt and torn: locks of bristles differ in length
-and let go at different heights. After W. Baxter and M. Lin, "A versatile interactive 3D brush model"
-(2004), and Z. Chen et al., "WetBrush" (2015), reduced to what shows in the mark.
+The tuft follows the handle like a rope that is pulled over the ground (a tractrix). It opens at once under
+pressure, closes slowly when it is raised, and fans out across its path while it is dragged. Therefore a stroke
+begins round, cuts its bends, and ends blunt and torn: locks of bristles differ in length and leave the canvas at
+different heights. The model follows W. Baxter and M. Lin, "A versatile interactive 3D brush model" (2004), and Z.
+Chen et al., "WetBrush" (2015), reduced to the effects that are visible in the mark.
 """
 
 import math
@@ -17,22 +17,22 @@ from numpy.typing import NDArray
 from frida_painter.errors import ConfigError
 from frida_painter.virtual.paint import BANDS
 
-# The brushes in the studio's jar, by name, with all that the simulation knows about each.
+# Brushes of the studio, by name, with all their constants.
 
 
 @dataclass(frozen=True)
 class BristleBrush:
-    """A round bristle brush held upright; lengths in millimetres, volumes in microlitres.
+    """Round bristle brush, held upright; lengths in millimetres, volumes in microlitres.
 
-    bristles:         how many are simulated, each standing for a lock of hairs
-    light_radius:     of the tuft at the lightest touch
-    hard_radius:      of the tuft at the hardest press
-    press_depth:      from the lightest touch to the hardest press
-    drag:             how far the tuft trails behind the handle at the hardest press; the softer the longer
-    closing:          how fast a spread tuft closes again when it is raised, mm per mm painted
-    capacity:         paint that a full tuft holds
-    film:             wet film that a full tuft leaves
-    lengths, bends:   (least, most) of the strokes that the brush paints well, mm
+    bristles: number of simulated bristles; each stands for a lock of hairs.
+    light_radius: radius of the tuft at the lightest touch.
+    hard_radius: radius of the tuft at the hardest press.
+    press_depth: distance from the lightest touch to the hardest press.
+    drag: distance of the tuft behind the handle at the hardest press; larger for softer brushes.
+    closing: speed at which a spread tuft closes when it is raised, mm per mm painted.
+    capacity: paint in a full tuft.
+    film: thickness of the wet film that a full tuft leaves.
+    lengths, bends: (least, most) of the strokes that the brush paints well.
     """
 
     name: str
@@ -48,7 +48,7 @@ class BristleBrush:
     bends: tuple[float, float]
 
     def radius(self, depth: float) -> float:
-        """Of the tuft at a depth between 0 (lightest touch) and 1 (hardest press)."""
+        """Returns the radius of the tuft at a depth between 0 (lightest touch) and 1 (hardest press)."""
         return self.light_radius + (self.hard_radius - self.light_radius) * depth
 
 
@@ -60,7 +60,7 @@ _JAR = (
 
 
 def brush_named(name: str) -> BristleBrush:
-    """The brush of that name. Raises ConfigError."""
+    """Returns the brush of that name. Raises ConfigError for an unknown name."""
     for brush in _JAR:
         if brush.name == name:
             return brush
@@ -68,7 +68,7 @@ def brush_named(name: str) -> BristleBrush:
 
 
 def brush_names() -> tuple[str, ...]:
-    """Names of all brushes, from the finest to the broadest."""
+    """Returns the names of all brushes, from the finest to the broadest."""
     return tuple(brush.name for brush in _JAR)
 
 
@@ -76,23 +76,25 @@ _LOCKS = 34
 _STRANDS = 22
 _STRAYS = 0.05
 _FANNED = 0.74
-# Already a light touch lays the tuft down: how far it trails grows as this power of the depth.
+# A light touch already lays the tuft down: its distance behind the handle grows with this power of the depth.
 _LYING = 0.3
 _LEVELLING = 0.4
 
 
 class Tuft:
-    """A brush's bristles and the paint in them; everything drawn from `random`.
+    """Bristles of a brush and their paint; all random numbers come from `random`.
 
-    capacity, load [n]: microlitres of paint; pigment [n, 6]: K and S of that paint times its volume;
-    bite [n]: how much deeper than others a bristle reaches into the weave.
+    capacity, load [n]: microlitres of paint.
+    pigment [n, 6]: K and S of that paint, times its volume.
+    bite [n]: how much deeper than average a bristle reaches into the weave.
     """
 
     def __init__(self, brush: BristleBrush, random: np.random.Generator) -> None:
         self.brush = brush
         self._random = random
         n = brush.bristles
-        # A sunflower's seeds fill a disc evenly; drawn together into locks they leave the gaps of a real tuft.
+        # Like a sunflower's seeds, bristles fill the disc evenly. Drawn together into locks, they leave the gaps of
+        # a real tuft.
         turn = np.arange(n) * math.pi * (3 - math.sqrt(5))
         radius = np.sqrt((np.arange(n) + 0.5) / n)
         place = np.stack((radius * np.cos(turn), radius * np.sin(turn)), -1)
@@ -116,18 +118,18 @@ class Tuft:
 
     @property
     def volume(self) -> float:
-        """Paint in the tuft, microlitres."""
+        """Paint in the tuft, in microlitres."""
         return float(self.load.sum())
 
     def draw_luck_from(self, random: np.random.Generator) -> None:
-        """From now on its luck in dips and strokes is drawn from there."""
+        """Sets the random generator for later dips and strokes."""
         self._random = random
 
     def fill(self, paint: NDArray[np.float64]) -> float:
-        """Dips into a paint (K, S [6]), which some locks take up better; returns the microlitres taken up.
+        """Dips the tuft into a paint (K, S [6]); returns the microlitres that it takes up.
 
-        Which ones changes with every stroke: a brush that is cleaned and dipped once more before it, as
-        after a crash, paints the same.
+        Some locks take up more than others, which changes with every stroke. A second dip before the same stroke
+        uses the same locks. A brush that is cleaned and dipped again after a crash therefore paints the same.
         """
         if self._luck is None:
             self._luck = np.minimum(1, 1.2 - self._random.random(_LOCKS) ** 3)[self._lock]
@@ -137,14 +139,14 @@ class Tuft:
         return float(missing.sum())
 
     def keep(self, share: float) -> float:
-        """Keeps this share of the paint; returns the microlitres that went away."""
+        """Keeps this share of the paint; returns the microlitres of the rest."""
         before = self.volume
         self.load *= share
         self.pigment *= share
         return before - self.volume
 
     def settle(self) -> None:
-        """Between strokes paint creeps from full bristles to empty ones."""
+        """Evens out the paint between full and empty bristles, as happens between strokes."""
         volume = self.volume
         if volume > 0:
             mean = self.pigment.sum(0) / volume
@@ -153,11 +155,15 @@ class Tuft:
             self.pigment += _LEVELLING * (even[:, None] * mean - self.pigment)
 
     def feet(self, path: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-        """Where each bristle touches along a path, and how far the tuft is dragged (mm) in each step, [k].
+        """Returns the contact of each bristle along a path, and the drag of the tuft in each step.
 
-        path [k, 3]: x, y in mm on the canvas and depth (0 lightest touch, 1 hardest press) of the tip,
-        evenly spaced; returns [k, n, 3]: x, y in mm and how deep the bristle is pressed (not above 0:
-        it is in the air). The tuft takes a slightly different shape with every stroke.
+        path [k, 3]: x, y of the tip in mm on the canvas, and depth (0 lightest touch, 1 hardest press), evenly
+        spaced.
+        Returns contacts [k, n, 3]: x, y in mm, and the pressed depth of the bristle; at 0 or below, it is in the
+        air.
+        Returns drags [k]: mm in each step.
+
+        The tuft takes a slightly different shape with every stroke.
         """
         random, n, lock = self._random, len(self.load), self._lock
         self._luck = None
@@ -167,7 +173,7 @@ class Tuft:
         lag = self._lag + 0.35 * random.standard_normal(_LOCKS)[lock]
         onset = self._onset + 0.12 * self._edge * random.random(_LOCKS)[lock] + 0.35 * self._stray * random.random(n)
         shake = _smooth_noise(random, len(path), _LOCKS + 2)
-        # Hairs that run one behind the other cling together and tear off together.
+        # Hairs in a row along the path cling together and leave the canvas together.
         heading = path[-1, :2] - path[len(path) // 2, :2]
         aside = offset @ (-heading[1], heading[0]) / max(1e-9, float(np.hypot(*heading)))
         strand = np.clip((aside + 1.2) / 2.4 * _STRANDS, 0, _STRANDS - 1).astype(int)
@@ -201,11 +207,11 @@ def _trail(  # type: ignore[no-untyped-def]
         else:
             moved, rise = 0.0, 0.0
         spread = max(opened, spread - closing * moved)
-        # The brush is being lifted where it goes up more than along.
+        # The brush is being lifted if it moves more up than along.
         lifted_from = max(lifted_from, path[step - 1, 2]) if rise > moved else 0.0
         dragged += moved if depth > 0.0 else 0.0
         rope = drag * (lifted_from ** (_LYING - 1.0) * pressed if lifted_from > 0.0 else pressed**_LYING)
-        # A wet tuft comes down as one; its locks part only while it is dragged.
+        # A wet tuft comes down in one piece; its locks part only while it is dragged.
         parted = 0.3 + 0.7 * min(1.0, dragged / drag)
         trail_x, trail_y = x - middle_x, y - middle_y
         trail = math.hypot(trail_x, trail_y)
@@ -222,14 +228,14 @@ def _trail(  # type: ignore[no-untyped-def]
             jolt = shake[step, lock[i]]
             along = offset[i, 0] * ahead_x + offset[i, 1] * ahead_y
             across = offset[i, 1] * ahead_x - offset[i, 0] * ahead_y
-            # A longer lock stays longer where it came down, then trails further behind.
+            # A longer lock stays longer at its first place, then trails further behind.
             own = rope * max(0.0, 1.0 + lag[i] + 0.06 * jolt)
             along = radius * along * fanned + min(dragged, rope) - min(dragged, own)
             across = radius * across * (1.0 + 0.02 * jolt) + swerve
             feet[step, i, 0] = middle_x + along * ahead_x - across * ahead_y
             feet[step, i, 1] = middle_y + along * ahead_y + across * ahead_x
-            # A bristle that sticks to the canvas is let go a little later than it came; one that is
-            # lifted springs forward with its lock and tears off sooner or later on its way.
+            # A bristle that touches the canvas leaves it a little later than it came. During a lift, it springs
+            # forward with its lock and leaves at its own moment.
             press = depth - onset[i] * parted * (1.0 + 0.35 * jolt) + (0.03 if touching[i] and depth > 0.0 else 0.0)
             if depth < grip[i] * lifted_from:
                 press = min(press, 0.0)
@@ -245,7 +251,7 @@ def _in_disc(random: np.random.Generator, count: int) -> NDArray[np.float64]:
 
 
 def _smooth_noise(random: np.random.Generator, steps: int, count: int) -> NDArray[np.float64]:
-    """Noise of about unit variance [steps, count] that keeps its value over some 12 steps, each at its own time."""
+    """Returns noise of about unit variance [steps, count] with a correlation length of about 12 steps."""
     knots = random.standard_normal((steps // 12 + 3, count))
     place = np.arange(steps)[:, None] / 12 + random.random(count)
     knot = place.astype(int)

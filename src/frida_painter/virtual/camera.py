@@ -1,4 +1,4 @@
-"""The studio's camera: perspective, lens, uneven light, a colour cast, noise, eight bits of sRGB."""
+"""Camera of the studio: perspective, lens, uneven light, a colour cast, noise, and eight bits of sRGB."""
 
 import math
 from dataclasses import dataclass
@@ -17,18 +17,18 @@ from frida_painter.virtual.robot import Clock
 from frida_painter.virtual.simulation_log import Note, unnoted
 from frida_painter.virtual.table import Table
 
-# What comes between the camera and the canvas: a person's hand, or the glare of a lamp.
+# Obstacles between the camera and the canvas: a person's hand, or the glare of a lamp.
 
-# Millimetres; a grown person's hand, as it reaches into the picture from below.
+# Hand of an adult in millimetres; it reaches into the picture from below.
 _PALM, _FINGER, _WRIST = (41, 46), (17, 78), 54
-_SPREAD = (-0.55, -0.2, 0.08, 0.36)  # radians, of the fingers from the hand's direction
+_SPREAD = (-0.55, -0.2, 0.08, 0.36)  # radians of the fingers from the hand's direction
 _THUMB = (1.0, 20, 62)
 _SKIN, _SHADE, _SLEEVE = (206, 160, 132), (168, 120, 96), (52, 66, 92)
 _GLARE = 0.09  # of the photograph's width
 
 
 def draw(image: NDArray[np.uint8], sights: list[InSight], pixels_per_millimetre: float) -> None:
-    """Draws what is in sight into a photograph [rows, columns, 3] uint8 sRGB."""
+    """Draws obstacles into a photograph [rows, columns, 3] uint8 sRGB."""
     rows, columns = image.shape[:2]
     for sight in sights:
         place = (round(sight.place[0] * (columns - 1)), round(sight.place[1] * (rows - 1)))
@@ -39,7 +39,7 @@ def draw(image: NDArray[np.uint8], sights: list[InSight], pixels_per_millimetre:
 
 
 def _draw_hand(image: NDArray[np.uint8], place: tuple[int, int], scale: float) -> None:
-    """The palm at `place`, fingers up, the forearm down to the edge of the photograph."""
+    """Draws the palm at `place`, with the fingers up and the forearm down to the edge of the photograph."""
     overlay = image.copy()
 
     def away(angle: float, length: float) -> tuple[int, int]:
@@ -61,7 +61,7 @@ def _draw_hand(image: NDArray[np.uint8], place: tuple[int, int], scale: float) -
 
 
 def _draw_glare(image: NDArray[np.uint8], place: tuple[int, int], radius: float) -> None:
-    """A lamp that mirrors itself in wet paint: brighter than can be recorded, and a glow around it."""
+    """Draws a lamp reflected in wet paint: brighter than white, with a glow around it."""
     row, column = np.mgrid[: image.shape[0], : image.shape[1]]
     distance = np.hypot(column - place[0], row - place[1]) / radius
     glow = 420 * np.exp(-(distance**2))
@@ -78,13 +78,18 @@ _ARM_WIDTH, _ARM_COLOR = 45.0, (58, 60, 64)
 
 @dataclass(frozen=True)
 class CameraSpec:
-    """How the camera stands and what it does to the light.
+    """Position and properties of the camera.
 
-    photograph: (rows, columns); tilt, side: radians by which it looks from below and from the side
-    instead of straight on; roll: radians; filling: share of the photograph that the canvas spans;
-    lens: barrel distortion at the photograph's corner, share of the radius; falloff: how much
-    darker the darkest corner is; cast: gain of the three bands; bleed: light that leaks between
-    bands; noise: standard deviation at full light, share of it; exposure: seconds.
+    photograph: (rows, columns).
+    tilt, side: angles in radians from below and from the side; 0, 0 is straight on.
+    roll: radians.
+    filling: share of the photograph that the canvas spans.
+    lens: barrel distortion at the photograph's corner, share of the radius.
+    falloff: light that the darkest corner lacks, share.
+    cast: gain of the three channels.
+    bleed: light that leaks between channels.
+    noise: standard deviation at full light, share of it.
+    exposure: seconds.
     """
 
     photograph: tuple[int, int] = (1200, 1600)
@@ -101,15 +106,16 @@ class CameraSpec:
 
     @classmethod
     def ideal(cls, rows: int = 1200, columns: int = 1600) -> "CameraSpec":
-        """A camera straight above the canvas, without lens, cast, falloff or noise."""
+        """Returns a camera straight above the canvas, without distortion, cast, falloff or noise."""
         return cls((rows, columns), 0.0, 0.0, 0.0, 0.95, 0.0, 0.0, (1.0, 1.0, 1.0), 0.0, 0.0)
 
 
 class VirtualCamera:
-    """Implements hardware.robot.Camera over a table.
+    """Camera above a table; implements hardware.robot.Camera.
 
-    corners: of the canvas where it stood at first; lens: what it does to straight lines, None where
-    nothing; note: told of every photograph.
+    corners: first position of the canvas's corners, in pixels.
+    lens: distortion of the lens, None without one.
+    note: called for every photograph.
     """
 
     def __init__(self, spec: CameraSpec, table: Table, clock: Clock, random: np.random.Generator) -> None:
@@ -130,7 +136,7 @@ class VirtualCamera:
         self._connected = False
 
     def connect(self) -> None:
-        """Switches the camera on; doing it twice changes nothing."""
+        """Switches the camera on; a second call changes nothing."""
         self._connected = True
 
     def close(self) -> None:
@@ -138,10 +144,10 @@ class VirtualCamera:
         self._connected = False
 
     def capture(self, newer_than: float) -> Frame:
-        """A photograph of the canvas as it is now, later than `newer_than` (s of the studio's clock).
+        """Returns a photograph of the current canvas, later than `newer_than` (s of the studio's clock).
 
-        Raises StaleFrame where `newer_than` lies ahead, or the stale fault hands out the frame before;
-        CameraError where the camera is not connected, or does not answer.
+        Raises StaleFrame if `newer_than` is in the future, or if the stale fault returns the last frame. Raises
+        CameraError if the camera is not connected, or does not answer.
         """
         if not self._connected:
             raise CameraError("The virtual camera is not connected; call connect() first.")
@@ -163,7 +169,7 @@ class VirtualCamera:
         return frame
 
     def remember(self, exposed: bool) -> None:
-        """Takes up after a photograph of which the log tells; the photograph itself is gone."""
+        """Repeats the effects of a photograph from the log, without the photograph itself."""
         self.photographs += 1
         if exposed:
             self._grain()
@@ -184,15 +190,15 @@ class VirtualCamera:
         return image
 
     def _grain(self) -> int:
-        """Where in the bank of noise a photograph begins."""
+        """Returns a random start in the bank of noise for a photograph."""
         return int(self._random.integers(_NOISE_BANK))
 
     def _scene(self) -> NDArray[np.float32]:
-        """What reflects the light towards each pixel: linear reflectance [rows, columns, 3], until the next one."""
+        """Returns the linear reflectance at each pixel [rows, columns, 3]; valid until the next call."""
         canvas, knock, checker = self._table.canvas, self._table.knock, self._table.checker
         scene = self._pixels
         scene[:] = self._bare_row
-        # Where the canvas lies now: table (mm) -> cells.
+        # Current position of the canvas: table (mm) -> cells.
         cos, sin = math.cos(knock.turn), math.sin(knock.turn)
         center = np.array([canvas.width, canvas.height]) / 2
         back = np.array([[cos, sin], [-sin, cos]]) / canvas.cell
@@ -206,7 +212,7 @@ class VirtualCamera:
         return scene
 
     def _show_arm(self, image: NDArray[np.uint8]) -> None:
-        """The robot stands in the picture where it was not sent home."""
+        """Draws the arm into the picture if it is not at the home position."""
         canvas, tip = self._table.canvas, self._table.tip
         size = np.array([canvas.width, canvas.height])
         if (tip < -_ARM_WIDTH).any() or (tip > size + _ARM_WIDTH).any():
@@ -220,7 +226,10 @@ class VirtualCamera:
 
 
 def _optics(spec: CameraSpec, width: float, height: float) -> tuple[NDArray[np.float32], Corners]:
-    """Where each pixel looks, [rows, columns, 2] mm on the canvas's plane, and the canvas's corners in pixels."""
+    """Returns the view of each pixel, and the canvas's corners in pixels.
+
+    The view [rows, columns, 2] is the point on the canvas plane in mm.
+    """
     rows, columns = spec.photograph
     distance = 2.2 * math.hypot(width, height)
     tilt = np.array([[1, 0, 0], [0, math.cos(spec.tilt), math.sin(spec.tilt)],
@@ -230,7 +239,7 @@ def _optics(spec: CameraSpec, width: float, height: float) -> tuple[NDArray[np.f
     roll = np.array([[math.cos(spec.roll), -math.sin(spec.roll), 0], [math.sin(spec.roll), math.cos(spec.roll), 0],
                      [0, 0, 1]])  # fmt: skip
     turned = roll @ tilt @ side
-    # Canvas millimetres, y up, to camera coordinates, whose y runs down.
+    # From canvas millimetres, y up, to camera coordinates, y down.
     pose = np.diag([1.0, -1.0, -1.0]) @ np.c_[turned[:, :2], turned @ (-width / 2, -height / 2, 0) - (0, 0, distance)]
     world = np.array([(0, height, 1), (width, height, 1), (width, 0, 1), (0, 0, 1)], float)
     seen = world @ pose.T
@@ -240,7 +249,7 @@ def _optics(spec: CameraSpec, width: float, height: float) -> tuple[NDArray[np.f
     middle = np.array([(columns - 1) / 2, (rows - 1) / 2])
     lens = np.array([[focal, 0, 0], [0, focal, 0], [0, 0, 1]])
     lens[:2, 2] = -focal * (low + high) / 2
-    homography = lens @ pose  # canvas (x, y, 1) mm -> pixels from the middle, before the lens bends them
+    homography = lens @ pose  # canvas (x, y, 1) mm -> pixels from the middle, before distortion
     reach = float(np.hypot(*middle))
 
     def straightened(pixel: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -258,7 +267,7 @@ def _optics(spec: CameraSpec, width: float, height: float) -> tuple[NDArray[np.f
 
 
 def _lens(spec: CameraSpec) -> Lens | None:
-    """The lens as a calibration describes it: the series that undoes r (1 + lens r^2)."""
+    """Returns the lens in the form of a calibration: the series that inverts r (1 + lens r^2)."""
     if spec.lens == 0:
         return None
     rows, columns = spec.photograph
@@ -268,7 +277,7 @@ def _lens(spec: CameraSpec) -> Lens | None:
 
 
 def _light(spec: CameraSpec, random: np.random.Generator) -> NDArray[np.float32]:
-    """Brightness of the light over the photograph [rows, columns]: a lamp to one side, and the lens's vignette."""
+    """Returns the brightness of the light over the photograph [rows, columns]: a lamp to one side, and the vignette."""
     rows, columns = spec.photograph
     down, across = np.linspace(-1, 1, rows)[:, None], np.linspace(-1, 1, columns)[None]
     angle = random.uniform(0, 2 * math.pi)
@@ -278,14 +287,14 @@ def _light(spec: CameraSpec, random: np.random.Generator) -> NDArray[np.float32]
 
 
 def _leaning(shape: tuple[int, ...], lean: tuple[float, float]) -> NDArray[np.float32]:
-    """How much brighter each pixel becomes [rows, columns] when the light comes more from the (right, lower) side."""
+    """Returns the factor of brightness [rows, columns] if the light comes from the (right, lower) side."""
     down, across = np.linspace(-1, 1, shape[0])[:, None], np.linspace(-1, 1, shape[1])[None]
     return np.maximum(0, 1 + lean[0] * across + lean[1] * down).astype(np.float32)
 
 
 @numba.njit(cache=True, nogil=True)
 def _lay(looks, shape, view, to_cell, scene):  # type: ignore[no-untyped-def]
-    """Something flat with looks [high, wide, 3], of `shape` (rows, columns), comes in wherever a pixel looks at it."""
+    """Draws a flat thing with looks [high, wide, 3], of `shape` (rows, columns), at each pixel that looks at it."""
     high, wide = looks.shape[0], looks.shape[1]
     for r in range(scene.shape[0]):
         for c in range(scene.shape[1]):
@@ -296,8 +305,7 @@ def _lay(looks, shape, view, to_cell, scene):  # type: ignore[no-untyped-def]
                 left, above = min(int(x), wide - 2), min(int(y), high - 2)
                 u, v = x - left, y - above
                 p, q, s, t = (1 - u) * (1 - v), u * (1 - v), (1 - u) * v, u * v
-                # Without a sign nothing counts from the end, and without slices nothing counts references: five
-                # times as fast.
+                # Unsigned indices need no wrap-around and no slices need no reference counts: five times as fast.
                 i, j = numba.uint64(above), numba.uint64(left)
                 k, m = i + numba.uint64(1), j + numba.uint64(1)
                 for band in range(3):
@@ -308,7 +316,7 @@ def _lay(looks, shape, view, to_cell, scene):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, nogil=True)
 def _develop(scene, light, mix, tones, noise, offset, image):  # type: ignore[no-untyped-def]
-    """The light that comes from the scene, as the sensor's bands see it, with noise, in eight bits."""
+    """Writes the photograph: the scene's light in the sensor's channels, with noise, in eight bits."""
     bank, last = noise.shape[0], tones.shape[0] - 1
     position = offset
     for r in range(image.shape[0]):

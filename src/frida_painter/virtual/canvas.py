@@ -1,7 +1,7 @@
-"""The canvas: a primed cloth with a tooth, dry paint, and one wet layer that bristles give to and take from.
+"""Canvas: a primed cloth with a tooth, dry paint, and one wet layer that exchanges paint with bristles.
 
-Millimetres, microlitres and seconds inside; row 0 lies at the canvas's lower edge, so that rows go up
-as y does. A film's volume per area is its thickness in millimetres.
+Units are millimetres, microlitres and seconds. Row 0 is the canvas's lower edge, so that rows go up like y. The
+volume of a film per area is its thickness in millimetres.
 """
 
 import math
@@ -14,26 +14,30 @@ from numpy.typing import NDArray
 from frida_painter.virtual.bristles import Tuft
 from frida_painter.virtual.paint import BANDS, film_over
 
-# Share of the way to its film that a bristle covers per cell that it crosses, and of the wet paint that it stirs.
+# Shares per cell that a bristle crosses: of the difference to its film that it evens out, and of the wet paint that
+# it stirs.
 _GIVING, _STIRRING = 0.45, 0.22
-# How sharply the tops of the weave stand out where paint runs short.
+# Contrast of the tops of the weave when paint runs short.
 _TOOTH = 4.0
-# Paint is never spread thinner than this, mm: less of it covers less of the cell.
+# Least thickness of a film, mm; less paint covers a smaller part of the cell.
 _THINNEST = 0.010
-# Below this, mm, a wet film counts as set.
+# Thickness in mm below which a wet film counts as set.
 _NEGLIGIBLE = 2e-4
 # Diffuse light from the upper left on the ridges: brightness per slope, and its bound.
 _RELIEF, _RELIEF_BOUND = 0.16, 0.06
 
 
 class Canvas:
-    """Cells of `cell` mm over width x height mm; all cloth and no paint at first.
+    """Canvas of width x height mm in cells of `cell` mm; at first it has no paint.
 
-    wet [r, c, 7]: thickness (mm) of the wet film, then its K and S times thickness; ground [r, c, 3]:
-    linear reflectance of what lies under it, at first the cloth and what is on it, evenly [3] or as a picture [h, w,
-    3] of any size; dry [r, c]: thickness (mm) of set paint; settled [r, c]:
-    when (s) the wet film was last looked after; tooth [r, c] in [0, 1]: 0 the tops of the weave, 1
-    its valleys. A wet film of `film` mm sets within `drying_time` seconds, from below, thinner ones sooner.
+    wet [r, c, 7]: thickness (mm) of the wet film, then its K and S times thickness.
+    ground [r, c, 3]: linear reflectance under the wet film. The argument `ground` is one colour [3], or a picture
+    [h, w, 3] of any size.
+    dry [r, c]: thickness (mm) of set paint.
+    settled [r, c]: time (s) of the last update of the wet film.
+    tooth [r, c]: 0 for the tops of the weave, 1 for its valleys.
+
+    drying_rate: mm of a wet film that set per second; a film sets from below.
     """
 
     def __init__(
@@ -55,21 +59,21 @@ class Canvas:
 
     @property
     def wet_volume(self) -> float:
-        """Wet paint on the canvas, microlitres."""
+        """Wet paint on the canvas, in microlitres."""
         return float(self.wet[..., 0].sum(dtype=np.float64)) * self.cell**2
 
     @property
     def dry_volume(self) -> float:
-        """Set paint on the canvas, microlitres."""
+        """Set paint on the canvas, in microlitres."""
         return float(self.dry.sum(dtype=np.float64)) * self.cell**2
 
     def tone(self, ground: NDArray[np.float64]) -> None:
-        """What lies under the wet film has that linear reflectance from now on, [3] or [rows, columns, 3]."""
+        """Sets the linear reflectance under the wet film, [3] or [rows, columns, 3]."""
         self.ground = (ground * (1 - 0.012 * (self.tooth[..., None] - 0.5))).astype(np.float32)
         self._changed[:] = True
 
     def touch(self, tuft: Tuft, path: NDArray[np.float64], now: float) -> None:
-        """A tuft goes along a path (see Tuft.feet) and exchanges paint with the canvas, at time `now` (s)."""
+        """Moves a tuft along a path (see Tuft.feet) at time `now` (s); both exchange paint."""
         feet, travelled = tuft.feet(path)
         reach = 2 * tuft.brush.hard_radius + tuft.brush.drag
         low = np.maximum(0, (path[:, :2].min(0) - reach) / self.cell).astype(int)
@@ -85,11 +89,14 @@ class Canvas:
         )  # fmt: skip
 
     def dry_until(self, now: float) -> None:
-        """Lets the whole canvas dry until time `now` (s)."""
+        """Dries the whole canvas until time `now` (s)."""
         _settle(self.wet, self.ground, self.dry, self.settled, self._changed, now, self._drying_rate)
 
     def reflectance(self) -> NDArray[np.float32]:
-        """What diffuse light sees: linear [r, c, 3], row 0 at the bottom; valid until the canvas is touched."""
+        """Returns the linear reflectance in diffuse light [r, c, 3], row 0 at the bottom.
+
+        Valid until the next touch.
+        """
         _look(self.wet, self.ground, self.dry, self._changed, self._looks, self.cell)
         self._changed[:] = False
         return self._looks
@@ -97,7 +104,7 @@ class Canvas:
 
 @numba.njit(cache=True, nogil=True)
 def _settle(wet, ground, dry, settled, changed, now, rate):  # type: ignore[no-untyped-def]
-    """Moves from the wet film to the ground what set since it was last looked after."""
+    """Moves the paint that has set since the last update from the wet film to the ground."""
     for r in range(wet.shape[0]):
         for c in range(wet.shape[1]):
             thickness = wet[r, c, 0]
@@ -128,7 +135,7 @@ def _film(wet, thickness, ground, out):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _exchange(feet, travelled, load, pigment, capacity, bite, wet, tooth, changed, cell, film):  # type: ignore[no-untyped-def]
-    """Every bristle, step by step, with the four cells around it; travelled [k] in cells."""
+    """Exchanges paint between each bristle and the four cells around it, at every step; travelled [k] is in cells."""
     rows, columns = tooth.shape
     area = cell * cell
     for step in range(feet.shape[0]):
@@ -139,7 +146,7 @@ def _exchange(feet, travelled, load, pigment, capacity, bite, wet, tooth, change
                 continue
             full = load[i] / capacity[i]
             wanted = film * math.sqrt(full)
-            # Little paint and a light hand stay on the tops of the weave: dry brush.
+            # Little paint or little pressure reaches only the tops of the weave: dry brush.
             reaching = _TOOTH * (0.12 + (2.2 + bite[i]) * full + 0.5 * press + 0.6 * bite[i])
             x, y = feet[step, i, 0] / cell - 0.5, feet[step, i, 1] / cell - 0.5
             left, below = math.floor(x), math.floor(y)
@@ -153,7 +160,7 @@ def _exchange(feet, travelled, load, pigment, capacity, bite, wet, tooth, change
                 near = (1.0 - abs(x - c)) * (1.0 - abs(y - r))
                 share = min(0.9, near * moved * min(1.0, reach))
                 there, held = wet[r, c, 0] * area, load[i]
-                # Towards the film that so full a bristle leaves; what stands higher is taken up.
+                # Towards the film that a bristle with this load leaves; a thicker film is taken up.
                 given = _GIVING * share * (wanted * area - there)
                 if given > 0.0:
                     given = min(given, 0.5 * held)
@@ -173,7 +180,7 @@ def _exchange(feet, travelled, load, pigment, capacity, bite, wet, tooth, change
 
 @numba.njit(cache=True, nogil=True)
 def _look(wet, ground, dry, changed, looks, cell):  # type: ignore[no-untyped-def]
-    """Brings looks [r, c, 3] up to date where a cell, or the one above or left of it, has changed."""
+    """Updates looks [r, c, 3] at each changed cell, and at cells whose upper or left neighbour has changed."""
     rows, columns = dry.shape
     for r in range(rows):
         above = min(r + 1, rows - 1)
@@ -187,14 +194,17 @@ def _look(wet, ground, dry, changed, looks, cell):  # type: ignore[no-untyped-de
             if wet[r, c, 0] > 0.0:
                 _film(wet[r, c], wet[r, c, 0], ground[r, c], looks[r, c])
             else:
-                for band in range(3):  # as a slice it would take numba two seconds to compile
+                for band in range(3):  # a slice would take numba two seconds to compile
                     looks[r, c, band] = ground[r, c, band]
             for band in range(3):
                 looks[r, c, band] *= light
 
 
 def _cloth(rows: int, columns: int, cell: float, random: np.random.Generator) -> NDArray[np.float32]:
-    """Tooth [rows, columns] of a primed cloth, evenly spread over [0, 1]: threads both ways, and the primer's grain."""
+    """Returns the tooth [rows, columns] of a primed cloth, uniform in [0, 1].
+
+    The tooth consists of threads in both directions and the primer's grain.
+    """
 
     def noise(along: float, across: float) -> NDArray[np.float32]:
         rough = random.standard_normal((rows, columns), dtype=np.float32)

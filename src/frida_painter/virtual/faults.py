@@ -1,4 +1,4 @@
-"""What can go wrong in the studio, on demand; nothing does unless it is asked for."""
+"""Faults of the studio, for tests; none happens unless it is requested."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -6,9 +6,10 @@ from typing import Literal
 
 @dataclass(frozen=True)
 class Bump:
-    """Somebody knocks against the canvas with the first motion after `before_touch` contacts with it.
+    """Knock against the canvas, at the first motion after `before_touch` contacts with it.
 
-    shift: metres in the canvas's plane; turn: radians about the canvas's centre.
+    shift: metres in the canvas's plane.
+    turn: radians about the canvas's centre.
     """
 
     before_touch: int
@@ -18,10 +19,9 @@ class Bump:
 
 @dataclass(frozen=True)
 class LostFocus:
-    """The camera is out of focus in the photographs `first` to `last` (None: for good).
+    """Blur of the photographs `first` to `last` (None: all later ones).
 
-    blur: standard deviation of what a point becomes, share of the photograph's width; 0.005 are 8 of
-    1600 pixels.
+    blur: standard deviation of the blur, share of the photograph's width; 0.005 is 8 of 1600 pixels.
     """
 
     first: int
@@ -29,17 +29,17 @@ class LostFocus:
     blur: float = 0.005
 
     def concerns(self, photograph: int) -> bool:
-        """Whether that photograph is out of focus."""
+        """Returns True if that photograph is blurred."""
         return self.first <= photograph and (self.last is None or photograph <= self.last)
 
 
 @dataclass(frozen=True)
 class LightChange:
-    """The light is another one from the photograph `first` on, until the next change.
+    """Change of the light from the photograph `first` on, until the next change.
 
-    gain: of the three bands, against the light that the studio was opened with (a cloud: all below
-    1; the evening's lamp: less blue); lean: how much brighter than the middle the photograph's
-    (right, lower) edge is, share of the light there.
+    gain: factor of the three channels, relative to the first light of the studio. A cloud: all below 1; an evening
+    lamp: less blue.
+    lean: additional brightness of the photograph's (right, lower) edge, share of the light in the middle.
     """
 
     first: int
@@ -49,9 +49,9 @@ class LightChange:
 
 @dataclass(frozen=True)
 class InSight:
-    """A person's hand, or the glare of a lamp, lies over the canvas in the photographs `first` to `last`.
+    """Hand or glare over the canvas in the photographs `first` to `last` (None: all later ones).
 
-    place: of the palm, or of the middle of the glare, (across, down) as shares of the photograph.
+    place: position of the palm or of the glare's middle, (across, down) as shares of the photograph.
     """
 
     what: Literal["hand", "glare"]
@@ -60,13 +60,13 @@ class InSight:
     place: tuple[float, float] = (0.55, 0.5)
 
     def concerns(self, photograph: int) -> bool:
-        """Whether it is in that photograph."""
+        """Returns True if it is in that photograph."""
         return self.first <= photograph and (self.last is None or photograph <= self.last)
 
 
 @dataclass(frozen=True)
 class FailedMotion:
-    """Motion number `motion` ends at its waypoint `waypoint` with the robot's error `code`."""
+    """Error of motion `motion`: it ends at its waypoint `waypoint` with the robot's error `code`."""
 
     motion: int
     waypoint: int
@@ -75,19 +75,25 @@ class FailedMotion:
 
 @dataclass(frozen=True)
 class Faults:
-    """Faults by number, counted from 0 since the studio was opened.
+    """Faults of the studio by number, counted from 0 since the studio was opened.
 
-    dropped_touches: contacts with the canvas in which the brush does not quite reach it;
-    bumps: knocks against the canvas; stale_photographs: captures in which the camera hands out
-    the photograph before; stuck_motions: motions that end half way, as the report tells;
-    lying_motions: likewise, but only the pose tells; slow_motions: motions that take ten times as
-    long; failed_motions: motions that end with an error; protective_stops: motions half way along
-    which the robot meets with resistance and stops by itself; hanging_motions: motions whose call
-    never returns; dead_from_motion: the robot is lost from that motion on (RobotDisconnected);
-    unknown_pose: the robot does not know where it is; dry_dips: dips into a well that is empty
-    then; lost_focus, light_changes, in_sight: what happens to the camera, to the lamps and between
-    camera and canvas; frozen_photographs: captures in which the camera gives the picture before as a
-    new one; failed_photographs: captures in which it does not answer (CameraError).
+    dropped_touches: contacts in which the brush does not reach the canvas.
+    bumps: knocks against the canvas.
+    dry_dips: dips into an empty well.
+
+    stuck_motions: motions that end half way; the report says so.
+    lying_motions: motions that end half way; only the pose says so.
+    slow_motions: motions that take ten times as long.
+    failed_motions: motions that end with an error.
+    protective_stops: motions that meet resistance half way; the robot then stops by itself.
+    hanging_motions: motions whose call never returns.
+    dead_from_motion: number of the motion from which the robot no longer answers (RobotDisconnected).
+    unknown_pose: True if the robot does not know its pose.
+
+    stale_photographs: captures that return the last photograph again.
+    frozen_photographs: captures that return the last picture as a new photograph.
+    failed_photographs: captures that the camera does not answer (CameraError).
+    lost_focus, light_changes, in_sight: faults of focus, light and view.
     """
 
     dropped_touches: frozenset[int] = frozenset()
@@ -109,11 +115,11 @@ class Faults:
     failed_photographs: frozenset[int] = frozenset()
 
     def blur_of(self, photograph: int) -> float:
-        """How much that photograph is blurred, share of its width; 0 where it is in focus."""
+        """Returns the blur of that photograph, share of its width; 0 if it is sharp."""
         return max((lost.blur for lost in self.lost_focus if lost.concerns(photograph)), default=0.0)
 
     def light_of(self, photograph: int) -> LightChange:
-        """The light in which that photograph is taken."""
+        """Returns the light of that photograph."""
         so_far = [change for change in self.light_changes if change.first <= photograph]
         return max(so_far, key=lambda change: change.first, default=LightChange(0))
 

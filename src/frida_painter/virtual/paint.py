@@ -1,8 +1,8 @@
-"""Paint as Kubelka and Munk see it: films that absorb and scatter, in three bands of linear light.
+"""Paint after Kubelka and Munk: films that absorb and scatter, in three channels of linear light.
 
-A paint is known by its absorption K and scattering S per millimetre of film. Mixing adds K and S by
-volume; a film over a ground reflects by the hyperbolic solution (P. Kubelka, F. Munk, "Ein Beitrag
-zur Optik der Farbanstriche", 1931; W. Baxter et al., "IMPaSTo", NPAR 2004).
+A paint has an absorption K and a scattering S per millimetre of film. Mixing adds K and S by volume. The
+reflectance of a film over a ground is the hyperbolic solution (P. Kubelka, F. Munk, "Ein Beitrag zur Optik der
+Farbanstriche", 1931; W. Baxter et al., "IMPaSTo", NPAR 2004).
 """
 
 import math
@@ -13,31 +13,31 @@ from numpy.typing import NDArray
 
 BANDS = 3
 
-# Reflectance that no paint exceeds on either side: soot still reflects, and gesso is the white reference.
+# Limits of the reflectance: soot still reflects, and gesso is the white reference.
 _DARKEST, _LIGHTEST = 0.006, 0.985
 # Scattering of titanium white, per millimetre: a film of 0.06 mm over black reflects 0.92.
 _WHITE_SCATTERING = 200.0
-# Deep colours hold less white pigment and scatter less. 0 would give every paint the same
-# scattering (black would drown white in a mixture), 1 the same extinction (no mixture would be vivid).
+# Deep colours hold less white pigment and scatter less. With 0, all paints would have the same scattering, and
+# black would drown white in a mixture. With 1, all would have the same extinction, and no mixture would be vivid.
 _SCATTERING_FALL = 0.5
 
 
 def to_linear(srgb: NDArray[np.floating]) -> NDArray[np.float64]:
-    """sRGB in [0, 1] to linear light, any shape (IEC 61966-2-1)."""
+    """Returns linear light for sRGB in [0, 1], any shape (IEC 61966-2-1)."""
     value = np.clip(np.asarray(srgb, dtype=np.float64), 0, 1)
     return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
 
 
 def to_srgb(linear: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Linear light to sRGB in [0, 1], any shape; what lies outside is clipped."""
+    """Returns sRGB in [0, 1] for linear light, any shape; values outside are clipped."""
     value = np.clip(np.asarray(linear, dtype=np.float64), 0, 1)
     return np.where(value <= 0.0031308, value * 12.92, 1.055 * value ** (1 / 2.4) - 0.055)
 
 
 def absorption_and_scattering(srgb: NDArray[np.floating]) -> NDArray[np.float64]:
-    """K and S per millimetre of the paint that looks like sRGB [..., 3] where it is thick: [..., 6].
+    """Returns K and S per millimetre, [..., 6], of a paint whose thick film has the colour sRGB [..., 3].
 
-    K / S = (1 - R)^2 / 2R fixes their ratio; the scattering falls off with it as in mixed studio paints.
+    K / S = (1 - R)^2 / 2R fixes their ratio. The scattering falls with this ratio, as in mixed studio paints.
     """
     reflectance = np.clip(to_linear(srgb), _DARKEST, _LIGHTEST)
     ratio = (1 - reflectance) ** 2 / (2 * reflectance)
@@ -47,13 +47,16 @@ def absorption_and_scattering(srgb: NDArray[np.floating]) -> NDArray[np.float64]
 
 @numba.njit(cache=True, nogil=True)
 def film_over(absorption: float, scattering: float, thickness: float, ground: float) -> float:
-    """Reflectance of one band of a film (K, S per mm; thickness in mm) over a ground of known reflectance."""
+    """Returns the reflectance of one channel of a film (K, S per mm.
+
+    Thickness in mm) over a ground of known reflectance.
+    """
     depth = scattering * thickness
     if depth < 1e-9:
         return ground
     a = 1.0 + absorption / scattering
     b = math.sqrt(max(a * a - 1.0, 1e-8))
-    if b * depth > 7.0:  # Nothing of the ground is seen: exp(-14) is below a millionth.
+    if b * depth > 7.0:  # The ground is invisible: exp(-14) is below a millionth.
         return a - b
     decay = math.exp(-2.0 * b * depth)
     b_coth = b * (1.0 + decay) / (1.0 - decay)

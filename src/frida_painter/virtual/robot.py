@@ -1,4 +1,4 @@
-"""The studio's robot: an arm moves the tip along its waypoints, and its clock is the studio's."""
+"""Robot of the studio: an arm moves the brush tip along its waypoints, by the studio's clock."""
 
 import threading
 import time
@@ -15,18 +15,19 @@ from frida_painter.virtual.faults import NO_FAULTS, Faults
 from frida_painter.virtual.simulation_log import Note, unnoted
 from frida_painter.virtual.table import StudioLayout, Table
 
-# What carries the brush's tip in the studio: an arm gets a way to go, and tells the way it really went.
+# Arms: an arm gets a way and returns the course of the tip.
 
-# In its own pace an arm heeds a stop this often, s.
+# seconds between checks for a stop in paced motions
 _SLICE = 0.005
 
 
 @dataclass(frozen=True)
 class Way:
-    """What an arm is asked to do: a polyline [k, 3] in metres from where the tip is.
+    """Order to an arm: a polyline [k, 3] in metres, from the current tip position.
 
-    The first piece, towards the first waypoint, is gone at `travel_speed` m/s, the others at `speed`.
-    label says in messages what it is for.
+    speed: speed in m/s after the first waypoint.
+    travel_speed: speed in m/s to the first waypoint.
+    label: name for messages.
     """
 
     label: str
@@ -35,25 +36,28 @@ class Way:
     travel_speed: float
 
     def to_waypoint(self, number: int) -> "Way":
-        """What of it leads to waypoint `number`; the first point of the path is where the tip was."""
+        """Returns the part of the way up to waypoint `number`; the path's first point is the start of the tip."""
         return replace(self, path=self.path[: number + 2])
 
     def when(self) -> NDArray[np.float64]:
-        """Seconds after the start [k] at which each point is reached by a tip that always has its full speed."""
+        """Returns the seconds after the start [k] at each point, for a tip that always has its full speed."""
         legs = np.linalg.norm(np.diff(self.path, axis=0), axis=1) / self.speeds()
         return np.concatenate([[0.0], np.cumsum(legs)])
 
     def speeds(self) -> NDArray[np.float64]:
-        """The speed asked for [k - 1] on each piece, m/s."""
+        """Returns the speed of each piece [k - 1], in m/s."""
         return np.r_[self.travel_speed, np.full(len(self.path) - 2, self.speed)]
 
 
 @dataclass(frozen=True)
 class Course:
-    """What the tip really did: its places [n, 3] in metres, how many seconds that took, whether it was stopped.
+    """Real motion of the tip.
 
-    An arm with joints also tells, for each of these places, where the tip was meant to be at that
-    moment, and the angles of its joints [n, joints] (rad); these moments are then evenly spaced.
+    places [n, 3]: positions in metres.
+    seconds: duration.
+    stopped: True if the motion was stopped.
+    meant [n, 3]: wanted positions at the same moments, for an arm with joints.
+    angles [n, joints]: joint angles in radians, for an arm with joints. The moments are then evenly spaced.
     """
 
     places: NDArray[np.float64]
@@ -64,68 +68,71 @@ class Course:
 
 
 class Watcher(Protocol):
-    """Whoever looks on while an arm works."""
+    """Observer of the arm's motions."""
 
     def open(self) -> None:
-        """Gets ready, before anything moves."""
+        """Prepares, before anything moves."""
 
     def watch(self, course: Course) -> None:
-        """Sees a motion that has just been made, with what it left on the canvas."""
+        """Receives a finished motion; its marks are on the canvas."""
 
     def close(self) -> None:
-        """Has seen enough."""
+        """Ends the observation."""
 
 
 class Nobody:
-    """Looks on where nobody does."""
+    """Observer that does nothing."""
 
     def open(self) -> None:
-        """Needs nothing."""
+        """Does nothing."""
 
     def watch(self, course: Course) -> None:
-        """Sees nothing."""
+        """Does nothing."""
 
     def close(self) -> None:
-        """Nothing was seen."""
+        """Does nothing."""
 
 
 class Arm(Protocol):
-    """An arm of the studio; it knows nothing of painting, and time only passes in it while it moves."""
+    """Arm of the studio; it knows nothing about painting, and its time passes only while it moves."""
 
     def connect(self, tip: NDArray[np.float64]) -> None:
-        """Takes its posture with the tip there [3], or as it was remembered. Raises RobotError where it cannot."""
+        """Takes its posture with the tip at this position [3], or the remembered posture.
+
+        Raises RobotError if that fails.
+        """
 
     def move(self, way: Way, stopped: threading.Event, pace: float) -> Course:
-        """Goes that way, each second of it in `pace` seconds of the world's, 0 as fast as can be computed.
+        """Moves along the way; each second takes `pace` real seconds, 0 as fast as possible.
 
-        Once `stopped` is set it brakes at once, and the course ends where it came to rest. Raises
-        WorkspaceViolation, without moving, where it cannot go that way.
+        When `stopped` is set, the arm brakes at once, and the course ends where it came to rest. Raises
+        WorkspaceViolation, without moving, if it cannot go that way.
         """
 
     def state(self) -> Sequence[float]:
-        """All that the next motion follows from, beside where the tip is; empty where nothing does."""
+        """Returns the state that the next motion depends on, apart from the tip position; empty if there is none."""
 
     def remember(self, state: Sequence[float]) -> None:
-        """Takes up, when it is connected next, from that state."""
+        """Sets the state for the next `connect`."""
 
     def close(self) -> None:
-        """Lets go of what `connect` took."""
+        """Releases the resources of `connect`."""
 
 
 class FreeArm:
-    """Carries the tip exactly along its way, as no real arm does.
+    """Arm that moves the tip exactly along its way, as no real arm does.
 
-    timing: how it starts and stops; None: it always has the speed asked for.
+    timing: accelerations. None: the tip always has its full speed.
     """
 
     def __init__(self, timing: Timing | None = None) -> None:
         self._timing = timing
 
     def connect(self, tip: NDArray[np.float64]) -> None:
-        """There is nothing to be done."""
+        """Does nothing."""
 
     def move(self, way: Way, stopped: threading.Event, pace: float) -> Course:
-        """Goes that way; where it takes no time there is none to be stopped in."""
+        """Moves along the way; a motion without pace cannot be stopped."""
         path, when = self._schedule(way)
         if pace > 0:
             began = time.monotonic()
@@ -135,17 +142,17 @@ class FreeArm:
         return Course(path, float(when[-1]))
 
     def state(self) -> Sequence[float]:
-        """Nothing beside the tip."""
+        """Returns an empty state."""
         return ()
 
     def remember(self, state: Sequence[float]) -> None:
-        """There is nothing to be remembered."""
+        """Does nothing."""
 
     def close(self) -> None:
-        """There is nothing to let go of."""
+        """Does nothing."""
 
     def _schedule(self, way: Way) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Points [k, 3] of the way, and when (s) [k] the tip is there."""
+        """Returns points [k, 3] of the way, and their times (s) [k]."""
         if self._timing is None:
             return way.path, way.when()
         places = self._timing.places(way.path, way.speeds())
@@ -153,7 +160,7 @@ class FreeArm:
 
 
 def _until(seconds: float, path: NDArray[np.float64], when: NDArray[np.float64]) -> Course:
-    """What of a path, whose points are reached at `when`, is done by a stop after that time."""
+    """Returns the course of a path that was stopped after this time; `when` has the times of its points."""
     seconds = min(seconds, float(when[-1]))
     done = when < seconds
     here = [np.interp(seconds, when, column) for column in path.T]
@@ -167,17 +174,19 @@ _SLOW = 10.0
 
 @dataclass
 class Clock:
-    """The studio's time in seconds, the same for robot, camera and paint."""
+    """Time of the studio in seconds, shared by robot, camera and paint."""
 
     now: float = 0.0
 
 
 class VirtualRobot:
-    """Implements hardware.robot.Robot over a table. After `stop` it moves again only when it is re-armed.
+    """Robot over a table; implements hardware.robot.Robot. After `stop` it moves again only after `rearm`.
 
-    pace: seconds that a second of its motions really takes: 1 moves as a robot would, 0 as fast as can
-    be computed. faults, motions: what goes wrong, and how many motions were begun; note: told of the
-    state of the arm after every motion; watcher: looks on.
+    pace: real seconds per second of its motions: 1 like a real robot, 0 as fast as possible.
+    faults: faults of the robot.
+    motions: number of motions that began.
+    note: receives the arm's state after every motion.
+    watcher: observer of the motions.
     """
 
     def __init__(self, table: Table, layout: StudioLayout, arm: Arm, clock: Clock, pace: float = 0.0) -> None:
@@ -193,41 +202,44 @@ class VirtualRobot:
         self._stopped = threading.Event()
 
     def connect(self) -> None:
-        """Switches the robot on; doing it twice changes nothing. Raises RobotError where its arm cannot be had."""
+        """Switches the robot on; a second call changes nothing. Raises RobotError if its arm cannot be connected."""
         if not self._connected:
             self._arm.connect(self._tip)
             self.watcher.open()
         self._connected = True
 
     def remember(self, tip: NDArray[np.float64]) -> None:
-        """Takes up after a motion of which the log tells, which ended at `tip` [3] metres."""
+        """Repeats the effects of a motion from the log that ended at `tip` [3] metres."""
         self._tip = tip.copy()
         self.motions += 1
 
     def remember_arm(self, state: list[float]) -> None:
-        """Takes up with the arm in the state of which the log tells."""
+        """Restores the arm's state from the log."""
         self._arm.remember(state)
 
     def rearm(self) -> None:
-        """Allows motions again after a stop; for the person who has looked."""
+        """Allows motions after a stop; for a person who has looked at the robot."""
         self._stopped.clear()
 
     def home(self) -> MotionReport:
-        """Goes aside by way of hover height, so that the camera sees the whole canvas."""
+        """Moves to the home position, first vertically, so that the camera sees the whole canvas."""
         above = np.array([*self._tip[:2], max(self._tip[2], self._home[2])])
         return self.follow(Waypoints("home", np.stack((above, self._home)), self._workspace.travel_speed))
 
     def pose(self) -> NDArray[np.float64]:
-        """Where the tip is, [3] metres, also of a robot that was stopped. Raises RobotError where it is not there."""
+        """Returns the tip position, [3] metres, also after a stop.
+
+        Raises RobotError if the robot is not connected, RobotDisconnected if it no longer answers.
+        """
         self._require_there("pose")
         return np.full(3, np.nan) if self.faults.unknown_pose else self._tip.copy()
 
     def follow(self, waypoints: Waypoints) -> MotionReport:
-        """Moves the tip in straight lines to the first waypoint and on through all of them.
+        """Moves the tip in straight lines to the first waypoint and through all others.
 
-        Raises WorkspaceViolation, without moving, where one lies outside the workspace, is not a number
-        or is out of the arm's reach; RobotStopped where the robot is or becomes stopped; RobotError
-        where it is closed or fails.
+        Raises WorkspaceViolation, without moving, if a waypoint is outside the workspace, is not a number or is out
+        of reach. Raises RobotStopped if the robot is stopped before or during the motion, RobotError if it is
+        closed or fails.
         """
         self._require_there(waypoints.label)
         self._require_armed(waypoints.label)
@@ -242,7 +254,7 @@ class VirtualRobot:
             self.motions = number  # it was not begun
             raise
         self._clock.now += course.seconds
-        # The brush feels the way as a whole: what it leaves does not depend on how often a stop is looked for.
+        # The canvas gets the way as a whole, so that marks do not depend on the checks for a stop.
         self._table.move(course.places, self._clock.now, self.faults)
         self._tip = course.places[-1].copy()
         if state := self._arm.state():
@@ -256,18 +268,18 @@ class VirtualRobot:
         return MotionReport(waypoints.label, started, self._clock.now, reached.copy())
 
     def stop(self) -> None:
-        """Stops, and stays stopped until `rearm`."""
+        """Stops the robot until `rearm`."""
         self._stopped.set()
 
     def close(self) -> None:
-        """Switches the robot off; whoever looked on has seen all."""
+        """Switches the robot off, and closes the observer."""
         if self._connected:
             self._arm.close()
             self.watcher.close()
         self._connected = False
 
     def _as_it_goes(self, waypoints: Waypoints, number: int) -> tuple[Way, RobotError | None]:
-        """The way that motion `number` takes, and the error with which it ends, where something goes wrong."""
+        """Returns the real way of motion `number`, and the error at its end, if a fault happens."""
         faults, label = self.faults, waypoints.label
         slowness = _SLOW if number in faults.slow_motions else 1.0
         path = np.concatenate([self._tip[None], waypoints.position])

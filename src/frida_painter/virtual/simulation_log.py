@@ -1,7 +1,7 @@
-"""The studio's log: one record for everything that happened in it, so that nothing is lost when the studio ends.
+"""Log of the studio: one record of everything that happened, so that nothing is lost when the studio ends.
 
-Records are only ever appended, and each is handed to the operating system as soon as it is written: a
-killed process loses none of them, and of a record that a power cut tore apart the rest is dropped.
+Records are only appended, and each one is handed to the operating system at once, so a killed process loses none.
+If a power cut tears a record, its rest is dropped.
 """
 
 import json
@@ -17,7 +17,7 @@ from frida_painter.errors import StorageError
 from frida_painter.event_log import MOST_BYTES, EventLog, LogPolicy
 
 Entry = Mapping[str, Any]
-# Takes an entry, and `flush`: whether all so far must survive a power cut from now on.
+# Function of an entry, and of `flush`: True if all entries so far must survive a power cut.
 Note = Callable[..., None]
 
 _FORMAT = "frida-painter studio"
@@ -27,10 +27,12 @@ _FIRST_LINE_OF_OLD = re.compile(rb"[0-9a-f]{8} \{")
 
 
 class SimulationLog:
-    """One studio's log. `studio` says in plain values how it was furnished; `past` is what happened before.
+    """Log of one studio.
 
-    A file that an earlier version wrote is converted. Raises StorageError where the file cannot be written, is
-    damaged, or tells of another studio.
+    studio: setup of the studio, in plain values.
+    past: entries of earlier sessions.
+    A file of an earlier version is converted.
+    Raises StorageError if the file cannot be written, is damaged, or belongs to another studio.
     """
 
     def __init__(self, path: Path, studio: Entry) -> None:
@@ -51,18 +53,18 @@ class SimulationLog:
         self._log: EventLog | None = log
 
     def note(self, entry: Entry, *, flush: bool = False) -> None:
-        """Puts an entry down; flush: all entries so far survive a power cut as well.
+        """Writes an entry; with `flush`, all entries so far survive a power cut too.
 
-        What happened has happened: where the disk is full the entry waits for the next one, or for `close`.
+        If the disk is full, the entry waits for the next one, or for `close`.
         """
         self._unwritten.append((entry, flush))
         try:
             self._write()
         except StorageError:
-            return  # close() tells, unless a later entry finds room for both
+            return  # close() raises it again, unless a later entry finds room for both
 
     def close(self) -> None:
-        """Puts down what still waits, and closes the file. Raises StorageError where that cannot be done."""
+        """Writes waiting entries and closes the file. Raises StorageError if they cannot be written."""
         if self._log is None:
             return
         try:
@@ -94,17 +96,17 @@ class SimulationLog:
 
 
 def unnoted(entry: Entry, *, flush: bool = False) -> None:
-    """Stands where a studio keeps no log."""
+    """Ignores the entry, for a studio without a log."""
 
 
 def _convert_old(path: Path) -> None:
-    """Writes a file of earlier versions, lines of a CRC-32 and JSON, as a log. Raises StorageError."""
+    """Converts a file of earlier versions, with lines of a CRC-32 and JSON, to a log. Raises StorageError."""
     content = storage.read_bytes(path, _POLICY.what, MOST_BYTES)
     if _FIRST_LINE_OF_OLD.match(content) is None:
         return
     lines = content.split(b"\n")[:-1]
     entries = [_old_entry(line) for line in lines]
-    if entries and entries[-1] is None:  # torn by a power cut, with what was in the disk's block before
+    if entries and entries[-1] is None:  # torn by a power cut, with old content of the disk's block
         entries.pop()
     if not entries or None in entries:
         raise StorageError(f"{path} is damaged; the virtual studio cannot be opened again as it was left.")
@@ -112,7 +114,7 @@ def _convert_old(path: Path) -> None:
 
 
 def _old_entry(line: bytes) -> Entry | None:
-    """What a line of earlier versions says; None where it is not whole."""
+    """Returns the entry of a line of earlier versions; None if the line is damaged."""
     checksum, _, text = line.partition(b" ")
     if checksum != b"%08x" % zlib.crc32(text):
         return None

@@ -1,4 +1,4 @@
-"""Opens a virtual studio: a table, a robot and a camera as one easel, all from one seed."""
+"""Virtual studio: a table, a robot and a camera as one easel, all from one seed."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping
@@ -38,13 +38,14 @@ from frida_painter.virtual.table import (
     free_layout,
 )
 
-# The studio's operator: fills the wells, lays paper and the colour checker, and never has to be asked twice.
+# Operator of the studio: fills the wells, lays paper and the colour checker, and does everything at once.
 
 
 class StudioOperator:
-    """Implements hardware.easel.Operator over a table.
+    """Operator of a table; implements hardware.easel.Operator.
 
-    tufts: of its brushes, by the names that they are asked for by; note: told of everything that is done.
+    tufts: tufts of its brushes, by their names on the easel.
+    note: called after each action.
     """
 
     def __init__(
@@ -74,7 +75,7 @@ class StudioOperator:
         self.note({"did": "tone", "ground": list(ground)})
 
     def change_brush(self, brush: str) -> None:
-        """Puts the brush of that name into the holder, where it is not there already. Raises ConfigError."""
+        """Puts the brush of that name into the holder if it is not there. Raises ConfigError for an unknown brush."""
         if brush not in self._tufts:
             raise ConfigError(f"The studio was opened with {', '.join(self._tufts)}, not with the brush {brush!r}.")
         if self._table.tuft is not self._tufts[brush]:
@@ -86,13 +87,13 @@ class StudioOperator:
         self._wait(seconds)
 
     def lay_paper(self) -> bool:
-        """Puts a fresh canvas where the first one lay."""
+        """Puts a fresh canvas at the first one's place."""
         self._table.lay(self._fresh_canvas())
         self.note({"did": "paper"})
         return True
 
     def place_checker(self, center: tuple[float, float], turn: float, width: float | None) -> None:
-        """Lays the colour checker there; from now on always there. Millimetres on the canvas, radians."""
+        """Lays the colour checker there, and always there from now on. Millimetres on the canvas, radians."""
         self.checker = self.checker.laid(center, turn, width)
         self.lay_checker()
 
@@ -102,7 +103,7 @@ class StudioOperator:
         return True
 
     def take_checker_away(self) -> bool:
-        """Takes it off again."""
+        """Takes the colour checker away."""
         self._put_checker(None)
         return True
 
@@ -120,14 +121,14 @@ class StudioOperator:
         )
 
 
-# A studio's history: what was done in it, as its log tells, and how all of it is lived through again.
+# History of a studio: its logged actions, and their replay.
 #
-# A studio follows from its seed and from what was done in it, so nothing of the canvas itself is kept:
-# the same motions leave the same paint in the same cells, byte for byte.
+# A studio depends only on its seed and on these actions, so the canvas itself is not saved. The same motions leave
+# the same paint in the same cells, byte for byte.
 
 
 def faults_entry(faults: Faults) -> Entry:
-    """The entry that tells what goes wrong from now on."""
+    """Returns the log entry for a change of faults."""
     return {"did": "break", "faults": TypeAdapter(Faults).dump_python(faults, mode="json")}
 
 
@@ -135,9 +136,9 @@ def relive(
     past: Iterable[Entry], clock: Clock, table: Table, robot: VirtualRobot, camera: VirtualCamera,
     operator: StudioOperator,
 ) -> None:  # fmt: skip
-    """Brings a studio that was just opened to where its past left it.
+    """Replays the logged actions in a newly opened studio.
 
-    Raises StorageError where it does not come out as it did then: its brush or paint has changed since.
+    Raises StorageError if the result differs, because the code of brush or paint has changed.
     """
     for entry in past:
         match entry["did"]:
@@ -178,17 +179,17 @@ def relive(
 _MM = 1000.0
 _MOST_CELLS = 3_000_000
 FREE = "free"
-"""The studio's own arm, which does exactly what it is told. Others are found through entry points."""
+"""Name of the studio's own arm, which follows its way exactly. Other arms come from entry points."""
 _MOST_RISE = 0.02
 _SLOWEST = 100.0
-# A film of the default thickness sets in this time; the rate is the same for thick and thin.
+# Film thickness that sets in the drying time; the rate is the same for all films.
 _FILM = 0.06
 _PICTURE_ROWS = 700
 
 
 @dataclass(frozen=True)
 class ArmAndTable:
-    """An arm and what goes with it: how things stand around it, the noise of its hand, its reach, how it moves off."""
+    """Arm with its surroundings: layout, hand noise, reach and timing."""
 
     layout: StudioLayout
     arm: Arm
@@ -199,10 +200,11 @@ class ArmAndTable:
 
 @dataclass(frozen=True)
 class StudioArm:
-    """A kind of arm that can hold the brush in the virtual studio.
+    """Kind of arm for the virtual studio.
 
-    name: by which it is registered; easel: what records call an easel with it; furnish: an arm and its table for a
-    canvas, the brush that presses deepest, and a seed.
+    name: registered name.
+    easel: name of an easel with this arm in records.
+    furnish: returns an arm and its table for a canvas, the brush that presses deepest, and a seed.
     """
 
     name: str
@@ -223,15 +225,20 @@ def _arm_named(name: str) -> StudioArm:
 
 @dataclass(frozen=True)
 class StudioSettings:
-    """How the studio is furnished.
+    """Setup of the studio.
 
-    cell: side of a cell of the canvas, mm (None: 0.4, coarser where the canvas would have more than
-    3 million cells); drying_time: seconds until a full film has set; ground: sRGB of the primed
-    canvas; picture: a file of what is painted on it, filling it, None where it is bare;
-    placement_error: None draws one from the seed; rise: how much higher (m) the canvas lies than the
-    workspace says; arm: which arm holds the brush, FREE or one of registry.STUDIO_ARMS; pace: seconds that a second of
-    the robot's motions really takes, 0 for as fast as can be computed; noise: of the hand, None for what
-    its arm has beside its own errors; camera, faults: as their records say. Raises ConfigError.
+    cell: side of a canvas cell in mm. None: 0.4, or coarser for a canvas of more than 3 million cells.
+    drying_time: seconds until a full film has set.
+    ground: sRGB of the primed canvas.
+    picture: file of a painting on the canvas, which fills it. None: bare.
+    placement_error: None: drawn from the seed.
+    rise: height of the canvas above its place in the workspace, in metres.
+
+    arm: arm that holds the brush, FREE or one of registry.STUDIO_ARMS.
+    pace: real seconds per second of the robot's motions, 0 as fast as possible.
+    noise: noise of the hand. None: that of the arm.
+    camera, faults: see CameraSpec and Faults.
+    Raises ConfigError if a value is out of range.
     """
 
     cell: float | None = None
@@ -266,7 +273,7 @@ class StudioSettings:
 
 @dataclass(frozen=True)
 class Balance:
-    """Where the paint is, microlitres."""
+    """Amounts of paint in microlitres, by place."""
 
     drawn: float
     brush: float
@@ -278,15 +285,15 @@ class Balance:
 
     @property
     def missing(self) -> float:
-        """Drawn from the wells and found nowhere; 0 but for rounding."""
+        """Paint drawn from the wells and found nowhere; 0 but for rounding."""
         return self.drawn - (self.brush + self.wet + self.dry + self.water + self.rag + self.carried_away)
 
 
 class VirtualStudio:
-    """A studio that is open. The painter gets `easel` and nothing else; the rest is for tests and films.
+    """Open studio. The painter uses only `easel`; the rest is for tests and films.
 
-    touch_height: robot z (m) at which the tip really meets the canvas. log: what happened before is
-    lived through again, what happens from now on is put down.
+    touch_height: robot z (m) at which the tip really touches the canvas.
+    log: log of the studio. Its entries are replayed, and new ones are added.
     """
 
     def __init__(
@@ -318,7 +325,7 @@ class VirtualStudio:
         touch_height = layout.workspace.canvas_origin[2]
         self.touch_height = touch_height + settings.rise
         tuft = Tuft(brush, for_brush)
-        # Each of the others has dice of its own, so that the first paints as if it were alone.
+        # Each other brush has its own random generator, so that the first one paints as if it were alone.
         self.tufts = {name: tuft} | {
             each: Tuft(brushes[each], np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(6 + number,))))
             for number, each in enumerate(others)
@@ -357,24 +364,26 @@ class VirtualStudio:
         self.break_things(settings.faults)
 
     def close(self) -> None:
-        """Closes the log. Raises StorageError where not all that happened could be put down."""
+        """Closes the log. Raises StorageError if not all entries could be written."""
         if self._log is not None:
             self._log.close()
 
     @property
     def canvas(self) -> Canvas:
-        """The canvas that lies on the easel now."""
+        """Canvas on the easel."""
         return self.table.canvas
 
     def break_things(self, faults: Faults) -> None:
-        """From now on these faults happen."""
+        """Sets the faults that happen from now on."""
         self.robot.faults = self.camera.faults = faults
         self._note(faults_entry(faults))
 
     def lay_checker(self, center: tuple[float, float], turn: float, width: float | None = None) -> None:
-        """Lays the colour checker down; from now on the operator lays it there as well.
+        """Lays the colour checker on the canvas; the operator uses this place from now on.
 
-        center: canvas metres; turn: radians counter-clockwise; width: metres of its longer side.
+        center: canvas metres.
+        turn: radians counter-clockwise.
+        width: metres of its longer side.
         """
         self._operator.place_checker((center[0] * _MM, center[1] * _MM), turn, None if width is None else width * _MM)
 
@@ -385,7 +394,7 @@ class VirtualStudio:
         self._note({"did": "wait", "now": self.clock.now})
 
     def truth(self, rows: int) -> Tensor:
-        """The canvas as it is, seen straight on in even light: sRGB [3, rows, columns]. Never for the painter."""
+        """Returns the real canvas, straight on in even light: sRGB [3, rows, columns]. Not for the painter."""
         seen = self.canvas.reflectance()[::-1]  # The canvas's rows go up, a picture's go down.
         columns = max(1, round(rows * self.canvas.width / self.canvas.height))
         shrinks = rows <= seen.shape[0]
@@ -393,7 +402,7 @@ class VirtualStudio:
         return torch.from_numpy(to_srgb(np.asarray(size, np.float32)).astype(np.float32)).permute(2, 0, 1).contiguous()
 
     def balance(self) -> Balance:
-        """Where the paint is that was drawn from the wells."""
+        """Returns the places of all paint drawn from the wells."""
         table, brushes = self.table, sum(tuft.volume for tuft in self.tufts.values())
         return Balance(
             table.drawn, brushes, self.canvas.wet_volume, self.canvas.dry_volume, table.in_water,
@@ -411,14 +420,15 @@ def open_studio(
     settings: StudioSettings | None = None,
     state: str | Path | None = None,
 ) -> VirtualStudio:
-    """A studio with a blank canvas of that size and the brush of that name; the same seed gives the same bytes.
+    """Opens a studio with a blank canvas and a brush; the same seed gives the same bytes.
 
-    canvas: a size, or a text such as "14x11in"; brush: or several, the first of them in the holder, each by the name
-    that the easel is to know it by; placement_error and faults, where given, take the place of
-    those in `settings`. state: a file in which everything that happens is put down at once; where there
-    is one from before, the studio is opened as it was left, with its canvas and wet paint, brush, robot
-    and dice. Raises ConfigError; StorageError where that file cannot be written, is damaged, or is of
-    another studio.
+    canvas: a size, or a text such as "14x11in".
+    brush: brush name, or a mapping from names on the easel to brush names; the first brush is in the holder.
+    placement_error, faults: replace those of `settings`.
+    state: file of the log. If it exists, the studio opens as it was left, with its canvas and wet paint, brush,
+    robot and random numbers.
+    Raises ConfigError for an unknown brush or a wrong size. Raises StorageError if the file cannot be written, is
+    damaged, or belongs to another studio.
     """
     canvas, settings = CanvasSize.of(canvas), settings or StudioSettings()
     if placement_error is not None:
@@ -432,7 +442,7 @@ def open_studio(
 
 
 def _first_look(settings: StudioSettings, canvas: CanvasSize) -> NDArray[np.float64]:
-    """Linear reflectance of the canvas at first: [3], or of the picture on it [h, w, 3], row 0 at the bottom."""
+    """Returns the first linear reflectance of the canvas: [3], or a picture [h, w, 3] with row 0 at the bottom."""
     if settings.picture is None:
         return to_linear(np.array(settings.ground))
     grid = PixelGrid.of_height(canvas, _PICTURE_ROWS)
@@ -441,21 +451,21 @@ def _first_look(settings: StudioSettings, canvas: CanvasSize) -> NDArray[np.floa
 
 
 def _furnishing(canvas: CanvasSize, brush: str, settings: StudioSettings, seed: int) -> dict[str, Any]:
-    """What a studio follows from, in plain values; faults come and go, and are told of in its log."""
+    """Returns the setup of a studio in plain values, without faults, which are in its log."""
     furniture = {name: value for name, value in asdict(settings).items() if name not in ("faults", "pace", "picture")}
     if settings.picture is not None:
         furniture["picture"] = str(settings.picture)
     return {"canvas": asdict(canvas), "brush": brush, "seed": seed, **furniture}
 
 
-# Loads the compiled kernels with which a studio computes, before anything depends on how soon it answers.
+# Loading of the compiled kernels, before anything depends on a quick answer.
 
 
 def load_kernels(brush: str) -> None:
-    """Dips, touches and photographs once in a studio of no consequence: half a second, some more where none are cached.
+    """Loads the kernels: dips, touches and takes a photograph in a small studio.
 
-    Loading holds up every thread of a process, the one that watches for a stop as well. Raises
-    ConfigError where there is no such brush.
+    This takes half a second, or more without a cache. It blocks all threads of a process, also the one that watches
+    for a stop. Raises ConfigError for an unknown brush.
     """
     settings = StudioSettings(cell=2.0, camera=CameraSpec((30, 40)))
     easel = open_studio(CanvasSize(0.2, 0.2), brush, settings=settings).easel

@@ -1,6 +1,6 @@
-"""The table: canvas, paint wells, water and rag, and what the tip of the brush does to them as it moves.
+"""Table of the studio: canvas, paint wells, water and rag, and the effects of the moving brush tip.
 
-Nothing here knows of strokes or dips. Whatever happens follows from where the tip is.
+The table knows no strokes or dips. All effects follow from the tip position.
 """
 
 import math
@@ -20,10 +20,10 @@ from frida_painter.virtual.faults import Bump, Faults
 from frida_painter.virtual.paint import to_linear
 from frida_painter.virtual.simulation_log import Note, unnoted
 
-# The studio's colour checker: a card of 24 patches that lies wherever somebody has put it.
+# Colour checker of the studio: a card of 24 patches at any place on the table.
 
-# sRGB of the mean of 30 cards that were measured (D. Pascale, BabelColor, 2012; given there as xyY under
-# D50), row by row as the card is read.
+# Mean sRGB of 30 measured cards (D. Pascale, BabelColor, 2012; given there as xyY under D50), row by row as the
+# card is read.
 _PATCHES = (
     (0.458, 0.321, 0.265), (0.780, 0.580, 0.506), (0.358, 0.481, 0.615),
     (0.352, 0.424, 0.254), (0.513, 0.504, 0.687), (0.367, 0.744, 0.674),
@@ -36,21 +36,24 @@ _PATCHES = (
 )  # fmt: skip
 _ACROSS, _DOWN = 6, 4
 _CARD_SRGB = (36, 35, 34)
-# By how much a printed patch differs from the mean one: standard deviation in each band, share of its light.
+# Difference of a printed patch from the mean one: standard deviation in each channel, share of its light.
 _BATCH = 0.006
-# The largest card that is sold, mm.
+# Width of the largest available card, mm.
 _CLASSIC = 280.0
-# The card in units of a patch's side: from patch to patch, and the rim around them.
+# Card in units of a patch's side: distance between patches, and the rim around them.
 _PITCH, _RIM = 1.15, 0.32
 _CELLS_PER_PATCH = 40
 
 
 @dataclass(frozen=True)
 class Checker:
-    """A card on the table. Raises ConfigError where it is not from 30 to 400 mm wide, or lies nowhere.
+    """Colour checker card on the table.
 
-    center: mm on the canvas's plane; turn: radians counter-clockwise; width: mm of its longer side;
-    looks [rows, columns, 3]: linear reflectance, row 0 its upper edge.
+    center: mm on the canvas's plane.
+    turn: radians counter-clockwise.
+    width: mm of its longer side.
+    looks [rows, columns, 3]: linear reflectance, row 0 is its upper edge.
+    Raises ConfigError if the width is not from 30 to 400 mm, or if the position is not finite.
     """
 
     center: tuple[float, float]
@@ -67,18 +70,18 @@ class Checker:
 
     @classmethod
     def drawn_from(cls, random: np.random.Generator, width: float, height: float) -> Self:
-        """A card that suits a canvas of that size (mm), lying on it as somebody in a hurry puts it down."""
+        """Returns a random card for a canvas of that size (mm), roughly in its middle."""
         size = float(np.clip(0.62 * min(width, 1.4 * height), 30, _CLASSIC))
         x, y = random.uniform(-0.04, 0.04, 2)
         center = (float(width * (0.5 + x)), float(height * (0.5 + y)))
         return cls(center, float(random.uniform(-0.2, 0.2)), size, _printed(random))
 
     def laid(self, center: tuple[float, float], turn: float, width: float | None) -> Self:
-        """The same card at another place, or one of another width."""
+        """Returns the same card at another place, or with another width."""
         return replace(self, center=center, turn=turn, width=width or self.width)
 
     def cells(self) -> NDArray[np.float64]:
-        """The affine map [2, 3] from mm on the canvas's plane (x, y, 1) to the card's (column, row)."""
+        """Returns the affine map [2, 3] from mm on the canvas's plane (x, y, 1) to the card's (column, row)."""
         rows, columns = self.looks.shape[:2]
         cos, sin = math.cos(self.turn), math.sin(self.turn)
         turned = np.array([[cos, sin], [sin, -cos]]) * columns / self.width  # y goes up, rows go down.
@@ -87,7 +90,7 @@ class Checker:
 
 
 def _printed(random: np.random.Generator) -> NDArray[np.float32]:
-    """How one card looks, [rows, columns, 3]: no two are printed quite alike."""
+    """Returns the looks of one card, [rows, columns, 3], with random printing differences."""
     side, pitch, rim = _CELLS_PER_PATCH, round(_PITCH * _CELLS_PER_PATCH), round(_RIM * _CELLS_PER_PATCH)
     looks = np.empty(((_DOWN - 1) * pitch + side + 2 * rim, (_ACROSS - 1) * pitch + side + 2 * rim, 3), np.float32)
     looks[:] = to_linear(np.array(_CARD_SRGB) / 255)
@@ -100,23 +103,24 @@ def _printed(random: np.random.Generator) -> NDArray[np.float32]:
 
 
 _MM = 1000.0
-# A vessel is touched within this radius (m) of its centre and not higher than this above its place.
+# Contact with a vessel: within this radius (m) of its centre, and at most this high above it.
 _VESSEL_RADIUS, _VESSEL_HEIGHT = 0.018, 0.003
 _RAG_HALF_DEPTH = 0.03
-# Paint that stays in the brush when it goes into the water, and per metre of stirring and of wiping.
+# Share of paint that stays in the brush in the water; length constants of stirring and of wiping, in metres.
 _KEPT_IN_WATER, _STIRRING_LENGTH, _WIPING_LENGTH = 0.3, 0.050, 0.060
-# The tip is looked at this often along its way (m); on the canvas as finely as the cells ask for.
+# Step of the tip along its way (m); over the canvas the cells set the step.
 _LOOK = 0.002
 _CELLS_PER_STEP = 0.9
-# A lifted tuft springs forward faster than it rises, so that lifts are followed in smaller steps.
+# A lifted tuft springs forward faster than it rises, so lifts need smaller steps.
 _FINER_LIFT = 3.0
 
 
 @dataclass(frozen=True)
 class PlacementError:
-    """How far the canvas lies from where the robot believes it to be.
+    """Offset of the canvas from the place where the robot expects it.
 
-    shift: metres along the canvas's x and y; turn: radians counter-clockwise about its centre.
+    shift: metres along the canvas's x and y.
+    turn: radians counter-clockwise about its centre.
     """
 
     shift: tuple[float, float]
@@ -124,17 +128,17 @@ class PlacementError:
 
     @classmethod
     def drawn_from(cls, random: np.random.Generator) -> "PlacementError":
-        """A usual one: about 2 mm off in some direction and turned by about 0.4 degrees."""
+        """Returns a usual error: about 2 mm in a random direction, and a turn of about 0.4 degrees."""
         direction, size = random.uniform(0, 2 * math.pi), random.uniform(0.0015, 0.0025)
         turn = math.radians(random.uniform(0.3, 0.5)) * random.choice((-1, 1))
         return cls((size * math.cos(direction), size * math.sin(direction)), float(turn))
 
     def moved(self, position: NDArray[np.float64], center: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Canvas positions [k, 2] after the error."""
+        """Returns canvas positions [k, 2] with the error."""
         return (position - center) @ self._rotation() + center + self.shift
 
     def undone(self, position: NDArray[np.float64], center: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Canvas positions [k, 2] before the error."""
+        """Returns canvas positions [k, 2] without the error."""
         return (position - center - self.shift) @ self._rotation().T + center
 
     def _rotation(self) -> NDArray[np.float64]:
@@ -144,7 +148,7 @@ class PlacementError:
 
 @dataclass(frozen=True)
 class HandNoise:
-    """Deviations from one contact with the canvas to the next: of place (m) and of depth (share of a full press)."""
+    """Random deviations between contacts with the canvas: of place (m) and of depth (share of a full press)."""
 
     place: float = 0.00025
     depth: float = 0.025
@@ -153,11 +157,13 @@ class HandNoise:
 class Table:
     """Everything that the brush can touch.
 
-    drawn, in_water, on_rag, carried_away: microlitres drawn from the wells, in the water, on the rag,
-    on canvases that were taken away; touches, dips:
-    contacts with the canvas and with a well so far; knock: how far the canvas was moved by accident;
-    tip, base: where the brush and the robot's foot are, mm on the canvas; checker: the colour checker,
-    where one lies there; note: told of every motion.
+    drawn, in_water, on_rag, carried_away: microlitres drawn from the wells, in the water, on the rag, and on
+    canvases that were taken away.
+    touches, dips: contacts with the canvas and with a well so far.
+    knock: displacement of the canvas by accident.
+    tip, base: positions of the brush and of the robot's base, mm on the canvas.
+    checker: colour checker on the canvas, if any.
+    note: called for every motion.
     """
 
     def __init__(
@@ -179,13 +185,13 @@ class Table:
         self.base = self.on_canvas(np.zeros((1, 3)))[0, :2]
 
     def lay(self, canvas: Canvas) -> None:
-        """Takes the canvas away and lays this one where the first lay before anybody knocked against it."""
+        """Takes the canvas away and lays this one at the original place."""
         self.carried_away += self.canvas.wet_volume + self.canvas.dry_volume
         self.canvas = canvas
         self.knock = PlacementError((0.0, 0.0), 0.0)
 
     def move(self, path: NDArray[np.float64], now: float, faults: Faults) -> None:
-        """The tip goes along a polyline [k, 3] (metres, robot frame), arriving at time `now` (s)."""
+        """Moves the tip along a polyline [k, 3] (metres, robot frame) that ends at time `now` (s)."""
         self._feel(faults.bumps)
         touches = self.touches
         on_canvas = self.on_canvas(path)
@@ -195,7 +201,7 @@ class Table:
             self._over_canvas(on_canvas, now, faults)
         if len(path) > 1:
             self._among_vessels(_resampled(path, _LOOK), faults)
-        # A stroke survives a power cut as it would on a real canvas; ways through the air need not.
+        # A stroke survives a power cut, as on a real canvas; travel through the air need not.
         self.note(
             {"did": "move", "path": path.tolist(), "now": now, "brush": self.tuft.volume}, flush=self.touches > touches
         )
@@ -208,11 +214,11 @@ class Table:
                 self.knock = PlacementError((x + bump.shift[0], y + bump.shift[1]), self.knock.turn + bump.turn)
 
     def on_canvas(self, path: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Robot frame [k, 3] to the true canvas: x, y in mm, depth (0 lightest touch, 1 hardest press)."""
+        """Maps robot frame [k, 3] to the real canvas: x, y in mm, depth (0 lightest touch, 1 hardest press)."""
         workspace = self._workspace
         cos, sin = math.cos(workspace.canvas_angle), math.sin(workspace.canvas_angle)
         meant = (path[:, :2] - workspace.canvas_origin[:2]) @ np.array([[cos, -sin], [sin, cos]])
-        # A knocked canvas moves under the brush: the mark goes the other way.
+        # A knocked canvas moves under the brush: the mark moves the other way.
         place = self.knock.undone(self._error.moved(meant, self._center), self._center) * _MM
         depth = (self._touch_height - path[:, 2]) * _MM / self.tuft.brush.press_depth
         return np.c_[place, np.minimum(depth, 1.25)]
@@ -260,13 +266,13 @@ def _inside(path: NDArray[np.float64], vessel: Point) -> NDArray[np.bool_]:
 
 
 def _length_within(path: NDArray[np.float64], inside: NDArray[np.bool_]) -> float:
-    """Length of those pieces of a path whose two ends are inside."""
+    """Returns the length of those pieces of a path whose two ends are inside."""
     piece = np.linalg.norm(np.diff(path, axis=0), axis=1)
     return float(piece[inside[1:] & inside[:-1]].sum())
 
 
 def _resampled(path: NDArray[np.float64], step: float) -> NDArray[np.float64]:
-    """A polyline [k, d] as points at most `step` apart, corners kept."""
+    """Returns a polyline [k, d] as points at most `step` apart, with its corners."""
     piece = np.linalg.norm(np.diff(path, axis=0), axis=1)
     count = np.maximum(1, np.ceil(piece / step).astype(int))
     place = np.concatenate([k + np.arange(n) / n for k, n in enumerate(count)] + [[len(path) - 1.0]])
@@ -274,23 +280,23 @@ def _resampled(path: NDArray[np.float64], step: float) -> NDArray[np.float64]:
 
 
 def _runs(wanted: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """First and past-last index of every unbroken run of True."""
+    """Returns the first and past-last index of every unbroken run of True."""
     edge = np.flatnonzero(np.diff(np.r_[False, wanted, False]))
     return [(int(a), int(b)) for a, b in zip(edge[::2], edge[1::2], strict=True)]
 
 
-# How the studio is set up: where canvas, paint wells, water and rag stand around an arm.
+# Layout of the studio: positions of canvas, paint wells, water and rag around an arm.
 
 _WELL_PITCH = 0.045
 _MARGIN = 0.06
 _HOVER, _HEADROOM = 0.03, 0.15
 _RAG_WIDTH = 0.08
 _PAINTING_SPEED, _TRAVEL_SPEED = 0.06, 0.25
-# The free arm: the canvas's corner and angle in its frame, the wells left of it in so many columns.
+# Free arm: corner and angle of the canvas in its frame; columns of the wells to its left.
 _FREE_ORIGIN: Point = (0.25, -0.15, 0.12)
 _FREE_ANGLE = math.radians(4)
 _FREE_COLUMNS = 4
-# The Sawyer: how far before its base the middle of the canvas lies, and how near its edge at most.
+# Sawyer: distance of the canvas's middle from the base, least distance of its edge, and its height.
 _SAWYER_MIDDLE, _SAWYER_NEAREST, _SAWYER_HEIGHT = 0.60, 0.34, 0.05
 _SAWYER_ROWS, _SAWYER_FIRST_WELL = 9, 0.28
 _SAWYER_ASIDE = 0.25
@@ -298,14 +304,14 @@ _SAWYER_ASIDE = 0.25
 
 @dataclass(frozen=True)
 class StudioLayout:
-    """How the studio is set up around an arm: its workspace, and where the tip waits while the camera looks."""
+    """Layout of the studio around an arm: its workspace, and the home position of the tip."""
 
     workspace: Workspace
     home: Point
 
 
 def free_layout(canvas: CanvasSize, brush: BristleBrush) -> StudioLayout:
-    """Around an arm that gets everywhere: the canvas in front, wells, water and rag left of it."""
+    """Returns the layout around an arm with unlimited reach: the canvas in front, wells, water and rag left of it."""
     _, y, z = _FREE_ORIGIN
     corners = _around(canvas, _FREE_ORIGIN, _FREE_ANGLE)
     left = float(corners[:, 0].min()) - _WELL_PITCH
@@ -321,15 +327,15 @@ def free_layout(canvas: CanvasSize, brush: BristleBrush) -> StudioLayout:
 
 
 def sawyer_layout(canvas: CanvasSize, brush: BristleBrush) -> StudioLayout:
-    """Around the simulated Sawyer: the canvas across the table from it, as whoever stands opposite sees it.
+    """Returns the layout around the simulated Sawyer; the canvas faces a person opposite the arm.
 
-    The wells are at its right hand, water and rag at its left.
+    The wells are at the arm's right, water and rag at its left.
     """
     near = max(_SAWYER_NEAREST, _SAWYER_MIDDLE - canvas.height / 2)
     origin: Point = (near + canvas.height, -canvas.width / 2, _SAWYER_HEIGHT)
-    angle = math.pi / 2  # the canvas's lower edge is the one far from the arm
+    angle = math.pi / 2  # the canvas's lower edge is far from the arm
     corners = _around(canvas, origin, angle)
-    # Beside a small canvas they keep away from the arm's foot all the same.
+    # Beside a small canvas, vessels still keep away from the arm's base.
     right = min(float(corners[:, 1].min()) - _WELL_PITCH, -_SAWYER_ASIDE)
     left = max(float(corners[:, 1].max()) + 0.07, _SAWYER_ASIDE)
     z = _SAWYER_HEIGHT
@@ -344,7 +350,7 @@ def sawyer_layout(canvas: CanvasSize, brush: BristleBrush) -> StudioLayout:
 
 
 def _around(canvas: CanvasSize, origin: Point, angle: float) -> NDArray[np.float64]:
-    """Corners [4, 2] of the canvas with its margin, in the robot's frame."""
+    """Returns the corners [4, 2] of the canvas with its margin, in the robot's frame."""
     cos, sin = math.cos(angle), math.sin(angle)
     return np.array(
         [
@@ -359,7 +365,7 @@ def _workspace(
     brush: BristleBrush, origin: Point, angle: float, corners: NDArray[np.float64],
     wells: tuple[Point, ...], water: Point, rag: Point, *others: Point,
 ) -> Workspace:  # fmt: skip
-    """The workspace that holds all of these, with a margin."""
+    """Returns the workspace that holds all of these, with a margin."""
     everything = np.array([*corners, *(place[:2] for place in (*wells, water, rag, *others))])
     lower, upper = everything.min(0) - _MARGIN, everything.max(0) + _MARGIN
     z = origin[2]

@@ -1,1 +1,1 @@
-"""The studio: a web page on which a person and the robot paint together."""
+"""Studio: a web page on which a person and the robot paint together."""

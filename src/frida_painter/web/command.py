@@ -1,4 +1,4 @@
-"""The command that opens the studio: a web page on which a person and the robot paint together."""
+"""Command that opens the studio: a web page on which a person and the robot paint together."""
 
 import ipaddress
 import os
@@ -106,9 +106,9 @@ def studio(
             better = "" if certified else " Better: --certificate and --key, or an SSH tunnel to this machine."
             print(f"It listens on {address}: whoever has one of these links can use it{read}.{better}", flush=True)
         if browser:
-            webbrowser.open(links.once)  # others on this machine can read a browser's command line
+            webbrowser.open(links.once)  # valid once: others can read a browser's command line
 
-    with LoopCompiler():  # while people look at the page; the first plan waits for it
+    with LoopCompiler():  # compiles while people look at the page; the first plan waits for it
         serve(store, easel, listen(address, port), tuple(name or ()), tell, stop_port, certified)
 
 

@@ -1,4 +1,4 @@
-"""A person's say in a painting: heard from the page after every stroke, and done while the painting has paused."""
+"""Commands from the page to a painting, and answers to questions: their forms, and the files that carry them."""
 
 import secrets
 import time
@@ -14,54 +14,54 @@ from frida_painter.event_log import FEED, EventLog, LogReader
 from frida_painter.web.folder import PaintingFolder
 
 LEAD_GOOD_FOR = 10.0
-"""Seconds in which an order has to arrive after it was given."""
+"""Seconds within which a command must arrive."""
 
 
 class Role(IntEnum):
-    """What somebody who uses the studio may do; each may do what those before may."""
+    """Role of a user of the studio; each role includes the rights of the lower ones."""
 
     watch = 1
     plan = 2
     operate = 3
 
 
-# What a person may tell a painting that is being painted; each command is done between two strokes, or in a pause.
+# Commands to a running painting; each is done between two strokes, or in a pause.
 
 Kind = Literal["pause", "go on", "look", "leave out", "turns", "spare", "only", "free", "goal"]
 
 
 @dataclass(frozen=True)
 class Pause:
-    """Finish the stroke, clean the brush, step aside and wait."""
+    """Command to finish the stroke, clean the brush, move the arm home and wait."""
 
 
 @dataclass(frozen=True)
 class GoOn:
-    """The pause is over."""
+    """Command to end the pause."""
 
 
 @dataclass(frozen=True)
 class LookAgain:
-    """See what was made of the canvas, and plan the rest again."""
+    """Command to look at the canvas and replan the rest."""
 
 
 @dataclass(frozen=True)
 class LeaveOut:
-    """Leave out the last `count` strokes of the plan."""
+    """Command to leave out the last `count` strokes of the plan."""
 
     count: int
 
 
 @dataclass(frozen=True)
 class TakeTurns:
-    """Paint `count` strokes, then it is the person's turn; 0: no turns any more."""
+    """Command to take turns: the robot paints `count` strokes, then the person paints. 0: no turns."""
 
     count: int
 
 
 @dataclass(frozen=True)
 class Protect:
-    """Keep clear of what was drawn under this number, or, where `only`, paint there alone."""
+    """Command to protect the region with this number, or, with `only`, to paint only inside it."""
 
     record: int
     only: bool
@@ -69,12 +69,12 @@ class Protect:
 
 @dataclass(frozen=True)
 class Free:
-    """Nothing is protected any more."""
+    """Command to end the protection of a region."""
 
 
 @dataclass(frozen=True)
 class ChangeGoal:
-    """Go on towards the goal that was put down under this number; the paints stay."""
+    """Command to paint towards the goal with this number; the paints stay."""
 
     record: int
 
@@ -83,7 +83,7 @@ PaintingCommand = Pause | GoOn | LookAgain | LeaveOut | TakeTurns | Protect | Fr
 
 
 def command(kind: str, *, count: int = 0, record: int = 0) -> PaintingCommand:
-    """The command of a kind. Raises ConfigError where there is none such."""
+    """Returns the command of a kind. Raises ConfigError for an unknown kind."""
     match kind:
         case "pause":
             return Pause()
@@ -108,18 +108,19 @@ def command(kind: str, *, count: int = 0, record: int = 0) -> PaintingCommand:
             )
 
 
-# What the page tells the painter: a few commands, each good once and for seconds, in a file that only grows.
+# File of commands from the page: each command is good once and for seconds, and the file only grows.
 #
-# Nothing is done twice, and nothing that was asked while the painter could not hear is done later, when
-# nobody expects it.
+# So no command is done twice. A command that the painter missed is not done later, when nobody expects it.
 
 
 class Command(BaseModel):
-    """Something that a person wants of the painter.
+    """Command to the painter, as it is written.
 
-    nonce: used once; until: when it is no longer good, seconds since 1970; by: which browser; count: of
-    strokes to leave out, or that the robot paints before it is the person's turn, 0 for all; record:
-    the number under which a region or a goal was put into the painting's folder.
+    nonce: random text that is used once.
+    until: end of its validity, seconds since 1970.
+    by: id of the browser.
+    count: strokes to leave out, or strokes of a turn.
+    record: number of a region or a goal in the painting's folder.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
@@ -133,12 +134,12 @@ class Command(BaseModel):
 
     @property
     def meaning(self) -> PaintingCommand:
-        """What the painter is to do."""
+        """Command as an object for the painter."""
         return command(self.kind, count=self.count, record=self.record)
 
 
 def tell_painter(folder: PaintingFolder, kind: Kind, by: str, *, count: int = 0, record: int = 0) -> None:
-    """Tells the painter. Raises StorageError."""
+    """Writes a command for the painter. Raises StorageError."""
     nonce, until = secrets.token_hex(16), time.time() + LEAD_GOOD_FOR
     told = Command(kind=kind, nonce=nonce, until=until, by=by, count=count, record=record)
     writer = EventLog(folder.commands, FEED)
@@ -149,9 +150,9 @@ def tell_painter(folder: PaintingFolder, kind: Kind, by: str, *, count: int = 0,
 
 
 class CommandReader:
-    """The painter's end: hears each command that is still good, once.
+    """Reads the commands on the painter's side; each valid command once.
 
-    since: when this painter began, seconds since 1970; what was said before was said to the one before it.
+    since: start of this painter, seconds since 1970; earlier commands were for the one before it.
     """
 
     def __init__(self, folder: PaintingFolder, since: float) -> None:
@@ -160,7 +161,7 @@ class CommandReader:
         self._heard: set[str] = set()
 
     def listen(self) -> list[PaintingCommand]:
-        """Commands that came since, in order; those that make no sense, came before or came too late are left out."""
+        """Returns new commands in order, without invalid, late or earlier ones."""
         told = [each for line in self._reader.read() if (each := self._understood(line)) is not None]
         self._heard |= {each.nonce for each in told}
         return [each.meaning for each in told]
@@ -174,17 +175,19 @@ class CommandReader:
         return told if good and told.nonce not in self._heard else None
 
 
-# What a person answers to a worker's question, checked by the page and again by the worker that waits for it.
+# Answers to a worker's question, checked by the page's process and again by the worker.
 
 _Pixel = Annotated[float, Field(ge=-(2.0**16), le=2.0**16, allow_inf_nan=False)]
 _Corner = Annotated[list[_Pixel], Field(min_length=2, max_length=2)]
 
 
 class Reply(BaseModel):
-    """What a person answers: one of the four, as it suits the question.
+    """Answer of a person; exactly one field suits the question.
 
-    yes: to Confirm; corners: (column, row) pixels, clockwise from the top left; step: metres, one press of a jog
-    key, with `settled` where the height is right; length: metres.
+    yes: answer to Confirm.
+    corners: (column, row) pixels, clockwise from the top left.
+    step: metres of one press of a jog key; `settled` if the height is right.
+    length: metres.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
@@ -198,7 +201,7 @@ class Reply(BaseModel):
 
     @property
     def words(self) -> str:
-        """The answer in a few words, for whoever reads later what was asked of the robot."""
+        """Answer in a few words, for the record of the studio."""
         if self.step is not None and not self.settled:
             return f"moved by {1000 * self.step:+.1f} mm"
         if self.length is not None:
@@ -208,7 +211,7 @@ class Reply(BaseModel):
         return "corners" if self.corners is not None else "settled"
 
     def answering(self, kind: str, asked: dict[str, Any]) -> Answer:
-        """The answer to a question, as `described` tells of it. Raises ConfigError where it is none."""
+        """Returns the answer to a question in the form of `described`. Raises ConfigError if it does not fit."""
         if kind == "confirm" and self.yes is not None:
             return self.yes
         if kind == "corners" and self.corners is not None:
@@ -226,7 +229,10 @@ class Reply(BaseModel):
 
 
 class _Sent(BaseModel):
-    """A reply on its way to the worker; until: when it is no longer good, seconds since 1970."""
+    """Reply on its way to the worker.
+
+    until: end of its validity, seconds since 1970.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
@@ -236,7 +242,7 @@ class _Sent(BaseModel):
 
 
 def reply(folder: PaintingFolder, answer: Reply, by: str) -> None:
-    """Hands a person's reply to the worker. Raises StorageError."""
+    """Writes a person's reply for the worker. Raises StorageError."""
     writer = EventLog(folder.replies, FEED)
     try:
         writer.append(_Sent(until=time.time() + LEAD_GOOD_FOR, by=by, reply=answer).model_dump(mode="json"))
@@ -245,7 +251,7 @@ def reply(folder: PaintingFolder, answer: Reply, by: str) -> None:
 
 
 def understood(line: dict[str, Any], number: str, asked: dict[str, Any]) -> Answer | None:
-    """The answer in a line to question `number`; None where it is none, or came too late."""
+    """Returns the answer of a line to question `number`; None if it is not valid or too late."""
     try:
         sent = _Sent.model_validate(line)
         answer = sent.reply.answering(asked["kind"], asked)

@@ -1,6 +1,6 @@
-"""The process that decodes one picture: `python -m frida_painter.web.decoder`, a file in, a PNG out.
+"""Process that decodes one picture: `python -m frida_painter.web.decoder`, a file in, a PNG out.
 
-It ends with status 2, and a sentence on the standard error, where that is no picture.
+It ends with status 2, and a sentence on the standard error, if the file is no picture.
 """
 
 import os
@@ -24,7 +24,7 @@ _MOST_WRITTEN = 64 * 2**20
 
 
 def limit() -> None:
-    """From now on this process has so much memory and time, and writes so much, and no more."""
+    """Limits memory, time and written bytes of this process."""
     for kind, most in (
         (resource.RLIMIT_AS, _MOST_MEMORY), (resource.RLIMIT_CPU, _MOST_SECONDS),
         (resource.RLIMIT_FSIZE, _MOST_WRITTEN), (resource.RLIMIT_CORE, 0),
@@ -33,9 +33,9 @@ def limit() -> None:
 
 
 def main() -> None:
-    """Decodes what comes over the standard input."""
+    """Decodes the picture from the standard input."""
     limit()
-    os.nice(5)  # a painting goes first
+    os.nice(5)  # a painting has priority
     with tempfile.NamedTemporaryFile(prefix="upload-") as file:
         file.write(sys.stdin.buffer.read())
         file.flush()
@@ -48,7 +48,7 @@ def main() -> None:
 
 
 def _of_bytes(pixels: NDArray[np.uint8] | NDArray[np.float32]) -> NDArray[np.uint8]:
-    """The picture with one byte for each value; deeper ones are rounded."""
+    """Returns the picture in 8 bits; deeper values are rounded."""
     if pixels.dtype == np.uint8:
         return pixels.astype(np.uint8)
     return (pixels.clip(0, 1) * 255).round().astype(np.uint8)

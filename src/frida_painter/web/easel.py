@@ -1,4 +1,4 @@
-"""The easel of a studio: its robot, camera and workspace, and the easel's calibration record."""
+"""Easel of a studio: its robot, camera and workspace, and the easel's calibration record."""
 
 import json
 import subprocess
@@ -12,15 +12,15 @@ from typing import Self
 from frida_painter.easel.kinds import HUMAN, MACHINES, SIMULATED, require_known
 from frida_painter.errors import ConfigError
 
-# Reads the canvas size from a workspace file in a short process of its own.
+# Canvas size of a workspace file, read in a short process.
 #
-# The code that reads such a file imports arrays and tensors, and the web app's process stays without them.
+# The code that reads the file imports arrays and tensors, which the web process must not load.
 
 _PATIENCE = 60.0
 
 
 def canvas_of_workspace(workspace: Path) -> tuple[float, float]:
-    """Width and height of the canvas in millimetres. Raises ConfigError where the file is no workspace."""
+    """Returns width and height of the canvas in millimetres. Raises ConfigError if the file is no workspace."""
     program = [sys.executable, "-m", "frida_painter.web.workspace_reader", str(workspace)]
     said = subprocess.run(program, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=_PATIENCE)
     found = json.loads(said.stdout)
@@ -31,17 +31,18 @@ def canvas_of_workspace(workspace: Path) -> tuple[float, float]:
 
 
 LOCAL = "127.0.0.1"
-"""The address at which a studio can be reached from its own machine only."""
+"""Address that only the studio's own machine can reach."""
 
 
 @dataclass(frozen=True)
 class StudioEasel:
-    """The easel that was chosen at the terminal which started the studio; no page can change it.
+    """Easel that the terminal command of the studio chose; no page can change it.
 
-    record: the file of the easel's calibration record, which need not exist yet; robot, camera: by name;
-    workspace: the workspace file of a real robot; pace: how fast a simulated robot moves, 1 as a real one, 0 as
-    fast as can be computed; canvas: width and height in millimetres from the workspace file, None where any may
-    be chosen.
+    record: file of the calibration record, which need not exist yet.
+    robot, camera: names.
+    workspace: workspace file of a real robot.
+    pace: speed of a simulated robot: 1 like a real one, 0 as fast as possible.
+    canvas: width and height in millimetres from the workspace file. None: any size.
     """
 
     record: Path
@@ -53,23 +54,24 @@ class StudioEasel:
 
     @cached_property
     def simulated(self) -> bool:
-        """Whether no real robot is moved. (Kept: it asks all that is installed, which is not for every request.)"""
+        """True if no real robot moves; cached, because it asks all installed packages."""
         return self.robot in SIMULATED
 
     @property
     def drives_machine(self) -> bool:
-        """Whether a machine moves by its own power, so that it could hurt somebody."""
+        """True if a machine moves by its own power and could hurt somebody."""
         return not self.simulated and self.robot != HUMAN
 
     @property
     def known(self) -> Path | None:
-        """The record, where there is one."""
+        """File of the record; None if it does not exist."""
         return self.record if self.record.is_file() else None
 
     def validated(self) -> Self:
-        """The same, checked, with the canvas of its workspace file.
+        """Returns the checked easel, with the canvas of its workspace file.
 
-        Raises ConfigError where there is no such robot, it lacks a workspace file or a camera, or that file is wrong.
+        Raises ConfigError for an unknown robot, for a missing workspace file or camera, or for a wrong workspace
+        file.
         """
         if require_known(self.robot) in MACHINES and (self.workspace is None or not self.camera):
             raise ConfigError(
@@ -79,7 +81,7 @@ class StudioEasel:
         return self if self.workspace is None else replace(self, canvas=canvas_of_workspace(self.workspace))
 
     def plain(self) -> dict[str, str]:
-        """As plain values, for the processes that work."""
+        """Returns the easel as plain values, for worker processes."""
         workspace = "" if self.workspace is None else str(self.workspace.absolute())
         return {
             "record": str(self.record.absolute()),
@@ -91,6 +93,6 @@ class StudioEasel:
 
     @classmethod
     def take(cls, plain: Mapping[str, str]) -> Self:
-        """From plain values."""
+        """Returns the easel from plain values."""
         workspace = Path(plain["workspace"]) if plain["workspace"] else None
         return cls(Path(plain["record"]), plain["robot"], plain["camera"], workspace, float(plain["pace"]))

@@ -1,6 +1,6 @@
-"""The folder of one painting, as the page and its worker share it: who writes what, and under which name.
+"""Folder of one painting, shared by the page's process and the worker: files, names and their writers.
 
-The page writes requests, commands and the stop file; the worker everything else. All names are ours.
+The page's process writes requests, commands and the stop file; the worker writes all other files.
 """
 
 import json
@@ -24,7 +24,7 @@ from frida_painter.objectives.objective import Gives, goal_kinds
 from frida_painter.runs.spec import AUTO, Focus, Ground, RunSpec, brush_shares
 from frida_painter.session.events import PlanningProgress, Written, events_of, record
 
-# The request for a painting from the page: goals with weights and settings, checked before planning begins.
+# Request for a painting from the page: goals with weights and settings, checked before planning.
 
 Identifier = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{32}$")]
 Words = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=300)]
@@ -33,7 +33,7 @@ _LARGEST, _SMALLEST = 2000.0, 60.0  # mm
 
 
 def _as_described(name: str) -> Any:
-    """A field with the default and the limits that RunSpec has for it."""
+    """Returns a field with the default and the limits of RunSpec."""
     field = RunSpec.model_fields[name]
     bounds = {bound: getattr(part, bound) for part in field.metadata for bound in ("ge", "le") if hasattr(part, bound)}
     return Field(field.default, allow_inf_nan=False, **bounds)
@@ -64,7 +64,10 @@ class _Checked(BaseModel):
 
 
 class GoalRequest(_Checked):
-    """One goal: words or the id of an uploaded picture, as its kind asks for; weight: how much it matters."""
+    """One goal: words or the id of an uploaded picture, depending on its kind.
+
+    weight: its importance.
+    """
 
     kind: Kind
     picture: Identifier | None = None
@@ -86,13 +89,13 @@ class GoalRequest(_Checked):
 
     @property
     def toml(self) -> str:
-        """The lines of a goal file's table for this term; pictures lie beside it under their id."""
+        """Lines of the goal's table in a goal file; pictures lie beside the file under their ids."""
         value = self.words if self._is_of_words else f"{self.picture}.png"
         return f"{self.kind} = {json.dumps(value, ensure_ascii=False)}\nweight = {self.weight}\n"
 
 
 class PaintingRequest(_Checked):
-    """A person's request for a painting: goals, initial items and settings of the run; width and height in mm."""
+    """Request for a painting: goals, goals of the start, and settings; width and height in mm."""
 
     title: Annotated[str, StringConstraints(strip_whitespace=True, max_length=80)] = ""
     terms: tuple[GoalRequest, ...] = Field(max_length=8)
@@ -102,10 +105,10 @@ class PaintingRequest(_Checked):
     width: float = Field(_CANVAS.width * 1000, ge=_SMALLEST, le=_LARGEST, allow_inf_nan=False)
     height: float = Field(_CANVAS.height * 1000, ge=_SMALLEST, le=_LARGEST, allow_inf_nan=False)
     brushes: Brushes = ""
-    """Of the layers; "" for the usual ones."""
+    """Brushes of the layers; "" for the default ones."""
     replans: int = _as_described("replans")
     ground: Ground = None
-    """None for the usual one."""
+    """Ground; None for the default one."""
     on_canvas: bool = False
     focus: Focus = RunSpec.model_fields["focus"].default
     sharpness: float = _as_described("sharpness")
@@ -117,7 +120,7 @@ class PaintingRequest(_Checked):
     @model_validator(mode="before")
     @classmethod
     def _renewed(cls, given: Any) -> Any:
-        """As requests were kept that knew of one brush only."""
+        """Converts an old request with a single brush."""
         if not isinstance(given, dict) or "brush" not in given:
             return given
         known = {name: value for name, value in given.items() if name != "brush"}
@@ -137,12 +140,12 @@ class PaintingRequest(_Checked):
 
     @property
     def pictures(self) -> frozenset[str]:
-        """The ids of the pictures that are needed."""
+        """Ids of the needed pictures."""
         return frozenset(term.picture for term in (*self.terms, *self.initial) if term.picture is not None)
 
     @property
     def toml(self) -> str:
-        """The goal file (TOML) that says the same to the command line."""
+        """Goal file (TOML) of the request for the command line."""
         goals = [f"[[goal]]\n{term.toml}" for term in self.terms]
         return "\n".join(goals + [f"[[initial]]\n{term.toml}" for term in self.initial])
 
@@ -154,27 +157,27 @@ _A_MOMENT = 1.0  # seconds
 
 @dataclass(frozen=True)
 class PlanFolder:
-    """What belongs to one plan of a painting: the request that it came from, the plan, and pictures of it."""
+    """Files of one plan of a painting: its request, the plan and its pictures."""
 
     path: Path
 
     @property
     def number(self) -> int:
-        """Plans are numbered from 1."""
+        """Number of the plan, from 1."""
         return int(self.path.name)
 
     @property
     def goal(self) -> Path:
-        """The goal file (TOML), with its pictures beside it."""
+        """Goal file (TOML), with its pictures beside it."""
         return self.path / "goal.toml"
 
     @property
     def plan(self) -> Path:
-        """The plan's own file."""
+        """File of the plan."""
         return self.path / "plan.json"
 
     def request(self) -> PaintingRequest:
-        """What was asked for. Raises StorageError."""
+        """Returns the request of the plan. Raises StorageError."""
         record = storage.read_json(self.path / "wish.json", "what a person asked for")
         try:
             return PaintingRequest.model_validate(record["wish"])
@@ -184,92 +187,92 @@ class PlanFolder:
 
 @dataclass(frozen=True)
 class PaintingFolder:
-    """The folder of one painting."""
+    """Folder of one painting."""
 
     path: Path
 
     @property
     def feed(self) -> Path:
-        """What happens, line by line; the worker's."""
+        """File of the events, one per line; written by the worker."""
         return self.path / "feed.jsonl"
 
     @property
     def commands(self) -> Path:
-        """What the painter is told, line by line; the page's."""
+        """File of the commands, one per line; written by the page's process."""
         return self.path / "commands.jsonl"
 
     @property
     def replies(self) -> Path:
-        """What a person answers to the worker's questions, line by line; the page's."""
+        """File of the answers to the worker's questions, one per line; written by the page's process."""
         return self.path / "replies.jsonl"
 
     @property
     def easel(self) -> Path:
-        """Where a simulated robot is locked, which lives in the world of its painting alone."""
+        """Folder of a simulated robot's lock, because each painting has its own simulated robot."""
         return self.path / "easel"
 
     @property
     def stop(self) -> Path:
-        """Where this file is, the worker stops."""
+        """File that stops the worker when it exists."""
         return self.path / "stop"
 
     @property
     def robot_stop(self) -> Path:
-        """Where this file appears, the process that owns the robot stops it, whatever the worker does."""
+        """File that makes the robot's process stop the robot, independent of the worker."""
         return self.painting / STOP_FILE
 
     def stop_now(self) -> None:
-        """Stops everything that is being done for this painting. Raises OSError."""
+        """Stops all work on this painting. Raises OSError."""
         if self.painting.is_dir():
             self.robot_stop.touch()
         self.stop.touch()
 
     @property
     def camera(self) -> Path:
-        """What the camera sees now, where it is one that always has a picture; the easel's process puts it there."""
+        """Current picture of a live camera, written by the easel's process."""
         return self.painting / LIVE_PICTURE
 
     @property
     def painting(self) -> Path:
-        """What the painting itself leaves: plan, journal, photographs, film, page; as on the command line."""
+        """Folder of the painting's results, as on the command line: plan, journal, photographs, film, page."""
         return self.path / "painting"
 
     @property
     def live(self) -> Path:
-        """Pictures that are shown while something is being done."""
+        """Folder of pictures that are shown during the work."""
         return self.path / "live"
 
     def region(self, number: int) -> Path:
-        """What a person drew over the canvas: light where they mean."""
+        """Returns the file of a region that a person drew, light on dark."""
         return self.live / f"region-{number}.png"
 
     def change(self, number: int) -> PlanFolder:
-        """What a person asked for in the middle of the painting, with its goal; there is no plan in it."""
+        """Returns the folder of a goal that was changed during the painting; it has no plan."""
         return PlanFolder(self.path / "changes" / str(number))
 
     def keep_region(self, picture: Path) -> int:
-        """Puts a copy of a drawing into the folder; returns its number. Raises StorageError."""
+        """Copies a drawing of a region into the folder; returns its number. Raises StorageError."""
         number = 1 + sum(1 for _ in self.live.glob("region-*.png"))
         _copy(picture, self.region(number))
         return number
 
     def begin_change(self, request: PaintingRequest, pictures: Path) -> int:
-        """A folder with a request and copies of its `pictures`; returns its number. Raises StorageError."""
+        """Makes a folder with a request and copies of its `pictures`; returns its number. Raises StorageError."""
         number = 1 + sum(1 for _ in (self.path / "changes").glob("*"))
         _fill(self.change(number), request, pictures)
         return number
 
     def plans(self) -> list[PlanFolder]:
-        """All plans, finished or not, in order."""
+        """Returns all plans, finished or not, in order."""
         found = (entry for entry in (self.path / "plans").glob("*") if entry.name.isdecimal())
         return sorted(map(PlanFolder, found), key=lambda folder: folder.number)
 
     def plan(self, number: int) -> PlanFolder:
-        """The folder of plan `number`, whether it is there or not."""
+        """Returns the folder of plan `number`, which need not exist."""
         return PlanFolder(self.path / "plans" / str(number))
 
     def begin_plan(self, request: PaintingRequest, pictures: Path) -> PlanFolder:
-        """A new plan's folder with the request and copies of its `pictures`. Raises StorageError."""
+        """Makes the folder of a new plan, with its request and copies of its `pictures`. Raises StorageError."""
         number = max((folder.number for folder in self.plans()), default=0) + 1
         if number > _MOST_PLANS:
             raise StorageError(f"There are {_MOST_PLANS} plans already; choose one of them, or begin a new painting.")
@@ -278,7 +281,7 @@ class PaintingFolder:
         return plan
 
     def shown(self, place: str, name: str) -> Path | None:
-        """The file `name` of a place ("live", "painting", or a plan's number); None where nothing is to be shown."""
+        """Returns the file `name` of a place ("live", "painting", or a plan's number); None if it may not be shown."""
         if not (place in ("live", "painting") or re.fullmatch(r"[1-9]\d?", place)) or not _SHOWN.fullmatch(name):
             return None
         folder = self.plan(int(place)).path if place.isdecimal() else self.path / place
@@ -314,18 +317,17 @@ def _copy(picture: Path, to: Path) -> None:
 
 
 class WorkerLock:
-    """Held by the one process that works on a painting; free as soon as it ends, however it ends.
+    """Lock of the one process that works on a painting; it is free when that process ends for any reason.
 
-    Whoever starts that process takes the lock and hands it on, so that there is no moment in between.
-    That takes a lock on a descriptor, which the child inherits: one on a path (filelock.FileLock) belongs
-    to the process that took it.
+    The parent takes the lock and hands it to the worker, so that there is no moment without it. This needs a lock
+    on a descriptor, which a child inherits; a lock on a path (filelock.FileLock) belongs to one process.
     """
 
     def __init__(self, folder: PaintingFolder) -> None:
         self._file = os.open(folder.path / ".worker", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
 
     def take(self) -> bool:
-        """Whether it was free, and is held from now on; who only looks whether it is free holds it for a moment."""
+        """Takes the lock; returns True if it was free. It waits a moment for processes that only check the lock."""
         patience = time.monotonic() + _A_MOMENT
         while not self.try_once():
             if time.monotonic() > patience:
@@ -334,20 +336,20 @@ class WorkerLock:
         return True
 
     def try_once(self) -> bool:
-        """The same, without waiting for somebody who only looks."""
+        """Takes the lock without waiting; returns True if it was free."""
         return lock_descriptor(self._file, blocking=False)
 
     def fileno(self) -> int:
-        """What a child process needs to hold it too."""
+        """Returns the descriptor for a child process that is to hold the lock too."""
         return self._file
 
     def release(self) -> None:
-        """Lets others have it, once a child that holds it has ended, too."""
-        os.close(self._file)  # not unlocked: that would take it from the child as well
+        """Releases the lock of this process; a child that holds it too keeps it until its end."""
+        os.close(self._file)  # closed, not unlocked, because unlocking would take it from the child too
 
 
 def working(folder: PaintingFolder) -> bool:
-    """Whether a worker is at work on the painting now."""
+    """Returns True if a worker is at work on the painting."""
     if not (folder.path / ".worker").exists():
         return False
     lock = WorkerLock(folder)
@@ -357,7 +359,7 @@ def working(folder: PaintingFolder) -> bool:
         lock.release()
 
 
-# What is to be calibrated, as a person asks for it on the page.
+# Request for a calibration from the page.
 
 Procedure = Literal["canvas", "robot", "color", "brush", "strokes"]
 PROCEDURES: tuple[Procedure, ...] = get_args(Procedure)
@@ -366,9 +368,11 @@ _Side = Annotated[float, Field(ge=60, le=2000, allow_inf_nan=False)]
 
 
 class CalibrationRequest(BaseModel):
-    """What is to be found out, in which order; for a simulated easel: its canvas in mm, brush and seed as well.
+    """Request for a calibration.
 
-    count: how many strokes the strokes procedure paints and learns from.
+    what: procedures, in order.
+    brush, width, height, seed: brush, canvas in mm and seed of a simulated easel.
+    count: number of strokes in the strokes procedure.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -388,16 +392,16 @@ class CalibrationRequest(BaseModel):
 
     @property
     def whole(self) -> bool:
-        """Whether all is done anew."""
+        """True if all procedures are requested."""
         return self.what == PROCEDURES
 
     def keep(self, folder: PaintingFolder) -> None:
-        """Puts it into the folder, for the worker. Raises StorageError."""
+        """Writes the request into the folder, for the worker. Raises StorageError."""
         storage.write_json(folder.path / _FILE, {"asked": self.model_dump(mode="json")})
 
     @classmethod
     def kept(cls, folder: PaintingFolder) -> Self:
-        """What was asked for in that folder. Raises StorageError."""
+        """Returns the request from the folder. Raises StorageError."""
         record = storage.read_json(folder.path / _FILE, "what is to be calibrated")
         try:
             return cls.model_validate(record["asked"])
@@ -405,14 +409,14 @@ class CalibrationRequest(BaseModel):
             raise StorageError("What was asked to be calibrated is damaged; ask again.") from cause
 
 
-# The feed of a painting: whatever happens to it, event by event, for whoever watches.
+# Feed of a painting: its events, for everybody who watches.
 
-_BETWEEN_STEPS = 0.25  # seconds; nobody sees more of a plan's progress
+_BETWEEN_STEPS = 0.25  # seconds between two reports of progress, as fine as a person can see
 
 
 @dataclass
 class Feed:
-    """Tells the page what happens. A full disk is the journal's concern: what cannot be told is left out."""
+    """Writes events for the page. If the disk is full, events are left out; the journal handles that fault."""
 
     folder: PaintingFolder
     _log: EventLog = field(init=False)
@@ -422,14 +426,19 @@ class Feed:
         self._log = EventLog(self.folder.feed, FEED)
 
     def tell(self, event: Written) -> None:
-        """Something happened."""
+        """Writes an event."""
         try:
             self._log.append(record(event))
         except StorageError:
             return
 
     def step(self, share: float, left: float, plan: int | None = None) -> None:
-        """How far planning is, in [0, 1], and how many seconds are left; told now and then."""
+        """Writes the progress of planning, at most every 0.25 s.
+
+        share: in [0, 1].
+        left: remaining seconds.
+        plan: plan number, None during a painting.
+        """
         now = time.monotonic()
         if now - self._told >= _BETWEEN_STEPS or share >= 1:
             self._told = now
@@ -441,13 +450,13 @@ class Feed:
 
 
 class FeedReader:
-    """Reads the events that were added to a feed since it was asked last; the file need not exist yet."""
+    """Reads new events from a feed; the file need not exist yet."""
 
     def __init__(self, path: Path) -> None:
         self._reader = LogReader(path)
 
     def read(self) -> list[Written]:
-        """New events, in order; what is not understood is left out."""
+        """Returns the events since the last call, in order, without invalid lines."""
         found: list[Written] = []
         for line in self._reader.read():
             try:

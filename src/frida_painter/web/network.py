@@ -1,7 +1,7 @@
-"""Connections to a server: so many at once, and each asks for something soon, or makes room for others.
+"""Limits of the web server: connections, locks, requests, and the certificate.
 
-Whoever opens connections and says nothing (a slow or half-open client, a handshake that never ends) keeps nobody else
-out: where there are too many, those that have waited longest for a request are cut.
+Clients that open connections and send nothing cannot block others. If there are too many connections, those that
+have waited longest for a request are cut.
 """
 
 import asyncio
@@ -29,14 +29,14 @@ _MOST = 400
 
 
 class Waiting(Protocol):
-    """A protocol (asyncio) that tells since when it waits for a whole request, None while it serves one."""
+    """Protocol (asyncio) that knows since when it waits for a whole request, None while it serves one."""
 
     waiting_since: float | None
 
 
 @dataclass(eq=False)
 class _Connection:
-    """One connection; the transport is None until encryption is agreed upon."""
+    """One connection; the transport is None until the TLS handshake is done."""
 
     socket: socket.socket
     since: float
@@ -54,16 +54,18 @@ class _Connection:
             self.transport.abort()
         elif self.task is not None:
             self.task.cancel()
-        # At once: what is only cancelled holds its file until the loop comes round to it.
+        # Shut down at once, because a cancelled connection keeps its file until the loop handles it.
         with contextlib.suppress(OSError):
             self.socket.shutdown(socket.SHUT_RDWR)
 
 
 class Connections:
-    """Takes in the connections of one listening socket, until the task that runs `accept` is cancelled.
+    """Accepts the connections of one listening socket, until the task of `accept` is cancelled.
 
-    make: a new protocol for each; most: how many there may be at once; patience: seconds in which a whole request has
-    to arrive, counted from the connection or from the end of the answer before; tls: how they are encrypted.
+    make: returns a new protocol for each connection.
+    most: largest number of connections.
+    patience: seconds within which a whole request must arrive, from the connection or from the last answer on.
+    tls: encryption, if any.
     """
 
     def __init__(
@@ -79,7 +81,7 @@ class Connections:
         self._open: list[_Connection] = []
 
     async def accept(self) -> None:
-        """Takes in whoever comes."""
+        """Accepts connections until it is cancelled."""
         loop = asyncio.get_running_loop()
         self._listening.setblocking(False)
         sweeping = loop.create_task(self._sweep())
@@ -87,7 +89,7 @@ class Connections:
             while True:
                 try:
                     taken, _ = await loop.sock_accept(self._listening)
-                except OSError:  # no file is left for it, or it is gone already
+                except OSError:  # no file descriptor is left, or the client is gone
                     self._make_room(len(self._open) // 2)
                     await asyncio.sleep(0.02)
                     continue
@@ -113,7 +115,7 @@ class Connections:
             connection.socket.close()
 
     def _make_room(self, most: int) -> bool:
-        """Cuts those that have waited longest, until at most so many are left; whether that was possible."""
+        """Cuts the longest waiting connections until at most `most` are left; returns True if that was possible."""
         if len(self._open) > most:
             self._open = [each for each in self._open if each.socket.fileno() >= 0]
         if (over := len(self._open) - most) <= 0:
@@ -126,7 +128,7 @@ class Connections:
         return len(gone) == over
 
     async def _sweep(self) -> None:
-        """Cuts those that have waited for too long."""
+        """Cuts connections that have waited too long."""
         loop = asyncio.get_running_loop()
         while True:
             await asyncio.sleep(_BETWEEN_SWEEPS)
@@ -134,14 +136,14 @@ class Connections:
             now = loop.time()
             for each in self._open:
                 if each.closing_since is None and each.transport is not None and each.transport.is_closing():
-                    each.closing_since = now  # what is still to be sent may never be read
+                    each.closing_since = now  # the client may never read the rest
                 waits = [since for since in (each.waiting_since, each.closing_since) if since is not None]
                 if waits and now - min(waits) > self._patience:
                     each.cut()
 
 
 def most_connections() -> int:
-    """How many connections a server may have, so that half of the files that it may open are left for other things."""
+    """Returns the largest number of connections of a server; at least half of its file descriptors stay free."""
     _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     with contextlib.suppress(OSError, ValueError):
         resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
@@ -149,21 +151,21 @@ def most_connections() -> int:
     return _MOST if files == resource.RLIM_INFINITY else max(16, min(_MOST, files // 2))
 
 
-# Locks on a studio's folder: held by every studio that is open there, and by the one listener for stops.
+# Locks on a studio's folder, held by each open studio and by the one listener for stops.
 
 
 class StudioLock:
-    """Shared by all studios that are open in a folder; taken alone by a listener for stops that is about to end."""
+    """Lock that all open studios of a folder share; a listener for stops takes it alone before it ends."""
 
     def __init__(self, folder: Path, name: str = ".studio") -> None:
         self._file = os.open(folder / name, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
 
     def share(self) -> None:
-        """Holds it with others; waits for whoever has it alone."""
+        """Takes the lock together with others; waits while somebody has it alone."""
         fcntl.flock(self._file, fcntl.LOCK_SH)
 
     def take_alone(self) -> bool:
-        """Whether nobody held it; it is held alone from now on."""
+        """Takes the lock alone; returns True if nobody else held it."""
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
@@ -171,30 +173,30 @@ class StudioLock:
         return True
 
     def fileno(self) -> int:
-        """What a child process needs to hold it too."""
+        """Returns the descriptor for a child process that is to hold the lock too."""
         return self._file
 
     def release(self) -> None:
-        """Lets others have it, once a child that holds it has ended, too."""
+        """Releases the lock of this process; a child that holds it too keeps it until its end."""
         os.close(self._file)
 
 
-# How much one may ask of the studio: bytes, patience and requests, so that nobody's haste is felt at the easel.
+# Limits of requests: bytes, time and rate, so that heavy use does not disturb the easel.
 
 MOST_UPLOAD = 32 * 2**20
 MOST_BODY = 256 * 2**10
 _PATIENCE = 30.0  # seconds for the whole body of a request, and for each part of an answer
-_MOST_AT_ONCE = {Role.watch: 12, Role.plan: 10, Role.operate: 16}  # together fewer than there are threads for them
+_MOST_AT_ONCE = {Role.watch: 12, Role.plan: 10, Role.operate: 16}  # together fewer than the threads of the pool
 _MOST_UPLOADS = 4  # bodies in memory
 
 
 class _NotRead(Exception):
-    """Somebody asked for something, and does not read the answer."""
+    """Signal that a client does not read its answer."""
 
 
 @dataclass
 class Bucket:
-    """Requests that somebody has left: `rate` more a second, never more than `most`."""
+    """Token bucket of requests: `rate` more a second, at most `most`."""
 
     rate: float
     most: float
@@ -202,7 +204,7 @@ class Bucket:
     _left: dict[str, tuple[float, float]] = field(default_factory=dict)
 
     def take(self, who: str) -> bool:
-        """Whether there was one left, which is gone then."""
+        """Takes one request; returns True if one was left."""
         now = self.clock()
         left, at = self._left.get(who, (self.most, now))
         left = min(self.most, left + (now - at) * self.rate)
@@ -213,10 +215,11 @@ class Bucket:
 
 
 class Limits:
-    """An ASGI application before another one, to which bodies are handed on whole. A stop is never counted.
+    """ASGI application that limits the requests to another one, and hands on whole bodies. Stops are not limited.
 
-    upload: path on which `MOST_UPLOAD` bytes may come; elsewhere `MOST_BODY`. Everybody has a quota, and so has every
-    role as a whole: ten sessions may not ask ten times as much, and those who watch leave the others their share.
+    upload: path for bodies of up to `MOST_UPLOAD` bytes; other paths allow `MOST_BODY`.
+    Each session has a quota, and so has each role as a whole. Many sessions of a role together get no more, and
+    watchers leave a share for other roles.
     """
 
     def __init__(self, app: ASGIApp, upload: str) -> None:
@@ -225,7 +228,7 @@ class Limits:
         self._busy, self._uploading = dict.fromkeys(Role, 0), 0
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answers 408, 413, 429 or 503 itself, or hands the request on."""
+        """Answers 408, 413, 429 or 503, or hands the request on."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
@@ -235,7 +238,7 @@ class Limits:
             await self._hand_on(scope, receive, send)
         elif not (self._each.take(session.id) and self._all.take(role.name)):
             await _refused(429, "That was too much at once; wait a moment.")(scope, receive, send)
-        elif path == "/api/events":  # has seats of its own
+        elif path == "/api/events":  # limited by seats instead
             await self._hand_on(scope, receive, send)
         elif self._busy[role] >= _MOST_AT_ONCE[role] or (path == self._upload and self._uploading >= _MOST_UPLOADS):
             await _refused(503, "The studio answers many others at the moment; try again.")(scope, receive, send)
@@ -262,7 +265,7 @@ class Limits:
             return
 
         async def patient(message: Message) -> None:
-            """Nobody is waited for who does not read."""
+            """Sends a message, unless the client does not read it in time."""
             try:
                 async with asyncio.timeout(_PATIENCE):
                     await send(message)
@@ -274,7 +277,7 @@ class Limits:
 
 
 async def _read(receive: Receive, most: int) -> bytes | None:
-    """The whole body of a request; None where it is larger than it may be."""
+    """Returns the whole body of a request; None if it is too large."""
     body = bytearray()
     while True:
         message = await receive()
@@ -290,7 +293,7 @@ def _replaying(body: bytes, receive: Receive) -> Receive:
 
     async def receiving() -> Message:
         nonlocal told
-        if told:  # what comes now is that the browser has gone
+        if told:  # the next message is the disconnect
             return await receive()
         told = True
         return {"type": "http.request", "body": body, "more_body": False}
@@ -302,19 +305,19 @@ def _refused(status: int, sentence: str) -> JSONResponse:
     return JSONResponse({"sentence": sentence}, status)
 
 
-# The certificate of a studio that is reached over a network.
+# Certificate of a studio that is used over a network.
 
 
 @dataclass(frozen=True)
 class Certificate:
-    """A certificate (with the chain above it) and its private key, both PEM files; the key has no passphrase."""
+    """Certificate (with its chain) and its private key without a passphrase, both PEM files."""
 
     certificate: Path
     key: Path
 
     @classmethod
     def given(cls, certificate: Path | None, key: Path | None) -> Self | None:
-        """As on a command line, checked; None where neither was given. Raises ConfigError."""
+        """Returns the certificate of the options, checked; None if both are missing. Raises ConfigError."""
         if certificate is None and key is None:
             return None
         if certificate is None or key is None:
@@ -327,7 +330,7 @@ class Certificate:
         return found
 
     def context(self) -> ssl.SSLContext:
-        """How connections are encrypted with it. Raises ConfigError where the files do not fit."""
+        """Returns the TLS context. Raises ConfigError if the files do not fit."""
         context = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH)
         try:
             context.load_cert_chain(self.certificate, self.key, password=lambda: b"")

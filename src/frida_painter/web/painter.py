@@ -1,4 +1,4 @@
-"""A person's say in a painting: heard from the page after every stroke, and done while the painting has paused."""
+"""Control of a painting from the page: questions to the person, and commands in pauses."""
 
 import secrets
 import threading
@@ -51,14 +51,14 @@ from frida_painter.web.commands import (
 from frida_painter.web.folder import Feed, PaintingFolder
 from frida_painter.web.stop import StopWatch
 
-# Questions that a worker asks the person at the page, and waits for: calibration, paints to fill, strokes in doubt.
+# Questions from a worker to the person at the page: calibration, paints to fill, strokes in doubt.
 
 _BETWEEN_GLANCES = 0.04
 
 
 @dataclass
 class Asker:
-    """Puts questions on the page; `answer` is what a procedure's dialogue and an operator want."""
+    """Shows questions on the page; `answer` is the callback for dialogues and operators."""
 
     folder: PaintingFolder
     feed: Feed
@@ -66,14 +66,14 @@ class Asker:
     _shown: deque[str] = field(default_factory=deque, init=False)
 
     def answer(self, question: Question) -> Answer:
-        """What the person says, who is waited for. Raises StopPressed where they stop everything."""
+        """Waits for the person's answer and returns it. Raises StopPressed if the person stops everything."""
         number = secrets.token_hex(8)
         asked = described(question)
         picture = None if isinstance(question, Measure) else question.picture
         if picture is not None:
             asked |= {"picture": self._show(picture), "rows": picture.shape[1], "columns": picture.shape[2]}
         reader = LogReader(self.folder.replies)
-        reader.read()  # what was said before does not count
+        reader.read()  # earlier answers do not count
         self.feed.tell(Asked({"id": number, **asked}))
         while True:
             self.stop.heed()
@@ -85,7 +85,7 @@ class Asker:
             time.sleep(_BETWEEN_GLANCES)
 
     def _show(self, picture: Tensor) -> str:
-        # Whoever knows its name may see it: it is not to be guessed.
+        # The name is random, because everybody who knows it may see the picture.
         name = f"question-{secrets.token_hex(12)}.jpg"
         images.save(picture, self.folder.live / name)
         self._shown.append(name)
@@ -95,7 +95,7 @@ class Asker:
 
 
 def described(question: Question) -> dict[str, Any]:
-    """A question as plain values, but for its picture."""
+    """Returns a question as plain values, without its picture."""
     match question:
         case Confirm(text=text, proposal=proposal):
             return {"kind": "confirm", "text": text, "proposal": proposal}
@@ -111,14 +111,18 @@ def described(question: Question) -> dict[str, Any]:
             return told | {"lowest": question.lowest, "highest": question.highest}
 
 
-_ROUNDS = 3  # of planning where the goal has changed
+_ROUNDS = 3  # rounds of a replan after a change of the goal
 _YOUR_TURN = "It is your turn. Paint what you like, let it look, then let it go on."
 _PAUSED = "It has paused: the brush is clean, the arm aside. You may paint on the canvas, then let it look."
 
 
 @dataclass
 class PauseController:
-    """Leads the pauses of a session; `opened` gives it once it is open; began: when the painter did, since 1970."""
+    """Handles the pauses of a session.
+
+    began: start of the painter, seconds since 1970.
+    opened: returns the session, None before it is open.
+    """
 
     folder: PaintingFolder
     feed: Feed
@@ -128,7 +132,7 @@ class PauseController:
     _commands: deque[PaintingCommand] = field(default_factory=deque, init=False)
     _turns: int = field(default=0, init=False)
     _conferring: bool = field(default=False, init=False)
-    _since: int = field(default=0, init=False)  # strokes since it was the robot's turn
+    _since: int = field(default=0, init=False)  # strokes of the robot's current turn
 
     def __post_init__(self) -> None:
         ear = CommandReader(self.folder, self.began)
@@ -141,12 +145,15 @@ class PauseController:
         threading.Thread(target=listen, daemon=True, name="commands").start()
 
     def hear(self, event: Event) -> None:
-        """Counts strokes, to know whose turn it is."""
+        """Counts strokes, for turns."""
         if isinstance(event, StrokePainted):
             self._since += 1
 
     def pause_asked(self) -> bool:
-        """Whether a person wants a pause, or it is their turn. What else they said waits, where it has paused."""
+        """Returns True if a person wants a pause, or if it is their turn.
+
+        Outside a pause, other commands are dropped.
+        """
         if self._conferring:
             return False
         pausing = False
@@ -158,7 +165,7 @@ class PauseController:
         return pausing or 0 < self._turns <= self._since
 
     def go_on(self, paused: Paused) -> bool:
-        """Does what a person asks for, until they have the painting go on; False where they stop it."""
+        """Performs commands until the person lets the painting go on; returns False if the person stops it."""
         self._conferring = True
         try:
             return self._confer(paused)
@@ -189,7 +196,7 @@ class PauseController:
         return False
 
     def _without_paths(self, sentence: str) -> str:
-        """A sentence as everybody may read it on the page."""
+        """Returns a sentence without the folder's path, for everybody at the page."""
         return sentence.replace(str(self.folder.path), "its folder")
 
     def _do(self, command: PaintingCommand) -> None:
@@ -213,7 +220,7 @@ class PauseController:
             case TakeTurns():
                 self._take_turns(command)
             case _:
-                pass  # it has paused already
+                pass  # the painting has paused already
 
     @property
     def _session(self) -> PaintingSession:
@@ -222,20 +229,20 @@ class PauseController:
         return session
 
     def _tell_region(self, region: RegionProtected) -> None:
-        """Puts down what is protected from now on, and has the rest planned around it."""
+        """Notes and reports a changed region, and replans the rest around it."""
         session = self._session
         session.journal.tell(region)
         self.feed.tell(region)
         session.look_again()
 
     def _kept(self, drawing: Tensor, number: int) -> str:
-        """The file, in the folder that the painting leaves, of a region that a person drew."""
+        """Saves the drawing of a region into the painting's results; returns its file name."""
         name = f"regions/{number}.png"
         images.save(drawing, self.folder.painting / name)
         return name
 
     def _pursue(self, command: ChangeGoal) -> None:
-        """Goes on towards another goal; the paints stay, for they are mixed."""
+        """Changes the goal; the paints stay, because they are mixed already."""
         session = self._session
         place = self.folder.change(command.record)
         grid = PixelGrid.of_height(session.planner.size, PHOTOGRAPH_ROWS)

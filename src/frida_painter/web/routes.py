@@ -1,4 +1,4 @@
-"""Routes for painting: watch, start, stop."""
+"""Routes of the studio's web application: paintings, plans, queue, calibration, control, gallery and events."""
 
 import io
 import math
@@ -50,13 +50,13 @@ from frida_painter.web.store import Entry, PaintingStore, Uploads
 from frida_painter.web.studio_pace import PaceMemory
 from frida_painter.web.workers import PaintingQueue, Workers, start_painting
 
-# What routes need of a request: who asks, which painting is meant, and whether they may do that.
+# Dependencies of routes: the session, the painting, and the right to do something.
 #
-# All but the painting is told without a thread of the pool, which may be full.
+# All but the painting are async functions, which need no thread of the pool; the pool may be full.
 
 
 async def session_of(request: Request) -> Session:
-    """The session of the request, which the middleware has accepted."""
+    """Returns the session of the request, which the middleware has accepted."""
     session: Session = request.state.session
     return session
 
@@ -65,7 +65,7 @@ Kept = TypeVar("Kept")
 
 
 def _kept(kind: type[Kept], name: str) -> Callable[[Request], Awaitable[Kept]]:
-    """What this studio keeps under a name, as a dependency."""
+    """Returns a dependency for the object that the studio keeps under a name."""
 
     async def kept(request: Request) -> Kept:
         found: Kept = getattr(request.app.state, name)
@@ -86,7 +86,7 @@ presence_of = _kept(Presence, "presence")
 
 
 async def stop_process_of(request: Request) -> StopProcess | None:
-    """Where stops are listened to; None for a studio that is not served on a port."""
+    """Returns the listener for stops; None for a studio that is not served on a port."""
     process: StopProcess | None = request.app.state.stop_process
     return process
 
@@ -94,7 +94,7 @@ async def stop_process_of(request: Request) -> StopProcess | None:
 def painting_of(
     identifier: Annotated[str, Path(max_length=64)], store: Annotated[PaintingStore, Depends(painting_store_of)]
 ) -> Entry:
-    """The painting that is meant. Answers 404 where there is none."""
+    """Returns the painting of the path. Answers 404 for an unknown one."""
     entry = store.find(identifier)
     if entry is None:
         raise HTTPException(404, "There is no such painting; it may have been deleted.")
@@ -102,18 +102,18 @@ def painting_of(
 
 
 async def may_plan(session: Annotated[Session, Depends(session_of)]) -> Session:
-    """Answers 403 to those who may only watch."""
+    """Returns the session. Answers 403 if it may only watch."""
     return _require(session, Role.plan)
 
 
 async def operator(session: Annotated[Session, Depends(session_of)]) -> Session:
-    """Answers 403 to those who may not have the robot move."""
+    """Returns the session. Answers 403 if it may not move the robot."""
     return _require(session, Role.operate)
 
 
 @dataclass(frozen=True)
 class Signs:
-    """What an order carries: a number of its own, when it was given, and which page of a browser gave it."""
+    """Signs of an order: its unique number, its time, and the page of the browser that gave it."""
 
     nonce: str
     given: float
@@ -125,7 +125,7 @@ async def signs_of(
     x_given: Annotated[float, Header()] = math.nan,
     x_page: Annotated[str, Header(max_length=64)] = "",
 ) -> Signs:
-    """The signs of this order; who leads judges them."""
+    """Returns the signs of this order; `Lead` checks them."""
     return Signs(x_nonce, x_given, x_page)
 
 
@@ -134,7 +134,10 @@ async def may_operate(
     lead: Annotated[Lead, Depends(lead_of)],
     signs: Annotated[Signs, Depends(signs_of)],
 ) -> Session:
-    """The same, and whether this order comes from the browser that leads, once, and not too late (409)."""
+    """Returns the session of an operator.
+
+    Raises Led if another browser leads, Interrupted if the order is old or repeated.
+    """
     lead.require(session.id, signs.nonce, signs.given, signs.page)
     return session
 
@@ -165,14 +168,14 @@ TheQueue = Annotated[PaintingQueue, Depends(queue_of)]
 TheWorkers = Annotated[Workers, Depends(workers_of)]
 
 
-# What this studio can be asked for: which kinds of goals there are, and what is missing for the others.
+# Abilities of this studio: the kinds of goals, and the missing parts of each.
 
-# Which extra a kind of goal needs beside its networks, and a package of it.
+# Extra that a kind of goal needs besides its networks, and a package of that extra.
 _EXTRAS = {"text": ("words", "transformers")}
 
 
 def abilities() -> dict[str, dict[str, object]]:
-    """For each kind of goal: whether it is ready, which weights are missing, what to fetch, and a sentence on that."""
+    """Returns for each kind of goal: True if it is ready, missing weights, names to fetch, and a sentence of advice."""
     return {name: _ability(name, kind.networks) for name, kind in goal_kinds().by_name.items()}
 
 
@@ -188,14 +191,14 @@ def _ability(kind: str, groups: tuple[tuple[str, ...], ...]) -> dict[str, object
     return {"ready": not said, "missing": missing, "fetch": fetch, "advice": ". ".join(said)}
 
 
-# Routes for what is being done in the studio, and what waits for it.
+# Routes for the current work and the queue.
 
 queue_router = APIRouter(prefix="/api")
 
 
 @queue_router.get("/work")
 def work(session: AnySession, store: ThePaintingStore, queue: TheQueue) -> dict[str, Any]:
-    """Who is at work (ids of paintings, and "calibration"), and who waits for it, in order."""
+    """Returns who is at work (ids of paintings, and "calibration"), and the queue in order."""
     entries = store.all()
     at_work = [entry.id for entry in entries if working(entry.folder)]
     calibrating = ["calibration"] if working(store.calibration) else []
@@ -215,19 +218,19 @@ def go_on(session: OperatorSession, store: ThePaintingStore, queue: TheQueue) ->
 
 @queue_router.post("/queue/{identifier}/first")
 def first(entry: ThisPainting, session: Planning, queue: TheQueue) -> dict[str, Any]:
-    """Puts a painting before all others that wait."""
+    """Puts a painting at the front of the queue."""
     queue.first(entry.id)
     return queue.shown()
 
 
 @queue_router.post("/queue/{identifier}/remove")
 def remove(entry: ThisPainting, session: Planning, queue: TheQueue) -> dict[str, Any]:
-    """Takes a painting out of the queue."""
+    """Removes a painting from the queue."""
     queue.remove(entry.id)
     return queue.shown()
 
 
-# Routes for calibrating: what is asked for, how it stands, and answers to what the procedures want to know.
+# Routes for calibration: the request, its state, and answers to the questions of procedures.
 
 calibration_router = APIRouter(prefix="/api/calibration")
 _ID = "calibration"
@@ -235,7 +238,7 @@ _ID = "calibration"
 
 @calibration_router.get("")
 def calibration_state(session: AnySession, store: ThePaintingStore, feeds: TheFeedStates) -> dict[str, Any]:
-    """Everything that the page shows of it, as it is now."""
+    """Returns the state of the calibration, as the page shows it."""
     return feeds.current(store.calibration, CalibrationState)
 
 
@@ -243,7 +246,7 @@ def calibration_state(session: AnySession, store: ThePaintingStore, feeds: TheFe
 def start_calibration(
     request: CalibrationRequest, session: Operating, presence: ThePresence, store: ThePaintingStore, workers: TheWorkers
 ) -> Mapping[str, str]:
-    """Begins to calibrate."""
+    """Starts the calibration."""
     folder = store.calibration
     require_disk(folder.path, 200 * 2**20)
     with workers.slot_at(folder) as slot:
@@ -262,7 +265,7 @@ def start_calibration(
 def answer_calibration(
     given: Reply, session: Operating, store: ThePaintingStore, feeds: TheFeedStates
 ) -> Mapping[str, str]:
-    """Answers what a procedure has asked, or moves the brush as it is asked for."""
+    """Answers a question of a procedure, or moves the brush as asked."""
     store.note(session.id, _ID, f"answer: {given.words}")
     hand_on(given, store.calibration, feeds.current(store.calibration, CalibrationState)["question"], session.id)
     return {"id": _ID}
@@ -270,7 +273,7 @@ def answer_calibration(
 
 @calibration_router.get("/files/{name}")
 def calibration_file(name: str, session: AnySession, store: ThePaintingStore) -> FileResponse:
-    """A picture of what is asked, or was found."""
+    """Returns a picture of a question or a result."""
     path = store.calibration.shown("live", name)
     if path is None:
         raise HTTPException(404, "There is no such picture.")
@@ -278,30 +281,30 @@ def calibration_file(name: str, session: AnySession, store: ThePaintingStore) ->
 
 
 def hand_on(given: Reply, folder: PaintingFolder, asked: Any, by: str) -> None:
-    """Hands an answer to the worker that waits for it. Answers 409 where none does; raises ConfigError."""
+    """Hands an answer to the waiting worker. Answers 409 if the question is no longer open; raises ConfigError."""
     if not isinstance(asked, dict) or asked.get("id") != given.question or not working(folder):
         raise HTTPException(409, "This is not asked any more; look at the page.")
     given.answering(str(asked["kind"]), asked)
     reply(folder, given, by)
 
 
-# Routes for who is in charge: stop, the second way beside the listener's own port, and taking the lead.
+# Routes for control: the stop, as the second way beside the listener's own port, and the lead.
 
 control_router = APIRouter(prefix="/api")
 
 
 @control_router.post("/stop")
 async def stop(request: Request, session: AnySession) -> dict[str, int]:
-    """Stops everything that is being done in this studio; whoever may look may stop.
+    """Stops all work in this studio; every session may stop.
 
-    Nothing on its way runs on a thread of the pool, or reads the database.
+    The stop uses no thread of the pool and no database.
     """
     return await press(request.app.state.stops, request.app.state.store.root, session.id)
 
 
 @control_router.post("/lead")
 def take_lead(session: OperatorSession, signs: TheSigns, lead: TheLead, store: ThePaintingStore) -> dict[str, str]:
-    """From now on this browser has the robot do things, and no other."""
+    """Gives the lead to this browser; only it may then move the robot."""
     lead.take_over(session.id, signs.nonce, signs.given, signs.page)
     store.note(session.id, "", "lead")
     return {"leads": "you"}
@@ -309,13 +312,13 @@ def take_lead(session: OperatorSession, signs: TheSigns, lead: TheLead, store: T
 
 @control_router.post("/lead/back")
 def give_lead_back(session: OperatorSession, signs: TheSigns, lead: TheLead, store: ThePaintingStore) -> dict[str, str]:
-    """The page that gave the last order is left: any browser may lead now."""
+    """Gives up the lead, because the page of the last order was left; any browser may then lead."""
     if lead.give_back(session.id, signs.page):
         store.note(session.id, "", "lead given back")
     return {"leads": "nobody"}
 
 
-# Routes for what there is already: the gallery, files to take along, deleting.
+# Routes for existing paintings: the gallery, downloads, and deletion.
 
 gallery_router = APIRouter()
 _PIECE = 2**18  # bytes
@@ -323,13 +326,13 @@ _PIECE = 2**18  # bytes
 
 @gallery_router.get("/api/paintings")
 def paintings(session: AnySession, store: ThePaintingStore, feeds: TheFeedStates) -> list[dict[str, Any]]:
-    """All paintings, the newest first, with the picture that shows each best."""
+    """Returns all paintings, the newest first, each with its best picture."""
     return cards(store, feeds)
 
 
 @gallery_router.post("/api/paintings/{identifier}/delete")
 def delete(entry: ThisPainting, session: Operating, store: ThePaintingStore, queue: TheQueue) -> dict[str, str]:
-    """Removes a painting with all its files, for good."""
+    """Deletes a painting with all its files."""
     if working(entry.folder):
         raise Interrupted("The painter is at work on this painting; stop it first.")
     queue.remove(entry.id)
@@ -340,17 +343,17 @@ def delete(entry: ThisPainting, session: Operating, store: ThePaintingStore, que
 
 @gallery_router.get("/paintings/{identifier}/{place}/{name}")
 def painting_file(entry: ThisPainting, place: str, name: str) -> FileResponse:
-    """One file of a painting, of those that are meant to be seen."""
+    """Returns a file of a painting that may be shown."""
     path = entry.folder.shown(place, name)
     if path is None:
         raise HTTPException(404, "There is no such file.")
-    caching = "private, max-age=3600" if place.isdecimal() else "no-store"  # a plan stays as it is
+    caching = "private, max-age=3600" if place.isdecimal() else "no-store"  # a plan never changes
     return FileResponse(path, headers={"Content-Disposition": "attachment", "Cache-Control": caching})
 
 
 @gallery_router.get("/api/paintings/{identifier}/everything.zip")
 def everything(entry: ThisPainting) -> StreamingResponse:
-    """The whole painting in one file: its page, pictures, film, plan and journal."""
+    """Returns the whole painting as a ZIP file: its page, pictures, film, plan and journal."""
     folder = entry.folder.painting
     linked = folder.is_symlink() or entry.folder.path.is_symlink()
     if linked or not folder.is_dir() or working(entry.folder):
@@ -360,7 +363,7 @@ def everything(entry: ThisPainting) -> StreamingResponse:
 
 
 class _Outlet(io.RawIOBase):
-    """Holds what was written until it is taken; nobody can go back in it."""
+    """Write-only stream that holds the written bytes until they are taken."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -379,7 +382,7 @@ class _Outlet(io.RawIOBase):
 
 
 def packed(folder: Path_module) -> Iterator[bytes]:
-    """A ZIP file with all that is in a folder, piece by piece; nothing is written to a disk, and no link followed."""
+    """Yields a ZIP file of a folder in pieces, without temporary files, links or hidden files."""
     outlet = _Outlet()
     with zipfile.ZipFile(outlet, "w", zipfile.ZIP_STORED) as archive:
         for path in sorted(folder.rglob("*")):
@@ -389,7 +392,7 @@ def packed(folder: Path_module) -> Iterator[bytes]:
             try:
                 file = os.fdopen(os.open(path, os.O_RDONLY | os.O_NOFOLLOW), "rb")
             except OSError:
-                continue  # it was taken away meanwhile, or may not be read
+                continue  # deleted meanwhile, or not readable
             with file:
                 if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
                     continue
@@ -402,12 +405,12 @@ def packed(folder: Path_module) -> Iterator[bytes]:
 
 
 def _hidden(path: Path_module) -> bool:
-    """Whether a file is one that is only needed while a painting is made, by its path inside the folder."""
+    """Returns True for a hidden file, needed only during a painting, by its path inside the folder."""
     return any(part.startswith(".") for part in path.parts)
 
 
 def cards(store: PaintingStore, feeds: FeedStates) -> list[dict[str, Any]]:
-    """Every painting as the gallery shows it."""
+    """Returns the gallery's data of every painting."""
     return [
         {
             "id": entry.id, "title": entry.title, "begun": entry.begun,
@@ -419,7 +422,7 @@ def cards(store: PaintingStore, feeds: FeedStates) -> list[dict[str, Any]]:
 
 
 def _best_picture(folder: PaintingFolder) -> str | None:
-    """Where the painting, or else a plan of it, is to be seen."""
+    """Returns the picture of the painting, or else of its newest plan; None if there is none."""
     candidates = ["painting/painting.png", *(f"{plan.number}/plan.jpg" for plan in reversed(folder.plans()))]
     for candidate in candidates:
         place, _, name = candidate.partition("/")
@@ -428,7 +431,7 @@ def _best_picture(folder: PaintingFolder) -> str | None:
     return None
 
 
-# Routes for saying what is wanted: pictures, requests for paintings, plans.
+# Routes for requests: pictures, paintings and plans.
 
 goals_router = APIRouter(prefix="/api")
 
@@ -437,7 +440,7 @@ goals_router = APIRouter(prefix="/api")
 def studio(
     session: AnySession, store: ThePaintingStore, workers: TheWorkers, stop: TheStopProcess, pace: ThePace
 ) -> dict[str, Any]:
-    """What the page needs to know of this studio, and where and with which secret it stops."""
+    """Returns the facts about this studio for the page, with the port and the secret of its stops."""
     easel = workers.easel
     return {
         "stop": None if stop is None else {"port": stop.port, "secret": stop.secret(session.role)},
@@ -455,13 +458,13 @@ def studio(
 
 @goals_router.post("/pictures")
 async def give_picture(request: Request, session: Planning, uploads: TheUploads) -> dict[str, str]:
-    """Takes a picture, the plain bytes of its file, and gives it an id."""
+    """Stores a picture from the plain bytes of its file, and returns its id."""
     return {"id": await uploads.keep(await request.body())}
 
 
 @goals_router.get("/pictures/{picture}")
 def show_picture(picture: Annotated[str, Path(max_length=64)], store: ThePaintingStore) -> FileResponse:
-    """A picture that was given."""
+    """Returns an uploaded picture."""
     path = store.pictures / f"{picture}.png"
     if not re.fullmatch(r"[0-9a-f]{32}", picture) or not path.is_file():
         raise HTTPException(404, "There is no such picture.")
@@ -472,7 +475,7 @@ def show_picture(picture: Annotated[str, Path(max_length=64)], store: ThePaintin
 def begin(
     request: PaintingRequest, session: Planning, store: ThePaintingStore, workers: TheWorkers, queue: TheQueue
 ) -> Mapping[str, str]:
-    """Begins a painting, and its first plan."""
+    """Begins a painting and its first plan."""
     require_possible(request, store)
     entry = store.begin(request.title or "Untitled")
     _plan(entry, request, store, workers, queue)
@@ -488,14 +491,14 @@ def plan_again(
     workers: TheWorkers,
     queue: TheQueue,
 ) -> Mapping[str, str]:
-    """Has another plan made for a painting, of the same request or another."""
+    """Makes another plan for a painting, from the same request or another one."""
     require_possible(request, store)
     _plan(entry, request, store, workers, queue)
     return {"id": entry.id}
 
 
 def require_possible(request: PaintingRequest, store: PaintingStore) -> None:
-    """Answers 422 where a picture is gone, or a network that is needed is not here."""
+    """Answers 422 if a picture of the request is missing, or if a kind of goal is not ready."""
     if not all((store.pictures / f"{name}.png").is_file() for name in request.pictures):
         raise HTTPException(422, "A picture of this goal is gone; choose it again.")
     kinds = {term.kind for term in (*request.terms, *request.initial)}
@@ -505,7 +508,7 @@ def require_possible(request: PaintingRequest, store: PaintingStore) -> None:
 
 
 def _plan(entry: Entry, request: PaintingRequest, store: PaintingStore, workers: Workers, queue: PaintingQueue) -> None:
-    """Has the plan made, now or when those before it are done."""
+    """Starts the plan, or puts it into the queue if other work comes first."""
     folder = entry.folder
     if working(folder):
         raise Interrupted("The painter is at work on this painting already.")
@@ -518,7 +521,7 @@ def _plan(entry: Entry, request: PaintingRequest, store: PaintingStore, workers:
 
 
 def _requested(entry: Entry, request: PaintingRequest, store: PaintingStore) -> PlanFolder:
-    """The folder of a new plan, of which the page is told."""
+    """Makes the folder of a new plan and reports it to the page."""
     plan = entry.folder.begin_plan(request, store.pictures)
     feed = Feed(entry.folder)
     feed.tell(PlanRequested(plan.number, request.model_dump(mode="json")))
@@ -535,7 +538,12 @@ _NO_PICTURE = "The camera has no picture at the moment."
 
 
 class Start(BaseModel):
-    """Paint this plan; ready: the person says that canvas and paints are; wait: in the queue, behind the others."""
+    """Order to paint a plan.
+
+    plan: its number.
+    ready: True if the person confirms canvas and paints.
+    wait: True to put it into the queue.
+    """
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
@@ -545,7 +553,7 @@ class Start(BaseModel):
 
 
 class Say(BaseModel):
-    """Something to tell the painter that needs no more than a number."""
+    """Command to the painter with at most a number."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
@@ -554,7 +562,10 @@ class Say(BaseModel):
 
 
 class Drawn(BaseModel):
-    """A part of the canvas, drawn light on dark: not to be touched, or the only one that may be."""
+    """Drawing of a part of the canvas, light on dark.
+
+    only: True if only this part may be painted, False if it is protected.
+    """
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
@@ -564,13 +575,13 @@ class Drawn(BaseModel):
 
 @painting_router.get("")
 def painting_state(entry: ThisPainting, feeds: TheFeedStates) -> dict[str, Any]:
-    """Everything that the page shows of a painting, as it is now."""
+    """Returns the state of a painting, as the page shows it."""
     return {"id": entry.id, "title": entry.title, "begun": entry.begun, **feeds.current(entry.folder, PaintingState)}
 
 
 @painting_router.get("/camera")
 def camera(entry: ThisPainting) -> Response:
-    """What the camera sees now (JPEG). Answers 404 where there is no such camera, or its last picture is old."""
+    """Returns the current picture of the camera (JPEG). Answers 404 if there is none, or if it is older than 10 s."""
     path = entry.folder.camera
     try:
         if time.time() - path.stat().st_mtime > _LIVE_FOR:
@@ -591,7 +602,7 @@ def begin_painting(
     workers: TheWorkers,
     queue: TheQueue,
 ) -> Mapping[str, str]:
-    """Begins to paint one of the plans, or puts it into the queue."""
+    """Starts to paint one of the plans, or puts it into the queue."""
     if not order.ready and not order.wait:
         raise HTTPException(422, "Say first that the canvas and the paints are ready.")
     folder = entry.folder
@@ -623,7 +634,7 @@ def resume(
     feeds: TheFeedStates,
     workers: TheWorkers,
 ) -> Mapping[str, str]:
-    """Goes on with a painting that was stopped, killed or broke off."""
+    """Resumes a painting that was stopped, killed or failed."""
     folder = entry.folder
     painting = feeds.current(folder, PaintingState)["painting"]
     if painting is None or not (folder.painting / JOURNAL).is_file():
@@ -647,7 +658,7 @@ def resume(
 def answer_painting(
     given: Reply, entry: ThisPainting, session: Operating, store: ThePaintingStore, feeds: TheFeedStates
 ) -> Mapping[str, str]:
-    """Answers what the painter has asked."""
+    """Answers a question of the painter."""
     store.note(session.id, entry.id, f"answer: {given.words}")
     hand_on(given, entry.folder, feeds.current(entry.folder, PaintingState)["question"], session.id)
     return {"id": entry.id}
@@ -655,7 +666,7 @@ def answer_painting(
 
 @painting_router.post("/say")
 def say(order: Say, entry: ThisPainting, session: Operating, store: ThePaintingStore) -> Mapping[str, str]:
-    """Tells the painter to pause, to go on, to look, and the like."""
+    """Sends a command to the painter: pause, go on, look, and others."""
     _require_painting(entry)
     store.note(session.id, entry.id, f"{order.kind} {order.count}")
     tell_painter(entry.folder, order.kind, session.id, count=order.count)
@@ -664,7 +675,7 @@ def say(order: Say, entry: ThisPainting, session: Operating, store: ThePaintingS
 
 @painting_router.post("/region")
 def protect(drawn: Drawn, entry: ThisPainting, session: Operating, store: ThePaintingStore) -> Mapping[str, str]:
-    """Tells the painter which part of the canvas it must not touch, or which alone it may."""
+    """Tells the painter the protected part of the canvas, or the only part that may be painted."""
     _require_painting(entry)
     number = entry.folder.keep_region(store.pictures / f"{drawn.picture}.png")
     store.note(session.id, entry.id, f"region {number}")
@@ -676,7 +687,7 @@ def protect(drawn: Drawn, entry: ThisPainting, session: Operating, store: ThePai
 def change_goal(
     request: PaintingRequest, entry: ThisPainting, session: Operating, store: ThePaintingStore
 ) -> Mapping[str, str]:
-    """Tells the painter to go on towards something else; canvas, brush and paints stay."""
+    """Changes the goal of a running painting; canvas, brush and paints stay."""
     _require_painting(entry)
     require_possible(request, store)
     number = entry.folder.begin_change(request, store.pictures)
@@ -690,7 +701,7 @@ def _require_painting(entry: Entry) -> None:
         raise HTTPException(409, "Nothing is being painted here at the moment.")
 
 
-# The route by which a browser follows everything that its pages show, on one connection.
+# Route of the event stream: one connection for all that a browser shows.
 
 events_router = APIRouter(prefix="/api")
 _GALLERY_EVERY = 1.0  # seconds
@@ -704,7 +715,11 @@ async def events(
     streams: TheStreams,
     of: Annotated[list[str], Query(max_length=MOST_TOPICS)],
 ) -> EventStream:
-    """States of paintings (by id), of the "calibration" and of all "paintings", whenever they change (server-sent)."""
+    """Streams states to a browser at each change, as server-sent events.
+
+    of: names of topics: ids of paintings, "calibration", and "paintings" for the gallery.
+    Answers 404 for an unknown painting, 503 if too many streams are open.
+    """
     topics = await run_in_threadpool(lambda: [_topic(name, store, feeds) for name in dict.fromkeys(of)])
     if not streams.take_seat(session.role):
         raise HTTPException(503, "Too many are watching already; close another page first.")

@@ -1,9 +1,9 @@
-"""Who may speak to the studio: middleware before all routes, which checks tokens, hosts, origins and roles.
+"""Security of the studio: middleware before all routes that checks tokens, hosts, origins and roles, and the lead.
 
-The studio commands a machine, so nothing is trusted by where it comes from. A browser comes with a token once, and is
-given a cookie and a key. A cookie goes to every port of a host, so by itself it opens nothing but the page's own parts
-and pictures whose names nobody can guess. The key goes with everything else; the page keeps it where only pages of
-exactly this address and port can read it. A program brings its token every time.
+The studio controls a machine, so no request is trusted because of its origin. A browser brings a token once, and
+gets a cookie and a key. A cookie goes to every port of a host, so the cookie alone opens only the page's own files
+and pictures with unguessable names. All other requests need the key, which only pages of exactly this address and
+port can read. A program sends its token with every request.
 """
 
 import asyncio
@@ -31,7 +31,7 @@ from frida_painter.web.commands import LEAD_GOOD_FOR, Role
 from frida_painter.web.easel import StudioEasel
 
 _MOST_SESSIONS = {Role.watch: 200, Role.plan: 100, Role.operate: 50}
-_FREE_FAILURES, _FAILURES_COUNT_FOR = 10, 60.0  # wrong tokens, seconds
+_FREE_FAILURES, _FAILURES_COUNT_FOR = 10, 60.0  # wrong tokens; seconds
 _DELAY, _MOST_DELAYED = 1.0, 16  # seconds; answers to wrong tokens
 _CODE_GOOD_FOR = 60.0
 _MOST_HEADERS = 16 * 1024
@@ -58,7 +58,10 @@ _OPENING = """<!DOCTYPE html><html lang="en"><meta charset="utf-8"><title>The st
 
 @dataclass(frozen=True)
 class Session:
-    """A browser that came with a token, or a program that always brings it; `key` goes with all that a page asks."""
+    """Browser that came with a token, or program that always sends it.
+
+    key: secret in all requests of the page.
+    """
 
     id: str
     role: Role
@@ -67,7 +70,7 @@ class Session:
 
 @dataclass
 class Keys:
-    """The tokens of one start of the studio, one for each role, and the browsers that came with them."""
+    """Tokens of one start of the studio, one for each role, and the sessions of browsers."""
 
     tokens: dict[Role, str] = field(default_factory=lambda: {role: secrets.token_urlsafe(32) for role in Role})
     _sessions: dict[Role, OrderedDict[str, Session]] = field(
@@ -76,15 +79,18 @@ class Keys:
     _codes: dict[str, tuple[Role, float]] = field(default_factory=dict)
 
     def code(self, role: Role) -> str:
-        """In place of a token, where others may read it (the command line of a browser): good once, for a minute."""
+        """Returns a code in place of a token, valid once and for a minute.
+
+        It is for places that others can read, such as the command line of a browser.
+        """
         code = secrets.token_urlsafe(24)
         self._codes[code] = (role, time.monotonic() + _CODE_GOOD_FOR)
         return code
 
     def admit(self, token: str) -> Session | None:
-        """A new session for a token or a code, None for a wrong one.
+        """Returns a new session for a token or a code, None for a wrong one.
 
-        A role has so many sessions; the one that was not used for longest makes room for a new one of its own role.
+        The number of sessions of a role is limited; a new session replaces the role's least recently used one.
         """
         role = self._role(token)
         if role is None:
@@ -99,7 +105,7 @@ class Keys:
         return session
 
     def session(self, cookie: str) -> Session | None:
-        """The session of a browser."""
+        """Returns the session of a browser's cookie; None if it is unknown."""
         for own in self._sessions.values():
             if cookie in own:
                 own.move_to_end(cookie)
@@ -107,13 +113,13 @@ class Keys:
         return None
 
     def bearer(self, token: str) -> Session | None:
-        """The session of a program, which keeps none."""
+        """Returns the session of a program; None for a wrong token."""
         role = self._role(token)
         return None if role is None else Session(f"bearer-{role.name}", role, "")
 
     @property
     def sessions(self) -> list[str]:
-        """The ids of all browsers that came."""
+        """Ids of all browser sessions."""
         return [identifier for own in self._sessions.values() for identifier in own]
 
     def _role(self, token: str) -> Role | None:
@@ -124,13 +130,13 @@ class Keys:
 
 @dataclass
 class _Slowness:
-    """Holds up answers to wrong tokens once there were many. A right one is never held up, whoever sends wrong ones."""
+    """Delays answers to wrong tokens after many failures. Requests with a right token are never delayed."""
 
     _failures: list[float] = field(default_factory=list)
     _delayed: int = 0
 
     async def refuse(self) -> bool:
-        """Waits, where there were many; False where too many wait already, who are to be told so at once."""
+        """Waits after many failures; returns False if too many answers wait already."""
         now = time.monotonic()
         self._failures = [*(at for at in self._failures[-_FREE_FAILURES:] if now - at < _FAILURES_COUNT_FOR), now]
         if len(self._failures) <= _FREE_FAILURES:
@@ -146,10 +152,11 @@ class _Slowness:
 
 
 class AuthMiddleware:
-    """An ASGI application before another one: lets in who may come in, and puts safe headers on all answers.
+    """ASGI application that checks the requests to another one, and adds security headers to all answers.
 
-    hosts: what may stand in the Host header, like "127.0.0.1:8350"; stop_hosts: where the page may send a stop. The
-    session is handed on in `scope["state"]["session"]`.
+    hosts: allowed Host headers, such as "127.0.0.1:8350".
+    stop_hosts: hosts that the page may send a stop to.
+    The session is in `scope["state"]["session"]`.
     """
 
     def __init__(
@@ -165,12 +172,12 @@ class AuthMiddleware:
         self._slowness = _Slowness()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answers 401, 403, 429 or 431 itself, or hands the request on."""
+        """Answers 401, 403, 429 or 431, or hands the request on."""
         if scope["type"] == "lifespan":
             await self._app(scope, receive, send)
         elif scope["type"] == "http":
             answer = await self._judge(scope)
-            # Where what comes after the headers is no HTTP, the server has refused it already: nothing can be sent.
+            # If the body is no valid HTTP, the server has refused it already, and nothing can be sent.
             with contextlib.suppress(LocalProtocolError):
                 await (answer or self._app)(scope, receive, self._with_headers(scope, send))
         else:  # the studio has no WebSockets
@@ -178,15 +185,15 @@ class AuthMiddleware:
             await send({"type": "websocket.close", "code": 1008})
 
     async def _judge(self, scope: Scope) -> Response | None:
-        """None where the request may go on."""
+        """Returns None if the request may go on, else the refusal."""
         headers, method = Headers(scope=scope), scope["method"]
         if sum(len(name) + len(value) for name, value in scope["headers"]) > _MOST_HEADERS:
             return _refused(431, "The headers of this request are too large.")
         if headers.getlist("host") != [host := headers.get("host", "")] or host not in self._hosts:
             return _refused(403, "The studio does not go by this name; use the address that it printed.")
         here = headers.get("sec-fetch-site", "none") in ("none", "same-origin")
-        # A link that was clicked on another page; what such a page loads or sends by itself, a frame as well, looks
-        # different. Of some clicks Chromium does not tell that they lead to a document.
+        # True for a clicked link on another page. Requests and frames of such a page have other headers. For some
+        # clicks, Chromium does not report a document as their target.
         way, aim = (headers.get(f"sec-fetch-{name}") for name in ("mode", "dest"))
         clicked = method == "GET" and way == "navigate" and aim in ("document", "empty")
         if not here and not clicked:
@@ -198,7 +205,7 @@ class AuthMiddleware:
         session = self._session(headers)
         if session is None:
             if not here and scope["path"] == "/":
-                return _opening("/")  # the browser keeps its cookie back from other pages' links, not from ours
+                return _opening("/")  # the browser sends no cookie after a link of another page, but does after ours
             page = method in _SAFE and "text/html" in headers.get("accept", "")
             return HTMLResponse(_CLOSED, 401) if page else _refused(401, "The studio does not know you.")
         if not here:
@@ -222,9 +229,10 @@ class AuthMiddleware:
         return None
 
     async def _enter(self, scope: Scope, *, counts: bool) -> Response:
-        """Gives a cookie and a key for the token, and has the browser go on without it.
+        """Returns a page with a cookie and a key for the token; the page opens the studio without the token.
 
-        By a page rather than a redirect: after a redirect from another page's link the cookie would not be sent.
+        It is a page and no redirect, because after a redirect from another page's link the browser would not send
+        the cookie.
         """
         query = parse_qsl(scope["query_string"].decode("latin-1"))
         session = self._keys.admit(dict(query).get("token", ""))
@@ -274,43 +282,43 @@ def _refused(status: int, sentence: str) -> Response:
     return JSONResponse({"sentence": sentence}, status)
 
 
-# The press at the machine: what makes a robot move that could hurt somebody is confirmed by who stands beside it.
+# Confirmation at the machine: a person beside a dangerous robot must confirm before it moves.
 
 GOOD_FOR = 60.0
-"""Seconds after a press in which one thing may be begun from the page."""
+"""Seconds after a press of Enter within which one job may begin from the page."""
 _BETWEEN_GLANCES = 0.5
 
 
 @dataclass
 class Presence:
-    """Whether somebody has just pressed Enter in the studio's terminal. Each press is good for one thing.
+    """Confirmations by Enter in the studio's terminal; each is valid for one job.
 
-    possible: whether there is a terminal at all in which it could be pressed.
+    possible: True if there is a terminal for it.
     """
 
     possible: bool = False
     _pressed: float | None = field(default=None, init=False)
 
     def press(self) -> None:
-        """Somebody stands at the machine now."""
+        """Stores a confirmation now."""
         self._pressed = time.monotonic()
 
     def use(self) -> bool:
-        """Whether somebody pressed within the last minute; the press is used up then."""
+        """Returns True if somebody confirmed within the last minute; the confirmation is then used up."""
         pressed, self._pressed = self._pressed, None
         return pressed is not None and time.monotonic() - pressed <= GOOD_FOR
 
     def allow(self, easel: StudioEasel) -> None:
-        """Lets a machine that could hurt somebody be moved; a simulated one, or a hand, needs nobody's leave.
+        """Uses up a confirmation if a machine could hurt somebody; a simulated robot or a person needs none.
 
-        Raises RobotStopped, saying what to do, where nobody has pressed for it. (A stop of a real robot holds
-        until `frida-painter arm`.)
+        Raises RobotStopped, with instructions, if there is no confirmation. (A stop of a real robot lasts until
+        `frida-painter arm`.)
         """
         if easel.drives_machine and not self.use():
             raise RobotStopped(how_to_press(self))
 
     def listen(self, file: int) -> None:
-        """Takes every line that is typed into the terminal (an open file's number) for a press, on a thread."""
+        """Starts a thread that takes each line typed into the terminal (a file descriptor) as a confirmation."""
         self.possible = True
         threading.Thread(target=self._listen, args=(file,), daemon=True, name="presence").start()
 
@@ -319,7 +327,7 @@ class Presence:
             if not select.select([file], [], [], _BETWEEN_GLANCES)[0]:
                 continue
             if os.isatty(file) and os.tcgetpgrp(file) != os.getpgrp():
-                time.sleep(_BETWEEN_GLANCES)  # in the background what is typed is meant for the shell
+                time.sleep(_BETWEEN_GLANCES)  # in the background, typed text is for the shell
                 continue
             try:
                 typed = os.read(file, 1024)
@@ -333,7 +341,7 @@ class Presence:
 
 
 def how_to_press(presence: Presence) -> str:
-    """What to do where a press is needed, in a sentence."""
+    """Returns a sentence that says how to confirm."""
     if presence.possible:
         return (
             "Is nobody in the robot's way, and is its brush free? Then press Enter in the terminal of the studio, "
@@ -342,22 +350,22 @@ def how_to_press(presence: Presence) -> str:
     return "Somebody has to be beside the robot: start `frida-painter studio` in a terminal there, and open its page."
 
 
-# Who leads: one browser at a time has the robot do things, and what it asks is done once, and at once.
+# Lead: one browser at a time moves the robot, and each of its orders is done once, without delay.
 
 KEPT_FOR = 60.0
-"""Seconds after its last order in which a browser still leads."""
+"""Seconds after its last order during which a browser keeps the lead."""
 
 
 class Led(Interrupted):
-    """Another browser leads; this one may take over."""
+    """Error: another browser leads; this one may take over."""
 
 
 @dataclass
 class Lead:
-    """Lets in orders of one browser, each with a nonce of its own and the time at which it was given.
+    """Accepts the orders of one browser; each has its own nonce and time.
 
-    A browser that slept, or a request that hung, brings its order too late: then nobody expects it any more.
-    The page that gave the last order may give the lead back when it is left.
+    A late order, of a browser that slept or a request that hung, is refused, because nobody expects it any more.
+    The page of the last order may give up the lead when it is left.
     """
 
     _leads: str = field(default="", init=False)
@@ -366,9 +374,10 @@ class Lead:
     _used: dict[str, float] = field(default_factory=dict, init=False)
 
     def require(self, session: str, nonce: str, given: float, page: str = "") -> None:
-        """Takes note of an order given at `given` (seconds since 1970, by this machine's clock) on a page of a session.
+        """Accepts an order from a page of a session.
 
-        Raises Led where another browser leads, Interrupted where the order is an old one or was done already.
+        given: time of the order, seconds since 1970 by this machine's clock.
+        Raises Led if another browser leads, Interrupted if the order is too old or repeated.
         """
         self._require_new(nonce, given)
         if self._leads != session and time.monotonic() < self._until:
@@ -376,12 +385,12 @@ class Lead:
         self._take(session, nonce, page)
 
     def take_over(self, session: str, nonce: str, given: float, page: str = "") -> None:
-        """From now on that session leads, by that page of it. Raises Interrupted as `require` does."""
+        """Gives the lead to this page of the session. Raises Interrupted like `require`."""
         self._require_new(nonce, given)
         self._take(session, nonce, page)
 
     def give_back(self, session: str, page: str) -> bool:
-        """Lets anybody lead where that page gave the last order; elsewhere nothing changes. Returns whether it did."""
+        """Gives up the lead if that page gave the last order; returns True if it did."""
         held = (self._leads, self._page) == (session, page) and time.monotonic() < self._until
         if held:
             self._until = 0.0

@@ -1,4 +1,4 @@
-"""Serving the studio: on which address, with which tokens, and what is printed about it."""
+"""Server of the studio: the web application, its address and its links."""
 
 import asyncio
 import contextlib
@@ -34,7 +34,7 @@ from frida_painter.web.store import PaintingStore, Uploads
 from frida_painter.web.studio_pace import PaceMemory
 from frida_painter.web.workers import PaintingQueue, Workers
 
-# The studio's web application: its routes, its middleware, and errors as sentences.
+# Web application of the studio: its routes, its middleware, and errors as sentences.
 
 _STATIC = Path(__file__).parent / "static"
 _KINDS = {
@@ -45,7 +45,7 @@ _KINDS = {
 
 @dataclass(frozen=True)
 class _Part:
-    """A file of the page, as it is and compressed; pictures are compressed already."""
+    """File of the page, plain and compressed; pictures are compressed already."""
 
     content: bytes
     kind: str
@@ -65,7 +65,7 @@ class _Part:
 
 
 def application(store: PaintingStore, easel: StudioEasel, presence: Presence) -> FastAPI:
-    """The routes alone, for those who are already inside."""
+    """Returns the application with its routes, without the middleware that checks users."""
     app = FastAPI(title="frida-painter studio", docs_url=None, redoc_url=None, openapi_url=None)
     app.state.store, app.state.streams, app.state.workers = store, StateStreams(), Workers(easel)
     app.state.feeds, app.state.lead, app.state.presence = FeedStates(), Lead(), presence
@@ -75,22 +75,22 @@ def application(store: PaintingStore, easel: StudioEasel, presence: Presence) ->
     for router in routes.ROUTERS:
         app.include_router(router)
 
-    # From memory, and on no thread: a page is there at once, however busy the machine is with planning.
+    # The files are in memory and need no thread, so the page loads quickly even while planning uses the machine.
     parts = {path.name: _Part.read(path) for path in _STATIC.iterdir() if path.suffix in _KINDS}
 
     @app.get("/", include_in_schema=False)
     async def page(request: Request) -> Response:
-        """The page."""
+        """Returns the page."""
         return parts["index.html"].answer(request)
 
     @app.get("/sw.js", include_in_schema=False)
     async def service_worker(request: Request) -> Response:
-        """The page's service worker, which may serve only what is below the place that it comes from."""
+        """Returns the page's service worker; its scope is the folder that it comes from, so it must be at the top."""
         return parts["sw.js"].answer(request)
 
     @app.get("/static/{name}", include_in_schema=False)
     async def page_part(name: str, request: Request) -> Response:
-        """A part of the page."""
+        """Returns a file of the page. Answers 404 for an unknown one."""
         if name not in parts:
             raise HTTPException(404, "The page has no such part.")
         return parts[name].answer(request)
@@ -105,7 +105,7 @@ def application(store: PaintingStore, easel: StudioEasel, presence: Presence) ->
 def guarded(
     app: ASGIApp, keys: Keys, hosts: frozenset[str], cookie: str, stop_hosts: frozenset[str] = frozenset()
 ) -> ASGIApp:
-    """The application with its middleware, to be served."""
+    """Returns the application with its middleware, ready to be served."""
     return AuthMiddleware(Limits(app, "/api/pictures"), keys, hosts, cookie, stop_hosts)
 
 
@@ -122,7 +122,7 @@ def _refused(request: Request, error: Exception) -> JSONResponse:
 
 
 def _not_understood(request: Request, error: Exception) -> JSONResponse:
-    """What is wrong with what was sent, without giving any of it back."""
+    """Answers 422 with the fault of a request, without repeating its content."""
     assert isinstance(error, RequestValidationError)
     first = error.errors()[0]
     own = str(first["msg"]).removeprefix("Value error, ")
@@ -145,29 +145,29 @@ _PATIENCE = 10.0  # seconds for the head of a request
 
 
 class _Protocol(H11Protocol):
-    """Tells since when it waits for a whole request, so that those who only wait can be cut."""
+    """HTTP protocol that knows since when it waits for a whole request, so that idle connections can be cut."""
 
     waiting_since: float | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """From now on a request is waited for."""
+        """Starts to wait for a request."""
         self.waiting_since = self.loop.time()
         super().connection_made(transport)
 
     def handle_events(self) -> None:
-        """Reads on."""
+        """Handles events; stops waiting when a request is whole."""
         super().handle_events()
         if self.cycle is not None and not self.cycle.response_complete:
             self.waiting_since = None
 
     def on_response_complete(self) -> None:
-        """The next request is waited for."""
+        """Starts to wait for the next request."""
         self.waiting_since = self.loop.time()
         super().on_response_complete()
 
 
 class _Server(uvicorn.Server):
-    """Takes in connections within limits, and lets those go who watch before it waits for all requests to end."""
+    """Server that limits its connections, and ends event streams before it waits for open requests."""
 
     def __init__(
         self,
@@ -183,8 +183,8 @@ class _Server(uvicorn.Server):
         self._tasks: list[asyncio.Task[None]] = []
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """Begins to serve."""
-        await super().startup(sockets=[])  # connections.py takes them in
+        """Starts the server."""
+        await super().startup(sockets=[])  # `Connections` accepts them
 
         def make() -> asyncio.Protocol:
             return _Protocol(self.config, self.server_state, self.lifespan.state, asyncio.get_running_loop())
@@ -201,13 +201,13 @@ class _Server(uvicorn.Server):
 
 
 def listen(address: str, port: int) -> socket.socket:
-    """A socket on that address; port 0 takes a free one. Raises ConfigError where that cannot be had."""
+    """Returns a listening socket on that address; port 0 takes a free one. Raises ConfigError if it cannot be used."""
     family = socket.AF_INET6 if ":" in address else socket.AF_INET
     listening = socket.socket(family, socket.SOCK_STREAM)
     try:
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listening.bind((address, port))
-        listening.listen(_BACKLOG)  # from now on browsers wait rather than being refused
+        listening.listen(_BACKLOG)  # browsers now wait instead of being refused
     except OSError as error:
         listening.close()
         raise ConfigError(
@@ -218,18 +218,22 @@ def listen(address: str, port: int) -> socket.socket:
 
 
 def names_of(address: str, names: tuple[str, ...] = ()) -> frozenset[str]:
-    """What browsers may call this machine, where the studio listens on that address."""
+    """Returns the host names of this machine in browsers, for a studio on that address."""
     return frozenset({address, *names, *(("localhost",) if address in (LOCAL, "::1") else ())})
 
 
 def hosts(address: str, port: int, names: tuple[str, ...] = ()) -> frozenset[str]:
-    """The names, with the port, by which browsers may call a studio on that address."""
+    """Returns the host names with the port, as in the Host header, for a studio on that address."""
     return frozenset(f"[{name}]:{port}" if ":" in name else f"{name}:{port}" for name in names_of(address, names))
 
 
 @dataclass(frozen=True)
 class Links:
-    """The addresses that open the studio: one for each role, as long as it is open; once: to operate, once, at once."""
+    """Links that open the studio.
+
+    roles: link of each role, valid while the studio is open.
+    once: link for an operator, valid once and for a minute.
+    """
 
     roles: dict[Role, str]
     once: str
@@ -244,10 +248,11 @@ def serve(
     stop_port: int = 0,
     certificate: Certificate | None = None,
 ) -> None:
-    """Serves the studio until it is interrupted; `tell` hears how it is opened once it can be.
+    """Serves the studio until it is interrupted; `tell` receives the links when the studio is ready.
 
-    What is typed into the standard input meanwhile says that somebody stands at the machine. stop_port: where stops are
-    listened to, by default the port after that of the page. Raises ConfigError and StorageError.
+    Each line typed into the standard input confirms that somebody stands at the machine.
+    stop_port: port of the listener for stops, by default the one after the page's port.
+    Raises ConfigError and StorageError.
     """
     address, port = listening.getsockname()[:2]
     StudioLock(store.root).share()

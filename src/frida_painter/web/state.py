@@ -1,4 +1,4 @@
-"""What a painting looks like from outside: everything the page shows of it, folded from the feed and nothing else."""
+"""States of paintings and of the calibration for the page, computed from their feeds alone, and their streams."""
 
 import asyncio
 import json
@@ -57,15 +57,18 @@ from frida_painter.session.events import (
 from frida_painter.web.commands import Role
 from frida_painter.web.folder import PROCEDURES, FeedReader, PaintingFolder, working
 
-# What calibrating looks like from outside, folded from its feed and nothing else.
+# State of the calibration, computed from its feed.
 
 
 @dataclass
 class ProcedureState:
-    """One procedure; status: "", "waiting", "busy", "done", "failed" or "stopped" in this or the last calibration.
+    """State of one procedure in this or the last calibration.
 
-    sentence, picture: what was found; dated: when it was last entered into the record, None where never;
-    fault: why it is to be repeated; old: whether it was long ago.
+    status: "", "waiting", "busy", "done", "failed" or "stopped".
+    sentence, picture: its result.
+    dated: date of its entry in the record, None if there is none.
+    fault: reason to repeat it.
+    old: True if it is old.
     """
 
     name: str
@@ -79,7 +82,11 @@ class ProcedureState:
 
 @dataclass
 class CalibrationState:
-    """All procedures of an easel. question: what a person is asked, as web/painter.py tells; progress: in words."""
+    """State of all procedures of an easel.
+
+    question: open question, in the form of web/painter.py.
+    progress: progress in words.
+    """
 
     easel: str = ""
     procedures: dict[str, ProcedureState] = field(
@@ -92,15 +99,15 @@ class CalibrationState:
     version: int = 0
 
     def hear(self, event: Written) -> None:
-        """Takes note of an event; one that does not concern it changes nothing."""
+        """Updates the state by an event; other events change nothing."""
         self.version += 1
         try:
             self._hear(event)
-        except (KeyError, TypeError):  # of a procedure that there is no more
+        except (KeyError, TypeError):  # of a procedure that no longer exists
             return
 
     def shown(self, working: bool) -> dict[str, Any]:
-        """All of it as plain values."""
+        """Returns the state as plain values."""
         unfinished = any(each.status in ("waiting", "busy") for each in self.procedures.values())
         vanished = "The calibration ended in the middle of its work, without saying why; is the disk full?"
         return {
@@ -152,39 +159,42 @@ class CalibrationState:
                 each.status = how if each.status == "busy" else ""
 
 
-# What feeds have told, folded once and kept in memory: nobody reads a whole feed for every question.
+# Cache of states, so that a feed is not read again for each request.
 
 _MOST_KEPT = 500  # states
 
 
 class Shown(Protocol):
-    """A state that is folded from a feed; version: it grows with every event."""
+    """State that is computed from a feed.
+
+    version: number that grows with every event.
+    """
 
     version: int
 
     def hear(self, event: Written) -> None:
-        """Takes note of an event."""
+        """Updates the state by an event."""
 
     def shown(self, working: bool) -> dict[str, Any]:
-        """All of it as plain values."""
+        """Returns the state as plain values."""
 
 
 Seen = TypeVar("Seen")
 
 
 class FeedStates:
-    """The states of paintings and of the calibration, each folded from its feed once, then from what is added to it."""
+    """States of paintings and of the calibration; each one is computed from its feed once, then updated."""
 
     def __init__(self) -> None:
         self._kept: OrderedDict[str, tuple[FeedReader, Any, Lock]] = OrderedDict()
         self._turn = Lock()
 
     def current(self, folder: PaintingFolder, fresh: Callable[[], Shown]) -> dict[str, Any]:
-        """The state now, as the page shows it; `fresh` gives one that heard nothing yet."""
+        """Returns the current state as plain values; `fresh` makes an empty one."""
         return self.seen(folder, fresh, lambda state: state.shown(working(folder)))
 
     def seen(self, folder: PaintingFolder, fresh: Callable[[], Any], look: Callable[[Any], Seen]) -> Seen:
-        """What `look` sees of the state now."""
+        """Returns the result of `look` for the current state."""
         name = str(folder.path)
         with self._turn:
             if name not in self._kept:
@@ -204,7 +214,10 @@ _MOST_LOOKS = 200
 
 @dataclass
 class PlanState:
-    """One plan: status is "waiting", "planning", "ready", "failed" or "stopped"; the rest as the worker tells it."""
+    """State of one plan.
+
+    status: "waiting", "planning", "ready", "failed" or "stopped". The other fields: as the worker reports them.
+    """
 
     number: int
     wish: dict[str, Any]
@@ -218,18 +231,28 @@ class PlanState:
 
 @dataclass
 class PaintState:
-    """The painting itself; status: "preparing", "mixing", "painting", "drying", "planning", "paused", "finishing",
-    "finished", "stopped" or "failed"; dries: seconds for which the paint still dries, 0 where nothing waits for it.
+    """State of the painting process.
 
-    plan: the number it was painted from; held: whether it waits for a person, also while it does what they asked for
-    in the pause; turn: whether it is the person's turn; turns: strokes after which it is, 0 where nobody takes turns;
-    region: what is protected; remark: what could not be done as it was asked; wish: as it was changed in the middle;
-    brush: the one in the hand, "" where none is; first_paint: the plan's number, from 0, of what is in the
-    first well; paint: which the brush carries, from 0; dips: into each paint so far; since_dip: strokes since
-    the last one;
-    looks: what was seen, expected and planned again, in order, each with `why`: "region", "only", "freed", "goal" or
-    "asked" where a person wanted it, "" for one of the painter's own; film, arm, kept: whether there is a film, one
-    of a simulated arm at work, and all else that is kept of a painting.
+    status: "preparing", "mixing", "painting", "drying", "planning", "paused", "finishing", "finished", "stopped" or
+    "failed".
+    dries: seconds that the paint still dries, 0 if nothing waits for it.
+    plan: number of its plan.
+    held: True in a pause, also while a command is performed there.
+    turn: True if it is the person's turn.
+    turns: strokes of the robot's turn, 0 without turns.
+
+    region: protected region.
+    remark: reason why a command could not be done as asked.
+    wish: request of a changed goal.
+    brush: brush in the hand, "" for none.
+    first_paint: palette number, from 0, of the paint in the first well.
+    paint: palette number of the paint on the brush, from 0.
+    dips: number of dips into each paint.
+    since_dip: strokes since the last dip.
+
+    looks: looks in order: seen, expected and replanned. Each has a reason `why`: "region", "only", "freed", "goal"
+    or "asked" for a person's command, else "".
+    film, arm, kept: True if there is a film, a film of a simulated arm, and all other results.
     """
 
     plan: int
@@ -255,7 +278,7 @@ class PaintState:
     region: dict[str, Any] | None = None
     remark: str = ""
     wish: dict[str, Any] | None = None
-    why: str = ""  # for what the next look is
+    why: str = ""  # reason of the next look
     film: bool = False
     arm: bool = False
     kept: bool = False
@@ -263,11 +286,13 @@ class PaintState:
 
 @dataclass
 class PaintingState:
-    """A painting from the first request to the last stroke.
+    """State of a painting from the first request to the last stroke.
 
-    title, seen: version of this state; working: whether a process is at work; trouble: the last
-    sentence about what went wrong, until something else is begun; question: what a person is asked, as
-    web/painter.py tells; queued: "plan" or "paint" where that waits in the studio's queue, else "".
+    trouble: sentence about the last error, until other work begins.
+    stopped: True after a stop.
+    queued: "plan" or "paint" if this job waits in the studio's queue, else "".
+    question: open question, in the form of web/painter.py.
+    version: number that grows with every event.
     """
 
     plans: dict[int, PlanState] = field(default_factory=dict)
@@ -279,7 +304,7 @@ class PaintingState:
     version: int = 0
 
     def hear(self, event: Written) -> None:
-        """Takes note of an event; one that does not concern it changes nothing."""
+        """Updates the state by an event; other events change nothing."""
         self.version += 1
         match event:
             case PlanRequested(number, wish):
@@ -319,7 +344,7 @@ class PaintingState:
                 pass
 
     def shown(self, working: bool) -> dict[str, Any]:
-        """All of it as plain values. A worker that is gone without a word has met an accident."""
+        """Returns the state as plain values; a worker that ended without an event is reported as an error."""
         shown = {
             "version": self.version,
             "working": working,
@@ -336,7 +361,7 @@ class PaintingState:
 
     @property
     def stage(self) -> str:
-        """In a word, for the gallery."""
+        """Stage in one word, for the gallery."""
         if self.painting is not None:
             return self.painting.status
         if self.queued == "plan":
@@ -433,7 +458,7 @@ def _hear_painting(painting: PaintState, event: Written) -> None:
 
 _MADE = ("prefix", "frames", "strokes", "palette", "mixtures", "seconds")
 _REPLANNED = ("prefix", "frames", "strokes", "palette", "done")
-# What a painting is about after an event; after any other what it was before.
+# Status of a painting after an event; other events do not change it.
 _STATUS: dict[type[Written], str] = {
     TakenUp: "preparing",
     Mixing: "mixing",
@@ -453,23 +478,26 @@ _STATUS: dict[type[Written], str] = {
 _ENDS = ("finished", "stopped", "failed")
 
 
-# Telling browsers what happens, as server-sent events: always the newest state, never a queue of old ones.
+# Server-sent events to browsers: always the newest state, never a queue of old ones.
 #
 # A browser has one stream for all that its pages show.
 
 MOST_WATCHERS = {Role.watch: 40, Role.plan: 20, Role.operate: 20}
-"""Streams at once, by role: those who watch leave the others theirs."""
+"""Largest number of streams of each role; so watchers leave streams for other roles."""
 MOST_TOPICS = 16
 _BETWEEN_TELLINGS = 0.1  # seconds
-_QUIET = 4.0  # seconds after which a sign of life is sent
-_PATIENCE = 20.0  # seconds that a browser may take to accept a message
+_QUIET = 4.0  # seconds after which a keep-alive is sent
+_PATIENCE = 20.0  # seconds within which a browser must accept a message
 
 
 @dataclass(frozen=True)
 class Topic:
-    """Something that pages follow.
+    """State that pages follow.
 
-    name: as they ask for it; mark: changes whenever `read` gives something new; every: seconds between two looks.
+    name: its name in requests.
+    mark: returns a value that changes with the state.
+    read: returns the state.
+    every: seconds between two checks.
     """
 
     name: str
@@ -480,7 +508,7 @@ class Topic:
 
 @dataclass
 class _Watched:
-    """One topic that somebody watches: how it is as text, and those who want to hear of a change."""
+    """Topic with watchers: its state as text, and the events that wake the watchers."""
 
     topic: Topic
     text: str = ""
@@ -502,7 +530,7 @@ class _Watched:
 
 
 class StateStreams:
-    """The streams that browsers listen to; each topic is read once, however many listen."""
+    """Streams to browsers; each topic is read once for all of them."""
 
     def __init__(self) -> None:
         self._watched: dict[str, _Watched] = {}
@@ -510,19 +538,19 @@ class StateStreams:
         self._over = False
 
     def take_seat(self, role: Role) -> bool:
-        """Whether there was a seat for one more stream of that role, which is taken then."""
+        """Takes a seat for a stream of that role; returns True if one was free."""
         free = self._seats[role] < MOST_WATCHERS[role]
         self._seats[role] += free
         return free
 
     def leave_seat(self, role: Role) -> None:
-        """Makes room for another."""
+        """Releases a seat."""
         self._seats[role] -= 1
 
     async def states(self, topics: Sequence[Topic]) -> AsyncGenerator[tuple[str, str], None]:
-        """Topics by name with their states as text, from the present ones on; some are left out for whoever is slow.
+        """Yields (name, state as text) of topics: the current states, then changes; slow readers miss some.
 
-        Two empty texts where nothing has happened for a while.
+        It yields two empty texts if nothing has changed for a while.
         """
         wake = asyncio.Event()
         watched = [self._watch(topic, wake) for topic in topics]
@@ -558,7 +586,7 @@ class StateStreams:
             self._watched.pop(watched.topic.name, None)
 
     def end(self) -> None:
-        """Lets all of them go: the studio is closed."""
+        """Ends all streams, because the studio closes."""
         self._over = True
         for watched in self._watched.values():
             for each in watched.watchers:
@@ -566,7 +594,7 @@ class StateStreams:
 
 
 class EventStream(Response):
-    """The answer that tells the states of some topics for as long as the browser listens; it has a seat already."""
+    """Answer that streams the states of topics while the browser listens; its seat is taken already."""
 
     media_type = "text/event-stream"
 
@@ -575,7 +603,7 @@ class EventStream(Response):
         self._streams, self._role, self._topics = streams, role, topics
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Sends until the browser is gone, or does not take what is sent."""
+        """Streams until the browser disconnects, or does not accept a message in time."""
         gone = telling = None
         try:
             headers = [(b"content-type", b"text/event-stream"), (b"cache-control", b"no-store")]

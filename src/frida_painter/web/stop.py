@@ -1,7 +1,7 @@
-"""What a stop does, wherever it was asked for: says so to all who work, then leaves files and a record behind.
+"""Stop of all work: reports it to all workers, then writes stop files and a record.
 
-The first waits for nothing that anything else can fill: no pool of threads, no database, no disk. Files and record are
-the business of threads of their own, which may wait for a disk as long as they like.
+The report waits for nothing that could be blocked: no thread pool, no database, no disk. Files and record are
+written by their own threads, which may wait for a disk.
 """
 
 import asyncio
@@ -28,7 +28,7 @@ from frida_painter.web.folder import PaintingFolder, working
 from frida_painter.web.store import PaintingStore
 from frida_painter.web.workers import QUEUE
 
-# The secrets with which pages stop: they outlive sessions and restarts of the studio, and do nothing else.
+# Secrets of pages for stops: they outlive sessions and restarts of the studio, and serve for nothing else.
 
 _FILE = ".stop-key"
 _BYTES = 32
@@ -37,9 +37,9 @@ _GOOD_FOR = {Role.watch: _DAY, Role.plan: _DAY, Role.operate: 30 * _DAY}  # seco
 
 
 class StopKey:
-    """Makes secrets and knows them again. Each names a role and when it ends, and is signed with the studio's key.
+    """Makes and checks secrets for stops; each names a role and its end, and is signed with the studio's key.
 
-    Whoever may look may stop: a watcher's secret ends a day after it was given, an operator's after thirty.
+    Every role may stop: a watcher's secret ends after a day, an operator's after thirty.
     """
 
     def __init__(self, key: bytes) -> None:
@@ -47,7 +47,10 @@ class StopKey:
 
     @classmethod
     def of(cls, folder: Path) -> Self:
-        """The key of the studio whose paintings are in `folder`, made where there is none. Raises StorageError."""
+        """Returns the key of the studio with its paintings in `folder`; makes it if it is missing.
+
+        Raises StorageError.
+        """
         path = folder / _FILE
         try:
             if not path.exists():
@@ -60,12 +63,12 @@ class StopKey:
         return cls(key)
 
     def secret(self, role: Role) -> str:
-        """A secret for a page of that role."""
+        """Returns a secret for a page of that role."""
         claim = f"{role.name}.{int(time.time()) + _GOOD_FOR[role]}"
         return f"{claim}.{self._sign(claim)}"
 
     def role(self, secret: str) -> Role | None:
-        """Whose secret it is; None where it is none, or is no longer good."""
+        """Returns the role of a secret; None if it is wrong or has ended."""
         claim, _, sign = secret.rpartition(".")
         if not hmac.compare_digest(self._sign(claim).encode(), sign.encode("utf-8", "replace")):
             return None
@@ -83,23 +86,21 @@ def _make(path: Path) -> None:
         os.write(file, secrets.token_bytes(_BYTES))
         os.fsync(file)
         with contextlib.suppress(FileExistsError):
-            os.link(temporary, path)  # whole, or not at all; who was first is not overwritten
+            os.link(temporary, path)  # atomic; does not overwrite the key of another process
     finally:
         os.close(file)
         temporary.unlink()
 
 
-# The line by which a stop reaches a worker: a local socket in the studio's folder, from process to process.
+# Line from the listener to workers: a local socket in the studio's folder.
 #
-# Nothing is written to a disk, and nobody waits for anything: the listener for stops (stop_listener.py) says one byte
-# to
-# each worker, which answers with one when it has done what it does. The stop file is the second way, for a worker
-# that
-# has not called yet, and where there is no listener.
+# It uses no disk and waits for nothing: the listener for stops (stop_listener.py) sends one byte to each worker,
+# which answers with one byte after it has reacted. The stop file is the second way, for a worker without a
+# connection yet, and if there is no listener.
 
 STOP, HEARD = b"!", b"+"
 WORK, PRESS, END = "work", "press", "end"
-"""How a caller begins, followed by a name and a line's end: a worker, a stop, the listener's end."""
+"""First words of a caller, followed by a name and a line's end: a worker, a stop, the listener's end."""
 _SOCKET = ".stop"
 _LONGEST = 100  # bytes; a local socket's address has at most 104 to 108
 _BETWEEN_CALLS = 0.5  # seconds
@@ -107,12 +108,15 @@ _BETWEEN_GLANCES = 0.02
 
 
 class StopPressed(Exception):
-    """A person has pressed stop; the worker tells so and ends."""
+    """Signal that a person has pressed stop; the worker reports it and ends."""
 
 
 @contextmanager
 def address(folder: Path) -> Iterator[str]:
-    """Where the listener of the studio in `folder` is called, in so few bytes as a local socket's address may have."""
+    """Yields the address of the listener's local socket for the studio in `folder`.
+
+    The address is short enough for the system's limit.
+    """
     whole = str(folder.absolute() / _SOCKET)
     if len(os.fsencode(whole)) <= _LONGEST:
         yield whole
@@ -125,7 +129,10 @@ def address(folder: Path) -> Iterator[str]:
 
 
 def listen_locally(folder: Path) -> socket.socket:
-    """A socket that those who may write in the folder can call, in the place of one that is left. Raises OSError."""
+    """Returns a local socket in the folder, in place of an old one; only the folder's owner can connect.
+
+    Raises OSError.
+    """
     listening = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     (folder / _SOCKET).unlink(missing_ok=True)
     with address(folder) as place:
@@ -136,7 +143,7 @@ def listen_locally(folder: Path) -> socket.socket:
 
 
 def call(folder: Path) -> socket.socket:
-    """A connection to the listener. Raises OSError where there is none."""
+    """Returns a connection to the listener. Raises OSError if there is none."""
     line = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:
         with address(folder) as place:
@@ -148,9 +155,10 @@ def call(folder: Path) -> socket.socket:
 
 
 class StopWatch:
-    """Learns that a person has pressed stop, by line or by file, on threads of its own.
+    """Watches for a stop, by line and by file, in its own threads.
 
-    file: where it appears, the worker stops; studio: the folder in which the listener is called.
+    file: file that stops the worker when it exists.
+    studio: folder of the listener's socket.
     """
 
     def __init__(self, file: Path, studio: Path) -> None:
@@ -162,12 +170,15 @@ class StopWatch:
         threading.Thread(target=self._watch_line, daemon=True, name="stop line").start()
 
     def heed(self) -> None:
-        """Ends what is being done where stop was pressed."""
+        """Raises StopPressed if stop was pressed."""
         if self.asked:
             raise StopPressed
 
     def then(self, reaction: Callable[[], None]) -> None:
-        """What else is to be done at once when stop is pressed, on a thread of the watch; now, where it was pressed."""
+        """Adds a reaction to a stop.
+
+        It runs at once when stop is pressed, in a watching thread. If stop was pressed before, it runs now.
+        """
         with self._turn:
             self._reactions.append(reaction)
             asked = self.asked
@@ -198,15 +209,16 @@ class StopWatch:
 
 
 _HEARD_WITHIN = 0.3  # seconds for the workers' answers
-_FILES_WITHIN = 0.1  # seconds more, where nobody has answered
+_FILES_WITHIN = 0.1  # more seconds if a worker has not answered
 _LISTENER_WITHIN = 1.0
 
 
 @dataclass
 class StopFiles:
-    """Puts stop files where somebody works, on a thread of its own; asked while it does so, it does so once more.
+    """Writes stop files for all workers, in its own thread; a request during a pass starts another pass.
 
-    found: at how many places somebody worked; held: of these those that need no more than the file.
+    found: number of workers found.
+    held: number of these that need only the file.
     """
 
     root: Path
@@ -219,13 +231,13 @@ class StopFiles:
         threading.Thread(target=self._keep, daemon=True, name="stop files").start()
 
     def ask(self) -> int:
-        """Has files put; returns how often that was done before."""
+        """Requests a pass; returns the number of passes before."""
         passes = self._passes
         self._asked.set()
         return passes
 
     def done_since(self, passes: int) -> bool:
-        """Whether it was done since."""
+        """Returns True if a pass has ended since."""
         return self._passes > passes
 
     def _keep(self) -> None:
@@ -244,7 +256,7 @@ class StopFiles:
 
 
 class StopRecorder:
-    """Puts stops down in the studio's record once they were done, however long its database is locked."""
+    """Writes stops into the studio's database afterwards, even if it is locked for long."""
 
     def __init__(self, root: Path) -> None:
         self._root = root
@@ -252,7 +264,7 @@ class StopRecorder:
         threading.Thread(target=self._keep, daemon=True, name="record").start()
 
     def note(self, by: str, what: str) -> None:
-        """Somebody stopped these paintings. Where a thousand wait already, this one is left out."""
+        """Adds a stop of these paintings. It is dropped if a thousand entries wait already."""
         with contextlib.suppress(queue.Full):
             self._waiting.put_nowait((by, what))
 
@@ -268,7 +280,7 @@ class StopRecorder:
 
 
 class Stops:
-    """Says a stop to everybody who works."""
+    """Sends a stop to all workers."""
 
     def __init__(self, root: Path) -> None:
         self._files, self._recorder = StopFiles(root), StopRecorder(root)
@@ -276,7 +288,7 @@ class Stops:
         self._heard: dict[asyncio.StreamWriter, asyncio.Event] = {}
 
     async def press(self, by: str) -> dict[str, int]:
-        """Stops everything; returns how many are at work, and how many of them have said that they heard it."""
+        """Stops all work; returns the number of workers, and the number of those that have confirmed."""
         called = dict(self.lines)
         for line in called:
             self._heard[line].clear()
@@ -297,7 +309,7 @@ class Stops:
         return {"stopped": self._files.found, "heard": self._files.held}
 
     async def answer(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        """Talks with a caller on the local socket."""
+        """Serves a caller on the local socket."""
         try:
             kind, _, name = (await reader.readline()).decode(errors="replace").strip().partition(" ")
             if kind == WORK:
@@ -308,7 +320,7 @@ class Stops:
             elif kind == END:
                 asyncio.get_running_loop().stop()
         except (OSError, ValueError):
-            pass  # it is gone
+            pass  # the caller is gone
         finally:
             writer.close()
 
@@ -322,7 +334,7 @@ class Stops:
 
 
 async def press(stops: Stops, root: Path, by: str) -> dict[str, int]:
-    """Stops everything by way of the listener, or, where it does not answer, by `stops` of this process."""
+    """Stops all work through the listener; if it does not answer, through `stops` of this process."""
     try:
         async with asyncio.timeout(_LISTENER_WITHIN):
             with address(root) as place:

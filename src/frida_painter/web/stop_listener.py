@@ -1,8 +1,10 @@
-"""The process that hears a stop: its own port, its own secret, no session, no pool of threads, no database, no disk.
+"""Process that receives stops: its own port and secret, without sessions, thread pools, databases or disks.
 
-`python -m frida_painter.web.stop_listener FOLDER PORT LINE LOCK CONFIG`: the studio's folder; the listening sockets for
-pages and for workers and the file that is locked while there is a listener, all inherited; names and certificate as
-JSON. It lives as long as a studio is open or somebody works, also after the studio was closed or has crashed.
+Run it with `python -m frida_painter.web.stop_listener FOLDER PORT LINE LOCK CONFIG`. FOLDER is the studio's folder.
+PORT and LINE are inherited listening sockets, for pages and for workers. LOCK is the inherited lock file of the
+listener. CONFIG holds names and certificate as JSON.
+
+The process lives as long as a studio is open or a worker works, also after the studio was closed or has crashed.
 """
 
 import asyncio
@@ -26,9 +28,9 @@ _BETWEEN_LOOKS = 1.0
 
 
 class StopRequest(asyncio.Protocol):
-    """One HTTP request of a page: `POST /stop` with the secret as its body, or `GET /` to see that somebody listens.
+    """HTTP request of a page: `POST /stop` with the secret as its body, or `GET /` to check the listener.
 
-    A plain POST needs no question in advance (CORS preflight), so that a stop is one way there and one back.
+    A plain POST needs no CORS preflight, so a stop takes one round trip.
     """
 
     def __init__(self, stops: Stops, key: StopKey, names: frozenset[str]) -> None:
@@ -39,13 +41,13 @@ class StopRequest(asyncio.Protocol):
         self._task: asyncio.Task[None] | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """From now on a request is waited for."""
+        """Starts to wait for a request."""
         assert isinstance(transport, asyncio.Transport)
         self._transport = transport
         self.waiting_since = asyncio.get_running_loop().time()
 
     def data_received(self, data: bytes) -> None:
-        """Reads on, and answers once the request is whole."""
+        """Reads data, and answers a complete request."""
         try:
             self._http.receive_data(data)
             while True:
@@ -101,7 +103,7 @@ def _hostname(origin: str) -> str | None:
 
 
 async def serve(root: Path, port: socket.socket, line: socket.socket, config: dict[str, list[str]]) -> None:
-    """Hears stops until nobody is left who could want one."""
+    """Receives stops until no studio is open and no worker works."""
     stops, key = Stops(root), StopKey.of(root)
     names, files = frozenset(config["names"]), config["certificate"]
     tls = Certificate(*map(Path, files)).context() if files else None
@@ -118,14 +120,14 @@ async def serve(root: Path, port: socket.socket, line: socket.socket, config: di
 
 
 def _alone(root: Path) -> bool:
-    """Whether no studio is open, and nobody works; then no studio opens before this process has ended."""
+    """Returns True if no studio is open and no worker works; no studio can then open before this process ends."""
     if any(working(PaintingFolder(path)) for path in root.iterdir()):
         return False
     return StudioLock(root).take_alone()
 
 
 def main() -> None:
-    """Serves, with what was inherited."""
+    """Serves with the inherited sockets."""
     folder, port, line, lock, config = sys.argv[1:]
     os.set_inheritable(int(lock), False)
     with contextlib.suppress(RuntimeError):  # the loop was stopped: another listener takes over

@@ -1,4 +1,4 @@
-"""Keeps the listener for stops at work beside a studio: starts it, or takes over the one that is there."""
+"""Keeper of the listener for stops beside a studio: it starts the listener, or uses a running one."""
 
 import asyncio
 import contextlib
@@ -27,11 +27,13 @@ _ENDING = 3.0  # seconds
 
 @dataclass
 class StopProcess:
-    """The listener for stops of the studio in `root`.
+    """Listener for stops of the studio in `root`.
 
-    listen: opens a listening socket on a port, 0 for a free one, and raises ConfigError where it cannot be had;
-    names: of this machine, as browsers call it; wanted: the port to take where it is free; certificate: None without
-    encryption. `port` is where it listens once it was started.
+    listen: returns a listening socket on a port, 0 for a free one; raises ConfigError.
+    names: host names of this machine in browsers.
+    wanted: preferred port.
+    certificate: None without encryption.
+    port: port of the started listener.
     """
 
     root: Path
@@ -44,7 +46,7 @@ class StopProcess:
     _process: subprocess.Popen[bytes] | None = field(default=None, init=False)
 
     def start(self) -> None:
-        """Has a listener work, if there is none that does it as it is wanted here. Raises ConfigError, StorageError."""
+        """Starts a listener, unless a running one has the same settings. Raises ConfigError, StorageError."""
         lock = StudioLock(self.root, _LOCK)
         try:
             before = self._before()
@@ -60,13 +62,13 @@ class StopProcess:
             lock.release()
 
     def secret(self, role: Role) -> str:
-        """What a page of that role stops with. Raises StorageError."""
+        """Returns the secret for stops of a page of that role. Raises StorageError."""
         if self._stop_key is None:
             self._stop_key = StopKey.of(self.root)
         return self._stop_key.secret(role)
 
     async def keep(self) -> None:
-        """Starts it again whenever it has ended."""
+        """Restarts the listener whenever it has ended."""
         while True:
             await asyncio.sleep(_BETWEEN_LOOKS)
             if self._process is not None:
@@ -80,7 +82,7 @@ class StopProcess:
         return {"names": sorted(self.names), "certificate": files}
 
     def _before(self) -> dict[str, Any]:
-        """As what the last one was started, empty where none was."""
+        """Returns the settings of the last listener; empty if there was none."""
         try:
             return storage.read_json(self.root / _FILE, "where stops are listened to")
         except StorageError:

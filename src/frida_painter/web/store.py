@@ -1,4 +1,4 @@
-"""The store of a studio: which paintings and pictures there are, in SQLite; all else is in their folders."""
+"""Store of a studio: its paintings and pictures in SQLite; all other data is in their folders."""
 
 import asyncio
 import contextlib
@@ -33,7 +33,10 @@ _IDENTIFIER = re.compile(r"[0-9a-f]{16}")
 
 @dataclass(frozen=True)
 class Entry:
-    """A painting of the store; begun: local time, ISO 8601."""
+    """Painting of the store.
+
+    begun: local time, ISO 8601.
+    """
 
     id: str
     folder: PaintingFolder
@@ -42,7 +45,7 @@ class Entry:
 
 
 class PaintingStore:
-    """Keeps paintings below `root`. Raises StorageError where that cannot be written to."""
+    """Paintings in folders below `root`. Raises StorageError if the folder is not writable."""
 
     def __init__(self, root: Path) -> None:
         self.root = root
@@ -60,19 +63,19 @@ class PaintingStore:
 
     @property
     def pictures(self) -> Path:
-        """The folder of the pictures that people gave."""
+        """Folder of the uploaded pictures."""
         return self.root / "pictures"
 
     @property
     def calibration(self) -> PaintingFolder:
-        """The folder in which the easel is calibrated; made as soon as it is needed."""
+        """Folder for calibrating the easel, made at the first use."""
         folder = PaintingFolder(self.root / "calibration")
         folder.path.mkdir(mode=_OURS_ALONE, exist_ok=True)
         folder.live.mkdir(exist_ok=True)
         return folder
 
     def begin(self, title: str) -> Entry:
-        """A new painting with an empty folder."""
+        """Returns a new painting with an empty folder."""
         identifier, now = secrets.token_hex(8), datetime.now()
         folder = self.root / f"{now:%Y%m%d-%H%M%S}-{identifier[:6]}"
         folder.mkdir(mode=_OURS_ALONE)
@@ -82,13 +85,13 @@ class PaintingStore:
         return Entry(identifier, PaintingFolder(folder), title, begun)
 
     def all(self) -> list[Entry]:
-        """All paintings, the newest first."""
+        """Returns all paintings, the newest first."""
         with self._base() as base:
             rows = base.execute("SELECT id, folder, title, begun FROM painting ORDER BY begun DESC, rowid DESC")
             return [self._entry(*row) for row in rows.fetchall()]
 
     def find(self, identifier: str) -> Entry | None:
-        """The painting of that id, None where there is none."""
+        """Returns the painting of that id, or None."""
         if not _IDENTIFIER.fullmatch(identifier):
             return None
         with self._base() as base:
@@ -101,7 +104,7 @@ class PaintingStore:
             base.execute("UPDATE painting SET title = ? WHERE id = ?", (title, identifier))
 
     def delete(self, entry: Entry) -> None:
-        """Removes a painting with all its files, for good. Raises StorageError."""
+        """Deletes a painting with all its files. Raises StorageError."""
         try:
             shutil.rmtree(entry.folder.path)
         except OSError as error:
@@ -110,7 +113,7 @@ class PaintingStore:
             base.execute("DELETE FROM painting WHERE id = ?", (entry.id,))
 
     def note(self, by: str, painting: str, what: str) -> None:
-        """Puts down who asked for what, and when; these lines are only ever added."""
+        """Adds a record of an action: its time, person and painting; records cannot be changed."""
         with self._base() as base:
             at = datetime.now().astimezone().isoformat(timespec="milliseconds")
             base.execute("INSERT INTO deed VALUES (?, ?, ?, ?)", (at, by, painting, what))
@@ -124,7 +127,7 @@ class PaintingStore:
 
     @contextmanager
     def _base(self) -> Iterator[sqlite3.Connection]:
-        """The database, for one transaction. Raises StorageError where it is locked, damaged or full."""
+        """Opens the database for one transaction. Raises StorageError if it is locked, damaged or full."""
         try:
             with closing(sqlite3.connect(self._file, timeout=5)) as base, base:
                 yield base
@@ -132,11 +135,9 @@ class PaintingStore:
             raise StorageError(f"The studio's list of paintings cannot be used ({error}); try again.") from error
 
 
-# Pictures that people give: decoded, checked, and written anew, so that nothing of the file itself is kept.
+# Uploaded pictures: decoded, checked and written again, so that nothing of the original file is kept.
 #
-# A decoder has a process of its own for each picture, with limits on memory and time: what it stumbles over ends
-# nothing
-# else, and takes nothing from anybody.
+# Each picture is decoded in its own process with limits of memory and time, so that a bad file harms nothing else.
 
 MOST_SECONDS = 30.0
 _MOST_WAITING = 8
@@ -144,7 +145,7 @@ _TOO_MUCH = "The file needs more memory or time than a picture is given here; ma
 
 
 class Uploads:
-    """Takes pictures into a folder, one after another."""
+    """Stores uploaded pictures in a folder, one after another."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -152,10 +153,10 @@ class Uploads:
         self._waiting = 0
 
     async def keep(self, content: bytes) -> str:
-        """Puts a picture into the folder as PNG under a new id, which is returned.
+        """Stores a picture as PNG under a new id, and returns the id.
 
-        Raises ImageError, in words that name no path, for what is not a picture or is too large; StorageError;
-        Interrupted where too many pictures wait already.
+        Raises ImageError, without paths in its words, for a wrong or too large picture. Raises StorageError, and
+        Interrupted if too many pictures wait.
         """
         if self._waiting >= _MOST_WAITING:
             raise Interrupted("Many pictures are being taken in at the moment; give this one again in a while.")
@@ -168,7 +169,7 @@ class Uploads:
 
 
 def keep(content: bytes, folder: Path) -> str:
-    """As `Uploads.keep`, for one picture, at once."""
+    """Stores one picture like `Uploads.keep`, without a queue."""
     if not content:
         raise ImageError("The file is empty; choose another picture.")
     identifier = secrets.token_hex(16)

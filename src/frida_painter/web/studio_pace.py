@@ -1,4 +1,4 @@
-"""How long planning and painting take in this studio, from what the last paintings really took."""
+"""Pace of planning and painting in this studio, measured on its last paintings."""
 
 import math
 import time
@@ -33,22 +33,26 @@ from frida_painter.session.events import (
 )
 from frida_painter.web.store import PaintingStore
 
-_LAST = 6  # paintings that are looked at
+_LAST = 6  # number of paintings in the measurement
 _GOOD_FOR = 10.0  # seconds
 _LOADING = 4.0  # seconds before a plan begins to grow
 _OPENING = 15.0  # seconds before the first stroke
-_FEWEST = 10  # strokes that tell something
-_REPLANNING = 0.25  # of the time that planning took for a stroke, for one that is replanned at a look
+_FEWEST = 10  # fewest strokes for a measurement
+_REPLANNING = 0.25  # time of a replan per stroke, as a share of the planning time per stroke
 
 Told = tuple[Written, datetime]
 
 
 @dataclass
 class StudioPace:
-    """Seconds for loading a planner; per stroke for planning at effort 1; for opening the easel, until the first
-    stroke; per stroke for painting without looks; and for replanning one stroke at one look, at effort 1.
+    """Pace of a studio, in seconds.
 
-    known: whether a painting was measured here; before that it is a guess.
+    loading: loading a planner.
+    planning: planning a stroke, at effort 1.
+    opening: opening the easel, until the first stroke.
+    painting: painting a stroke, without looks.
+    replanning: replanning a stroke at one look, at effort 1.
+    known: True if it was measured here, False for a guess.
     """
 
     loading: float
@@ -60,7 +64,7 @@ class StudioPace:
 
 
 class PaceMemory:
-    """The pace of a studio, kept in memory: feeds are read again only where one has changed, and not all the time."""
+    """Cache of a studio's pace; feeds are read again only after a change, and not more often than every 10 s."""
 
     def __init__(self) -> None:
         self._mark: object = None
@@ -68,7 +72,7 @@ class PaceMemory:
         self._pace: StudioPace | None = None
 
     def pace(self, store: PaintingStore, *, real_time: bool) -> StudioPace:
-        """As `pace`, at most some seconds old."""
+        """Returns the pace, at most some seconds old."""
         if self._pace is None or time.monotonic() - self._at > _GOOD_FOR:
             mark = [_changed(entry.folder.feed) for entry in store.all()[:_LAST]]
             self._at = time.monotonic()
@@ -86,11 +90,11 @@ def _changed(feed: Path) -> tuple[str, int, int]:
 
 
 def pace(store: PaintingStore, *, real_time: bool) -> StudioPace:
-    """The pace to expect, the median of the last paintings. real_time: whether the robot takes its time, rather than
-    the computer's.
+    """Returns the expected pace: the median over the last paintings.
 
-    Pauses, questions and the time between a stop and its resuming are nobody's pace: what is left of such a painting
-    counts as much as one that was painted in one go.
+    real_time: True if the robot moves in real time, False if it is simulated at the computer's speed.
+    Pauses, questions and the time between a stop and its resuming do not count. An interrupted painting counts as
+    much as an uninterrupted one.
     """
     planning: list[float] = []
     opening: list[float] = []
@@ -128,7 +132,7 @@ def _planning(told: Iterable[Written]) -> list[float]:
 
 
 def _opening(told: Sequence[Told]) -> list[float]:
-    """Seconds until the first stroke, where nobody was asked or waited for before it."""
+    """Returns the seconds until the first stroke, if there was no pause or question before it."""
     begun: datetime | None = None
     for event, at in told:
         if isinstance(event, PaintingStarted):
@@ -141,7 +145,7 @@ def _opening(told: Sequence[Told]) -> list[float]:
 
 
 def _strokes(told: Sequence[Told]) -> list[float]:
-    """Seconds per stroke, counted between strokes that follow each other with nothing between them."""
+    """Returns the seconds per stroke, measured between strokes with no other event between them."""
     took: list[float] = []
     last: datetime | None = None
     for event, at in told:
@@ -155,7 +159,7 @@ def _strokes(told: Sequence[Told]) -> list[float]:
 
 
 def _replanning(told: Sequence[Told]) -> list[float]:
-    """Seconds for each stroke that was planned again after a look, at effort 1."""
+    """Returns the seconds per replanned stroke after each look, at effort 1."""
     took = []
     effort, last = 1.0, None
     for event, at in told:

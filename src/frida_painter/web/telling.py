@@ -1,4 +1,4 @@
-"""What a session's events become on the page: written events in the feed, and pictures beside it."""
+"""Reports of a session to the page: events in the feed, and pictures beside it."""
 
 import json
 import math
@@ -57,22 +57,22 @@ from frida_painter.session.time_left import Forecast
 from frida_painter.strokes import Strokes
 from frida_painter.web.folder import Feed, PaintingFolder
 
-# Pictures of a plan for the page: as it grows, stroke after stroke, and as a whole.
+# Pictures of a plan for the page: while it grows, stroke by stroke, and as a whole.
 
 ROWS = 720
 _PREVIEW_ROWS = 400
 _FRAME_ROWS = 480
 _FRAMES = 60
 _POINTS = 9
-_SHARE = 0.06  # of the time may go into previews
+_SHARE = 0.06  # largest share of the time for previews
 
 
 class Growing:
-    """Draws a plan now and then while it is made; never so often that the planning becomes noticeably slower.
+    """Draws previews of a plan during planning, seldom enough not to slow it noticeably.
 
-    canvas: the picture [3, H, W] of the canvas that the strokes go on; models: of the brushes, by their names;
-    told: hears the name of each
-    new picture in `folder`.
+    canvas [3, H, W]: picture of the canvas below the strokes.
+    models: stroke models by brush name.
+    told: receives the name of each new picture in `folder`.
     """
 
     def __init__(
@@ -89,7 +89,7 @@ class Growing:
         self._number, self._next = 0, 0.0
 
     def hear(self, parts: Sequence[tuple[str, Strokes]]) -> None:
-        """The strokes as they stand, in painting order: the brush, and what it paints."""
+        """Receives each brush and its current strokes, in painting order."""
         started = time.monotonic()
         if not any(len(strokes) for _, strokes in parts) or started < self._next:
             return
@@ -109,10 +109,10 @@ class Growing:
 def illustrate(
     plan: Plan, models: Mapping[str, StrokeModel], canvas: Tensor, folder: Path, prefix: str = ""
 ) -> dict[str, Any]:
-    """Writes pictures of a plan on a canvas [3, H, W] into `folder`, and returns what the page wants to know of it.
+    """Writes pictures of a plan on a canvas [3, H, W] into `folder`; returns facts about it for the page.
 
-    These are: the whole plan, the canvas after so many strokes for the slider, where every stroke runs,
-    and the palette; all their names begin with `prefix`. Raises StorageError.
+    The files are the whole plan, the canvas after several numbers of strokes for the slider, the paths of all
+    strokes, and the palette. All names begin with `prefix`. Raises StorageError.
     """
     frames = _frames(plan, models, canvas, folder, prefix)
     grid = PixelGrid.of_height(plan.canvas, ROWS)
@@ -125,7 +125,7 @@ def illustrate(
 
 
 def palette(plan: Plan) -> list[dict[str, Any]]:
-    """The paints of a plan: number, colour, strokes and share of the painted length."""
+    """Returns the paints of a plan: number, colour, strokes and share of the painted length."""
     return [
         {"number": paint.number, "hex": paint.hex, "strokes": paint.strokes, "share": round(paint.share, 4)}
         for paint in paints(plan)
@@ -133,7 +133,10 @@ def palette(plan: Plan) -> list[dict[str, Any]]:
 
 
 def mixtures(plan: Plan) -> list[dict[str, Any]]:
-    """How each paint of a plan is mixed from common acrylics, its millilitres, and whether that comes near."""
+    """Returns for each paint of a plan its recipe from common acrylics and its millilitres.
+
+    near: True if the recipe comes within reach of the paint's colour.
+    """
     found = recipes(plan.palette.color, usual_paints())
     return [
         {"recipe": recipe.words, "millilitres": round(amount, 1), "near": recipe.within_reach}
@@ -142,7 +145,7 @@ def mixtures(plan: Plan) -> list[dict[str, Any]]:
 
 
 def _frames(plan: Plan, models: Mapping[str, StrokeModel], canvas: Tensor, folder: Path, prefix: str) -> list[int]:
-    """Pictures of the canvas after so many strokes each; their numbers are returned."""
+    """Writes pictures of the canvas after several numbers of strokes; returns these numbers."""
     count = min(_FRAMES, len(plan))
     ends = [len(plan) * (number + 1) // count for number in range(count)]
     grid = PixelGrid.of_height(plan.canvas, _FRAME_ROWS)
@@ -155,7 +158,10 @@ def _frames(plan: Plan, models: Mapping[str, StrokeModel], canvas: Tensor, folde
 
 
 def _strokes_json(plan: Plan, models: Mapping[str, StrokeModel]) -> str:
-    """Where every stroke runs, in thousandths of the canvas's width from its top-left corner, how wide, which paint."""
+    """Returns the path, width and paint of every stroke as JSON.
+
+    Lengths are in thousandths of the canvas width, positions from its top-left corner.
+    """
     path = plan.canvas.on_page(plan.strokes.path(torch.linspace(0, 1, _POINTS))) / plan.canvas.width  # [n, t, 2]
     widths = plan_widths(plan, models) / plan.canvas.width
     return json.dumps(
@@ -169,13 +175,15 @@ def _strokes_json(plan: Plan, models: Mapping[str, StrokeModel]) -> str:
     )
 
 
-# What other programs and machines take of a plan: its strokes as SVG, as a table, and as G-code.
+# Export of a plan for other programs and machines: its strokes as SVG, as a table, and as G-code.
 
 
 def export(plan: Plan, models: Mapping[str, StrokeModel], folder: Path, drying: float) -> None:
-    """Writes strokes.svg, strokes.csv and strokes.gcode (GRBL, waiting at every dip) into a folder.
+    """Writes strokes.svg, strokes.csv and strokes.gcode (GRBL, with a pause at every dip) into a folder.
 
-    models: of the plan's brushes, by their names; drying: minutes for which a layer dries. Raises StorageError.
+    models: stroke models by brush name.
+    drying: drying time of a layer in minutes.
+    Raises StorageError.
     """
     flatbed = FlatbedWorkspace()
     choreography = Choreography.of(flatbed.motion(plan.canvas), plan.brushes)
@@ -186,14 +194,15 @@ def export(plan: Plan, models: Mapping[str, StrokeModel], folder: Path, drying: 
     storage.write_text(folder / "strokes.gcode", program)
 
 
-_KEPT = 4  # live photographs, of which the last is shown
+_KEPT = 4  # number of live photographs that are kept; the last one is shown
 
 
 @dataclass
 class Reporter:
-    """Listens to a painting session and tells the page; pictures go into the folder's `live`.
+    """Listener of a painting session that reports to the page; its pictures are in the folder's `live`.
 
-    done: strokes painted so far; seen [3, H, W]: the canvas as it was photographed last, before that: bare.
+    done: number of painted strokes.
+    seen [3, H, W]: last photographed canvas, at first bare.
     """
 
     feed: Feed
@@ -213,7 +222,7 @@ class Reporter:
         self.seen = self._canvas = torch.ones(3, grid.rows, grid.columns)
 
     def hear(self, event: Event) -> None:
-        """Tells it."""
+        """Reports an event."""
         self.forecast.hear(event, time.monotonic())
         left = self.forecast.remaining
         match event:
@@ -265,7 +274,7 @@ class Reporter:
         self._growing = Growing(self.folder.live, look.photograph, self.models, self.size, self._tell_growing)
 
     def _replanned(self, planned: Planned) -> None:
-        """The plan from here on, with pictures of every stroke, in a folder of the plan's own."""
+        """Reports the new plan, with pictures of its strokes under a new prefix."""
         self._plans += 1
         try:
             told = illustrate(planned.plan, self.models, self._canvas, self.folder.live, f"plan-{self._plans}-")

@@ -1,8 +1,8 @@
-"""The process that does one piece of work: it plans, paints or calibrates; the page starts it and may end before it.
+"""Worker process of the studio: it plans, paints or calibrates; it may outlive the page's process.
 
-`python -m frida_painter.web.worker JOB FOLDER NUMBER LOCK EASEL`: what to do, the painting's folder, the number of
-one of its plans, the open file that holds the lock on the painting until the work is done, and the studio's easel
-as JSON.
+Run it with `python -m frida_painter.web.worker JOB FOLDER NUMBER LOCK EASEL`. JOB is the work. FOLDER is the
+painting's folder. NUMBER is one of its plans. LOCK is the open lock file of the painting, held until the work is
+done. EASEL is the studio's easel as JSON.
 """
 
 import json
@@ -62,12 +62,15 @@ from frida_painter.web.painter import Asker, PauseController
 from frida_painter.web.stop import StopPressed, StopWatch
 from frida_painter.web.telling import Growing, Reporter, export, illustrate, mixtures
 
-# A piece of work that a worker does for the page: for which painting, where, and who hears of it.
+# Job of a worker: its painting, its easel and its feed.
 
 
 @dataclass(frozen=True)
 class Job:
-    """What every piece of work has; began: when it was taken up, seconds since 1970."""
+    """Data of a job.
+
+    began: start of the job, seconds since 1970.
+    """
 
     folder: PaintingFolder
     easel: StudioEasel
@@ -78,11 +81,14 @@ class Job:
 
     @property
     def state(self) -> Path | None:
-        """Where the robot is locked: a simulated one in the world of its painting alone, else where all are."""
+        """Folder of robot locks: the painting's own folder for a simulated robot, None for the common one."""
         return self.folder.easel if self.easel.simulated else None
 
     def spec(self, place: PlanFolder) -> RunSpec:
-        """The painting that a person asked for, at this studio's easel. Raises ConfigError and StorageError."""
+        """Returns the description of the requested painting at this studio's easel.
+
+        Raises ConfigError and StorageError.
+        """
         request = place.request()
         return RunSpec.of(
             title=request.title or "Untitled",
@@ -91,7 +97,7 @@ class Job:
             strokes=request.strokes,
             colors=min(request.colors, request.strokes),
             canvas=CanvasSize(request.width / 1000, request.height / 1000),
-            fit="crop",  # the page chose a canvas in the picture's proportions, or the person another
+            fit="crop",  # the page chose the canvas in the picture's proportions, or the person chose another one
             brushes=request.brushes or None,
             replans=min(request.replans, request.strokes - 1),
             ground=request.ground,
@@ -107,7 +113,10 @@ class Job:
         )
 
     def spec_to_calibrate(self, request: CalibrationRequest) -> RunSpec:
-        """The easel that is calibrated; its canvas is that of the workspace file, where there is one."""
+        """Returns the description of the easel to calibrate.
+
+        Its canvas is that of the workspace file, if there is one.
+        """
         size = {} if self.easel.workspace else {"canvas": CanvasSize(request.width / 1000, request.height / 1000)}
         return RunSpec.of(brush=request.brush, seed=request.seed, **size, **self._easel_fields)
 
@@ -127,13 +136,13 @@ def _item(term: GoalRequest, folder: Path) -> GoalItem:
     return GoalItem(kind=term.kind, value=value, weight=term.weight)
 
 
-# The worker's part of calibrating: leads the procedures, asks on the page, and keeps the easel's record.
+# Calibration by a worker: it leads the procedures, asks on the page, and saves the easel's record.
 
 
 def calibrate(job: Job) -> None:
-    """Does what was asked for in the folder, one procedure after another; what is done is kept at once."""
+    """Runs the requested procedures in order; saves each result at once."""
     request, folder = CalibrationRequest.kept(job.folder), job.folder.painting
-    shutil.rmtree(folder, ignore_errors=True)  # the world in which was calibrated before
+    shutil.rmtree(folder, ignore_errors=True)  # the simulated studio of the last calibration
     storage.new_folder(folder)
     spec = job.spec_to_calibrate(request)
     with easel_of(spec, folder, job.state) as easel:
@@ -172,25 +181,25 @@ def _lead_all(job: Job, request: CalibrationRequest, here: Easel) -> None:
 
 
 def _sentence(finding: Finding) -> str:
-    """What was found, without where files are."""
+    """Returns the sentence of a result, without file paths."""
     file = getattr(finding, "file", None)
     return finding.sentence if file is None else finding.sentence.replace(f": {file.path}", "")
 
 
 def _shown(name: str, finding: Finding, setup: CalibrationSetup, job: Job) -> str | None:
-    """The finding's picture, beside the record for good and where the page sees it."""
+    """Saves the result's picture beside the record and for the page; returns its name for the page."""
     if finding.picture is None:
         return None
     images.save(finding.picture, setup.beside(name, "png"))
     for before in job.folder.live.glob(f"found-{name}-*.png"):
         before.unlink()
-    shown = f"found-{name}-{secrets.token_hex(12)}.png"  # whoever knows its name may see it: it is not to be guessed
+    shown = f"found-{name}-{secrets.token_hex(12)}.png"  # random, because everybody who knows the name may see it
     images.save(finding.picture, job.folder.live / shown)
     return shown
 
 
 def _tell_status(feed: Feed, record: Calibration, easel: Calibration) -> None:
-    """Tells the status of every procedure."""
+    """Reports the status of every procedure."""
     procedures = [
         {
             "name": status.procedure,
@@ -203,23 +212,23 @@ def _tell_status(feed: Feed, record: Calibration, easel: Calibration) -> None:
     feed.tell(CalibrationStatus(easel.easel, procedures))
 
 
-# The worker's part of painting: starts or resumes the run of a painting that a person asked for on the page.
+# Painting by a worker: it starts or resumes the run of a requested painting.
 
 
 def paint(job: Job, place: PlanFolder) -> None:
-    """Paints the plan, and plans the rest again at every look."""
+    """Paints the plan, with replans as the description says."""
     folder, plan = job.folder.painting, Plan.load(place.plan)
     spec = job.spec(place).changed(ground=ground_of(plan))
     if spec.brushes == AUTO:
         spec = spec.changed(brushes=brushes_of(plan))
     with PaintingRun(spec, folder, state=job.state, record_may_differ=True) as run:
-        run.load_easel()  # it loads while the planner does
+        run.load_easel()  # loads in parallel with the planner
         _lead(job, run)
         _conclude(job, run, run.start(plan))
 
 
 def resume(job: Job, place: PlanFolder) -> None:
-    """Goes on with a painting that was stopped, killed or broke off, from what its journal tells."""
+    """Resumes a painting that was stopped, killed or failed, from its journal."""
     with PaintingRun.reopen(job.folder.painting, pace=job.easel.pace, state=job.state) as run:
         assert run.history is not None
         job.feed.tell(TakenUp(run.history.painted))
@@ -229,7 +238,7 @@ def resume(job: Job, place: PlanFolder) -> None:
 
 
 def _lead(job: Job, run: PaintingRun) -> None:
-    """Has the page hear of everything, and a person lead the run from there."""
+    """Connects the run to the page: reports, questions and controls."""
     job.stop.then(run.open_easel().robot.stop)
     planner, spec = run.planner, run.spec
     again = planner.effort.of_a_look
@@ -257,11 +266,11 @@ def _lead(job: Job, run: PaintingRun) -> None:
 
 
 def _conclude(job: Job, run: PaintingRun, outcome: RunOutcome) -> None:
-    """Tells how it ended, and keeps what other programs and machines take of it."""
+    """Reports the end of a run, and exports its plan for other programs and machines."""
     trouble = outcome.trouble
     if trouble is not None and not (isinstance(trouble, RobotStopped | PaintingPaused) and job.stop.asked):
         raise trouble
-    if outcome.page is None:  # it was stopped before there was a plan
+    if outcome.page is None:  # it was stopped before the first plan
         job.feed.tell(Stopped())
         return
     export(Plan.load(outcome.folder), run.planner.models, outcome.folder, run.spec.drying)
@@ -273,7 +282,7 @@ _GROWING_COST = 1.4  # later iterations, with all strokes placed, take longer th
 
 
 def main() -> None:
-    """Does the job; what goes wrong is told on the page in a sentence."""
+    """Does the job; errors are reported on the page as a sentence."""
     what, path, number, lock, easel = sys.argv[1:]
     folder = PaintingFolder(Path(path))
     folder.live.mkdir(exist_ok=True)
@@ -302,7 +311,7 @@ def main() -> None:
 
 
 def work(what: str, job: Job, place: PlanFolder) -> None:
-    """Does it."""
+    """Runs a job by name. Raises ConfigError for an unknown one."""
     match what:
         case "plan":
             make_plan(job, place)
@@ -317,7 +326,7 @@ def work(what: str, job: Job, place: PlanFolder) -> None:
 
 
 def make_plan(job: Job, place: PlanFolder) -> None:
-    """Makes the plan that was asked for, and pictures of it."""
+    """Makes the requested plan and its pictures."""
     feed = job.feed
     with PaintingRun(job.spec(place)) as run:
         run.choosing = lambda what: job.stop.heed()

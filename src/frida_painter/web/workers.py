@@ -1,4 +1,4 @@
-"""Starting the processes that plan and paint; they outlive the page's own process."""
+"""Worker processes of the studio, which plan and paint, and its queue; the processes outlive the page's process."""
 
 import contextlib
 import json
@@ -30,7 +30,7 @@ class _Started:
 
 
 class Workers:
-    """Those that were started here and are still at work."""
+    """Worker processes that this studio started."""
 
     def __init__(self, easel: StudioEasel) -> None:
         self.easel = easel
@@ -38,16 +38,16 @@ class Workers:
 
     @property
     def busy(self) -> bool:
-        """Whether as many are at work as may be; one that has done its work, and takes its time to end, is not."""
+        """True if the largest number of workers is at work; workers that are only ending do not count."""
         self._started = [one for one in self._started if one.process.poll() is None]
         at_work = {one.folder for one in self._started if working(one.folder)}
         return len(at_work) >= _MOST
 
     @contextmanager
     def slot_at(self, folder: PaintingFolder) -> Iterator["WorkerSlot"]:
-        """The one worker slot of a painting, held while the work is prepared.
+        """Yields the worker slot of a painting, and holds its lock while the work is prepared.
 
-        Raises Interrupted where somebody is at this painting already, or too many are at work.
+        Raises Interrupted if a worker is at this painting already, or if too many are at work.
         """
         busy = self.busy
         lock = WorkerLock(folder)
@@ -62,13 +62,13 @@ class Workers:
 
 
 class WorkerSlot:
-    """A painting that no worker works on: one worker may be started for it."""
+    """Right to start one worker for a painting."""
 
     def __init__(self, folder: PaintingFolder, lock: WorkerLock, started: list[_Started], easel: StudioEasel) -> None:
         self.folder, self._lock, self._started, self._easel = folder, lock, started, easel
 
     def start(self, job: Literal["plan", "paint", "resume", "calibrate"], plan: PlanFolder) -> None:
-        """Starts a worker in a session of its own, and hands it the lock on the painting. Raises StorageError."""
+        """Starts a worker in a new session, and hands it the painting's lock. Raises StorageError."""
         program = [sys.executable, "-m", "frida_painter.web.worker", job, str(self.folder.path), str(plan.number)]
         program += [str(self._lock.fileno()), json.dumps(self._easel.plain())]
         try:
@@ -82,14 +82,13 @@ class WorkerSlot:
         self._started.append(_Started(process, self.folder))
 
 
-# The queue of a studio: plans to be made and paintings to be painted, one after the other, as the painter has time.
+# Queue of a studio: plans to be made and paintings to be painted, one after another.
 #
-# A stop holds the queue: it goes on when a person says so. With a real robot nothing is painted by itself; the queue
-# only
-# says whose turn it is, for somebody has to put up a bare canvas.
+# A stop holds the queue until a person lets it go on. With a real robot, no painting starts by itself, because
+# somebody must put up a bare canvas; the queue only shows whose turn it is.
 
 QUEUE = "queue"
-"""The name of its folder in the studio's."""
+"""Name of the queue's folder in the studio's folder."""
 _PAINTING_QUEUE_MOST = 40
 _BETWEEN = 1.0  # seconds
 
@@ -98,7 +97,10 @@ QueuedJob = Literal["plan", "paint"]
 
 @dataclass(frozen=True)
 class QueueEntry:
-    """A plan that waits to be made, or to be painted; painting: its id."""
+    """Plan that waits to be made, or to be painted.
+
+    painting: id of the painting.
+    """
 
     painting: str
     plan: int
@@ -106,10 +108,10 @@ class QueueEntry:
 
 
 class PaintingQueue:
-    """The entries in their order, kept in a file, and begun in that order.
+    """Ordered queue of jobs, kept in a file.
 
-    As long as somebody waits the queue counts as at work in a folder of its own, like a painting: whatever stops
-    everything that is being done stops the queue with it.
+    While jobs wait, the queue counts as a worker at work in its own folder. A stop of all work therefore stops the
+    queue too.
     """
 
     def __init__(self, store: PaintingStore, workers: Workers) -> None:
@@ -119,7 +121,7 @@ class PaintingQueue:
         self._turn = threading.RLock()
         self._lock: WorkerLock | None = None
         self._entries: list[QueueEntry] = []
-        with contextlib.suppress(StorageError, ValidationError):  # a damaged queue is begun anew
+        with contextlib.suppress(StorageError, ValidationError):  # a damaged queue is replaced by an empty one
             if self._file.exists():
                 kept = storage.read_json(self._file, "the studio's queue")
                 self._entries = TypeAdapter(list[QueueEntry]).validate_python(kept["entries"])
@@ -127,21 +129,21 @@ class PaintingQueue:
 
     @property
     def held(self) -> bool:
-        """Whether somebody has stopped everything since the queue went on last."""
+        """True if somebody has stopped all work since the queue last went on."""
         return self._folder.stop.exists()
 
     def shown(self) -> dict[str, Any]:
-        """The queue as plain values for the page."""
+        """Returns the queue as plain values for the page."""
         with self._turn:
             return {"held": self.held and bool(self._entries), "queue": [asdict(entry) for entry in self._entries]}
 
     def must_wait(self) -> bool:
-        """Whether what is asked for now has to wait for others."""
+        """Returns True if a new job must wait for others."""
         with self._turn:
             return bool(self._entries) or self._workers.busy
 
     def add(self, entry: Entry, plan: PlanFolder, job: QueuedJob) -> None:
-        """Puts a plan of a painting at the end. Raises Interrupted where it waits already, or too many do."""
+        """Adds a plan of a painting at the end. Raises Interrupted if it waits already, or if the queue is full."""
         with self._turn:
             if any(waiting.painting == entry.id for waiting in self._entries):
                 raise Interrupted("This painting waits in the queue already.")
@@ -153,7 +155,7 @@ class PaintingQueue:
             _tell(entry.folder, Queued(plan.number, job))
 
     def remove(self, identifier: str) -> bool:
-        """Takes a painting out, or it has been begun by hand. Returns whether it was there."""
+        """Removes a painting, also if it was started by hand; returns True if it was in the queue."""
         with self._turn:
             gone = [waiting for waiting in self._entries if waiting.painting == identifier]
             if not gone:
@@ -165,23 +167,23 @@ class PaintingQueue:
             return True
 
     def first(self, identifier: str) -> None:
-        """Puts a painting before all others."""
+        """Puts a painting at the front."""
         with self._turn:
             self._keep(sorted(self._entries, key=lambda waiting: waiting.painting != identifier))
 
     def go_on(self) -> None:
-        """After a stop: begins what waits again."""
+        """Lets the queue go on after a stop."""
         self._folder.stop.unlink(missing_ok=True)
 
     def run(self) -> None:
-        """Begins what can be begun, again and again; for a thread of its own."""
+        """Starts jobs in a loop; for its own thread."""
         while True:
             with contextlib.suppress(FridaError, OSError):
                 self.advance()
             time.sleep(_BETWEEN)
 
     def advance(self) -> None:
-        """Begins what can be begun now, in order."""
+        """Starts the jobs that can begin now, in order."""
         with self._turn:
             for waiting in tuple(self._entries):
                 if self.held or self._workers.busy:
@@ -195,7 +197,7 @@ class PaintingQueue:
             self._keep([other for other in self._entries if other != waiting])
             return
         if working(entry.folder):
-            return  # another of its plans is being made
+            return  # another plan of this painting is being made
         with self._workers.slot_at(entry.folder) as slot:
             self._keep([other for other in self._entries if other != waiting])
             entry.folder.stop.unlink(missing_ok=True)
@@ -208,14 +210,14 @@ class PaintingQueue:
                 slot.start("plan", plan)
 
     def _keep(self, entries: list[QueueEntry]) -> None:
-        """Raises StorageError, and leaves the queue as it was."""
+        """Saves the queue. Raises StorageError, and then leaves the queue as it was."""
         self._folder.path.mkdir(exist_ok=True)
         storage.write_json(self._file, {"entries": [asdict(entry) for entry in entries]})
         self._entries = entries
         self._watch()
 
     def _watch(self) -> None:
-        """Holds the lock of somebody at work as long as anybody waits."""
+        """Holds the lock of a worker at work while jobs wait."""
         if self._entries and self._lock is None:
             lock = WorkerLock(self._folder)
             if lock.take():
@@ -228,7 +230,7 @@ class PaintingQueue:
 
 
 def start_painting(slot: WorkerSlot, plan: PlanFolder) -> None:
-    """Has a worker paint a plan."""
+    """Starts a worker that paints a plan."""
     _tell(slot.folder, PaintingStarted(plan.number, plan.request().strokes))
     slot.start("paint", plan)
 

@@ -1,6 +1,6 @@
-"""Prints the canvas size of a workspace file: `python -m frida_painter.web.workspace_reader FILE`.
+"""Process that prints the canvas size of a workspace file: `python -m frida_painter.web.workspace_reader FILE`.
 
-web/easel.py runs it as a process.
+web/easel.py runs it.
 """
 
 import json
