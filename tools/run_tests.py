@@ -14,6 +14,7 @@ PARTS = (
     ("lab",),
     ("benchmarks", "examples", "docs"),
     ("cli", "web"),
+    ("sawyer", "hardware"),
     ("session", "easel", "procedures", "runs", "report"),
 )
 NO_TESTS = 5  # exit status of pytest

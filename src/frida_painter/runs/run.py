@@ -4,6 +4,7 @@ Command line, page and notebooks give it a RunSpec, listen to its events, and st
 module connects planner, easel process, journal and recorder.
 """
 
+import gc
 import shutil
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
@@ -171,6 +172,7 @@ class PaintingRun:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._stack.__exit__(kind, error, trace)
+        gc.collect()  # session and studio refer to themselves: of many paintings, each would keep 60 MB
 
     @property
     def history(self) -> History | None:

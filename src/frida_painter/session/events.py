@@ -610,11 +610,13 @@ class Paused:
     """The painting waits for a person; the arm is at home and the brush is clean. `reason` is a sentence.
 
     turn: True if the pause is the person's turn to paint.
+    asked: True if the person asked for the pause, False if something is wrong.
     """
 
     reason: str
     done: int = 0
     turn: bool = False
+    asked: bool = False
 
 
 @dataclass(frozen=True)

@@ -73,7 +73,7 @@ class Interruptions:
             raise StopAsked
         if self.pause_asked():
             before_pause()
-            self.pause("You asked for a pause.")
+            self.pause("You asked for a pause.", asked=True)
 
     def retry(self, work: Callable[[], _T]) -> _T:
         """Calls `work`, which needs the disk or the camera; if either fails, pauses and then tries again.
@@ -86,16 +86,17 @@ class Interruptions:
             except (StorageError, CameraError) as trouble:
                 self.pause(str(trouble), trouble)
 
-    def pause(self, reason: str, cause: FridaError | None = None) -> None:
+    def pause(self, reason: str, cause: FridaError | None = None, *, asked: bool = False) -> None:
         """Cleans the brush, moves the arm to its home position and waits until a person lets the painting go on.
 
+        asked: True if the person asked for the pause.
         Raises PaintingPaused if the person does not want to go on.
         """
         if self._brushwork.load.paint is not None:
             self._brushwork.clean()
         self._brushwork.step_aside()
         self.touched = True  # the person may paint on the canvas, before or after the answer
-        paused = Paused(reason, self._painted())
+        paused = Paused(reason, self._painted(), asked=asked)
         self._notify(paused)
         if not self._go_on(paused):
             raise PaintingPaused(f"{reason} The painting has paused after {paused.done} strokes.") from cause

@@ -5,7 +5,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from torch import Tensor
@@ -152,17 +152,18 @@ class PauseController:
     def pause_asked(self) -> bool:
         """Returns True if a person wants a pause, or if it is their turn.
 
-        Outside a pause, other commands are dropped.
+        Drops what can be done in a pause only. Keeps what was asked after a pause: it is done in that pause.
         """
         if self._conferring:
             return False
-        pausing = False
         while self._commands:
-            command = self._commands.popleft()
-            if isinstance(command, TakeTurns):
-                self._take_turns(command)
-            pausing = pausing or isinstance(command, Pause)
-        return pausing or 0 < self._turns <= self._since
+            match self._commands.popleft():
+                case Pause():
+                    self._conferring = True  # until go_on
+                    return True
+                case TakeTurns() as turns:
+                    self._take_turns(turns)
+        return 0 < self._turns <= self._since
 
     def go_on(self, paused: Paused) -> bool:
         """Performs commands until the person lets the painting go on; returns False if the person stops it."""
@@ -174,9 +175,8 @@ class PauseController:
 
     def _confer(self, paused: Paused) -> bool:
         mine = 0 < self._turns <= self._since
-        asked = paused.reason == "You asked for a pause."
-        reason = _YOUR_TURN if mine else _PAUSED if asked else self._without_paths(paused.reason)
-        told = Paused(reason, paused.done, turn=mine)
+        reason = _YOUR_TURN if mine else _PAUSED if paused.asked else self._without_paths(paused.reason)
+        told = replace(paused, reason=reason, turn=mine)
         self.feed.tell(told)
         while not self.stop.asked:
             if not self._commands:
