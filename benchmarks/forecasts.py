@@ -72,14 +72,14 @@ def paint(given: tuple[Path, int], settings: dict[str, object], kept: Path | Non
     with PaintingRun(spec, listeners=[hear]) as run:
         painting = run.simulate(opener=studio.open)
         grid, ground = run.planner.fine, to_hex(torch.tensor(run.planner.ground))
-    wanted = images.averaged(images.load(picture), grid.rows, grid.columns)
+    wanted = images.resize_by_area(images.load(picture), grid.rows, grid.columns)
     found = Figures(
         picture.stem,
         seed,
         ground,
         (told[0].expected, told[0].least, told[0].most),
         (told[-1].expected, told[-1].least, told[-1].most),
-        _decibels(images.averaged(painting.photograph, grid.rows, grid.columns), wanted),
+        _decibels(images.resize_by_area(painting.photograph, grid.rows, grid.columns), wanted),
         _decibels(studio.truth(grid.rows), wanted),
         time.process_time() - begun,
     )

@@ -12,7 +12,7 @@ import torch
 
 from frida_painter.devices import prepare_process
 from frida_painter.errors import WeightsError
-from frida_painter.lab.targets import shipped
+from frida_painter.lab.targets import load_shipped_targets
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.objectives.semantic import SemanticTerm
@@ -36,8 +36,8 @@ class Figures:
 
 
 def goals() -> dict[str, Goal]:
-    photo, style = photograph("coffee"), shipped(["tissue"])[0].picture
-    drawing = shipped(["pear"])[0].picture
+    photo, style = photograph("coffee"), load_shipped_targets(["tissue"])[0].picture
+    drawing = load_shipped_targets(["pear"])[0].picture
     return {
         "photograph": Goal((ImageTerm(photo),)),
         "style": Goal((ImageTerm(photo), StyleTerm(style))),
@@ -85,7 +85,7 @@ def main() -> None:
     parser.add_argument("--goals", nargs="+", choices=kinds, default=list(kinds), help="kinds of goals to be planned")
     options = parser.parse_args()
     prepare_process()
-    little = Effort().scaled(0.03)
+    little = Effort().scale(0.03)
     how = {"rows": 64, "strokes": 6, "effort": little} if options.quick else {
         "rows": 256, "strokes": STROKES, "effort": Effort()
     }  # fmt: skip

@@ -22,9 +22,9 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.devices import half_precision, prepare_process
 from frida_painter.errors import WeightsError
 from frida_painter.frames import PixelGrid, pixel_to_map
-from frida_painter.lab.targets import shipped
+from frida_painter.lab.targets import load_shipped_targets
 from frida_painter.objectives.encoders import classifiers, clip, vgg
-from frida_painter.objectives.encoders.registry import EncoderRegistry
+from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.objectives.style import StyleTerm
@@ -38,7 +38,7 @@ from frida_painter.planning.refine import discretize
 from frida_painter.planning.settings import PlannerSettings
 from frida_painter.render import composite_moments, reference
 from frida_painter.words.text import TextTerm
-from measure import Table, arguments, blank_scene, broad_brush, canvas_like, hardware, photograph, publish
+from measure import Table, arguments, blank_problem, broad_brush, canvas_like, hardware, photograph, publish
 
 CANVAS = CanvasSize(0.3556, 0.2794)
 COLORS = 12
@@ -47,7 +47,7 @@ NO_GPU = (
     "build of PyTorch (pip install torch), or try it on the CPU: python benchmarks/gpu.py --device cpu --quick"
 )
 PARTS = ("mean", "variance", "to the maps", "to the places", "to the colours", "to the canvas")
-MOST = {"float32": (1e-5, 1e-5, 1e-3, 2.5e-2, 1e-3, 1e-3), "float64": (1e-9,) * 6}  # differences of each
+MAX = {"float32": (1e-5, 1e-5, 1e-3, 2.5e-2, 1e-3, 1e-3), "float64": (1e-9,) * 6}  # differences of each
 
 
 def name_of(device: torch.device) -> str:
@@ -74,9 +74,9 @@ def seconds(work: Callable[[], object], device: torch.device) -> float:
 
 def start(strokes: int, rows: int, device: torch.device) -> Callable[[int], object]:
     """What makes so many iterations of the planner on strokes that are spread over the canvas, in a palette."""
-    scene, _ = blank_scene(photograph("astronaut").to(device), CANVAS, rows, broad_brush())
-    moved = replace(scene, canvas=scene.canvas.to(device), model=on_device(scene.model, device))
-    spread = uniform(strokes, scene.limits, CANVAS, torch.Generator().manual_seed(0)).to(device)
+    problem, _ = blank_problem(photograph("astronaut").to(device), CANVAS, rows, broad_brush())
+    moved = replace(problem, canvas=problem.canvas.to(device), model=on_device(problem.model, device))
+    spread = uniform(strokes, problem.limits, CANVAS, torch.Generator().manual_seed(0)).to(device)
     found, paints = discretize(spread, moved, min(COLORS, strokes), 0)
     return lambda iterations: optimize(found, moved, iterations=iterations, paints=paints)
 
@@ -154,7 +154,7 @@ def agreement(options: Namespace, device: torch.device, name: str) -> tuple[Tabl
         found[str(dtype).removeprefix("torch.")] = dict(zip(PARTS, off, strict=True))
     rows = []
     for precision, off in found.items():
-        for (part, value), most in zip(off.items(), MOST[precision], strict=True):
+        for (part, value), most in zip(off.items(), MAX[precision], strict=True):
             rows.append((precision, part, f"{value:.1e}", f"{most:.0e}", "yes" if value <= most else "NO"))
     notes = ["Gradients to places jump where a map has kinks: in float32 a few pixels take the other side."]
     columns = ("precision", "what", "largest difference", "allowed", "agrees")
@@ -172,7 +172,7 @@ def full_precision() -> Iterator[None]:
 
 
 def plans(options: Namespace, device: torch.device, name: str) -> tuple[Table, list[dict[str, object]]]:
-    photo, style = photograph("coffee"), shipped(["tissue"])[0].picture
+    photo, style = photograph("coffee"), load_shipped_targets(["tissue"])[0].picture
     picture = Goal((ImageTerm(photo),))
     goals = {
         "photograph": (picture, 300),
@@ -194,7 +194,7 @@ def plans(options: Namespace, device: torch.device, name: str) -> tuple[Table, l
                     canvas_like(photo),
                     broad_brush(),
                     rows=64 if options.quick else 256,
-                    effort=Effort().scaled(0.03) if options.quick else Effort(),
+                    effort=Effort().scale(0.03) if options.quick else Effort(),
                     layers=1,
                     new_paints=False,
                     focus="none",

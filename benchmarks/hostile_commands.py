@@ -36,7 +36,7 @@ from frida_painter.cli.commands import all_commands
 _LEFT_OUT = {("studio",), ("models", "fetch")}  # one serves until it is ended, the other waits for a network
 _AT_WORK = 4.0  # seconds of computing after which a line has gone to work
 _ENDING = 60.0  # seconds within which whoever was ended has to end, on a busy machine
-_MOST_BYTES = 2**30
+_MAX_BYTES = 2**30
 NUMBERS = ("", "0", "-1", "9" * 400, "nan", "inf", "-inf", "1e999", "0x10", "²", "1_0", " 7 ", "1,5", "--", "-0")
 WORDS = ("", " ", "\x1b[31mred", "ä" * 3000, "\u202e", "../..", "every:nan", "when-off-by:-1", "virtual:5",
          "xarm:", "-",
@@ -228,7 +228,7 @@ def _follow(child: int, outcome: Outcome, seconds: float) -> None:
         computed, memory = _computed(child), _memory(child)
         outcome.most = max(outcome.most, memory)
         since = now if computed > before else since
-        if memory > _MOST_BYTES:
+        if memory > _MAX_BYTES:
             outcome.wrong = f"it filled {memory / 1e6:.0f} MB"
         elif now - since > seconds and not asked:
             outcome.wrong = f"it did nothing for {now - since:.1f} s"

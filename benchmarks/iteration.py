@@ -25,13 +25,13 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.devices import prepare_process
 from frida_painter.frames import PixelGrid, pixel_to_map
 from frida_painter.planning.initialize import uniform
-from frida_painter.planning.optimize import interlaced, optimize
-from frida_painter.planning.problem import Scene
+from frida_painter.planning.optimize import interlace_rows, optimize
+from frida_painter.planning.problem import PlanningProblem
 from frida_painter.planning.refine import discretize
 from frida_painter.planning.variables import Paints
 from frida_painter.render import composite_moments
 from frida_painter.strokes import Strokes
-from measure import Table, arguments, blank_scene, broad_brush, cpu_seconds, photograph, publish, wall_seconds
+from measure import Table, arguments, blank_problem, broad_brush, cpu_seconds, photograph, publish, wall_seconds
 from original import OriginalPlan, PaperNetwork
 
 CANVAS = CanvasSize(0.3556, 0.2794)
@@ -46,28 +46,28 @@ class Case:
 
     strokes: Strokes
     paints: Paints
-    scene: Scene
+    problem: PlanningProblem
     target: Tensor
 
     @classmethod
     def of(cls, options: Namespace) -> Self:
-        scene, target = blank_scene(photograph("astronaut"), CANVAS, options.rows, broad_brush())
-        strokes = uniform(options.strokes, scene.limits, CANVAS, torch.Generator().manual_seed(0))
-        return cls(*discretize(strokes, scene, min(COLORS, options.strokes), 0), scene, target)
+        problem, target = blank_problem(photograph("astronaut"), CANVAS, options.rows, broad_brush())
+        strokes = uniform(options.strokes, problem.limits, CANVAS, torch.Generator().manual_seed(0))
+        return cls(*discretize(strokes, problem, min(COLORS, options.strokes), 0), problem, target)
 
     def ours(self, iterations: int) -> dict[str, Callable[[], object]]:
         return {
             name: partial(optimize, self.strokes, seen, iterations=iterations, paints=self.paints)
-            for name, seen in ((OURS, self.scene), (ALL_ROWS, replace(self.scene, objective_on_rows=None)))
+            for name, seen in ((OURS, self.problem), (ALL_ROWS, replace(self.problem, objective_on_rows=None)))
         }
 
     def papers(self) -> dict[str, Callable[[], object]]:
-        network = partial(PaperNetwork, self.scene.model.frame)
+        network = partial(PaperNetwork, self.problem.model.frame)
         plans = {
             name: OriginalPlan(self.strokes, network(weight_gradients=gradients))
             for name, gradients in ((FROZEN, False), (LEARNING, True))
         }
-        seen = self.scene.canvas, self.scene.size, self.target
+        seen = self.problem.canvas, self.problem.size, self.target
         return {name: partial(plan.iterate, *seen) for name, plan in plans.items()}
 
 
@@ -109,30 +109,30 @@ def answer(pipe: Connection, name: str, threads: int) -> float:
     return float(pipe.recv())
 
 
-def breakdown(strokes: Strokes, scene: Scene, whole: float, repeats: int) -> dict[str, float]:
+def breakdown(strokes: Strokes, problem: PlanningProblem, whole: float, repeats: int) -> dict[str, float]:
     """CPU seconds of the parts of an iteration, each timed by itself; what is left of `whole` is the rest."""
-    rounds = [parts(strokes, scene) for _ in range(repeats + 1)][1:]
+    rounds = [parts(strokes, problem) for _ in range(repeats + 1)][1:]
     found = {name: statistics.median(seconds[name] for seconds in rounds) for name in rounds[0]}
     return {**found, "step, projection, ordering": whole - sum(found.values())}
 
 
-def parts(strokes: Strokes, scene: Scene) -> dict[str, float]:
+def parts(strokes: Strokes, problem: PlanningProblem) -> dict[str, float]:
     """Of one turn of the scene."""
-    ((scene, *_), *_) = interlaced([scene])
-    canvas = scene.rows.of(scene.canvas)
+    ((problem, *_), *_) = interlace_rows([problem])
+    canvas = problem.rows.of(problem.canvas)
     leaves = {name: part.clone().requires_grad_() for name, part in strokes.arrays().items()}
-    grid = PixelGrid(scene.size, *scene.canvas.shape[1:])
+    grid = PixelGrid(problem.size, *problem.canvas.shape[1:])
     shapes = leaves["thickness"], leaves["length"], leaves["bend"]
-    model_forward, magnitude = timed(lambda: scene.model.windows(*shapes)[0])
+    model_forward, magnitude = timed(lambda: problem.model.windows(*shapes)[0])
     marks = magnitude.detach().requires_grad_()
-    shift = scene.model.windows(*shapes)[1]
+    shift = problem.model.windows(*shapes)[1]
     placing, affine = timed(
-        lambda: pixel_to_map(leaves["position"], leaves["angle"], grid, scene.model.frame, scene.rows) - shift
+        lambda: pixel_to_map(leaves["position"], leaves["angle"], grid, problem.model.frame, problem.rows) - shift
     )
     places = affine.detach().requires_grad_()
-    laying, painted = timed(lambda: laid(marks, places, leaves["color"], canvas, scene.spread))
+    laying, painted = timed(lambda: laid(marks, places, leaves["color"], canvas, problem.spread))
     picture = painted.detach().requires_grad_()
-    judging, loss = timed(lambda: scene.objective(picture[:3], picture[3]))
+    judging, loss = timed(lambda: problem.objective(picture[:3], picture[3]))
     return {
         "stroke model, forward": model_forward,
         "placing, forward": placing,
@@ -170,8 +170,8 @@ def main() -> None:
     found = compare(options)
     case = Case.of(options)
     whole = found[CPU][OURS]
-    shares = breakdown(case.strokes, case.scene, whole, 3 if options.quick else 30)
-    _, height, width = case.scene.canvas.shape
+    shares = breakdown(case.strokes, case.problem, whole, 3 if options.quick else 30)
+    _, height, width = case.problem.canvas.shape
     told = f"{options.strokes} strokes, {height} x {width} pixels"
     tables = [
         Table(

@@ -24,7 +24,7 @@ from PIL import Image
 
 from frida_painter import images
 from frida_painter.event_log import EventLog
-from frida_painter.runs.folder import are_there
+from frida_painter.runs.painting_folder import are_there
 
 _PAINT = ("--canvas", "120x90mm", "--fit", "crop", "--render-height", "64", "--effort", "0.05", "--brush", "fine",
           "--colors", "3", "--replans", "1", "--timelapse-frames", "6")  # fmt: skip

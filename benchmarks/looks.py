@@ -12,10 +12,10 @@ from torch import Tensor
 
 from frida_painter import images
 from frida_painter.lab import paintings, targets
-from frida_painter.lab.base import psnr, silent
 from frida_painter.lab.ladder import FULL, PHOTOGRAPHS, QUICK
 from frida_painter.lab.paintings import PLACEMENT, PaintingTrial, Tell
 from frida_painter.lab.targets import Target
+from frida_painter.lab.trials import psnr, silent
 from frida_painter.plan import Plan
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.spec import RunSpec
@@ -33,7 +33,7 @@ def main() -> None:
         scale, options.target, options.looks = QUICK, options.target[:1], 2
     found = [
         (target.name, seed, *_painted(target, seed, options.looks, scale))
-        for target in targets.shipped(options.target)
+        for target in targets.load_shipped_targets(options.target)
         for seed in options.seeds
     ]
     rows = [
@@ -55,7 +55,7 @@ def _painted(target: Target, seed: int, looks: int, scale: RunSpec) -> tuple[flo
 
     def one_plan(run: PaintingRun, tell: Tell) -> tuple[Plan, Tensor]:
         if not made:
-            made.append(paintings.planned(run, tell))
+            made.append(paintings.make_first_plan(run, tell))
         return made[0]
 
     truths = []

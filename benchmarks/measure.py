@@ -26,7 +26,7 @@ from frida_painter.frames import PixelGrid
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.interpretation import prepare
 from frida_painter.objectives.objective import Goal
-from frida_painter.planning.problem import Scene
+from frida_painter.planning.problem import PlanningProblem
 
 CANVAS_HEIGHT = 0.2794
 LIBRARIES = ("torch", "numpy", "numba", "scikit-learn", "opencv-python-headless")
@@ -111,13 +111,13 @@ def canvas_like(picture: Tensor) -> CanvasSize:
     return CanvasSize(CANVAS_HEIGHT * picture.shape[2] / picture.shape[1], CANVAS_HEIGHT)
 
 
-def blank_scene(picture: Tensor, size: CanvasSize, rows: int, model: StrokeTable) -> tuple[Scene, Tensor]:
+def blank_problem(picture: Tensor, size: CanvasSize, rows: int, model: StrokeTable) -> tuple[PlanningProblem, Tensor]:
     """A bare white canvas of that many rows on which the picture is wanted, and the picture fitted to it."""
     grid = PixelGrid.of_height(size, rows)
     objective = prepare(Goal((ImageTerm(picture),)), grid)
     canvas = torch.ones(3, grid.rows, grid.columns)
-    scene = Scene(canvas, size, model, objective, objective_on_rows=objective.on_rows)
-    return scene, images.fit(picture, grid.rows, grid.columns)
+    problem = PlanningProblem(canvas, size, model, objective, objective_on_rows=objective.on_rows)
+    return problem, images.fit(picture, grid.rows, grid.columns)
 
 
 def broad_brush() -> StrokeTable:

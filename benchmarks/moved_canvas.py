@@ -38,13 +38,13 @@ from frida_painter.planning.ground import possible_grounds
 from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.settings import PlannerSettings
-from frida_painter.session.hand import Brushwork
+from frida_painter.session.hand import Hand
 from frida_painter.strokes import Strokes
 from frida_painter.virtual.camera import CameraSpec, VirtualCamera
 from frida_painter.virtual.faults import Bump, Faults, LightChange
 from frida_painter.virtual.robot import Clock
 from frida_painter.virtual.studio import VirtualStudio, open_studio
-from frida_painter.virtual.table import PlacementError
+from frida_painter.virtual.tabletop import PlacementError
 from measure import Table, arguments, publish
 
 EDGES = ("dark", "white", "patterned", "framed", "vignetted", "striped")
@@ -170,7 +170,7 @@ class Painter:
         self.studio = open_studio(size, "broad", seed=seed)
         self.studio.easel.robot.connect()
         self._cameras = [_camera(self.studio, spec, seed + number) for number, spec in enumerate(CAMERAS)]
-        self._brushwork = Brushwork(
+        self._hand = Hand(
             self.studio.easel, brush_kind("broad"), Placement.unknown(self.studio.easel.calibration.depths)
         )
 
@@ -192,9 +192,9 @@ class Painter:
             expected = None
             if end > done:
                 batch = self.plan.part(slice(done, end))
-                for action in self._brushwork.prepare(batch, done, len(self.plan)):
-                    self._brushwork.perform(action)
-                self._brushwork.step_aside()
+                for action in self._hand.prepare(batch, done, len(self.plan)):
+                    self._hand.perform(action)
+                self._hand.step_aside()
                 expected = Expected(seen, self._planner.expected(batch, seen))
                 done = end
             name = stage if stage != "bare" or self._ground == WHITE else "toned"
@@ -214,10 +214,10 @@ class Painter:
             table.knock = _STILL
             if self._moves:
                 yield from self._by_turned_camera(name, first, before, expected)
-            placement = self._brushwork.placement
+            placement = self._hand.placement
             canvas = self._seen(light)
             if expected is not None:
-                self._brushwork.learn(self._planner.locate(batch, placement, seen, canvas))
+                self._hand.learn(self._planner.locate(batch, placement, seen, canvas))
             before, seen = now, canvas
 
     def _by_cameras(self, name: str, way: str, motion: PlacementError, first: Any, before: Any, expected: Any) -> Any:

@@ -41,7 +41,7 @@ class PaperNetwork(nn.Module):
 
     def __init__(self, frame: MapFrame, *, weight_gradients: bool) -> None:
         super().__init__()
-        self.frame = frame.resized(ROWS, COLUMNS)
+        self.frame = frame.resize(ROWS, COLUMNS)
         self.linear = nn.Sequential(nn.Linear(3, HIDDEN), nn.LeakyReLU(), nn.Linear(HIDDEN, ROWS * COLUMNS))
         self.convolutions = nn.Sequential(
             nn.LeakyReLU(), nn.Conv2d(1, CHANNELS, 3, padding=1), nn.LeakyReLU(), nn.Conv2d(CHANNELS, 1, 3, padding=1)

@@ -26,7 +26,7 @@ def main() -> None:
 
     def plan(count: int, effort: float) -> Any:
         size = canvas_like(wanted)
-        chosen = Effort().scaled(effort)
+        chosen = getattr(Effort(), "scale" if hasattr(Effort, "scale") else "scaled")(effort)
         facts = {"rows": rows, "effort": chosen, "seed": seed}
         wished = objective.Goal((ImageTerm(wanted),))
         try:

@@ -32,11 +32,11 @@ from frida_painter.planning.initialize import Growth, progressive, uniform
 from frida_painter.planning.layers import Effort
 from frida_painter.planning.optimize import Step, optimize
 from frida_painter.planning.planner import Planner
-from frida_painter.planning.problem import Scene
+from frida_painter.planning.problem import PlanningProblem
 from frida_painter.planning.refine import relocate
 from frida_painter.planning.settings import PlannerSettings
 from frida_painter.strokes import Strokes
-from measure import Table, arguments, blank_scene, broad_brush, canvas_like, cpu_seconds, photograph, psnr, publish
+from measure import Table, arguments, blank_problem, broad_brush, canvas_like, cpu_seconds, photograph, psnr, publish
 
 PICTURES = ("astronaut", "chelsea", "coffee")
 MOVING, PROPOSALS = 0.15, 24
@@ -77,8 +77,8 @@ def measure(task: tuple[str, int], case: Case) -> Figures:
     picture, seed = task
     wanted = photograph(picture)
     size, model = canvas_like(wanted), broad_brush()
-    coarse, small = blank_scene(wanted, size, case.rows // 2, model)
-    fine, target = blank_scene(wanted, size, case.rows, model)
+    coarse, small = blank_problem(wanted, size, case.rows // 2, model)
+    fine, target = blank_problem(wanted, size, case.rows, model)
 
     grow(replace(case, strokes=8), coarse, small, seed)  # warms up
     begun = time.process_time()
@@ -117,7 +117,7 @@ def measure(task: tuple[str, int], case: Case) -> Figures:
     )  # fmt: skip
 
 
-def grow(case: Case, coarse: Scene, small: Tensor, seed: int) -> Strokes:
+def grow(case: Case, coarse: PlanningProblem, small: Tensor, seed: int) -> Strokes:
     """The planner's start, colours free and in any order: growth, then weak strokes move, on the coarse picture."""
     generator = torch.Generator().manual_seed(seed)
     strokes, _ = progressive(
@@ -133,19 +133,19 @@ def grow(case: Case, coarse: Scene, small: Tensor, seed: int) -> Strokes:
     return strokes
 
 
-def affordable(strokes: Strokes, scene: Scene, seconds: float) -> int:
+def affordable(strokes: Strokes, problem: PlanningProblem, seconds: float) -> int:
     """How many iterations fit into so many CPU seconds; finding out is not counted against them."""
     probe = 10
-    steps = partial(optimize, strokes, scene, iterations=probe, light_to_dark=False)
+    steps = partial(optimize, strokes, problem, iterations=probe, light_to_dark=False)
     steps()  # warms up
     return max(1, math.floor(SAFETY * seconds / (cpu_seconds(steps) / (probe + 1))))
 
 
-def settle(strokes: Strokes, scene: Scene, seconds: float) -> float:
+def settle(strokes: Strokes, problem: PlanningProblem, seconds: float) -> float:
     """The best PSNR that `optimize` reaches within so many CPU seconds."""
     if seconds <= 0:
         raise SystemExit(f"The start took {-seconds:.1f} s longer than the whole budget; give a larger one.")
-    iterations = affordable(strokes, scene, seconds)
+    iterations = affordable(strokes, problem, seconds)
     losses: list[float] = []
     begun = time.process_time()
 
@@ -153,12 +153,18 @@ def settle(strokes: Strokes, scene: Scene, seconds: float) -> float:
         if time.process_time() - begun <= seconds:
             losses.append(step.loss)
 
-    optimize(strokes, scene, iterations=iterations, light_to_dark=False, notify=tell)
+    optimize(strokes, problem, iterations=iterations, light_to_dark=False, notify=tell)
     return psnr(min(losses))
 
 
 def free_plan(
-    case: Case, coarse: Scene, small: Tensor, fine: Scene, seed: int, wanted: Tensor, size: CanvasSize
+    case: Case,
+    coarse: PlanningProblem,
+    small: Tensor,
+    fine: PlanningProblem,
+    seed: int,
+    wanted: Tensor,
+    size: CanvasSize,
 ) -> Strokes:
     """A plan in colours and an order of its own, of as many coarse and fine iterations as the planner's."""
     planner = Planner(
@@ -184,14 +190,14 @@ def free_plan(
 
 
 @torch.no_grad()
-def quality(strokes: Strokes, scene: Scene, target: Tensor) -> float:
-    return psnr(float((scene.render(strokes) - target).square().mean()))
+def quality(strokes: Strokes, problem: PlanningProblem, target: Tensor) -> float:
+    return psnr(float((problem.render(strokes) - target).square().mean()))
 
 
 @torch.no_grad()
-def expected(strokes: Strokes, scene: Scene) -> float:
+def expected(strokes: Strokes, problem: PlanningProblem) -> float:
     """Of paintings, whose marks vary: what the planner makes as good as it can."""
-    return psnr(float(scene.expected_loss(strokes)))
+    return psnr(float(problem.expected_loss(strokes)))
 
 
 def averaged(figures: list[Figures]) -> list[tuple[str, Figures]]:

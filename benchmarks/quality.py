@@ -23,7 +23,7 @@ import numpy as np
 import torch
 
 from frida_painter.strokes import Strokes
-from measure import Table, arguments, blank_scene, broad_brush, canvas_like, photograph, psnr, publish
+from measure import Table, arguments, blank_problem, broad_brush, canvas_like, photograph, psnr, publish
 
 ROOT = Path(__file__).parent.parent
 PICTURES = ("astronaut", "chelsea", "coffee")
@@ -58,10 +58,10 @@ def measure(code: str, checkout: Path, picture: str, seed: int, effort: float, o
             seconds = float(found["seconds"])
             strokes = Strokes(**{name: torch.from_numpy(found[name]) for name in found.files if name != "seconds"})
     wanted = photograph(picture)
-    scene, target = blank_scene(wanted, canvas_like(wanted), options.rows, broad_brush())
+    problem, target = blank_problem(wanted, canvas_like(wanted), options.rows, broad_brush())
     with torch.no_grad():
-        drawn = float((scene.render(strokes) - target).square().mean())
-        expected = float(scene.expected_loss(strokes))
+        drawn = float((problem.render(strokes) - target).square().mean())
+        expected = float(problem.expected_loss(strokes))
     return Point(code, picture, seed, effort, seconds, psnr(drawn), psnr(expected))
 
 

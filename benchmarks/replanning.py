@@ -101,7 +101,7 @@ def after_another_goal(
             if not seen:
                 picture = canvas
                 for brush, strokes in step.parts:
-                    picture = other.scenes.of(picture, other.fine, brush).render(strokes)
+                    picture = other.problems.of(picture, other.fine, brush).render(strokes)
                 seen.append(time.process_time() - begun)
 
         other.replan(rest, canvas, hear, rounds=3)

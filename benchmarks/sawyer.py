@@ -20,10 +20,10 @@ from frida_painter.hardware.motion import Motion
 from frida_painter.plan import Plan
 from frida_painter.sawyer.arm import SAWYER, SawyerArm
 from frida_painter.strokes import Strokes
-from frida_painter.virtual.bristles import brush_named
+from frida_painter.virtual.bristles import find_brush
 from frida_painter.virtual.robot import Way
 from frida_painter.virtual.studio import StudioSettings, open_studio
-from frida_painter.virtual.table import sawyer_layout
+from frida_painter.virtual.tabletop import sawyer_layout
 from measure import Table, arguments, publish
 
 _STROKES, _PER_DIP = 200, 4
@@ -55,7 +55,7 @@ def main() -> None:
     else:
         canvas, brush = CanvasSize(14 * 0.0254, 11 * 0.0254), "broad"
         strokes = random_strokes(brush, canvas, 4 if options.quick else _STROKES)
-    layout = sawyer_layout(canvas, brush_named(brush))
+    layout = sawyer_layout(canvas, find_brush(brush))
     calibration = open_studio(canvas, brush, settings=StudioSettings(arm=SAWYER)).easel.calibration
     motion, surface = Motion(layout.workspace, calibration), gateway.Surface(canvas, calibration.press_height)
     arm, tip, stopped = SawyerArm(layout.workspace, canvas, seed=0), np.array(layout.home), threading.Event()

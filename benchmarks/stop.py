@@ -41,9 +41,9 @@ import numpy as np
 from PIL import Image
 
 from frida_painter.session.events import PlanRequested
-from frida_painter.web.folder import Feed, PaintingRequest, WorkerLock
 from frida_painter.web.stop import HEARD, STOP, WORK, call
 from frida_painter.web.store import Entry, PaintingStore
+from frida_painter.web.studio_folder import Feed, PaintingRequest, WorkerLock
 from measure import Table, arguments, publish
 
 FILES = 1024
@@ -191,8 +191,8 @@ def figures(seconds: list[float]) -> str:
 def begun(store: PaintingStore) -> Entry:
     """A painting of some size, which somebody works on."""
     entry = store.begin("A painting")
-    wish = PaintingRequest.model_validate({"terms": [{"kind": "text", "words": "a ship"}]})
-    Feed(entry.folder).tell(PlanRequested(1, wish.model_dump(mode="json")))
+    painting_request = PaintingRequest.model_validate({"terms": [{"kind": "text", "words": "a ship"}]})
+    Feed(entry.folder).tell(PlanRequested(1, painting_request.model_dump(mode="json")))
     other = store.begin("Another one").folder  # which is taken along
     other.painting.mkdir()
     (other.painting / "film.mp4").write_bytes(bytes(50 * 2**20))

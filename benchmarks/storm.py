@@ -30,10 +30,10 @@ from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis.errors import Unsatisfiable
 from schemathesis import GenerationMode
 
-from frida_painter.web.easel import StudioEasel
 from frida_painter.web.security import Presence
 from frida_painter.web.server import application
 from frida_painter.web.store import PaintingStore
+from frida_painter.web.web_app_easel import WebAppEasel
 
 Request = tuple[str, str, dict[str, str], bytes]
 """Method, path, headers, body."""
@@ -120,10 +120,10 @@ def nonsense(chance: random.Random, depth: int = 0) -> Any:
 
 def almost_sensible(chance: random.Random) -> dict[str, Any]:
     """A wish or an order with something wrong in it, or nothing."""
-    wish = {"terms": [{"kind": "text", "words": "a ship"}], "strokes": 5, "title": chance.choice(NASTY)}
+    painting_request = {"terms": [{"kind": "text", "words": "a ship"}], "strokes": 5, "title": chance.choice(NASTY)}
     order = chance.choice(
         [
-            wish,
+            painting_request,
             {"plan": 1, "ready": True},
             {"kind": "pause"},
             {"picture": "0" * 32, "only": False},
@@ -177,7 +177,7 @@ RAW = [
 
 def description(folder: Path) -> dict[str, Any]:
     """What a studio says of its own routes (OpenAPI), but for those that never end or destroy."""
-    told = application(PaintingStore(folder), StudioEasel(folder / "record.json"), Presence()).openapi()
+    told = application(PaintingStore(folder), WebAppEasel(folder / "record.json"), Presence()).openapi()
     return {**told, "paths": {path: own for path, own in told["paths"].items() if not path.endswith(_LEFT_OUT)}}
 
 

@@ -37,7 +37,7 @@ from PIL import Image, ImageDraw
 
 from frida_painter.easel.watchdog import StopFile
 from frida_painter.session.events import Failed, StrokePainted
-from frida_painter.web.folder import Feed, PaintingFolder
+from frida_painter.web.studio_folder import Feed, PaintingFolder
 from measure import Table, arguments, publish
 
 WATCHING, DEAF = 20, 5
@@ -162,15 +162,15 @@ def finish(studio: Studio, identifier: str) -> dict[str, Any]:
     return state
 
 
-def planned(studio: Studio, wish: dict[str, Any], identifier: str) -> float:
+def planned(studio: Studio, painting_request: dict[str, Any], identifier: str) -> float:
     """Seconds that one plan takes."""
-    studio.ask(f"/api/paintings/{identifier}/plans", wish)
+    studio.ask(f"/api/paintings/{identifier}/plans", painting_request)
     return finish(studio, identifier)["plans"][-1]["made"]["seconds"]
 
 
-def intervals(studio: Studio, wish: dict[str, Any], crowd: bool) -> np.ndarray:
+def intervals(studio: Studio, painting_request: dict[str, Any], crowd: bool) -> np.ndarray:
     """Seconds of every stroke of a painting, from the robot being told of it to its being done, from the journal."""
-    identifier = studio.ask("/api/paintings", wish)["id"]
+    identifier = studio.ask("/api/paintings", painting_request)["id"]
     finish(studio, identifier)
     with Crowd(studio, identifier) if crowd else contextlib.nullcontext():
         studio.ask(f"/api/paintings/{identifier}/start", {"plan": 1, "ready": True})
@@ -261,9 +261,14 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as place, studio(Path(place) / "paintings") as here:
         shown = first_page(here)
         identifier = here.ask("/api/pictures", raw=picture())["id"]
-        wish = {"title": "Disc", "terms": [{"kind": "image", "picture": identifier}], "strokes": 30, "colors": 2}
-        wish |= {"effort": 0.1, "replans": 0, "seed": 1}
-        painting = here.ask("/api/paintings", wish)["id"]
+        painting_request = {
+            "title": "Disc",
+            "terms": [{"kind": "image", "picture": identifier}],
+            "strokes": 30,
+            "colors": 2,
+        }
+        painting_request |= {"effort": 0.1, "replans": 0, "seed": 1}
+        painting = here.ask("/api/paintings", painting_request)["id"]
         finish(here, painting)
         folder = PaintingFolder(next(here.folder.glob(f"*-{painting[:6]}")))
         memory, worked, since = here.memory(), here.cpu(), time.monotonic()
@@ -272,7 +277,7 @@ def main() -> None:
             took, missed = stops(here, folder, trials)
             work = (here.cpu() - worked) / (time.monotonic() - since)
             grown = here.memory() - memory
-        compared, figures = comparison(here, wish, rounds) if rounds else ([], {})
+        compared, figures = comparison(here, painting_request, rounds) if rounds else ([], {})
     rows = [
         ("first page in a fresh browser", "-" if shown is None else f"{shown:.0f} ms", "< 1000 ms"),
         (f"time until {WATCHING} clients see a change: median, 99th percentile",
@@ -289,18 +294,20 @@ def main() -> None:
     publish([table], {**figures, "stops": took, "told": delays}, options)
 
 
-def comparison(here: Studio, wish: dict[str, Any], rounds: int) -> tuple[list[tuple[str, str, str]], dict[str, Any]]:
+def comparison(
+    here: Studio, painting_request: dict[str, Any], rounds: int
+) -> tuple[list[tuple[str, str, str]], dict[str, Any]]:
     """How much longer strokes and plans take while everybody watches, turn by turn."""
     alone, watched, strokes_alone, strokes_watched = [], [], [], []
-    longer = {**wish, "strokes": 100, "effort": 0.3}
-    painting = here.ask("/api/paintings", wish)["id"]
+    longer = {**painting_request, "strokes": 100, "effort": 0.3}
+    painting = here.ask("/api/paintings", painting_request)["id"]
     finish(here, painting)
     for _ in range(rounds):
         alone.append(planned(here, longer, painting))
         with Crowd(here, painting):
             watched.append(planned(here, longer, painting))
-        strokes_alone.append(intervals(here, wish, crowd=False))
-        strokes_watched.append(intervals(here, wish, crowd=True))
+        strokes_alone.append(intervals(here, painting_request, crowd=False))
+        strokes_watched.append(intervals(here, painting_request, crowd=True))
     base, under = np.concatenate(strokes_alone), np.concatenate(strokes_watched)
     p99 = percentile(under, 99) / percentile(base, 99) - 1
     slower = statistics.median(watched) / statistics.median(alone) - 1

@@ -19,9 +19,9 @@ from frida_painter import images, weights
 from frida_painter.devices import prepare_process
 from frida_painter.lab.text import JUDGE, QUICK, Prompt, Unjudged, log_probabilities, rank_of
 from frida_painter.objectives.encoders.classifiers import EfficientNetLite, class_names
-from frida_painter.objectives.encoders.registry import EncoderRegistry
+from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.objective import Goal
-from frida_painter.runs.settle import open_planner, settled_ground
+from frida_painter.runs.settle import open_planner, settle_ground
 from frida_painter.runs.spec import RunSpec
 from frida_painter.words.text import TextTerm
 from measure import Table, arguments, publish
@@ -58,9 +58,9 @@ def measure(
     The first one that is planned loads the networks too.
     """
     start = time.process_time()
-    spec = spec.changed(goal=[{"text": prompt.words}], seed=seed)
+    spec = spec.with_values(goal=[{"text": prompt.words}], seed=seed)
     planner = open_planner(spec, Goal((TextTerm(prompt.words),)), encoders)
-    planner, _, _ = settled_ground(spec, planner)
+    planner, _, _ = settle_ground(spec, planner)
     shown = planner.expected(planner.plan(None, spec.strokes, spec.colors))
     seconds = time.process_time() - start
     begun = planner.goal.initial_terms[0].guide

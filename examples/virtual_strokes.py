@@ -16,7 +16,7 @@ from frida_painter.hardware.motion import Motion
 from frida_painter.palette import Palette
 from frida_painter.strokes import Strokes
 from frida_painter.virtual.studio import open_studio
-from frida_painter.virtual.table import PlacementError
+from frida_painter.virtual.tabletop import PlacementError
 
 SHEET = CanvasSize(0.50, 0.30)
 BLACK, BLUE, YELLOW, WHITE, RED, GREEN = range(6)

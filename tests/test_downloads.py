@@ -65,7 +65,7 @@ def test_a_test_asks_for_what_is_fetched_and_is_skipped_without_it(probed: pytes
         downloads.fetched("hed")
     with pytest.raises(AssertionError, match="does not fetch 'vgg16'"):
         downloads.fetched("vgg16")
-    small = {entry.name: entry.size for entry in weights.known() if entry.name in downloads.DOWNLOADS}
+    small = {entry.name: entry.size for entry in weights.all_weights() if entry.name in downloads.DOWNLOADS}
     assert small.keys() == downloads.DOWNLOADS.keys() and sum(small.values()) < 220_000_000
 
 

@@ -1,7 +1,7 @@
 import pytest
 import torch
 
-from frida_painter.objectives.sketch_loss import broadened, cleaned, colored, ink
+from frida_painter.objectives.sketch_loss import broaden_lines, clean_drawing, color_drawing, ink
 
 
 def sheet(rows: int = 120, columns: int = 160) -> torch.Tensor:
@@ -15,7 +15,7 @@ def sheet(rows: int = 120, columns: int = 160) -> torch.Tensor:
 
 @pytest.mark.slow
 def test_a_clean_drawing_stays_as_it_is() -> None:
-    torch.testing.assert_close(cleaned(sheet()), sheet())
+    torch.testing.assert_close(clean_drawing(sheet()), sheet())
 
 
 def test_uneven_light_and_the_colour_of_paper_vanish() -> None:
@@ -23,40 +23,40 @@ def test_uneven_light_and_the_colour_of_paper_vanish() -> None:
     light = (0.95 - 0.45 * x * y) * torch.tensor([1.0, 0.95, 0.85])[:, None, None]
     noise = 0.02 * torch.randn(3, 120, 160, generator=torch.Generator().manual_seed(0))
     photographed = ((0.15 + 0.8 * sheet()) * light + noise).clamp(0, 1)
-    found = cleaned(photographed)
+    found = clean_drawing(photographed)
     assert float((ink(found) != ink(sheet())).float().mean()) < 1e-3
     assert float(found[:, ~ink(sheet())].mean()) > 0.99
 
 
 def test_chalk_on_a_board_is_a_drawing_too() -> None:
-    assert torch.equal(ink(cleaned(0.9 - 0.8 * sheet())), ink(sheet()))
+    assert torch.equal(ink(clean_drawing(0.9 - 0.8 * sheet())), ink(sheet()))
 
 
 def test_colored_lines_keep_their_colour() -> None:
     red = 1 - (1 - sheet()) * torch.tensor([0.1, 0.9, 0.9])[:, None, None]
-    line = cleaned(red)[:, ink(sheet())]
+    line = clean_drawing(red)[:, ink(sheet())]
     assert bool((line[0] > 0.8).all()) and bool((line[1:] < 0.1).all())
 
 
 @pytest.mark.parametrize("value", [0.0, 0.4, 1.0])
 def test_bare_paper_and_a_bare_board_have_no_ink(value: float) -> None:
-    assert not bool(ink(cleaned(torch.full((3, 40, 50), value))).any())
+    assert not bool(ink(clean_drawing(torch.full((3, 40, 50), value))).any())
 
 
 def test_fine_lines_become_as_broad_as_asked_and_broad_ones_stay() -> None:
-    broad = broadened(sheet(), 0.1)
+    broad = broaden_lines(sheet(), 0.1)
     line = ink(broad)[60, 115:150]
     assert 9 <= int(line.sum()) <= 14, "a tenth of 120 rows"
     assert float(line.float() @ torch.arange(115.0, 150.0) / line.sum()) == pytest.approx(130.5, abs=0.6)
-    assert torch.equal(broadened(broad, 0.05), broad)
-    assert torch.equal(broadened(torch.ones(3, 30, 40), 0.1), torch.ones(3, 30, 40))
+    assert torch.equal(broaden_lines(broad, 0.05), broad)
+    assert torch.equal(broaden_lines(torch.ones(3, 30, 40), 0.1), torch.ones(3, 30, 40))
 
 
 @pytest.mark.slow
 def test_what_lines_enclose_is_filled_with_the_style_s_colors() -> None:
     bands = torch.tensor([[0.9, 0.9, 0.8], [0.9, 0.2, 0.1], [0.1, 0.1, 0.1]]).repeat_interleave(20, 0)
     style = bands.T[:, :, None].expand(-1, -1, 60)
-    filled = colored(broadened(sheet(), 0.05), style)
+    filled = color_drawing(broaden_lines(sheet(), 0.05), style)
     torch.testing.assert_close(filled[:, 5, 5], torch.tensor([0.9, 0.9, 0.8]), atol=0.05, rtol=0)
     torch.testing.assert_close(filled[:, 60, 131], torch.tensor([0.1, 0.1, 0.1]), atol=0.05, rtol=0)
     inside = filled[:, 60, 70]

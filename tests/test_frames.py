@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError
-from frida_painter.frames import MapFrame, PixelGrid, Rows, pixel_to_map, pixel_to_map_plainly, whole_turns_removed
+from frida_painter.frames import MapFrame, PixelGrid, Rows, pixel_to_map, pixel_to_map_plainly, wrap_angles
 from frida_painter.render.reference import composite
 
 SIDES = st.floats(0.03, 3)
@@ -98,7 +98,7 @@ def test_any_text_is_a_size_or_refused(text: str) -> None:
 @pytest.mark.parametrize(("rows", "columns"), [(10, 400), (400, 10), (30, 1000), (1000, 13), (16, 1600), (3000, 16)])
 def test_a_picture_too_long_for_the_canvas_is_told_so_with_a_canvas_that_would_do(rows: int, columns: int) -> None:
     with pytest.raises(ConfigError) as refused:
-        CanvasSize.parse("14x11in").turned_like(rows, columns).shaped_like(rows, columns)
+        CanvasSize.parse("14x11in").orient_like(rows, columns).crop_like(rows, columns)
     told = str(refused.value)
     share = max(rows, columns) / min(rows, columns)
     assert told.startswith(
@@ -108,7 +108,7 @@ def test_a_picture_too_long_for_the_canvas_is_told_so_with_a_canvas_that_would_d
     advised = re.search(r"--canvas (\S+mm)", told)
     assert (advised is not None) == (share < 98)
     if advised is not None:
-        found = CanvasSize.parse(advised[1]).shaped_like(rows, columns)
+        found = CanvasSize.parse(advised[1]).crop_like(rows, columns)
         assert found.width / found.height == pytest.approx(columns / rows)
 
 
@@ -126,8 +126,8 @@ def test_sizes_that_are_not_numbers() -> None:
 
 def test_a_canvas_is_turned_like_its_picture() -> None:
     wide, tall = CanvasSize(0.4, 0.3), CanvasSize(0.3, 0.4)
-    assert wide.turned_like(100, 200) == wide == tall.turned_like(100, 200)
-    assert wide.turned_like(200, 100) == tall == tall.turned_like(200, 100)
+    assert wide.orient_like(100, 200) == wide == tall.orient_like(100, 200)
+    assert wide.orient_like(200, 100) == tall == tall.orient_like(200, 100)
 
 
 @given(GRIDS, SHARES)
@@ -223,7 +223,7 @@ def test_some_rows_of_a_grid_lie_where_they_lie_among_all(
 
 def test_a_resized_map_lies_where_it_lay() -> None:
     frame = MapFrame(-0.01, 0.07, -0.02, 0.03, 24, 64)
-    large = frame.resized(48, 128)
+    large = frame.resize(48, 128)
     assert large.pitch == pytest.approx((frame.pitch[0] / 2, frame.pitch[1] / 2))
     quads = large.cell_centers(dtype=torch.float64).reshape(24, 2, 64, 2, 2).mean((1, 3))
     assert torch.allclose(quads, frame.cell_centers(dtype=torch.float64), atol=1e-12)
@@ -231,7 +231,7 @@ def test_a_resized_map_lies_where_it_lay() -> None:
 
 @given(st.floats(-1e3, 1e3))
 def test_whole_turns_are_removed(angle: float) -> None:
-    turned = whole_turns_removed(torch.tensor(angle, dtype=torch.float64))
+    turned = wrap_angles(torch.tensor(angle, dtype=torch.float64))
     assert -math.pi <= turned < math.pi
     assert math.cos(turned) == pytest.approx(math.cos(angle), abs=1e-9)
     assert math.sin(turned) == pytest.approx(math.sin(angle), abs=1e-9)

@@ -10,7 +10,7 @@ from frida_painter.objectives.semantic import SemanticTerm
 from frida_painter.objectives.sketch import SketchTerm
 from frida_painter.objectives.style import StyleTerm
 from frida_painter.words.text import TextTerm
-from scenes import picture
+from support.planning import picture
 
 
 @pytest.mark.parametrize("kind", [ImageTerm, SemanticTerm, SketchTerm, StyleTerm])

@@ -351,7 +351,7 @@ def test_averaged_pixels_are_the_means_of_their_areas(
     top, left = (rows * (taller - times)) // 2, (columns * (wider - times)) // 2
     middle = image[:, top : top + rows * times, left : left + columns * times]
     areas = middle.reshape(3, rows, times, columns, times).mean((2, 4))
-    assert (images.averaged(image, rows, columns) - areas).abs().max() < 1e-5
+    assert (images.resize_by_area(image, rows, columns) - areas).abs().max() < 1e-5
 
 
 @settings(max_examples=40, deadline=None)
@@ -360,11 +360,11 @@ def test_averaged_has_the_shape_and_the_range_of_fit(
     height: int, width: int, rows: int, columns: int, seed: int
 ) -> None:
     image = torch.rand(3, height, width, generator=torch.Generator().manual_seed(seed))
-    found = images.averaged(image, rows, columns)
+    found = images.resize_by_area(image, rows, columns)
     assert found.shape == (3, rows, columns)
     assert found.min() >= image.min() - 1e-5 and found.max() <= image.max() + 1e-5
 
 
 def test_averaging_keeps_detail_that_fit_softens() -> None:
     image = torch.rand(3, 300, 300, generator=torch.Generator().manual_seed(1))
-    assert images.averaged(image, 100, 100).std() > 1.2 * images.fit(image, 100, 100).std()
+    assert images.resize_by_area(image, 100, 100).std() > 1.2 * images.fit(image, 100, 100).std()

@@ -17,7 +17,7 @@ from frida_painter.event_log import FEED, JOURNAL, EventLog, LogPolicy, LogReade
 from frida_painter.virtual import simulation_log
 from frida_painter.virtual.simulation_log import SimulationLog
 from frida_painter.web import commands
-from frida_painter.web.folder import PaintingFolder
+from frida_painter.web.studio_folder import PaintingFolder
 
 Record = dict[str, Any]
 BEGUN = {"kind": "painting_begun"}

@@ -35,7 +35,7 @@ def test_lab_outside_srgb_comes_to_its_nearest_side() -> None:
 @given(st.integers(1, 64), st.integers(0, 2**31))
 def test_a_palette_goes_from_light_to_dark(count: int, seed: int) -> None:
     colors = random_colors(count, seed)
-    palette = Palette.ordered(colors)
+    palette = Palette.sort_light_to_dark(colors)
     lightness = palette.lab()[:, 0]
     assert bool((lightness[:-1] >= lightness[1:]).all())
     assert sorted(map(tuple, palette.color.tolist())) == sorted(map(tuple, colors.tolist()))
@@ -43,7 +43,7 @@ def test_a_palette_goes_from_light_to_dark(count: int, seed: int) -> None:
 
 @given(st.integers(1, 12), st.integers(0, 2**31))
 def test_the_nearest_paint_of_a_paint_is_itself(count: int, seed: int) -> None:
-    palette = Palette.ordered(random_colors(count, seed))
+    palette = Palette.sort_light_to_dark(random_colors(count, seed))
     assert torch.equal(palette.nearest(palette.color), torch.arange(count))
 
 

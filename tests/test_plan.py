@@ -11,7 +11,7 @@ from frida_painter.errors import PlanError
 from frida_painter.palette import Palette
 from frida_painter.plan import Layer, Plan
 from frida_painter.strokes import GROUPS, Strokes
-from plans import CANVAS, LIMITS, in_layers, made_up_plan
+from support.plans import CANVAS, LIMITS, in_layers, made_up_plan
 
 
 def edited(path: Path, **changes: object) -> None:
@@ -194,7 +194,7 @@ def test_layers_that_are_not_those_of_the_strokes_are_refused() -> None:
             in_layers(plan, *layers)
     layered = in_layers(plan, 20, 20)
     with pytest.raises(PlanError, match="mixes the layers"):
-        layered.reordered(torch.arange(40).flip(0))
+        layered.reorder(torch.arange(40).flip(0))
     with pytest.raises(PlanError, match="2 layers was to be followed by one of 1"):
         layered.followed_by(plan)
 
@@ -284,9 +284,9 @@ def test_what_is_not_there_is_said(tmp_path: Path) -> None:
 def test_strokes_take_another_order_with_their_paints() -> None:
     plan = made_up_plan(6, 3)
     order = torch.tensor([5, 0, 1, 4, 3, 2])
-    other = plan.reordered(order)
+    other = plan.reorder(order)
     assert torch.equal(other.strokes.position, plan.strokes.position[order])
     assert torch.equal(other.paint, plan.paint[order])
     for wrong in ([0, 1, 2, 3, 4], [0, 1, 2, 3, 4, 4], [0, 1, 2, 3, 4, 6]):
         with pytest.raises(PlanError, match="names each of 6 strokes once"):
-            plan.reordered(torch.tensor(wrong))
+            plan.reorder(torch.tensor(wrong))

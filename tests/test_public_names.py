@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 
 import frida_painter
-from plans import made_up_plan
-from scenes import picture
+from support.planning import picture
+from support.plans import made_up_plan
 
-MOST_NAMES = 22
+MAX_NAMES = 22
 FOLDER = Path(frida_painter.__file__).parent
 
 
@@ -32,7 +32,7 @@ def modules_after(program: str) -> set[str]:
 
 @pytest.mark.slow
 def test_the_names_are_few_and_each_is_explained() -> None:
-    assert 1 <= len(frida_painter.__all__) <= MOST_NAMES
+    assert 1 <= len(frida_painter.__all__) <= MAX_NAMES
     assert frida_painter.__all__ == sorted(frida_painter.__all__)
     for name in frida_painter.__all__:
         assert (getattr(frida_painter, name).__doc__ or "").strip(), name
@@ -90,4 +90,4 @@ def test_the_planner_loads_no_network_and_no_rare_format() -> None:
     assert "torch" in loaded and "frida_painter.planning.planner" in loaded
     assert not loaded & {"h5py", "resvg_py", "transformers", "sklearn", "scipy", "cv2", "numba", "typer", "fastapi"}
     encoders = {name for name in loaded if name.startswith("frida_painter.objectives.encoders.")}
-    assert encoders == {"frida_painter.objectives.encoders.base", "frida_painter.objectives.encoders.registry"}
+    assert encoders == {"frida_painter.objectives.encoders.base", "frida_painter.objectives.encoders.loading"}

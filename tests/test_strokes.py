@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import PlanError
 from frida_painter.strokes import GROUPS, StrokeLimits, Strokes
-from plans import CANVAS, LIMITS, made_up_strokes
+from support.plans import CANVAS, LIMITS, made_up_strokes
 
 SEEDS = st.integers(0, 2**31)
 

@@ -7,13 +7,13 @@ import torch
 from tokenizers import Tokenizer, models, pre_tokenizers, processors
 from transformers import CLIPConfig, CLIPModel
 
-SIDE, PATCH, MOST_TOKENS = 32, 8, 12
+SIDE, PATCH, MAX_TOKENS = 32, 8, 12
 
 
 def write_clip(folder: Path) -> Path:
     """A folder with config.json, model.safetensors and a tokenizer of letters."""
     text = {"hidden_size": 16, "intermediate_size": 32, "num_hidden_layers": 2, "num_attention_heads": 2,
-            "vocab_size": 64, "max_position_embeddings": MOST_TOKENS, "eos_token_id": 1, "bos_token_id": 0}  # fmt: skip
+            "vocab_size": 64, "max_position_embeddings": MAX_TOKENS, "eos_token_id": 1, "bos_token_id": 0}  # fmt: skip
     vision = {"hidden_size": 16, "intermediate_size": 32, "num_hidden_layers": 2, "num_attention_heads": 2,
               "image_size": SIDE, "patch_size": PATCH}  # fmt: skip
     with torch.random.fork_rng():

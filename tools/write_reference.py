@@ -112,7 +112,7 @@ def networks() -> str:
     """Every network and picture library of the catalogue."""
     rows = [
         f"| `{entry.name}` | {_escape(entry.purpose)} | {megabytes(entry.size)} | {entry.licence} |"
-        for entry in weights.known()
+        for entry in weights.all_weights()
     ]
     head = "| name | what for | download | licence |\n|---|---|---:|---|"
     return "\n\n".join(

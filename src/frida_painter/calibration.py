@@ -142,7 +142,7 @@ class Calibration:
                 f"Canvas corners {self.corners} do not go round the canvas clockwise from the top left; "
                 "repeat the canvas calibration."
             )
-        if self.lens is not None and not np.isfinite(self.lens.straightened(corners)).all():
+        if self.lens is not None and not np.isfinite(self.lens.undistort(corners)).all():
             raise CalibrationError(
                 f"Through the lens {self.lens.coefficients} no canvas is seen at {self.corners}; "
                 "repeat the canvas calibration."
@@ -216,7 +216,7 @@ class Calibration:
         mine = {name: done for name, done in self.done.items() if name in OF_A_BRUSH}
         return BrushRecord(self.touch_height, self.press_height, self.protrusion, self.library, self.weights, done=mine)
 
-    def begun_anew(self, default: Self) -> Self:
+    def start_anew(self, default: Self) -> Self:
         """Returns the easel's default record for a complete new calibration.
 
         Calibrations of other brushes stay. The records of finished procedures stay too, so that new ones count
@@ -249,21 +249,21 @@ class Calibration:
         found = replace(
             self, corners=corners, photograph=photograph, camera=camera, canvas=canvas, lens=lens, bare=bare
         )
-        return found._having_done("canvas", residual)
+        return found._with_done("canvas", residual)
 
     def with_robot(self, placement: Matrix, *, residual: float) -> Self:
         """Returns the record after the robot procedure.
 
         residual: distance between intended and painted dots, in metres
         """
-        return replace(self, placement=placement)._having_done("robot", residual)
+        return replace(self, placement=placement)._with_done("robot", residual)
 
     def with_color(self, color: Matrix, *, residual: float) -> Self:
         """Returns the record after the color procedure.
 
         residual: mean CIEDE2000 over held-out patches
         """
-        return replace(self, color=color)._having_done("color", residual)
+        return replace(self, color=color)._with_done("color", residual)
 
     def with_brush(
         self, brush: str, touch_height: float, press_height: float, *, protrusion: float | None, residual: float
@@ -276,16 +276,16 @@ class Calibration:
         if brush != self.brush and "brush" in self.done:
             known = self._holding(brush, self.others.get(brush, BrushRecord(touch_height, press_height)))
         found = replace(known, brush=brush, touch_height=touch_height, press_height=press_height, protrusion=protrusion)
-        return found._having_done("brush", residual)
+        return found._with_done("brush", residual)
 
     def with_strokes(self, library: LearnedFile, weights: LearnedFile | None = None, *, residual: float) -> Self:
         """Returns the record after the strokes procedure.
 
         residual: mean absolute error of the magnitude map
         """
-        return replace(self, library=library, weights=weights)._having_done("strokes", residual)
+        return replace(self, library=library, weights=weights)._with_done("strokes", residual)
 
-    def _having_done(self, procedure: str, residual: float) -> Self:
+    def _with_done(self, procedure: str, residual: float) -> Self:
         every = [*self.done.values(), *(done for other in self.others.values() for done in other.done.values())]
         turn = 1 + max((done.turn for done in every), default=0)
         done = Done(datetime.now(UTC).isoformat(timespec="seconds"), turn, float(residual))

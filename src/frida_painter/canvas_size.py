@@ -82,13 +82,13 @@ class CanvasSize:
         """Returns the size itself, or the size that a text like "14x11in" names. Raises ConfigError."""
         return cls.parse(size) if isinstance(size, str) else size
 
-    def turned_like(self, rows: int, columns: int) -> "CanvasSize":
+    def orient_like(self, rows: int, columns: int) -> "CanvasSize":
         """Returns the canvas in portrait or landscape format, to match a picture of `rows` x `columns`."""
         if (columns > rows) != (self.width > self.height):
             return CanvasSize(self.height, self.width)
         return self
 
-    def shaped_like(self, rows: int, columns: int) -> "CanvasSize":
+    def crop_like(self, rows: int, columns: int) -> "CanvasSize":
         """Returns the largest canvas within this one that has the proportions of `rows` x `columns`.
 
         Raises ConfigError if its shorter side is too short for a canvas.

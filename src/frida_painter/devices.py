@@ -11,7 +11,7 @@ from torch import Tensor
 _COMPUTES_BFLOAT16 = (8, 0)  # compute capability, of Ampere and later
 
 
-def sent(tensor: Tensor, device: torch.device) -> Tensor:
+def send_to_device(tensor: Tensor, device: torch.device) -> Tensor:
     """Returns a CPU tensor on another device. A transfer to a GPU may still run when this returns."""
     if device.type == "cuda" and tensor.device.type == "cpu":
         tensor = tensor.pin_memory()

@@ -29,7 +29,7 @@ _LENGTH = re.compile(rb"[0-9a-f]{16} (\d{1,9}) ")
 _RESERVE = 2**20
 _TALLY = re.compile(rb"((\d{10}) (\d{12}) ([0-9a-f]{16})) ([0-9a-f]{16})\n")
 _TALLY_BYTES = 58
-MOST_BYTES = 2**30
+MAX_BYTES = 2**30
 
 
 @dataclass(frozen=True)
@@ -69,11 +69,11 @@ class EventLog:
             if policy.forgiving:
                 _convert_bare_lines(path)
             if path.exists():
-                with storage.opened(path, policy.what, MOST_BYTES):  # refuses files that block, such as pipes
+                with storage.open_checked(path, policy.what, MAX_BYTES):  # refuses files that block, such as pipes
                     pass
             self._descriptor = os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC | make, 0o644)
-            with self._locked():
-                content = storage.read_bytes(path, policy.what, MOST_BYTES)
+            with self._lock():
+                content = storage.read_bytes(path, policy.what, MAX_BYTES)
                 read = _forgiving(content) if policy.forgiving else _strict(content, path, policy.what)
                 self.found, self._last, self._length = read.records, read.last, read.length
                 self._count = len(read.records)
@@ -111,7 +111,7 @@ class EventLog:
     @classmethod
     def read(cls, path: Path, policy: LogPolicy = JOURNAL) -> list[dict[str, Any]]:
         """Returns the intact records of a file without changing it; others may write it. Raises StorageError."""
-        content = storage.read_bytes(path, policy.what, MOST_BYTES)
+        content = storage.read_bytes(path, policy.what, MAX_BYTES)
         return (_forgiving(content) if policy.forgiving else _strict(content, path, policy.what)).records
 
     def append(self, record: Mapping[str, Any], *, flush: bool = False) -> None:
@@ -122,7 +122,7 @@ class EventLog:
         Raises StorageError if the write fails; the file then keeps its old content.
         """
         try:
-            with self._locked():
+            with self._lock():
                 self._catch_up()
                 line = _line(self._last, record)
                 self._write(line)
@@ -175,7 +175,7 @@ class EventLog:
         return self.path.with_name(f".{self.path.name}-reserve")
 
     @contextlib.contextmanager
-    def _locked(self) -> Iterator[None]:
+    def _lock(self) -> Iterator[None]:
         """Locks out other writers: in the block, or while the log is open if it is owned."""
         if self.policy.owned:
             try:
@@ -262,7 +262,7 @@ def missing(path: Path, what: str) -> int:
 
     Returns 0 if there is no tally. Raises StorageError if the log cannot be read.
     """
-    content = storage.read_bytes(path, what, MOST_BYTES) if path.exists() else b""
+    content = storage.read_bytes(path, what, MAX_BYTES) if path.exists() else b""
     return _missing(path, content, content.count(b"\n"))
 
 
@@ -310,7 +310,7 @@ class LogReader:
     def read(self) -> list[dict[str, Any]]:
         """Returns new records in order. Waits for incomplete lines and skips damaged ones."""
         try:
-            with storage.opened(self._path, FEED.what, MOST_BYTES) as file:
+            with storage.open_checked(self._path, FEED.what, MAX_BYTES) as file:
                 stat, again = os.fstat(file.fileno()), 0
                 if (stat.st_dev, stat.st_ino) != self._file:
                     self._file, again = (stat.st_dev, stat.st_ino), self._read
@@ -411,7 +411,7 @@ def _convert_bare_lines(path: Path) -> None:
     """Converts a file of bare JSON lines of earlier versions to a log. Raises StorageError or OSError."""
     if not path.exists():
         return
-    with storage.opened(path, FEED.what, MOST_BYTES) as file:
+    with storage.open_checked(path, FEED.what, MAX_BYTES) as file:
         fcntl.flock(file, fcntl.LOCK_EX)
         content = file.read()
         bare = content[:1] not in b"0123456789abcdef"

@@ -49,7 +49,7 @@ class Lens:
                 "repeat the canvas calibration."
             )
 
-    def straightened(self, pixels: NDArray[np.float64]) -> NDArray[np.float64]:
+    def undistort(self, pixels: NDArray[np.float64]) -> NDArray[np.float64]:
         """Returns undistorted positions of distorted `pixels` [n, 2], (column, row).
 
         NaN if the lens shows nothing at that position.
@@ -58,12 +58,12 @@ class Lens:
         straight = np.array(pixels, np.float64)
         with np.errstate(all="ignore"):
             for _ in range(_ROUNDS):
-                straight += pixels - self.bent(straight)
-            unseen = ~(np.abs(self.bent(straight) - pixels).max(-1) < _EXACT)
+                straight += pixels - self.distort(straight)
+            unseen = ~(np.abs(self.distort(straight) - pixels).max(-1) < _EXACT)
         straight[unseen] = np.nan
         return straight
 
-    def bent(self, pixels: NDArray[np.float64]) -> NDArray[np.float64]:
+    def distort(self, pixels: NDArray[np.float64]) -> NDArray[np.float64]:
         """Returns distorted positions [n, 2] of undistorted `pixels` [n, 2]."""
         x, y = ((pixels - self.middle) / self.focal).T
         k1, k2, p1, p2, k3 = self.coefficients
@@ -149,7 +149,7 @@ class MapFrame:
         y = self.top - (torch.arange(self.rows, dtype=dtype, device=device) + 0.5) * down
         return torch.stack(torch.meshgrid(x, y, indexing="xy"), -1)
 
-    def resized(self, rows: int, columns: int) -> "MapFrame":
+    def resize(self, rows: int, columns: int) -> "MapFrame":
         """Returns the same rectangle with another number of cells."""
         return MapFrame(self.left, self.right, self.bottom, self.top, rows, columns)
 
@@ -218,6 +218,6 @@ class _PixelToMap(torch.autograd.Function):
         return *found, None, None, None
 
 
-def whole_turns_removed(angle: Tensor) -> Tensor:
+def wrap_angles(angle: Tensor) -> Tensor:
     """Returns the same directions in radians in [-pi, pi)."""
     return torch.remainder(angle + math.pi, 2 * math.pi) - math.pi

@@ -17,7 +17,7 @@ _JPEG_QUALITY = 92
 
 
 def load(
-    path: str | Path, *, most_pixels: int = picture_file.MOST_PIXELS, longest: int = picture_file.LONGEST
+    path: str | Path, *, most_pixels: int = picture_file.MAX_PIXELS, longest: int = picture_file.LONGEST
 ) -> Tensor:
     """Reads a picture file as sRGB [3, H, W] float32 in [0, 1]; picture_file.py decodes it. Raises ImageError."""
     pixels = picture_file.decode(Path(path), most_pixels=most_pixels, longest=longest)
@@ -46,7 +46,7 @@ def load_exactly(path: Path) -> NDArray[np.uint8]:
     """Returns the bytes [H, W, 3] that `save_exactly` wrote. Raises ImageError if the file is missing or damaged."""
     try:
         with (
-            storage.opened(path, "a picture", storage.MAX_BYTES, ImageError) as content,
+            storage.open_checked(path, "a picture", storage.MAX_BYTES, ImageError) as content,
             Image.open(content, formats=("PNG",)) as file,
         ):
             picture_file.require_size(path, *file.size)
@@ -82,7 +82,7 @@ def fit(image: Tensor, rows: int, columns: int) -> Tensor:
     return resampled[0].clamp(0, 1)
 
 
-def averaged(image: Tensor, rows: int, columns: int) -> Tensor:
+def resize_by_area(image: Tensor, rows: int, columns: int) -> Tensor:
     """Returns the picture [3, H, W] cropped like `fit`, but each new pixel is the mean of its area.
 
     This keeps detail that `fit` softens; use it to compare pictures of different sizes. A larger size is
@@ -108,7 +108,7 @@ def _middle(image: Tensor, rows: int, columns: int) -> Tensor:
     return image[:, top : top + kept_rows, left : left + kept_columns]
 
 
-def blurred(picture: Tensor, spread: float) -> Tensor:
+def gaussian_blur(picture: Tensor, spread: float) -> Tensor:
     """Blurs a picture [c, h, w] with a Gaussian of standard deviation `spread` > 0 pixels; edge pixels are repeated."""
     reach = max(1, round(2.5 * spread))
     steps = torch.arange(-reach, reach + 1).to(picture)
@@ -130,7 +130,7 @@ def pad(image: Tensor, rows: int, columns: int) -> Tensor:
     return padded
 
 
-def sized(image: Tensor, pixels: int) -> Tensor:
+def resize_to_pixels(image: Tensor, pixels: int) -> Tensor:
     """Resizes a picture [3, H, W] to about `pixels` pixels, no side below 16; keeps proportions. Differentiable."""
     _, rows, columns = image.shape
     scale = (pixels / (rows * columns)) ** 0.5

@@ -14,7 +14,7 @@ from frida_painter import storage
 from frida_painter.errors import ConfigError
 from frida_painter.palette_file import read_colors
 
-MOST_COLORS = 64
+MAX_COLORS = 64
 
 
 def to_lab(color: Tensor) -> Tensor:
@@ -86,9 +86,9 @@ class Palette:
     color: Tensor
 
     def __post_init__(self) -> None:
-        if self.color.dim() != 2 or self.color.shape[1] != 3 or not 1 <= len(self.color) <= MOST_COLORS:
+        if self.color.dim() != 2 or self.color.shape[1] != 3 or not 1 <= len(self.color) <= MAX_COLORS:
             raise ConfigError(
-                f"A palette of shape {tuple(self.color.shape)} was given; it has 1 to {MOST_COLORS} colours of 3 parts."
+                f"A palette of shape {tuple(self.color.shape)} was given; it has 1 to {MAX_COLORS} colours of 3 parts."
             )
         if not bool(((self.color >= 0) & (self.color <= 1)).all()):
             raise ConfigError("A palette has a colour outside [0, 1]; give sRGB values between 0 and 1.")
@@ -97,7 +97,7 @@ class Palette:
         return len(self.color)
 
     @classmethod
-    def ordered(cls, color: Tensor) -> "Palette":
+    def sort_light_to_dark(cls, color: Tensor) -> "Palette":
         """Returns the palette of these colours, ordered from light to dark."""
         return cls(color[torch.argsort(to_lab(color)[:, 0], descending=True, stable=True)])
 
@@ -118,7 +118,7 @@ class Palette:
         seen = kmeans(n_clusters=clusters, n_init=4, random_state=seed).fit(lab, sample_weight=weights)
         start = from_lab(torch.from_numpy(seen.cluster_centers_)).double().numpy()
         settled = kmeans(n_clusters=clusters, init=start, n_init=1).fit(points, sample_weight=weights)
-        found = cls.ordered(torch.from_numpy(settled.cluster_centers_).to(color).clamp(0, 1))
+        found = cls.sort_light_to_dark(torch.from_numpy(settled.cluster_centers_).to(color).clamp(0, 1))
         missing = count - len(found)
         return cls(torch.cat([found.color[:1].expand(missing, 3), found.color])) if missing else found
 
@@ -126,8 +126,8 @@ class Palette:
     def load(cls, path: str | Path) -> "Palette":
         """Reads a palette of any format that palette_file.py reads, in its order. Raises ConfigError."""
         colors = read_colors(Path(path))
-        if not 1 <= len(colors) <= MOST_COLORS:
-            raise ConfigError(f"{path} has {len(colors)} paints; a palette has 1 to {MOST_COLORS}.")
+        if not 1 <= len(colors) <= MAX_COLORS:
+            raise ConfigError(f"{path} has {len(colors)} paints; a palette has 1 to {MAX_COLORS}.")
         return cls(torch.tensor(colors))
 
     def save(self, path: str | Path) -> None:

@@ -56,7 +56,7 @@ def is_palette_file(path: Path) -> bool:
     """
     if path.suffix.lower() == ".json":
         return True
-    with storage.opened(path, _WHAT, storage.MAX_BYTES, ConfigError) as file:
+    with storage.open_checked(path, _WHAT, storage.MAX_BYTES, ConfigError) as file:
         start = file.read(4096)
     binary = start[:4] in (b"ASEF", b"PK\3\4") or (start[:4] == b"RIFF" and start[8:12] == b"PAL ")
     return binary or not start or _is_aco(start, path.stat().st_size) or _text(start, cut=True) is not None
@@ -68,7 +68,7 @@ def read_colors(path: Path) -> list[Color]:
     try:
         return list(_colors(content, is_json=path.suffix.lower() == ".json"))
     except _Fault as fault:
-        raise ConfigError(f"{storage.shown(path)} {fault}; {FORMS}.") from fault
+        raise ConfigError(f"{storage.abridge(path)} {fault}; {FORMS}.") from fault
     except (
         struct.error,
         IndexError,
@@ -80,7 +80,7 @@ def read_colors(path: Path) -> list[Color]:
         ValueError,  # zipfile, for offsets before the start
         zlib.error,
     ) as cut:
-        raise ConfigError(f"{storage.shown(path)} is damaged or cut off ({cut}); take an undamaged copy.") from cut
+        raise ConfigError(f"{storage.abridge(path)} is damaged or cut off ({cut}); take an undamaged copy.") from cut
 
 
 def _colors(content: bytes, *, is_json: bool) -> Iterable[Color]:
@@ -176,7 +176,7 @@ class _Numbers:
         return red / most, green / most, blue / most
 
 
-def _settled(found: list[Color | int], numbers: _Numbers, faults: list[str]) -> list[Color]:
+def _resolve(found: list[Color | int], numbers: _Numbers, faults: list[str]) -> list[Color]:
     """Returns the colours, with indices into `numbers` resolved. Raises _Fault that names all faults."""
     colors = []
     for one in found:
@@ -194,7 +194,7 @@ def _json(text: str) -> list[Color]:
         record = json.loads(text)
     except (ValueError, RecursionError) as cause:
         raise _Fault(f"is not JSON ({cause})") from cause
-    entries = _listed(record)
+    entries = _find_list(record)
     if entries is None:
         raise _Fault("is not a palette")
     found: list[Color | int] = []
@@ -212,10 +212,10 @@ def _json(text: str) -> list[Color]:
             faults.append(f"{where}: {error}")
         except _Fault as fault:
             faults.append(str(fault))
-    return _settled(found, numbers, faults)
+    return _resolve(found, numbers, faults)
 
 
-def _listed(record: Any) -> list[Any] | None:
+def _find_list(record: Any) -> list[Any] | None:
     """Returns the list of colours in a JSON value; None if there is none or more than one."""
     if isinstance(record, list):
         return record
@@ -225,7 +225,7 @@ def _listed(record: Any) -> list[Any] | None:
         return record["paints"] if set(record) == {"paints"} and isinstance(record["paints"], list) else None
     inner = [record[key] for key in _LISTS if isinstance(record.get(key), list | dict)]
     if len(inner) == 1:
-        return _listed(inner[0])
+        return _find_list(inner[0])
     named = list(record.values())
     return named if named and not inner and all(isinstance(value, str | list) for value in named) else None
 
@@ -269,7 +269,7 @@ def _jasc(lines: Sequence[str]) -> list[Color]:
         ]
     except ValueError as error:
         raise _Fault(f"is not a palette: {error}") from error
-    return _settled(found, numbers, [])
+    return _resolve(found, numbers, [])
 
 
 def _list(lines: Sequence[str]) -> list[Color]:
@@ -286,7 +286,7 @@ def _list(lines: Sequence[str]) -> list[Color]:
             continue
         where = f"line {number}"
         try:
-            written = _cells(line, head, columns) if columns else _written(said)
+            written = _cells(line, head, columns) if columns else _parse_line(said)
             if isinstance(written, list):
                 found.append(numbers.add(where, written))
             else:
@@ -296,7 +296,7 @@ def _list(lines: Sequence[str]) -> list[Color]:
         except (_Fault, ValueError) as fault:
             told = str(fault)
             faults.append(told if told.startswith("line") else f"{where}: {said[:30]!r} is not a colour.")
-    return _settled(found, numbers, faults)
+    return _resolve(found, numbers, faults)
 
 
 def _split(line: str, head: str) -> list[str]:
@@ -323,7 +323,7 @@ def _cells(line: str, head: str, columns: tuple[int, ...]) -> tuple[str, ...] | 
     return (cells[columns[0]],) if len(columns) == 1 else [float(cells[column]) for column in columns]
 
 
-def _written(line: str) -> tuple[str, ...] | list[float]:
+def _parse_line(line: str) -> tuple[str, ...] | list[float]:
     """Returns the colours of a line without columns: hexadecimal texts, or three numbers."""
     marked = re.findall(r"(?:#|\b0x)\w+", line.lower())
     if marked:

@@ -45,7 +45,7 @@ _SAME = 2  # of 255: a profile with a smaller difference from sRGB counts as sRG
 
 
 @dataclass(frozen=True)
-class Light:
+class LightSource:
     """Conversion of numbers in [0, 1] to light: the transfer curve and the primaries.
 
     exponent: exponent of the power law; None for the curve of sRGB
@@ -62,11 +62,11 @@ class Light:
         return same and (self.exponent is None or 2.1 <= self.exponent <= 2.3)
 
 
-SRGB_LIGHT = Light()
-ADOBE_LIGHT = Light(563 / 256, _ADOBE)
+SRGB_LIGHT = LightSource()
+ADOBE_LIGHT = LightSource(563 / 256, _ADOBE)
 
 
-def light_of_code_points(name: str, primaries: int, transfer: int) -> Light:
+def light_of_code_points(name: str, primaries: int, transfer: int) -> LightSource:
     """Returns the light for H.273 code points of a picture.
 
     name: start of messages ("photo.png")
@@ -82,7 +82,7 @@ def light_of_code_points(name: str, primaries: int, transfer: int) -> Light:
             f"{name} states colours of code points that are not known here (primaries {primaries}, transfer "
             f"{transfer}); save it as sRGB."
         )
-    return Light(exponents[transfer], _PRIMARIES.get(primaries, _SRGB))
+    return LightSource(exponents[transfer], _PRIMARIES.get(primaries, _SRGB))
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ class Meaning:
     space: Space
     most: float
     alpha: Alpha = "none"
-    light: Light = SRGB_LIGHT
+    light: LightSource = SRGB_LIGHT
     profile: bytes = b""
 
     @property
@@ -234,20 +234,20 @@ def are_primaries(primaries: tuple[tuple[float, float], ...]) -> bool:
     return abs(np.linalg.det(columns)) > 1e-3 and bool((np.linalg.solve(columns, _xyz(primaries[3])) > 0).all())
 
 
-def _by_light(colors: "pyvips.Image", most: float, light: Light) -> tuple["pyvips.Image", float]:
+def _by_light(colors: "pyvips.Image", most: float, light: LightSource) -> tuple["pyvips.Image", float]:
     """Converts colours of that light to sRGB in the same range of numbers."""
     import pyvips
 
     numbers = colors.numpy().reshape(colors.height, colors.width, -1)
     matrix = _rgb_to_xyz(_SRGB)
-    matrix = np.linalg.inv(matrix) @ _adapted(light.primaries[3], _D65) @ _rgb_to_xyz(light.primaries)
+    matrix = np.linalg.inv(matrix) @ _adapt_white(light.primaries[3], _D65) @ _rgb_to_xyz(light.primaries)
     seen = np.empty(numbers.shape, np.float32)
     for top in range(0, len(numbers), _ROWS):
         part = numbers[top : top + _ROWS] / np.float32(most)
         linear = _linear(part) if light.exponent is None else part**light.exponent
         if linear.shape[2] == 3:
             linear = linear @ matrix.T.astype(np.float32)
-        seen[top : top + _ROWS] = _encoded(linear.clip(0, 1))
+        seen[top : top + _ROWS] = _encode(linear.clip(0, 1))
     image = cast("pyvips.Image", pyvips.Image.new_from_array(seen)) * most
     return (image if most == 1 else image.rint()), most
 
@@ -256,7 +256,7 @@ def _linear(values: Floats) -> Floats:
     return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4).astype(np.float32)
 
 
-def _encoded(light: Floats) -> Floats:
+def _encode(light: Floats) -> Floats:
     return np.where(light <= 0.0031308, light * 12.92, 1.055 * light ** (1 / 2.4) - 0.055).astype(np.float32)
 
 
@@ -271,7 +271,7 @@ def _xyz(point: tuple[float, float]) -> NDArray[np.float64]:
     return np.array([x / y, 1.0, (1 - x - y) / y])
 
 
-def _adapted(source: tuple[float, float], target: tuple[float, float]) -> NDArray[np.float64]:
+def _adapt_white(source: tuple[float, float], target: tuple[float, float]) -> NDArray[np.float64]:
     """Returns the matrix that adapts the source white to the target white (Bradford)."""
     gains = (_BRADFORD @ _xyz(target)) / (_BRADFORD @ _xyz(source))
     return np.linalg.inv(_BRADFORD) @ np.diag(gains) @ _BRADFORD

@@ -31,7 +31,7 @@ from frida_painter.picture_colors import (
     Alpha,
     Bytes,
     Floats,
-    Light,
+    LightSource,
     Meaning,
     Space,
     are_primaries,
@@ -52,13 +52,13 @@ SUFFIXES = (
     ".jpg", ".jpeg", ".jpe", ".jfif", ".png", ".webp", ".tif", ".tiff", ".bmp", ".gif",
     ".heic", ".heif", ".hif", ".avif",
 )  # fmt: skip
-MOST_PIXELS = 100_000_000
-MOST_SIDE = 30_000
-LEAST_SIDE = 16
+MAX_PIXELS = 100_000_000
+MAX_SIDE = 30_000
+MIN_SIDE = 16
 LONGEST = 4096
 WHAT = "a JPEG, PNG, WebP, TIFF, HEIC, AVIF, BMP or GIF picture"
 _ADVICE = f"give {WHAT}"
-_MOST_BYTES = 2**30
+_MAX_BYTES = 2**30
 _MAX_PAGES = 1000
 _ROWS = 1024  # copied at a time
 _READ = ("JPEG", "PNG", "WebP", "TIFF", "GIF", "BMP", "HEIC", "AVIF")
@@ -117,7 +117,7 @@ _NETPBM = {
 }  # fmt: skip
 
 
-def decode(path: Path, *, most_pixels: int = MOST_PIXELS, longest: int = LONGEST) -> Bytes | Floats:
+def decode(path: Path, *, most_pixels: int = MAX_PIXELS, longest: int = LONGEST) -> Bytes | Floats:
     """Decodes a picture file to upright, opaque sRGB [H, W, 3]: bytes, or float32 in [0, 1] for more than 8 bits.
 
     most_pixels: largest allowed number of pixels
@@ -130,18 +130,18 @@ def decode(path: Path, *, most_pixels: int = MOST_PIXELS, longest: int = LONGEST
     Raises ImageError if the file is no such picture, has more than `most_pixels`, or has a side above 30,000 or
     below 16 pixels.
     """
-    with storage.opened(path, WHAT, _MOST_BYTES, ImageError) as file:
+    with storage.open_checked(path, WHAT, _MAX_BYTES, ImageError) as file:
         name = require_format(path, file)
-        with _told(path, name):
+        with _tell_as_sentence(path, name):
             image, meaning, orientation = _READERS.get(name, _read_strips)(
                 _Given(path, file, name, most_pixels, longest)
             )
             image, meaning = shrink(image[: meaning.bands] if image.bands > meaning.bands else image, meaning, longest)
-            image = _held(image)  # the file and the large picture are released here
+            image = _load_pixels(image)  # the file and the large picture are released here
             return _upright(to_srgb(image, meaning), orientation)
 
 
-def _held(image: Any) -> Any:
+def _load_pixels(image: Any) -> Any:
     """Computes the picture and returns it in memory that does not depend on the file."""
     return _libvips().Image.new_from_memory(
         image.write_to_memory(), image.width, image.height, image.bands, image.format
@@ -188,7 +188,7 @@ def format_of(start: bytes) -> str:
 
 
 @contextmanager
-def _told(path: Path, name: str) -> Iterator[None]:
+def _tell_as_sentence(path: Path, name: str) -> Iterator[None]:
     """Turns each error of a decoder into an ImageError of one sentence, and hides warnings."""
     try:
         # Pillow's warnings about metadata and large pictures are of no use to a painter.
@@ -211,7 +211,7 @@ def exposure_time(path: Path) -> float | None:
     EXIF counts whole seconds, and the end of that second is returned. Without an offset the time counts as
     local time of this computer. Raises ImageError if there is no such file.
     """
-    with storage.opened(path, WHAT, _MOST_BYTES, ImageError) as content:
+    with storage.open_checked(path, WHAT, _MAX_BYTES, ImageError) as content:
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
@@ -237,14 +237,14 @@ def _exif(content: BinaryIO) -> Image.Exif:
         return file.getexif()
 
 
-def require_size(path: Path, width: int, height: int, most_pixels: int = MOST_PIXELS) -> None:
+def require_size(path: Path, width: int, height: int, most_pixels: int = MAX_PIXELS) -> None:
     """Raises ImageError if a picture of this size, read from `path`, is too large or too small."""
     given = f"{path} is {width} x {height} pixels"
-    if min(width, height) < LEAST_SIDE:
-        raise ImageError(f"{given}; a picture has at least {LEAST_SIDE} pixels a side; give a larger one.")
-    if max(width, height) > MOST_SIDE or width * height > most_pixels:
+    if min(width, height) < MIN_SIDE:
+        raise ImageError(f"{given}; a picture has at least {MIN_SIDE} pixels a side; give a larger one.")
+    if max(width, height) > MAX_SIDE or width * height > most_pixels:
         raise ImageError(
-            f"{given}; a picture has at most {MOST_SIDE} pixels a side and {most_pixels / 1e6:g} million in all; "
+            f"{given}; a picture has at most {MAX_SIDE} pixels a side and {most_pixels / 1e6:g} million in all; "
             "make it smaller first."
         )
 
@@ -339,7 +339,7 @@ def _field(image: "pyvips.Image", name: str, otherwise: Any) -> Any:
     return image.get(name) if image.get_typeof(name) else otherwise
 
 
-def _word_of_png(given: _Given, profile: bytes) -> tuple[bytes, Light]:
+def _word_of_png(given: _Given, profile: bytes) -> tuple[bytes, LightSource]:
     """Returns the profile and the light of a PNG: the first of cICP, iCCP, sRGB, gAMA with cHRM counts."""
     chunks = _chunks_of_png(given.file)
     if len(points := chunks.get(b"cICP", b"")) == 4:
@@ -490,7 +490,7 @@ def _require_unit(given: _Given, page: _Page, image: "pyvips.Image") -> None:
     )
 
 
-def _light_of_tiff(page: _Page) -> Light:
+def _light_of_tiff(page: _Page) -> LightSource:
     """Returns the primaries and white that a TIFF states, with the curve of sRGB, as viewers do."""
     colors, white = page.tags.get(319, ()), page.tags.get(318, ())
     if not (isinstance(colors, tuple) and isinstance(white, tuple) and len(colors) == 12 and len(white) == 4):
@@ -500,7 +500,7 @@ def _light_of_tiff(page: _Page) -> Light:
         return SRGB_LIGHT
     points = (fractions[:, 0] / fractions[:, 1]).reshape(4, 2)
     primaries = tuple((float(x), float(y)) for x, y in points)
-    return Light(None, primaries) if are_primaries(primaries) else SRGB_LIGHT
+    return LightSource(None, primaries) if are_primaries(primaries) else SRGB_LIGHT
 
 
 def _read_lab_of_bytes(given: _Given) -> _Stored:

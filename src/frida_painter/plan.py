@@ -19,7 +19,7 @@ from frida_painter.strokes import GROUPS, StrokeLimits, Strokes
 VERSION = 3
 WHITE = (1.0, 1.0, 1.0)
 """sRGB of an untoned canvas."""
-MOST_STROKES = 100_000
+MAX_STROKES = 100_000
 
 
 @dataclass(frozen=True)
@@ -138,7 +138,9 @@ class Plan:
     def part(self, which: slice | list[int]) -> "Plan":
         """Returns a plan of only some of the strokes, in their order. It keeps all layers; a layer may become empty."""
         counts = torch.bincount(self.layer[which], minlength=len(self.layers))
-        return replace(self, strokes=self.strokes[which], paint=self.paint[which], layers=self._sized(counts.tolist()))
+        return replace(
+            self, strokes=self.strokes[which], paint=self.paint[which], layers=self._size_layers(counts.tolist())
+        )
 
     def by_layer(self) -> list["Plan"]:
         """Returns one plan for each layer; its palette has only the paints in the wells of that layer."""
@@ -230,11 +232,11 @@ class Plan:
             for layer, end in zip(self.layers, itertools.accumulate(self.layer_sizes), strict=True)
         ]
 
-    def _sized(self, counts: Sequence[int]) -> tuple[Layer, ...]:
+    def _size_layers(self, counts: Sequence[int]) -> tuple[Layer, ...]:
         """Returns the layers with new numbers of strokes."""
         return tuple(replace(layer, strokes=count) for layer, count in zip(self.layers, counts, strict=True))
 
-    def reordered(self, order: Tensor) -> "Plan":
+    def reorder(self, order: Tensor) -> "Plan":
         """Returns the same strokes in another order.
 
         order [n]: indices of the strokes, each once
@@ -344,8 +346,8 @@ class Plan:
             )
         try:
             beside = path.with_name(Path(record["tensors"]).name)
-            if record["strokes"] > MOST_STROKES:
-                raise PlanError(f"{path} has {record['strokes']} strokes; a plan has at most {MOST_STROKES}.")
+            if record["strokes"] > MAX_STROKES:
+                raise PlanError(f"{path} has {record['strokes']} strokes; a plan has at most {MAX_STROKES}.")
             tensors, _ = tensor_file.read_tensors(beside, f"the plan {path.name}", PlanError, record["tensors_sha256"])
             plan = cls(
                 strokes=Strokes(**{name: tensors[name] for name in GROUPS}),

@@ -40,7 +40,7 @@ OURS = "frida-painter"
 OUR_PARTS: Mapping[str, Mapping[str, str]] = {
     EASELS: {
         "human": "frida_painter.session.human_easel:KIND",
-        "virtual": "frida_painter.easel.studio:VIRTUAL_KIND",
+        "virtual": "frida_painter.easel.virtual_easel:VIRTUAL_KIND",
         "sawyer-sim": "frida_painter.sawyer.easel:KIND",
     },
     ROBOTS: {
@@ -77,7 +77,7 @@ OUR_PARTS: Mapping[str, Mapping[str, str]] = {
         "experiments": "frida_painter.lab:EXPERIMENTS",
     },
     PLAN_CHOOSERS: {
-        "candidates": "frida_painter.lab.sweeps.command:choose_candidate",
+        "candidates": "frida_painter.lab.sweeps.sweep_command:choose_candidate",
     },
     REPLAN_POLICIES: {
         "times": "frida_painter.session.replan_policy:EvenlySpaced.parse",

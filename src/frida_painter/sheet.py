@@ -29,7 +29,7 @@ def to_bytes(color: Tensor) -> Color:
     return tuple((255 * color).round().int().tolist())
 
 
-def shortened(text: str, size: float, width: float) -> str:
+def shorten(text: str, size: float, width: float) -> str:
     """Returns the text, cut with an ellipsis if it is wider than `width` pixels."""
     if font(size).getlength(text) <= width:
         return text

@@ -116,21 +116,21 @@ def read_toml(path: Path, what: str, most: int, advice: str, error: type[FridaEr
         values = tomllib.loads(content.decode("utf-8-sig"))
         _require_plain_numbers(values)
     except (ValueError, RecursionError) as cause:
-        raise error(f"{shown(path)} is not TOML ({cause}); {advice}.") from cause
+        raise error(f"{abridge(path)} is not TOML ({cause}); {advice}.") from cause
     return values
 
 
 def read_bytes(path: Path, what: str, most: int, error: type[FridaError] = StorageError) -> bytes:
     """Returns the content of a file of at most `most` bytes. Raises `error` otherwise."""
-    with opened(path, what, most, error) as file:
+    with open_checked(path, what, most, error) as file:
         content = file.read(most + 1)
         if len(content) > most:  # it grew, or is a system file without a size
-            raise error(f"{shown(path)} has more than {most} bytes; {what} has at most {most}.")
+            raise error(f"{abridge(path)} has more than {most} bytes; {what} has at most {most}.")
         return content
 
 
 @contextlib.contextmanager
-def opened(path: Path, what: str, most: int, error: type[FridaError] = StorageError) -> Iterator[BufferedReader]:
+def open_checked(path: Path, what: str, most: int, error: type[FridaError] = StorageError) -> Iterator[BufferedReader]:
     """Opens a file of at most `most` bytes that a person named. All such files are opened here.
 
     what: name of the file in messages ("the plan")
@@ -144,7 +144,7 @@ def opened(path: Path, what: str, most: int, error: type[FridaError] = StorageEr
         except OSError as cause:
             if cause.errno is None:  # an error of a decoder, not of the disk
                 raise
-            raise error(f"{shown(path)} cannot be read ({cause.strerror}); give the path of {what}.") from cause
+            raise error(f"{abridge(path)} cannot be read ({cause.strerror}); give the path of {what}.") from cause
 
 
 def _open(path: Path, what: str, most: int, error: type[FridaError]) -> BufferedReader:
@@ -152,11 +152,11 @@ def _open(path: Path, what: str, most: int, error: type[FridaError]) -> Buffered
         _require_regular(path, what, most, path.stat(), error)
         file = os.fdopen(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb")
     except FileNotFoundError as cause:
-        raise error(f"{shown(path)} does not exist; give the path of {what}.") from cause
+        raise error(f"{abridge(path)} does not exist; give the path of {what}.") from cause
     except OSError as cause:
-        raise error(f"{shown(path)} cannot be read ({cause.strerror}); give the path of {what}.") from cause
+        raise error(f"{abridge(path)} cannot be read ({cause.strerror}); give the path of {what}.") from cause
     except ValueError as cause:
-        raise error(f"{shown(path)!r} cannot be a path ({cause}); give the path of {what}.") from cause
+        raise error(f"{abridge(path)!r} cannot be a path ({cause}); give the path of {what}.") from cause
     try:
         _require_regular(path, what, most, os.fstat(file.fileno()), error)
     except FridaError:
@@ -167,13 +167,13 @@ def _open(path: Path, what: str, most: int, error: type[FridaError]) -> Buffered
 
 def copy(source: Path, target: Path, what: str, most: int, error: type[FridaError] = StorageError) -> None:
     """Copies a file that a person named. Raises `error` if it cannot be read, StorageError if it cannot be written."""
-    with opened(source, what, most, error) as file, replacing(target) as temporary, temporary.open("wb") as made:
+    with open_checked(source, what, most, error) as file, replacing(target) as temporary, temporary.open("wb") as made:
         shutil.copyfileobj(file, made)
 
 
 def sha256(path: Path, what: str, error: type[FridaError] = StorageError) -> str:
     """Returns the hexadecimal hash of a file that a person named. Raises `error` if it cannot be read."""
-    with opened(path, what, MAX_BYTES, error) as file:
+    with open_checked(path, what, MAX_BYTES, error) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
@@ -185,7 +185,7 @@ def exists(path: Path) -> bool:
         return False
 
 
-def shown(path: Path | str) -> str:
+def abridge(path: Path | str) -> str:
     """Returns a path for messages; the middle of a very long path is left out."""
     text = str(path)
     return text if len(text) <= 240 else f"{text[:120]}...{text[-100:]}"
@@ -193,11 +193,11 @@ def shown(path: Path | str) -> str:
 
 def _require_regular(path: Path, what: str, most: int, facts: os.stat_result, error: type[FridaError]) -> None:
     if stat.S_ISDIR(facts.st_mode):
-        raise error(f"{shown(path)} is a folder; give the path of {what}.")
+        raise error(f"{abridge(path)} is a folder; give the path of {what}.")
     if not stat.S_ISREG(facts.st_mode):
-        raise error(f"{shown(path)} is not a plain file (but {_kind(facts.st_mode)}); give the path of {what}.")
+        raise error(f"{abridge(path)} is not a plain file (but {_kind(facts.st_mode)}); give the path of {what}.")
     if facts.st_size > most:
-        raise error(f"{shown(path)} has {facts.st_size} bytes; {what} has at most {most}.")
+        raise error(f"{abridge(path)} has {facts.st_size} bytes; {what} has at most {most}.")
 
 
 def _kind(mode: int) -> str:
@@ -217,7 +217,7 @@ def require_space(folder: Path, needed: int) -> None:
         raise cannot_write(folder, error) from error
     if free < needed:
         raise StorageError(
-            f"{shown(folder)} is on a disk with {free // 2**20} MB free; this painting needs {needed // 2**20} MB; "
+            f"{abridge(folder)} is on a disk with {free // 2**20} MB free; this painting needs {needed // 2**20} MB; "
             "free some space or choose another folder with --out."
         )
 
@@ -237,7 +237,7 @@ def require_place(path: Path, *, folder: bool = False) -> None:
         while not nearest.exists():
             nearest = nearest.parent
         if not nearest.is_dir():
-            raise NotADirectoryError(errno.ENOTDIR, f"{shown(nearest)} is not a folder")
+            raise NotADirectoryError(errno.ENOTDIR, f"{abridge(nearest)} is not a folder")
         if not os.access(nearest, os.W_OK | os.X_OK):
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
     except (OSError, ValueError) as error:
@@ -253,7 +253,7 @@ def require_unused(folder: Path) -> None:
         raise cannot_write(folder, error) from error
     if occupied:
         raise StorageError(
-            f"{shown(folder)} is not empty, and nothing there is overwritten; choose a new folder with --out."
+            f"{abridge(folder)} is not empty, and nothing there is overwritten; choose a new folder with --out."
         )
 
 
@@ -273,7 +273,7 @@ def cannot_write(path: Path, error: OSError | ValueError) -> StorageError:
     reason = getattr(error, "strerror", None) or str(error)
     full = isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT)
     remedy = "make room on its disk" if full else "choose a folder that you may write to with --out"
-    return StorageError(f"{shown(path)} cannot be written ({reason}); {remedy}.")
+    return StorageError(f"{abridge(path)} cannot be written ({reason}); {remedy}.")
 
 
 def _flush(path: Path) -> None:

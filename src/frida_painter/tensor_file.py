@@ -12,8 +12,8 @@ from safetensors.torch import load, save
 from frida_painter import storage
 from frida_painter.errors import FridaError, StorageError
 
-MOST_TENSOR_BYTES = 2 * 2**30
-_MOST_HEADER = 100_000_000  # bytes, the limit of safetensors itself
+MAX_TENSOR_BYTES = 2 * 2**30
+_MAX_HEADER = 100_000_000  # bytes, the limit of safetensors itself
 
 
 def write_tensors(path: Path, tensors: Mapping[str, torch.Tensor], metadata: Mapping[str, str] | None = None) -> str:
@@ -36,11 +36,11 @@ def read_tensors(
     Raises `error` if the file is missing, damaged, not safetensors (a pickle is never run), holds numbers that
     are not finite, or has another hash.
     """
-    with storage.opened(path, what, MOST_TENSOR_BYTES, error) as file:
+    with storage.open_checked(path, what, MAX_TENSOR_BYTES, error) as file:
         if sha256 is None:  # an unknown file is checked before it fills the memory
             _require_header(file.read(8), path, what, error)
             file.seek(0)
-        content = file.read(MOST_TENSOR_BYTES + 1)
+        content = file.read(MAX_TENSOR_BYTES + 1)
     if sha256 is not None and hashlib.sha256(content).hexdigest() != sha256:
         raise error(f"{path} is not the file that belongs to {what} (its sha256 differs); take an unchanged copy.")
     try:
@@ -55,5 +55,5 @@ def read_tensors(
 
 
 def _require_header(start: bytes, path: Path, what: str, error: type[FridaError]) -> None:
-    if not (len(start) == 8 and 2 <= int.from_bytes(start, "little") <= _MOST_HEADER):
+    if not (len(start) == 8 and 2 <= int.from_bytes(start, "little") <= _MAX_HEADER):
         raise error(f"{path} is not {what}: it is damaged or not safetensors.")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from frida_painter.brush.kinds import painted_area
-from frida_painter.brush.library import Flaw, StrokeLibrary, dip_shown
+from frida_painter.brush.library import Flaw, StrokeLibrary, estimate_dip
 from marks import SMALL, small_library
 
 COUNT = 60
@@ -27,7 +27,7 @@ def fading(holds: float, every: int = 3, noise: float = 0.05) -> StrokeLibrary:
 @pytest.mark.parametrize("strokes", [1.3, 1.8])
 def test_what_a_dip_holds_shows_where_strokes_fade(strokes: float) -> None:
     holds = strokes * float(AREAS.mean())
-    found = dip_shown(fading(holds), SMALL.width)
+    found = estimate_dip(fading(holds), SMALL.width)
     assert found is not None and not found.by_strokes
     assert 0.85 * holds < found.holds < 1.5 * holds, found.holds / holds
     assert 0 <= found.fades <= 0.3
@@ -36,7 +36,7 @@ def test_what_a_dip_holds_shows_where_strokes_fade(strokes: float) -> None:
 def test_of_a_brush_that_never_fades_it_is_known_for_as_long_as_it_was_tried() -> None:
     library = fading(1.0)
     assert library.since_dip is not None
-    found = dip_shown(library, SMALL.width)
+    found = estimate_dip(library, SMALL.width)
     assert found is not None and found.holds == pytest.approx(float((library.since_dip + AREAS).max()), rel=1e-3)
 
 
@@ -44,12 +44,12 @@ def test_dirt_that_is_no_lack_of_paint_tells_nothing() -> None:
     clean = fading(1.5 * float(AREAS.mean()))
     flaws, magnitude = clean.flaws.copy(), clean.magnitude.copy()
     flaws[1::9], magnitude[1::9] = Flaw.DISTURBED, 255
-    assert dip_shown(clean, SMALL.width) is not None
-    spoiled = dip_shown(replace(clean, flaws=flaws, magnitude=magnitude), SMALL.width)
-    assert spoiled is not None and spoiled.holds == pytest.approx(dip_shown(clean, SMALL.width).holds, rel=0.25)
+    assert estimate_dip(clean, SMALL.width) is not None
+    spoiled = estimate_dip(replace(clean, flaws=flaws, magnitude=magnitude), SMALL.width)
+    assert spoiled is not None and spoiled.holds == pytest.approx(estimate_dip(clean, SMALL.width).holds, rel=0.25)
 
 
 def test_a_library_that_does_not_show_it_is_not_believed() -> None:
-    assert dip_shown(WHOLE, SMALL.width) is None, "nothing is known of its dips"
-    assert dip_shown(fading(1.0, every=1), SMALL.width) is None, "every stroke had a dip of its own"
-    assert dip_shown(fading(1e-4)[np.arange(20)], SMALL.width) is None, "too few strokes"
+    assert estimate_dip(WHOLE, SMALL.width) is None, "nothing is known of its dips"
+    assert estimate_dip(fading(1.0, every=1), SMALL.width) is None, "every stroke had a dip of its own"
+    assert estimate_dip(fading(1e-4)[np.arange(20)], SMALL.width) is None, "too few strokes"

@@ -31,7 +31,7 @@ def test_the_error_is_the_mean_over_the_whole_crop_as_stored():
 
 
 def test_marks_beyond_the_models_frame_are_missed():
-    narrow = BezierStroke("small", small_frame(24, 42).resized(24, 42), SMALL.limits, RibbonShape(1.0, 4.0, 1.5))
+    narrow = BezierStroke("small", small_frame(24, 42).resize(24, 42), SMALL.limits, RibbonShape(1.0, 4.0, 1.5))
     narrow.frame = replace(narrow.frame, right=0.005)
     assert evaluate(narrow, small_library(5)).error.mean() > evaluate(ribbon(), small_library(5)).error.mean()
 

@@ -17,7 +17,7 @@ def area(maps: torch.Tensor, frame: MapFrame) -> float:
     return float(maps.sum()) * frame.pitch[0] * frame.pitch[1]
 
 
-@pytest.mark.parametrize("wanted", [MapFrame(-0.013, 0.056, -0.025, 0.021, 17, 23), GIVEN.resized(7, 11)])
+@pytest.mark.parametrize("wanted", [MapFrame(-0.013, 0.056, -0.025, 0.021, 17, 23), GIVEN.resize(7, 11)])
 def test_larger_cells_hold_the_same_paint(wanted):
     assert area(resample(mark(), GIVEN, wanted), wanted) == pytest.approx(area(mark(), GIVEN))
 
@@ -27,8 +27,8 @@ def test_the_same_cells_give_the_same_map():
 
 
 def test_smaller_cells_are_interpolated():
-    finer = resample(mark(), GIVEN, GIVEN.resized(80, 120))
-    assert area(finer, GIVEN.resized(80, 120)) == pytest.approx(area(mark(), GIVEN))
+    finer = resample(mark(), GIVEN, GIVEN.resize(80, 120))
+    assert area(finer, GIVEN.resize(80, 120)) == pytest.approx(area(mark(), GIVEN))
     assert finer.max() == pytest.approx(0.8)
 
 

@@ -35,7 +35,7 @@ def test_it_is_found_again_from_marks_that_vary_so(share: float, full: float) ->
     mean = full * torch.rand(200_000, generator=generator)
     lands, varies = (torch.rand(len(mean), generator=generator) for _ in range(2))
     coverage = torch.where(varies < share, full * (lands < mean / full), mean)
-    found = CoverageSpread.fitted(mean, coverage)
+    found = CoverageSpread.fit(mean, coverage)
     assert found.share == pytest.approx(share, abs=0.03)
     assert share == 0 or found.full == pytest.approx(full, abs=0.03)
 

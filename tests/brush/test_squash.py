@@ -2,7 +2,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from frida_painter.brush.table import squash, stretched, unsquash
+from frida_painter.brush.table import squash, stretch_sigmoid, unsquash
 
 
 @given(st.floats(0, 1))
@@ -14,4 +14,4 @@ def test_unsquash_undoes_squash(magnitude):
 def test_far_from_a_mark_there_is_nothing_at_all():
     assert squash(torch.tensor(-6.0)) == 0
     assert squash(torch.tensor(6.0)) == 1
-    assert stretched(torch.tensor(-6.0)) < 0
+    assert stretch_sigmoid(torch.tensor(-6.0)) < 0

@@ -18,7 +18,7 @@ def same(one, other):
 def test_a_table_is_made_once_and_read_again_to_the_bit(tmp_path, monkeypatch):
     made = cached_table(ribbon(), DETAIL, tmp_path)
     assert same(made, StrokeTable.of(ribbon(), detail=DETAIL))
-    monkeypatch.setattr(StrokeTable, "fitted", None)
+    monkeypatch.setattr(StrokeTable, "from_samples", None)
     again = cached_table(ribbon(), DETAIL, tmp_path)
     assert same(again, made) and torch.equal(again(*shapes(5)), made(*shapes(5)))
     assert (again.brush, again.frame, again.limits, again.detail) == (made.brush, made.frame, made.limits, DETAIL)
@@ -52,7 +52,7 @@ def test_a_model_that_is_only_a_function_is_known_by_what_it_gives(tmp_path, mon
     assert same(made, StrokeTable.of(stripe(0.004), detail=DETAIL))
     cached_table(stripe(0.005), DETAIL, tmp_path)
     assert len(list(tmp_path.iterdir())) == 2
-    monkeypatch.setattr(StrokeTable, "fitted", None)
+    monkeypatch.setattr(StrokeTable, "from_samples", None)
     assert same(cached_table(stripe(0.004), DETAIL, tmp_path), made)
 
 
@@ -108,7 +108,7 @@ def test_without_a_folder_to_write_to_it_is_made_every_time(tmp_path):
 
 
 def test_only_so_many_are_kept(tmp_path, monkeypatch):
-    monkeypatch.setattr(table, "_MOST_KEPT", 2)
+    monkeypatch.setattr(table, "_MAX_KEPT", 2)
     for columns in (14, 16, 18):
         cached_table(ribbon(8, columns), TableDetail(spans=(1, 1, 1), rank=2), tmp_path)
     assert len(list(tmp_path.iterdir())) == 2

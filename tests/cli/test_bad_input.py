@@ -24,9 +24,9 @@ from frida_painter.cli import commands
 from frida_painter.cli.stop_signal import stop_on_signals
 from frida_painter.errors import ConfigError, RobotStopped
 from frida_painter.hardware.workcell import example
-from plans import made_up_plan
+from support.plans import made_up_plan
 
-MOST_WIDE = 40_000
+MAX_WIDE = 40_000
 
 
 def run(monkeypatch: pytest.MonkeyPatch, *words: str) -> int:
@@ -173,13 +173,13 @@ def test_photographs_that_are_none(command: str, refuse: Callable[..., str], tmp
     Image.effect_noise((200, 150), 80).convert("RGB").save(whole)
     (tmp_path / "cut.jpg").write_bytes(whole.read_bytes()[:2000])
     (tmp_path / "text.jpg").write_text("This is a letter and no photograph.\n")
-    Image.new("1", (MOST_WIDE, 16)).save(tmp_path / "wide.png")
+    Image.new("1", (MAX_WIDE, 16)).save(tmp_path / "wide.png")
     (tmp_path / "empty.png").write_bytes(b"")
     says = {
         "nowhere.jpg": "does not exist",
         "text.jpg": "is a text, not a picture",
         "cut.jpg": "is a damaged JPEG picture (VipsJpeg: premature end of JPEG image)",
-        "wide.png": f"is {MOST_WIDE} x 16 pixels; a picture has at most 30000",
+        "wide.png": f"is {MAX_WIDE} x 16 pixels; a picture has at most 30000",
         "empty.png": "is empty",
         ".": "is a folder",
     }

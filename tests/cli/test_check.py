@@ -6,7 +6,7 @@ import pytest
 from frida_painter import images
 from frida_painter.cli import commands
 from frida_painter.hardware.workcell import WorkcellConfig, example
-from plans import made_up_plan
+from support.plans import made_up_plan
 
 
 def run(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:

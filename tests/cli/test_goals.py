@@ -10,9 +10,9 @@ from PIL import Image
 
 from frida_painter import images
 from frida_painter.cli import commands
-from frida_painter.cli.options import goal_given
+from frida_painter.cli.options import read_goal_options
 from frida_painter.errors import ConfigError, FridaError, WeightsError
-from frida_painter.objectives.encoders.registry import EncoderRegistry
+from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.objectives.semantic import SemanticTerm
@@ -23,12 +23,12 @@ from frida_painter.runs.spec import RunSpec
 from frida_painter.words.reading import prompt_reader
 from frida_painter.words.retrieval import picture_index
 from frida_painter.words.text import TextTerm
-from networks import QuickEncoders
-from scenes import picture
+from support.networks import QuickEncoders
+from support.planning import picture
 
 
 def asked(photo: Path | None, given: dict[str, Any]) -> RunSpec:
-    return RunSpec.of(**goal_given(photo, given))
+    return RunSpec.of(**read_goal_options(photo, given))
 
 
 def goal_of(photo: Path | None, given: dict[str, Any]) -> Goal:

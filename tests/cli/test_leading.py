@@ -6,8 +6,8 @@ import torch
 from frida_painter.cli.leading import tell
 from frida_painter.errors import RobotError
 from frida_painter.runs.run import RunOutcome
-from frida_painter.session.painting import Painting
-from plans import made_up_plan
+from frida_painter.session.progress import Painting
+from support.plans import made_up_plan
 
 
 @pytest.mark.parametrize(("left", "trouble"), [(0, None), (3, None), (0, RobotError("It stands still."))])

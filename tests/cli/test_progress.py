@@ -20,8 +20,8 @@ from frida_painter.session.events import (
     Timetable,
 )
 from frida_painter.session.replan_policy import EvenlySpaced
-from frida_painter.session.time_left import Forecast, duration
-from plans import made_up_plan
+from frida_painter.session.time_left import RemainingTime, duration
+from support.plans import made_up_plan
 
 STROKES, REPLANS, PLANNING, REPLANNING = 60, 3, 40, 10
 PER_ITERATION, PER_STROKE, PER_LOOK = 0.0004, 0.12, 0.3  # seconds: of each stroke planned, painted, of each look
@@ -56,14 +56,14 @@ def evening(strokes: int = STROKES, replans: int = REPLANS) -> list[tuple[float,
     return events
 
 
-def forecast(strokes: int = STROKES, replans: int = REPLANS) -> Forecast:
-    return Forecast(strokes, EvenlySpaced(replans), 0.0, planning=PLANNING, replanning=REPLANNING)
+def time_left(strokes: int = STROKES, replans: int = REPLANS) -> RemainingTime:
+    return RemainingTime(strokes, EvenlySpaced(replans), 0.0, planning=PLANNING, replanning=REPLANNING)
 
 
 @pytest.mark.parametrize("replans", [0, 3, 9])
 def test_from_the_middle_on_the_time_left_can_be_believed(replans: int) -> None:
     """To a fifth, or to the one look that comes after the last stroke."""
-    events, expecting = evening(replans=replans), forecast(replans=replans)
+    events, expecting = evening(replans=replans), time_left(replans=replans)
     end = events[-1][0]
     for now, event in events:
         expecting.hear(event, now)
@@ -73,7 +73,7 @@ def test_from_the_middle_on_the_time_left_can_be_believed(replans: int) -> None:
 
 
 def test_the_time_left_is_nothing_at_the_end_and_never_negative_or_endless() -> None:
-    expecting = forecast()
+    expecting = time_left()
     assert 0 < expecting.remaining < 3600
     for now, event in evening():
         expecting.hear(event, now)
@@ -83,7 +83,7 @@ def test_the_time_left_is_nothing_at_the_end_and_never_negative_or_endless() -> 
 
 def test_strokes_of_unequal_length_are_counted_by_the_timetable() -> None:
     """The first half of the strokes takes a tenth of the time; by strokes alone it would seem half."""
-    expecting = Forecast(10, EvenlySpaced(0), 0.0, planning=0, replanning=0)
+    expecting = RemainingTime(10, EvenlySpaced(0), 0.0, planning=0, replanning=0)
     after = tuple(float(second) for second in (1, 2, 3, 4, 5, 14, 23, 32, 41, 50))
     expecting.hear(Scheduled(Timetable(strokes=50.0, after=after), 0), 0.0)
     for done in range(1, 6):
@@ -94,7 +94,7 @@ def test_strokes_of_unequal_length_are_counted_by_the_timetable() -> None:
 
 
 def test_a_slower_machine_takes_longer_as_soon_as_it_is_known() -> None:
-    quick, slow = forecast(), forecast()
+    quick, slow = time_left(), time_left()
     for now, event in evening()[: PLANNING // 2]:
         quick.hear(event, now)
         slow.hear(event, 10 * now)
@@ -121,7 +121,7 @@ def test_durations_are_said_as_people_say_them(seconds: float, words: str) -> No
 def shown(*events: Event) -> str:
     out = io.StringIO()
     console = Console(file=out, width=100, force_terminal=False)
-    with PaintingLine(console, forecast()) as bar:
+    with PaintingLine(console, time_left()) as bar:
         for event in events:
             bar.hear(event)
         bar.hear(Finishing())
@@ -138,7 +138,7 @@ def test_the_line_says_what_is_going_on() -> None:
 
 
 def test_the_time_left_falls_as_the_paint_dries() -> None:
-    expecting = Forecast(2, EvenlySpaced(0), 0.0, planning=0, replanning=0)
+    expecting = RemainingTime(2, EvenlySpaced(0), 0.0, planning=0, replanning=0)
     expecting.hear(Scheduled(Timetable(strokes=20, drying=600, after=(10, 620)), 0), 0.0)
     expecting.hear(StrokePainted(1, 2), 10.0)
     left = []

@@ -10,7 +10,7 @@ from frida_painter.cli.options import Wells
 from frida_painter.errors import ConfigError, FrameRejected, Interrupted
 from frida_painter.palette import Palette, from_hex
 from frida_painter.perception.color import read_palette
-from plans import made_up_plan
+from support.plans import made_up_plan
 
 WANTED = Palette(torch.tensor([[0.9, 0.9, 0.8], [0.3, 0.2, 0.2]]))
 MIXED = ["#ddddcc", "#553333"]
@@ -64,13 +64,13 @@ def test_palettes_that_do_not_fit_are_refused(tmp_path: Path) -> None:
 
 
 def test_nobody_is_asked_where_nobody_is_to_be(tmp_path: Path) -> None:
-    assert Wells(None, None, tmp_path).filled(WANTED) is None
-    assert Wells(WANTED, None, tmp_path).filled(WANTED) is WANTED
+    assert Wells(None, None, tmp_path).fill(WANTED) is None
+    assert Wells(WANTED, None, tmp_path).fill(WANTED) is WANTED
 
 
 def test_a_person_is_shown_the_sheets_and_waited_for(tmp_path: Path) -> None:
     ask, prompts = typing("")
-    assert Wells(None, ask, tmp_path).filled(WANTED) is None
+    assert Wells(None, ask, tmp_path).fill(WANTED) is None
     assert "Fill 2 wells" in prompts[0] and str(tmp_path / "palette.png") in prompts[0]
 
 
@@ -82,19 +82,19 @@ def test_a_later_layer_is_asked_for_by_its_own_sheet(tmp_path: Path) -> None:
         (tmp_path / name).touch()
     for layer, sheet in zip(plan.layers, ("palette.png", "palette-layer-2.png", "palette-layer-3.png"), strict=True):
         ask, prompts = typing("")
-        assert Wells(None, ask, tmp_path).filled(plan.wells(layer)) is None
+        assert Wells(None, ask, tmp_path).fill(plan.wells(layer)) is None
         assert str(tmp_path / sheet) in prompts[0] and sheet.replace("palette", "mixing") in prompts[0]
 
 
 def test_who_has_said_that_the_wells_are_filled_is_only_asked_for_what_was_mixed(tmp_path: Path) -> None:
     ask, prompts = typing("")
-    assert Wells(WANTED, ask, tmp_path, poured=True).filled(WANTED) is WANTED
+    assert Wells(WANTED, ask, tmp_path, poured=True).fill(WANTED) is WANTED
     assert "Fill" not in prompts[0] and "what you mixed" in prompts[0]
 
 
 def test_a_person_may_tell_what_was_mixed_and_is_asked_again_where_that_cannot_be(tmp_path: Path) -> None:
     ask, prompts = typing("nowhere.json", str(palette_file(tmp_path, ["#000000"])), str(photograph(tmp_path)))
-    mixed = Wells(None, ask, tmp_path).filled(WANTED)
+    mixed = Wells(None, ask, tmp_path).fill(WANTED)
     assert mixed is not None and len(mixed) == 2
     assert "does not exist" in prompts[1] and "has 1 paints, and 2 are wanted" in prompts[2]
 
@@ -102,4 +102,4 @@ def test_a_person_may_tell_what_was_mixed_and_is_asked_again_where_that_cannot_b
 @pytest.mark.parametrize("leaving", [EOFError, KeyboardInterrupt])
 def test_who_leaves_paints_nothing(tmp_path: Path, leaving: type[BaseException]) -> None:
     with pytest.raises(Interrupted, match="nothing was painted"):
-        Wells(None, typing(leaving)[0], tmp_path).filled(WANTED)
+        Wells(None, typing(leaving)[0], tmp_path).fill(WANTED)

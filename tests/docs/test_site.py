@@ -14,8 +14,8 @@ PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "RELEASE.md", *sor
 PARTS = ("tutorial", "how-to", "explanation", "reference", "lab")
 OUTSIDE = ("index.md", "benchmarks.md")  # the home page, and what `make benchmarks` writes
 MADE = "<!-- `make reference` writes this page"
-MOST_WORDS, MOST_WORDS_A_PAGE = 20_000, 2_500
-MOST_LINES = 2_500  # of the ten files that CONTRIBUTING.md names first
+MAX_WORDS, MAX_WORDS_A_PAGE = 20_000, 2_500
+MAX_LINES = 2_500  # of the ten files that CONTRIBUTING.md names first
 
 
 def lost_links(page: Path) -> list[str]:
@@ -50,8 +50,8 @@ def test_every_page_is_in_one_part() -> None:
 
 def test_the_readers_part_stays_short() -> None:
     pages = readers_pages()
-    assert sum(pages.values()) <= MOST_WORDS
-    assert {name: words for name, words in pages.items() if words > MOST_WORDS_A_PAGE} == {}
+    assert sum(pages.values()) <= MAX_WORDS
+    assert {name: words for name, words in pages.items() if words > MAX_WORDS_A_PAGE} == {}
 
 
 def test_notes_of_the_laboratory_are_dated() -> None:
@@ -66,7 +66,7 @@ def test_the_way_into_the_code_is_short() -> None:
     way = text.partition("## Five minutes through the code")[2].partition("\n## ")[0]
     files = re.findall(r"^\d+\. \[`[\w/]+\.py`\]\((src/[\w/]+\.py)\)", way, re.MULTILINE)
     assert len(files) == 10
-    assert sum((ROOT / file).read_text(encoding="utf-8").count("\n") for file in files) <= MOST_LINES
+    assert sum((ROOT / file).read_text(encoding="utf-8").count("\n") for file in files) <= MAX_LINES
     table = text.partition("## Where do I change X?")[2].partition("\n## ")[0]
     assert len(re.findall(r"^\|(?!---)", table, re.MULTILINE)) == 1 + 10
 

@@ -29,10 +29,10 @@ from frida_painter.__main__ import main
 words = sys.argv[1:]
 if words[:2] == ["models", "fetch"]:
     from frida_painter import weights
-    sys.exit(0 if set(words[2:]) <= {{"words", *(each.name for each in weights.known())}} else f"no: {{words}}")
+    sys.exit(0 if set(words[2:]) <= {{"words", *(each.name for each in weights.all_weights())}} else f"no: {{words}}")
 elif "--text" in words:
-    from frida_painter.objectives.encoders.registry import EncoderRegistry
-    from networks import QuickEncoders
+    from frida_painter.objectives.encoders.loading import EncoderRegistry
+    from support.networks import QuickEncoders
     for name in ("readers", "reader_aside", "sentences", "keep", "own"):
         setattr(EncoderRegistry, name, getattr(QuickEncoders, name))
     main()

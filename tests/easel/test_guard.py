@@ -11,11 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from easels import WORKSPACE
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.guard import GuardedCamera, GuardedRobot
-from frida_painter.easel.host import told as words_of
-from frida_painter.easel.parent import heard
+from frida_painter.easel.host import encode_error as words_of
+from frida_painter.easel.parent import decode_error
 from frida_painter.errors import (
     CameraError,
     FridaError,
@@ -32,7 +31,8 @@ from frida_painter.hardware.latch import Latch
 from frida_painter.hardware.robot import BrushRack, Frame, MotionReport, Robot, Waypoints
 from frida_painter.virtual.faults import FailedMotion, Faults
 from frida_painter.virtual.studio import StudioSettings, open_studio
-from hardware.misbehaving import Deed, Hang, MisbehavingCamera, MisbehavingRobot, fine, unknown, vendor_error
+from hardware.misbehaving import Action, Hang, MisbehavingCamera, MisbehavingRobot, fine, unknown, vendor_error
+from support.easel import WORKSPACE
 
 ABOVE = Waypoints("stroke 7", np.array([[0.0, 0.0, 0.2], [0.1, 0.0, 0.2]]), 0.25)
 NONSENSE = {
@@ -103,9 +103,9 @@ def hang() -> Iterator[Hang]:
 @pytest.mark.parametrize("method", ["home", "follow"])
 @pytest.mark.parametrize("way", ["vendor error", "unknown", "hang", "nonsense"])
 def test_a_motion_that_goes_wrong_is_the_last(state: str, method: str, way: str, hang: Hang, tmp_path: Path) -> None:
-    deeds: dict[str, Deed] = {"vendor error": vendor_error, "unknown": unknown, "hang": hang, "nonsense": fine}
+    actions: dict[str, Action] = {"vendor error": vendor_error, "unknown": unknown, "hang": hang, "nonsense": fine}
     for number, garbage in enumerate(NONSENSE[method] if way == "nonsense" else [None]):
-        robot = MisbehavingRobot(method, deeds[way], garbage)
+        robot = MisbehavingRobot(method, actions[way], garbage)
         guard = in_state(state, robot, tmp_path / str(number))
         with pytest.raises(RobotError) as fault:
             guard.home() if method == "home" else guard.follow(ABOVE)
@@ -131,9 +131,9 @@ def test_a_motion_that_goes_wrong_is_the_last(state: str, method: str, way: str,
 def test_whatever_else_goes_wrong_has_a_name_and_moves_nothing(
     state: str, method: str, way: str, hang: Hang, tmp_path: Path
 ) -> None:
-    deeds: dict[str, Deed] = {"vendor error": vendor_error, "unknown": unknown, "hang": hang, "nonsense": fine}
+    actions: dict[str, Action] = {"vendor error": vendor_error, "unknown": unknown, "hang": hang, "nonsense": fine}
     for garbage in NONSENSE["pose"] if way == "nonsense" else [None]:
-        robot = MisbehavingRobot(method, deeds[way], garbage)
+        robot = MisbehavingRobot(method, actions[way], garbage)
         guard = in_state(state, robot, tmp_path)
         moved = len(robot.motions)
         with pytest.raises(RobotError) as fault:
@@ -144,10 +144,10 @@ def test_whatever_else_goes_wrong_has_a_name_and_moves_nothing(
         hang.released.set()
 
 
-@pytest.mark.parametrize("deed", ["vendor error", "hang"])
+@pytest.mark.parametrize("action", ["vendor error", "hang"])
 @pytest.mark.parametrize("method", ["stop", "close"])
-def test_a_stop_and_an_end_that_fail_still_hold(method: str, deed: str, hang: Hang, tmp_path: Path) -> None:
-    robot = MisbehavingRobot(method, vendor_error if deed == "vendor error" else hang)
+def test_a_stop_and_an_end_that_fail_still_hold(method: str, action: str, hang: Hang, tmp_path: Path) -> None:
+    robot = MisbehavingRobot(method, vendor_error if action == "vendor error" else hang)
     guard = in_state("moved", robot, tmp_path)
     began = time.monotonic()
     guard.stop("a person said so")
@@ -171,7 +171,7 @@ def test_a_stop_in_the_middle_of_a_dip_is_told_as_what_it_was(tmp_path: Path, as
     robot = MisbehavingRobot()
     guard = guarded(robot, tmp_path, patience=30.0, grace=30.0, connecting=30.0)
     guard.connect()
-    robot.bad, robot.deed = "follow", dip
+    robot.bad, robot.action = "follow", dip
     told: list[FridaError] = []
 
     def follow() -> None:
@@ -189,7 +189,7 @@ def test_a_stop_in_the_middle_of_a_dip_is_told_as_what_it_was(tmp_path: Path, as
     moving.join(30)
     (error,) = told
     assert isinstance(error, RobotStopped) and error.asked is asked and "the stop file stop appeared" in str(error)
-    again = heard(words_of(error))
+    again = decode_error(words_of(error))
     assert isinstance(again, RobotStopped) and again.asked is asked and str(again) == str(error)
     with pytest.raises(RobotStopped):
         guard.home()
@@ -216,9 +216,9 @@ def test_a_stop_latches_before_any_disk_has_answered_and_survives_a_restart(
     slow.set()
     guard.close()
     restarted = guarded(MisbehavingRobot(), tmp_path)
-    for deed in (restarted.connect, restarted.home, lambda: restarted.follow(ABOVE)):
+    for action in (restarted.connect, restarted.home, lambda: restarted.follow(ABOVE)):
         with pytest.raises(RobotStopped, match=r"the tray fell.*frida-painter arm"):
-            deed()
+            action()
     restarted.latch.release()
     armed = guarded(MisbehavingRobot(), tmp_path)
     armed.connect()
@@ -414,14 +414,14 @@ def test_whenever_and_however_often_it_is_stopped_nothing_moves_afterwards(tmp_p
 )
 def test_a_camera_that_goes_wrong_has_a_sentence_for_it(method: str, way: str, hang: Hang) -> None:
     picture = np.zeros((4, 5, 3), np.uint8)
-    deeds: dict[str, Deed] = {"vendor error": vendor_error, "unknown": unknown, "hang": hang, "nonsense": fine}
+    actions: dict[str, Action] = {"vendor error": vendor_error, "unknown": unknown, "hang": hang, "nonsense": fine}
     frame = Frame(picture, 1.0, 3)
     nonsense = [
         None, b"jpeg", replace(frame, image=picture[..., 0]), replace(frame, image=picture.astype(float)),
         replace(frame, image=picture[:0]), replace(frame, captured_at=float("nan")), replace(frame, sequence=None),
     ]  # fmt: skip
     for garbage in nonsense if way == "nonsense" else [None]:
-        camera = MisbehavingCamera(method, deeds[way], garbage)
+        camera = MisbehavingCamera(method, actions[way], garbage)
         guard = GuardedCamera(camera, patience=0.05)
         with pytest.raises(CameraError):
             {"connect": guard.connect, "capture": lambda guard=guard: guard.capture(0.0), "close": guard.close}[

@@ -7,7 +7,7 @@ import torch
 from frida_painter import registry
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.kinds import SIMULATED
-from frida_painter.easel.open import camera_named, machines, open_easel, robot_named
+from frida_painter.easel.open import machines, make_camera, make_robot, open_easel
 from frida_painter.easel.order import EaselOrder
 from frida_painter.errors import ConfigError, PluginError
 from frida_painter.hardware.cameras.folder import FolderCamera
@@ -31,33 +31,33 @@ def workcell(tmp_path: Path) -> WorkcellConfig:
 
 
 def test_each_machine_is_built_as_it_is_named(workcell: WorkcellConfig) -> None:
-    xarm = robot_named("xarm:192.168.1.10, brush_length=0.12", workcell.workspace)
+    xarm = make_robot("xarm:192.168.1.10, brush_length=0.12", workcell.workspace)
     assert isinstance(xarm, XarmRobot)
     assert (xarm.settings.address, xarm.settings.brush_length) == ("192.168.1.10", 0.12)
     assert xarm.settings.home == workcell.workspace.home
-    grbl = robot_named("gcode:/dev/ttyUSB0,homing=yes,servo=-0.002/100/0.01/900", workcell.workspace)
+    grbl = make_robot("gcode:/dev/ttyUSB0,homing=yes,servo=-0.002/100/0.01/900", workcell.workspace)
     assert isinstance(grbl, GcodeRobot)
     assert grbl.settings.homing and grbl.settings.gcode.flavour == "grbl"
     assert grbl.settings.gcode.servo is not None and grbl.settings.gcode.servo.high == (0.01, 900)
-    marlin = robot_named("marlin:/dev/ttyACM0,baud=250000", workcell.workspace)
+    marlin = make_robot("marlin:/dev/ttyACM0,baud=250000", workcell.workspace)
     assert isinstance(marlin, GcodeRobot) and marlin.settings.baud == 250_000
-    assert isinstance(robot_named("axidraw", workcell.workspace), AxidrawRobot)
-    ros = robot_named("rosbridge:10.0.0.2:9091,ros=2,namespace=/left/brush", workcell.workspace)
+    assert isinstance(make_robot("axidraw", workcell.workspace), AxidrawRobot)
+    ros = make_robot("rosbridge:10.0.0.2:9091,ros=2,namespace=/left/brush", workcell.workspace)
     assert isinstance(ros, RosRobot)
     assert (ros.settings.ros, ros.settings.namespace) == (2, "/left/brush")
-    assert isinstance(robot_named("ros", workcell.workspace), RosRobot)
+    assert isinstance(make_robot("ros", workcell.workspace), RosRobot)
 
 
 def test_each_camera_is_built_as_it_is_named(tmp_path: Path) -> None:
     by_number, by_path, shots = (
-        camera_named("opencv:2"),
-        camera_named("opencv:/dev/video1"),
-        camera_named("folder:shots"),
+        make_camera("opencv:2"),
+        make_camera("opencv:/dev/video1"),
+        make_camera("folder:shots"),
     )
     assert isinstance(by_number, OpencvCamera) and by_number.settings.device == 2
     assert isinstance(by_path, OpencvCamera) and by_path.settings.device == "/dev/video1"
     assert isinstance(shots, FolderCamera) and shots.settings.path == Path("shots")
-    assert isinstance(camera_named("gphoto"), GphotoCamera)
+    assert isinstance(make_camera("gphoto"), GphotoCamera)
 
 
 @pytest.mark.parametrize(
@@ -79,7 +79,7 @@ def test_each_camera_is_built_as_it_is_named(tmp_path: Path) -> None:
 )
 def test_names_that_mean_nothing_are_told(workcell: WorkcellConfig, name: str, says: str) -> None:
     with pytest.raises(ConfigError, match=says):
-        robot_named(name, workcell.workspace)
+        make_robot(name, workcell.workspace)
 
 
 @pytest.mark.parametrize(
@@ -94,7 +94,7 @@ def test_names_that_mean_nothing_are_told(workcell: WorkcellConfig, name: str, s
 )
 def test_cameras_that_mean_nothing_are_told(name: str, says: str) -> None:
     with pytest.raises(ConfigError, match=says):
-        camera_named(name)
+        make_camera(name)
 
 
 def order(tmp_path: Path, **values: object) -> EaselOrder:
@@ -154,7 +154,7 @@ def test_a_real_easel_with_something_missing_is_told(tmp_path: Path, values: dic
 EASELS_OF_OTHERS = """
 from dataclasses import replace
 from frida_painter.easel.kinds import EaselKind
-from frida_painter.easel.studio import VIRTUAL_KIND as VIRTUAL
+from frida_painter.easel.virtual_easel import VIRTUAL_KIND as VIRTUAL
 
 def _open(order):
     return VIRTUAL.open(replace(order, seed=order.seed + 1))

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from frida_painter.easel.kinds import DIARY
+from frida_painter.easel.kinds import SIMULATION_LOG
 from frida_painter.easel.launch import EaselLaunch
 from frida_painter.easel.open import open_easel
 from frida_painter.easel.order import EaselOrder
@@ -68,7 +68,7 @@ def test_a_killed_painting_goes_on_in_the_next_process(tmp_path: Path) -> None:
     with easel_of(broken) as (easel, _):
         paint(easel, range(2, 4))
         assert look(easel) == wanted
-    assert (tmp_path / "whole" / DIARY).read_bytes() != b""
+    assert (tmp_path / "whole" / SIMULATION_LOG).read_bytes() != b""
 
 
 @pytest.mark.slow
@@ -90,10 +90,10 @@ def test_a_process_that_was_started_and_taken_over_by_nobody_ends_with_its_block
 
 @pytest.mark.slow
 def test_what_cannot_be_opened_says_so_at_once(tmp_path: Path) -> None:
-    for wishes, says in (({"brushes": ("broom",)}, "no brush 'broom'"), ({"robot": "golem"}, "no robot 'golem'")):
+    for settings, says in (({"brushes": ("broom",)}, "no brush 'broom'"), ({"robot": "golem"}, "no robot 'golem'")):
         began = time.monotonic()
         with EaselProcess() as process, pytest.raises(ConfigError, match=says):
-            process.open(order_in(tmp_path, **wishes))
+            process.open(order_in(tmp_path, **settings))
         assert time.monotonic() - began < 60
 
 

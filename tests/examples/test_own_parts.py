@@ -20,14 +20,14 @@ from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.cli import commands
 from frida_painter.easel.kinds import MACHINES
-from frida_painter.easel.open import camera_named, robot_named
+from frida_painter.easel.open import make_camera, make_robot
 from frida_painter.easel.order import EaselOrder
 from frida_painter.errors import CameraError, ConfigError
 from frida_painter.hardware.workcell import WorkcellConfig, example
 from frida_painter.objectives.objective import goal_kinds
 from frida_painter.plan import Plan
 from frida_painter.runs.spec import RunSpec
-from frida_painter.session.replan_policy import looks_on_the_way, replan_policy_named
+from frida_painter.session.replan_policy import looks_on_the_way, parse_replan_policy
 from marks import coarse_table
 from plugins import install_own_parts
 from session.easel_errands import easel_of, stroke
@@ -104,12 +104,12 @@ def test_help_doctor_and_errors_list_it(run: Run, monkeypatch: pytest.MonkeyPatc
 
 
 def test_its_policy_and_its_kind_of_goal_are_taken_by_name() -> None:
-    policy = replan_policy_named("late:0.5")
+    policy = parse_replan_policy("late:0.5")
     assert looks_on_the_way(policy, 16) == [8, 12, 14, 15]
     with pytest.raises(ConfigError, match="between 0 and 1"):
-        replan_policy_named("late:nan")
+        parse_replan_policy("late:nan")
     goal_kinds.cache_clear()
-    assert goal_kinds()["mirror"].opened("top-bottom", 2.0, beginning=False).weight == 2
+    assert goal_kinds()["mirror"].open_term("top-bottom", 2.0, beginning=False).weight == 2
     assert RunSpec.of(goal=[{"mirror": "left-right"}], replan_policy="late:0.25").replan_policy == "late:0.25"
 
 
@@ -133,13 +133,13 @@ def test_names_that_make_no_sense_are_told(table: Path, monkeypatch: pytest.Monk
     workspace = WorkcellConfig.load(table / "easel.toml").workspace
     for name, says in (("trace", "write trace:FILE"), ("trace:x,append=perhaps", "append=perhaps is not understood")):
         with pytest.raises(ConfigError, match=says):
-            robot_named(name, workspace)
+            make_robot(name, workspace)
     with pytest.raises(ConfigError, match="write rpicam, or rpicam:NUMBER"):
-        camera_named("rpicam:front")
+        make_camera("rpicam:front")
     shutil.rmtree(table / "bin")
     monkeypatch.setenv("PATH", str(table))
     with pytest.raises(CameraError, match="took no photograph"):
-        camera_named("rpicam").connect()
+        make_camera("rpicam").connect()
 
 
 @pytest.mark.slow

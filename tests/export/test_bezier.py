@@ -6,7 +6,7 @@ from frida_painter.brush.bezier import BezierStroke
 from frida_painter.brush.kinds import MEDIUM
 from frida_painter.export.vector import control_points, mark_widths
 from frida_painter.strokes import Strokes
-from plans import made_up_strokes
+from support.plans import made_up_strokes
 
 
 def test_control_points_draw_the_path_of_the_strokes() -> None:
@@ -22,7 +22,7 @@ class Capsule:
     """A brush whose every mark is a straight line of known width with round ends."""
 
     brush, limits, width = "capsule", MEDIUM.limits, 0.008
-    frame = MEDIUM.frame.resized(600, 1200)
+    frame = MEDIUM.frame.resize(600, 1200)
 
     def __call__(self, thickness: torch.Tensor, length: torch.Tensor, bend: torch.Tensor) -> torch.Tensor:
         cell = self.frame.cell_centers()

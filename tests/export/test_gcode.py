@@ -6,7 +6,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from easels import CALIBRATION, WORKSPACE
 from frida_painter.brush.kinds import MEDIUM
 from frida_painter.errors import ConfigError
 from frida_painter.export.gcode import gcode
@@ -19,7 +18,8 @@ from frida_painter.plan import Plan
 from frida_painter.session.choreography import Action, BrushLoad, Choreography
 from frida_painter.session.events import Dipped
 from frida_painter.session.rehearsal import FlatbedWorkspace
-from plans import CANVAS, in_layers, made_up_plan
+from support.easel import CALIBRATION, WORKSPACE
+from support.plans import CANVAS, in_layers, made_up_plan
 
 PLAN = made_up_plan(12, 3)
 MORE = made_up_plan(4, 2, seed=1)

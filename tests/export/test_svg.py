@@ -14,7 +14,7 @@ from frida_painter.export.vector import control_points, svg
 from frida_painter.palette import Palette, to_hex
 from frida_painter.plan import Plan
 from frida_painter.strokes import Strokes
-from plans import CANVAS, LIMITS, in_layers, made_up_plan
+from support.plans import CANVAS, LIMITS, in_layers, made_up_plan
 
 SVG = "{http://www.w3.org/2000/svg}"
 LABEL = "{http://www.inkscape.org/namespaces/inkscape}label"

@@ -7,7 +7,7 @@ import torch
 
 from frida_painter.export.vector import COLUMNS, table
 from frida_painter.palette import to_hex
-from plans import in_layers, made_up_plan
+from support.plans import in_layers, made_up_plan
 
 
 def test_every_stroke_has_a_row_that_reads_back() -> None:

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from easels import NotingRobot, PatientCamera
+from support.easel import NotingRobot, PatientCamera
 
-Deed = Callable[[], Any]
+Action = Callable[[], Any]
 
 
 def fine() -> None:
@@ -35,11 +35,11 @@ class Hang:
 
 
 class MisbehavingRobot(NotingRobot):
-    """Does as NotingRobot does, but for the method `bad`, which does `deed` first and may return `garbage`."""
+    """Does as NotingRobot does, but for the method `bad`, which does `action` first and may return `garbage`."""
 
-    def __init__(self, bad: str = "", deed: Deed = fine, garbage: Any = None) -> None:
+    def __init__(self, bad: str = "", action: Action = fine, garbage: Any = None) -> None:
         super().__init__()
-        self.bad, self.deed, self.garbage = bad, deed, garbage
+        self.bad, self.action, self.garbage = bad, action, garbage
         self.calls: list[str] = []
         self.stops = 0
 
@@ -71,16 +71,16 @@ class MisbehavingRobot(NotingRobot):
     def _misbehave(self, name: str, result: Any) -> Any:
         if name != self.bad:
             return result
-        self.deed()
-        return self.garbage if self.deed is fine else result
+        self.action()
+        return self.garbage if self.action is fine else result
 
 
 class MisbehavingCamera(PatientCamera):
     """Likewise a camera."""
 
-    def __init__(self, bad: str = "", deed: Deed = fine, garbage: Any = None) -> None:
+    def __init__(self, bad: str = "", action: Action = fine, garbage: Any = None) -> None:
         super().__init__()
-        self.bad, self.deed, self.garbage = bad, deed, garbage
+        self.bad, self.action, self.garbage = bad, action, garbage
 
     def connect(self) -> None:
         self._misbehave("connect", None)
@@ -94,5 +94,5 @@ class MisbehavingCamera(PatientCamera):
     def _misbehave(self, name: str, result: Any) -> Any:
         if name != self.bad:
             return result
-        self.deed()
-        return self.garbage if self.deed is fine else result
+        self.action()
+        return self.garbage if self.action is fine else result

@@ -99,7 +99,7 @@ def test_an_interlock_lets_nothing_through_after_a_library_failed_was_silent_or_
         (lambda: 1 // 0, RobotError, "ZeroDivisionError"),
     ):
         interlock = Interlock("the arm")
-        interlock.opened()
+        interlock.mark_connected()
         with pytest.raises(error, match=says):
             interlock.asking("pose", call, 0.2)
         with pytest.raises(RobotError, match="does not move after its last fault"):

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 import frida_painter
-from easels import CALIBRATION, CANVAS, WORKSPACE, NotingRobot, stub_easel
 from frida_painter.easel.guard import GuardedRobot
 from frida_painter.errors import PoseMismatch, RobotDisconnected, WorkspaceViolation
 from frida_painter.hardware.gateway import RobotGateway
 from frida_painter.hardware.latch import Latch
 from frida_painter.hardware.robot import ArmLength, MotionReport, Waypoints
 from hardware.misbehaving import Hang, MisbehavingRobot
+from support.easel import CALIBRATION, CANVAS, WORKSPACE, NotingRobot, stub_easel
 
 ROOT = Path(frida_painter.__file__).parent
 ABOVE_THE_HARDWARE = ("session", "report", "export", "runs", "experiments", "cli", "web")

@@ -3,11 +3,11 @@ import math
 import numpy as np
 import pytest
 
-from easels import CANVAS, WORKSPACE
 from frida_painter.errors import WorkspaceViolation
 from frida_painter.hardware import gateway
 from frida_painter.hardware.gateway import Surface
 from frida_painter.hardware.robot import ArmLength, Waypoints
+from support.easel import CANVAS, WORKSPACE
 
 INSIDE = np.array([[0.0, 0.0, 0.1], [0.1, 0.1, 0.2], [0.2, 0.1, 0.1]])
 

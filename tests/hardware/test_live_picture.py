@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from frida_painter.easel.guard import GuardedCamera
-from frida_painter.easel.host import LivePicture, encoded
+from frida_painter.easel.host import LivePicture, encode_jpeg
 from frida_painter.errors import CameraError
 from frida_painter.hardware.robot import Frame
 
@@ -98,7 +98,7 @@ def test_nobody_glances_while_the_painter_photographs() -> None:
 def test_a_live_picture_is_at_most_so_wide_and_keeps_its_colours(columns: int, tmp_path: Path) -> None:
     picture = np.zeros((40, columns, 3), np.uint8)
     picture[..., 0] = 200
-    (tmp_path / "a.jpg").write_bytes(encoded(picture))
+    (tmp_path / "a.jpg").write_bytes(encode_jpeg(picture))
     with Image.open(tmp_path / "a.jpg") as small:
         assert small.width == min(columns, 960)
         red, green, blue = small.convert("RGB").getpixel((0, 0))  # type: ignore[misc]

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 import torch
 
-from easels import CALIBRATION, WORKSPACE
 from frida_painter.errors import WorkspaceViolation
 from frida_painter.hardware import gateway
 from frida_painter.hardware.motion import Motion
 from frida_painter.strokes import Strokes
+from support.easel import CALIBRATION, WORKSPACE
 
 MOTION = Motion(WORKSPACE, CALIBRATION)
 HOVER = CALIBRATION.touch_height + WORKSPACE.hover

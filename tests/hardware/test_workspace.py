@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from easels import WORKSPACE
 from frida_painter.hardware.robot import Waypoints
+from support.easel import WORKSPACE
 
 metres = st.floats(-1, 1)
 points = st.lists(st.tuples(metres, metres), min_size=2, max_size=6).map(np.array)

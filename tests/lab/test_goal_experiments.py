@@ -10,12 +10,12 @@ import torch
 from frida_painter import images
 from frida_painter.lab import composition, paintings, semantic, sketch, style
 from frida_painter.lab.paintings import QUICK
-from frida_painter.lab.targets import DRAWINGS, PHOTOGRAPHS, STYLES, Target, shipped
+from frida_painter.lab.targets import DRAWINGS, PHOTOGRAPHS, STYLES, Target, load_shipped_targets
 from frida_painter.lab.text import PROMPTS
 from frida_painter.runs import settle
 from marks import coarse_table
-from networks import QuickEncoders
-from scenes import picture
+from support.networks import QuickEncoders
+from support.planning import picture
 
 
 @pytest.fixture(autouse=True)
@@ -39,7 +39,7 @@ def target(path: Path, shown: torch.Tensor) -> Target:
 
 
 def how(**rest):
-    scale = QUICK.changed(brush="fine", canvas="120x90mm")
+    scale = QUICK.with_values(brush="fine", canvas="120x90mm")
     return {"seeds": (3,), "scale": scale, "encoders": QuickEncoders(), **rest}
 
 
@@ -102,10 +102,10 @@ def test_words_in_a_style_whose_composition_is_kept(waves: Target) -> None:
 
 def test_what_ships_to_be_painted() -> None:
     assert len(PHOTOGRAPHS) == 8
-    found = shipped([*PHOTOGRAPHS, *STYLES, *DRAWINGS])
+    found = load_shipped_targets([*PHOTOGRAPHS, *STYLES, *DRAWINGS])
     assert all(min(target.picture.shape[1:]) > 200 for target in found)
     assert len({target.path.read_bytes() for target in found[:8]}) == 8
-    assert np.isfinite(shipped(["pear"])[0].picture.numpy()).all()
+    assert np.isfinite(load_shipped_targets(["pear"])[0].picture.numpy()).all()
 
 
 @pytest.mark.slow

@@ -3,7 +3,7 @@ import ot
 import pytest
 import torch
 
-from frida_painter.lab.base import (
+from frida_painter.lab.trials import (
     direction_agreement,
     edge_correlation,
     edge_score,
@@ -13,8 +13,8 @@ from frida_painter.lab.base import (
     perceptual_distance,
     psnr,
 )
-from networks import QuickEncoders, QuickVgg
-from scenes import CANVAS, picture, some_strokes
+from support.networks import QuickEncoders, QuickVgg
+from support.planning import CANVAS, picture, some_strokes
 
 
 def test_the_same_picture_is_perfect_by_every_measure() -> None:

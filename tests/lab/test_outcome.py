@@ -5,7 +5,7 @@ import pytest
 import torch
 from PIL import Image
 
-from frida_painter.lab.base import Outcome, Progress, ResultTable, within
+from frida_painter.lab.trials import Outcome, Progress, ResultTable, within
 
 ROWS = (
     {"model": "a | b", "error": 0.123456, "n": 3, "better": True},

@@ -7,7 +7,8 @@ import pytest
 
 from frida_painter.errors import TryFailed
 from frida_painter.lab import conduct
-from frida_painter.lab.base import (
+from frida_painter.lab.conduct import run_in_processes
+from frida_painter.lab.trials import (
     Experiment,
     ExperimentTrial,
     Measurement,
@@ -18,7 +19,6 @@ from frida_painter.lab.base import (
     ResultTable,
     silent,
 )
-from frida_painter.lab.conduct import run_in_processes
 from sweep_engine import Here
 
 

@@ -5,7 +5,7 @@ import torch
 from frida_painter.brush.bezier import BezierStroke
 from frida_painter.brush.kinds import FINE
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.lab.sim2real import MarkSizes, SoftStrokes, as_plan, held_to, render
+from frida_painter.lab.sim2real import MarkSizes, SoftStrokes, as_plan, constrain_to_brush, render
 from frida_painter.render import render as render_brush
 from frida_painter.strokes import Strokes
 
@@ -34,7 +34,7 @@ def test_the_sizes_of_marks_are_those_of_the_ribbon():
 
 
 def test_a_stroke_that_the_brush_can_paint_stays_where_and_what_it_is():
-    freedom = held_to(MODEL, SIZE)
+    freedom = constrain_to_brush(MODEL, SIZE)
     stroke = freedom.project(soft(((0.03, 0.03), (0.055, 0.055), (0.07, 0.045)), 0.003), SIZE)
     plan = as_plan(stroke, MODEL, SIZE, 1, BARE, seed=0)
     wanted = 1 - render(stroke, BARE, SIZE)

@@ -3,7 +3,7 @@ import pytest
 import torch
 
 from frida_painter.lab import sawyer
-from frida_painter.lab.targets import shipped
+from frida_painter.lab.targets import load_shipped_targets
 from frida_painter.runs import settle
 from marks import coarse_table
 
@@ -30,7 +30,7 @@ def test_where_there_is_no_paint_there_are_no_edges():
 def test_the_sawyer_paints_what_the_kinematic_arm_paints_but_for_its_small_errors(monkeypatch):
     pytest.importorskip("mink")
     monkeypatch.setattr(settle, "cached_table", coarse_table)
-    (target,) = shipped(["coffee"])
+    (target,) = load_shipped_targets(["coffee"])
     outcome = sawyer.run(target, scale=sawyer.QUICK)
     errors, apart, took = (table.rows for table in outcome.tables)
     assert 0 < errors[0]["in the plane, mean"] < 0.3 and errors[0]["worst"] < 1.5

@@ -5,13 +5,13 @@ from frida_painter import images
 from frida_painter.errors import ConfigError
 from frida_painter.lab import paintings, sim2real
 from frida_painter.lab.sim2real import FULL, PLANNERS, QUICK
-from frida_painter.lab.targets import SHIPPED, given, shipped
+from frida_painter.lab.targets import SHIPPED, load_shipped_targets, load_targets
 from frida_painter.runs import settle
 from marks import coarse_table
 
 pytestmark = pytest.mark.slow
 
-SCALE = QUICK.changed(brush="fine", canvas="120x90mm")
+SCALE = QUICK.with_values(brush="fine", canvas="120x90mm")
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +34,7 @@ def heard():
 
 @pytest.fixture(scope="module")
 def outcome(kept, heard):
-    return sim2real.experiment(shipped(["coffee"]), seeds=(3,), scale=SCALE).run(kept, heard.append)
+    return sim2real.experiment(load_shipped_targets(["coffee"]), seeds=(3,), scale=SCALE).run(kept, heard.append)
 
 
 @pytest.mark.slow
@@ -62,7 +62,7 @@ def test_the_differences_are_those_of_the_pictures(outcome, kept):
 
 def test_what_was_finished_before_an_interruption_is_not_painted_again(outcome, kept, monkeypatch):
     monkeypatch.setattr(paintings, "PaintingRun", None)
-    again = sim2real.experiment(shipped(["coffee"]), seeds=(3,), scale=SCALE).run(kept)
+    again = sim2real.experiment(load_shipped_targets(["coffee"]), seeds=(3,), scale=SCALE).run(kept)
     assert again.tables == outcome.tables
 
 
@@ -72,10 +72,10 @@ def test_progress_never_goes_back_and_ends_at_one(outcome, heard):
 
 
 def test_there_are_five_targets_and_a_persons_own(tmp_path):
-    assert len(shipped()) == len(SHIPPED) >= 5
-    assert all(min(target.picture.shape[1:]) >= FULL.render_height for target in shipped())
+    assert len(load_shipped_targets()) == len(SHIPPED) >= 5
+    assert all(min(target.picture.shape[1:]) >= FULL.render_height for target in load_shipped_targets())
     images.save(torch.rand(3, 30, 40), tmp_path / "mine.png")
-    (mine,) = given([tmp_path / "mine.png"])
+    (mine,) = load_targets([tmp_path / "mine.png"])
     assert mine.name == "mine" and mine.picture.shape == (3, 30, 40)
     with pytest.raises(ConfigError, match="'mine'"):
-        given([tmp_path / "mine.png", tmp_path / "elsewhere" / "mine.png"])
+        load_targets([tmp_path / "mine.png", tmp_path / "elsewhere" / "mine.png"])

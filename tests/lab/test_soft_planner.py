@@ -2,7 +2,7 @@ import pytest
 import torch
 
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.lab.sim2real import SoftEffort, SoftStrokes, plan_soft_strokes, render, seen_colors, unconstrained
+from frida_painter.lab.sim2real import SoftEffort, SoftStrokes, allow_any_stroke, plan_soft_strokes, render, seen_colors
 
 SIZE = CanvasSize(0.13, 0.1)
 EFFORT = SoftEffort(rounds=3, settling=12, polishing=12)
@@ -19,7 +19,7 @@ def target() -> torch.Tensor:
 def test_few_strokes_come_near_and_more_come_nearer():
     errors = []
     for count in (2, 16):
-        made = plan_soft_strokes(target(), SIZE, unconstrained(SIZE), count, colors=None, effort=EFFORT, seed=0)
+        made = plan_soft_strokes(target(), SIZE, allow_any_stroke(SIZE), count, colors=None, effort=EFFORT, seed=0)
         assert len(made.strokes) == count
         torch.testing.assert_close(made.picture, render(made.strokes, torch.ones(3, 48, 62), SIZE))
         errors.append(float((made.picture - target()).square().mean()))
@@ -31,7 +31,7 @@ def test_few_strokes_come_near_and_more_come_nearer():
 def test_with_paints_there_are_no_other_colours_and_progress_ends_at_one():
     heard = []
     made = plan_soft_strokes(
-        target(), SIZE, unconstrained(SIZE), 9, colors=3, effort=EFFORT, seed=1, notify=heard.append
+        target(), SIZE, allow_any_stroke(SIZE), 9, colors=3, effort=EFFORT, seed=1, notify=heard.append
     )
     assert len(torch.unique(made.strokes.color, dim=0)) <= 3
     assert heard == sorted(heard) and heard[-1] == 1.0
@@ -39,7 +39,7 @@ def test_with_paints_there_are_no_other_colours_and_progress_ends_at_one():
 
 def test_the_same_seed_gives_the_same_plan():
     first, second = (
-        plan_soft_strokes(target(), SIZE, unconstrained(SIZE), 4, colors=None, effort=SoftEffort(2, 3, 3), seed=5)
+        plan_soft_strokes(target(), SIZE, allow_any_stroke(SIZE), 4, colors=None, effort=SoftEffort(2, 3, 3), seed=5)
         for _ in range(2)
     )
     assert torch.equal(first.picture, second.picture)

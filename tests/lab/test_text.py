@@ -8,7 +8,7 @@ from frida_painter.lab.text import PROMPTS, QUICK, WAYS, Unjudged
 from frida_painter.objectives.encoders.classifiers import EfficientNetLite, class_names
 from frida_painter.runs import settle
 from marks import coarse_table
-from networks import QuickEncoders, random_lite_tensors
+from support.networks import QuickEncoders, random_lite_tensors
 
 pytestmark = pytest.mark.slow
 
@@ -27,7 +27,7 @@ def coarse_brush():
 
 
 def run(kept):
-    scale = QUICK.changed(brush="fine", canvas="120x90mm")
+    scale = QUICK.with_values(brush="fine", canvas="120x90mm")
     judge = EfficientNetLite(random_lite_tensors())
     return text.experiment(PROMPTS[:2], scale=scale, encoders=QuickEncoders(), judge=judge).run(kept)
 

@@ -1,7 +1,7 @@
 import pytest
 import torch
 
-from frida_painter.lab.base import Experiment, ExperimentTrial, Measurement, Outcome, Results, ResultTable
+from frida_painter.lab.trials import Experiment, ExperimentTrial, Measurement, Outcome, Results, ResultTable
 
 PICTURE = torch.rand(3, 20, 20, generator=torch.Generator().manual_seed(0))
 
@@ -108,6 +108,6 @@ def test_labels_make_the_name_of_a_file():
 def test_trials_that_share_work_are_measured_together(tmp_path):
     experiment = Experiment(trials(), Measuring(), lambda results: None, sharing="way")
     assert experiment.shares(tmp_path) == [(0, 1), (2, 3)]
-    experiment.measured(experiment.trials[0], tmp_path, lambda progress: None)
+    experiment.measure_or_load(experiment.trials[0], tmp_path, lambda progress: None)
     assert experiment.shares(tmp_path) == [(1,), (2, 3)]
     assert Experiment(trials(), Measuring(), lambda results: None).shares(tmp_path) == [(1,), (2,), (3,)]

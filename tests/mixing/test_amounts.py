@@ -3,7 +3,7 @@ import torch
 
 from frida_painter.mixing.recipe import volumes
 from frida_painter.plan import Plan
-from plans import made_up_plan
+from support.plans import made_up_plan
 
 
 def test_each_paint_is_wanted_by_the_area_that_it_paints_and_never_less_than_can_be_dipped_in() -> None:

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from frida_painter.mixing.finish import Finish
-from frida_painter.mixing.kubelka_munk import film_over, inside, mixed, ratio, reflectance
+from frida_painter.mixing.kubelka_munk import film_over, inside, mix_reflectance, ratio, reflectance
 
 positive = st.floats(0.01, 5)
 
@@ -23,13 +23,13 @@ def test_absorption_over_scattering_comes_back_from_what_is_seen(absorption: flo
 def test_a_paint_mixed_with_itself_stays_what_it_is(absorption: float, scattering: float, parts: float) -> None:
     k, s = t(absorption)[None].repeat(2, 1), t(scattering)[None].repeat(2, 1)
     alone = reflectance(t(absorption), t(scattering))
-    assert torch.allclose(mixed(t(parts, 1.0)[None], k, s)[0], alone)
+    assert torch.allclose(mix_reflectance(t(parts, 1.0)[None], k, s)[0], alone)
 
 
 @given(positive, positive, positive, positive, st.floats(0.05, 0.95))
 def test_a_mixture_lies_between_its_paints(k1: float, s1: float, k2: float, s2: float, share: float) -> None:
     one, other = reflectance(t(k1), t(s1)), reflectance(t(k2), t(s2))
-    between = mixed(t(share, 1 - share)[None], t(k1, k2)[:, None], t(s1, s2)[:, None])[0]
+    between = mix_reflectance(t(share, 1 - share)[None], t(k1, k2)[:, None], t(s1, s2)[:, None])[0]
     assert float(torch.minimum(one, other)) - 1e-9 <= float(between) <= float(torch.maximum(one, other)) + 1e-9
 
 

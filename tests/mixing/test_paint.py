@@ -2,11 +2,11 @@ import pytest
 import torch
 
 from frida_painter.errors import ConfigError
-from frida_painter.mixing.kubelka_munk import mixed, reflectance
-from frida_painter.mixing.paint import Paint, PaintDataSource, color_of, published, published_names
+from frida_painter.mixing.kubelka_munk import mix_reflectance, reflectance
+from frida_painter.mixing.paint import Paint, PaintDataSource, color_of, find_acrylic, published_names
 from frida_painter.palette import ciede2000, from_hex, to_lab
 
-PAINTS = {name: published(name) for name in published_names()}
+PAINTS = {name: find_acrylic(name) for name in published_names()}
 
 # Golden Artist Colors' own measurements (CIE L*a*b*) of thin drawdowns of the same pigments in fluid acrylics.
 MEASURED = {
@@ -25,7 +25,7 @@ def lab(*colors: tuple[str, int]) -> list[float]:
     parts = torch.tensor([[float(count) for _, count in colors]], dtype=torch.float64)
     absorption = torch.stack([PAINTS[name].absorption for name, _ in colors])
     scattering = torch.stack([PAINTS[name].scattering for name, _ in colors])
-    return to_lab(color_of(mixed(parts, absorption, scattering)))[0].tolist()
+    return to_lab(color_of(mix_reflectance(parts, absorption, scattering)))[0].tolist()
 
 
 def test_the_published_paints_look_as_their_maker_measured_them() -> None:
@@ -70,7 +70,7 @@ def test_a_tint_tells_how_strong_a_paint_is() -> None:
     known = PAINTS["quinacridone magenta"]
     white = PAINTS["titanium white"]
     tint = color_of(
-        mixed(
+        mix_reflectance(
             torch.tensor([[1.0, 10.0]], dtype=torch.float64),
             torch.stack((known.absorption, white.absorption)),
             torch.stack((known.scattering, white.scattering)),

@@ -5,7 +5,7 @@ import torch
 
 from frida_painter.errors import ConfigError
 from frida_painter.mixing.kubelka_munk import inside
-from frida_painter.mixing.paint import MOST_PAINTS, SIX, PaintDataSource, published, read_paints, usual_paints
+from frida_painter.mixing.paint import MAX_PAINTS, SIX, PaintDataSource, find_acrylic, read_paints, usual_paints
 from frida_painter.palette import to_hex
 
 WHOLE = """
@@ -31,7 +31,7 @@ def file(tmp_path: Path, text: str) -> Path:
 def test_paints_are_known_by_name_by_colour_and_by_tint(tmp_path: Path) -> None:
     white, ochre, rose = read_paints(file(tmp_path, WHOLE))
     assert (white.name, white.source) == ("Titanium White", PaintDataSource.published)
-    assert torch.equal(white.scattering, published("titanium white").scattering)
+    assert torch.equal(white.scattering, find_acrylic("titanium white").scattering)
     assert (to_hex(ochre.color), ochre.source) == ("#b97f2c", PaintDataSource.color)
     assert rose.source is PaintDataSource.tint and 0.005 < float(rose.scattering.mean()) < 0.3
 
@@ -93,7 +93,7 @@ def test_all_faults_are_named_at_once_and_too_many_paints_refused(tmp_path: Path
     with pytest.raises(ConfigError) as refused:
         read_paints(file(tmp_path, "[[paint]]\nname='a'\ncolor='b'\n[[paint]]\nname='c'\nwhite=0\ncolour='#000000'"))
     assert all(part in str(refused.value) for part in ("a: color", "c: white", "c has 'colour'"))
-    with pytest.raises(ConfigError, match=f"1 to {MOST_PAINTS}"):
-        read_paints(file(tmp_path, "[[paint]]\nname='titanium white'\n" * (MOST_PAINTS + 1)))
+    with pytest.raises(ConfigError, match=f"1 to {MAX_PAINTS}"):
+        read_paints(file(tmp_path, "[[paint]]\nname='titanium white'\n" * (MAX_PAINTS + 1)))
     with pytest.raises(ConfigError, match="does not exist"):
         read_paints(tmp_path / "nowhere.toml")

@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 
 from frida_painter.errors import ConfigError
 from frida_painter.mixing.finish import Finish
-from frida_painter.mixing.kubelka_munk import mixed
-from frida_painter.mixing.paint import color_of, published, usual_paints
-from frida_painter.mixing.recipe import _PER_DOUBLING, _PER_PAINT, EASY_PARTS, MOST_PARTS, PARTS_WITH_TRACES, recipes
+from frida_painter.mixing.kubelka_munk import mix_reflectance
+from frida_painter.mixing.paint import color_of, find_acrylic, usual_paints
+from frida_painter.mixing.recipe import _PER_DOUBLING, _PER_PAINT, EASY_PARTS, MAX_PARTS, PARTS_WITH_TRACES, recipes
 from frida_painter.palette import difference, from_hex
 
 SIX = usual_paints()
@@ -18,9 +18,9 @@ SIX = usual_paints()
 
 def mixture(parts: list[int]) -> torch.Tensor:
     weights = torch.tensor([parts], dtype=torch.float64)
-    return color_of(mixed(weights, torch.stack([p.absorption for p in SIX]), torch.stack([p.scattering for p in SIX])))[
-        0
-    ]
+    return color_of(
+        mix_reflectance(weights, torch.stack([p.absorption for p in SIX]), torch.stack([p.scattering for p in SIX]))
+    )[0]
 
 
 @settings(max_examples=min(20, settings.default.max_examples))
@@ -48,12 +48,12 @@ def test_recipes_are_short_small_in_lowest_terms_and_say_what_they_give(color: t
 def test_many_parts_are_only_counted_where_that_can_be_seen() -> None:
     unseen, seen = recipes(torch.stack([mixture([20, 15, 0, 38, 0, 2]), mixture([81, 0, 1, 2, 3, 0])]), SIX)
     assert unseen.whole <= EASY_PARTS and unseen.difference <= 1
-    assert EASY_PARTS < seen.whole <= MOST_PARTS and seen.difference <= 2
+    assert EASY_PARTS < seen.whole <= MAX_PARTS and seen.difference <= 2
 
 
 def test_what_is_nearly_white_is_white_with_traces() -> None:
     cream, white = recipes(torch.stack([from_hex("#f2e9dc"), from_hex("#fbfbf8")]), SIX)
-    assert cream.difference < 1.5 and MOST_PARTS < cream.whole <= PARTS_WITH_TRACES
+    assert cream.difference < 1.5 and MAX_PARTS < cream.whole <= PARTS_WITH_TRACES
     assert white.whole == 1, "traces would not bring it nearer"
 
 
@@ -100,7 +100,7 @@ def test_the_same_every_time() -> None:
 
 
 def test_one_paint_is_all_there_is() -> None:
-    white = published("titanium white")
+    white = find_acrylic("titanium white")
     (found,) = recipes(torch.tensor([[0.2, 0.3, 0.4]]), [white])
     assert found.words == "1 titanium white" and not found.within_reach
 

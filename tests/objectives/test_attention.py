@@ -2,14 +2,22 @@ import pytest
 import torch
 
 from frida_painter.objectives import attention
-from frida_painter.objectives.attention import EVERYWHERE, FACES, SUBJECT, Face, attended, focused, importance
+from frida_painter.objectives.attention import (
+    EVERYWHERE,
+    FACES,
+    SUBJECT,
+    Face,
+    importance,
+    start_from_meaning,
+    weight_by_focus,
+)
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.objectives.pixel_loss import spread
 from frida_painter.objectives.semantic import SemanticTerm
 from frida_painter.objectives.style import StyleTerm
-from networks import NoEncoderRegistry, QuickEncoders, QuickHed
-from scenes import picture
+from support.networks import NoEncoderRegistry, QuickEncoders, QuickHed
+from support.planning import picture
 
 
 class Spot:
@@ -36,7 +44,7 @@ def test_edges_and_things_matter_more_than_the_rest() -> None:
 
 
 def test_a_goal_that_begins_with_what_is_meant_begins_where_its_meaning_is() -> None:
-    goal = attended(Goal((SemanticTerm(picture(), 2.0), StyleTerm(picture()))), QuickEncoders())
+    goal = start_from_meaning(Goal((SemanticTerm(picture(), 2.0), StyleTerm(picture()))), QuickEncoders())
     (begun,) = goal.initial
     assert isinstance(begun, ImageTerm) and begun.importance is not None and begun.weight == 2
     assert goal.initial_terms == goal.initial
@@ -49,7 +57,7 @@ def test_other_goals_ask_no_network() -> None:
         Goal((ImageTerm(picture()), meant)),
         Goal((meant,), (ImageTerm(picture()),)),
     ):
-        assert attended(goal, NoEncoderRegistry()) is goal
+        assert start_from_meaning(goal, NoEncoderRegistry()) is goal
 
 
 def test_importance_is_fitted_as_the_picture_is() -> None:
@@ -64,19 +72,19 @@ def test_importance_is_fitted_as_the_picture_is() -> None:
 def test_faces_matter_more_where_there_are_any_and_a_person_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     goal, encoders = Goal((ImageTerm(picture()), StyleTerm(picture()))), NoEncoderRegistry()
     monkeypatch.setattr(attention, "faces", lambda seen: [])
-    assert focused(goal, FACES, encoders) is goal and encoders.remarks == []
+    assert weight_by_focus(goal, FACES, encoders) is goal and encoders.remarks == []
     monkeypatch.setattr(attention, "faces", lambda seen: [Face(0.5, 0.5, 0.2, 0.2)])
-    assert focused(goal, EVERYWHERE, encoders) is goal
-    found, style = focused(goal, FACES, encoders).terms
+    assert weight_by_focus(goal, EVERYWHERE, encoders) is goal
+    found, style = weight_by_focus(goal, FACES, encoders).terms
     assert isinstance(found, ImageTerm) and found.importance is not None and style is goal.terms[1]
     rows, columns = found.importance.shape
     assert float(found.importance[rows // 2, columns // 2]) > 5 * float(found.importance[0, 0])
     assert encoders.remarks == [
         "A face was found in the picture and matters more than the rest; --focus none changes that."
     ]
-    assert focused(Goal((found,)), FACES, encoders).terms[0] is found, "what matters was said already"
+    assert weight_by_focus(Goal((found,)), FACES, encoders).terms[0] is found, "what matters was said already"
 
 
 def test_the_subject_is_what_networks_see() -> None:
-    (found,) = focused(Goal((ImageTerm(picture()),)), SUBJECT, QuickEncoders()).terms
+    (found,) = weight_by_focus(Goal((ImageTerm(picture()),)), SUBJECT, QuickEncoders()).terms
     assert found.importance is not None and float(found.importance.mean()) == pytest.approx(1, abs=1e-4)

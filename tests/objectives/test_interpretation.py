@@ -4,16 +4,16 @@ import torch
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError
 from frida_painter.frames import PixelGrid, Rows
-from frida_painter.objectives.encoders.registry import EncoderRegistry
+from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.image import ImageTerm
-from frida_painter.objectives.interpretation import WeightedObjective, interpreted, prepare
+from frida_painter.objectives.interpretation import WeightedObjective, interpret_goal, prepare
 from frida_painter.objectives.objective import Goal, ObjectiveContext, ObjectiveTerm
 from frida_painter.objectives.semantic import SemanticTerm
 from frida_painter.objectives.sketch import SketchTerm
 from frida_painter.objectives.style import StyleTerm
 from frida_painter.words.text import TextTerm
-from networks import QuickEncoders
-from scenes import CANVAS, picture
+from support.networks import QuickEncoders
+from support.planning import CANVAS, picture
 
 GRID = PixelGrid.of_height(CANVAS, 24)
 
@@ -84,12 +84,12 @@ LINES[:, 30:33, 10:70] = 0
 
 
 def pursued(*terms) -> Goal:
-    return interpreted(Goal(terms), GRID, QuickEncoders(), seed=0)
+    return interpret_goal(Goal(terms), GRID, QuickEncoders(), seed=0)
 
 
 def test_a_picture_alone_is_painted_as_it_is() -> None:
     goal = Goal((ImageTerm(picture()),))
-    assert interpreted(goal, GRID, QuickEncoders(), seed=0) is goal
+    assert interpret_goal(goal, GRID, QuickEncoders(), seed=0) is goal
 
 
 def test_words_in_a_style_begin_with_a_picture_in_the_styles_colors() -> None:

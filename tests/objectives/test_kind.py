@@ -17,8 +17,8 @@ from frida_painter.cli.options import free_goal_options, goal_options, tell_left
 from frida_painter.errors import ConfigError
 from frida_painter.objectives.objective import Gives, GoalKind, KnownKinds, goal_kinds
 from frida_painter.registry import OBJECTIVES
-from frida_painter.web.folder import GoalRequest
 from frida_painter.web.routes import abilities
+from frida_painter.web.studio_folder import GoalRequest
 from frida_painter.words.text import TextTerm
 
 OURS = ["image", "semantic", "sketch", "text", "style"]

@@ -6,10 +6,10 @@ from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.interpretation import prepare
 from frida_painter.objectives.objective import Goal
 from frida_painter.objectives.sketch import SketchTerm
-from frida_painter.objectives.sketch_loss import drawn_on, overlaid
+from frida_painter.objectives.sketch_loss import draw_on_picture, overlaid
 from frida_painter.words.text import TextTerm
-from networks import QuickEncoders
-from scenes import CANVAS, picture
+from support.networks import QuickEncoders
+from support.planning import CANVAS, picture
 
 GRID = PixelGrid.of_height(CANVAS, 64)
 
@@ -22,12 +22,14 @@ def drawing() -> torch.Tensor:
 
 def test_lines_are_dark_on_light_pictures_and_light_on_dark_ones() -> None:
     for gray, line in ((0.7, 0.0), (0.2, 1.0)):
-        seen = drawn_on(torch.full((3, 60, 80), gray), drawing())
+        seen = draw_on_picture(torch.full((3, 60, 80), gray), drawing())
         assert torch.allclose(seen[:, 30, 40], torch.full((3,), line), atol=1e-3)
         assert torch.allclose(seen[:, 5, 40], torch.full((3,), gray), atol=1e-5)
     red = drawing()
     red[0] = 1
-    assert torch.allclose(drawn_on(torch.full((3, 60, 80), 0.7), red)[:, 30, 40], torch.tensor([1.0, 0, 0]), atol=1e-3)
+    assert torch.allclose(
+        draw_on_picture(torch.full((3, 60, 80), 0.7), red)[:, 30, 40], torch.tensor([1.0, 0, 0]), atol=1e-3
+    )
 
 
 def test_a_sketch_beside_a_photograph_is_drawn_on_it_and_asks_for_the_edges_of_both() -> None:

@@ -2,7 +2,7 @@ import torch
 
 from frida_painter.frames import PixelGrid, Rows
 from frida_painter.objectives.pixel_loss import Replication
-from scenes import CANVAS
+from support.planning import CANVAS
 
 GRID = PixelGrid.of_height(CANVAS, 24)
 

@@ -4,8 +4,8 @@ import torch
 from frida_painter.objectives.encoders.classifiers import EfficientNetLite
 from frida_painter.objectives.encoders.vgg import Vgg16
 from frida_painter.objectives.semantic_loss import Semantic, Views
-from networks import QuickVgg, random_lite_tensors
-from scenes import picture
+from support.networks import QuickVgg, random_lite_tensors
+from support.planning import picture
 
 
 def semantic(seed: int = 0, trunk: Vgg16 | None = None) -> Semantic:

@@ -6,12 +6,12 @@ from hypothesis import strategies as st
 from frida_painter import images
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.image import ImageTerm
-from frida_painter.objectives.interpretation import interpreted, prepare
+from frida_painter.objectives.interpretation import interpret_goal, prepare
 from frida_painter.objectives.objective import Goal
 from frida_painter.objectives.pixel_loss import with_contrast
 from frida_painter.objectives.style import StyleTerm
-from networks import QuickEncoders
-from scenes import CANVAS, picture
+from support.networks import QuickEncoders
+from support.planning import CANVAS, picture
 
 GRID = PixelGrid.of_height(CANVAS, 96)
 
@@ -42,21 +42,21 @@ def test_an_edge_gets_contrast_by_so_much_and_what_is_far_from_it_stays() -> Non
 
 def test_photographs_are_planned_towards_sharper_and_forecast_as_they_are() -> None:
     goal = Goal((ImageTerm(step()),))
-    (term,) = interpreted(goal, GRID, QuickEncoders(), 0, sharpness=0.5).terms
+    (term,) = interpret_goal(goal, GRID, QuickEncoders(), 0, sharpness=0.5).terms
     assert isinstance(term, ImageTerm) and torch.equal(term.picture, step())
     wanted = term.guide
     assert float((wanted - step()).abs().amax()) > 0.04
     objective = prepare(Goal((term,)), GRID)
     assert float(objective(wanted)) < 1e-12 < float(objective(step()))
-    assert interpreted(goal, GRID, QuickEncoders(), 0) is goal
+    assert interpret_goal(goal, GRID, QuickEncoders(), 0) is goal
     assert term.with_picture(1 - step()).guide is not wanted, "another picture is sharpened for itself"
 
 
 def test_beside_a_style_a_photograph_stays_as_it_is() -> None:
     goal = Goal((ImageTerm(picture()), StyleTerm(1 - picture())))
-    with_style = interpreted(goal, GRID, QuickEncoders(), 0)
+    with_style = interpret_goal(goal, GRID, QuickEncoders(), 0)
     assert torch.equal(
-        interpreted(goal, GRID, QuickEncoders(), 0, sharpness=1.0).terms[0].guide, with_style.terms[0].guide
+        interpret_goal(goal, GRID, QuickEncoders(), 0, sharpness=1.0).terms[0].guide, with_style.terms[0].guide
     )
 
 
@@ -65,6 +65,6 @@ def test_it_is_as_sharp_on_the_canvas_at_any_resolution() -> None:
     for rows in (96, 192):
         grid = PixelGrid.of_height(CANVAS, rows)
         large = images.fit(step(), rows, grid.columns)
-        (term,) = interpreted(Goal((ImageTerm(large),)), grid, QuickEncoders(), 0, sharpness=0.5).terms
+        (term,) = interpret_goal(Goal((ImageTerm(large),)), grid, QuickEncoders(), 0, sharpness=0.5).terms
         found.append(images.fit(term.guide, 96, GRID.columns))
     assert float((found[0] - found[1]).abs().mean()) < 0.004

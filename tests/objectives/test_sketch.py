@@ -6,8 +6,8 @@ from frida_painter.objectives.interpretation import prepare
 from frida_painter.objectives.objective import Goal
 from frida_painter.objectives.sketch import SketchTerm
 from frida_painter.objectives.sketch_loss import Sketch
-from networks import QuickEncoders, QuickHed
-from scenes import CANVAS
+from support.networks import QuickEncoders, QuickHed
+from support.planning import CANVAS
 
 
 def drawing(shift: int = 0, rows: int = 96, columns: int = 128) -> torch.Tensor:

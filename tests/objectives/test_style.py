@@ -1,8 +1,8 @@
 import torch
 
 from frida_painter.objectives.style_loss import Style
-from networks import QuickVgg
-from scenes import picture
+from support.networks import QuickVgg
+from support.planning import picture
 
 
 def style_of(image: torch.Tensor, seed: int = 0) -> Style:

@@ -8,7 +8,7 @@ from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.objectives.style import StyleTerm
 from frida_painter.objectives.style_flow import directions, flow, flow_of
-from scenes import CANVAS
+from support.planning import CANVAS
 
 
 def stripes(angle: float, rows: int = 120, columns: int = 160) -> torch.Tensor:

@@ -28,7 +28,7 @@ def photograph(
     edge = np.concatenate(
         [np.linspace(a, b, 200, endpoint=False) for a, b in zip(corners, np.roll(corners, -1, 0), strict=True)]
     )
-    outline = edge if lens is None else lens.bent(edge)
+    outline = edge if lens is None else lens.distort(edge)
 
     light = np.full((ROWS, COLUMNS, 3), table, np.float32)
     for polygon, color in (*on_table, (outline, 3 * (canvas,)), *on_canvas):
@@ -90,12 +90,12 @@ def test_paint_beyond_a_corner_costs_little() -> None:
 def test_edges_that_are_bowed_tell_the_lens() -> None:
     outline = find_canvas(photograph(lens=BARREL), SIZE)
     assert outline.lens is not None
-    assert off(outline.corners, BARREL.bent(CORNERS)) < 0.3
+    assert off(outline.corners, BARREL.distort(CORNERS)) < 0.3
     grid = np.stack(np.meshgrid(np.linspace(80, 560, 9), np.linspace(60, 420, 7)), -1).reshape(-1, 2)
-    seen = BARREL.bent(grid)
+    seen = BARREL.distort(grid)
     # A homography may take the rest: it is in the corners.
-    map_to_truth, _ = cv2.findHomography(outline.lens.straightened(seen), grid)
-    left = cv2.perspectiveTransform(outline.lens.straightened(seen)[None], map_to_truth)[0] - grid
+    map_to_truth, _ = cv2.findHomography(outline.lens.undistort(seen), grid)
+    left = cv2.perspectiveTransform(outline.lens.undistort(seen)[None], map_to_truth)[0] - grid
     bowed, _ = cv2.findHomography(seen, grid)
     without = cv2.perspectiveTransform(seen[None], bowed)[0] - grid
     assert np.abs(left).max() < 0.15 < 0.5 < np.abs(without).max()

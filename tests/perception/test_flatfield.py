@@ -71,11 +71,11 @@ def test_another_light_is_followed_by_what_is_still_bare(gain, lean):
     later = first * torch.tensor(gain)[:, None, None] * (1 + lean[0] * across + lean[1] * down)
     painted = torch.rand(90, 120, generator=torch.Generator().manual_seed(0)) < 0.3
     light = torch.where(painted, 0.05 * later, later)
-    renewed = field.renewed(light, ~painted, (1.0, 1.0, 1.0)).light(90, 120)
+    renewed = field.refit(light, ~painted, (1.0, 1.0, 1.0)).light(90, 120)
     assert (renewed / later - 1).abs().max() < 0.02
 
 
 def test_where_nothing_is_bare_the_light_stays_as_it_was():
     field = FlatField.learn(torch.full((3, 90, 120), 0.8), (1.0, 1.0, 1.0))
-    again = field.renewed(torch.full((3, 90, 120), 0.1), torch.zeros(90, 120, dtype=torch.bool), (1.0, 1.0, 1.0))
+    again = field.refit(torch.full((3, 90, 120), 0.1), torch.zeros(90, 120, dtype=torch.bool), (1.0, 1.0, 1.0))
     assert again is field

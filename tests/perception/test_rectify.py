@@ -88,9 +88,9 @@ def test_what_the_lens_has_bent_is_straightened():
     lens = Lens((200.0, 200.0), (159.5, 119.5), (-0.12, 0.0, 0.0, 0.0, 0.0))
     straight = photograph(bands)
     pixels = np.stack(np.meshgrid(np.arange(COLUMNS), np.arange(ROWS)), -1).reshape(-1, 2)
-    places = lens.straightened(pixels).reshape(ROWS, COLUMNS, 2).astype(np.float32)
+    places = lens.undistort(pixels).reshape(ROWS, COLUMNS, 2).astype(np.float32)
     bent = cv2.remap(straight, places, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    seen = tuple(map(tuple, lens.bent(np.array(CORNERS)).tolist()))
+    seen = tuple(map(tuple, lens.distort(np.array(CORNERS)).tolist()))
     grid = PixelGrid.of_height(SIZE, 90)
     inside = np.s_[:, 2:-2, 2:-2]
     wanted = rectify(straight, calibration(), grid)[inside]
@@ -103,7 +103,7 @@ def test_a_place_of_the_photograph_is_found_in_the_picture(bow):
     lens = None if bow is None else Lens((200.0, 200.0), (159.5, 119.5), (bow, 0.0, 0.0, 0.0, 0.0))
 
     def seen(places):
-        return places if lens is None else lens.bent(places)
+        return places if lens is None else lens.distort(places)
 
     record = calibration(tuple(map(tuple, seen(np.array(CORNERS)).tolist())), lens=lens)
     grid = PixelGrid.of_height(SIZE, 90)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.perception.registration import MAX_SHIFT, CanvasView, Motion, Verdict, register
+from frida_painter.perception.registration import MAX_SHIFT, CanvasShift, CanvasView, Verdict, register
 
 SIZE = CanvasSize(0.2, 0.15)
 PIXELS = 2000.0  # per metre of the canvas
@@ -114,7 +114,7 @@ def test_a_lens_that_was_turned_is_a_motion():
 
 
 def test_what_a_canvas_moved_before_counts_as_well():
-    picture, drift = canvas(strokes=40), Motion(right=0.0009)
+    picture, drift = canvas(strokes=40), CanvasShift(right=0.0009)
     before, seen = photograph(picture), photograph(picture, 0.0009, seed=1)
     assert judged(seen, before).verdict is Verdict.STILL
     assert register(VIEW, VIEW.light(seen), VIEW.light(before), None, drift).verdict is Verdict.MOVED

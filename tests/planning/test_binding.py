@@ -5,12 +5,12 @@ import torch
 
 from frida_painter.planning.layers import StepCount
 from frida_painter.planning.optimize import Step
-from frida_painter.planning.refine import binding_iterations, bound
+from frida_painter.planning.refine import bind_to_palette, binding_iterations
 from frida_painter.planning.variables import Paints
 from frida_painter.strokes import Strokes
-from scenes import scene, some_strokes
+from support.planning import problem, some_strokes
 
-SCENE = scene(32)
+PROBLEM = problem(32)
 
 
 def in_paints(steps: list[Step]) -> tuple[Strokes, Paints]:
@@ -19,7 +19,7 @@ def in_paints(steps: list[Step]) -> tuple[Strokes, Paints]:
     def begin(iterations: int) -> Callable[[Step], None]:
         return count.begin(iterations, "fine")
 
-    return bound(some_strokes(16), SCENE, 4, drawing=3, binding=4, seed=0, begin=begin)
+    return bind_to_palette(some_strokes(16), PROBLEM, 4, drawing=3, binding=4, seed=0, begin=begin)
 
 
 @pytest.mark.slow

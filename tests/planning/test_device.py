@@ -35,8 +35,8 @@ from frida_painter.planning.problem import Region
 from frida_painter.render import reference
 from frida_painter.words.meaning import distance_to
 from frida_painter.words.text import TextTerm
-from networks import QuickEncoders, random_hed_tensors, random_lite_tensors, random_reader, random_vgg_tensors
-from scenes import CANVAS, goal, picture, plain, small_table
+from support.networks import QuickEncoders, random_hed_tensors, random_lite_tensors, random_reader, random_vgg_tensors
+from support.planning import CANVAS, goal, picture, plain, small_table
 from tiny_clip import resnet_tensors, write_clip
 
 QUICK = Effort(Growth(2, 2, 4), relocations=1, refining=2, drawing=1, binding=2, settling=2, polishing=2, replanning=2)
@@ -139,7 +139,7 @@ def test_a_tensor_left_behind_would_be_found() -> None:
         by = planner(goal(), device)
         here = torch.rand(3, by.coarse.rows, by.coarse.columns)
         left = WeightedObjective([(1.0, ObjectiveTerm(lambda seen: (seen - here).square().mean()))])
-        by.scenes = replace(by.scenes, initial_objective=left)
+        by.problems = replace(by.problems, initial_objective=left)
         with pytest.raises(RuntimeError, match="one device"):
             by.plan(BARE, 4, 2, unheard)
 
@@ -179,10 +179,10 @@ def on(device: torch.device, tensors: dict[str, torch.Tensor]) -> dict[str, torc
 
 def waited_for(by: Planner, iterations: int) -> list[str]:
     """Where the CPU would wait while so many iterations are made."""
-    scene = by.scenes.of(BARE, by.coarse, by.brushes[0])
-    strokes = uniform(4, scene.limits, CANVAS, torch.Generator().manual_seed(0)).to(by.device)
+    problem = by.problems.of(BARE, by.coarse, by.brushes[0])
+    strokes = uniform(4, problem.limits, CANVAS, torch.Generator().manual_seed(0)).to(by.device)
     with waits() as noted:
-        optimize(strokes, scene, iterations=iterations)
+        optimize(strokes, problem, iterations=iterations)
     return noted
 
 
@@ -249,16 +249,16 @@ def test_losses_that_are_not_finite_are_noticed_late_on_a_device_and_do_no_harm(
     heard: list[Step] = []
     with elsewhere() as device:
         by = planner(goal(), device)
-        scene = by.scenes.of(BARE, by.coarse, by.brushes[0])
-        dark = replace(scene, objective=turning)
-        strokes = uniform(4, scene.limits, CANVAS, torch.Generator().manual_seed(0)).to(device)
+        problem = by.problems.of(BARE, by.coarse, by.brushes[0])
+        dark = replace(problem, objective=turning)
+        strokes = uniform(4, problem.limits, CANVAS, torch.Generator().manual_seed(0)).to(device)
         if len(failing) == 3:
             with pytest.raises(PlanningDiverged, match=r"iteration 20, for the 3\. time \(the loss was nan\)"):
                 optimize(strokes, dark, iterations=24, notify=heard.append)
         else:
             found, _ = optimize(strokes, dark, iterations=24, notify=heard.append)
-            found.to("cpu").check(scene.limits, CANVAS)
-            assert bool(scene.render(found).to("cpu").isfinite().all())
+            found.to("cpu").check(problem.limits, CANVAS)
+            assert bool(problem.render(found).to("cpu").isfinite().all())
     assert [step.iteration for step in heard][:5] == [1, 2, 3, 4, 5]
     assert all(step.iteration not in (6, 7, 8) and math.isfinite(step.loss) for step in heard)
 

@@ -9,12 +9,12 @@ from frida_painter.plan import Plan
 from frida_painter.planning.forecast import Fading, fading_of
 from frida_painter.planning.layers import Effort
 from frida_painter.planning.planner import Planner
-from frida_painter.planning.problem import Scenes
+from frida_painter.planning.problem import PlanningProblems
 from frida_painter.render import composite
-from plans import in_layers, made_up_plan
-from scenes import CANVAS, goal, plain, small_table
+from support.planning import CANVAS, goal, plain, small_table
+from support.plans import in_layers, made_up_plan
 
-PLANNER = Planner(goal(), plain(CANVAS, small_table(), rows=64, effort=Effort().scaled(0.1), seed=1, layers=2))
+PLANNER = Planner(goal(), plain(CANVAS, small_table(), rows=64, effort=Effort().scale(0.1), seed=1, layers=2))
 BARE = torch.ones(3, 64, 64)
 
 
@@ -28,24 +28,24 @@ def plan_in_layers(*sizes: int) -> Plan:
 
 def fading(plan: Plan) -> Fading:
     """By the random signs of one seed; it is right in the mean of many."""
-    return fading_of(plan, BARE, PLANNER.scenes, PLANNER.coarse, 3)
+    return fading_of(plan, BARE, PLANNER.problems, PLANNER.coarse, 3)
 
 
 def test_what_a_stroke_costs_that_lacks_paint_is_what_the_painting_loses() -> None:
     plan = plan_in_layers(12)
-    (strokes,), (scene,) = PLANNER.scenes.stack(plan, BARE, PLANNER.coarse)
-    guide = PLANNER.scenes.guide(scene)
+    (strokes,), (problem,) = PLANNER.problems.stack(plan, BARE, PLANNER.coarse)
+    guide = PLANNER.problems.guide(problem)
     assert guide is not None
-    several = [fading_of(plan, BARE, PLANNER.scenes, PLANNER.coarse, seed) for seed in range(30)]
+    several = [fading_of(plan, BARE, PLANNER.problems, PLANNER.coarse, seed) for seed in range(30)]
     slope, square = several[0].slope, torch.stack([one.square for one in several]).mean(0)
-    magnitude, affine = scene.marks(strokes)
+    magnitude, affine = problem.marks(strokes)
     for lacks in (0.3, 0.7):
         errors = []
         for stroke in range(-1, 12):
             left = torch.ones(12)
             if stroke >= 0:
                 left[stroke] -= lacks
-            picture = composite(magnitude * left[:, None, None], affine, strokes.color, scene.canvas)
+            picture = composite(magnitude * left[:, None, None], affine, strokes.color, problem.canvas)
             errors.append(float((picture - guide).square().sum()))
         true = torch.tensor(errors[1:]) / errors[0] - 1
         told = lacks * slope + lacks**2 * square
@@ -66,13 +66,13 @@ def test_what_later_layers_cover_may_lack_paint() -> None:
 
 def test_the_strokes_that_would_be_missed_least_go_first() -> None:
     plan = plan_in_layers(10, 6)
-    (strokes,), (scene,) = PLANNER.scenes.stack(plan, BARE, PLANNER.coarse)
-    guide = PLANNER.scenes.guide(scene)
+    (strokes,), (problem,) = PLANNER.problems.stack(plan, BARE, PLANNER.coarse)
+    guide = PLANNER.problems.guide(problem)
     assert guide is not None
 
     def error(kept: list[int]) -> float:
         with torch.no_grad():
-            return float((scene.render(strokes[kept]) - guide).square().sum())
+            return float((problem.render(strokes[kept]) - guide).square().sum())
 
     order = torch.argsort(fading(plan).without_paint)
     best, worst = (error(some.sort().values.tolist()) for some in (order[-10:], order[:10]))
@@ -99,7 +99,7 @@ def test_it_is_the_same_every_time() -> None:
 def test_without_a_picture_that_guides_strokes_count_by_the_area_in_which_they_are_seen(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(Scenes, "guide", lambda self, scene: None)
+    monkeypatch.setattr(PlanningProblems, "guide", lambda self, problem: None)
     found = fading(plan_in_layers(7))
     assert float(found.square.sum()) == pytest.approx(1) and float(found.square.min()) >= 0
     assert not bool(found.slope.any())

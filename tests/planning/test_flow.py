@@ -6,9 +6,9 @@ import torch
 from frida_painter.planning.initialize import along_flow, best_proposals
 from frida_painter.strokes import Strokes
 from marks import SMALL
-from scenes import CANVAS, scene, some_strokes, target
+from support.planning import CANVAS, problem, some_strokes, target
 
-SCENE = scene(48)
+PROBLEM = problem(48)
 
 
 def field(angle: torch.Tensor | float, sure: float) -> torch.Tensor:
@@ -65,7 +65,7 @@ def test_where_the_flow_turns_strokes_bend_with_it_and_are_shorter() -> None:
 def test_placed_strokes_go_the_way_of_the_flow() -> None:
     def agreement(of: torch.Tensor | None) -> float:
         found = best_proposals(
-            Strokes.empty(), None, 12, replace(SCENE, flow=of), target(SCENE), 12, light_to_dark=True,
+            Strokes.empty(), None, 12, replace(PROBLEM, flow=of), target(PROBLEM), 12, light_to_dark=True,
             generator=torch.Generator().manual_seed(0),
         )  # fmt: skip
         return float(torch.cos(2 * (found.strokes.angle - 1.2)).mean())

@@ -22,15 +22,15 @@ from frida_painter.planning.layers import Effort
 from frida_painter.planning.optimize import stacked_moments
 from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Planner
-from frida_painter.planning.problem import Scene
+from frida_painter.planning.problem import PlanningProblem
 from frida_painter.render import composite
-from scenes import CANVAS, goal, plain, scene, small_table, some_strokes
+from support.planning import CANVAS, goal, plain, problem, small_table, some_strokes
 
 
-def varying(share: float) -> Scene:
+def varying(share: float) -> PlanningProblem:
     table = copy.copy(small_table())
     table.spread = CoverageSpread(share, 1.0)
-    return replace(scene(), model=table)
+    return replace(problem(), model=table)
 
 
 def known(millimetres: float) -> Placement:
@@ -38,9 +38,9 @@ def known(millimetres: float) -> Placement:
     return Placement((0.0, 0.0, 0.0), tuple(map(tuple, information.tolist())))
 
 
-def photograph(on: Scene) -> torch.Tensor:
+def photograph(on: PlanningProblem) -> torch.Tensor:
     """The goal's photograph, of the size in which is planned."""
-    return images.averaged(goal().terms[0].picture, *on.canvas.shape[1:])
+    return images.resize_by_area(goal().terms[0].picture, *on.canvas.shape[1:])
 
 
 def test_it_expects_the_squared_error_of_all_paintings_of_the_plan() -> None:
@@ -90,12 +90,12 @@ def test_what_is_not_known_of_the_placement_costs_as_long_as_it_is_not_seen() ->
 def test_strokes_of_two_brushes_are_laid_one_over_the_other() -> None:
     """With one brush for both parts the moments are those of all strokes at once, and so are error and chance."""
     on, strokes = varying(0.6), some_strokes(12)
-    parts, scenes = [strokes[:7], strokes[7:]], [on, on]
-    for whole, stacked in zip(on.moments(strokes), stacked_moments(parts, scenes), strict=True):
+    parts, problems = [strokes[:7], strokes[7:]], [on, on]
+    for whole, stacked in zip(on.moments(strokes), stacked_moments(parts, problems), strict=True):
         assert torch.allclose(whole, stacked, atol=1e-6)
     for placement, unseen in ((Placement.unknown(), 0), (known(4.0), 9)):
         whole = forecast(goal(), [strokes], [on], placement, unseen)
-        stacked = forecast(goal(), parts, scenes, placement, unseen)
+        stacked = forecast(goal(), parts, problems, placement, unseen)
         assert dataclasses.astuple(stacked) == pytest.approx(dataclasses.astuple(whole), abs=1e-4)
 
 
@@ -120,7 +120,7 @@ def test_of_a_finished_painting_it_is_its_similarity_by_areas(seed: int, contras
 
 
 def test_only_goals_with_a_photograph_have_one() -> None:
-    planner = Planner(goal(), plain(CANVAS, small_table(), rows=32, effort=Effort().scaled(0.02)))
+    planner = Planner(goal(), plain(CANVAS, small_table(), rows=32, effort=Effort().scale(0.02)))
     plan = planner.plan(strokes=3, colors=2)
     assert str(planner.forecast(plan, planner.bare)).count("dB expected") == 1
     wordy = SimpleNamespace(terms=(SimpleNamespace(is_pixelwise=False, picture=None),))

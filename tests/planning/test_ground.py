@@ -13,7 +13,7 @@ from frida_painter.plan import WHITE
 from frida_painter.planning.ground import ground_around_things, possible_grounds, proposed_ground
 from frida_painter.planning.layers import Effort
 from frida_painter.planning.planner import Planner
-from scenes import CANVAS, plain, small_table
+from support.planning import CANVAS, plain, small_table
 
 CHANNEL = st.floats(0, 1, width=32)
 
@@ -32,7 +32,7 @@ def test_grounds_are_white_the_mean_and_ever_darker_ones(left: tuple[float, ...]
 
 def planner(picture: torch.Tensor) -> Planner:
     wanted = Goal((ImageTerm(picture),))
-    return Planner(wanted, plain(CANVAS, small_table(), rows=64, effort=Effort().scaled(0.2)))
+    return Planner(wanted, plain(CANVAS, small_table(), rows=64, effort=Effort().scale(0.2)))
 
 
 @pytest.mark.slow

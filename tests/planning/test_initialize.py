@@ -9,10 +9,10 @@ from frida_painter.planning.initialize import Growth, place, progressive, round_
 from frida_painter.planning.optimize import optimize
 from frida_painter.planning.variables import Paints
 from frida_painter.strokes import Strokes
-from scenes import CANVAS, scene, target
+from support.planning import CANVAS, problem, target
 
-SCENE = scene(48)
-TARGET = target(SCENE)
+PROBLEM = problem(48)
+TARGET = target(PROBLEM)
 GROWTH = Growth(rounds=4, settling=8, proposals=8)
 
 
@@ -22,13 +22,13 @@ def chance(seed: int = 0) -> torch.Generator:
 
 def judged(strokes: Strokes) -> float:
     with torch.no_grad():
-        return float(SCENE.objective(SCENE.render(strokes)))
+        return float(PROBLEM.objective(PROBLEM.render(strokes)))
 
 
 def grown(count: int, seed: int = 0, growth: Growth = GROWTH, paints: Paints | None = None) -> Strokes:
-    return progressive(count, SCENE, TARGET, paints=paints, light_to_dark=True, growth=growth, generator=chance(seed))[
-        0
-    ]
+    return progressive(
+        count, PROBLEM, TARGET, paints=paints, light_to_dark=True, growth=growth, generator=chance(seed)
+    )[0]
 
 
 @given(st.integers(0, 20_000), st.integers(1, 50))
@@ -41,9 +41,9 @@ def test_rounds_sum_up_exactly_grow_and_are_never_empty(count: int, rounds: int)
 
 
 def test_uniform_strokes_may_be_painted_and_use_the_whole_range() -> None:
-    strokes = uniform(400, SCENE.limits, CANVAS, chance())
-    strokes.check(SCENE.limits, CANVAS)
-    (shortest, longest), reach = SCENE.limits.length, torch.tensor([CANVAS.width, CANVAS.height])
+    strokes = uniform(400, PROBLEM.limits, CANVAS, chance())
+    strokes.check(PROBLEM.limits, CANVAS)
+    (shortest, longest), reach = PROBLEM.limits.length, torch.tensor([CANVAS.width, CANVAS.height])
     assert strokes.length.min() < shortest + 0.001 and strokes.length.max() > longest - 0.001
     assert strokes.thickness.std() > 0.25 and strokes.angle.std() > 1.5
     assert bool((strokes.position.amin(0) < 0.1 * reach).all() and (strokes.position.amax(0) > 0.9 * reach).all())
@@ -53,12 +53,12 @@ def test_exactly_as_many_strokes_as_were_asked_for() -> None:
     for count in (0, 1, 2, 3, 32):
         strokes = grown(count, growth=Growth(rounds=4, settling=2, proposals=4))
         assert len(strokes) == count
-        strokes.check(SCENE.limits, CANVAS)
+        strokes.check(PROBLEM.limits, CANVAS)
 
 
 def test_strokes_are_placed_even_where_none_gains_any_more() -> None:
     white = torch.ones_like(TARGET)
-    strokes, _ = place(Strokes.empty(), None, 7, SCENE, white, 4, light_to_dark=True, generator=chance())
+    strokes, _ = place(Strokes.empty(), None, 7, PROBLEM, white, 4, light_to_dark=True, generator=chance())
     assert len(strokes) == 7
 
 
@@ -68,7 +68,7 @@ def test_a_plan_grows_from_light_to_dark_and_with_paints_in_their_colours() -> N
     palette = torch.tensor([[0.9, 0.85, 0.8], [0.8, 0.2, 0.1], [0.1, 0.15, 0.3]])
     strokes, paints = progressive(
         12,
-        SCENE,
+        PROBLEM,
         TARGET,
         paints=Paints(palette, torch.zeros(0, dtype=torch.long)),
         light_to_dark=True,
@@ -82,8 +82,8 @@ def test_the_progressive_start_beats_the_uniform_one_at_as_many_iterations() -> 
     """Measured after 32 iterations, four seeds: 0.044 to 0.047 of squared error against 0.062 to 0.089."""
     iterations = GROWTH.rounds * GROWTH.settling
     for seed in range(2):
-        start = uniform(24, SCENE.limits, CANVAS, chance(seed))
-        settled, _ = optimize(start, SCENE, iterations=iterations)
+        start = uniform(24, PROBLEM.limits, CANVAS, chance(seed))
+        settled, _ = optimize(start, PROBLEM, iterations=iterations)
         assert judged(grown(24, seed)) < 0.85 * judged(settled)
 
 

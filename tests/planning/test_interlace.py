@@ -15,29 +15,29 @@ from frida_painter.frames import PixelGrid
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.interpretation import prepare
 from frida_painter.objectives.objective import Goal
-from frida_painter.planning.optimize import Step, interlaced, optimize, stacked_cost
-from frida_painter.planning.problem import Region, Scene, on_device
+from frida_painter.planning.optimize import Step, interlace_rows, optimize, stacked_cost
+from frida_painter.planning.problem import PlanningProblem, Region, on_device
 from frida_painter.strokes import Strokes
-from scenes import CANVAS, goal, scene, small_table, some_strokes
+from support.planning import CANVAS, goal, problem, small_table, some_strokes
 
 PAPER = CanvasSize(0.3556, 0.2794)
 
 
-def by_rows(rows: int = 480, wanted: Goal | None = None) -> Scene:
+def by_rows(rows: int = 480, wanted: Goal | None = None) -> PlanningProblem:
     """A scene whose marks vary and whose objective may be asked about some rows; 480 rows have four turns."""
     table = copy.copy(small_table())
     table.spread = CoverageSpread(0.5, 0.95)
-    bare = scene(rows)
+    bare = problem(rows)
     judge = prepare(wanted or goal(), PixelGrid(CANVAS, *bare.canvas.shape[1:]))
     return replace(bare, model=table, objective=judge, objective_on_rows=judge.on_rows, paint_price=0.0003)
 
 
-def judged(strokes: Strokes, on: Scene) -> float:
+def judged(strokes: Strokes, on: PlanningProblem) -> float:
     with torch.no_grad():
         return float(stacked_cost([strokes], [on]))
 
 
-def cost_and_slopes(strokes: Strokes, on: Scene) -> list[Tensor]:
+def cost_and_slopes(strokes: Strokes, on: PlanningProblem) -> list[Tensor]:
     leaves = {name: part.clone().requires_grad_() for name, part in strokes.arrays().items()}
     cost = stacked_cost([Strokes(**leaves)], [on])
     return [cost.detach(), *torch.autograd.grad(cost, list(leaves.values()))]
@@ -58,22 +58,22 @@ def test_rows_are_as_far_apart_at_any_resolution_and_nearer_for_smaller_marks(
     judge = prepare(goal(), PixelGrid.of_height(PAPER, 32))
     for rows, count in turns.items():
         canvas = torch.empty(3, rows, 1)
-        on = Scene(canvas, PAPER, BezierStroke.typical(kind), judge, objective_on_rows=judge.on_rows)
-        assert len(interlaced([on])) == count
+        on = PlanningProblem(canvas, PAPER, BezierStroke.typical(kind), judge, objective_on_rows=judge.on_rows)
+        assert len(interlace_rows([on])) == count
 
 
 def test_a_small_canvas_is_looked_at_by_32_rows_at_least() -> None:
     judge = prepare(goal(), PixelGrid.of_height(PAPER, 32))
-    on = Scene(
+    on = PlanningProblem(
         torch.empty(3, 256, 1), CanvasSize(0.03, 0.03), BezierStroke.typical(BROAD), judge,
         objective_on_rows=judge.on_rows,
     )  # fmt: skip
-    assert len(interlaced([on])) == 8
+    assert len(interlace_rows([on])) == 8
 
 
 def test_what_is_judged_as_a_whole_is_looked_at_as_a_whole() -> None:
     on = replace(by_rows(), objective_on_rows=None)
-    assert interlaced([on]) == [[on]]
+    assert interlace_rows([on]) == [[on]]
 
 
 @pytest.mark.parametrize("guarded", [False, True], ids=["all free", "some protected"])
@@ -82,9 +82,9 @@ def test_the_turns_have_the_cost_and_the_slopes_of_the_whole_in_the_mean(guarded
     if guarded:
         forbidden = torch.zeros(90, 120, dtype=torch.bool)
         forbidden[:41, :33] = True
-        on = Region(forbidden).guarded(on)
+        on = Region(forbidden).guard(on)
     strokes = some_strokes(15)
-    turns = [turn for (turn,) in interlaced([on])]
+    turns = [turn for (turn,) in interlace_rows([on])]
     assert len(turns) == 4
     each = [cost_and_slopes(strokes, turn) for turn in turns]
     for whole, *parts in zip(cost_and_slopes(strokes, on), *each, strict=True):
@@ -97,7 +97,7 @@ def test_one_turn_tells_nearly_the_slope_of_all() -> None:
     on = by_rows()
     strokes = some_strokes(30)
     whole = cost_and_slopes(strokes, on)
-    for (turn,) in interlaced([on]):
+    for (turn,) in interlace_rows([on]):
         for name, mine, theirs in zip(strokes.arrays(), cost_and_slopes(strokes, turn)[1:], whole[1:], strict=True):
             alike = torch.nn.functional.cosine_similarity(mine.flatten(), theirs.flatten(), 0)
             assert float(alike) > 0.99, name
@@ -107,7 +107,7 @@ def test_one_turn_tells_nearly_the_slope_of_all() -> None:
 @pytest.mark.parametrize("iterations", [0, 1, 2, 9])
 def test_what_comes_back_is_never_worse_however_wild_the_steps(pace: float, iterations: int) -> None:
     on = by_rows(240)
-    assert len(interlaced([on])) == 2
+    assert len(interlace_rows([on])) == 2
     for seed in range(3):
         strokes = some_strokes(12, seed)
         found, _ = optimize(strokes, on, iterations=iterations, pace=pace)
@@ -127,7 +127,7 @@ def test_plans_become_as_good_as_with_all_rows() -> None:
 def test_steps_tell_the_loss_of_what_was_looked_at() -> None:
     on, steps = by_rows(), list[Step]()
     optimize(some_strokes(8), on, iterations=7, notify=steps.append)
-    turns = [turn for (turn,) in interlaced([on])]
+    turns = [turn for (turn,) in interlace_rows([on])]
     for step, seen in zip(steps, [on, *turns[1:], turns[0], *turns[1:3]], strict=True):
         ((_, shown),) = step.parts
         assert judged(shown, seen) == pytest.approx(step.loss, rel=1e-4)

@@ -13,9 +13,9 @@ from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.planning.layers import Effort
 from frida_painter.planning.planner import Planner, layer_sizes, usual_shares
-from scenes import CANVAS, goal, plain, small_table
+from support.planning import CANVAS, goal, plain, small_table
 
-QUICK = Effort().scaled(0.1)
+QUICK = Effort().scale(0.1)
 BARE = torch.ones(3, 64, 85)
 
 
@@ -60,7 +60,7 @@ def test_only_many_strokes_towards_a_picture_get_layers_of_themselves() -> None:
 
 
 def test_where_a_layer_begins_its_strokes_go_where_the_canvas_needs_them_and_light_over_dark(plan: Plan) -> None:
-    by, (first, _) = planner(effort=Effort().scaled(0.5)), plan.by_layer()
+    by, (first, _) = planner(effort=Effort().scale(0.5)), plan.by_layer()
     rest = plan.part(slice(len(first), None))
     spoilt = by.expected(first)
     spoilt[:, 40:, :30] = 0.05  # a dark blot where the picture is pale

@@ -11,20 +11,20 @@ from frida_painter.brush.table import StrokeTable
 from frida_painter.errors import PlanningDiverged
 from frida_painter.palette import to_lab
 from frida_painter.planning.optimize import Step, optimize, stacked_cost
-from frida_painter.planning.problem import Scene
+from frida_painter.planning.problem import PlanningProblem
 from frida_painter.planning.variables import Paints
 from frida_painter.strokes import GROUPS, Strokes
-from scenes import CANVAS, scene, small_table, some_strokes
+from support.planning import CANVAS, problem, small_table, some_strokes
 
-SCENE = scene(48)
+PROBLEM = problem(48)
 
 
-def judged(strokes: Strokes, on: Scene = SCENE) -> float:
+def judged(strokes: Strokes, on: PlanningProblem = PROBLEM) -> float:
     with torch.no_grad():
         return float(on.objective(on.render(strokes)))
 
 
-def turning_nan(after: int, for_good: bool = True) -> Scene:
+def turning_nan(after: int, for_good: bool = True) -> PlanningProblem:
     """The scene whose objective is NaN from its `after`-th call, or only in that one."""
     calls = 0
 
@@ -32,17 +32,17 @@ def turning_nan(after: int, for_good: bool = True) -> Scene:
         nonlocal calls
         calls += 1
         fails = calls > after if for_good else calls == after + 1
-        return SCENE.objective(picture) * (math.nan if fails else 1)
+        return PROBLEM.objective(picture) * (math.nan if fails else 1)
 
-    return replace(SCENE, objective=objective)
+    return replace(PROBLEM, objective=objective)
 
 
 def test_strokes_get_better_and_stay_inside_their_limits() -> None:
     strokes = some_strokes(20)
-    found, _ = optimize(strokes, SCENE, iterations=25)
+    found, _ = optimize(strokes, PROBLEM, iterations=25)
     assert judged(found) < 0.8 * judged(strokes)
     assert len(found) == 20
-    found.check(SCENE.limits, CANVAS)
+    found.check(PROBLEM.limits, CANVAS)
     lightness = to_lab(found.color)[:, 0]
     assert bool((lightness.diff() <= 1e-4).all())
 
@@ -53,16 +53,16 @@ def area(strokes: Strokes) -> float:
 
 def test_where_paint_has_a_price_less_of_it_makes_nearly_the_same_picture() -> None:
     strokes = some_strokes(30)
-    free, _ = optimize(strokes, SCENE, iterations=40)
-    priced, _ = optimize(strokes, replace(SCENE, paint_price=0.005), iterations=40)
+    free, _ = optimize(strokes, PROBLEM, iterations=40)
+    priced, _ = optimize(strokes, replace(PROBLEM, paint_price=0.005), iterations=40)
     assert area(priced) < 0.95 * area(free)
     assert judged(priced) < 1.15 * judged(free) < 0.6 * judged(strokes)
 
 
 def test_the_price_of_paint_is_a_share_of_the_loss_whatever_its_size() -> None:
     strokes = some_strokes(5)
-    darker = replace(SCENE, objective=lambda picture: 0.01 * SCENE.objective(picture))
-    for on in (SCENE, darker):
+    darker = replace(PROBLEM, objective=lambda picture: 0.01 * PROBLEM.objective(picture))
+    for on in (PROBLEM, darker):
         with torch.no_grad():
             once, loss = stacked_cost([strokes], [on]), on.expected_loss(strokes)
             priced = stacked_cost([strokes], [replace(on, paint_price=0.2)])
@@ -71,8 +71,8 @@ def test_the_price_of_paint_is_a_share_of_the_loss_whatever_its_size() -> None:
         assert float((twice - loss) / (priced - loss)) == pytest.approx(2.0, rel=1e-4)
         assert float(priced / loss) == pytest.approx(
             float(
-                stacked_cost([strokes], [replace(SCENE, paint_price=0.2)]).detach()
-                / SCENE.expected_loss(strokes).detach()
+                stacked_cost([strokes], [replace(PROBLEM, paint_price=0.2)]).detach()
+                / PROBLEM.expected_loss(strokes).detach()
             ),
             rel=1e-4,
         )
@@ -83,27 +83,27 @@ def test_the_price_of_paint_is_a_share_of_the_loss_whatever_its_size() -> None:
 def test_what_comes_back_is_never_worse_however_wild_the_steps(pace: float, iterations: int) -> None:
     for seed in range(3):
         strokes = some_strokes(12, seed)
-        found, _ = optimize(strokes, SCENE, iterations=iterations, pace=pace)
+        found, _ = optimize(strokes, PROBLEM, iterations=iterations, pace=pace)
         assert judged(found) <= judged(strokes) + 1e-7
-        found.check(SCENE.limits, CANVAS)
+        found.check(PROBLEM.limits, CANVAS)
 
 
 def test_without_iterations_strokes_stay_as_they_are() -> None:
     strokes = some_strokes(9)
-    found, _ = optimize(strokes, SCENE, iterations=0)
+    found, _ = optimize(strokes, PROBLEM, iterations=0)
     for name in GROUPS:
         assert torch.allclose(getattr(found, name), getattr(strokes, name), atol=1e-5)
 
 
 def test_no_strokes_are_no_trouble() -> None:
-    assert len(optimize(Strokes.empty(), SCENE, iterations=5)[0]) == 0
+    assert len(optimize(Strokes.empty(), PROBLEM, iterations=5)[0]) == 0
 
 
 def test_every_colour_is_of_the_palette_and_the_palette_may_move_or_not() -> None:
     palette = torch.tensor([[0.9, 0.85, 0.8], [0.7, 0.3, 0.2], [0.1, 0.1, 0.2]])
     paints = Paints(palette, torch.arange(15) // 5)
     for vary in (True, False):
-        found, kept = optimize(some_strokes(15), SCENE, iterations=10, paints=paints, vary_colors=vary)
+        found, kept = optimize(some_strokes(15), PROBLEM, iterations=10, paints=paints, vary_colors=vary)
         assert kept is not None and torch.allclose(found.color, kept.color[kept.paint], atol=1e-6)
         assert bool(((kept.color >= 0) & (kept.color <= 1)).all())
         assert torch.allclose(kept.color, palette, atol=1e-6) != vary
@@ -112,7 +112,7 @@ def test_every_colour_is_of_the_palette_and_the_palette_may_move_or_not() -> Non
 
 def test_any_order_may_be_kept() -> None:
     strokes = some_strokes(8)[torch.arange(7, -1, -1)]
-    found, _ = optimize(strokes, SCENE, iterations=3, light_to_dark=False)
+    found, _ = optimize(strokes, PROBLEM, iterations=3, light_to_dark=False)
     assert (to_lab(found.color)[:, 0].diff() >= -3).all()
 
 
@@ -134,7 +134,7 @@ def test_one_step_that_is_not_finite_is_discarded_and_the_best_is_kept() -> None
     strokes = some_strokes(10)
     found, _ = optimize(strokes, turning_nan(after=6, for_good=False), iterations=20)
     assert judged(found) < 0.95 * judged(strokes)
-    found.check(SCENE.limits, CANVAS)
+    found.check(PROBLEM.limits, CANVAS)
     assert all(bool(torch.isfinite(part).all()) for part in found.arrays().values())
 
 
@@ -142,48 +142,48 @@ def test_gradients_that_are_not_finite_never_reach_the_strokes() -> None:
     """Fault F29: values that are not finite while planning."""
 
     def objective(picture: Tensor) -> Tensor:  # its slope at 0 is 0 x infinity
-        return SCENE.objective(picture) + 0 * (picture - picture.detach()).sqrt().mean()
+        return PROBLEM.objective(picture) + 0 * (picture - picture.detach()).sqrt().mean()
 
     with pytest.raises(PlanningDiverged):
-        optimize(some_strokes(10), replace(SCENE, objective=objective), iterations=10)
+        optimize(some_strokes(10), replace(PROBLEM, objective=objective), iterations=10)
 
 
 def test_steps_are_told_one_by_one() -> None:
     steps: list[Step] = []
     strokes = some_strokes(5)
-    optimize(strokes, SCENE, iterations=6, notify=steps.append)
+    optimize(strokes, PROBLEM, iterations=6, notify=steps.append)
     assert [(step.iteration, step.of) for step in steps] == [(number, 6) for number in range(1, 7)]
     assert steps[0].loss == pytest.approx(judged(strokes), rel=1e-4)
     for step in steps:
         ((brush, shown),) = step.parts
-        assert brush == SCENE.model.brush and judged(shown) == pytest.approx(step.loss, rel=1e-5)
+        assert brush == PROBLEM.model.brush and judged(shown) == pytest.approx(step.loss, rel=1e-5)
 
 
 def test_strokes_given_are_not_touched() -> None:
     strokes = some_strokes(6)
     before = {name: part.clone() for name, part in strokes.arrays().items()}
-    optimize(strokes, SCENE, iterations=3)
+    optimize(strokes, PROBLEM, iterations=3)
     assert all(torch.equal(before[name], part) for name, part in strokes.arrays().items())
 
 
 def test_where_there_is_a_judge_it_says_which_strokes_were_best() -> None:
     """The objective wants darkness; the judge wants things as they were."""
     start = some_strokes(10)
-    before = SCENE.render(start)
-    eager = replace(SCENE, objective=lambda picture: picture.mean())
+    before = PROBLEM.render(start)
+    eager = replace(PROBLEM, objective=lambda picture: picture.mean())
     found, _ = optimize(
         start, replace(eager, validation=lambda picture: (picture - before).square().mean()), iterations=20
     )
-    torch.testing.assert_close(SCENE.render(found), before)
+    torch.testing.assert_close(PROBLEM.render(found), before)
     unjudged, _ = optimize(start, eager, iterations=20)
-    assert float(SCENE.render(unjudged).mean()) < float(before.mean())
+    assert float(PROBLEM.render(unjudged).mean()) < float(before.mean())
 
 
 def test_where_marks_vary_the_expected_painting_is_planned_for() -> None:
     """What is minimised is the mean squared error over all paintings of the plan, not that of their mean picture."""
     varying = small_table_that_varies()
-    on, strokes = replace(SCENE, model=varying), some_strokes(20)
-    for_the_mean, _ = optimize(strokes, SCENE, iterations=25)
+    on, strokes = replace(PROBLEM, model=varying), some_strokes(20)
+    for_the_mean, _ = optimize(strokes, PROBLEM, iterations=25)
     for_all, _ = optimize(strokes, on, iterations=25)
     with torch.no_grad():
         assert float(on.expected_loss(for_all)) < float(on.expected_loss(for_the_mean))

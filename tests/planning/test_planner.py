@@ -16,11 +16,11 @@ from frida_painter.plan import Plan
 from frida_painter.planning.layers import Effort
 from frida_painter.planning.optimize import Step, optimize_together
 from frida_painter.planning.planner import Planner
-from frida_painter.planning.problem import Scene, Scenes
-from networks import NoEncoderRegistry, QuickEncoders
-from scenes import CANVAS, goal, picture, plain, small_table
+from frida_painter.planning.problem import PlanningProblem, PlanningProblems
+from support.networks import NoEncoderRegistry, QuickEncoders
+from support.planning import CANVAS, goal, picture, plain, small_table
 
-QUICK = Effort().scaled(0.1)
+QUICK = Effort().scale(0.1)
 BARE = torch.ones(3, 64, 85)
 
 
@@ -46,7 +46,7 @@ def test_a_plan_comes_near_its_goal_under_everything_that_it_was_asked_to_keep()
 
 @pytest.mark.parametrize(("strokes", "colors"), [(1, 1), (2, 2), (3, 1), (3, 3), (32, 5)])
 def test_exactly_so_many_strokes_and_no_more_paints(strokes: int, colors: int) -> None:
-    plan = planned(strokes, colors, effort=Effort().scaled(0.02))
+    plan = planned(strokes, colors, effort=Effort().scale(0.02))
     assert len(plan) == strokes and 1 <= len(plan.palette) <= colors
     assert sorted(set(plan.paint.tolist())) == list(range(len(plan.palette))), "every well is needed"
 
@@ -101,7 +101,7 @@ def test_iterations_are_told_in_one_count_to_the_last() -> None:
 @pytest.mark.slow
 def test_planning_again_keeps_the_palette_and_the_count_and_helps() -> None:
     """Measured with three seeds: the goal comes nearer by 4, 6 and 13 %."""
-    by = planner(effort=Effort().scaled(0.3))
+    by = planner(effort=Effort().scale(0.3))
     plan = by.plan(BARE, 24, 4, lambda step: None)
     rest = plan.part(slice(12, None))
     # A canvas on which something else happened than was planned: the first strokes lie 6 mm off.
@@ -155,7 +155,7 @@ def test_planning_again_the_same_gives_the_same() -> None:
 
 @pytest.mark.slow
 def test_planning_a_quarter_again_takes_a_small_part_of_the_work() -> None:
-    by = planner(effort=Effort().scaled(0.3))
+    by = planner(effort=Effort().scale(0.3))
     plan = by.plan(BARE, 64, 6, lambda step: None)  # warm
     started = time.process_time()
     by.plan(BARE, 64, 6, lambda step: None)
@@ -174,10 +174,10 @@ def test_where_planning_again_diverges_the_plan_stays(monkeypatch: pytest.Monkey
         calls += 1
         return (picture * (math.nan if calls > 3 else 1)).mean()
 
-    def broken_scene(self: Scenes, canvas: torch.Tensor, grid: PixelGrid, name: str) -> Scene:
-        return Scene(torch.ones(3, grid.rows, grid.columns), CANVAS, by.models[name], broken)
+    def broken_scene(self: PlanningProblems, canvas: torch.Tensor, grid: PixelGrid, name: str) -> PlanningProblem:
+        return PlanningProblem(torch.ones(3, grid.rows, grid.columns), CANVAS, by.models[name], broken)
 
-    monkeypatch.setattr(Scenes, "of", broken_scene)
+    monkeypatch.setattr(PlanningProblems, "of", broken_scene)
     assert by.replan(plan, BARE, lambda step: None) is plan
     assert calls > 3
 
@@ -190,10 +190,10 @@ def test_a_picture_that_is_not_finite_makes_no_plan() -> None:
 
 
 def test_more_effort_is_more_iterations() -> None:
-    assert planner(effort=Effort().scaled(2)).iterations(50) == pytest.approx(
+    assert planner(effort=Effort().scale(2)).iterations(50) == pytest.approx(
         2 * planner(effort=Effort()).iterations(50), rel=0.05
     )
-    assert planner(effort=Effort().scaled(0.001)).iterations(50) >= 10
+    assert planner(effort=Effort().scale(0.001)).iterations(50) >= 10
     assert planner().fine == PixelGrid.of_height(CANVAS, 64)
 
 
@@ -205,7 +205,7 @@ def test_pictures_alone_are_planned_without_any_network_and_whatever_is_given_th
 
 @pytest.mark.slow
 def test_a_style_changes_the_plan_and_is_come_nearer_to() -> None:
-    effort = Effort().scaled(0.1)
+    effort = Effort().scale(0.1)
     wanted = Goal((ImageTerm(picture(120, 160)), StyleTerm(1 - picture(), 3.0)))
     by = Planner(wanted, plain(CANVAS, small_table(), rows=64, effort=effort, seed=0), encoders=QuickEncoders())
     alone = planned(16, 4, effort=effort)
@@ -245,13 +245,13 @@ def test_without_memory_enough_it_is_planned_again_with_less_and_else_the_plan_s
     monkeypatch: pytest.MonkeyPatch, failure: Exception
 ) -> None:
     """Fault F28: no memory left while planning."""
-    by, plan = planner(effort=Effort().scaled(0.3)), planned(8)
+    by, plan = planner(effort=Effort().scale(0.3)), planned(8)
     photograph = BARE * 0.7
     sizes: list[int] = []
 
     def starving(largest: int) -> None:
         def optimizing(parts, **rest):  # type: ignore[no-untyped-def]
-            sizes.append(parts[0].scene.canvas.shape[1])
+            sizes.append(parts[0].problem.canvas.shape[1])
             if sizes[-1] > largest:
                 raise failure
             return optimize_together(parts, **rest)

@@ -25,8 +25,8 @@ from frida_painter.runs.settle import make_goal, make_planner, planner_settings,
 from frida_painter.runs.spec import RunSpec
 from frida_painter.words.text import TextTerm
 from marks import coarse_table
-from networks import QuickEncoders
-from scenes import goal, picture, plain, small_table
+from support.networks import QuickEncoders
+from support.planning import goal, picture, plain, small_table
 
 SHAPES = ((120, 160), (160, 120))
 # The field of RunSpec for a setting: both have the same default, unless the description leaves it open (None).
@@ -143,7 +143,7 @@ def test_what_is_usual_depends_on_the_kinds_of_a_goal_that_has_no_description(co
 def test_the_usual_canvas_has_the_proportions_of_the_picture(coarse_brushes: None) -> None:
     usual = RunSpec().canvas
     lying, upright = (make_planner(Goal((ImageTerm(picture(*shape)),)), strokes=9, **QUICK) for shape in SHAPES)
-    assert str(lying.size) == str(usual.shaped_like(*SHAPES[0]))
+    assert str(lying.size) == str(usual.crop_like(*SHAPES[0]))
     assert upright.size == CanvasSize(lying.size.height, lying.size.width)
 
 
@@ -158,7 +158,7 @@ def test_nothing_of_a_planner_changes_when_another_ground_is_asked_for() -> None
     by = small()
     toned = by.on_ground((0.5, 0.25, 0.125))
     assert by.ground == (1, 1, 1) and toned.ground == (0.5, 0.25, 0.125) == tuple(toned.bare[:, 0, 0].tolist())
-    assert toned.goal is by.goal and toned.scenes is by.scenes and toned.towards(goal()).ground == toned.ground
+    assert toned.goal is by.goal and toned.problems is by.problems and toned.towards(goal()).ground == toned.ground
     for name in ("ground", "region", "darkest", "seed"):
         with pytest.raises(AttributeError):
             setattr(by, name, None)
@@ -184,7 +184,7 @@ def test_a_bare_canvas_is_planned_on_and_nobody_has_to_listen() -> None:
 
 
 def test_effort_is_a_factor_or_told_one_by_one() -> None:
-    assert small().effort == Effort().scaled(0.02)
+    assert small().effort == Effort().scale(0.02)
     exactly = Effort(polishing=3)
     assert Planner(goal(), plain("12x9cm", small_table(), rows=64, effort=exactly)).effort is exactly
 

@@ -6,10 +6,10 @@ from frida_painter.palette import to_lab
 from frida_painter.planning.refine import anneal_to_palette, discretize, loss_without, relocate, visible_area
 from frida_painter.planning.variables import Paints
 from frida_painter.strokes import Strokes
-from scenes import CANVAS, scene, some_strokes, target
+from support.planning import CANVAS, problem, some_strokes, target
 
-SCENE = scene(64)
-TARGET = target(SCENE)
+PROBLEM = problem(64)
+TARGET = target(PROBLEM)
 
 
 def chance(seed: int = 0) -> torch.Generator:
@@ -18,7 +18,7 @@ def chance(seed: int = 0) -> torch.Generator:
 
 def squared_error(strokes: Strokes) -> float:
     with torch.no_grad():
-        return float((TARGET - SCENE.render(strokes)).square().sum())
+        return float((TARGET - PROBLEM.render(strokes)).square().sum())
 
 
 def without(strokes: Strokes, index: int) -> Strokes:
@@ -29,10 +29,10 @@ def test_the_loss_without_a_stroke_is_that_of_leaving_it_out() -> None:
     """Eight random probes give the squared change |D|^2 to half of itself (a standard deviation), and unbiased."""
     strokes = some_strokes(16, seed=5)
     with torch.no_grad():
-        pictures = [SCENE.render(strokes), *(SCENE.render(without(strokes, index)) for index in range(16))]
+        pictures = [PROBLEM.render(strokes), *(PROBLEM.render(without(strokes, index)) for index in range(16))]
     error = torch.stack([(TARGET - one).square().sum() for one in pictures])
     true, squared = error[1:] - error[0], torch.stack([(one - pictures[0]).square().sum() for one in pictures[1:]])
-    estimates = torch.stack([loss_without(strokes, SCENE, TARGET, chance(seed)) for seed in range(40)])
+    estimates = torch.stack([loss_without(strokes, PROBLEM, TARGET, chance(seed)) for seed in range(40)])
     off = (estimates - true) / squared
     assert off.mean(0).abs().max() < 0.3 and off.mean().abs() < 0.05
     assert 0.35 < off.std() < 0.65
@@ -42,11 +42,11 @@ def test_the_loss_without_a_stroke_is_that_of_leaving_it_out() -> None:
 def test_the_loss_counts_by_how_much_each_place_matters() -> None:
     """Where only the left half matters, a stroke in the right half is missed by nobody."""
     strokes = some_strokes(16, seed=5)
-    matters = torch.zeros(SCENE.canvas.shape[1:])
+    matters = torch.zeros(PROBLEM.canvas.shape[1:])
     matters[:, : matters.shape[1] // 2] = 2
-    weighted = replace(SCENE, importance=matters)
+    weighted = replace(PROBLEM, importance=matters)
     with torch.no_grad():
-        pictures = [SCENE.render(strokes), *(SCENE.render(without(strokes, index)) for index in range(16))]
+        pictures = [PROBLEM.render(strokes), *(PROBLEM.render(without(strokes, index)) for index in range(16))]
     error = torch.stack([(matters * (TARGET - one).square()).sum() for one in pictures])
     estimates = torch.stack([loss_without(strokes, weighted, TARGET, chance(seed)) for seed in range(40)]).mean(0)
     true = error[1:] - error[0]
@@ -59,34 +59,34 @@ def test_a_stroke_that_cannot_be_seen_is_missed_by_nobody() -> None:
     strokes = some_strokes(4)
     twice = Strokes.join(strokes[:1].with_groups(thickness=torch.zeros(1)), strokes[:1], strokes[1:])
     covering = twice.with_groups(thickness=torch.tensor([0.0, 1.0, 0.5, 0.5, 0.5]))
-    loss = loss_without(covering, SCENE, TARGET, chance())
+    loss = loss_without(covering, PROBLEM, TARGET, chance())
     assert loss[0].abs() < 0.15 * loss[1].abs()
 
 
 def test_visible_areas_are_those_in_which_a_colour_is_seen() -> None:
     strokes = some_strokes(5)
-    area = visible_area(strokes, SCENE)
+    area = visible_area(strokes, PROBLEM)
     with torch.no_grad():
-        before = SCENE.render(strokes)
+        before = PROBLEM.render(strokes)
         for index in range(5):
             color = strokes.color.clone()
             color[index] += 0.1
-            changed = SCENE.render(strokes.with_groups(color=color)) - before
+            changed = PROBLEM.render(strokes.with_groups(color=color)) - before
             assert torch.isclose(changed[0].sum() / 0.1, area[index], rtol=1e-2, atol=0.5)
 
 
 def test_relocating_keeps_the_count_the_limits_and_the_order() -> None:
     for share in (0.0, 0.15, 0.5, 1.0):
-        found, _ = relocate(some_strokes(20), None, SCENE, TARGET, share=share, proposals=6, generator=chance())
+        found, _ = relocate(some_strokes(20), None, PROBLEM, TARGET, share=share, proposals=6, generator=chance())
         assert len(found) == 20
-        found.check(SCENE.limits, CANVAS)
+        found.check(PROBLEM.limits, CANVAS)
         assert bool((to_lab(found.color)[:, 0].diff() <= 1e-4).all())
 
 
 def test_relocating_makes_a_poor_plan_better_and_moves_no_more_than_its_share() -> None:
     for seed in range(3):
         strokes = some_strokes(20, seed)
-        found, _ = relocate(strokes, None, SCENE, TARGET, share=0.2, proposals=12, generator=chance(seed))
+        found, _ = relocate(strokes, None, PROBLEM, TARGET, share=0.2, proposals=12, generator=chance(seed))
         assert squared_error(found) < squared_error(strokes)
         lengths = set(found.length.tolist())
         assert sum(length in lengths for length in strokes.length.tolist()) >= 16
@@ -96,7 +96,9 @@ def test_relocated_strokes_take_paints_that_there_are() -> None:
     palette = torch.tensor([[0.9, 0.85, 0.8], [0.8, 0.2, 0.1], [0.1, 0.15, 0.3]])
     paint = torch.arange(18) // 6
     strokes = some_strokes(18).with_groups(color=palette[paint])
-    found, paints = relocate(strokes, Paints(palette, paint), SCENE, TARGET, share=0.5, proposals=8, generator=chance())
+    found, paints = relocate(
+        strokes, Paints(palette, paint), PROBLEM, TARGET, share=0.5, proposals=8, generator=chance()
+    )
     assert paints is not None and torch.equal(paints.color, palette)
     assert torch.equal(found.color, palette[paints.paint])
     assert not torch.equal(found.length.sort()[0], strokes.length.sort()[0])
@@ -104,7 +106,7 @@ def test_relocated_strokes_take_paints_that_there_are() -> None:
 
 def test_discretising_gives_so_many_paints_light_to_dark() -> None:
     strokes = some_strokes(30)
-    found, paints = discretize(strokes, SCENE, 5, seed=0)
+    found, paints = discretize(strokes, PROBLEM, 5, seed=0)
     assert len(found) == 30 and paints.color.shape == (5, 3)
     assert bool((paints.paint.diff() >= 0).all())
     assert torch.equal(found.color, paints.color[paints.paint])
@@ -114,8 +116,8 @@ def test_discretising_gives_so_many_paints_light_to_dark() -> None:
 
 def test_drawing_together_goes_so_much_of_the_way_to_the_paints() -> None:
     strokes = some_strokes(24, seed=2)
-    bound, paints = discretize(strokes, SCENE, 5, seed=0)
-    halfway = anneal_to_palette(strokes, SCENE, 5, 0.5, seed=0)
+    bound, paints = discretize(strokes, PROBLEM, 5, seed=0)
+    halfway = anneal_to_palette(strokes, PROBLEM, 5, 0.5, seed=0)
     nearest = torch.cdist(strokes.color, paints.color).amin(1)
     torch.testing.assert_close(torch.cdist(halfway.color, paints.color).amin(1), nearest / 2, atol=1e-5, rtol=0)
     assert torch.equal(halfway.position, strokes.position)  # nothing else changes, not even the order

@@ -10,7 +10,7 @@ from frida_painter.planning.optimize import optimize
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.problem import Region, region_of
 from frida_painter.render import render
-from scenes import CANVAS, goal, plain, scene, small_table, some_strokes
+from support.planning import CANVAS, goal, plain, problem, small_table, some_strokes
 
 LEFT = torch.zeros(60, 80, dtype=torch.bool)
 LEFT[:, :36] = True
@@ -31,7 +31,7 @@ def painted_inside(region: Region, strokes: object, rows: int = 192) -> float:
 @pytest.mark.parametrize("seed", range(3))
 def test_no_pixel_of_any_stroke_enters_and_most_strokes_find_a_place(seed: int) -> None:
     region, strokes = Region(LEFT), some_strokes(40, seed)
-    touched = region.touched_by(strokes, small_table(), CANVAS, 96)
+    touched = region.find_touching(strokes, small_table(), CANVAS, 96)
     assert 5 < int(touched.sum()) < 35
     kept, numbers = region.keep_clear(strokes, small_table(), CANVAS, 96)
     assert painted_inside(region, kept) < 1 / 255
@@ -59,7 +59,7 @@ def test_margins_widen_and_grids_of_any_size_keep_every_forbidden_pixel() -> Non
 
 
 def test_gradient_descent_draws_strokes_out_of_it() -> None:
-    bare = scene(48)
+    bare = problem(48)
     region = Region(LEFT, margin=0.0)
     forbidden = region.on(PixelGrid(CANVAS, *bare.canvas.shape[1:]))
 
@@ -68,13 +68,13 @@ def test_gradient_descent_draws_strokes_out_of_it() -> None:
 
     start = some_strokes(20)
     free, _ = optimize(start, bare, iterations=30)
-    guarded, _ = optimize(start, region.guarded(bare), iterations=30)
+    guarded, _ = optimize(start, region.guard(bare), iterations=30)
     assert inside(guarded) < 0.4 * inside(free)
 
 
 @pytest.mark.slow
 def test_a_plan_made_again_keeps_clear_and_a_new_goal_keeps_the_region() -> None:
-    effort = Effort().scaled(0.05)
+    effort = Effort().scale(0.05)
     planner = Planner(goal(), plain(CANVAS, small_table(), rows=64, effort=effort, seed=1))
     white = torch.ones(3, planner.fine.rows, planner.fine.columns)
     plan = planner.plan(white, 12, 3, lambda step: None)

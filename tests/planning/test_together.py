@@ -12,42 +12,42 @@ from frida_painter.errors import ConfigError
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.interpretation import prepare
 from frida_painter.planning.initialize import best_proposals
-from frida_painter.planning.layers import Effort, beneath, mixed_later
+from frida_painter.planning.layers import Effort, beneath, find_later_mixing
 from frida_painter.planning.optimize import (
     Step,
     StrokesInScene,
-    interlaced,
+    interlace_rows,
     optimize,
     optimize_together,
     stacked_cost,
     stacked_loss,
 )
 from frida_painter.planning.planner import Planner
-from frida_painter.planning.problem import Scene
+from frida_painter.planning.problem import PlanningProblem
 from frida_painter.planning.variables import Paints
 from frida_painter.strokes import Strokes
-from scenes import CANVAS, goal, plain, scene, small_table, some_strokes, target
+from support.planning import CANVAS, goal, plain, problem, small_table, some_strokes, target
 
 
-def varying(rows: int = 48) -> Scene:
+def varying(rows: int = 48) -> PlanningProblem:
     """A scene whose marks vary."""
     table = copy.copy(small_table())
     table.spread = CoverageSpread(0.5, 0.95)
-    return replace(scene(rows), model=table, paint_price=0.0003)
+    return replace(problem(rows), model=table, paint_price=0.0003)
 
 
 def planner(layers: int = 3, **more: object) -> Planner:
-    facts = {"rows": 64, "effort": Effort().scaled(0.1), "seed": 1, "new_paints": True, **more}
+    facts = {"rows": 64, "effort": Effort().scale(0.1), "seed": 1, "new_paints": True, **more}
     return Planner(goal(), plain(CANVAS, small_table(), layers=layers, **facts))
 
 
 def cost(parts: Sequence[StrokesInScene]) -> float:
     with torch.no_grad():
-        return float(stacked_cost([part.strokes for part in parts], [part.scene for part in parts]))
+        return float(stacked_cost([part.strokes for part in parts], [part.problem for part in parts]))
 
 
 def test_errors_count_below_other_layers_as_they_do_on_the_canvas() -> None:
-    on = scene()
+    on = problem()
     above = [(some_strokes(9, 1), on), (some_strokes(7, 2), on)]
     strokes = some_strokes(8, 3)
     for other in (strokes, some_strokes(8, 4)):
@@ -64,7 +64,7 @@ def test_errors_count_below_other_layers_as_they_do_on_the_canvas() -> None:
 
 
 def test_no_stroke_is_proposed_where_later_layers_cover_the_canvas() -> None:
-    on = scene()
+    on = problem()
     cover = some_strokes(60, 5)
     left = cover.with_groups(
         position=cover.position * torch.tensor([0.3, 1.0]), length=torch.full((60,), 0.03), thickness=torch.ones(60)
@@ -157,9 +157,9 @@ def test_paints_of_later_layers_may_change_until_they_are_mixed(fresh: bool) -> 
     plan = by.plan(strokes=36, colors=4)
     first, second, _ = plan.layer_sizes
     rest = plan.part(slice(first if fresh else first + 2, None))
-    assert mixed_later(rest, True, fresh=fresh) == [fresh, True]
-    assert mixed_later(rest, False, fresh=fresh) == [False, False]
-    assert mixed_later(plan, True, fresh=True) == [False, True, True], "what is in the wells at first is mixed"
+    assert find_later_mixing(rest, True, fresh=fresh) == [fresh, True]
+    assert find_later_mixing(rest, False, fresh=fresh) == [False, False]
+    assert find_later_mixing(plan, True, fresh=True) == [False, True, True], "what is in the wells at first is mixed"
     canvas = by.expected(plan.part(slice(0, len(plan) - len(rest)))) * 0.95
     again = by.replan(rest, canvas, fresh=fresh)
     begun, later = (
@@ -193,19 +193,19 @@ def test_some_rows_in_turn_say_of_several_parts_what_all_rows_say() -> None:
     judge = prepare(goal(), PixelGrid(CANVAS, *bare.canvas.shape[1:]))
     on = replace(bare, objective=judge, objective_on_rows=judge.on_rows)
     parts: list[Strokes] = [some_strokes(8, 1), some_strokes(6, 2)]
-    scenes = [on, on]
-    turns = interlaced(scenes)
+    problems = [on, on]
+    turns = interlace_rows(problems)
     assert len(turns) == 2
     with torch.no_grad():
         mean = torch.stack([stacked_loss(parts, turn) for turn in turns]).mean()
-        torch.testing.assert_close(mean, stacked_loss(parts, scenes), rtol=1e-4, atol=1e-7)
+        torch.testing.assert_close(mean, stacked_loss(parts, problems), rtol=1e-4, atol=1e-7)
     whole = replace(on, objective_on_rows=None)
-    assert interlaced([on, whole]) == [[on, whole]], "one that needs all rows decides"
+    assert interlace_rows([on, whole]) == [[on, whole]], "one that needs all rows decides"
 
 
 def test_what_networks_judge_is_grown_more_and_settled_in_fewer_rounds() -> None:
-    of_pictures = Effort().scaled(0.5)
-    of_words = of_pictures.judged_by_networks()
+    of_pictures = Effort().scale(0.5)
+    of_words = of_pictures.for_network_objectives()
     assert (of_words.rounds, of_words.settling) == (3, of_pictures.refining)
     assert of_words.growing_of(2).growth.settling > of_pictures.growing_of(2).growth.settling
-    assert of_words.growing_of(1) == of_words and replace(of_pictures, rounds=1).judged_by_networks().rounds == 1
+    assert of_words.growing_of(1) == of_words and replace(of_pictures, rounds=1).for_network_objectives().rounds == 1

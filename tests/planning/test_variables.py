@@ -9,7 +9,7 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.palette import Palette, to_lab
 from frida_painter.planning.variables import Paints, Variables, as_palette
 from frida_painter.strokes import GROUPS, StrokeLimits
-from scenes import some_strokes
+from support.planning import some_strokes
 
 F64 = torch.float64
 SIZE, LIMITS = CanvasSize(0.3, 0.2), StrokeLimits((0.006, 0.06), (-0.02, 0.02))

@@ -3,7 +3,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from easels import NotingRobot, PatientCamera, stub_easel
 from frida_painter.easel.dialogue import lead
 from frida_painter.errors import StaleFrame, WorkspaceViolation
 from frida_painter.hardware.robot import ArmLength, Waypoints
@@ -11,6 +10,7 @@ from frida_painter.procedures.paper import EaselAccess
 from frida_painter.procedures.robot import robot
 from frida_painter.procedures.strokes import strokes
 from papers import KIND, paper_studio, proposed
+from support.easel import NotingRobot, PatientCamera, stub_easel
 
 ANYWHERE = [Waypoints("dip", np.array([[-0.1, 0.0, 0.1]]), 0.2)]
 

@@ -3,7 +3,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from easels import CALIBRATION, stub_easel
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.dialogue import PointCorners, lead
 from frida_painter.errors import CalibrationError
@@ -11,6 +10,7 @@ from frida_painter.hardware.easel import Easel
 from frida_painter.procedures.canvas import POINTING, canvas
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.studio import StudioSettings, VirtualStudio, open_studio
+from support.easel import CALIBRATION, stub_easel
 
 
 @pytest.fixture(scope="module")

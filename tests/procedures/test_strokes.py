@@ -14,7 +14,7 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.dialogue import Confirm, lead
 from frida_painter.errors import CalibrationError, ConfigError, FrameRejected, FridaError, RobotError
 from frida_painter.procedures.paper import Shapes
-from frida_painter.procedures.strokes import StrokesFinding, strokes, unfinished
+from frida_painter.procedures.strokes import StrokesFinding, strokes, unfinished_folder
 from frida_painter.virtual.faults import Bump, Faults, LightChange, LostFocus
 from papers import KIND, PLACES, dark_bar, paper_studio, proposed, spoiled
 
@@ -43,7 +43,7 @@ def test_each_stroke_is_painted_photographed_and_told(undisturbed):
 
 def test_shapes_are_drawn_from_the_seed_within_the_brushs_limits(undisturbed):
     library = undisturbed[0].library
-    wanted = Shapes.sampled(KIND, COUNT, 4)
+    wanted = Shapes.sample(KIND, COUNT, 4)
     np.testing.assert_array_equal(library.length_m, wanted.length.numpy())
     np.testing.assert_array_equal(library.thickness, wanted.thickness.numpy())
     assert ((library.length_m >= 0.010) & (library.length_m <= 0.030)).all()
@@ -133,7 +133,7 @@ def test_a_camera_that_stays_out_of_focus_is_refused_and_the_strokes_are_kept(fi
     out = tmp_path / "library.npz"
     with pytest.raises(FrameRejected, match=r"out of focus.*mm"):
         paint(paper_studio(Faults(lost_focus=(LostFocus(first),))).easel, out)
-    assert len(list(unfinished(out).glob("stroke-*"))) == max(0, first - 1)
+    assert len(list(unfinished_folder(out).glob("stroke-*"))) == max(0, first - 1)
     assert len(paint(paper_studio().easel, out).library) == COUNT
 
 
@@ -168,7 +168,7 @@ def test_without_any_paint_it_stops_soon_and_forgets_the_empty_strokes(tmp_path)
     with pytest.raises(CalibrationError, match=r"all dirty.*paint"):
         paint(paper_studio(Faults(dropped_touches=frozenset(range(2, 99)))).easel, out, count=20, notify=told.append)
     assert len(told) == 10
-    assert len(list(unfinished(out).glob("stroke-*"))) == 2
+    assert len(list(unfinished_folder(out).glob("stroke-*"))) == 2
 
 
 @pytest.mark.slow
@@ -242,12 +242,12 @@ def test_after_a_robot_died_the_rest_is_painted_on_fresh_paper(dead, tmp_path, u
     out = tmp_path / "library.npz"
     with pytest.raises(RobotError, match="does not answer"):
         paint(paper_studio(Faults(dead_from_motion=dead)).easel, out)
-    kept = {path.name: path.read_bytes() for path in unfinished(out).glob("stroke-*")}
+    kept = {path.name: path.read_bytes() for path in unfinished_folder(out).glob("stroke-*")}
     assert not out.exists()
     told = []
     again = paint(paper_studio().easel, out, notify=told.append).library
     assert len(told) == COUNT - len(kept)
-    assert not unfinished(out).exists()
+    assert not unfinished_folder(out).exists()
     np.testing.assert_array_equal(again.length_m, undisturbed[0].library.length_m)
     np.testing.assert_array_equal(again.bend_m, undisturbed[0].library.bend_m)
     assert not again.flaws.any()
@@ -281,7 +281,7 @@ def test_a_crash_at_any_stage_loses_at_most_the_stroke_that_it_hit(stage, call, 
     with pytest.raises(Crash):
         paint(studio.easel, out, count=count, notify=told.append)
     monkeypatch.undo()
-    assert len(list(unfinished(out).glob("stroke-*"))) == len(told)
+    assert len(list(unfinished_folder(out).glob("stroke-*"))) == len(told)
     assert len(paint(paper_studio().easel, out, count=count).library) == count
 
 
@@ -290,7 +290,7 @@ def test_a_stroke_that_was_damaged_on_the_disk_is_painted_again(tmp_path):
     out = tmp_path / "library.npz"
     with pytest.raises(RobotError):
         paint(paper_studio(Faults(dead_from_motion=8)).easel, out)
-    first = min(unfinished(out).glob("stroke-*"))
+    first = min(unfinished_folder(out).glob("stroke-*"))
     first.write_bytes(first.read_bytes()[:50])
     library = paint(paper_studio().easel, out).library
     assert len(library) == COUNT and library.magnitude[0].max() > 200
@@ -322,11 +322,11 @@ def test_a_killed_process_leaves_whole_strokes(tmp_path):
     tests = str(next(path for path in sys.path if path.endswith("tests")))
     process = subprocess.Popen([sys.executable, "-c", SCRIPT, str(out), tests])
     until = time.monotonic() + 60
-    while len(list(unfinished(out).glob("stroke-*"))) < 3 and time.monotonic() < until:
+    while len(list(unfinished_folder(out).glob("stroke-*"))) < 3 and time.monotonic() < until:
         time.sleep(0.02)
     os.kill(process.pid, signal.SIGKILL)
     process.wait()
-    kept = len(list(unfinished(out).glob("stroke-*")))
+    kept = len(list(unfinished_folder(out).glob("stroke-*")))
     assert 3 <= kept < 16 and not out.exists()
     told = []
     finding = paint(paper_studio().easel, out, count=16, notify=told.append)

@@ -4,8 +4,8 @@ import torch
 from frida_painter.errors import ConfigError, WeightsError
 from frida_painter.render import render
 from frida_painter.render.painting import render_plan
-from plans import made_up_plan
-from scenes import small_table
+from support.planning import small_table
+from support.plans import made_up_plan
 
 
 def test_a_plan_is_drawn_on_its_own_ground() -> None:

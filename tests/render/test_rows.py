@@ -13,7 +13,7 @@ from frida_painter.brush.kinds import CERTAIN, CoverageSpread
 from frida_painter.frames import Rows
 from frida_painter.render import plain, reference, render, render_moments, scanline
 from marks import ribbon
-from scenes import CANVAS, small_table, some_strokes
+from support.planning import CANVAS, small_table, some_strokes
 
 VARIES = CoverageSpread(0.4, 0.9)
 PATHS = [scanline.composite_moments, plain.composite_moments]

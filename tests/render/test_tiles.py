@@ -22,7 +22,7 @@ from frida_painter.brush.kinds import CERTAIN, CoverageSpread
 from frida_painter.planning import problem as planning
 from frida_painter.planning.optimize import optimize
 from frida_painter.render import reference
-from scenes import CANVAS, small_table, some_strokes
+from support.planning import CANVAS, small_table, some_strokes
 
 DEVICE = torch.device("cuda" if torch.cuda.is_available() else "cpu")
 pytest.importorskip("triton", reason="the GPU's renderer needs Triton: pip install 'frida-painter[gpu]'")
@@ -114,7 +114,7 @@ class Unwrapped:
         return launch
 
 
-def darkened(device: torch.device) -> planning.Scene:
+def darkened(device: torch.device) -> planning.PlanningProblem:
     """A canvas on which strokes whose coverage varies are to be as dark as can be."""
     model = copy.deepcopy(small_table())
     model.spread = CoverageSpread(0.3, 0.95)
@@ -122,7 +122,7 @@ def darkened(device: torch.device) -> planning.Scene:
     def dark(picture: Tensor, variance: Tensor | None = None) -> Tensor:
         return picture.square().mean() + (0 if variance is None else variance.mean())
 
-    return planning.Scene(torch.ones(3, 24, 32).to(device), CANVAS, planning.on_device(model, device), dark)
+    return planning.PlanningProblem(torch.ones(3, 24, 32).to(device), CANVAS, planning.on_device(model, device), dark)
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ import pytest
 from frida_painter.errors import StorageError
 from frida_painter.report.page import page, write_page
 from frida_painter.report.story import Comparison, Download, Look, Phase, Story, paints
-from plans import made_up_plan
+from support.plans import made_up_plan
 
 STORY = Story(
     title="Astronaut",

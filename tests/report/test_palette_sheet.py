@@ -4,8 +4,8 @@ import pytest
 import torch
 
 from frida_painter.report.sheets import PALETTE_SHEET_COLUMNS, ROWS, palette_sheet
-from plans import made_up_plan
 from snapshots import shrunk
+from support.plans import made_up_plan
 
 
 @pytest.mark.slow

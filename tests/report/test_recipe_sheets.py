@@ -9,7 +9,7 @@ from frida_painter.mixing.paint import usual_paints
 from frida_painter.mixing.recipe import recipes
 from frida_painter.palette import Palette
 from frida_painter.report.sheets import RecipeSheets
-from plans import made_up_plan
+from support.plans import made_up_plan
 
 PLAN = made_up_plan(6, 3)
 

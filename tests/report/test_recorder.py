@@ -21,9 +21,9 @@ from frida_painter.session.events import (
     TimelapseFrame,
     TouchCorrected,
 )
-from frida_painter.session.painting import Painting
-from plans import CANVAS, LIMITS, made_up_plan
-from scenes import small_table
+from frida_painter.session.progress import Painting
+from support.planning import small_table
+from support.plans import CANVAS, LIMITS, made_up_plan
 
 TOLD = ("A cup <of> coffee", torch.full((3, 60, 90), 0.4), (("Seed", "7"),), {"photo": "cup.jpg", "strokes": 12})
 BLACK = (0.0, 0.0, 0.0)

@@ -5,7 +5,7 @@ import torch
 
 from frida_painter.palette import to_hex
 from frida_painter.report.story import compare, paints
-from plans import made_up_plan
+from support.plans import made_up_plan
 
 
 def test_paints_are_counted_and_measured() -> None:

@@ -10,7 +10,7 @@ from frida_painter.runs import settle
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.settle import IN_LAYERS, IN_ONE_LAYER, brushes_of, choices
 from frida_painter.runs.spec import RunSpec
-from scenes import picture
+from support.planning import picture
 
 SMALL = {"colors": 2, "render_height": 64, "effort": 0.1, "film": False, "replans": 1}
 

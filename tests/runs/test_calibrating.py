@@ -3,10 +3,10 @@ from pathlib import Path
 
 import pytest
 
-from easels import CALIBRATION, stub_easel
 from frida_painter.brush.kinds import brush_kind
 from frida_painter.calibration import Calibration, LearnedFile
-from frida_painter.runs.easel import CalibrationSetup, record_to_renew
+from frida_painter.runs.painting_easel import CalibrationSetup, record_to_renew
+from support.easel import CALIBRATION, stub_easel
 
 BROAD, FINE = replace(CALIBRATION, brush="broad"), replace(CALIBRATION, brush="fine")
 LIBRARY = LearnedFile("strokes.npz", "0" * 64)

@@ -8,7 +8,7 @@ import torch
 from frida_painter import images
 from frida_painter.errors import ConfigError
 from frida_painter.objectives.objective import Goal
-from frida_painter.runs.settle import fitted, make_goal
+from frida_painter.runs.settle import fit_canvas, make_goal
 from frida_painter.runs.spec import RunSpec
 
 
@@ -22,20 +22,20 @@ def square(tmp_path: Path) -> Goal:
 
 
 def test_by_default_the_canvas_takes_the_pictures_proportions_within_its_size(square: Goal) -> None:
-    made = fitted(RunSpec.of(canvas="300x200mm"), square)
+    made = fit_canvas(RunSpec.of(canvas="300x200mm"), square)
     assert str(made.spec.canvas) == "200 x 200 mm" and made.remark == ""
     assert made.target is not None and made.target.shape == (3, 864, 864)
     assert made.spec.as_kept == made.spec, "a folder keeps it to the last digit"
 
 
 def test_a_crop_says_how_much_is_left_out(square: Goal) -> None:
-    made = fitted(RunSpec.of(canvas="300x200mm", fit="crop"), square)
+    made = fit_canvas(RunSpec.of(canvas="300x200mm", fit="crop"), square)
     assert str(made.spec.canvas) == "300 x 200 mm"
     assert "33 % of its height is left out" in made.remark and "--fit pad" in made.remark
 
 
 def test_padding_shows_the_whole_picture_on_white(square: Goal) -> None:
-    made = fitted(RunSpec.of(canvas="300x200mm", fit="pad"), square)
+    made = fit_canvas(RunSpec.of(canvas="300x200mm", fit="pad"), square)
     assert made.target is not None and made.remark == ""
     middle = made.target[:, :, 300:1000]
     assert float(made.target[:, :, :200].min()) == 1 and float(middle[:, :400].max()) == 0
@@ -46,23 +46,23 @@ def test_what_is_planned_towards_is_not_softened_on_the_way(side: int, tmp_path:
     """At the planner's resolution it has the means of the file's areas, whatever its size."""
     chance = torch.Generator().manual_seed(3)
     images.save(torch.rand(3, side, side, generator=chance), tmp_path / "noise.png")
-    (term,) = fitted(RunSpec.of(), make_goal(tmp_path / "noise.png")).goal.terms
+    (term,) = fit_canvas(RunSpec.of(), make_goal(tmp_path / "noise.png")).goal.terms
     assert term.picture is not None and term.picture.shape[1] <= 1024
-    of_file = images.averaged(images.load(tmp_path / "noise.png"), 256, 256)
-    assert float((images.averaged(term.picture, 256, 256) - of_file).abs().max()) < 1e-4
+    of_file = images.resize_by_area(images.load(tmp_path / "noise.png"), 256, 256)
+    assert float((images.resize_by_area(term.picture, 256, 256) - of_file).abs().max()) < 1e-4
 
 
 @pytest.mark.parametrize("settings", [{"robot": "human", "camera": "opencv:0"}, {"calibration": Path("record.json")}])
 def test_a_canvas_that_lies_on_an_easel_stays_as_it_is(square: Goal, settings: dict[str, object]) -> None:
-    made = fitted(RunSpec.of(canvas="300x200mm", **settings), square)
+    made = fit_canvas(RunSpec.of(canvas="300x200mm", **settings), square)
     assert str(made.spec.canvas) == "300 x 200 mm" and "is left out" in made.remark
 
 
 def test_a_picture_of_the_canvass_proportions_loses_nothing(square: Goal) -> None:
-    assert fitted(RunSpec.of(canvas="200x200mm", fit="crop"), square).remark == ""
+    assert fit_canvas(RunSpec.of(canvas="200x200mm", fit="crop"), square).remark == ""
 
 
 def test_a_picture_too_narrow_for_any_canvas_is_refused(tmp_path: Path) -> None:
     images.save(torch.rand(3, 20, 600), tmp_path / "narrow.png")
     with pytest.raises(ConfigError, match=r"The picture is 30 times as wide as high.*--fit crop"):
-        fitted(RunSpec.of(), make_goal(tmp_path / "narrow.png"))
+        fit_canvas(RunSpec.of(), make_goal(tmp_path / "narrow.png"))

@@ -14,7 +14,7 @@ from frida_painter.objectives.style import StyleTerm
 from frida_painter.runs.goal_item import name_of, read_prompt, title_of
 from frida_painter.runs.settle import make_goal
 from frida_painter.words.text import TextTerm
-from scenes import picture
+from support.planning import picture
 
 
 @pytest.mark.parametrize(

@@ -3,13 +3,13 @@ from pathlib import Path
 import pytest
 import torch
 
-from easels import CALIBRATION, CANVAS
 from frida_painter.calibration import Calibration, previous
 from frida_painter.planning.placement import Placement
-from frida_painter.runs.folder import keep_learned
+from frida_painter.runs.painting_folder import keep_learned
 from frida_painter.runs.spec import RunSpec
-from frida_painter.session.painting import Painting
-from plans import made_up_plan
+from frida_painter.session.progress import Painting
+from support.easel import CALIBRATION, CANVAS
+from support.plans import made_up_plan
 
 PLAN = made_up_plan(4, 2)
 FINISHED = Painting(torch.ones(3, 4, 4), 4, PLAN.part(slice(4, None)))
@@ -28,7 +28,7 @@ def test_the_next_painting_begins_with_what_this_one_learned(tmp_path: Path) -> 
     learned = Placement(LEARNED.error, LEARNED.information, LEARNED.touch.after("small", 0.001, 0.00001))
     assert keep_learned(spec(record), begun, learned, FINISHED) == record
     kept = Calibration.load(record)
-    assert kept == learned.corrected(begun, CANVAS)
+    assert kept == learned.correct(begun, CANVAS)
     assert kept.press_height == pytest.approx(CALIBRATION.press_height - 0.001, abs=1e-6)
     assert kept.done == begun.done and Calibration.load(previous(record)) == begun
 

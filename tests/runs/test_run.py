@@ -16,13 +16,13 @@ from frida_painter import images
 from frida_painter.calibration import Calibration
 from frida_painter.errors import ConfigError, Interrupted
 from frida_painter.palette import from_hex
-from frida_painter.runs.folder import history_of
+from frida_painter.runs.painting_folder import history_of
 from frida_painter.runs.run import PaintingRun, paint
 from frida_painter.runs.settle import Controls
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import Event, Finishing, GroundWanted, Planned, Stopped, StrokePainted
 from marks import coarse_table
-from networks import QuickEncoders
+from support.networks import QuickEncoders
 
 SMALL = {"canvas": "120x90mm", "render_height": 64, "effort": 0.05, "brush": "fine", "colors": 2}
 
@@ -167,15 +167,15 @@ def test_a_finished_painting_teaches_its_calibration_record(photo: Path, tmp_pat
     wanted = RunSpec.of(goal=[{"image": str(photo)}], strokes=12, replans=1, film=False, **SMALL)
     with PaintingRun(wanted, tmp_path / "first") as run:
         outcome = run.start()
-        placement = run.session.brushwork.placement if run.session else None
+        placement = run.session.hand.placement if run.session else None
     assert outcome.trouble is None and outcome.calibration is None and placement is not None
     record = tmp_path / "easel.json"
     shutil.copy(tmp_path / "first" / "calibration.json", record)
     before = Calibration.load(record)
-    with PaintingRun(wanted.changed(calibration=record), tmp_path / "second") as run:
+    with PaintingRun(wanted.with_values(calibration=record), tmp_path / "second") as run:
         outcome = run.start()
     assert outcome.calibration == record
-    assert Calibration.load(record) == placement.corrected(before, wanted.canvas) != before
+    assert Calibration.load(record) == placement.correct(before, wanted.canvas) != before
     assert Calibration.load(tmp_path / "second" / "calibration.json") == before, "as it was painted by"
 
 

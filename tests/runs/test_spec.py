@@ -6,7 +6,7 @@ import pytest
 
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError
-from frida_painter.runs.spec import RunSpec, upgraded
+from frida_painter.runs.spec import RunSpec, upgrade_record
 
 
 def fault(**values: object) -> str:
@@ -169,7 +169,7 @@ def test_a_folder_painted_before_there_was_a_version_is_read(tmp_path: Path) -> 
     spec = RunSpec.read(tmp_path / "settings.json")
     assert (spec.strokes, spec.fit, spec.version, spec.ground, spec.focus) == (10, "crop", 1, "white", "none")
     assert spec.sharpness == 0
-    assert RunSpec.of(**upgraded(old)).record() == spec.record(), "as its journal says too"
+    assert RunSpec.of(**upgrade_record(old)).record() == spec.record(), "as its journal says too"
     assert str(spec.canvas) == "120 x 90 mm"
     for version in (2, "1", True, 1.0):
         (tmp_path / "settings.json").write_text(json.dumps({**old, "version": version}))
@@ -202,7 +202,7 @@ def test_a_picture_in_the_studio_has_three_brushes_and_elsewhere_nobody_has_to_c
     assert RunSpec.of(minutes=120).brush_names == chosen.brush_names
     assert RunSpec.of(layers=3).brush_names == RunSpec.of(robot="human", camera="x").brush_names == ("broad",)
     assert RunSpec.of(brush="fine").brush_names == RunSpec.of(brushes="fine").brush_names == ("fine",)
-    assert RunSpec.of(brush="fine").changed(brush="medium").brushes == "medium"
+    assert RunSpec.of(brush="fine").with_values(brush="medium").brushes == "medium"
     several = RunSpec.of(brushes=["broad:50%", "medium:30%", "fine:20%"])
     assert several.brush_names == ("broad", "medium", "fine") and several.shares == (0.5, 0.3, 0.2)
     assert RunSpec.of(**several.record()).brushes == several.brushes == "broad:50%,medium:30%,fine:20%"

@@ -6,15 +6,15 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.virtual.bristles import brush_named
-from frida_painter.virtual.table import sawyer_layout
+from frida_painter.virtual.bristles import find_brush
+from frida_painter.virtual.tabletop import sawyer_layout
 
 pytest.importorskip("mink")
 from frida_painter.sawyer.body import Kinematics
 from frida_painter.sawyer.surroundings import Surroundings
 
 CANVAS = CanvasSize(14 * 0.0254, 11 * 0.0254)
-LAYOUT = sawyer_layout(CANVAS, brush_named("broad"))
+LAYOUT = sawyer_layout(CANVAS, find_brush("broad"))
 
 
 @pytest.fixture(scope="module")

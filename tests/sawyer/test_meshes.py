@@ -6,8 +6,8 @@ import pytest
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError
 from frida_painter.sawyer.surroundings import PARTS, Meshes
-from frida_painter.virtual.bristles import brush_named
-from frida_painter.virtual.table import sawyer_layout
+from frida_painter.virtual.bristles import find_brush
+from frida_painter.virtual.tabletop import sawyer_layout
 
 CANVAS = CanvasSize(0.2, 0.15)
 CORNERS = [(0, 0, 0), (0.1, 0, 0), (0, 0.1, 0), (0, 0, 0.1)]
@@ -43,7 +43,7 @@ def model(folder):
     pytest.importorskip("mink")
     from frida_painter.sawyer.surroundings import Surroundings
 
-    return Surroundings(sawyer_layout(CANVAS, brush_named("broad")).workspace, CANVAS, Meshes.in_folder(folder)).model()
+    return Surroundings(sawyer_layout(CANVAS, find_brush("broad")).workspace, CANVAS, Meshes.in_folder(folder)).model()
 
 
 def test_the_makers_shapes_take_the_place_of_our_own_and_the_brush_stays(folder):

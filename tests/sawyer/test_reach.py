@@ -8,11 +8,11 @@ from frida_painter.errors import RobotError, WorkspaceViolation
 from frida_painter.hardware import gateway
 from frida_painter.hardware.robot import Waypoints
 from frida_painter.sawyer.arm import SawyerReach
-from frida_painter.virtual.bristles import brush_named
-from frida_painter.virtual.table import sawyer_layout
+from frida_painter.virtual.bristles import find_brush
+from frida_painter.virtual.tabletop import sawyer_layout
 
 CANVAS = CanvasSize(14 * 0.0254, 11 * 0.0254)
-WORKSPACE = sawyer_layout(CANVAS, brush_named("broad")).workspace
+WORKSPACE = sawyer_layout(CANVAS, find_brush("broad")).workspace
 
 
 def test_it_reaches_its_canvas_wells_water_and_rag_and_not_the_far_end_of_the_table():
@@ -29,7 +29,7 @@ def test_it_reaches_its_canvas_wells_water_and_rag_and_not_the_far_end_of_the_ta
 def test_what_it_does_not_reach_is_refused_with_the_whole_batch():
     pytest.importorskip("mink")
     canvas = CanvasSize(0.6, 0.6)
-    workspace = sawyer_layout(canvas, brush_named("broad")).workspace
+    workspace = sawyer_layout(canvas, find_brush("broad")).workspace
     reach = SawyerReach(workspace, canvas)
     corner = workspace.to_robot(np.array([[0.02, 0.02]]), np.array([0.06]))
     with pytest.raises(WorkspaceViolation, match="stroke 3: the arm does not reach"):

@@ -12,7 +12,7 @@ import pytest
 import torch
 
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.easel.kinds import DIARY
+from frida_painter.easel.kinds import SIMULATION_LOG
 from frida_painter.easel.order import EaselOrder
 from frida_painter.easel.parent import EaselProcess
 from frida_painter.hardware.easel import Easel
@@ -26,7 +26,7 @@ PAINTS = Palette(torch.tensor([[0.9, 0.8, 0.2], [0.1, 0.1, 0.3]]))
 MACHINE = "machine"
 _MACHINE_KIND = """
 from frida_painter.easel.kinds import EaselKind
-from frida_painter.easel.studio import VIRTUAL_KIND as STUDIO
+from frida_painter.easel.virtual_easel import VIRTUAL_KIND as STUDIO
 KIND = EaselKind("machine", "a virtual studio that is taken for a machine", STUDIO.open, simulated=False)
 """
 
@@ -37,9 +37,9 @@ def install_machine(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     install(folder, monkeypatch, "taken-for-a-machine", points, {"taken_for_a_machine": _MACHINE_KIND})
 
 
-def order_in(folder: Path, **wishes: object) -> EaselOrder:
+def order_in(folder: Path, **settings: object) -> EaselOrder:
     """A small virtual studio in `folder`, with its state beside it."""
-    wanted = {"robot": "virtual", "canvas": CanvasSize(0.12, 0.09), "brushes": ("fine",), "seed": 3, **wishes}
+    wanted = {"robot": "virtual", "canvas": CanvasSize(0.12, 0.09), "brushes": ("fine",), "seed": 3, **settings}
     folder.mkdir(exist_ok=True)
     return EaselOrder(state=folder.parent / "state", folder=folder, **wanted)  # type: ignore[arg-type]
 
@@ -81,7 +81,7 @@ def paint(easel: Easel, strokes: range) -> None:
 
 def moves(folder: Path) -> list[dict[str, Any]]:
     """The motions of which a studio's diary tells: what the robot really did. A line that is being written is left."""
-    lines = (folder / DIARY).read_bytes().split(b"\n")[:-1]
+    lines = (folder / SIMULATION_LOG).read_bytes().split(b"\n")[:-1]
     entries = [json.loads(line.split(b" ", 2)[2]) for line in lines]
     return [entry for entry in entries if entry.get("did") == "move"]
 

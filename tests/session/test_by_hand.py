@@ -14,9 +14,9 @@ from frida_painter.errors import Interrupted, RobotStopped
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.robot import Frame
 from frida_painter.session.events import Dipped, StrokeLeftOut, StrokePainted
-from frida_painter.session.hand import Brushwork
+from frida_painter.session.hand import Hand
 from frida_painter.session.human import ByHand, HumanRobot
-from plans import CANVAS, made_up_plan
+from support.plans import CANVAS, made_up_plan
 
 PLAN = made_up_plan(6, 2)
 
@@ -63,25 +63,23 @@ def easel(tmp_path: Path) -> Easel:
     return replace(easel, camera=Snapshot(), calibration=known)
 
 
-def painting(easel: Easel, person: Person) -> tuple[Brushwork, ByHand]:
+def painting(easel: Easel, person: Person) -> tuple[Hand, ByHand]:
     hand = ByHand(easel, person.answer)
     hand.connect()
     hand.fill_wells(PLAN.palette)
-    return Brushwork(
-        replace(easel, robot=hand, camera=hand.camera, operator=hand, foretell=hand.foretell), MEDIUM
-    ), hand
+    return Hand(replace(easel, robot=hand, camera=hand.camera, operator=hand, foretell=hand.foretell), MEDIUM), hand
 
 
 @pytest.mark.slow
 def test_every_stroke_and_every_dip_is_asked_for_in_order(easel: Easel) -> None:
     person = Person()
-    brushwork, hand = painting(easel, person)
-    for action in brushwork.prepare(PLAN, 0, 6):
-        brushwork.perform(action)
-    brushwork.clean()
-    brushwork.step_aside()
+    painting_hand, hand = painting(easel, person)
+    for action in painting_hand.prepare(PLAN, 0, 6):
+        painting_hand.perform(action)
+    painting_hand.clean()
+    painting_hand.step_aside()
     hand.camera.capture(0.0)
-    brushwork.step_aside()
+    painting_hand.step_aside()
     hand.camera.capture(1.0)
     texts = [question.text for question in person.asked]
     assert texts[0].startswith("Mix these paints") and "2 #" in texts[0]
@@ -100,8 +98,8 @@ def test_every_stroke_and_every_dip_is_asked_for_in_order(easel: Easel) -> None:
 @pytest.mark.slow
 def test_several_strokes_of_one_paint_are_shown_on_one_sheet_where_the_person_wants_that(easel: Easel) -> None:
     person = Person(refuses="Strokes 4 to 6", likes_several=True)
-    brushwork, _ = painting(easel, person)
-    done = [brushwork.perform(action) for action in brushwork.prepare(PLAN, 0, 6)]
+    painting_hand, _ = painting(easel, person)
+    done = [painting_hand.perform(action) for action in painting_hand.prepare(PLAN, 0, 6)]
     texts = [question.text for question in person.asked[2:]]
     assert texts[0].startswith("Dip the brush into paint 1 (#") and "Strokes 1 to 3 with paint 1" in texts[0]
     assert "Strokes 4 to 6 with paint 2" in texts[1] and "Stroke 4 with" in texts[2], "the first alone, then"
@@ -111,17 +109,17 @@ def test_several_strokes_of_one_paint_are_shown_on_one_sheet_where_the_person_wa
 
 def test_a_sheet_that_was_painted_is_not_asked_for_again_after_a_pause(easel: Easel) -> None:
     person = Person(likes_several=True)
-    brushwork, hand = painting(easel, person)
-    for action in brushwork.prepare(PLAN.part(slice(3)), 0, 6):
-        if isinstance(brushwork.perform(action), StrokePainted):
+    painting_hand, hand = painting(easel, person)
+    for action in painting_hand.prepare(PLAN.part(slice(3)), 0, 6):
+        if isinstance(painting_hand.perform(action), StrokePainted):
             break
-    brushwork.clean()
-    brushwork.step_aside()
+    painting_hand.clean()
+    painting_hand.step_aside()
     asked = len(person.asked)
-    for action in brushwork.prepare(PLAN.part(slice(1, 3)), 1, 6):
-        brushwork.perform(action)
+    for action in painting_hand.prepare(PLAN.part(slice(1, 3)), 1, 6):
+        painting_hand.perform(action)
     assert [question.text for question in person.asked[asked:]] == []
-    brushwork.step_aside()
+    painting_hand.step_aside()
     hand.camera.capture(0.0)
     assert "hands, brush and shadow" in person.asked[-1].text
 
@@ -129,20 +127,20 @@ def test_a_sheet_that_was_painted_is_not_asked_for_again_after_a_pause(easel: Ea
 @pytest.mark.slow
 def test_a_stroke_that_is_left_out_is_told_of_and_not_shown_as_painted(easel: Easel) -> None:
     person = Person(refuses="Stroke 2")
-    brushwork, _ = painting(easel, person)
-    done = [brushwork.perform(action) for action in brushwork.prepare(PLAN.part(slice(3)), 0, 3)]
+    painting_hand, _ = painting(easel, person)
+    done = [painting_hand.perform(action) for action in painting_hand.prepare(PLAN.part(slice(3)), 0, 3)]
     assert [type(one) for one in done if not isinstance(one, Dipped)] == [StrokePainted, StrokeLeftOut, StrokePainted]
     assert "Is stroke 2 to be left out?" in [question.text.split(" (")[0] for question in person.asked]
 
 
 def test_the_sheet_shows_the_canvas_as_it_was_last_seen_and_the_stroke_in_its_colour(easel: Easel) -> None:
     person = Person()
-    brushwork, hand = painting(easel, person)
-    brushwork.step_aside()
+    painting_hand, hand = painting(easel, person)
+    painting_hand.step_aside()
     hand.camera.capture(0.0)
-    action = brushwork.prepare(PLAN.part(slice(1)), 0, 1)
+    action = painting_hand.prepare(PLAN.part(slice(1)), 0, 1)
     for one in action:
-        brushwork.perform(one)
+        painting_hand.perform(one)
     picture = person.asked[-1].picture
     assert picture is not None and picture.shape[0] == 3 and picture.shape[1] > 720
     faded = 1 - (1 - 200 / 255) * 0.4
@@ -156,20 +154,20 @@ def test_the_sheet_shows_the_canvas_as_it_was_last_seen_and_the_stroke_in_its_co
 def test_who_says_no_ends_it_and_what_was_not_done_is_not_reported(easel: Easel, word: str) -> None:
     person = Person(refuses=word)
     with pytest.raises(Interrupted):
-        brushwork, _ = painting(easel, person)
-        for action in brushwork.prepare(PLAN, 0, 6):
-            brushwork.perform(action)
-        brushwork.clean()
-        brushwork.step_aside()
-        brushwork.easel.camera.capture(0.0)
+        painting_hand, _ = painting(easel, person)
+        for action in painting_hand.prepare(PLAN, 0, 6):
+            painting_hand.perform(action)
+        painting_hand.clean()
+        painting_hand.step_aside()
+        painting_hand.easel.camera.capture(0.0)
     assert person.asked[-1].text.count(word.split("|")[-1])
 
 
 def test_after_a_stop_nothing_more_is_taken_note_of(easel: Easel) -> None:
-    brushwork, hand = painting(easel, Person())
+    painting_hand, hand = painting(easel, Person())
     hand.stop()
     with pytest.raises(RobotStopped):
-        brushwork.step_aside()
+        painting_hand.step_aside()
     hand.close()
 
 

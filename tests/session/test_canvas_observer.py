@@ -3,11 +3,11 @@ import threading
 
 import pytest
 
-from easels import PatientCamera, stub_easel
 from frida_painter.errors import CameraError, ConfigError, RobotDisconnected, StaleFrame
 from frida_painter.hardware.robot import Frame
 from frida_painter.session.events import Event, StrokePainted, TimelapseFrame
 from frida_painter.session.observer import TIMELAPSE_ROWS, CanvasObserver, FrameDeveloper, Photographer
+from support.easel import PatientCamera, stub_easel
 
 
 def observing(*script: tuple[float, int] | str) -> tuple[CanvasObserver, PatientCamera]:

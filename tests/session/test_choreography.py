@@ -3,7 +3,6 @@ from dataclasses import replace
 import pytest
 import torch
 
-from easels import CALIBRATION, CANVAS, WORKSPACE
 from frida_painter.brush.kinds import BrushKind, Dip
 from frida_painter.hardware.motion import Motion
 from frida_painter.palette import Palette
@@ -11,6 +10,7 @@ from frida_painter.plan import Plan
 from frida_painter.session.choreography import BrushLoad, Choreography
 from frida_painter.session.events import Dipped, StrokePainted
 from frida_painter.strokes import StrokeLimits, Strokes
+from support.easel import CALIBRATION, CANVAS, WORKSPACE
 
 LIMITS = StrokeLimits((0.01, 0.03), (-0.008, 0.008))
 BRUSH = BrushKind("small", LIMITS, 0.008)

@@ -18,15 +18,15 @@ from frida_painter.planning.layers import Effort
 from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Planner
 from frida_painter.session.events import Event, Planned, StrokePainted, TouchCorrected
-from frida_painter.session.hand import Brushwork
+from frida_painter.session.hand import Hand
 from frida_painter.session.loop import PaintingSession
 from frida_painter.session.observer import CanvasObserver
-from frida_painter.session.painting import Painting
+from frida_painter.session.progress import Painting
 from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.virtual.faults import Faults
 from frida_painter.virtual.studio import StudioSettings, VirtualStudio, open_studio
-from frida_painter.virtual.table import PlacementError
-from scenes import plain
+from frida_painter.virtual.tabletop import PlacementError
+from support.planning import plain
 
 CANVAS = CanvasSize(0.20, 0.16)
 ROWS = 128
@@ -44,7 +44,7 @@ def coffee() -> Tensor:
     return torch.from_numpy(data.coffee().copy()).permute(2, 0, 1).float() / 255
 
 
-def evening(
+def setup(
     seed: int,
     replans: int,
     *,
@@ -57,7 +57,7 @@ def evening(
 ) -> tuple[Painting, VirtualStudio, Planner]:
     """The cup of coffee, painted in the virtual studio by a robot that stands off; rise: of the canvas, metres."""
     planner = Planner(
-        Goal((ImageTerm(coffee()),)), plain(CANVAS, broad(), rows=ROWS, effort=Effort().scaled(effort), seed=seed)
+        Goal((ImageTerm(coffee()),)), plain(CANVAS, broad(), rows=ROWS, effort=Effort().scale(effort), seed=seed)
     )
     settings = StudioSettings(rise=rise)
     studio = open_studio(CANVAS, "broad", seed=seed, placement_error=OFF, faults=faults, settings=settings)
@@ -66,7 +66,7 @@ def evening(
     easel.camera.connect()
     session = PaintingSession(
         planner,
-        Brushwork(easel, brush_kind("broad"), Placement.unknown(easel.calibration.depths if learns_touch else None)),
+        Hand(easel, brush_kind("broad"), Placement.unknown(easel.calibration.depths if learns_touch else None)),
         CanvasObserver(easel),
         EvenlySpaced(replans),
         stop_asked=lambda: False,
@@ -100,7 +100,7 @@ def test_looking_beats_painting_blindly_where_the_robot_stands_off() -> None:
             if isinstance(event, Planned) and event.done == 0:
                 plans.append(sorted(event.plan.strokes.position.tolist()))  # each batch has an order of its own
 
-        blind, looking = (error(*evening(seed, replans, notify=hear)[1:]) for replans in (0, 4))
+        blind, looking = (error(*setup(seed, replans, notify=hear)[1:]) for replans in (0, 4))
         assert first[0] == first[1], "both begin with the same plan"
         ratios.append(looking / blind)
     assert max(ratios) < 0.75
@@ -117,7 +117,7 @@ def test_a_painting_from_end_to_end_shows_what_was_wanted_and_survives_faults() 
             numbers.append(event.done)
 
     faults = Faults(dropped_touches=frozenset({5}), stale_photographs=frozenset({2}))
-    painting, studio, planner = evening(0, 2, strokes=30, effort=0.1, faults=faults, notify=hear)
+    painting, studio, planner = setup(0, 2, strokes=30, effort=0.1, faults=faults, notify=hear)
     assert numbers == list(range(1, 31)) and painting.painted == 30
     assert painting.rest is not None and len(painting.rest) == 0
     bare = float((1 - images.fit(coffee(), planner.fine.rows, planner.fine.columns)).square().mean())
@@ -137,7 +137,7 @@ def test_looking_learns_that_the_canvas_lies_lower_and_presses_deeper() -> None:
                 corrections.append(event)
 
         off, learned = (
-            error(*evening(seed, 4, rise=-0.0012, learns_touch=learns, notify=hear)[1:]) for learns in (False, True)
+            error(*setup(seed, 4, rise=-0.0012, learns_touch=learns, notify=hear)[1:]) for learns in (False, True)
         )
         assert told and told[0].brush == "broad" and told[-1].lower == pytest.approx(0.0012, abs=0.0008)
         assert "mm lower" in told[0].sentence

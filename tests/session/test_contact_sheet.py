@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from frida_painter.brush.library import Flaw
-from frida_painter.procedures.strokes import MOST_SHOWN, contact_sheet
+from frida_painter.procedures.strokes import MAX_SHOWN, contact_sheet
 from marks import small_library
 
 
@@ -40,5 +40,5 @@ def test_any_number_of_strokes_fits(count):
 @pytest.mark.slow
 def test_of_very_many_the_dirty_ones_are_all_shown():
     library = judged(2000, {1999: Flaw.TORN})
-    assert contact_sheet(library, "Strokes").shape == contact_sheet(judged(MOST_SHOWN, {}), "Strokes").shape
+    assert contact_sheet(library, "Strokes").shape == contact_sheet(judged(MAX_SHOWN, {}), "Strokes").shape
     assert redness(contact_sheet(library, "Strokes")) > 0.0005

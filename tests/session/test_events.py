@@ -41,7 +41,7 @@ from frida_painter.session.events import (
     record,
     time_of,
 )
-from frida_painter.session.journal import History, renewed_journal
+from frida_painter.session.journal import History, upgrade_journal
 from frida_painter.web.commands import Kind, PaintingCommand, command
 
 AT = "2026-01-02T03:04:05.678+00:00"
@@ -138,12 +138,12 @@ def test_an_old_journal_tells_the_same_history_before_and_after_it_is_renewed() 
         {"kind": "finished", "painted": 6},
     ]
     lines = [{"at": AT, **line} for line in lines]
-    before, after = (History.of(each, Path()) for each in (lines, renewed_journal(lines)))
+    before, after = (History.of(each, Path()) for each in (lines, upgrade_journal(lines)))
     assert before == after
     assert (before.painted, before.given_up, before.dips, before.cleanings, before.runs) == (6, [4, 5], 1, 1, 2)
     assert (before.region, before.goal, before.finished) == (("regions/1.png", True), "changes/1", True)
-    assert renewed_journal(lines)[0]["version"] == 2
-    assert not {line["kind"] for line in renewed_journal(lines)} - set(KINDS)
+    assert upgrade_journal(lines)[0]["version"] == 2
+    assert not {line["kind"] for line in upgrade_journal(lines)} - set(KINDS)
 
 
 @pytest.mark.parametrize("kind", get_args(Kind))

@@ -50,8 +50,8 @@ def machine(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.Monkey
     install_machine(tmp_path_factory.mktemp("installed"), monkeypatch)
 
 
-def order_in(folder: Path, **wishes: object) -> EaselOrder:
-    return easel_errands.order_in(folder, **{"robot": MACHINE, **wishes})
+def order_in(folder: Path, **settings: object) -> EaselOrder:
+    return easel_errands.order_in(folder, **{"robot": MACHINE, **settings})
 
 
 def latch(folder: Path) -> Latch:

@@ -14,8 +14,8 @@ from frida_painter.plan import Plan
 from frida_painter.planning.placement import Placement
 from frida_painter.session.events import MotionBegan, StrokePainted
 from frida_painter.session.journal import History, Journal
-from plans import made_up_plan
-from sittings import Evening
+from support.plans import made_up_plan
+from support.session import SessionSetup
 
 RESTS_ON = {"goal": "abc", "brush": "none"}
 
@@ -38,8 +38,8 @@ def test_every_stroke_is_noted_before_and_after_it_is_painted(tmp_path: Path) ->
             noted.append((told.painted, told.in_doubt))
         return False
 
-    evening = Evening(6, replans=2, colors=2, stop_at=look, journal=begun(tmp_path))
-    follow = evening.robot.follow
+    setup = SessionSetup(6, replans=2, colors=2, stop_at=look, journal=begun(tmp_path))
+    follow = setup.robot.follow
 
     def watched(waypoints):  # type: ignore[no-untyped-def]
         told = read(tmp_path)
@@ -47,18 +47,18 @@ def test_every_stroke_is_noted_before_and_after_it_is_painted(tmp_path: Path) ->
             assert told.in_doubt == int(waypoints.label.split()[1]) == told.painted + 1
         return follow(waypoints)
 
-    evening.robot.follow = watched  # type: ignore[method-assign]
-    evening.run()
+    setup.robot.follow = watched  # type: ignore[method-assign]
+    setup.run()
     assert noted == [(number, None) for number in range(1, 7)]
 
 
 @pytest.mark.slow
 def test_every_motion_is_noted_with_who_and_when(tmp_path: Path) -> None:
-    evening = Evening(6, replans=1, colors=2, timelapse_frames=3, journal=begun(tmp_path))
-    evening.run()
+    setup = SessionSetup(6, replans=1, colors=2, timelapse_frames=3, journal=begun(tmp_path))
+    setup.run()
     records = EventLog.read(tmp_path / "journal")
     told = [label for record in records if record["kind"] == "motion_began" for label in record["what"]]
-    assert told == [motion.label for motion in evening.robot.motions]
+    assert told == [motion.label for motion in setup.robot.motions]
     assert records[0]["by"] and records[0]["process"] and records[0]["program"]
     times = [record["at"] for record in records]
     assert times == sorted(times) and all(time.endswith("+00:00") for time in times)
@@ -73,7 +73,7 @@ def test_the_plan_in_the_folder_is_the_one_that_is_painted(tmp_path: Path) -> No
             digests.append((Plan.load(tmp_path).digest, read(tmp_path).plannings[-1].digest))
         return False
 
-    Evening(6, replans=2, stop_at=look, journal=begun(tmp_path)).run()
+    SessionSetup(6, replans=2, stop_at=look, journal=begun(tmp_path)).run()
     assert all(kept == noted for kept, noted in digests) and len(digests) == 6
     assert [planning.done for planning in read(tmp_path).plannings] == [0, 2, 4]
     assert len(list(tmp_path.glob("plan-*.safetensors"))) == 1
@@ -81,16 +81,16 @@ def test_the_plan_in_the_folder_is_the_one_that_is_painted(tmp_path: Path) -> No
 
 @pytest.mark.slow
 def test_what_is_seen_and_learned_is_kept(tmp_path: Path) -> None:
-    evening = Evening(6, replans=2, journal=begun(tmp_path))
-    evening.run()
+    setup = SessionSetup(6, replans=2, journal=begun(tmp_path))
+    setup.run()
     told = read(tmp_path)
-    assert told.plannings[-1].placement == evening.placements[-2], "the last batch was not planned after"
-    assert told.light == evening.observer.light.logarithm.tolist()
+    assert told.plannings[-1].placement == setup.placements[-2], "the last batch was not planned after"
+    assert told.light == setup.observer.light.logarithm.tolist()
     assert told.looks == 5, "the bare canvas, three looks, the last photograph"
     kept = [images.load_exactly(tmp_path / str(planning.photograph)) for planning in told.plannings]
     assert all((photograph == 240).all() for photograph in kept)
-    seen = evening.observer.see(kept[0], 45)
-    assert torch.equal(seen, evening.observer.look(1e9, 45)), "the photograph as it was kept shows the same"
+    seen = setup.observer.see(kept[0], 45)
+    assert torch.equal(seen, setup.observer.look(1e9, 45)), "the photograph as it was kept shows the same"
     assert told.finished and told.painted == 6 and told.runs == 1 and told.seconds >= 0
 
 
@@ -99,8 +99,8 @@ def test_at_which_heights_brushes_touch_is_known_again_when_it_is_resumed(tmp_pa
     learned = replace(learned, touch=learned.touch.after("large", 0.001, 0.0003))
     plan = made_up_plan(4, 2)
     journal = begun(tmp_path)
-    journal.planned(plan, 0, Placement.unknown())
-    journal.kept(plan, 2, learned)
+    journal.record_plan(plan, 0, Placement.unknown())
+    journal.record_kept_plan(plan, 2, learned)
     journal.close()
     assert [planning.placement for planning in read(tmp_path).plannings] == [Placement.unknown(), learned]
 
@@ -108,8 +108,8 @@ def test_at_which_heights_brushes_touch_is_known_again_when_it_is_resumed(tmp_pa
 @pytest.mark.slow
 @pytest.mark.parametrize("painted", [0, 1, 3, 5])
 def test_a_stop_is_noted_and_is_not_the_end(tmp_path: Path, painted: int) -> None:
-    evening = Evening(6, stop_at=lambda event: getattr(event, "done", 0) == painted, journal=begun(tmp_path))
-    evening.run()
+    setup = SessionSetup(6, stop_at=lambda event: getattr(event, "done", 0) == painted, journal=begun(tmp_path))
+    setup.run()
     told = read(tmp_path)
     assert (told.painted, told.in_doubt, told.finished) == (painted, None, False)
     assert EventLog.read(tmp_path / "journal")[-1]["kind"] == "stopped"
@@ -121,7 +121,7 @@ def test_a_stroke_in_doubt_that_is_painted_again_is_in_doubt_again(tmp_path: Pat
     journal.close()
     again, told = Journal.reopen(tmp_path)
     assert (told.painted, told.in_doubt) == (0, 1)
-    again.resumed(told, repaint=True)
+    again.record_resume(told, repaint=True)
     assert (told.painted, told.in_doubt) == (0, None)
     assert (read(tmp_path).painted, read(tmp_path).in_doubt) == (0, None)
     again.tell(MotionBegan(("stroke 1",), 1))
@@ -132,7 +132,7 @@ def test_the_one_in_doubt_is_given_up_where_it_is_skipped(tmp_path: Path) -> Non
     journal = begun(tmp_path)
     journal.tell(MotionBegan(("stroke 1",), 1))
     before = read(tmp_path)
-    journal.resumed(before, repaint=False)
+    journal.record_resume(before, repaint=False)
     told = read(tmp_path)
     assert (before.painted, before.in_doubt, before.given_up) == (1, None, [1])
     assert (told.painted, told.in_doubt, told.given_up, told.runs) == (1, None, [1], 2)
@@ -171,7 +171,7 @@ def test_a_journal_of_another_kind_is_refused_and_left_alone(
 def test_a_photograph_is_rather_left_out_than_the_painting_broken_off(tmp_path: Path) -> None:
     journal = begun(tmp_path)
     (tmp_path / "photographs").write_text("in the way")
-    Evening(4, replans=1, journal=journal).run()
+    SessionSetup(4, replans=1, journal=journal).run()
     told = read(tmp_path)
     assert told.finished and all(planning.photograph is None for planning in told.plannings)
 
@@ -179,7 +179,7 @@ def test_a_photograph_is_rather_left_out_than_the_painting_broken_off(tmp_path: 
 @pytest.mark.slow
 def test_a_journal_nowhere_leaves_no_traces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    Evening(4, journal=Journal.nowhere()).run()
+    SessionSetup(4, journal=Journal.nowhere()).run()
     assert list(tmp_path.iterdir()) == []
 
 
@@ -204,7 +204,7 @@ def test_a_journal_of_an_earlier_version_is_gone_on_with_in_the_words_of_today(t
     assert (read(tmp_path).painted, read(tmp_path).in_doubt) == (1, 2)
     journal, history = Journal.reopen(tmp_path)
     assert (history.painted, history.in_doubt) == (1, 2)
-    journal.resumed(history, repaint=True)
+    journal.record_resume(history, repaint=True)
     journal.tell(StrokePainted(2, 6))
     with pytest.raises(StorageError, match="another process"):
         Journal.reopen(tmp_path)

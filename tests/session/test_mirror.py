@@ -5,7 +5,7 @@ from frida_painter.brush.kinds import brush_kind
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
-from frida_painter.session.hand import Brushwork
+from frida_painter.session.hand import Hand
 from frida_painter.session.observer import CanvasObserver
 from frida_painter.strokes import Strokes
 from frida_painter.virtual.studio import StudioSettings, open_studio
@@ -62,15 +62,15 @@ def test_an_f_painted_through_the_whole_path_comes_back_as_an_f() -> None:
     easel = studio.easel
     easel.robot.connect()
     easel.camera.connect()
-    brushwork, observer = Brushwork(easel, brush_kind("fine")), CanvasObserver(easel)
+    hand, observer = Hand(easel, brush_kind("fine")), CanvasObserver(easel)
     plan = the_plan()
-    brushwork.step_aside()
-    observer.look(brushwork.last_motion, 90)
+    hand.step_aside()
+    observer.look(hand.last_motion, 90)
     easel.operator.fill_wells(plan.palette)
-    for action in brushwork.prepare(plan, 0, 3):
-        brushwork.perform(action)
-    brushwork.step_aside()
-    seen = observer.look(brushwork.last_motion, 90)
+    for action in hand.prepare(plan, 0, 3):
+        hand.perform(action)
+    hand.step_aside()
+    seen = observer.look(hand.last_motion, 90)
     ink = 1 - seen.mean(0).numpy()
 
     def alike(letter: np.ndarray) -> float:

@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 import torch
 
-from easels import CALIBRATION, CANVAS, stub_easel
 from frida_painter.brush.kinds import FINE
 from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import CanvasSize
@@ -19,11 +18,12 @@ from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.procedures.canvas import canvas
 from frida_painter.procedures.robot import robot
-from frida_painter.session.hand import Brushwork
+from frida_painter.session.hand import Hand
 from frida_painter.session.opening import on_record, planning_device
 from frida_painter.strokes import Strokes
 from frida_painter.virtual.studio import VirtualStudio, open_studio
-from frida_painter.virtual.table import PlacementError
+from frida_painter.virtual.tabletop import PlacementError
+from support.easel import CALIBRATION, CANVAS, stub_easel
 
 SIZE = CanvasSize(0.20, 0.15)
 
@@ -108,7 +108,7 @@ def painted(studio: VirtualStudio, easel: Easel) -> torch.Tensor:
         color=palette.color[paint],
     )
     easel.operator.fill_wells(palette)
-    work = Brushwork(easel, FINE)
+    work = Hand(easel, FINE)
     plan = Plan.of(strokes, palette, paint, canvas=SIZE, brush="fine", limits=FINE.limits)
     for action in work.prepare(plan, 0, count):
         work.perform(action)

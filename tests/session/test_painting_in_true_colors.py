@@ -16,14 +16,14 @@ from frida_painter.objectives.objective import Goal
 from frida_painter.planning.layers import Effort
 from frida_painter.planning.planner import Planner
 from frida_painter.procedures.color import color
-from frida_painter.session.hand import Brushwork
+from frida_painter.session.hand import Hand
 from frida_painter.session.loop import PaintingSession
 from frida_painter.session.observer import CanvasObserver
 from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.studio import StudioSettings, open_studio
-from frida_painter.virtual.table import PlacementError
-from scenes import plain
+from frida_painter.virtual.tabletop import PlacementError
+from support.planning import plain
 
 CANVAS = CanvasSize(0.20, 0.16)
 # Bands that leak into each other ten times as much as those of the usual studio's camera.
@@ -39,7 +39,7 @@ def medium() -> StrokeTable:
 def error(seed: int, *, calibrated: bool) -> float:
     """The cup of coffee in 120 strokes and four looks: how far the canvas as it really is is from it, squared."""
     target = torch.from_numpy(data.coffee().copy()).permute(2, 0, 1).float() / 255
-    effort = Effort().scaled(0.2)
+    effort = Effort().scale(0.2)
     planner = Planner(Goal((ImageTerm(target),)), plain(CANVAS, medium(), rows=128, effort=effort, seed=seed))
     settings = StudioSettings(camera=CAMERA, placement_error=EXACT)
     studio = open_studio(CANVAS, "medium", seed=seed, settings=settings)
@@ -51,7 +51,7 @@ def error(seed: int, *, calibrated: bool) -> float:
         easel = replace(easel, calibration=finding.enter(easel.calibration))
     session = PaintingSession(
         planner,
-        Brushwork(easel, brush_kind("medium")),
+        Hand(easel, brush_kind("medium")),
         CanvasObserver(easel),
         EvenlySpaced(4),
         stop_asked=lambda: False,

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from easels import NotingRobot, PatientCamera
 from frida_painter.errors import CameraError, PaintingPaused, StorageError
 from frida_painter.event_log import EventLog
 from frida_painter.hardware.robot import Frame
 from frida_painter.session.events import Event, Paused, PlanningStep, StrokePainted
 from frida_painter.session.journal import History, Journal
-from sittings import Evening
+from support.easel import NotingRobot, PatientCamera
+from support.session import SessionSetup
 
 WASHED = 2 * ["rinse", "wipe"]
 
@@ -30,8 +30,8 @@ def told(folder: Path) -> History:
     return History.of(EventLog.read(folder / "journal"), folder)
 
 
-def pauses(evening: Evening) -> list[Paused]:
-    return [event for event in evening.heard if isinstance(event, Paused)]
+def pauses(setup: SessionSetup) -> list[Paused]:
+    return [event for event in setup.heard if isinstance(event, Paused)]
 
 
 @pytest.mark.slow
@@ -41,36 +41,36 @@ def test_a_pause_in_a_stroke_lets_it_be_finished_and_the_arm_is_aside_with_a_cle
     seen: list[list[str]] = []
 
     def answer(paused: Paused) -> bool:
-        seen.append(evening.robot.labels())
+        seen.append(setup.robot.labels())
         return True
 
-    evening = Evening(9, replans=1, pause_at=after(stroke), go_on=answer)
-    assert evening.run().painted == 9
-    assert [paused.done for paused in pauses(evening)] == [stroke]
+    setup = SessionSetup(9, replans=1, pause_at=after(stroke), go_on=answer)
+    assert setup.run().painted == 9
+    assert [paused.done for paused in pauses(setup)] == [stroke]
     assert seen[0][-6:] == [f"stroke {stroke}", *WASHED, "home"]
-    going_on = evening.robot.labels()[len(seen[0]) :]
+    going_on = setup.robot.labels()[len(seen[0]) :]
     assert going_on[0] == "home" or going_on[0].startswith("dip"), "a clean brush takes paint before it paints"
-    assert evening.painted() == list(range(1, 10)), "and every stroke is painted once"
+    assert setup.painted() == list(range(1, 10)), "and every stroke is painted once"
 
 
 @pytest.mark.slow
 def test_a_pause_while_planning_is_heeded_at_the_next_step_and_planning_goes_on() -> None:
     """Fault F11: a pause while planning or within a stroke."""
-    evening = Evening(
+    setup = SessionSetup(
         5, pause_at=lambda event: isinstance(event, PlanningStep) and event.iteration == 1, go_on=lambda paused: True
     )
-    assert evening.run().painted == 5
-    kinds = evening.kinds()
+    assert setup.run().painted == 5
+    kinds = setup.kinds()
     assert kinds[:3] == ["PlanningStep", "Paused", "PlanningStep"]
 
 
 def test_a_pause_that_nobody_ends_ends_the_painting_resumably(tmp_path: Path) -> None:
     """Fault F11: a pause while planning or within a stroke."""
-    evening = Evening(9, pause_at=after(4), journal=begun(tmp_path))
+    setup = SessionSetup(9, pause_at=after(4), journal=begun(tmp_path))
     with pytest.raises(PaintingPaused, match=r"You asked for a pause\. The painting has paused after 4 strokes"):
-        evening.run()
+        setup.run()
     assert (told(tmp_path).painted, told(tmp_path).in_doubt, told(tmp_path).finished) == (4, None, False)
-    assert evening.robot.labels()[-3:] == ["rinse", "wipe", "home"]
+    assert setup.robot.labels()[-3:] == ["rinse", "wipe", "home"]
 
 
 class FullDisk:
@@ -102,14 +102,14 @@ def test_on_a_full_disk_it_pauses_before_the_next_stroke_and_goes_on_when_there_
         return False
 
     def make_room(paused: Paused) -> bool:
-        assert evening.robot.labels()[-6:] == ["stroke 3", *WASHED, "home"]
+        assert setup.robot.labels()[-6:] == ["stroke 3", *WASHED, "home"]
         disk.full = False
         return True
 
-    evening = Evening(7, replans=1, pause_at=fill, go_on=make_room, journal=begun(tmp_path))
-    evening.run()
-    assert evening.painted() == list(range(1, 8))
-    (paused,) = pauses(evening)
+    setup = SessionSetup(7, replans=1, pause_at=fill, go_on=make_room, journal=begun(tmp_path))
+    setup.run()
+    assert setup.painted() == list(range(1, 8))
+    (paused,) = pauses(setup)
     assert paused.done == 3 and "No space left on device" in paused.reason
     assert told(tmp_path).finished and told(tmp_path).painted == 7
 
@@ -125,15 +125,15 @@ def test_where_nobody_makes_room_it_ends_and_can_be_resumed_later(
             disk.full = True
         return False
 
-    evening = Evening(7, pause_at=fill, journal=begun(tmp_path))
+    setup = SessionSetup(7, pause_at=fill, journal=begun(tmp_path))
     with pytest.raises(PaintingPaused, match=r"No space left.*paused after 3 strokes"):
-        evening.run()
-    assert evening.painted() == [1, 2, 3] and evening.robot.labels()[-1] == "home"
+        setup.run()
+    assert setup.painted() == [1, 2, 3] and setup.robot.labels()[-1] == "home"
     disk.full = False
-    evening.session.journal.close()
+    setup.session.journal.close()
     journal, history = Journal.reopen(tmp_path)
     assert (history.painted, history.in_doubt) == (3, None)
-    journal.resumed(history, repaint=False)
+    journal.record_resume(history, repaint=False)
 
 
 @pytest.mark.slow
@@ -150,9 +150,9 @@ def test_a_folder_that_vanishes_pauses_it_as_a_full_disk_does(tmp_path: Path) ->
         shutil.move(tmp_path / "elsewhere", folder)
         return True
 
-    evening = Evening(5, pause_at=vanish, go_on=bring_back, journal=begun(folder))
-    evening.run()
-    assert [paused.done for paused in pauses(evening)] == [2] and evening.painted() == [1, 2, 3, 4, 5]
+    setup = SessionSetup(5, pause_at=vanish, go_on=bring_back, journal=begun(folder))
+    setup.run()
+    assert [paused.done for paused in pauses(setup)] == [2] and setup.painted() == [1, 2, 3, 4, 5]
     assert told(folder).finished
 
 
@@ -164,9 +164,9 @@ def test_photographs_are_given_up_before_the_journal(tmp_path: Path, monkeypatch
         raise StorageError(f"{path} cannot be written (No space left on device)")
 
     monkeypatch.setattr("frida_painter.images.save_exactly", full)
-    evening = Evening(6, replans=2, journal=begun(tmp_path))
-    evening.run()
-    assert pauses(evening) == [] and told(tmp_path).finished
+    setup = SessionSetup(6, replans=2, journal=begun(tmp_path))
+    setup.run()
+    assert pauses(setup) == [] and told(tmp_path).finished
     assert [planning.photograph for planning in told(tmp_path).plannings] == [None] * 3
 
 
@@ -187,8 +187,8 @@ class Blind(PatientCamera):
 @pytest.mark.slow
 def test_a_camera_that_answers_at_the_third_time_of_asking_is_no_reason_to_pause() -> None:
     """Fault F21: the camera is gone."""
-    evening = Evening(4, replans=1, camera=Blind({2, 3}))
-    assert evening.run().painted == 4 and pauses(evening) == []
+    setup = SessionSetup(4, replans=1, camera=Blind({2, 3}))
+    assert setup.run().painted == 4 and pauses(setup) == []
 
 
 @pytest.mark.slow
@@ -197,24 +197,24 @@ def test_without_a_camera_it_pauses_with_the_arm_aside_and_plans_nothing_again()
     asked: list[int] = []
 
     def answer(paused: Paused) -> bool:
-        asked.append(len(evening.planner.asked))
-        assert evening.robot.labels()[-1] == "home"
+        asked.append(len(setup.planner.asked))
+        assert setup.robot.labels()[-1] == "home"
         return True
 
-    evening = Evening(6, replans=1, camera=Blind({2, 3, 4}), go_on=answer)
-    assert evening.run().painted == 6
+    setup = SessionSetup(6, replans=1, camera=Blind({2, 3, 4}), go_on=answer)
+    assert setup.run().painted == 6
     assert asked == [0], "asked before anything was planned again"
-    assert [paused.reason for paused in pauses(evening)] == ["The camera does not answer."]
+    assert [paused.reason for paused in pauses(setup)] == ["The camera does not answer."]
     with pytest.raises(PaintingPaused, match="does not answer"):
-        Evening(6, replans=1, camera=Blind({2, 3, 4})).run()
+        SessionSetup(6, replans=1, camera=Blind({2, 3, 4})).run()
 
 
 @pytest.mark.slow
 def test_a_glimpse_for_the_film_is_rather_left_out() -> None:
     """Fault F21: the camera is gone."""
-    evening = Evening(4, replans=0, timelapse_frames=2, camera=Blind({2, 3, 4}))
-    assert evening.run().painted == 4 and pauses(evening) == []
-    assert evening.kinds().count("TimelapseFrame") == 1
+    setup = SessionSetup(4, replans=0, timelapse_frames=2, camera=Blind({2, 3, 4}))
+    assert setup.run().painted == 4 and pauses(setup) == []
+    assert setup.kinds().count("TimelapseFrame") == 1
 
 
 @pytest.mark.slow
@@ -222,6 +222,6 @@ def test_an_old_frame_is_asked_for_again_and_then_it_pauses() -> None:
     """Fault F22: the camera repeats an old frame."""
     stale = (0.5, 1)
     camera = PatientCamera([(100.0, 1), stale, stale, stale])
-    evening = Evening(4, replans=1, camera=camera, robot=NotingRobot(now=50.0), go_on=lambda paused: True)
-    assert evening.run().painted == 4
-    assert len(pauses(evening)) == 1 and "no new photograph" in pauses(evening)[0].reason
+    setup = SessionSetup(4, replans=1, camera=camera, robot=NotingRobot(now=50.0), go_on=lambda paused: True)
+    assert setup.run().painted == 4
+    assert len(pauses(setup)) == 1 and "no new photograph" in pauses(setup)[0].reason

@@ -8,44 +8,44 @@ import torch
 from frida_painter.errors import ConfigError
 from frida_painter.plan import Plan
 from frida_painter.session.events import DRYING, Paused, Scheduled, StrokePainted
-from sittings import Evening, NotingPlanner
+from support.session import NotingPlanner, SessionSetup
 
 
-def told(evening: Evening) -> float:
+def told(setup: SessionSetup) -> float:
     """Seconds that the robot was to take, before it began."""
-    return next(event.timetable.total for event in evening.heard if isinstance(event, Scheduled))
+    return next(event.timetable.total for event in setup.heard if isinstance(event, Scheduled))
 
 
 def needed(**settings: object) -> float:
     """Seconds that it takes where there is time enough; nothing is painted."""
-    evening = Evening(30, colors=3, stop_at=lambda event: isinstance(event, Scheduled), **settings)  # type: ignore[arg-type]
-    evening.run()
-    return told(evening)
+    setup = SessionSetup(30, colors=3, stop_at=lambda event: isinstance(event, Scheduled), **settings)  # type: ignore[arg-type]
+    setup.run()
+    return told(setup)
 
 
-def painted(**settings: object) -> tuple[Evening, float]:
-    evening = Evening(30, colors=3, **settings)  # type: ignore[arg-type]
-    evening.run()
-    return evening, told(evening)
+def painted(**settings: object) -> tuple[SessionSetup, float]:
+    setup = SessionSetup(30, colors=3, **settings)  # type: ignore[arg-type]
+    setup.run()
+    return setup, told(setup)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("share", [0.9, 0.5, 0.2])
 def test_as_many_strokes_are_painted_as_there_is_time_for(share: float) -> None:
     whole = needed(replans=3)
-    evening, shorter = painted(replans=3, budget=share * whole)
+    setup, shorter = painted(replans=3, budget=share * whole)
     assert 0.7 * share * whole < shorter <= share * whole
-    assert sum(evening.planner.left_out) + len(evening.painted()) == 30
-    last = [event for event in evening.heard if isinstance(event, StrokePainted)][-1]
-    assert last.done == last.of == len(evening.painted())
+    assert sum(setup.planner.left_out) + len(setup.painted()) == 30
+    last = [event for event in setup.heard if isinstance(event, StrokePainted)][-1]
+    assert last.done == last.of == len(setup.painted())
 
 
 @pytest.mark.slow
 def test_with_time_enough_nothing_is_left_out() -> None:
     whole = needed(replans=3)
-    evening, told_again = painted(replans=3, budget=1.03 * whole)
-    assert evening.planner.left_out == [] and told_again == pytest.approx(whole)
-    assert len(evening.painted()) == 30
+    setup, told_again = painted(replans=3, budget=1.03 * whole)
+    assert setup.planner.left_out == [] and told_again == pytest.approx(whole)
+    assert len(setup.painted()) == 30
 
 
 @pytest.mark.slow
@@ -67,28 +67,28 @@ def test_drying_takes_of_the_time_and_a_layer_for_which_there_is_none_is_left_ou
 @pytest.mark.slow
 def test_a_plan_that_was_made_before_is_shortened_as_well() -> None:
     whole = needed(replans=0)
-    evening = Evening(30, colors=3, budget=whole / 2)
-    made = evening.planner.plan(torch.ones(3, 8, 8), 30, 3, lambda step: None)
-    evening.session.run(30, 3, made)
-    assert told(evening) <= whole / 2 and 0 < len(evening.painted()) < 30
+    setup = SessionSetup(30, colors=3, budget=whole / 2)
+    made = setup.planner.plan(torch.ones(3, 8, 8), 30, 3, lambda step: None)
+    setup.session.run(30, 3, made)
+    assert told(setup) <= whole / 2 and 0 < len(setup.painted()) < 30
 
 
 def test_a_budget_in_which_not_one_stroke_is_painted_is_refused_before_anything_is() -> None:
-    evening = Evening(30, colors=3, budget=2.0)
+    setup = SessionSetup(30, colors=3, budget=2.0)
     with pytest.raises(ConfigError, match=r"--minutes was given 0\.0333333, and .* single stroke takes 0\.\d minutes"):
-        evening.run()
-    assert evening.painted() == []
+        setup.run()
+    assert setup.painted() == []
 
 
 @pytest.mark.slow
 def test_what_is_left_gets_shorter_where_a_look_makes_it_longer() -> None:
     """The planner answers a look with strokes that take twice as long; the budget holds all the same."""
     whole = needed(replans=1)
-    evening = Evening(30, colors=3, replans=1, budget=1.03 * whole, planner=Slowing())
-    evening.run()
-    assert 15 < len(evening.painted()) < 30
-    spent = evening.session.so_far
-    assert spent is not None and spent.painted == len(evening.painted())
+    setup = SessionSetup(30, colors=3, replans=1, budget=1.03 * whole, planner=Slowing())
+    setup.run()
+    assert 15 < len(setup.painted()) < 30
+    spent = setup.session.so_far
+    assert spent is not None and spent.painted == len(setup.painted())
 
 
 @pytest.mark.slow
@@ -100,19 +100,19 @@ def test_a_plan_in_mixed_paints_that_is_being_shortened_is_given_up_where_a_pers
             return longest(plan)
 
         def replan(self, *given, **more):  # type: ignore[no-untyped-def]
-            evening.pausing = True
+            setup.pausing = True
             return super().replan(*given, **more)
 
     def instead(paused: Paused) -> bool:
-        evening.session.paint_instead(evening.session.rest.part(slice(12)))
+        setup.session.paint_instead(setup.session.rest.part(slice(12)))
         return True
 
-    evening = Evening(
+    setup = SessionSetup(
         30, colors=3, replans=0, budget=1.03 * whole, planner=Interrupted(), go_on=instead,
         mixed=lambda wanted: wanted,
     )  # fmt: skip
-    evening.run()
-    assert len(evening.painted()) == 12
+    setup.run()
+    assert len(setup.painted()) == 12
 
 
 class Slowing(NotingPlanner):

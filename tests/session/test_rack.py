@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import torch
 
-from easels import CALIBRATION, WORKSPACE
 from frida_painter.easel.dialogue import Confirm, Question
 from frida_painter.easel.operator import brush_in_hand
 from frida_painter.errors import ConfigError, Interrupted, PoseMismatch, WorkspaceViolation
@@ -18,22 +17,23 @@ from frida_painter.hardware.robot import BrushRack
 from frida_painter.session.choreography import BrushLoad, Choreography, reckon
 from frida_painter.session.events import BrushInHand, LayerBegun, Stopped
 from frida_painter.session.journal import History, Journal
-from frida_painter.session.painting import ResumeState
+from frida_painter.session.progress import ResumeState
 from frida_painter.session.rehearsal import rehearse
-from sittings import BRUSH, Evening, NotingPlanner
+from support.easel import CALIBRATION, WORKSPACE
+from support.session import BRUSH, NotingPlanner, SessionSetup
 
 RACK = BrushRack({"small": (0.4, -0.2, 0.1), "large": (0.45, -0.2, 0.1)}, (0.0, 0.06), 0.05)
 SMALL_TAKEN, SMALL_BACK = "take the small brush", "put the small brush back"
 LARGE_TAKEN, LARGE_BACK = "take the large brush", "put the large brush back"
 
 
-def evening(*brushes: str, rack: BrushRack = RACK, **rest: Any) -> Evening:
+def setup(*brushes: str, rack: BrushRack = RACK, **rest: Any) -> SessionSetup:
     """Layers of two strokes each."""
     planner = NotingPlanner(layers=(2,) * len(brushes), brushes=brushes)
-    return Evening(2 * len(brushes), 1, colors=2, planner=planner, rack=rack, **rest)
+    return SessionSetup(2 * len(brushes), 1, colors=2, planner=planner, rack=rack, **rest)
 
 
-def changes(painted: Evening) -> list[str]:
+def changes(painted: SessionSetup) -> list[str]:
     return [label for label in painted.robot.labels() if "brush" in label]
 
 
@@ -55,7 +55,7 @@ def test_a_brush_is_drawn_out_of_its_fork_and_put_back_on_the_same_way() -> None
 
 @pytest.mark.slow
 def test_every_layer_is_painted_with_its_brush_and_all_stand_in_the_rack_in_the_end(tmp_path: Path) -> None:
-    painted = evening("small", "large", "large", journal=Journal.begin(tmp_path, {}, {}))
+    painted = setup("small", "large", "large", journal=Journal.begin(tmp_path, {}, {}))
     assert painted.run().painted == 6
     assert changes(painted) == [SMALL_TAKEN, SMALL_BACK, LARGE_TAKEN, LARGE_BACK]
     assert painted.easel.operator.brushes == [], "nobody was asked"
@@ -84,14 +84,14 @@ def test_every_layer_is_painted_with_its_brush_and_all_stand_in_the_rack_in_the_
 
 @pytest.mark.slow
 def test_one_brush_for_all_is_taken_from_the_rack_as_well() -> None:
-    painted = Evening(3, rack=RACK)
+    painted = SessionSetup(3, rack=RACK)
     painted.run()
     assert changes(painted) == [SMALL_TAKEN, SMALL_BACK]
 
 
 @pytest.mark.slow
 def test_without_a_rack_the_page_is_told_which_brush_is_in_the_hand() -> None:
-    painted = Evening(3)
+    painted = SessionSetup(3)
     painted.run()
     assert [event for event in painted.heard if isinstance(event, BrushInHand)] == [BrushInHand("small")]
 
@@ -111,7 +111,7 @@ def test_without_a_rack_the_page_is_told_which_brush_is_in_the_hand() -> None:
 def test_a_brush_that_is_not_there_or_out_of_reach_is_refused_before_anything_moves(
     rack: BrushRack, error: type[Exception], says: str
 ) -> None:
-    painted = evening("small", "large", rack=rack)
+    painted = setup("small", "large", rack=rack)
     with pytest.raises(error, match=says):
         painted.run()
     assert painted.robot.motions == [] and painted.camera.asked == []
@@ -119,7 +119,7 @@ def test_a_brush_that_is_not_there_or_out_of_reach_is_refused_before_anything_mo
 
 @pytest.mark.slow
 def test_a_stop_between_two_motions_of_a_change_is_heeded_and_nothing_is_held_then() -> None:
-    stopping = evening("small", "large")
+    stopping = setup("small", "large")
     follow = stopping.robot.follow
 
     def stop_when_put_back(motion: Any) -> Any:
@@ -137,7 +137,7 @@ def test_whoever_resumes_knows_what_is_in_the_hand_or_that_nobody_does(
     tmp_path: Path, broken: str, held: str | None
 ) -> None:
     """Fault F3: the robot loses its place in a motion."""
-    painted = evening("small", "large", journal=Journal.begin(tmp_path, {}, {}))
+    painted = setup("small", "large", journal=Journal.begin(tmp_path, {}, {}))
     follow = painted.robot.follow
 
     def lost(motion: Any) -> Any:
@@ -157,9 +157,9 @@ def test_whoever_resumes_knows_what_is_in_the_hand_or_that_nobody_does(
     [("small", [SMALL_BACK, LARGE_TAKEN, LARGE_BACK]), ("", [LARGE_TAKEN, LARGE_BACK]), ("large", [LARGE_BACK])],
 )
 def test_resumed_it_goes_on_with_the_brush_in_the_hand(held: str, done: list[str]) -> None:
-    resumed = evening("small", "large")
+    resumed = setup("small", "large")
     plan = resumed.planner.plan(torch.ones(3, 8, 8), 4, 2, lambda step: None)
-    resumed.brushwork.held = held
+    resumed.hand.held = held
     resumed.resume(ResumeState(plan, 2, 2, None, torch.ones(3, 48, 64), 0.0))
     assert changes(resumed) == done and resumed.painted() == [3, 4]
     assert (resumed.robot.labels()[0] == "rinse") == bool(held), "an empty hand has nothing to clean"
@@ -187,7 +187,7 @@ def test_a_person_says_which_brush_is_in_the_hand_or_nothing_moves() -> None:
 
 
 def test_the_timetable_and_the_rehearsal_know_the_rack() -> None:
-    here = evening("small", "large")
+    here = setup("small", "large")
     workspace = here.easel.workspace
     plan = here.planner.plan(torch.ones(3, 8, 8), 4, 2, lambda step: None)
     record = here.easel.calibration

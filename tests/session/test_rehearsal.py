@@ -2,11 +2,11 @@ from dataclasses import replace
 
 import torch
 
-from easels import CALIBRATION, WORKSPACE
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.hardware.robot import ArmLength
 from frida_painter.session.rehearsal import rehearse
-from plans import CANVAS, made_up_plan
+from support.easel import CALIBRATION, WORKSPACE
+from support.plans import CANVAS, made_up_plan
 
 PLAN = made_up_plan(30, 3)
 

@@ -11,14 +11,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from torch import Tensor
 
-from easels import PatientCamera
 from frida_painter import registry
 from frida_painter.errors import ConfigError
 from frida_painter.plan import Plan
 from frida_painter.registry import REPLAN_POLICIES
 from frida_painter.session.events import Looked, Planned, StrokePainted
 from frida_painter.session.journal import Journal
-from frida_painter.session.painting import ResumeState
+from frida_painter.session.progress import ResumeState
 from frida_painter.session.replan_policy import (
     CanvasSeen,
     EvenlySpaced,
@@ -27,10 +26,11 @@ from frida_painter.session.replan_policy import (
     WhenItPays,
     WhenOffBy,
     looks_on_the_way,
-    replan_policy_named,
+    parse_replan_policy,
 )
-from frida_painter.session.resuming import kept_plan
-from sittings import Evening, NotingPlanner
+from frida_painter.session.resuming import load_kept_plan
+from support.easel import PatientCamera
+from support.session import NotingPlanner, SessionSetup
 
 
 @pytest.mark.parametrize(
@@ -42,7 +42,7 @@ from sittings import Evening, NotingPlanner
     ],
 )  # fmt: skip
 def test_a_policy_is_found_by_its_name(text: str, policy: ReplanPolicy) -> None:
-    assert replan_policy_named(text) == policy
+    assert parse_replan_policy(text) == policy
 
 
 @pytest.mark.parametrize(
@@ -52,7 +52,7 @@ def test_a_policy_is_found_by_its_name(text: str, policy: ReplanPolicy) -> None:
 )  # fmt: skip
 def test_what_is_no_policy_is_refused_in_a_sentence(text: str) -> None:
     with pytest.raises(ConfigError, match=r"\.$"):
-        replan_policy_named(text)
+        parse_replan_policy(text)
 
 
 def test_a_plugin_is_found_and_does_not_take_the_place_of_ours(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -61,8 +61,8 @@ def test_a_plugin_is_found_and_does_not_take_the_place_of_ours(monkeypatch: pyte
         for name in ("twice-as-often", "times")
     ]
     monkeypatch.setattr(registry, "entry_points", lambda group: points)
-    assert replan_policy_named("twice-as-often:3") == EveryNth(3)
-    assert replan_policy_named("4") == EvenlySpaced(4)
+    assert parse_replan_policy("twice-as-often:3") == EveryNth(3)
+    assert parse_replan_policy("4") == EvenlySpaced(4)
 
 
 policies = st.one_of(
@@ -115,9 +115,9 @@ def test_a_painting_tells_its_policy_what_planning_again_won() -> None:
             heard.append(seen.gain)
             return True
 
-    evening = Evening(8, policy=Hearing(2))
-    evening.run()
-    told = [event for event in evening.heard if isinstance(event, Planned)][1:]
+    setup = SessionSetup(8, policy=Hearing(2))
+    setup.run()
+    told = [event for event in setup.heard if isinstance(event, Planned)][1:]
     assert heard == [None, *(pytest.approx(10 * math.log10(one.loss_before / one.loss_after)) for one in told[:-1])]
 
 
@@ -136,19 +136,19 @@ class OftenWrong(NotingPlanner):
 
 @pytest.mark.slow
 def test_a_painting_looks_often_and_plans_again_only_where_the_canvas_is_off() -> None:
-    evening = Evening(
+    setup = SessionSetup(
         8, planner=OftenWrong(), camera=PatientCamera(noisy=True), simulated=True, policy=WhenOffBy(0.05, strokes=2)
     )
-    assert evening.run().painted == 8 and evening.painted() == list(range(1, 9))
-    assert [event.done for event in evening.heard if isinstance(event, Looked)] == [2, 4, 6, 8]
-    assert evening.planner.asked == [4], "after the second look, four strokes being left"
+    assert setup.run().painted == 8 and setup.painted() == list(range(1, 9))
+    assert [event.done for event in setup.heard if isinstance(event, Looked)] == [2, 4, 6, 8]
+    assert setup.planner.asked == [4], "after the second look, four strokes being left"
 
 
 @pytest.mark.slow
 def test_what_a_look_taught_is_kept_also_where_nothing_was_planned_again(tmp_path: Path) -> None:
     policy = WhenOffBy(0.05, strokes=2)
     journal = Journal.begin(tmp_path, {}, {})
-    first = Evening(
+    first = SessionSetup(
         8,
         planner=OftenWrong(),
         camera=PatientCamera(noisy=True),
@@ -164,10 +164,10 @@ def test_what_a_look_taught_is_kept_also_where_nothing_was_planned_again(tmp_pat
     assert [planning.done for planning in history.plannings] == [0, 2]
     assert history.plannings[1].placement == first.placements[0] != history.plannings[0].placement
     assert history.plannings[1].photograph != history.plannings[0].photograph
-    again.resumed(history, repaint=False)
-    kept = kept_plan(tmp_path, history)
+    again.record_resume(history, repaint=False)
+    kept = load_kept_plan(tmp_path, history)
     assert kept is not None and not kept.foreign
-    second = Evening(
+    second = SessionSetup(
         8, planner=OftenWrong(), camera=PatientCamera(noisy=True), simulated=True, policy=policy, journal=again
     )
     white = torch.ones(3, 48, 64)

@@ -18,19 +18,19 @@ from frida_painter.session.choreography import Action
 from frida_painter.session.events import Dipped, PlanAdopted, StrokeLeftOut, StrokePainted
 from frida_painter.session.journal import History, Journal
 from killing import began, ended, kill_when
-from worlds import CANVAS, RESTS_ON, STROKES, World
+from support.virtual_painting import CANVAS, RESTS_ON, STROKES, VirtualPainting
 
 CLEANED = 0.001
 """Of full scale in the mean: what it makes that the brush was cleaned and dipped anew; 0.0006 was seen."""
 
 
 @pytest.fixture(scope="module")
-def world() -> Iterator[World]:
+def world() -> Iterator[VirtualPainting]:
     with pytest.MonkeyPatch.context() as patch:  # photographs are looked at more coarsely, which is sooner done
         patch.setattr("frida_painter.session.plan_keeper.PHOTOGRAPH_ROWS", 216)
         patch.setattr("frida_painter.session.resuming.PHOTOGRAPH_ROWS", 216)
         # With this seed no replan is a near tie, which the little that a cleaned brush changes would decide otherwise.
-        yield World.made(seed=7)
+        yield VirtualPainting.made(seed=7)
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Undisturbed:
 
 
 @pytest.fixture(scope="module")
-def undisturbed(world: World, tmp_path_factory: pytest.TempPathFactory) -> Undisturbed:
+def undisturbed(world: VirtualPainting, tmp_path_factory: pytest.TempPathFactory) -> Undisturbed:
     folder = tmp_path_factory.mktemp("undisturbed") / "painting"
     truth = world.paint(folder).truth(180)
     return Undisturbed(Plan.load(folder), truth, world.planner.validation_loss(truth))
@@ -60,12 +60,12 @@ def strokes_of(folder: Path) -> list[int]:
     return told
 
 
-def killed(world: World, folder: Path, moment: Callable[[dict[str, Any]], bool]) -> History:
+def killed(world: VirtualPainting, folder: Path, moment: Callable[[dict[str, Any]], bool]) -> History:
     kill_when(folder / "journal", moment, lambda: world.paint(folder))
     return History.of(EventLog.read(folder / "journal"), folder)
 
 
-def resumed(world: World, folder: Path, *, repaint: bool = False) -> Tensor:
+def resumed(world: VirtualPainting, folder: Path, *, repaint: bool = False) -> Tensor:
     """The canvas after resuming; every stroke was painted once, but for the one in doubt."""
     before = History.of(EventLog.read(folder / "journal"), folder)
     painting, studio, _ = world.resume(folder, repaint=repaint)
@@ -92,7 +92,7 @@ def off(canvas: Tensor, undisturbed: Undisturbed, but_for: int | None = None) ->
 
 @pytest.mark.slow
 def test_killed_between_strokes_it_goes_on_with_the_next_one_and_a_clean_brush(
-    world: World, undisturbed: Undisturbed, tmp_path: Path
+    world: VirtualPainting, undisturbed: Undisturbed, tmp_path: Path
 ) -> None:
     """Fault F1: the painting process is killed between two strokes."""
     before = killed(world, tmp_path, ended(5))
@@ -107,7 +107,7 @@ def test_killed_between_strokes_it_goes_on_with_the_next_one_and_a_clean_brush(
 @pytest.mark.slow
 @pytest.mark.parametrize("repaint", [False, True])
 def test_killed_in_a_stroke_that_one_is_in_doubt_and_only_painted_again_when_told_so(
-    world: World, undisturbed: Undisturbed, tmp_path: Path, repaint: bool
+    world: VirtualPainting, undisturbed: Undisturbed, tmp_path: Path, repaint: bool
 ) -> None:
     """Fault F2: the painting process is killed within a stroke.
 
@@ -148,7 +148,7 @@ class Moments(Journal):
 
 
 @pytest.fixture(scope="module")
-def moments(world: World, undisturbed: Undisturbed, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def moments(world: VirtualPainting, undisturbed: Undisturbed, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a copy for each moment of the painting."""
     kept = tmp_path_factory.mktemp("moments")
     world.paint(kept / "painting", type("Kept", (Moments,), {"copies": kept}))
@@ -163,7 +163,13 @@ MOMENTS = [("ended", False), ("painted", False), ("began", True)]
 @pytest.mark.parametrize(("moment", "repaint"), MOMENTS)
 @pytest.mark.parametrize("stroke", range(1, STROKES + 1))
 def test_killed_at_every_stroke_the_canvas_is_that_of_the_undisturbed_painting(
-    world: World, undisturbed: Undisturbed, moments: Path, moment: str, repaint: bool, stroke: int, tmp_path: Path
+    world: VirtualPainting,
+    undisturbed: Undisturbed,
+    moments: Path,
+    moment: str,
+    repaint: bool,
+    stroke: int,
+    tmp_path: Path,
 ) -> None:
     shutil.copytree(moments / f"{moment} stroke {stroke}", tmp_path / "it")
     assert off(resumed(world, tmp_path / "it", repaint=repaint), undisturbed) < CLEANED
@@ -175,7 +181,7 @@ def test_killed_at_every_stroke_the_canvas_is_that_of_the_undisturbed_painting(
     [("ended stroke 7", False), ("began stroke 7", True), ("painted stroke 7", False), ("ended dip after 9", False)],
 )
 def test_what_a_killed_process_leaves_is_enough(
-    world: World, undisturbed: Undisturbed, moments: Path, name: str, repaint: bool, tmp_path: Path
+    world: VirtualPainting, undisturbed: Undisturbed, moments: Path, name: str, repaint: bool, tmp_path: Path
 ) -> None:
     shutil.copytree(moments / name, tmp_path / "it")
     assert off(resumed(world, tmp_path / "it", repaint=repaint), undisturbed) < CLEANED
@@ -184,14 +190,16 @@ def test_what_a_killed_process_leaves_is_enough(
 @pytest.mark.slow
 @pytest.mark.parametrize("stroke", [1, 4, 8, 12])
 def test_without_the_stroke_in_doubt_the_rest_is_planned_otherwise_and_comes_as_near_to_the_goal(
-    world: World, undisturbed: Undisturbed, moments: Path, tmp_path: Path, stroke: int
+    world: VirtualPainting, undisturbed: Undisturbed, moments: Path, tmp_path: Path, stroke: int
 ) -> None:
     shutil.copytree(moments / f"began stroke {stroke}", tmp_path / "it")
     assert world.planner.validation_loss(resumed(world, tmp_path / "it")) < 1.35 * undisturbed.loss
 
 
 @pytest.mark.slow
-def test_killed_twice_it_is_still_the_same_painting(world: World, undisturbed: Undisturbed, tmp_path: Path) -> None:
+def test_killed_twice_it_is_still_the_same_painting(
+    world: VirtualPainting, undisturbed: Undisturbed, tmp_path: Path
+) -> None:
     killed(world, tmp_path, ended(3))
     kill_when(tmp_path / "journal", ended(9), lambda: world.resume(tmp_path))
     canvas = resumed(world, tmp_path)
@@ -201,7 +209,7 @@ def test_killed_twice_it_is_still_the_same_painting(world: World, undisturbed: U
 
 @pytest.mark.slow
 def test_killed_while_planning_nothing_is_lost_but_the_planning(
-    world: World, undisturbed: Undisturbed, tmp_path: Path
+    world: VirtualPainting, undisturbed: Undisturbed, tmp_path: Path
 ) -> None:
     before = killed(world, tmp_path, lambda record: record["kind"] == "photographed")
     assert before.plannings == [] and before.painted == 0
@@ -210,18 +218,18 @@ def test_killed_while_planning_nothing_is_lost_but_the_planning(
 
 @pytest.mark.slow
 def test_killed_before_a_new_plan_was_written_the_old_one_holds(
-    world: World, undisturbed: Undisturbed, tmp_path: Path
+    world: VirtualPainting, undisturbed: Undisturbed, tmp_path: Path
 ) -> None:
     """The journal names the new plan first; where the file is still the old one, the rest is planned again."""
     killed(world, tmp_path, ended(4))
     journal, history = Journal.reopen(tmp_path)
-    kept = resuming.kept_plan(tmp_path, history)
+    kept = resuming.load_kept_plan(tmp_path, history)
     assert kept is not None and not kept.foreign
     placement = kept.planning.placement
     journal.tell(PlanAdopted("f" * 64, 4, None, placement.error, placement.information))
     journal.close()
     _, history = reread(tmp_path)
-    again = resuming.kept_plan(tmp_path, history)
+    again = resuming.load_kept_plan(tmp_path, history)
     assert again is not None and not again.foreign and again.planning.done == 0
     assert off(resumed(world, tmp_path), undisturbed) < CLEANED
 
@@ -232,7 +240,7 @@ def reread(folder: Path) -> tuple[None, History]:
 
 @pytest.mark.slow
 def test_without_the_photograph_of_its_batch_a_painting_goes_on_as_well(
-    world: World, undisturbed: Undisturbed, tmp_path: Path
+    world: VirtualPainting, undisturbed: Undisturbed, tmp_path: Path
 ) -> None:
     killed(world, tmp_path, ended(6))
     for photograph in (tmp_path / "photographs").iterdir():
@@ -241,24 +249,24 @@ def test_without_the_photograph_of_its_batch_a_painting_goes_on_as_well(
 
 
 @pytest.mark.slow
-def test_another_plan_is_noticed(world: World, undisturbed: Undisturbed, tmp_path: Path) -> None:
+def test_another_plan_is_noticed(world: VirtualPainting, undisturbed: Undisturbed, tmp_path: Path) -> None:
     """Fault F33: the plan or the settings were changed before resuming."""
     killed(world, tmp_path, ended(6))
     plan = Plan.load(tmp_path)
     turned = plan.strokes.with_groups(thickness=1 - plan.strokes.thickness)
     replace(plan, strokes=turned).save(tmp_path / "plan.json")
     _, history = reread(tmp_path)
-    kept = resuming.kept_plan(tmp_path, history)
+    kept = resuming.load_kept_plan(tmp_path, history)
     assert kept is not None and kept.foreign
     (line,) = resuming.changes(tmp_path, history, {"strokes": STROKES}, RESTS_ON, kept)
     assert line.startswith(f"plan: it was {plan.digest[:12]}, and is {kept.plan.digest[:12]}")
     plan.part(slice(6)).save(tmp_path / "plan.json")
     with pytest.raises(PlanError, match="has 6 strokes, of which 6 are painted"):
-        resuming.kept_plan(tmp_path, history)
+        resuming.load_kept_plan(tmp_path, history)
 
 
 @pytest.mark.slow
-def test_photographs_that_are_not_as_they_were_taken_are_told(world: World, tmp_path: Path) -> None:
+def test_photographs_that_are_not_as_they_were_taken_are_told(world: VirtualPainting, tmp_path: Path) -> None:
     """Fault F33: what decides how the painting goes on was changed before resuming."""
     killed(world, tmp_path, ended(6))
     _, history = reread(tmp_path)

@@ -22,7 +22,7 @@ from frida_painter.plan import Plan
 from frida_painter.planning.layers import Effort
 from frida_painter.planning.planner import Planner
 from frida_painter.session.events import Event, Planned, StrokePainted
-from frida_painter.session.hand import Brushwork
+from frida_painter.session.hand import Hand
 from frida_painter.session.journal import History, Journal
 from frida_painter.session.loop import PaintingSession
 from frida_painter.session.observer import CanvasObserver
@@ -30,12 +30,12 @@ from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.strokes import Strokes
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.studio import StudioSettings, open_studio
-from scenes import picture, plain
+from support.planning import picture, plain
 
 STROKES, REPLANS, PAINTS = 2000, 40, 8
 CANVAS = CanvasSize(0.24, 0.18)
 SETTINGS = StudioSettings(cell=2.0, camera=CameraSpec(photograph=(120, 160)))
-EFFORT = Effort().scaled(0.001)
+EFFORT = Effort().scale(0.001)
 
 
 @dataclass
@@ -73,7 +73,7 @@ def made_up(model: StrokeTable) -> Plan:
         torch.rand(STROKES, generator=random),
         torch.zeros(STROKES, 3),
     ).project(limits, CANVAS)
-    palette = Palette.ordered(torch.rand(PAINTS, 3, generator=random))
+    palette = Palette.sort_light_to_dark(torch.rand(PAINTS, 3, generator=random))
     paint = torch.arange(STROKES) * PAINTS // STROKES
     return Plan.of(strokes, palette, paint, canvas=CANVAS, brush=model.brush, limits=limits)
 
@@ -97,7 +97,7 @@ def test_2000_strokes_and_40_replans_leave_memory_and_handles_as_they_are(
     gauge = Gauge()
     session = PaintingSession(
         planner,
-        Brushwork(easel, brush_kind("fine")),
+        Hand(easel, brush_kind("fine")),
         CanvasObserver(easel),
         EvenlySpaced(REPLANS),
         stop_asked=lambda: False,

@@ -3,7 +3,6 @@ import itertools
 import pytest
 import torch
 
-from easels import CALIBRATION, WORKSPACE
 from frida_painter.brush.kinds import FINE, brush_kind
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.hardware.motion import Motion
@@ -12,16 +11,17 @@ from frida_painter.plan import Plan
 from frida_painter.sawyer.arm import KINEMATIC_SAWYER
 from frida_painter.session.choreography import BrushLoad, Choreography, reckon
 from frida_painter.session.events import DRYING, StrokePainted
-from frida_painter.session.hand import Brushwork
+from frida_painter.session.hand import Hand
 from frida_painter.virtual.studio import FREE, StudioSettings, open_studio
-from plans import in_layers, made_up_plan, made_up_strokes
+from support.easel import CALIBRATION, WORKSPACE
+from support.plans import in_layers, made_up_plan, made_up_strokes
 
 SMALL = CanvasSize(0.12, 0.09)
 
 
 def a_plan(seed: int, count: int = 24) -> Plan:
     strokes = made_up_strokes(count, seed, SMALL).project(FINE.limits, SMALL)
-    palette = Palette.ordered(torch.rand(3, 3, generator=torch.Generator().manual_seed(seed)))
+    palette = Palette.sort_light_to_dark(torch.rand(3, 3, generator=torch.Generator().manual_seed(seed)))
     paint = torch.arange(count) * 3 // count
     return Plan.of(strokes, palette, paint, canvas=SMALL, brush="fine", limits=FINE.limits)
 
@@ -38,7 +38,7 @@ def test_the_time_is_that_of_the_simulated_clock_within_a_tenth_before_and_on_th
     easel = open_studio(SMALL, "fine", seed=seed, settings=StudioSettings(cell=2.0, arm=arm)).easel
     easel.robot.connect()
     easel.camera.connect()
-    work = Brushwork(easel, brush_kind("fine"))
+    work = Hand(easel, brush_kind("fine"))
     work.step_aside()
     begun, expected = work.last_motion, work.timetable(plan, looks)
     easel.operator.fill_wells(plan.palette)

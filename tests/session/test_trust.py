@@ -7,20 +7,22 @@ import pytest
 
 from frida_painter.errors import PaintingPaused
 from frida_painter.perception import frame_check
-from frida_painter.perception.registration import Motion, Registration, Verdict
+from frida_painter.perception.registration import CanvasShift, Registration, Verdict
 from frida_painter.plan import Plan
 from frida_painter.session.events import Event, LastLookDoubted, Paused
 from frida_painter.session.journal import Journal
 from frida_painter.virtual.faults import Bump, Faults, InSight, LightChange, LostFocus
-from worlds import STROKES, World
+from support.virtual_painting import STROKES, VirtualPainting
 
 
 @pytest.fixture(scope="module")
-def world() -> World:
-    return World.made()
+def world() -> VirtualPainting:
+    return VirtualPainting.made()
 
 
-def paint(world: World, folder: Path, faults: Faults, seed: int = 0, plan: Plan | None = None) -> list[Paused]:
+def paint(
+    world: VirtualPainting, folder: Path, faults: Faults, seed: int = 0, plan: Plan | None = None
+) -> list[Paused]:
     """The pauses of a painting, by a plan that was made before where there is one; nobody has it go on."""
     heard: list[Event] = []
     journal = Journal.begin(folder, {}, {})
@@ -50,7 +52,7 @@ def paint(world: World, folder: Path, faults: Faults, seed: int = 0, plan: Plan 
     ],
 )
 def test_what_cannot_be_trusted_is_taken_again_and_then_the_painting_pauses(
-    world: World, tmp_path: Path, faults: Faults, done: int, reason: str
+    world: VirtualPainting, tmp_path: Path, faults: Faults, done: int, reason: str
 ) -> None:
     """Faults F21: the camera is gone; F22: the camera repeats an old frame; F23: the photograph cannot be trusted."""
     (paused,) = paint(world, tmp_path, faults)
@@ -58,7 +60,7 @@ def test_what_cannot_be_trusted_is_taken_again_and_then_the_painting_pauses(
 
 
 @pytest.mark.slow
-def test_what_goes_away_by_itself_is_waited_for(world: World, tmp_path: Path) -> None:
+def test_what_goes_away_by_itself_is_waited_for(world: VirtualPainting, tmp_path: Path) -> None:
     """Fault F23: the photograph cannot be trusted.
 
     A hand in two photographs, focus lost in one, a frozen one: none is decided by, and nobody is asked.
@@ -80,7 +82,7 @@ def test_what_goes_away_by_itself_is_waited_for(world: World, tmp_path: Path) ->
     ],
 )
 def test_a_painting_whose_strokes_are_all_painted_is_finished_whatever_its_last_photograph_says(
-    world: World, tmp_path: Path, faults: Faults, reason: str
+    world: VirtualPainting, tmp_path: Path, faults: Faults, reason: str
 ) -> None:
     """Faults F21 and F23, after the last stroke: nothing is decided any more, and nobody is there to be asked."""
     heard: list[Event] = []
@@ -94,9 +96,9 @@ def test_a_painting_whose_strokes_are_all_painted_is_finished_whatever_its_last_
 
 
 def test_what_is_doubtful_is_looked_at_again_in_the_studio_and_asked_about_once_at_a_real_easel(
-    world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    world: VirtualPainting, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    doubt = Registration(Verdict.UNSURE, Motion(0.001), Motion(0.001), 1.0)
+    doubt = Registration(Verdict.UNSURE, CanvasShift(0.001), CanvasShift(0.001), 1.0)
     monkeypatch.setattr(frame_check, "register", lambda *args: doubt)
     asked: list[Paused] = []
     session, studio = world.session(tmp_path / "studio", Journal.nowhere())
@@ -106,7 +108,7 @@ def test_what_is_doubtful_is_looked_at_again_in_the_studio_and_asked_about_once_
         asked.clear()
         session, studio = world.session(tmp_path / str(go_on), Journal.nowhere())
         real = replace(studio.easel, simulated=False)
-        session.observer.easel = session.brushwork.easel = real
+        session.observer.easel = session.hand.easel = real
         session.interruptions._go_on = lambda paused, go_on=go_on: asked.append(paused) or go_on
         if painted is None:
             with pytest.raises(PaintingPaused, match="does not tell whether the canvas is still where it was"):
@@ -123,7 +125,7 @@ def test_what_is_doubtful_is_looked_at_again_in_the_studio_and_asked_about_once_
 
 
 @pytest.mark.slow
-def test_no_photograph_of_a_normal_painting_is_refused(world: World, tmp_path: Path) -> None:
+def test_no_photograph_of_a_normal_painting_is_refused(world: VirtualPainting, tmp_path: Path) -> None:
     """Two dozen studios, with their own light, grain, hand and error of place."""
     paint(world, tmp_path / "first", Faults())
     plan = next(iter(world.known.values()))

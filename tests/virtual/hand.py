@@ -9,7 +9,7 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.hardware.robot import Waypoints
 from frida_painter.palette import Palette
 from frida_painter.virtual.studio import StudioSettings, open_studio
-from frida_painter.virtual.table import HandNoise, PlacementError
+from frida_painter.virtual.tabletop import HandNoise, PlacementError
 
 EXACT = PlacementError((0.0, 0.0), 0.0)
 STEADY = HandNoise(0.0, 0.0)

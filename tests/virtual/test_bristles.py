@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from frida_painter.virtual.bristles import Tuft, brush_named
+from frida_painter.virtual.bristles import Tuft, find_brush
 from frida_painter.virtual.paint import absorption_and_scattering
 
 BLUE = absorption_and_scattering(np.array([0.1, 0.2, 0.7]))
@@ -9,7 +9,7 @@ BLUE = absorption_and_scattering(np.array([0.1, 0.2, 0.7]))
 
 @pytest.fixture
 def tuft():
-    return Tuft(brush_named("broad"), np.random.default_rng(1))
+    return Tuft(find_brush("broad"), np.random.default_rng(1))
 
 
 def straight(depth, length=60.0, lift=True):

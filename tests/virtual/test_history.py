@@ -112,7 +112,7 @@ def test_a_bumped_canvas_and_dropped_touches_stay_what_they_were(tmp_path: Path)
 
 
 @pytest.mark.slow
-def test_a_diary_cut_off_at_any_byte_tells_all_that_came_before(tmp_path: Path) -> None:
+def test_a_log_cut_off_at_any_byte_tells_all_that_came_before(tmp_path: Path) -> None:
     path = tmp_path / "studio.jsonl"
     here = hand(path, fill=True)
     here.easel.robot.home()
@@ -131,7 +131,7 @@ def test_a_diary_cut_off_at_any_byte_tells_all_that_came_before(tmp_path: Path) 
             hand(path)
 
 
-def test_a_diary_that_was_changed_or_is_anothers_is_refused(tmp_path: Path) -> None:
+def test_a_log_that_was_changed_or_is_anothers_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "studio.jsonl"
     hand(path, fill=True).easel.robot.home()
     content = path.read_bytes()

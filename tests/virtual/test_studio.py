@@ -11,7 +11,7 @@ from frida_painter.errors import ConfigError
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.faults import Bump, Faults
 from frida_painter.virtual.studio import StudioSettings, open_studio
-from frida_painter.virtual.table import HandNoise, PlacementError
+from frida_painter.virtual.tabletop import HandNoise, PlacementError
 
 from .hand import CANVAS, Hand
 

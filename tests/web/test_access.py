@@ -9,7 +9,7 @@ from frida_painter.web.commands import Role
 from frida_painter.web.security import Keys
 from frida_painter.web.store import PaintingStore
 from frida_painter.web.workers import WorkerSlot
-from studios import HOST, ORIGIN, Studio, order
+from support.studio import HOST, ORIGIN, Studio, order
 
 ROUTES = [
     ("GET", "/"), ("GET", "/static/main.js"), ("GET", "/static/nothing"), ("GET", "/api/studio"),
@@ -79,7 +79,7 @@ def test_wrong_tokens_are_slowed_and_lock_nobody_out_who_has_the_right_one(
     assert {come(f"guess {number}") for number in range(10)} == {401}
     began = time.monotonic()
     assert come("guess") == 401 and time.monotonic() - began >= 0.3
-    monkeypatch.setattr(security, "_MOST_DELAYED", 0)
+    monkeypatch.setattr(security, "_MAX_DELAYED", 0)
     assert come("guess") == 429
     assert come(studio.keys.tokens[Role.operate]) == 200
 

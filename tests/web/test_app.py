@@ -18,12 +18,12 @@ from frida_painter.hardware.latch import Latch, latch_path
 from frida_painter.registry import VARIABLE
 from frida_painter.session.events import PaintingKept, Stopped, TakenUp
 from frida_painter.web.commands import Role
-from frida_painter.web.easel import StudioEasel
-from frida_painter.web.folder import Feed, WorkerLock
-from frida_painter.web.routes import packed
+from frida_painter.web.routes import zip_folder
 from frida_painter.web.store import Entry
+from frida_painter.web.studio_folder import Feed, WorkerLock
+from frida_painter.web.web_app_easel import WebAppEasel
 from frida_painter.web.workers import PaintingQueue, Workers, WorkerSlot
-from studios import Studio, Visitor
+from support.studio import Studio, Visitor
 
 
 @pytest.fixture
@@ -60,12 +60,12 @@ def wait_for(holds: Callable[[], bool]) -> None:
         time.sleep(0.02)
 
 
-def wish(picture: str, **more: Any) -> dict[str, Any]:
+def painting_request(picture: str, **more: Any) -> dict[str, Any]:
     return {"title": "Tea", "terms": [{"kind": "image", "picture": picture}], "strokes": 5, "colors": 2, **more}
 
 
 def begun(studio: Studio, visitor: Visitor) -> Entry:
-    identifier = visitor.post("/api/paintings", json=wish(give(visitor))).json()["id"]
+    identifier = visitor.post("/api/paintings", json=painting_request(give(visitor))).json()["id"]
     entry = studio.store.find(identifier)
     assert entry is not None
     return entry
@@ -135,7 +135,10 @@ def test_a_painting_begins_with_a_plan(studio: Studio, visitor: Visitor, started
     assert started == [("plan", 1)]
     state = visitor.get(f"/api/paintings/{entry.id}").json()
     assert state["title"] == "Tea" and state["plans"][0]["wish"]["strokes"] == 5
-    assert visitor.post(f"/api/paintings/{entry.id}/plans", json=wish(give(visitor), seed=7)).status_code == 200
+    assert (
+        visitor.post(f"/api/paintings/{entry.id}/plans", json=painting_request(give(visitor), seed=7)).status_code
+        == 200
+    )
     assert started == [("plan", 1), ("plan", 2)]
     assert [plan["wish"]["seed"] for plan in visitor.get(f"/api/paintings/{entry.id}").json()["plans"]] == [0, 7]
     gallery = visitor.get("/api/paintings").json()
@@ -358,7 +361,7 @@ def test_what_is_asked_of_a_busy_painter_waits_in_order_and_is_begun_by_itself(
     assert started == [] and waiting(visitor) == [("Tea", "plan")] * 2 and stage(visitor, second) == "waiting"
     state = visitor.get(f"/api/paintings/{first.id}").json()
     assert (state["queued"], state["plans"][0]["status"], state["trouble"]) == ("plan", "waiting", "")
-    assert visitor.post(f"/api/paintings/{first.id}/plans", json=wish(give(visitor))).status_code == 409
+    assert visitor.post(f"/api/paintings/{first.id}/plans", json=painting_request(give(visitor))).status_code == 409
     assert visitor.post(f"/api/queue/{second.id}/first").status_code == 200
     queue = visitor.get("/api/work").json()["queue"]
     assert [each["painting"] for each in queue] == [second.id, first.id]
@@ -366,7 +369,7 @@ def test_what_is_asked_of_a_busy_painter_waits_in_order_and_is_begun_by_itself(
     assert started == []
     free(monkeypatch)
     again = PaintingQueue(studio.store, studio.app.state.workers)  # it is kept where the studio is started anew
-    assert again.shown()["queue"] == [{key: each[key] for key in ("painting", "plan", "job")} for each in queue]
+    assert again.to_plain()["queue"] == [{key: each[key] for key in ("painting", "plan", "job")} for each in queue]
     studio.app.state.queue.advance()
     assert started == [("plan", 1)] * 2 and waiting(visitor) == []
     assert visitor.get(f"/api/paintings/{first.id}").json()["queued"] == ""
@@ -406,7 +409,7 @@ def test_a_painting_waits_for_others_and_is_painted_where_the_robot_is_simulated
 
 
 def test_a_real_robot_paints_nothing_by_itself(tmp_path: Path, started: list[tuple[str, int]]) -> None:
-    studio = Studio(tmp_path / "store", StudioEasel(tmp_path / "record.json", robot="human"))
+    studio = Studio(tmp_path / "store", WebAppEasel(tmp_path / "record.json", robot="human"))
     visitor = studio.visitor()
     entry = begun(studio, visitor)
     finish_plan(entry)
@@ -432,7 +435,7 @@ def test_what_waits_is_taken_out_by_hand_or_with_its_painting(
 def test_a_damaged_queue_is_begun_anew(studio: Studio, visitor: Visitor, busy: None) -> None:
     begun(studio, visitor)
     (studio.store.root / "queue/queue.json").write_text("{")
-    assert PaintingQueue(studio.store, studio.app.state.workers).shown() == {"held": False, "queue": []}
+    assert PaintingQueue(studio.store, studio.app.state.workers).to_plain() == {"held": False, "queue": []}
 
 
 def test_what_the_camera_sees_is_shown_while_it_is_new(
@@ -460,7 +463,7 @@ def test_what_is_taken_along_is_made_while_it_is_sent_and_follows_no_link(
     (painting / "a.bin").write_bytes(bytes(10 * 2**20))
     (painting / "linked").symlink_to(secret)
     (painting / "key.txt").symlink_to(secret / "key.txt")
-    pieces = list(packed(painting))
+    pieces = list(zip_folder(painting))
     assert max(map(len, pieces)) < 2**19 and len(pieces) > 20
     with zipfile.ZipFile(io.BytesIO(b"".join(pieces))) as archive:
         assert archive.namelist() == ["painting/a.bin"]

@@ -11,10 +11,10 @@ from frida_painter.errors import ConfigError
 from frida_painter.event_log import LogReader
 from frida_painter.session.events import Answered, Asked
 from frida_painter.web import commands
-from frida_painter.web.commands import LEAD_GOOD_FOR, Reply, reply, understood
-from frida_painter.web.folder import Feed, FeedReader, PaintingFolder
-from frida_painter.web.painter import Asker, described
+from frida_painter.web.commands import LEAD_GOOD_FOR, Reply, parse_answer, reply
+from frida_painter.web.painter import Asker, describe_question
 from frida_painter.web.stop import StopPressed, StopWatch
+from frida_painter.web.studio_folder import Feed, FeedReader, PaintingFolder
 
 PICTURE = torch.zeros(3, 20, 30)
 CORNERS = ((1.25, 1.0), (25.0, 1.0), (25.0, 15.0), (1.0, 15.0))
@@ -64,13 +64,13 @@ def test_a_question_waits_for_its_answer_and_no_other(
 
 
 def test_an_answer_that_comes_too_late_is_none(folder: PaintingFolder, monkeypatch: pytest.MonkeyPatch) -> None:
-    shown = {"id": "0" * 16, **described(Confirm("Is it so?"))}
+    shown = {"id": "0" * 16, **describe_question(Confirm("Is it so?"))}
     reply(folder, Reply(question="0" * 16, yes=True), "browser")
     line = LogReader(folder.replies).read()[0]
-    assert understood(line, "0" * 16, shown) is True
+    assert parse_answer(line, "0" * 16, shown) is True
     now = time.time()
     monkeypatch.setattr(commands.time, "time", lambda: now + LEAD_GOOD_FOR + 1)
-    assert understood(line, "0" * 16, shown) is None
+    assert parse_answer(line, "0" * 16, shown) is None
 
 
 def test_stop_ends_a_question(folder: PaintingFolder) -> None:
@@ -100,6 +100,6 @@ def test_stop_ends_a_question(folder: PaintingFolder) -> None:
     ],
 )
 def test_what_is_no_answer_is_refused(question: Question, says: dict[str, Any], complaint: str) -> None:
-    shown = {**described(question), "rows": 20, "columns": 30}
+    shown = {**describe_question(question), "rows": 20, "columns": 30}
     with pytest.raises(ConfigError, match=complaint):
         Reply.model_validate({"question": "0" * 16, **says}).answering(shown["kind"], shown)

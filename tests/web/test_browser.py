@@ -11,7 +11,7 @@ from playwright.sync_api import Browser, Locator, Page, TimeoutError, expect
 
 from browsing import PATIENCE, SCREENSHOTS, WITH_CHROMIUM, OpenStudio, chromium, deadline, opened_studio, window
 from frida_painter import images
-from scenes import picture
+from support.planning import picture
 
 pytestmark = [pytest.mark.slow, WITH_CHROMIUM]
 

@@ -61,8 +61,8 @@ def test_both_ports_are_encrypted_with_it(tmp_path: Path) -> None:
 
 def test_files_that_do_not_fit_are_refused(tmp_path: Path) -> None:
     first, second = make(tmp_path, "first"), make(tmp_path, "second")
-    assert Certificate.given(None, None) is None
-    assert Certificate.given(first.certificate, first.key) is not None
+    assert Certificate.from_files(None, None) is None
+    assert Certificate.from_files(first.certificate, first.key) is not None
     for certificate, key in ((first.certificate, second.key), (first.key, first.certificate)):
         with pytest.raises(ConfigError, match="its own key"):
-            Certificate.given(certificate, key)
+            Certificate.from_files(certificate, key)

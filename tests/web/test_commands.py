@@ -7,20 +7,20 @@ import pytest
 from frida_painter.event_log import FEED, EventLog
 from frida_painter.web import commands
 from frida_painter.web.commands import LEAD_GOOD_FOR, Command, CommandReader, Pause, TakeTurns, tell_painter
-from frida_painter.web.folder import PaintingFolder
+from frida_painter.web.studio_folder import PaintingFolder
 
 
 def test_each_command_is_heard_once(tmp_path: Path) -> None:
     folder = PaintingFolder(tmp_path)
-    ear = CommandReader(folder, 0.0)
+    listener = CommandReader(folder, 0.0)
     tell_painter(folder, "pause", "browser")
     tell_painter(folder, "turns", "browser", count=5)
-    assert ear.listen() == [Pause(), TakeTurns(5)]
-    assert ear.listen() == []
+    assert listener.listen() == [Pause(), TakeTurns(5)]
+    assert listener.listen() == []
     with EventLog(folder.commands, FEED) as log:
         for record in log.found:
             log.append(record)
-    assert ear.listen() == [], "said again, and known already"
+    assert listener.listen() == [], "said again, and known already"
 
 
 def test_what_was_asked_while_nobody_could_hear_is_not_done_later(

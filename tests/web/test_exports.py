@@ -2,7 +2,7 @@ from pathlib import Path
 
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.web.telling import export
-from plans import in_layers, made_up_plan
+from support.plans import in_layers, made_up_plan
 
 
 def test_a_plan_is_written_for_plotters_and_machines(tmp_path: Path) -> None:

@@ -6,9 +6,9 @@ import pytest
 
 from frida_painter.web import network
 from frida_painter.web.commands import Role
-from frida_painter.web.network import MOST_BODY, MOST_UPLOAD, Bucket, Limits
+from frida_painter.web.network import MAX_BODY, MAX_UPLOAD, Bucket, Limits
 from frida_painter.web.security import Session
-from studios import Studio
+from support.studio import Studio
 
 
 def test_a_bucket_fills_again_as_time_goes_by() -> None:
@@ -21,7 +21,7 @@ def test_a_bucket_fills_again_as_time_goes_by() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("path", "most"), [("/api/paintings", MOST_BODY), ("/api/pictures", MOST_UPLOAD)])
+@pytest.mark.parametrize(("path", "most"), [("/api/paintings", MAX_BODY), ("/api/pictures", MAX_UPLOAD)])
 def test_bodies_that_are_too_large_are_refused(tmp_path: Path, path: str, most: int) -> None:
     visitor = Studio(tmp_path).visitor()
     answer = visitor.post(path, content=b"x" * (most + 1))

@@ -12,18 +12,18 @@ from playwright.sync_api import Browser, Page, Route, expect
 
 from browsing import SCREENSHOTS, WITH_CHROMIUM, OpenStudio, chromium, deadline, opened_studio, window
 from frida_painter.event_log import FEED, EventLog
-from frida_painter.web.folder import PaintingFolder, WorkerLock
 from frida_painter.web.store import PaintingStore
+from frida_painter.web.studio_folder import PaintingFolder, WorkerLock
 
 pytestmark = [pytest.mark.slow, WITH_CHROMIUM]
 
 PHONE: dict[str, Any] = {"has_touch": True, "is_mobile": True}
 PICTURES = {"a" * 32: (200, 90, 40), "b" * 32: (40, 90, 200)}
-WISH = {
+REQUEST = {
     "title": "Cup", "terms": [{"kind": "image", "picture": "a" * 32, "weight": 1}], "initial": [], "strokes": 40,
     "colors": 2, "width": 120, "height": 90, "brushes": "broad", "replans": 2, "effort": 1, "seed": 0,
 }  # fmt: skip
-CHANGED = {**WISH, "terms": [*WISH["terms"], {"kind": "sketch", "picture": "b" * 32, "weight": 2}]}  # type: ignore[misc]
+CHANGED = {**REQUEST, "terms": [*REQUEST["terms"], {"kind": "sketch", "picture": "b" * 32, "weight": 2}]}  # type: ignore[misc]
 PALETTE = [
     {"number": 1, "hex": "#c06030", "strokes": 20, "share": 0.5},
     {"number": 2, "hex": "#203050", "strokes": 20, "share": 0.5},
@@ -31,7 +31,7 @@ PALETTE = [
 MIXTURES = [{"recipe": "1 red", "millilitres": 3.0, "near": True}] * 2
 MADE = {"prefix": "", "frames": [0, 40], "strokes": 40, "palette": PALETTE}
 PLANNED: list[dict[str, Any]] = [
-    {"kind": "plan_requested", "plan": 1, "wish": WISH},
+    {"kind": "plan_requested", "plan": 1, "wish": REQUEST},
     {"kind": "plan_made", "plan": 1, "nearer": 0.5, "seconds": 10.0, "mixtures": MIXTURES, **MADE},
 ]
 PAINTED: list[dict[str, Any]] = [

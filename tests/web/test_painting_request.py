@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from frida_painter.web.folder import GoalRequest, PaintingRequest
+from frida_painter.web.studio_folder import GoalRequest, PaintingRequest
 
 PICTURE = "0" * 32
 

@@ -10,7 +10,7 @@ import torch
 from frida_painter import images
 from frida_painter.planning.layers import Effort
 from frida_painter.planning.planner import Planner
-from frida_painter.runs.folder import read_goal
+from frida_painter.runs.painting_folder import read_goal
 from frida_painter.session import resuming
 from frida_painter.session.events import (
     Event,
@@ -24,11 +24,11 @@ from frida_painter.session.events import (
 )
 from frida_painter.session.journal import Journal
 from frida_painter.web.commands import tell_painter
-from frida_painter.web.folder import Feed, FeedReader, PaintingFolder, PaintingRequest
 from frida_painter.web.painter import PauseController
 from frida_painter.web.stop import StopPressed, StopWatch
-from scenes import CANVAS, goal, picture, plain, small_table
-from sittings import Evening
+from frida_painter.web.studio_folder import Feed, FeedReader, PaintingFolder, PaintingRequest
+from support.planning import CANVAS, goal, picture, plain, small_table
+from support.session import SessionSetup
 
 PICTURE = "a" * 32
 Told = TypeVar("Told")
@@ -50,15 +50,15 @@ class Table:
         self.feed = Feed(folder)
         self.stop = StopWatch(folder.stop, folder.path.parent)
         self.controller = PauseController(folder, self.feed, self.stop, 0.0)
-        self.evening = Evening(
+        self.setup = SessionSetup(
             strokes,
             replans=0,
             pause_at=self._pauses(pause_after),
             go_on=self._go_on,
             journal=journal or Journal.nowhere(),
         )
-        self.evening.session.interruptions.pause_asked = self._pause_asked
-        self.controller.opened = lambda: self.evening.session
+        self.setup.session.interruptions.pause_asked = self._pause_asked
+        self.controller.opened = lambda: self.setup.session
         self.says: list[tuple[str, dict[str, int]]] = []
         deadline = threading.Timer(30, folder.stop.touch)  # a pause that nobody ends is not waited for
         deadline.daemon = True
@@ -75,7 +75,7 @@ class Table:
         return pause_at
 
     def _pause_asked(self) -> bool:
-        return self.controller.pause_asked() or self.evening.pausing
+        return self.controller.pause_asked() or self.setup.pausing
 
     def _go_on(self, paused: Paused) -> bool:
         def answer() -> None:
@@ -90,7 +90,7 @@ class Table:
 def test_in_a_pause_strokes_are_left_out_and_the_painting_goes_on(folder: PaintingFolder) -> None:
     table = Table(folder, 8)
     table.says = [("look", {}), ("leave out", {"count": 3}), ("pause", {}), ("go on", {})]
-    assert table.evening.run().painted == 5
+    assert table.setup.run().painted == 5
     assert len(table.told(Paused)) == 4 and len(table.told(WentOn)) == 1
     assert "let it look" in table.told(Paused)[0].reason
 
@@ -99,7 +99,7 @@ def test_in_a_pause_strokes_are_left_out_and_the_painting_goes_on(folder: Painti
 def test_turns_are_taken(folder: PaintingFolder) -> None:
     table = Table(folder, 7)
     table.says = [("turns", {"count": 2}), ("go on", {})]
-    assert table.evening.run().painted == 7
+    assert table.setup.run().painted == 7
     turns = [event for event in table.told(Paused) if event.turn]
     assert len(turns) >= 2 and "your turn" in turns[0].reason
 
@@ -107,10 +107,10 @@ def test_turns_are_taken(folder: PaintingFolder) -> None:
 @pytest.mark.slow
 def test_what_cannot_be_done_is_told_and_nothing_goes_on(folder: PaintingFolder) -> None:
     table = Table(folder, 4)
-    table.evening.planner.size = CANVAS  # type: ignore[attr-defined]
+    table.setup.planner.size = CANVAS  # type: ignore[attr-defined]
     images.save(torch.zeros(3, 40, 50), folder.region(1))
     table.says = [("spare", {"record": 1}), ("spare", {"record": 2}), ("goal", {"record": 9}), ("go on", {})]
-    assert table.evening.run().painted == 4
+    assert table.setup.run().painted == 4
     sentences = [event.sentence for event in table.told(Remark)]
     assert "Nothing was drawn" in sentences[0] and len(sentences) == 3
     assert not any(str(folder.path) in sentence for sentence in sentences)
@@ -139,10 +139,10 @@ def test_what_was_asked_after_a_pause_is_done_in_that_pause(folder: PaintingFold
 def test_a_region_and_another_goal_reach_the_planner(folder: PaintingFolder, tmp_path: Path) -> None:
     folder.painting.mkdir()
     table = Table(folder, 4, journal=Journal.begin(folder.painting, {}, {}))
-    planner = Planner(goal(), plain(CANVAS, small_table(), rows=64, effort=Effort().scaled(0.02), seed=1))
+    planner = Planner(goal(), plain(CANVAS, small_table(), rows=64, effort=Effort().scale(0.02), seed=1))
     white = torch.ones(3, planner.fine.rows, planner.fine.columns)
     made = planner.plan(white, 4, 1, lambda step: None)
-    table.evening.session.planner = planner
+    table.setup.session.planner = planner
     drawn = torch.zeros(3, 60, 80)
     drawn[:, :, :30] = 1
     images.save(drawn, folder.region(1))
@@ -151,9 +151,9 @@ def test_a_region_and_another_goal_reach_the_planner(folder: PaintingFolder, tmp
     request = PaintingRequest.model_validate({"terms": [{"kind": "image", "picture": PICTURE, "weight": 2}]})
     assert folder.begin_change(request, tmp_path / "pictures") == 1
     table.says = [("spare", {"record": 1}), ("goal", {"record": 1}), ("go on", {})]
-    table.evening.session.run(4, 1, made)
-    table.evening.session.journal.close()
-    after = table.evening.session.planner
+    table.setup.session.run(4, 1, made)
+    table.setup.session.journal.close()
+    after = table.setup.session.planner
     assert after is not planner and after.region is not None and planner.region is None
     assert after.goal.terms[0].weight == 2
     assert table.told(RegionProtected) == [RegionProtected("regions/1.png", False, "region-1.png")]
@@ -162,7 +162,7 @@ def test_a_region_and_another_goal_reach_the_planner(folder: PaintingFolder, tmp
     assert kept_region is not None and torch.equal(kept_region.forbidden, after.region.forbidden)
     assert read_goal(folder.painting / history.goal)["goal"][0]["weight"] == 2
     assert table.told(GoalChanged)[0].wish["terms"][0]["weight"] == 2
-    assert sum(isinstance(event, Planned) for event in table.evening.heard) >= 3
+    assert sum(isinstance(event, Planned) for event in table.setup.heard) >= 3
 
 
 @pytest.fixture

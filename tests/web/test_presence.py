@@ -7,9 +7,9 @@ import pytest
 from frida_painter.errors import RobotStopped
 from frida_painter.hardware.latch import Latch, latch_path
 from frida_painter.web import security as presence_module
-from frida_painter.web.easel import StudioEasel
-from frida_painter.web.folder import PaintingFolder
 from frida_painter.web.security import Presence
+from frida_painter.web.studio_folder import PaintingFolder
+from frida_painter.web.web_app_easel import WebAppEasel
 
 
 @pytest.fixture
@@ -18,14 +18,14 @@ def folder(tmp_path: Path) -> PaintingFolder:
 
 
 def test_a_simulated_robot_moves_without_a_press(folder: PaintingFolder) -> None:
-    Presence().allow(StudioEasel(folder.path / "record.json"))
+    Presence().allow(WebAppEasel(folder.path / "record.json"))
 
 
 @pytest.mark.parametrize("robot", ["xarm:10.0.0.1", "axidraw"])
 def test_a_real_robot_moves_only_after_a_press_and_each_press_is_good_for_one_thing(
     folder: PaintingFolder, robot: str
 ) -> None:
-    presence, easel = Presence(possible=True), StudioEasel(folder.path / "record.json", robot)
+    presence, easel = Presence(possible=True), WebAppEasel(folder.path / "record.json", robot)
     with pytest.raises(RobotStopped, match="press Enter"):
         presence.allow(easel)
     presence.press()
@@ -40,13 +40,13 @@ def test_a_press_is_forgotten_after_a_minute(folder: PaintingFolder, monkeypatch
     now = time.monotonic()
     monkeypatch.setattr(presence_module.time, "monotonic", lambda: now + presence_module.GOOD_FOR + 1)
     with pytest.raises(RobotStopped, match="in a terminal"):
-        presence.allow(StudioEasel(folder.path / "record.json", "axidraw"))
+        presence.allow(WebAppEasel(folder.path / "record.json", "axidraw"))
 
 
 def test_a_simulated_robot_that_was_stopped_needs_nobody_who_has_looked(folder: PaintingFolder) -> None:
     latch = Latch(latch_path(folder.easel, "virtual studio 0"), "virtual studio 0")
     latch.engage("an earlier version latched simulated robots as well")
-    Presence().allow(StudioEasel(folder.path / "record.json"))
+    Presence().allow(WebAppEasel(folder.path / "record.json"))
 
 
 def test_presses_are_heard_from_the_terminal(capsys: pytest.CaptureFixture[str]) -> None:

@@ -18,12 +18,12 @@ from frida_painter.session.events import (
     events_of,
     record,
 )
-from frida_painter.web import folder
-from frida_painter.web.easel import StudioEasel
-from frida_painter.web.folder import CalibrationRequest, Feed, WorkerLock
+from frida_painter.web import studio_folder
 from frida_painter.web.state import CalibrationState
+from frida_painter.web.studio_folder import CalibrationRequest, Feed, WorkerLock
+from frida_painter.web.web_app_easel import WebAppEasel
 from frida_painter.web.workers import WorkerSlot
-from studios import Studio, order
+from support.studio import Studio, order
 
 QUESTION = {"id": "f" * 16, "kind": "confirm", "text": "Is it so?", "proposal": True}
 
@@ -36,7 +36,7 @@ def started(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 def test_the_page_knows_the_procedures_that_there_are() -> None:
-    assert folder.PROCEDURES == calibration.PROCEDURES
+    assert studio_folder.PROCEDURES == calibration.PROCEDURES
 
 
 def test_calibrating_begins_and_its_questions_are_answered(tmp_path: Path, started: list[str]) -> None:
@@ -44,7 +44,7 @@ def test_calibrating_begins_and_its_questions_are_answered(tmp_path: Path, start
     visitor, folder = studio.visitor(), studio.store.calibration
     assert [each["dated"] for each in visitor.get("/api/calibration").json()["procedures"]] == [None] * 5
     assert visitor.post("/api/calibration/start", json={"what": ["canvas", "brush"]}).status_code == 200
-    assert started == ["calibrate"] and CalibrationRequest.kept(folder).what == ("canvas", "brush")
+    assert started == ["calibrate"] and CalibrationRequest.load(folder).what == ("canvas", "brush")
     Feed(folder).tell(Asked(QUESTION))
     (folder.live / "found-canvas.png").write_bytes(b"x")
     assert visitor.get("/api/calibration/files/found-canvas.png").content == b"x"
@@ -64,16 +64,16 @@ def test_calibrating_begins_and_its_questions_are_answered(tmp_path: Path, start
 
 
 @pytest.mark.parametrize(
-    "wish", [{"what": []}, {"what": ["robot", "canvas"]}, {"what": ["canvas", "canvas"]}, {"what": ["all"]},
+    "asked", [{"what": []}, {"what": ["robot", "canvas"]}, {"what": ["canvas", "canvas"]}, {"what": ["all"]},
              {"what": ["canvas"], "width": 1e9}, {"what": ["strokes"], "count": 3}, {"what": ["canvas"], "robot": "x"}]
 )  # fmt: skip
-def test_what_cannot_be_calibrated_is_refused(tmp_path: Path, started: list[str], wish: dict[str, Any]) -> None:
-    answer = Studio(tmp_path).visitor().post("/api/calibration/start", json=wish)
+def test_what_cannot_be_calibrated_is_refused(tmp_path: Path, started: list[str], asked: dict[str, Any]) -> None:
+    answer = Studio(tmp_path).visitor().post("/api/calibration/start", json=asked)
     assert answer.status_code == 422 and started == []
 
 
 def test_a_real_robot_is_not_moved_without_somebody_beside_it(tmp_path: Path, started: list[str]) -> None:
-    studio = Studio(tmp_path, StudioEasel(tmp_path / "record.json", "axidraw"))
+    studio = Studio(tmp_path, WebAppEasel(tmp_path / "record.json", "axidraw"))
     visitor = studio.visitor()
     refused = visitor.post("/api/calibration/start", json={"what": ["canvas"]})
     assert refused.status_code == 409 and "beside the robot" in refused.json()["sentence"] and started == []
@@ -84,17 +84,17 @@ def test_a_real_robot_is_not_moved_without_somebody_beside_it(tmp_path: Path, st
 def test_an_order_without_its_number_or_from_a_second_browser_is_not_done(tmp_path: Path, started: list[str]) -> None:
     studio = Studio(tmp_path)
     first, second = studio.visitor(), studio.visitor()
-    wish = {"what": ["canvas"]}
-    nameless = first.post("/api/calibration/start", json=wish, headers={"X-Nonce": "", "X-Given": ""})
+    asked = {"what": ["canvas"]}
+    nameless = first.post("/api/calibration/start", json=asked, headers={"X-Nonce": "", "X-Given": ""})
     assert nameless.status_code in (409, 422) and started == []
     same = order()
-    assert first.post("/api/calibration/start", json=wish, headers=same).status_code == 200
-    assert "already" in first.post("/api/calibration/start", json=wish, headers=same).json()["sentence"]
-    led = second.post("/api/calibration/start", json=wish)
+    assert first.post("/api/calibration/start", json=asked, headers=same).status_code == 200
+    assert "already" in first.post("/api/calibration/start", json=asked, headers=same).json()["sentence"]
+    led = second.post("/api/calibration/start", json=asked)
     assert led.status_code == 409 and led.json()["led"] is True
     assert second.post("/api/stop").status_code == 200, "whoever may look may stop"
     assert second.post("/api/lead").status_code == 200
-    assert second.post("/api/calibration/start", json=wish).status_code == 200
+    assert second.post("/api/calibration/start", json=asked).status_code == 200
     assert started == ["calibrate"] * 2
 
 
@@ -126,7 +126,7 @@ def test_what_is_found_is_followed(old: bool) -> None:
         for event in events_of(told):
             state.hear(event)
     state.hear(ProcedureFound("?", "Not one of ours."))
-    shown = state.shown(working=True)
+    shown = state.to_plain(working=True)
     canvas, robot = shown["procedures"][:2]
     assert (canvas["status"], canvas["sentence"], robot["status"], robot["fault"]) == (
         "done",
@@ -135,6 +135,6 @@ def test_what_is_found_is_followed(old: bool) -> None:
         "f",
     )
     assert shown["progress"] == "dot 3" and shown["question"] is None
-    assert "without saying why" in state.shown(working=False)["trouble"]
+    assert "without saying why" in state.to_plain(working=False)["trouble"]
     state.hear(Failed("No dots."))
-    assert state.shown(working=False)["procedures"][1]["status"] == "failed"
+    assert state.to_plain(working=False)["procedures"][1]["status"] == "failed"

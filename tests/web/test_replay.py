@@ -7,7 +7,6 @@ from typing import Any
 import pytest
 import torch
 
-from easels import PatientCamera
 from frida_painter.planning.layers import Effort
 from frida_painter.planning.planner import Planner
 from frida_painter.session.events import (
@@ -22,18 +21,19 @@ from frida_painter.session.events import (
     TakenUp,
 )
 from frida_painter.session.journal import History, Journal
-from frida_painter.session.painting import ResumeState
+from frida_painter.session.progress import ResumeState
 from frida_painter.session.replan_policy import EvenlySpaced
-from frida_painter.session.resuming import kept_plan
-from frida_painter.session.time_left import Forecast
+from frida_painter.session.resuming import load_kept_plan
+from frida_painter.session.time_left import RemainingTime
 from frida_painter.web.commands import tell_painter
-from frida_painter.web.folder import Feed, FeedReader, PaintingFolder
 from frida_painter.web.painter import PauseController
 from frida_painter.web.state import PaintingState
 from frida_painter.web.stop import StopWatch
+from frida_painter.web.studio_folder import Feed, FeedReader, PaintingFolder
 from frida_painter.web.telling import Reporter
-from scenes import CANVAS, goal, plain, small_table
-from sittings import Evening
+from support.easel import PatientCamera
+from support.planning import CANVAS, goal, plain, small_table
+from support.session import SessionSetup
 
 STROKES, PAUSE_AFTER, STOP_AFTER = 6, 2, 4
 
@@ -52,17 +52,17 @@ class Page:
     def look(self) -> None:
         for event in self._reader.read():
             self.state.hear(event)
-        self.shown.append((self.folder.feed.stat().st_size, self.state.shown(working=True)))
+        self.shown.append((self.folder.feed.stat().st_size, self.state.to_plain(working=True)))
 
 
-class Sitting(Evening):
+class Sitting(SessionSetup):
     """A painting on the stub easel, planned with a real planner and told to the page."""
 
     def lead(self, folder: PaintingFolder, planner: Planner, page: Page, feed: Feed) -> None:
         self.page = page
         self.controller = PauseController(folder, feed, StopWatch(folder.stop, folder.path.parent), 0.0)
-        forecast = Forecast(STROKES, EvenlySpaced(self.replans), 0.0, planning=4, replanning=4)
-        self.reporter = Reporter(feed, folder, planner.models, CANVAS, forecast)
+        time_left = RemainingTime(STROKES, EvenlySpaced(self.replans), 0.0, planning=4, replanning=4)
+        self.reporter = Reporter(feed, folder, planner.models, CANVAS, time_left)
         self.controller.opened = lambda: self.session
         self.session.planner = planner
 
@@ -88,7 +88,7 @@ def test_a_replayed_feed_shows_what_the_page_showed_at_every_moment(tmp_path: Pa
     (tmp_path / "live").mkdir()
     folder, feed = PaintingFolder(tmp_path), Feed(PaintingFolder(tmp_path))
     page = Page(folder)
-    planner = Planner(goal(), plain(CANVAS, small_table(), rows=64, effort=Effort().scaled(0.02), seed=1))
+    planner = Planner(goal(), plain(CANVAS, small_table(), rows=64, effort=Effort().scale(0.02), seed=1))
     bare = torch.ones(3, planner.fine.rows, planner.fine.columns)
     made = planner.plan(bare, STROKES, 1, lambda step: None)
 
@@ -108,13 +108,13 @@ def test_a_replayed_feed_shows_what_the_page_showed_at_every_moment(tmp_path: Pa
     first.session.run(STROKES, 1, made)
     journal.close()
     page.look()
-    assert page.state.shown(working=False)["painting"]["status"] == "stopped"
+    assert page.state.to_plain(working=False)["painting"]["status"] == "stopped"
 
     journal, history = Journal.reopen(folder.painting)
     feed.tell(TakenUp(history.painted))
-    kept = kept_plan(folder.painting, history)
+    kept = load_kept_plan(folder.painting, history)
     assert kept is not None and history.painted == STOP_AFTER
-    journal.resumed(history, repaint=False)
+    journal.record_resume(history, repaint=False)
     second = Sitting(STROKES, replans=1, journal=journal, camera=PatientCamera(noisy=True), simulated=True)
     second.lead(folder, planner, page, feed)
     now = second.session.look()
@@ -134,7 +134,7 @@ def test_a_replayed_feed_shows_what_the_page_showed_at_every_moment(tmp_path: Pa
         again = PaintingState()
         for event in FeedReader(tmp_path / "prefix").read():
             again.hear(event)
-        assert again.shown(working=True) == shown
+        assert again.to_plain(working=True) == shown
     assert page.shown[-1][1]["painting"]["done"] == STROKES
     history = Journal.reopen(folder.painting)[1]
     assert isinstance(history, History) and history.finished and history.painted == STROKES

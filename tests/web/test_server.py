@@ -58,7 +58,7 @@ from pathlib import Path
 from PIL import Image
 import frida_painter.web.server  # what the command opens the page with
 from frida_painter.cli import commands as cli
-from studios import Studio
+from support.studio import Studio
 
 cli.build()
 visitor = Studio(Path(sys.argv[1])).visitor()

@@ -43,15 +43,15 @@ def understood(line: dict[str, Any]) -> list[Written]:
 
 
 def test_a_plan_grows_until_it_is_ready() -> None:
-    growing = told(*PLANNED[:3]).shown(working=True)["plans"][0]
+    growing = told(*PLANNED[:3]).to_plain(working=True)["plans"][0]
     assert (growing["status"], growing["share"], growing["growing"]) == ("planning", 0.5, "growing-0000.jpg")
-    ready = told(*PLANNED).shown(working=False)
+    ready = told(*PLANNED).to_plain(working=False)
     assert ready["plans"][0]["status"] == "ready" and ready["plans"][0]["made"]["frames"] == [0, 2, 4]
     assert ready["trouble"] == "" and ready["painting"] is None
 
 
 def test_a_painting_is_followed_stroke_by_stroke() -> None:
-    painting = told(*PLANNED, *PAINTED).shown(working=True)["painting"]
+    painting = told(*PLANNED, *PAINTED).to_plain(working=True)["painting"]
     assert (painting["status"], painting["done"], painting["of"], painting["paint"]) == ("painting", 3, 4, 2)
     assert painting["looks"] == [
         {
@@ -64,44 +64,44 @@ def test_a_painting_is_followed_stroke_by_stroke() -> None:
 
 def test_how_long_the_paint_still_dries_is_shown() -> None:
     drying = {"kind": "drying", "done": 3, "seconds": 1200.0, "left": 660.0}
-    painting = told(*PLANNED, *PAINTED, drying).shown(working=True)["painting"]
+    painting = told(*PLANNED, *PAINTED, drying).to_plain(working=True)["painting"]
     assert (painting["status"], painting["dries"]) == ("drying", 660.0)
 
 
 def test_while_the_rest_is_planned_again_it_is_said_so() -> None:
-    assert told(*PLANNED, *PAINTED[:7]).shown(working=True)["painting"]["status"] == "planning"
+    assert told(*PLANNED, *PAINTED[:7]).to_plain(working=True)["painting"]["status"] == "planning"
 
 
 def test_a_pause_holds_while_it_does_what_was_asked_for_in_it() -> None:
     paused = {"kind": "paused", "reason": "You asked for a pause.", "turn": False}
     asked = [*PLANNED, *PAINTED, paused, {"kind": "considering"}, PAINTED[5], PAINTED[7]]
-    assert told(*PLANNED, *PAINTED).shown(working=True)["painting"]["held"] is False
+    assert told(*PLANNED, *PAINTED).to_plain(working=True)["painting"]["held"] is False
     for lines in ([*PLANNED, *PAINTED, paused], asked, [*asked, paused]):
-        assert told(*lines).shown(working=True)["painting"]["held"] is True
-    assert told(*asked, {"kind": "resumed"}).shown(working=True)["painting"]["held"] is False
+        assert told(*lines).to_plain(working=True)["painting"]["held"] is True
+    assert told(*asked, {"kind": "resumed"}).to_plain(working=True)["painting"]["held"] is False
 
 
 def test_how_a_painting_ends_is_kept() -> None:
-    stopped = told(*PLANNED, *PAINTED, {"kind": "stopped", "done": 3}).shown(working=False)
+    stopped = told(*PLANNED, *PAINTED, {"kind": "stopped", "done": 3}).to_plain(working=False)
     assert stopped["painting"]["status"] == "stopped" and stopped["stopped"] and not stopped["trouble"]
-    failed = told(*PLANNED, *PAINTED, {"kind": "failed", "sentence": "The robot is gone."}).shown(working=False)
+    failed = told(*PLANNED, *PAINTED, {"kind": "failed", "sentence": "The robot is gone."}).to_plain(working=False)
     assert failed["painting"]["status"] == "failed" and failed["trouble"] == "The robot is gone."
     kept = told(*PLANNED, *PAINTED, {"kind": "stopped"}, {"kind": "finishing"}, {"kind": "finished", "film": True})
-    assert kept.stage == "stopped" and kept.shown(working=False)["painting"]["kept"]
+    assert kept.stage == "stopped" and kept.to_plain(working=False)["painting"]["kept"]
     finished = told(*PLANNED, *PAINTED, {"kind": "finished", "film": True}, {"kind": "stopped"})
     assert finished.stage == "finished"
 
 
 def test_a_worker_that_vanished_is_noticed() -> None:
     state = told(*PLANNED, *PAINTED)
-    assert state.shown(working=True)["trouble"] == ""
-    assert "without saying why" in state.shown(working=False)["trouble"]
-    assert "without saying why" in told(*PLANNED[:2]).shown(working=False)["trouble"]
+    assert state.to_plain(working=True)["trouble"] == ""
+    assert "without saying why" in state.to_plain(working=False)["trouble"]
+    assert "without saying why" in told(*PLANNED[:2]).to_plain(working=False)["trouble"]
 
 
 def test_trouble_is_forgotten_when_something_else_is_begun() -> None:
     state = told(PLANNED[0], {"kind": "failed", "sentence": "No."}, {"kind": "wished", "plan": 2, "wish": {}})
-    shown = state.shown(working=True)
+    shown = state.to_plain(working=True)
     assert shown["trouble"] == "" and [plan["status"] for plan in shown["plans"]] == ["failed", "planning"]
 
 
@@ -117,7 +117,7 @@ keys = st.sampled_from(["plan", "done", "of", "share", "picture", "made", "sente
 @given(st.lists(st.tuples(kinds, st.dictionaries(keys, json_values, max_size=5)), max_size=8))
 def test_whatever_stands_in_the_feed_something_can_be_shown(lines: list[tuple[str, dict[str, Any]]]) -> None:
     state = told(*PLANNED, *({"kind": kind, **facts} for kind, facts in lines))
-    assert json.loads(json.dumps(state.shown(working=True)))["version"] >= len(PLANNED)
+    assert json.loads(json.dumps(state.to_plain(working=True)))["version"] >= len(PLANNED)
     assert isinstance(state.stage, str)
 
 
@@ -133,14 +133,14 @@ def test_a_look_tells_what_a_person_had_asked_for_before_it() -> None:
         "asked": [considering],
     }
     for why, lines in asked.items():
-        shown = told(*PLANNED, *PAINTED, *lines, look, went_on, look).shown(working=True)["painting"]
+        shown = told(*PLANNED, *PAINTED, *lines, look, went_on, look).to_plain(working=True)["painting"]
         assert [each["why"] for each in shown["looks"][-2:]] == [why, ""], why
 
 
 def test_a_look_tells_that_a_brush_is_sent_lower_or_higher_from_then_on() -> None:
     look = {"kind": "look_shown", "done": 3, "seen": "a.jpg", "expected": "b.jpg", "difference": "c.jpg"}
     corrected = [{"kind": "touch_corrected", "brush": "fine", "lower": lower, "done": 3} for lower in (0.0008, -0.0011)]
-    looks = told(*PLANNED, *PAINTED, look, *corrected, look).shown(working=True)["painting"]["looks"]
+    looks = told(*PLANNED, *PAINTED, look, *corrected, look).to_plain(working=True)["painting"]["looks"]
     assert "touch" not in looks[-1]
     lower, higher = looks[-2]["touch"]
     assert "as it was calibrated again" in TouchCorrected("fine", -0.00001, 3).sentence
@@ -152,5 +152,5 @@ def test_dips_into_each_well_are_counted_and_strokes_since_the_last() -> None:
     strokes = [{"kind": "stroke_painted", "done": done, "of": 9} for done in (1, 2, 3, 4)]
     begun = {"kind": "begun", "plan": 1, "of": 9}
     lines = [begun, first, strokes[0], third, strokes[1], strokes[2], third, strokes[3]]
-    painting = told(*PLANNED, *lines).shown(working=True)["painting"]
+    painting = told(*PLANNED, *lines).to_plain(working=True)["painting"]
     assert (painting["paint"], painting["dips"], painting["since_dip"]) == (2, {0: 1, 2: 2}, 1)

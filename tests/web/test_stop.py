@@ -17,9 +17,9 @@ from typing import Any
 import pytest
 
 from frida_painter.web.commands import Role
-from frida_painter.web.folder import PaintingFolder
 from frida_painter.web.stop import StopKey, StopWatch
 from frida_painter.web.store import PaintingStore
+from frida_painter.web.studio_folder import PaintingFolder
 from served import PATIENCE, Served, Work, end_listener, open_studio
 
 

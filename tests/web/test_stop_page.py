@@ -15,8 +15,8 @@ from playwright.sync_api import Browser, BrowserContext, Page, expect
 
 from browsing import SCREENSHOTS, WITH_CHROMIUM, chromium, deadline
 from frida_painter.session.events import Failed, PlanRequested
-from frida_painter.web.folder import Feed, PaintingRequest
 from frida_painter.web.store import PaintingStore
+from frida_painter.web.studio_folder import Feed, PaintingRequest
 from served import Served, Work, end_listener, open_studio
 
 pytestmark = [pytest.mark.slow, WITH_CHROMIUM]
@@ -40,8 +40,8 @@ def studio(tmp_path: Path) -> Iterator[Served]:
 @pytest.fixture
 def work(studio: Served) -> Iterator[Work]:
     working = Work(PaintingStore(studio.folder))
-    wish = PaintingRequest.model_validate({"terms": [{"kind": "text", "words": "a ship"}]})
-    Feed(working.folder).tell(PlanRequested(1, wish.model_dump(mode="json")))
+    painting_request = PaintingRequest.model_validate({"terms": [{"kind": "text", "words": "a ship"}]})
+    Feed(working.folder).tell(PlanRequested(1, painting_request.model_dump(mode="json")))
     yield working
     working.lock.release()
 

@@ -14,7 +14,7 @@ import pytest
 
 from frida_painter.web import network
 from frida_painter.web.workers import WorkerSlot
-from studios import Studio, Visitor, order
+from support.studio import Studio, Visitor, order
 
 COUNT, EACH = 300, 4
 

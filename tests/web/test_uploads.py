@@ -50,7 +50,7 @@ def test_what_is_no_picture_is_refused_in_words_that_name_no_path(tmp_path: Path
 def test_a_decoder_has_so_much_memory_and_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It is the system that ends it: a picture that a decoder does not get through with takes nothing from others."""
     with pytest.raises(ImageError, match="memory or time"):
-        monkeypatch.setattr(uploads, "MOST_SECONDS", 0.01)
+        monkeypatch.setattr(uploads, "MAX_SECONDS", 0.01)
         uploads.keep(picture(), tmp_path)
     monkeypatch.undo()
     limits = "from frida_painter.web import decoder; decoder.limit(); bytearray(3 * 2**30)"

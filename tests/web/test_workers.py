@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from frida_painter.errors import Interrupted
-from frida_painter.web.easel import StudioEasel
-from frida_painter.web.folder import PaintingFolder, working
+from frida_painter.web.studio_folder import PaintingFolder, working
+from frida_painter.web.web_app_easel import WebAppEasel
 from frida_painter.web.workers import Workers
 
 ENDING = """#!{python} -I
@@ -19,7 +19,7 @@ time.sleep(60)
 
 @pytest.fixture
 def workers(tmp_path: Path) -> Iterator[Workers]:
-    opened = Workers(StudioEasel(tmp_path / "record.json"))
+    opened = Workers(WebAppEasel(tmp_path / "record.json"))
     yield opened
     for one in opened._started:
         one.process.kill()

@@ -10,7 +10,7 @@ def catalogue(monkeypatch):
     """catalogue(weights, ...): these are all the weights there are; without a call, the tiny ones are."""
 
     def fill(*entries):
-        for place in ("frida_painter.weights.catalogue.known", "frida_painter.weights.known"):
+        for place in ("frida_painter.weights.catalogue.all_weights", "frida_painter.weights.all_weights"):
             monkeypatch.setattr(place, lambda: entries)
 
     fill(tiny())

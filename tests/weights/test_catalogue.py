@@ -10,10 +10,10 @@ from frida_painter.weights.sources import Hub
 
 
 def test_every_entry_is_whole():
-    names = [entry.name for entry in weights.known()]
+    names = [entry.name for entry in weights.all_weights()]
     assert len(set(names)) == len(names)
     assert {"efficientnet-lite0", "efficientnet-lite1", "efficientnet-lite2", "minilm", "openmoji", "hed"} < set(names)
-    for entry in weights.known():
+    for entry in weights.all_weights():
         assert entry.purpose and entry.licence and entry.credit and entry.sources and entry.size > 1_000_000
         assert len({file.name for file in entry.kept}) == len(entry.kept)
         for original in entry.originals:
@@ -28,7 +28,7 @@ def test_every_entry_is_whole():
 def test_words_need_networks_a_grammar_and_pictures():
     names = {entry.name for entry in weights.words()}
     assert {"minilm", "english", "efficientnet-lite0", "efficientnet-lite2", "stamps", "abcs", "fluent"} < names
-    assert names < {entry.name for entry in weights.known()} and not names & {"vgg16", "clip-vit-b-32", "hed"}
+    assert names < {entry.name for entry in weights.all_weights()} and not names & {"vgg16", "clip-vit-b-32", "hed"}
 
 
 @pytest.mark.slow

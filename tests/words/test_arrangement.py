@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as some
 from torch import Tensor
 
-from frida_painter.words.arrangement import Known, Placed, ScenePart, arranged, copies
+from frida_painter.words.arrangement import Known, Placed, ScenePart, arrange_parts, copies
 from frida_painter.words.reading import Relation
 
 
@@ -25,7 +25,7 @@ def table() -> ScenePart:
 
 
 def put(word: str, first: ScenePart, second: ScenePart) -> tuple[Placed, Placed]:
-    placed = arranged([first, second], [Relation(0, word, 1)])
+    placed = arrange_parts([first, second], [Relation(0, word, 1)])
     (one,) = [item for item in placed if item.picture is first.picture]
     (other,) = [item for item in placed if item.picture is second.picture]
     return one, other
@@ -60,7 +60,7 @@ def test_what_is_held_is_held_up_and_does_not_hide_who_holds_it() -> None:
     woman, umbrella = put("with", thing(0, 1.7, shape=(60, 24)), thing(1, 1.0, "held"))
     assert woman.y == 0 and 0.3 * woman.height < umbrella.y < 0.6 * woman.height
     assert umbrella.height <= 0.8 * woman.height and umbrella.depth < woman.depth
-    (beach,) = arranged([thing(1, 1.0, "held")], [])
+    (beach,) = arrange_parts([thing(1, 1.0, "held")], [])
     assert beach.y == 0, "by itself it stands"
 
 
@@ -82,7 +82,9 @@ def test_under_a_boat_is_below_it_and_who_eats_from_a_tree_is_not_in_it() -> Non
     assert whale.y + whale.height <= boat.y + 0.1 * whale.height
     parts = [thing(0, 5.0), thing(1, 0.1), thing(2, 8.0)]
     said = [Relation(0, "eating", 1), Relation(0, "from", 2)]
-    giraffe, tree = (next(one for one in arranged(parts, said) if one.picture is part.picture) for part in parts[::2])
+    giraffe, tree = (
+        next(one for one in arrange_parts(parts, said) if one.picture is part.picture) for part in parts[::2]
+    )
     assert giraffe.y == tree.y and abs(giraffe.x - tree.x) >= 0.5 * (giraffe.width + tree.width)
     smoke, chimney = put("from", thing(0, 2.0), thing(1, 1.0))
     assert smoke.y > chimney.y + 0.5 * chimney.height
@@ -93,7 +95,7 @@ def test_a_hat_is_on_the_head_which_is_the_highest_part(word: str) -> None:
     parts = [thing(0, 0.6, shape=(40, 80)), thing(1, 0.2, "head", shape=(20, 40))]
     dog = parts[0].picture
     dog[3, :20], dog[3, 1:20, 4:10], dog[3, :20, 60:72] = 0, 1, 1  # a tail, and a head that is a little higher
-    placed = arranged(parts, [Relation(0, word, 1)])
+    placed = arrange_parts(parts, [Relation(0, word, 1)])
     below, hat = (next(one for one in placed if one.picture is part.picture) for part in parts)
     head = below.x + (66 / 80 - 0.5) * below.width
     assert abs(hat.x - head) < 0.03 * below.width and hat.depth > below.depth
@@ -110,7 +112,7 @@ def test_an_umbrella_is_over_who_is_under_it_and_the_moon_is_high_that_is_howled
 
 def test_who_reads_under_a_tree_is_before_it() -> None:
     parts = [thing(0, 1.4), thing(1, 0.2), thing(2, 8.0)]
-    placed = arranged(parts, [Relation(0, "reading", 1), Relation(0, "under", 2)])
+    placed = arrange_parts(parts, [Relation(0, "reading", 1), Relation(0, "under", 2)])
     girl, book, tree = (next(one for one in placed if one.picture is part.picture) for part in parts)
     assert girl.depth > tree.depth and girl.y < tree.y + 0.2 * tree.height and book.y < tree.y + 0.2 * tree.height
 
@@ -162,7 +164,7 @@ def test_a_bowl_of_apples_holds_them() -> None:
 @pytest.mark.parametrize("word", ["on", "in"])
 def test_two_on_one_thing_are_side_by_side(word: str) -> None:
     parts = [thing(0, 0.5), thing(1, 0.5), thing(2, 0.6, shape=(20, 40))]
-    placed = arranged(parts, [Relation(0, word, 2), Relation(1, word, 2)])
+    placed = arrange_parts(parts, [Relation(0, word, 2), Relation(1, word, 2)])
     (holder,) = [one for one in placed if one.picture is parts[2].picture]
     left, right = sorted((one for one in placed if one is not holder), key=lambda one: one.x)
     assert left.x + left.width / 2 <= right.x - right.width / 2 + 1e-6
@@ -178,10 +180,10 @@ def test_beside_does_not_hide(word: str) -> None:
 
 
 def test_what_has_no_relation_stands_beside_and_what_has_no_picture_is_left_out() -> None:
-    placed = arranged([thing(0, 1), None, thing(1, 1), thing(2, 1)], [Relation(0, "on", 1)])
+    placed = arrange_parts([thing(0, 1), None, thing(1, 1), thing(2, 1)], [Relation(0, "on", 1)])
     edges = sorted((one.x - one.width / 2, one.x + one.width / 2) for one in placed)
     assert len(placed) == 3 and all(left >= right for (_, right), (left, _) in itertools.pairwise(edges))
-    assert arranged([None], []) == []
+    assert arrange_parts([None], []) == []
 
 
 NUMBERS, WORDS = some.integers(0, 3), some.sampled_from(["on", "in", "under", "over", "behind", "with", "of", "x"])
@@ -190,7 +192,7 @@ NUMBERS, WORDS = some.integers(0, 3), some.sampled_from(["on", "in", "under", "o
 @given(some.lists(some.tuples(NUMBERS, WORDS, NUMBERS), max_size=6))
 def test_any_relations_place_every_thing_once(said: list[tuple[int, str, int]]) -> None:
     parts = [thing(0, 0.1), table(), thing(1, 20), thing(2, 1, "air")]
-    placed = arranged(parts, [Relation(*one) for one in said])
+    placed = arrange_parts(parts, [Relation(*one) for one in said])
     assert sorted(id(one.picture) for one in placed) == sorted(id(part.picture) for part in parts)
     assert all(one.height > 0 for one in placed)
 

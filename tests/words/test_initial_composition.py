@@ -9,12 +9,12 @@ from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.objectives.sketch import SketchTerm
 from frida_painter.objectives.style import StyleTerm
+from frida_painter.words.places import PAPER, Place
 from frida_painter.words.reading import Reading, Relation, Thing
 from frida_painter.words.scene import initial_composition, scene_of
-from frida_painter.words.settings import PAPER, Place
 from frida_painter.words.text import TextTerm
-from networks import NoEncoderRegistry, QuickEncoders, index_of
-from scenes import CANVAS, picture
+from support.networks import NoEncoderRegistry, QuickEncoders, index_of
+from support.planning import CANVAS, picture
 
 GRID = PixelGrid.of_height(CANVAS, 48)
 
@@ -65,7 +65,7 @@ def test_what_is_carried_says_nothing_of_the_place(
         asked.extend(names)
         return PAPER
 
-    monkeypatch.setattr("frida_painter.words.scene.implied_place", implied)
+    monkeypatch.setattr("frida_painter.words.scene.infer_place", implied)
     initial_composition(Goal((TextTerm(f"a strawberry {word} an umbrella"),)), GRID, encoders, 0)
     assert set(asked) == standing
 

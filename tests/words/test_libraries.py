@@ -15,13 +15,13 @@ from frida_painter import weights
 from frida_painter.errors import ConfigError, ImageError, WeightsError
 from frida_painter.weights.catalogue import NamedWeights
 from frida_painter.words.libraries import Pictograms, PictureArchive, PictureFolder, libraries_at_hand
-from networks import write_pictograms
 from plugins import install
 from small_libraries import DISC, MAKERS, SILHOUETTE, write_openmoji
+from support.networks import write_pictograms
 from tiny_weights import original
 
 PHOTOGRAPHS = "animals/dogs/dalmatian.png", "animals/giant_panda.png", "People/dan3.gif", "erase/nubian_ibex.webp"
-LEAST = {"openclipart": 1500, "stamps": 600, "openmoji": 1200, "abcs": 250, "fluent": 1100, "flashcards": 350}
+MIN = {"openclipart": 1500, "stamps": 600, "openmoji": 1200, "abcs": 250, "fluent": 1100, "flashcards": 350}
 
 
 def painted(path: Path, color: str = "red") -> Path:
@@ -42,7 +42,7 @@ def test_own_pictures_are_called_by_the_text_beside_them_or_by_their_names(tmp_p
     (tmp_path / "notes.pdf").write_text("no picture")
     (tmp_path / "loop").symlink_to(tmp_path, target_is_directory=True)
     library = PictureFolder(tmp_path)
-    said = {Path(one.file).name: one.captions for one in library.captioned()}
+    said = {Path(one.file).name: one.captions for one in library.list_captioned()}
     assert said == {
         "red-fox_2.png": ("red fox",), "OldBoat.JPG": ("old boat",), "IMG_0042.png": ("my cat",),
         "renard 狐.png": ("renard",), "grey owl.png": ("grey owl",),
@@ -56,19 +56,19 @@ def test_a_folder_without_pictures_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="is no folder"):
         PictureFolder(tmp_path / "missing")
     with pytest.raises(ConfigError, match="holds no picture with a name"):
-        PictureFolder(tmp_path).captioned()
+        PictureFolder(tmp_path).list_captioned()
 
 
 def test_a_folder_of_too_many_pictures_is_refused_before_their_captions_are_read(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("frida_painter.words.libraries._MOST_FILES", 3)
+    monkeypatch.setattr("frida_painter.words.libraries._MAX_FILES", 3)
     for number in range(3):
         painted(tmp_path / f"fox {'abc'[number]}.png")
-    assert len(PictureFolder(tmp_path).captioned()) == 3
+    assert len(PictureFolder(tmp_path).list_captioned()) == 3
     painted(tmp_path / "below" / "fox d.png")
     with pytest.raises(ConfigError, match=r"holds more than 3 pictures.*give a folder with those"):
-        PictureFolder(tmp_path).captioned()
+        PictureFolder(tmp_path).list_captioned()
 
 
 def test_a_library_of_which_a_byte_was_lost_is_told(tmp_path: Path) -> None:
@@ -80,7 +80,7 @@ def test_a_library_of_which_a_byte_was_lost_is_told(tmp_path: Path) -> None:
     content[50] ^= 0xFF
     archive.write_bytes(content)
     library = PictureArchive("stamps", "somebody", archive)
-    for one in library.captioned():
+    for one in library.list_captioned():
         with pytest.raises(WeightsError, match=r"is damaged.*fetch stamps again"):
             library.pictures(one.file)
 
@@ -88,7 +88,7 @@ def test_a_library_of_which_a_byte_was_lost_is_told(tmp_path: Path) -> None:
 def test_pictures_that_went_away_or_are_links_to_nothing(tmp_path: Path) -> None:
     (tmp_path / "cat.png").symlink_to(tmp_path / "nothing.png")
     library = PictureFolder(tmp_path)
-    (cat,) = library.captioned()
+    (cat,) = library.list_captioned()
     with pytest.raises(ImageError, match="does not exist"):
         library.pictures(cat.file)
 
@@ -99,16 +99,16 @@ def test_an_archive_has_its_captions_with_it(tmp_path: Path) -> None:
         packed.write(painted(tmp_path / "fox.png"), "a/fox.png")
         packed.writestr("captions.json", json.dumps({"a/fox.png": ["a fox", "animals"]}))
     library = PictureArchive("stamps", "somebody", archive)
-    (fox,) = library.captioned()
+    (fox,) = library.list_captioned()
     assert fox.captions == ("a fox", "animals") and library.pictures(fox.file)[0].shape == (4, 40, 40)
     archive.write_bytes(archive.read_bytes()[:100])
     with pytest.raises(WeightsError, match="fetch stamps again"):
-        library.captioned()
+        library.list_captioned()
 
 
 def test_pictograms_are_called_as_their_characters_and_come_with_and_without_outlines(tmp_path: Path) -> None:
     library = Pictograms(write_pictograms(tmp_path / "pictograms.zip"))
-    known = {one.captions[0]: one.file for one in library.captioned()}
+    known = {one.captions[0]: one.file for one in library.list_captioned()}
     assert known == {"strawberry": "1F353.svg", "umbrella": "2602-FE0F.svg"}
     plain, outlined = library.pictures("1F353.svg")
     assert float(plain[:3, 2, 40].sum()) > 0.9 and float(outlined[:3, 2, 40].sum()) < 0.1
@@ -135,13 +135,13 @@ def broken(): return 1 / 0
 
 def publish(monkeypatch: pytest.MonkeyPatch, name: str, *contents: bytes) -> NamedWeights:
     """The catalogue's entry, as if these had been published in place of its files; all else stays."""
-    entry = weights.named(name)
+    entry = weights.find_weights(name)
     kept = tuple(
         replace(file, original=original(file.original.path, content))
         for file, content in zip(entry.kept, contents, strict=True)
     )
-    others = [other for other in weights.known() if other.name != name]
-    monkeypatch.setattr("frida_painter.weights.catalogue.known", lambda: (*others, replace(entry, kept=kept)))
+    others = [other for other in weights.all_weights() if other.name != name]
+    monkeypatch.setattr("frida_painter.weights.catalogue.all_weights", lambda: (*others, replace(entry, kept=kept)))
     return entry
 
 
@@ -162,7 +162,7 @@ def test_a_package_becomes_a_library(name: str, tmp_path: Path, monkeypatch: pyt
     weights.fetch(name, tmp_path / "cache", offline=True, origin=tmp_path / "brought")
     (library,) = libraries_at_hand(tmp_path / "cache")
     assert library.name == name and library.credit == f"{entry.credit}, {entry.licence}"
-    known = {one.file: one for one in library.captioned()}
+    known = {one.file: one for one in library.list_captioned()}
     assert {file: one.captions for file, one in known.items()} == small.captions
     color = torch.tensor(ImageColor.getrgb(SILHOUETTE if name == "silhouettes" else DISC)) / 255
     for file, one in known.items():
@@ -176,7 +176,7 @@ def test_the_wheel_of_pictograms_becomes_a_library(tmp_path: Path, monkeypatch: 
     publish(monkeypatch, "openmoji", archive, licence)
     weights.fetch("openmoji", tmp_path / "cache", offline=True, origin=tmp_path / "brought")
     (library,) = libraries_at_hand(tmp_path / "cache")
-    assert {one.file: one.captions for one in library.captioned()} == captions
+    assert {one.file: one.captions for one in library.list_captioned()} == captions
     plain, outlined = library.pictures("1F353.svg")
     assert torch.allclose(disc_in(plain), torch.tensor(ImageColor.getrgb(DISC)) / 255, atol=0.02)
     assert float(outlined[:3, outlined[3] > 0.99].min()) < 0.1, "an outline is black"
@@ -185,8 +185,8 @@ def test_the_wheel_of_pictograms_becomes_a_library(tmp_path: Path, monkeypatch: 
 def test_libraries_that_a_person_has_fetched_hold_what_was_published() -> None:
     """They have 630 MB, so that the tests do not fetch them: the small ones above are read in any case."""
     for library in libraries_at_hand():
-        known = library.captioned()
-        assert len(known) >= LEAST.get(library.name, 1) and library.credit
+        known = library.list_captioned()
+        assert len(known) >= MIN.get(library.name, 1) and library.credit
         read = 0
         for one in known[:: max(1, len(known) // 12)]:
             with suppress(ImageError):

@@ -6,8 +6,8 @@ from frida_painter.objectives.interpretation import prepare
 from frida_painter.objectives.objective import Goal
 from frida_painter.words.meaning import Text, distance_to
 from frida_painter.words.text import TextTerm
-from networks import QuickEncoders, random_reader
-from scenes import CANVAS
+from support.networks import QuickEncoders, random_reader
+from support.planning import CANVAS
 
 
 class Toy:

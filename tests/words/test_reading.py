@@ -13,7 +13,7 @@ import torch
 
 from downloads import fetched
 from frida_painter.errors import ConfigError, WeightsError
-from frida_painter.words.reading import MOST_THINGS, PromptReader, Reading, Thing, paint_of
+from frida_painter.words.reading import MAX_THINGS, PromptReader, Reading, Thing, paint_of
 
 SENTENCES = (Path(__file__).parent / "sentences.txt").read_text("utf-8").splitlines()
 Parts = tuple[list[tuple[str, str, int | None, str]], set[str], set[str]]
@@ -127,8 +127,8 @@ def test_a_name_is_no_further_thing_and_a_picture_is_what_it_shows(reader: Promp
 
 def test_of_very_many_things_the_first_are_painted(reader: PromptReader) -> None:
     reading = reader.read("a cat and " * 30 + "a dog")
-    assert len(reading.things) == MOST_THINGS and reading.too_many
-    assert all(max(one.subject, one.object) < MOST_THINGS for one in reading.relations)
+    assert len(reading.things) == MAX_THINGS and reading.too_many
+    assert all(max(one.subject, one.object) < MAX_THINGS for one in reading.relations)
     assert not reader.read("a cat and a dog").too_many
 
 

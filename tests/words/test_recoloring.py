@@ -1,6 +1,6 @@
 import torch
 
-from frida_painter.words.compositing import recolored
+from frida_painter.words.compositing import recolor
 
 BLUE = torch.tensor([0.16, 0.36, 0.75])
 
@@ -13,7 +13,7 @@ def drawing(*stripes: tuple[float, float, float], opacity: float = 1.0) -> torch
 
 def test_the_main_colour_and_its_shades_change_and_all_else_stays() -> None:
     brown, shade, outline, beak = (0.65, 0.47, 0.22), (0.42, 0.28, 0.12), (0.0, 0.0, 0.0), (0.2, 0.7, 0.3)
-    changed = recolored(drawing(brown, brown, shade, outline, beak), BLUE)
+    changed = recolor(drawing(brown, brown, shade, outline, beak), BLUE)
     assert torch.allclose(changed[:3, 5, 5], BLUE, atol=0.02)
     red, _, blue = changed[:3, 5, 25].tolist()
     assert blue > red and blue < float(BLUE[2]), "a darker blue"
@@ -23,18 +23,18 @@ def test_the_main_colour_and_its_shades_change_and_all_else_stays() -> None:
 
 def test_water_around_a_thing_is_not_the_thing() -> None:
     water, hull = (0.573, 0.827, 0.961), (0.65, 0.47, 0.22)
-    changed = recolored(drawing(water, water, water, hull), torch.tensor([0.8, 0.1, 0.1]))
+    changed = recolor(drawing(water, water, water, hull), torch.tensor([0.8, 0.1, 0.1]))
     assert torch.allclose(changed[:3, 5, 5], torch.tensor(water), atol=0.01)
     assert torch.allclose(changed[:3, 5, 35], torch.tensor([0.8, 0.1, 0.1]), atol=0.02)
 
 
 def test_what_becomes_white_has_gray_shades() -> None:
-    changed = recolored(drawing((0.65, 0.47, 0.22), (0.65, 0.47, 0.22), (0.42, 0.28, 0.12)), torch.ones(3))
+    changed = recolor(drawing((0.65, 0.47, 0.22), (0.65, 0.47, 0.22), (0.42, 0.28, 0.12)), torch.ones(3))
     assert float(changed[:3, 5, 25].max() - changed[:3, 5, 25].min()) < 0.03
 
 
 def test_white_things_and_black_ones_can_be_coloured_and_nothing_stays_nothing() -> None:
     for gray in (0.95, 0.02):
-        assert torch.allclose(recolored(drawing((gray,) * 3), BLUE)[:3, 5, 5], BLUE, atol=0.02)
+        assert torch.allclose(recolor(drawing((gray,) * 3), BLUE)[:3, 5, 5], BLUE, atol=0.02)
     nothing = drawing((0.5, 0.5, 0.5), opacity=0.0)
-    assert torch.equal(recolored(nothing, BLUE), nothing)
+    assert torch.equal(recolor(nothing, BLUE), nothing)

@@ -10,7 +10,7 @@ from frida_painter.errors import ImageError
 from frida_painter.words.libraries import Captioned
 from frida_painter.words.reading import Thing
 from frida_painter.words.retrieval import PictureIndex
-from networks import WordBag
+from support.networks import WordBag
 
 
 class Library:
@@ -23,7 +23,7 @@ class Library:
     ):
         self.name, self.is_own, self.known = name, own, known
 
-    def captioned(self) -> Sequence[Captioned]:
+    def list_captioned(self) -> Sequence[Captioned]:
         return [Captioned(file, captions, realism) for file, (captions, realism, _) in self.known.items()]
 
     def pictures(self, file: str) -> list[Tensor]:

@@ -14,8 +14,8 @@ from frida_painter.words.libraries import Captioned
 from frida_painter.words.reading import Reading, Relation, Thing
 from frida_painter.words.retrieval import FoundPicture, PictureIndex
 from frida_painter.words.scene import scene_of
-from networks import QuickEncoders, WordBag
-from scenes import CANVAS
+from support.networks import QuickEncoders, WordBag
+from support.planning import CANVAS
 
 GRID = PixelGrid.of_height(CANVAS, 48)
 TREE, GOAT = Thing("tree", "tree"), Thing("goat", "goat")
@@ -25,7 +25,7 @@ IBEX, PANDA = Thing("ibex", "ibex"), Thing("panda", "panda", "red")
 class Pictures:
     name, credit, is_own = "pictures", "", False
 
-    def captioned(self) -> Sequence[Captioned]:
+    def list_captioned(self) -> Sequence[Captioned]:
         return [Captioned(said, (said,), 0.8) for said in ("ibex", "red panda", "panda", "tree", "goat")]
 
     def pictures(self, file: str) -> list[Tensor]:
@@ -62,7 +62,7 @@ def test_what_only_a_picture_with_a_ground_shows_fills_the_canvas(tmp_path: Path
 
 def test_what_a_table_is_with_stands_on_it_and_not_beside(tmp_path: Path) -> None:
     class Furnished(Pictures):
-        def captioned(self) -> Sequence[Captioned]:
+        def list_captioned(self) -> Sequence[Captioned]:
             return [Captioned(said, (said,), 0.8) for said in ("desk", "lamp")]
 
         def pictures(self, file: str) -> list[Tensor]:
@@ -102,8 +102,8 @@ def test_what_stands_free_stands_among_others(tmp_path: Path) -> None:
 @pytest.mark.parametrize("colored", [True, False])
 def test_a_picture_of_two_things_without_colour_gives_way_to_one_of_each(tmp_path: Path, colored: bool) -> None:
     class Drawn(Pictures):
-        def captioned(self) -> Sequence[Captioned]:
-            return [*super().captioned(), Captioned("both", ("goat on tree",), 0.0)]
+        def list_captioned(self) -> Sequence[Captioned]:
+            return [*super().list_captioned(), Captioned("both", ("goat on tree",), 0.0)]
 
         def pictures(self, file: str) -> list[Tensor]:
             if file != "both":

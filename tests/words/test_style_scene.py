@@ -2,7 +2,7 @@ import pytest
 import torch
 
 from frida_painter.palette import to_lab
-from frida_painter.words.compositing import composited_into_style
+from frida_painter.words.compositing import composite_into_style
 
 
 def _halves() -> torch.Tensor:
@@ -25,7 +25,7 @@ def _thing() -> torch.Tensor:
 @pytest.mark.slow
 def test_a_thing_is_seen_in_the_pictures_own_colours() -> None:
     picture = _halves()
-    shown = composited_into_style(_thing(), picture)
+    shown = composite_into_style(_thing(), picture)
     inside = shown.where > 0.5
     assert torch.equal(shown.picture[:, ~inside & (shown.where == 0)], picture[:, ~inside & (shown.where == 0)])
     assert 0.2 < float(inside.float().mean()) < 0.6, "large"
@@ -39,11 +39,11 @@ def test_a_thing_is_seen_in_the_pictures_own_colours() -> None:
 
 @pytest.mark.slow
 def test_it_lies_where_the_picture_is_calm() -> None:
-    rows = (composited_into_style(_thing(), _halves()).where > 0.5).any(1).nonzero().flatten()
+    rows = (composite_into_style(_thing(), _halves()).where > 0.5).any(1).nonzero().flatten()
     assert int(rows[0]) >= 6
 
 
 def test_named_colours_are_kept() -> None:
-    shown = composited_into_style(_thing(), _halves(), keeps_colors=True)
+    shown = composite_into_style(_thing(), _halves(), keeps_colors=True)
     body = shown.picture[:, shown.where > 0.99]
     assert float((body[0] > 0.85).float().mean()) > 0.7

@@ -25,13 +25,13 @@ class RpiCamera:
 
     def connect(self) -> None:
         """Takes one photograph to see whether it works. Raises CameraError."""
-        self._shutter.opened()
+        self._shutter.mark_connected()
         try:
             self.capture(newer_than=float("-inf"))
         except CameraError:
-            self._shutter.closed()
+            self._shutter.mark_disconnected()
             raise
-        self._shutter.opened()
+        self._shutter.mark_connected()
 
     def capture(self, newer_than: float) -> Frame:
         """A photograph that was exposed after this was called. Raises CameraError, StaleFrame."""
@@ -41,7 +41,7 @@ class RpiCamera:
 
     def close(self) -> None:
         """Nothing stays open between two photographs."""
-        self._shutter.closed()
+        self._shutter.mark_disconnected()
 
     def _taken(self) -> NDArray[np.uint8]:
         """Upright, [rows, columns, 3] sRGB."""

@@ -33,7 +33,7 @@ class TraceRobot:
         except OSError as error:
             raise RobotError(f"{self._path} cannot be written ({error.strerror}); give another file.") from error
         self._append, self._tip = True, self._home
-        self._guard.opened()
+        self._guard.mark_connected()
 
     def home(self) -> MotionReport:
         """Goes where the camera sees the whole canvas."""
@@ -59,7 +59,7 @@ class TraceRobot:
 
     def close(self) -> None:
         """Lets go of the sheet, which is open only while it is written."""
-        self._guard.closed()
+        self._guard.mark_disconnected()
 
     def _write(self, waypoints: Waypoints) -> None:
         with self._path.open("a", newline="") as sheet:

@@ -3,12 +3,12 @@
 
 # Limits of stroke libraries and names of stroke models, readable without the training code.
 
-MOST_STROKES = 10_000
-MOST_BETWEEN_REFILLS = 100
+MAX_STROKES = 10_000
+MAX_BETWEEN_REFILLS = 100
 """Largest number of strokes painted with one dip."""
 FEWEST_STROKES = 5
 """Smallest number of clean strokes for training."""
-MOST_FOLDS = 20
+MAX_FOLDS = 20
 """Largest number of parts of a library in cross-validation."""
 FIELD, PARAM2STROKE = "field", "param2stroke"
 MODELS = (FIELD, PARAM2STROKE)

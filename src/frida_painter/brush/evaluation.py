@@ -26,7 +26,7 @@ OTHER_BRUSH = "other"
 _COLUMNS = {FIELD: 160, PARAM2STROKE: 80}
 _USUAL_COLUMNS = 80
 _ROOM = 0.03  # share of the range
-_LEAST_ROOM = 0.0005
+_MIN_ROOM = 0.0005
 _SHORTEST = 0.0001
 
 
@@ -95,17 +95,17 @@ def geometry(library: StrokeLibrary, most_columns: int = _USUAL_COLUMNS) -> tupl
     rows = max(4, 2 * round((whole.top - whole.bottom) / pitch / 2))
     shortest, longest = _with_room(float(library.length_m.min()), float(library.length_m.max()))
     bends = _with_room(float(library.bend_m.min()), float(library.bend_m.max()))
-    return whole.resized(rows, columns), StrokeLimits((max(_SHORTEST, shortest), longest), bends)
+    return whole.resize(rows, columns), StrokeLimits((max(_SHORTEST, shortest), longest), bends)
 
 
 def _with_room(least: float, most: float) -> tuple[float, float]:
-    room = max(_LEAST_ROOM, _ROOM * (most - least))
+    room = max(_MIN_ROOM, _ROOM * (most - least))
     return least - room, most + room
 
 
 _BATCH = 32
 _TOLERANCE = 1e-6
-_MOST_OUTSIDE = 0.25
+_MAX_OUTSIDE = 0.25
 _CAMERA_NOISE = 0.03  # standard deviation of a magnitude
 
 
@@ -133,7 +133,7 @@ def evaluate(model: StrokeModel, library: StrokeLibrary) -> Evaluation:
     outside = np.zeros(len(library), np.bool_)
     for values, (least, most) in zip((library.length_m, library.bend_m), limits.values(), strict=True):
         outside |= ~((values >= least - _TOLERANCE) & (values <= most + _TOLERANCE))
-    if outside.mean() > _MOST_OUTSIDE:
+    if outside.mean() > _MAX_OUTSIDE:
         known = ", ".join(f"{name} {1000 * low:.1f} to {1000 * high:.1f} mm" for name, (low, high) in limits.items())
         raise LibraryError(
             f"Of {len(library)} strokes of the library {outside.sum()} are outside what the model knows ({known}); "

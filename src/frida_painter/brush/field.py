@@ -20,7 +20,7 @@ from torch import Tensor, nn
 
 from frida_painter.brush.kinds import CERTAIN, BrushKind, CoverageSpread
 from frida_painter.brush.library import StrokeLibrary
-from frida_painter.brush.table import squash, stretched
+from frida_painter.brush.table import squash, stretch_sigmoid
 from frida_painter.brush.training import Best, ModelFile, Split, TrainingProgress, TrainingReport, write_model
 from frida_painter.frames import MapFrame
 from frida_painter.strokes import StrokeLimits
@@ -223,10 +223,10 @@ class StrokeField(nn.Module):
     @classmethod
     def load(cls, path: Path) -> Self:
         """Reads weights of `save`. Raises WeightsError if they are missing or damaged or do not fit."""
-        return cls.restored(ModelFile.read(path))
+        return cls.restore(ModelFile.read(path))
 
     @classmethod
-    def restored(cls, file: ModelFile) -> Self:
+    def restore(cls, file: ModelFile) -> Self:
         """Returns the model of a file of weights. Raises WeightsError if it is of another kind or does not fit."""
         if file.version == 1:
             file = _with_one_mark_for_both(file)
@@ -272,10 +272,10 @@ def _paths(length: Tensor, bend: Tensor) -> tuple[tuple[Tensor, Tensor], Tensor]
 # measured on the held-out strokes.
 
 _BATCH = 8
-_MOST_CELLS = 1600
+_MAX_CELLS = 1600
 _STEPS = 1200
 _FEWEST_EPOCHS = 2
-_MOST_EPOCHS = 240
+_MAX_EPOCHS = 240
 _RATE = 1e-2
 _DECAY = 1e-3
 _VAGUENESS = 0.08
@@ -352,7 +352,7 @@ def train_field(
 
 
 def _rounds(count: int) -> int:
-    return min(_MOST_EPOCHS, max(_FEWEST_EPOCHS, math.ceil(_STEPS / math.ceil(count / _BATCH))))
+    return min(_MAX_EPOCHS, max(_FEWEST_EPOCHS, math.ceil(_STEPS / math.ceil(count / _BATCH))))
 
 
 class _Course:
@@ -374,7 +374,7 @@ class _Course:
         for index in torch.split(torch.randperm(len(self.lessons), generator=self.chance), _BATCH):
             batch = [self._glance(self.lessons[int(number)]) for number in index]
             views, styles, wanted = (torch.cat(part) for part in zip(*batch, strict=True))
-            off = stretched(self.model.logits(views, styles)) - wanted[:, None]
+            off = stretch_sigmoid(self.model.logits(views, styles)) - wanted[:, None]
             missed = off[:, MEDIAN].abs()
             self.optimizer.zero_grad()
             (missed.mean() + _SQUARED * off[:, MEAN].square().mean()).backward()  # type: ignore[no-untyped-call]
@@ -388,8 +388,8 @@ class _Course:
     def _glance(self, lesson: _Lesson) -> tuple[Tensor, Tensor, Tensor]:
         """Returns some cells of a stroke: views [m, 7], noisy shape [m, 3], magnitudes [m]."""
         views, wanted = lesson.views, lesson.wanted
-        if len(wanted) > _MOST_CELLS:
-            some = torch.randint(len(wanted), (_MOST_CELLS,), generator=self.chance)
+        if len(wanted) > _MAX_CELLS:
+            some = torch.randint(len(wanted), (_MAX_CELLS,), generator=self.chance)
             views, wanted = views[some], wanted[some]
         vague = lesson.style + _VAGUENESS * torch.randn(1, 3, generator=self.chance)
         return views, vague.expand(len(wanted), 3), wanted
@@ -416,18 +416,18 @@ def _error(model: StrokeField, lessons: list[_Lesson]) -> float:
     """Returns the sum of absolute errors of the median map, mean over the strokes."""
     total = 0.0
     for lesson in lessons:
-        total += float((_drawn(model, lesson)[:, MEDIAN] - lesson.wanted).abs().sum()) + lesson.elsewhere
+        total += float((_predict_cells(model, lesson)[:, MEDIAN] - lesson.wanted).abs().sum()) + lesson.elsewhere
     return total / len(lessons)
 
 
 @torch.no_grad()
 def _spread(model: StrokeField, lessons: list[_Lesson]) -> CoverageSpread:
     """Returns the variation of marks about their means."""
-    means = torch.cat([_drawn(model, lesson)[:, MEAN] for lesson in lessons])
-    return CoverageSpread.fitted(means, torch.cat([lesson.wanted for lesson in lessons]))
+    means = torch.cat([_predict_cells(model, lesson)[:, MEAN] for lesson in lessons])
+    return CoverageSpread.fit(means, torch.cat([lesson.wanted for lesson in lessons]))
 
 
-def _drawn(model: StrokeField, lesson: _Lesson) -> Tensor:
+def _predict_cells(model: StrokeField, lesson: _Lesson) -> Tensor:
     """Returns median and mean at a lesson's cells: [m, 2]."""
     return squash(model.logits(lesson.views, lesson.style.expand(len(lesson.wanted), 3)))
 

@@ -17,7 +17,7 @@ from frida_painter.strokes import StrokeLimits, Strokes
 
 # Amount that a brush paints with one dip
 
-_MOST = 1000
+_MAX = 1000
 _STAYS_FULL = 0.3  # share of the dip with full marks; later marks fade evenly
 
 
@@ -36,7 +36,7 @@ class Dip:
     fades: float = 0.0
 
     def __post_init__(self) -> None:
-        least, most = (1, _MOST) if self.by_strokes else (0.0, 1.0)
+        least, most = (1, _MAX) if self.by_strokes else (0.0, 1.0)
         if not (least <= self.holds <= most and self.holds > 0):
             unit = "strokes" if self.by_strokes else "m2"
             raise ConfigError(f"A dip that holds {self.holds:g} {unit} was given; it is from {least:g} to {most:g}.")
@@ -278,7 +278,7 @@ class CoverageSpread(NamedTuple):
         return self.share * mean * (self.full - mean).clamp(min=0)
 
     @classmethod
-    def fitted(cls, mean: Tensor, coverage: Tensor) -> Self:
+    def fit(cls, mean: Tensor, coverage: Tensor) -> Self:
         """Returns the spread that best explains the squared errors of coverage, by least squares.
 
         mean, coverage: predictions and measurements of the same shape, in [0, 1]. The marks must not be
@@ -293,7 +293,7 @@ class CoverageSpread(NamedTuple):
                 best, least = cls(share, full), left
         return best
 
-    def widened(self, factor: float) -> Self:
+    def widen(self, factor: float) -> Self:
         """Returns the spread with `factor` times the variance; share is at most 1."""
         return self._replace(share=min(1.0, factor * self.share))
 

@@ -84,8 +84,8 @@ def _shares(given_start: float, given_pitch: float, given_cells: int, start: flo
     return (1 - apart / given_pitch).clamp(min=0)
 
 
-MOST_STROKES = 20_000
-MOST_BYTES = 2**31
+MAX_STROKES = 20_000
+MAX_BYTES = 2**31
 _KEYS = ("magnitude", "length_m", "bend_m", "thickness", "metres_per_pixel", "origin_px", "recorded_index")
 _OPTIONAL_KEYS = ("flaws", "since_dip")
 _DAMAGED = (
@@ -137,8 +137,8 @@ class StrokeLibrary:
                 "they are strokes x rows x columns of whole numbers from 0 to 255, and at least one."
             )
         n = len(self.magnitude)
-        if n > MOST_STROKES:
-            raise LibraryError(f"A stroke library has {n} strokes; it has at most {MOST_STROKES}.")
+        if n > MAX_STROKES:
+            raise LibraryError(f"A stroke library has {n} strokes; it has at most {MAX_STROKES}.")
         if self.recorded_index.shape != (n,):
             raise LibraryError(f"A stroke library has {len(self.recorded_index)} recorded_index for {n} strokes.")
         if self.flaws is not None and (self.flaws.shape != (n,) or not (self.flaws <= max(Flaw)).all()):
@@ -257,11 +257,11 @@ class StrokeLibrary:
 def _read(path: Path) -> dict[str, NDArray[np.generic]]:
     """Returns the arrays of a library file by name. Raises LibraryError."""
     try:
-        with storage.opened(path, "a stroke library (.npz)", MOST_BYTES, LibraryError) as file:
+        with storage.open_checked(path, "a stroke library (.npz)", MAX_BYTES, LibraryError) as file:
             with zipfile.ZipFile(file) as archive:
                 unpacked = sum(member.file_size for member in archive.infolist())
-            if unpacked > MOST_BYTES:
-                raise LibraryError(f"{path} unpacks to {unpacked} bytes; a stroke library has at most {MOST_BYTES}.")
+            if unpacked > MAX_BYTES:
+                raise LibraryError(f"{path} unpacks to {unpacked} bytes; a stroke library has at most {MAX_BYTES}.")
             file.seek(0)
             with np.load(file, allow_pickle=False) as stored:
                 missing = [name for name in _KEYS if name not in stored]
@@ -282,15 +282,15 @@ def _read(path: Path) -> dict[str, NDArray[np.generic]]:
 
 _INKED = 0.3
 """Magnitude above which a cell counts as painted."""
-_LEAST_PAINT = 0.35  # of the paint of strokes of its shape
-_LEAST_COVERED = 0.2  # of the way
-_MOST_FOREIGN = 0.03  # of the paint of a usual stroke
-_MOST_TORN = 0.09  # of the mark's own area
+_MIN_PAINT = 0.35  # of the paint of strokes of its shape
+_MIN_COVERED = 0.2  # of the way
+_MAX_FOREIGN = 0.03  # of the paint of a usual stroke
+_MAX_TORN = 0.09  # of the mark's own area
 _WIDE_GAP = 0.18  # of the width of a usual mark
-_MOST_POROUS = 0.15  # of the mark's area with closed pores
+_MAX_POROUS = 0.15  # of the mark's area with closed pores
 _WIDE_PORE = 0.25  # of the width of a usual mark
-_MOST_SKIPPED = 0.05  # of the way
-_MOST_ASTRAY = 7.0  # standard deviations
+_MAX_SKIPPED = 0.05  # of the way
+_MAX_ASTRAY = 7.0  # standard deviations
 _FEWEST_TO_COMPARE = 12
 _PATH_POINTS = 48
 _ROUNDS = 20
@@ -326,11 +326,11 @@ def judge_marks(library: StrokeLibrary) -> NDArray[np.uint8]:
     flaws = np.zeros(len(library), np.uint8)
     # The most serious reason is written last, because it counts.
     flaws[_astray(np.array([look.offset for look in seen]), own, width)] = Flaw.ASTRAY
-    flaws[1 - covered > _MOST_SKIPPED] = Flaw.SKIPPED
+    flaws[1 - covered > _MAX_SKIPPED] = Flaw.SKIPPED
     porous = np.array([look.porous(max(1, round(_WIDE_PORE * width / 2))) for look in seen])
-    flaws[(torn > _MOST_TORN) | (porous > _MOST_POROUS)] = Flaw.TORN
-    flaws[np.array([look.foreign for look in seen]) > _MOST_FOREIGN * usual] = Flaw.TOUCHED
-    flaws[(own < _LEAST_PAINT * _expected(library, own)) | (own == 0) | (covered < _LEAST_COVERED)] = Flaw.EMPTY
+    flaws[(torn > _MAX_TORN) | (porous > _MAX_POROUS)] = Flaw.TORN
+    flaws[np.array([look.foreign for look in seen]) > _MAX_FOREIGN * usual] = Flaw.TOUCHED
+    flaws[(own < _MIN_PAINT * _expected_paint(library, own)) | (own == 0) | (covered < _MIN_COVERED)] = Flaw.EMPTY
     return flaws
 
 
@@ -445,7 +445,7 @@ def _reach(marks: list[_Mark]) -> float:
     return 1.6 * float(np.median(extents)) + 3 if extents else 3.0
 
 
-def _expected(library: StrokeLibrary, own: NDArray[np.float64]) -> NDArray[np.float64]:
+def _expected_paint(library: StrokeLibrary, own: NDArray[np.float64]) -> NDArray[np.float64]:
     """Returns the usual paint of strokes of these shapes in this library, pixels [n]."""
     usual = float(np.median(own))
     if len(library) < _FEWEST_TO_COMPARE or usual == 0:
@@ -468,7 +468,7 @@ def _astray(offset: NDArray[np.float64], own: NDArray[np.float64], width: float)
     beside = offset - np.median(offset[own > 0], axis=0)
     spread = 1.48 * np.median(np.abs(beside), axis=0)
     # If the strokes are very exact, a small deviation does not count.
-    far = np.abs(beside) > np.maximum(_MOST_ASTRAY * spread, 0.2 * width)
+    far = np.abs(beside) > np.maximum(_MAX_ASTRAY * spread, 0.2 * width)
     return np.asarray(far.any(1))
 
 
@@ -480,7 +480,7 @@ _FEWEST = 12  # strokes of a full brush, and the same number of others
 _DRY = (Flaw.NONE, Flaw.EMPTY, Flaw.TORN, Flaw.SKIPPED)
 
 
-def dip_shown(library: StrokeLibrary, width: float) -> Dip | None:
+def estimate_dip(library: StrokeLibrary, width: float) -> Dip | None:
     """Returns the capacity of one dip from a library that was painted with fewer dips than strokes.
 
     width: width of the brush's widest mark in metres

@@ -15,7 +15,7 @@ from frida_painter.brush import FEWEST_STROKES
 from frida_painter.brush.field import StrokeField, train_field
 from frida_painter.brush.kinds import BrushKind
 from frida_painter.brush.library import StrokeLibrary
-from frida_painter.brush.table import squash, stretched
+from frida_painter.brush.table import squash, stretch_sigmoid
 from frida_painter.brush.training import Best, ModelFile, Split, TrainingProgress, TrainingReport, write_model
 from frida_painter.frames import MapFrame
 from frida_painter.strokes import StrokeLimits
@@ -88,10 +88,10 @@ class Param2Stroke(nn.Module):
     @classmethod
     def load(cls, path: Path) -> Self:
         """Reads weights of `save`. Raises WeightsError if they are missing or damaged or do not fit."""
-        return cls.restored(ModelFile.read(path))
+        return cls.restore(ModelFile.read(path))
 
     @classmethod
-    def restored(cls, file: ModelFile) -> Self:
+    def restore(cls, file: ModelFile) -> Self:
         """Returns the model of a file of weights. Raises WeightsError if it is of another kind or does not fit."""
         file.require(FORMAT, VERSION)
         try:
@@ -169,7 +169,7 @@ def train_param2stroke(
     curve: list[TrainingProgress] = []
     best = Best(model)
     for training_error in _course(model, library[split.training], examples[split.training], rounds, seed, chance):
-        error = float((_predicted(model, validation) - validation.wanted).abs().mean())
+        error = float((_predict(model, validation) - validation.wanted).abs().mean())
         best.see(len(curve) + 1, error)
         curve.append(TrainingProgress(len(curve) + 1, sum(rounds), training_error, error, best.error))
         if notify is not None:
@@ -177,7 +177,7 @@ def train_param2stroke(
         if len(curve) - max(best.epoch, rounds[0]) >= patience:
             break
     best.restore()
-    report = TrainingReport(best.epoch, best.error, split.held_out, _predicted(model, validation), tuple(curve))
+    report = TrainingReport(best.epoch, best.error, split.held_out, _predict(model, validation), tuple(curve))
 
     model.load_state_dict(untrained)
     for _ in itertools.islice(_course(model, library, examples, rounds, seed, chance), best.epoch):
@@ -197,7 +197,7 @@ def _course(
     rehearsals, epochs = rounds
     lessons = [(examples, _RATE, epochs)]
     if rehearsals > 0:
-        lessons.insert(0, (_rehearsed(model, library, seed, chance), _REHEARSAL_RATE, rehearsals))
+        lessons.insert(0, (_rehearse(model, library, seed, chance), _REHEARSAL_RATE, rehearsals))
     for part, rate, count in lessons:
         optimizer = torch.optim.Adam(model.parameters(), lr=rate)
         steps = count * -(-len(part) // _BATCH)
@@ -206,7 +206,7 @@ def _course(
             yield _epoch(model, part, optimizer, schedule, chance)
 
 
-def _rehearsed(model: Param2Stroke, library: StrokeLibrary, seed: int, chance: torch.Generator) -> _Examples:
+def _rehearse(model: Param2Stroke, library: StrokeLibrary, seed: int, chance: torch.Generator) -> _Examples:
     """Returns random strokes with the median maps of a field that was trained on the library."""
     limits = model.limits
     with torch.random.fork_rng(devices=[]):
@@ -231,7 +231,7 @@ def _epoch(
     total = 0.0
     for index in torch.split(torch.randperm(len(examples), generator=chance), _BATCH):
         batch = examples[index]
-        difference = stretched(model.logits(batch.thickness, batch.length, batch.bend)) - batch.wanted
+        difference = stretch_sigmoid(model.logits(batch.thickness, batch.length, batch.bend)) - batch.wanted
         absolute = difference.abs().mean()
         optimizer.zero_grad()
         absolute.backward()  # type: ignore[no-untyped-call]
@@ -242,5 +242,5 @@ def _epoch(
 
 
 @torch.no_grad()
-def _predicted(model: Param2Stroke, examples: _Examples) -> Tensor:
+def _predict(model: Param2Stroke, examples: _Examples) -> Tensor:
     return model(examples.thickness, examples.length, examples.bend)

@@ -36,7 +36,7 @@ BEYOND = 0.005
 """Overshoot of the stretched sigmoid below 0 and above 1."""
 
 
-def stretched(logits: Tensor) -> Tensor:
+def stretch_sigmoid(logits: Tensor) -> Tensor:
     """Returns the sigmoid before clipping, in [-BEYOND, 1 + BEYOND].
 
     Training uses it, because its gradient is never zero.
@@ -46,7 +46,7 @@ def stretched(logits: Tensor) -> Tensor:
 
 def squash(logits: Tensor) -> Tensor:
     """Converts logits of any shape to magnitudes in [0, 1]."""
-    return stretched(logits).clamp(0, 1)
+    return stretch_sigmoid(logits).clamp(0, 1)
 
 
 def unsquash(magnitude: Tensor) -> Tensor:
@@ -167,10 +167,10 @@ class StrokeTable(nn.Module):
         like: a tensor with the precision and the device of the model; default float32, CPU
         """
         detail = detail or TableDetail()
-        return cls.fitted(model, detail, sample(model, detail, torch.zeros(()) if like is None else like))
+        return cls.from_samples(model, detail, sample(model, detail, torch.zeros(()) if like is None else like))
 
     @classmethod
-    def fitted(cls, model: StrokeModel, detail: TableDetail, samples: Tensor) -> Self:
+    def from_samples(cls, model: StrokeModel, detail: TableDetail, samples: Tensor) -> Self:
         """Returns the table of a model from its maps [grid, rows x columns], as returned by `sample`."""
         grids = [sample_grid(spans).to(samples) for spans in detail.spans]
         touched = (samples.amax(0) > detail.faint).nonzero()[:, 0]
@@ -207,12 +207,12 @@ class StrokeTable(nn.Module):
             kept["cells"][part, : len(cells)] = cells
         return cls(model, detail, kept)
 
-    def kept(self) -> dict[str, Tensor]:
-        """Returns the buffers from which `restored` makes the table again."""
+    def to_tensors(self) -> dict[str, Tensor]:
+        """Returns the buffers from which `restore` makes the table again."""
         return {name: self.get_buffer(name) for name in _KEPT}
 
     @classmethod
-    def restored(cls, model: StrokeModel, detail: TableDetail, kept: Mapping[str, Tensor]) -> Self:
+    def restore(cls, model: StrokeModel, detail: TableDetail, kept: Mapping[str, Tensor]) -> Self:
         """Returns the table from the buffers of `kept`. Raises KeyError or ValueError if they do not fit."""
         kept = {name: kept[name] for name in _KEPT}
         parts, knots, rank = _sizes(detail)
@@ -408,7 +408,7 @@ def _best_basis(samples: Tensor, rank: int) -> Tensor:
 # Raise this number if the computation of a table, or of a stroke model from its weights, changes.
 VERSION = 3
 # Number of tables that are kept, about 1.5 MB each.
-_MOST_KEPT = 16
+_MAX_KEPT = 16
 
 
 def cached_table(model: StrokeModel, detail: TableDetail | None = None, folder: Path | None = None) -> StrokeTable:
@@ -423,13 +423,13 @@ def cached_table(model: StrokeModel, detail: TableDetail | None = None, folder: 
     path = folder / f"{_identity(model, detail, samples)}.safetensors"
     # A table that is missing, damaged or of the wrong shapes is made again.
     with contextlib.suppress(StorageError, KeyError, ValueError):
-        return StrokeTable.restored(model, detail, tensor_file.read_tensors(path, "a table of a stroke model")[0])
+        return StrokeTable.restore(model, detail, tensor_file.read_tensors(path, "a table of a stroke model")[0])
     if samples is None:
         samples = sample(model, detail, torch.zeros(()))
-    table = StrokeTable.fitted(model, detail, samples)
+    table = StrokeTable.from_samples(model, detail, samples)
     with contextlib.suppress(StorageError, OSError):
-        tensor_file.write_tensors(path, table.kept())
-        for old in sorted(folder.glob("*.safetensors"), key=lambda one: one.stat().st_mtime)[:-_MOST_KEPT]:
+        tensor_file.write_tensors(path, table.to_tensors())
+        for old in sorted(folder.glob("*.safetensors"), key=lambda one: one.stat().st_mtime)[:-_MAX_KEPT]:
             old.unlink(missing_ok=True)
     return table
 

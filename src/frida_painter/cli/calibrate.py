@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from frida_painter.brush import FEWEST_STROKES, MOST_BETWEEN_REFILLS, MOST_STROKES
+from frida_painter.brush import FEWEST_STROKES, MAX_BETWEEN_REFILLS, MAX_STROKES
 from frida_painter.easel.kinds import state_folder
 from frida_painter.errors import Interrupted, RobotStopped
 from frida_painter.hardware.latch import latches
@@ -69,7 +69,7 @@ def calibrate(
     count: Annotated[
         int,
         typer.Option(
-            parser=whole_number_within(FEWEST_STROKES, MOST_STROKES),
+            parser=whole_number_within(FEWEST_STROKES, MAX_STROKES),
             metavar="N",
             help="Number of strokes that the strokes procedure paints for training.",
         ),
@@ -77,7 +77,7 @@ def calibrate(
     refill_every: Annotated[
         int,
         typer.Option(
-            parser=whole_number_within(1, MOST_BETWEEN_REFILLS),
+            parser=whole_number_within(1, MAX_BETWEEN_REFILLS),
             metavar="N",
             help="Strokes per dip in the strokes procedure. With 2 or more it learns how long a dip lasts.",
         ),
@@ -97,7 +97,7 @@ def calibrate(
     from frida_painter.calibration import PROCEDURES
     from frida_painter.cli.calibration import easel_spec, lead_all
     from frida_painter.devices import prepare_process
-    from frida_painter.runs.easel import CalibrationSetup, default_record, easel_of
+    from frida_painter.runs.painting_easel import CalibrationSetup, default_record, easel_of
 
     prepare_process()
     spec = easel_spec(robot, camera, workspace, canvas, brush, seed, placement_error)
@@ -122,7 +122,7 @@ def doctor(
     The exit status is 1 if painting with this record would be refused.
     """
     from frida_painter.cli.calibration import easel_spec, examine
-    from frida_painter.runs.easel import default_record, easel_of
+    from frida_painter.runs.painting_easel import default_record, easel_of
 
     with easel_of(easel_spec(robot, camera, workspace, canvas, brush, seed, None)) as easel:
         here = easel.calibration
@@ -153,14 +153,14 @@ def arm(
         if stopped is None:
             continue  # another process has released it
         print(f"{stopped}.")
-        if yes or _confirmed():
+        if yes or _confirm():
             latch.release()
             print(f"{stopped.easel} may move again.")
         else:
             print(f"{stopped.easel} stays stopped.")
 
 
-def _confirmed() -> bool:
+def _confirm() -> bool:
     """Returns True if the person at the terminal confirms.
 
     Raises RobotStopped if nobody sits at a terminal, Interrupted if the person leaves.

@@ -21,7 +21,7 @@ from frida_painter.errors import CalibrationError, PluginError, WeightsError
 from frida_painter.hardware.kinds import CameraKind, Needed, RobotKind
 from frida_painter.objectives.objective import GoalKind
 from frida_painter.procedures.strokes import StrokesFinding
-from frida_painter.runs.easel import CalibrationSetup, begin_procedure, learn_from, record_to_renew
+from frida_painter.runs.painting_easel import CalibrationSetup, begin_procedure, learn_from, record_to_renew
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.opening import OLD, ProcedureStatus, planning_device, require, require_basis, statuses
 
@@ -205,35 +205,35 @@ def _about(path: Path, easel: Calibration, record: Calibration | None) -> Table:
 def _robots() -> Iterator[str]:
     """Yields each robot: its form after --robot, its title and missing packages."""
     for part in registry.parts(registry.EASELS).values():
-        yield _told(part, EaselKind, lambda kind: _part(kind.name, kind.title, kind.needed))
+        yield _describe(part, EaselKind, lambda kind: _part(kind.name, kind.title, kind.needed))
     for part in registry.parts(registry.ROBOTS).values():
-        yield _told(part, RobotKind, lambda kind: _part(kind.form, kind.title, kind.needed))
+        yield _describe(part, RobotKind, lambda kind: _part(kind.form, kind.title, kind.needed))
 
 
 def _goals() -> Iterator[str]:
     """Yields the kinds of goals: our own in one line, then those of other packages with the package's name."""
-    return _listed(registry.parts(registry.OBJECTIVES), GoalKind, lambda kind: _plain(kind.option))
+    return _list_parts(registry.parts(registry.OBJECTIVES), GoalKind, lambda kind: _plain(kind.option))
 
 
 def _policies() -> Iterator[str]:
     """Yields the names of replan policies: our own in one line, then those of other packages."""
-    return _listed(registry.parts(registry.REPLAN_POLICIES), object, lambda policy: "")
+    return _list_parts(registry.parts(registry.REPLAN_POLICIES), object, lambda policy: "")
 
 
-def _listed(
+def _list_parts(
     known: Mapping[str, registry.Part], kind: type[registry.Kind], tell: Callable[[registry.Kind], str]
 ) -> Iterator[str]:
     """Yields our own parts in one line, then each part of another package; a broken part with the reason."""
-    yield ", ".join(_told(part, kind, tell) or _plain(name) for name, part in known.items() if part.is_ours)
+    yield ", ".join(_describe(part, kind, tell) or _plain(name) for name, part in known.items() if part.is_ours)
     for name, part in known.items():
         if not part.is_ours:
-            yield f"{_told(part, kind, tell) or _plain(name)} [dim]of {_plain(', '.join(part.packages))}[/]"
+            yield f"{_describe(part, kind, tell) or _plain(name)} [dim]of {_plain(', '.join(part.packages))}[/]"
 
 
 def _cameras() -> Iterator[str]:
     """Yields each camera: its form after --camera, its title and missing packages."""
     for part in registry.parts(registry.CAMERAS).values():
-        yield _told(part, CameraKind, lambda kind: _part(kind.form, kind.title, kind.needed))
+        yield _describe(part, CameraKind, lambda kind: _part(kind.form, kind.title, kind.needed))
 
 
 def _stroke_models() -> Iterator[str]:
@@ -243,7 +243,7 @@ def _stroke_models() -> Iterator[str]:
         model.load()
         return _plain(model.name)
 
-    return _listed(registry.parts(registry.STROKE_MODELS), BrushModel, loaded)
+    return _list_parts(registry.parts(registry.STROKE_MODELS), BrushModel, loaded)
 
 
 def _part(form: str, title: str, needed: Needed | None) -> str:
@@ -251,7 +251,7 @@ def _part(form: str, title: str, needed: Needed | None) -> str:
     return f"{_plain(form)} [dim]{_plain(title)}[/]{lacks}"
 
 
-def _told(part: registry.Part, kind: type[registry.Kind], tell: Callable[[registry.Kind], str]) -> str:
+def _describe(part: registry.Part, kind: type[registry.Kind], tell: Callable[[registry.Kind], str]) -> str:
     """Returns the description of a part; for a broken part, the reason."""
     try:
         return tell(part.load(kind))

@@ -15,7 +15,7 @@ from typer.main import get_group
 from frida_painter import registry
 from frida_painter.cli.stop_signal import leave_terminal
 from frida_painter.errors import FridaError, PaintingPaused, PluginError, RobotStopped
-from frida_painter.storage import shown
+from frida_painter.storage import abridge
 
 # Deferred commands: listed by name and one sentence; the module is imported only when the command is called.
 
@@ -107,7 +107,7 @@ COMMANDS = (
     ),
     Deferred(
         "studio",
-        "frida_painter.web.command",
+        "frida_painter.web.studio_command",
         "Open the studio, a web page on which you set the goal, see the plan and paint together with the robot.",
     ),
     Deferred(
@@ -174,7 +174,7 @@ def main() -> None:
         leave_terminal((1,))
         status = 128 + signal.SIGPIPE
     except OSError as error:
-        _complain(f"{shown(str(error.filename or 'The system'))}: {error.strerror or error}; nothing more was done.")
+        _complain(f"{abridge(str(error.filename or 'The system'))}: {error.strerror or error}; nothing more was done.")
         status = 2
     sys.exit(status)
 

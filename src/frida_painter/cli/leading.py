@@ -19,12 +19,12 @@ from frida_painter.cli.terminal import PaintingLine, Terminal
 from frida_painter.easel.dialogue import Answer, Question
 from frida_painter.easel.kinds import ARM_FILM, easel_kind
 from frida_painter.errors import Interrupted, RobotStopped
-from frida_painter.runs.folder import NOW, PAUSE_FILE
+from frida_painter.runs.painting_folder import NOW, PAUSE_FILE
 from frida_painter.runs.run import PaintingRun, RunOutcome
 from frida_painter.runs.settle import replan_policy
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import Paused
-from frida_painter.session.time_left import Forecast, duration
+from frida_painter.session.time_left import RemainingTime, duration
 
 PLAN_ROOM = 20 * 2**20  # bytes needed before a plan begins
 _GLANCE = 0.2  # seconds between two checks for the pause file
@@ -52,7 +52,7 @@ class Leader:
         self._run, self._stop, self._started = run, stop, started
         self._asked, self._repaint = asked, repaint
         self._console = Console(stderr=True, highlight=False)
-        self._bar = PaintingLine(self._console, _forecast(run, started))
+        self._bar = PaintingLine(self._console, _time_left(run, started))
         self._stack = ExitStack()
         wells = Wells(run.mixed, input if asks_for_paints else None, run.folder, poured=not run.easel.simulated)
         run.listeners.append(self._bar.hear)
@@ -61,7 +61,7 @@ class Leader:
             stop_asked=lambda: stop.asked,
             pause_asked=lambda: self._pause_file.exists(),
             go_on=self._go_on,
-            mixed=wells.filled,
+            mixed=wells.fill,
             answer=self._answer if asked else None,
             paint_on=self._paint_on,
             repaint=self._repaints,
@@ -176,9 +176,9 @@ def confirm(question: str, *, default: bool, ask: Callable[[str], str] = input) 
         print("Type y or n.")
 
 
-def _forecast(run: PaintingRun, started: float) -> Forecast:
+def _time_left(run: PaintingRun, started: float) -> RemainingTime:
     planner, spec = run.planner, run.spec
-    return Forecast(
+    return RemainingTime(
         spec.strokes,
         replan_policy(spec),
         started,

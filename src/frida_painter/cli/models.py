@@ -49,7 +49,7 @@ def show(cache: Cache = None) -> None:
             no_wrap=title in ("Name", "Size", "Here"),
             justify="right" if title == "Size" else "left",
         )
-    for entry in weights.known():
+    for entry in weights.all_weights():
         table.add_row(entry.name, entry.purpose, megabytes(entry.size), entry.licence, _standing(entry.name, cache))
     console = Console(highlight=False)
     console.print(table)
@@ -88,10 +88,10 @@ def fetch(
 
     if bool(names) == everything:
         raise ConfigError("Say which networks to fetch: NAME..., or --all; `frida-painter models list` shows them.")
-    given = names or [entry.name for entry in weights.known()]
+    given = names or [entry.name for entry in weights.all_weights()]
     several = everything or _WORDS in given
     wanted = dict.fromkeys(
-        one for name in given for one in (weights.words() if name == _WORDS else (weights.named(name),))
+        one for name in given for one in (weights.words() if name == _WORDS else (weights.find_weights(name),))
     )
     missing = []
     for entry in wanted:

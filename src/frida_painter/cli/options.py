@@ -65,11 +65,11 @@ def goal_options() -> list[inspect.Parameter]:
     """Returns the goal options as keyword parameters for Typer, in the order of the help.
 
     Each kind NAME has values and weights, NAME and NAME_weight. Then follow goals of the start, init_NAME, then
-    goal (a file), clip and pictures. `goal_given` reads them.
+    goal (a file), clip and pictures. `read_goal_options` reads them.
     """
     kinds = list(goal_kinds().by_name.values())
     options = [parameter for kind in kinds for parameter in _options(kind)]
-    options += [_repeated(f"init_{kind.name}", kind, kind.initial_help) for kind in kinds if kind.initial_help]
+    options += [_repeat_option(f"init_{kind.name}", kind, kind.initial_help) for kind in kinds if kind.initial_help]
     return [*options, _parameter("goal", GoalFile), _parameter("clip", ClipSource), _parameter("pictures", Pictures)]
 
 
@@ -78,7 +78,7 @@ def free_goal_options(taken: Collection[str]) -> list[inspect.Parameter]:
     return [option for option in goal_options() if option.name not in taken]
 
 
-def goal_given(photo: Path | None, given: Mapping[str, Any]) -> dict[str, list[Any]]:
+def read_goal_options(photo: Path | None, given: Mapping[str, Any]) -> dict[str, list[Any]]:
     """Returns the goals from PHOTO, the options and the goal file, in the form of RunSpec.
 
     PHOTO counts as the first --image. Raises ConfigError if weights do not fit, or if the goal file cannot be read.
@@ -120,12 +120,12 @@ def _options(kind: GoalKind) -> list[inspect.Parameter]:
     text = f"The weight of each {kind.option}, in the same order. [dim]1[/]"
     weight = typer.Option(parser=any_number, metavar="X", help=text, rich_help_panel=_PANEL)
     return [
-        _repeated(kind.name, kind, kind.help),
+        _repeat_option(kind.name, kind, kind.help),
         _parameter(f"{kind.name}_weight", Annotated[list[float] | None, weight]),
     ]
 
 
-def _repeated(name: str, kind: GoalKind, text: str) -> inspect.Parameter:
+def _repeat_option(name: str, kind: GoalKind, text: str) -> inspect.Parameter:
     """Returns an option that may be given more than once."""
     option = typer.Option(metavar=kind.gives.value, help=f"{text} May be repeated.", rich_help_panel=_PANEL)
     if kind.gives is Gives.WORDS:
@@ -177,7 +177,7 @@ class Wells:
     folder: Path
     poured: bool = False
 
-    def filled(self, wanted: "Palette") -> "Palette | None":
+    def fill(self, wanted: "Palette") -> "Palette | None":
         """Waits until the wells are filled, and returns the mixed paints. Raises Interrupted if the person leaves."""
         from frida_painter.perception.color import read_palette
 
@@ -338,7 +338,7 @@ def spec_of(photo: Path | None, given: Mapping[str, Any]) -> RunSpec:
         for name, value in given.items()
         if name in RunSpec.model_fields and value is not None and name != "goal" and value != defaults.get(name)
     }
-    asked = goal_given(photo, given)
+    asked = read_goal_options(photo, given)
     if asked["goal"] or given["settings"] is None:
         said |= asked
     return RunSpec.from_toml(given["settings"], **said) if given["settings"] else RunSpec.of(**said)

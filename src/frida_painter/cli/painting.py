@@ -124,7 +124,7 @@ def _plan(spec: "RunSpec", out: Path | None) -> None:
     from frida_painter.errors import Interrupted
     from frida_painter.planning.optimize import Step
     from frida_painter.report.sheets import palette_sheet, sheet_file
-    from frida_painter.runs.folder import new_folder
+    from frida_painter.runs.painting_folder import new_folder
     from frida_painter.runs.run import PaintingRun
 
     prepare_process()
@@ -213,7 +213,7 @@ def resume(
     from frida_painter.cli.stop_signal import stop_on_signals
     from frida_painter.devices import prepare_process
     from frida_painter.errors import Interrupted
-    from frida_painter.runs.folder import are_there, history_of
+    from frida_painter.runs.painting_folder import are_there, history_of
     from frida_painter.runs.run import PaintingRun
 
     if (history := history_of(folder)).finished:
@@ -248,7 +248,7 @@ def resume(
 def _show_canvas(run: "PaintingRun") -> "Callable[[Event], None]":
     """Returns a listener that prints where the picture of the canvas is when a painting is resumed."""
     from frida_painter.cli.leading import say
-    from frida_painter.runs.folder import NOW
+    from frida_painter.runs.painting_folder import NOW
     from frida_painter.session.events import Resumed
 
     def hear(event: "Event") -> None:

@@ -12,7 +12,7 @@ from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.devices import prepare_process
 from frida_painter.easel.kinds import MACHINES, SIMULATED, VIRTUAL, easel_kind, require_known, state_folder
-from frida_painter.easel.open import open_easel, robot_named
+from frida_painter.easel.open import make_robot, open_easel
 from frida_painter.easel.order import EaselOrder
 from frida_painter.errors import ConfigError, WorkspaceViolation
 from frida_painter.export.gcode import gcode
@@ -23,11 +23,11 @@ from frida_painter.hardware.workcell import WorkcellConfig
 from frida_painter.plan import Plan
 from frida_painter.render.painting import render_plan
 from frida_painter.report.sheets import offending_strokes
-from frida_painter.runs.folder import drying_of
+from frida_painter.runs.painting_folder import drying_of
 from frida_painter.session.choreography import Action, BrushLoad, Choreography, reckon
 from frida_painter.session.events import Dipped, StrokePainted, Timetable
 from frida_painter.session.hand import choreography_at
-from frida_painter.session.opening import loaded_record
+from frida_painter.session.opening import load_record
 from frida_painter.session.rehearsal import FlatbedWorkspace, Rehearsal, rehearse
 from frida_painter.session.time_left import duration
 from frida_painter.storage import count_of
@@ -39,7 +39,7 @@ def write_svg(plan: Path, out: Path, *, keep_order: bool, dips: bool) -> Plan:
     """Writes the plan as an SVG with a layer per paint; with `dips`, a pause at each dip of the brush."""
     loaded = Plan.load(plan)
     widths = plan_widths(loaded, load_stroke_models(loaded.brushes))
-    marks = set(_dipped(_actions(loaded, FlatbedWorkspace()))) if dips else set()
+    marks = set(_find_dips(_actions(loaded, FlatbedWorkspace()))) if dips else set()
     storage.write_text(out, svg(loaded, widths, keep_order=keep_order, dips=marks))
     return loaded
 
@@ -95,7 +95,7 @@ def _program(plan: Plan, workspace: Path | None, calibration: Path | None, diale
     first, *others = plan.brushes
     known = workcell.calibration(first, others=others)
     if calibration is not None:
-        known = loaded_record(calibration, known, simulated=False)
+        known = load_record(calibration, known, simulated=False)
     found = rehearse(plan, workcell.workspace, workcell.canvas, known, workcell.reach)
     if not found.passed:
         raise WorkspaceViolation(
@@ -123,7 +123,7 @@ def _actions(plan: Plan, flatbed: FlatbedWorkspace) -> list[Action]:
     return list(choreography.actions(plan, BrushLoad(), 0, len(plan)))
 
 
-def _dipped(actions: list[Action]) -> Iterator[int]:
+def _find_dips(actions: list[Action]) -> Iterator[int]:
     """Yields the indices of strokes that follow a dip."""
     for before, action in pairwise(actions):
         if isinstance(before.done, Dipped) and isinstance(action.done, StrokePainted):
@@ -144,7 +144,7 @@ def check_plan(plan: Path, robot: str | None, workspace: Path | None, calibratio
     loaded = Plan.load(plan)
     there = _place(loaded, robot, workspace)
     place = there.workspace
-    known = _known(calibration, there.calibration)
+    known = _load_record(calibration, there.calibration)
     found = rehearse(loaded, place, there.canvas, known, there.reach)
     if found.passed:
         print(
@@ -180,7 +180,7 @@ def _place(plan: Plan, robot: str | None, workspace: Path | None) -> _Place:
     if workspace is not None:
         workcell = WorkcellConfig.load(workspace)
         if robot is not None and require_known(robot) in MACHINES:
-            robot_named(robot, workcell.workspace)  # only to raise its errors
+            make_robot(robot, workcell.workspace)  # only to raise its errors
         reach: Reach | None = workcell.reach
         timing: Timing | None = None
         kind = None if robot is None else easel_kind(robot)
@@ -195,11 +195,11 @@ def _place(plan: Plan, robot: str | None, workspace: Path | None) -> _Place:
     return _Place(easel.workspace, easel.canvas, easel.calibration, easel.reach, easel.timing, easel.simulated)
 
 
-def _known(record: Path | None, default: Calibration) -> Calibration:
+def _load_record(record: Path | None, default: Calibration) -> Calibration:
     """Returns the easel's record. Raises CalibrationError if it is of another easel, brush or canvas."""
     if record is None:
         return default
-    return loaded_record(record, default, simulated=False)
+    return load_record(record, default, simulated=False)
 
 
 def _tell(found: Rehearsal, strokes: int) -> None:

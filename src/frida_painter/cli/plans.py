@@ -62,7 +62,7 @@ def mix(
 
     prepare_process()
     owned = read_paints(paints) if paints else usual_paints()
-    for layer, palette, wanted in _wanted(what):
+    for layer, palette, wanted in _list_fillings(what):
         of, sheet = ("", out) if layer == 1 else (f", layer {layer}", out.with_name(sheet_file(out.name, layer)))
         found = recipes(palette.color, owned, most, finish)
         images.save(mixing_sheet(found, wanted, f"Mixing{of}"), sheet)
@@ -72,7 +72,7 @@ def mix(
         print(f"The sheet: {sheet}")
 
 
-def _wanted(path: Path) -> list[tuple[int, "Palette", list[float] | None]]:
+def _list_fillings(path: Path) -> list[tuple[int, "Palette", list[float] | None]]:
     """Returns each filling of the wells: the number of its layer, from 1, its paints, and the amount of each paint.
 
     Amounts are in millilitres; None without a plan.
@@ -89,7 +89,7 @@ def _wanted(path: Path) -> list[tuple[int, "Palette", list[float] | None]]:
 
 def _is_plan(path: Path) -> bool:
     """Returns True if a file begins like a plan. Raises ConfigError if there is no file."""
-    with storage.opened(path, "a plan or a palette", storage.MAX_JSON_BYTES, ConfigError) as file:
+    with storage.open_checked(path, "a plan or a palette", storage.MAX_JSON_BYTES, ConfigError) as file:
         return b'"frida-painter plan"' in file.read(200)
 
 

@@ -15,10 +15,10 @@ from frida_painter import registry, storage
 from frida_painter.brush import (
     DEFAULT_MODEL,
     FIELD,
+    MAX_BETWEEN_REFILLS,
+    MAX_FOLDS,
+    MAX_STROKES,
     MODELS,
-    MOST_BETWEEN_REFILLS,
-    MOST_FOLDS,
-    MOST_STROKES,
     PARAM2STROKE,
 )
 from frida_painter.errors import ConfigError
@@ -161,7 +161,7 @@ def train(
     folds: Annotated[
         int,
         typer.Option(
-            parser=whole_number_within(0, MOST_FOLDS),
+            parser=whole_number_within(0, MAX_FOLDS),
             metavar="K",
             help="Cross-validation: train K times before, each time with another part held out. 0 for none.",
         ),
@@ -253,14 +253,14 @@ def paint(
     count: Annotated[
         int,
         typer.Option(
-            parser=whole_number_within(1, MOST_STROKES), metavar="N", help="Number of strokes. About 200 are enough."
+            parser=whole_number_within(1, MAX_STROKES), metavar="N", help="Number of strokes. About 200 are enough."
         ),
     ] = 200,
     seed: Annotated[int, typer.Option(parser=whole_number_within(0, 2**31 - 1), metavar="N", help="Random seed.")] = 0,
     refill_every: Annotated[
         int,
         typer.Option(
-            parser=whole_number_within(1, MOST_BETWEEN_REFILLS),
+            parser=whole_number_within(1, MAX_BETWEEN_REFILLS),
             metavar="N",
             help="Strokes per dip of the brush. 1 dips before every stroke.",
         ),
@@ -279,15 +279,15 @@ def paint(
     from frida_painter.brush.library import Flaw
     from frida_painter.devices import prepare_process
     from frida_painter.easel.dialogue import lead
-    from frida_painter.procedures.strokes import StrokesProgress, strokes, unfinished
+    from frida_painter.procedures.strokes import StrokesProgress, strokes, unfinished_folder
     from frida_painter.session.opening import open_virtual_easel
 
     kind = brush_kind(brush)
     if out.suffix != ".npz":
         raise ConfigError(f"--out was given {str(out)!r}; stroke libraries end in .npz.")
     prepare_process()
-    if unfinished(out).exists():
-        print(f"Going on with the strokes in {unfinished(out)}.")
+    if unfinished_folder(out).exists():
+        print(f"Going on with the strokes in {unfinished_folder(out)}.")
     with _bar_library() as bar:
         task = bar.add_task("painting strokes", total=count)
 

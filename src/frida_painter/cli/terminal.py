@@ -48,7 +48,7 @@ from frida_painter.session.events import (
     StrokePainted,
     TouchCorrected,
 )
-from frida_painter.session.time_left import Forecast, duration
+from frida_painter.session.time_left import RemainingTime, duration
 from frida_painter.storage import megabytes
 
 # Progress with a forecast of the time left, from measured durations of each kind of work.
@@ -80,11 +80,11 @@ class Line:
 class PaintingLine(Line):
     """Line on the terminal for a painting: the current work, its progress, and the time left."""
 
-    def __init__(self, console: Console, forecast: Forecast) -> None:
-        self._forecast = forecast
+    def __init__(self, console: Console, time_left: RemainingTime) -> None:
+        self._time_left = time_left
         self._started = time.monotonic()
         super().__init__(progress_bar(console))
-        self._task = self._bar.add_task("getting ready", total=1.0, left=forecast.remaining)
+        self._task = self._bar.add_task("getting ready", total=1.0, left=time_left.remaining)
 
     def hear(self, event: Event) -> None:
         """Shows an event; during a pause, the terminal is free for questions."""
@@ -95,8 +95,8 @@ class PaintingLine(Line):
             self._bar.start()
         if isinstance(event, TouchCorrected):
             self._bar.console.print(event.sentence)
-        self._forecast.hear(event, now)
-        passed, left = now - self._started, self._forecast.remaining
+        self._time_left.hear(event, now)
+        passed, left = now - self._started, self._time_left.remaining
         self._bar.update(
             self._task,
             description=_words(event) or self._bar.tasks[0].description,
@@ -236,10 +236,10 @@ class Terminal:
                 line = self.ask(_prompt(question)).strip().lower()
             except (EOFError, KeyboardInterrupt) as end:
                 raise Interrupted("You left, or nobody is there to answer; what was done before is kept.") from end
-            understood = _understood(question, line)
+            understood = _parse_line(question, line)
             if understood is not None:
                 return understood
-            self.tell(_allowed(question))
+            self.tell(_list_allowed(question))
 
     def _show(self, picture: Tensor | None) -> None:
         if picture is not None:
@@ -265,7 +265,7 @@ def _prompt(question: Question) -> str:
             return f"mm [{(proposal or 0) * 1000:g}]: "
 
 
-def _understood(question: Question, line: str) -> Answer | None:
+def _parse_line(question: Question, line: str) -> Answer | None:
     """Returns the answer that a line means; None if it is not valid."""
     match question:
         case Confirm(proposal=proposal):
@@ -306,7 +306,7 @@ def _length(line: str) -> float | None:
     return metres if math.isfinite(metres) else None
 
 
-def _allowed(question: Question) -> str:
+def _list_allowed(question: Question) -> str:
     match question:
         case Confirm():
             return "Type y or n."

@@ -122,9 +122,9 @@ class Host:
         try:
             return self._do(words, arrays)
         except FridaError as error:
-            return told(error), {}
+            return encode_error(error), {}
         except (KeyError, TypeError, ValueError, IndexError) as error:
-            return told(RobotError(f"The easel's process could not read {words.get('do')!r} ({error!r}).")), {}
+            return encode_error(RobotError(f"The easel's process could not read {words.get('do')!r} ({error!r}).")), {}
 
     def _do(self, words: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Answer:
         robot, camera, operator = self.robot, self.camera, self.operator
@@ -168,7 +168,7 @@ class Host:
         return {}, {}
 
 
-def told(error: FridaError) -> dict[str, Any]:
+def encode_error(error: FridaError) -> dict[str, Any]:
     """Returns an error as plain values for the other end, which converts it back with `heard`."""
     details: dict[str, Any] = {}
     if isinstance(error, RobotBusy):
@@ -218,12 +218,12 @@ class LivePicture:
             try:
                 picture = self._camera.glance()
                 if picture is not None:
-                    storage.write_bytes(self._path, encoded(picture))
+                    storage.write_bytes(self._path, encode_jpeg(picture))
             except FridaError:
                 continue
 
 
-def encoded(picture: NDArray[np.uint8]) -> bytes:
+def encode_jpeg(picture: NDArray[np.uint8]) -> bytes:
     """Returns a picture [rows, columns, 3] sRGB as JPEG, at most 960 pixels wide."""
     share = min(1.0, _WIDEST / picture.shape[1])
     small = cv2.resize(picture, None, fx=share, fy=share, interpolation=cv2.INTER_AREA) if share < 1 else picture
@@ -277,7 +277,7 @@ def main(wire_file: int, line_file: int, robot: str) -> None:
     try:
         asked_to_end = _serve(order, wire, line)
     except FridaError as error:
-        asked_to_end, last_words = True, told(error)
+        asked_to_end, last_words = True, encode_error(error)
     if asked_to_end:
         with contextlib.suppress(RobotDisconnected):
             wire.send(last_words)

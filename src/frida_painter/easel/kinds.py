@@ -71,7 +71,7 @@ def easel_kind(name: str) -> EaselKind | None:
 
 JOURNAL = "journal"
 STOP_FILE = "stop"
-DIARY = "studio.diary"
+SIMULATION_LOG = "studio.diary"
 ARM_FILM = "arm.mp4"
 LIVE_PICTURE = ".camera.jpg"  # hidden: it exists only during a painting
 
@@ -133,12 +133,12 @@ def state_folder() -> Path:
 
 def robot_forms() -> list[str]:
     """Returns the forms of the names of real robots; the bare name if its driver cannot be loaded."""
-    return [_told(part, RobotKind, lambda kind: kind.form) for part in registry.parts(registry.ROBOTS).values()]
+    return [_describe(part, RobotKind, lambda kind: kind.form) for part in registry.parts(registry.ROBOTS).values()]
 
 
 def camera_forms() -> list[str]:
     """Returns the forms of the names of cameras; the bare name if its driver cannot be loaded."""
-    return [_told(part, CameraKind, lambda kind: kind.form) for part in registry.parts(registry.CAMERAS).values()]
+    return [_describe(part, CameraKind, lambda kind: kind.form) for part in registry.parts(registry.CAMERAS).values()]
 
 
 def require_known(robot: str) -> str:
@@ -152,7 +152,7 @@ def require_known(robot: str) -> str:
     return kind
 
 
-def _told(part: registry.Part, kind: type[registry.Kind], tell: Callable[[registry.Kind], str]) -> str:
+def _describe(part: registry.Part, kind: type[registry.Kind], tell: Callable[[registry.Kind], str]) -> str:
     try:
         return tell(part.load(kind))
     except PluginError:

@@ -79,8 +79,8 @@ def _open_real(order: EaselOrder) -> OpenEasel:
             f"{workcell.canvas}; leave out --canvas, or put up the other canvas and make the workspace true."
         )
     easel = Easel(
-        robot=robot_named(order.robot, workcell.workspace),
-        camera=camera_named(order.camera),
+        robot=make_robot(order.robot, workcell.workspace),
+        camera=make_camera(order.camera),
         operator=AbsentOperator(),
         workspace=workcell.workspace,
         calibration=workcell.calibration(order.brushes[0], camera=order.camera, others=order.brushes[1:]),
@@ -90,7 +90,7 @@ def _open_real(order: EaselOrder) -> OpenEasel:
     return OpenEasel(easel, lambda: None)
 
 
-def robot_named(text: str, workspace: Workspace) -> Robot:
+def make_robot(text: str, workspace: Workspace) -> Robot:
     """Returns the driver of a named robot in a workspace, not connected. Raises ConfigError."""
     known = registry.parts(registry.ROBOTS).get(MachineName.of(text).kind)
     if known is None:
@@ -99,7 +99,7 @@ def robot_named(text: str, workspace: Workspace) -> Robot:
     return kind.open(MachineName.of(text, kind.form), workspace)
 
 
-def camera_named(text: str) -> Camera:
+def make_camera(text: str) -> Camera:
     """Returns the driver of a named camera, not connected. Raises ConfigError."""
     name, _, where = text.partition(":")
     known = registry.parts(registry.CAMERAS).get(name)

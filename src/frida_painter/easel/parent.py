@@ -34,7 +34,7 @@ from frida_painter.palette import Palette
 _MARGIN = 10.0
 _CALL = 60.0
 # Seconds without a heartbeat after which the process counts as hung or frozen.
-_MOST_SILENCE = 10.0
+_MAX_SILENCE = 10.0
 _LOOK_EVERY = 0.25
 _END = "end"  # the process sends no heartbeats while it closes everything
 
@@ -51,7 +51,7 @@ class Link:
 
     def __init__(self, wire: Wire, pulse: Pulse) -> None:
         self._wire, self._pulse = wire, pulse
-        self.patience, self.most_silence = _CALL, _MOST_SILENCE
+        self.patience, self.most_silence = _CALL, _MAX_SILENCE
         self._turn = threading.Lock()
         self._broken: RobotDisconnected | None = None
 
@@ -81,7 +81,7 @@ class Link:
                 )
                 raise self._broken from error
         if "error" in answer:
-            raise heard(answer)
+            raise decode_error(answer)
         return answer, result
 
     def _answer(self, within: float, *, listen: bool) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
@@ -224,7 +224,7 @@ class RemoteOperator:
         return bool(self._link.ask("operator.take_checker_away")[0]["done"])
 
 
-def heard(answer: Mapping[str, Any]) -> FridaError:
+def decode_error(answer: Mapping[str, Any]) -> FridaError:
     """Returns the error that the other end reported; a RobotError if its class is unknown."""
     kind, message, details = getattr(errors, str(answer["error"]), None), str(answer["message"]), answer["details"]
     if kind is RobotBusy:
@@ -288,7 +288,7 @@ class EaselProcess:
         except RobotDisconnected as gone:
             raise RobotDisconnected(f"The easel's process did not start{self._complaint()}.") from gone
         if "error" in about:
-            raise heard(about)
+            raise decode_error(about)
         self._opened = True
         self._link.patience = about["answer"]
         if is_simulated(order):  # a slow computer is not a fault

@@ -155,7 +155,7 @@ class Process(Protocol):
         """Returns True if it used processor time recently."""
         ...
 
-    def starved(self) -> float:
+    def starved_seconds(self) -> float:
         """Returns the total seconds in which it was ready to run and no processor was free."""
         ...
 
@@ -226,7 +226,7 @@ class Watch:
     def _look(self, now: float) -> LinkState:
         thinking = self._process.thinking()
         # Expensive: it looks at each thread of the process. It is needed only during a silence.
-        starved = self._process.starved() if self._rule.silence(now) > 2 * BEAT_EVERY else None
+        starved = self._process.starved_seconds() if self._rule.silence(now) > 2 * BEAT_EVERY else None
         return LinkState(now, self._moving(), not self._open, thinking, starved)
 
     def _read(self, now: float) -> None:
@@ -357,7 +357,7 @@ class CpuActivity:
             self._at, self._used = now, used
         return self._busy
 
-    def starved(self) -> float:
+    def starved_seconds(self) -> float:
         """Returns the total seconds in which one of its threads was ready to run without a free processor.
 
         Only the difference of two results is meaningful, and only with frequent calls in between.

@@ -22,8 +22,8 @@ from frida_painter.errors import RobotDisconnected
 Arrays = Mapping[str, NDArray[Any]]
 
 _LENGTHS = struct.Struct("<II")
-_MOST_WORDS = 2**20
-_MOST_BYTES = 2**28
+_MAX_WORDS = 2**20
+_MAX_BYTES = 2**28
 _KINDS = {kind: np.dtype(kind) for kind in ("|u1", "<f4", "<f8")}
 
 
@@ -59,14 +59,14 @@ class Wire:
         """
         until = None if within is None else time.monotonic() + within
         words, size = _LENGTHS.unpack(bytes(self._exactly(_LENGTHS.size, until)))
-        if words > _MOST_WORDS or size > _MOST_BYTES:
+        if words > _MAX_WORDS or size > _MAX_BYTES:
             raise RobotDisconnected(
                 f"A message of {words} + {size} bytes came over the easel's link; that is no message."
             )
         head, body = bytes(self._exactly(words, until)), self._exactly(size, until)
         try:
             said = json.loads(head)
-            return said, _unpacked(said.pop("arrays"), body)
+            return said, _unpack(said.pop("arrays"), body)
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             raise RobotDisconnected(f"What came over the easel's link is no message ({error}).") from error
 
@@ -100,11 +100,11 @@ class Wire:
         return content
 
 
-def _unpacked(kinds: Mapping[str, Any], body: NDArray[np.uint8]) -> dict[str, NDArray[Any]]:
+def _unpack(kinds: Mapping[str, Any], body: NDArray[np.uint8]) -> dict[str, NDArray[Any]]:
     """Returns the arrays of a message. Raises ValueError, KeyError or TypeError if the bytes do not match."""
     arrays, start = {}, 0
     for name, (kind, shape) in kinds.items():
-        if not all(isinstance(length, int) and 0 <= length <= _MOST_BYTES for length in shape):
+        if not all(isinstance(length, int) and 0 <= length <= _MAX_BYTES for length in shape):
             raise ValueError(f"array {name} of shape {shape}")
         dtype = _KINDS[kind]
         end = start + math.prod(shape) * dtype.itemsize

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from frida_painter.brush.kinds import StrokeModel
 from frida_painter.errors import PlanError
-from frida_painter.frames import whole_turns_removed
+from frida_painter.frames import wrap_angles
 from frida_painter.palette import to_hex
 from frida_painter.plan import Plan
 from frida_painter.strokes import Strokes
@@ -98,7 +98,7 @@ def svg(plan: Plan, width: Tensor, *, keep_order: bool = True, dips: Collection[
     across, down = (_millimetres(side) for side in (plan.canvas.width, plan.canvas.height))
     paths = _paths(plan, width)
     layers = [
-        _drawn(number, plan, layer, [paths[index] for index in layer.strokes])
+        _draw(number, plan, layer, [paths[index] for index in layer.strokes])
         for number, layer in enumerate(_layers(plan, keep_order, dips), start=1)
     ]
     ground = to_hex(torch.tensor(plan.ground))
@@ -127,7 +127,7 @@ def _layers(plan: Plan, keep_order: bool, dips: Collection[int]) -> list[_Layer]
     return layers
 
 
-def _drawn(number: int, plan: Plan, layer: _Layer, paths: list[str]) -> str:
+def _draw(number: int, plan: Plan, layer: _Layer, paths: list[str]) -> str:
     of_plan = plan.layers[layer.layer]
     color = to_hex(plan.wells(of_plan).color[layer.paint])
     count = f"{len(paths)} stroke{'s' if len(paths) > 1 else ''}"
@@ -188,7 +188,7 @@ def table(plan: Plan) -> str:
         plan.well.tolist(),
         colors,
         points,
-        (whole_turns_removed(strokes.angle) * (180 / math.pi)).tolist(),
+        (wrap_angles(strokes.angle) * (180 / math.pi)).tolist(),
         (strokes.length * 1000).tolist(),
         (strokes.bend * 1000).tolist(),
         strokes.thickness.tolist(),

@@ -159,7 +159,7 @@ class RobotGateway:
         self.check(batch)
         left_out = False
         for motion in batch:
-            report = self._done(self.easel.robot.follow(motion))
+            report = self._report_done(self.easel.robot.follow(motion))
             _require_arrived(motion.label, report.reached, motion.position[-1])
             left_out |= report.left_out
         return left_out
@@ -171,7 +171,7 @@ class RobotGateway:
         2 mm outside the workspace.
         Raises RobotError and its subclasses.
         """
-        report = self._done(self.easel.robot.home())
+        report = self._report_done(self.easel.robot.home())
         workspace = self.easel.workspace
         inside = np.minimum(np.maximum(report.reached, workspace.lower), workspace.upper)  # NaN stays NaN
         _require_arrived("home", report.reached, inside if workspace.home is None else np.array(workspace.home))
@@ -180,7 +180,7 @@ class RobotGateway:
         """Returns the position of the tip, [3] metres. Raises RobotError if the robot does not know it."""
         return self.easel.robot.pose()
 
-    def _done(self, report: MotionReport) -> MotionReport:
+    def _report_done(self, report: MotionReport) -> MotionReport:
         self.last_motion = report.finished_at
         return report
 

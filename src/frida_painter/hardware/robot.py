@@ -142,9 +142,9 @@ class Timing:
         path, speed = _moving(path, speed)
         if len(speed) == 0:
             return path
-        fine, fastest = _fine_grained(path, speed)
-        along, pace, moment = self._ramped(fine, fastest)
-        reached = self._smoothed(moment, along, pace)
+        fine, fastest = _subdivide(path, speed)
+        along, pace, moment = self._ramp(fine, fastest)
+        reached = self._smooth(moment, along, pace)
         return np.stack([np.interp(reached, along, column) for column in fine.T], -1)
 
     def seconds(self, path: NDArray[np.float64], speed: NDArray[np.float64]) -> float:
@@ -152,9 +152,9 @@ class Timing:
         path, speed = _moving(path, speed)
         if len(speed) == 0:
             return 0.0
-        return float(self._ramped(*_fine_grained(path, speed))[2][-1]) + self.smoothing
+        return float(self._ramp(*_subdivide(path, speed))[2][-1]) + self.smoothing
 
-    def _ramped(
+    def _ramp(
         self, fine: NDArray[np.float64], fastest: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Returns for each point of a fine-grained path: metres from the start, speed, and seconds from the start."""
@@ -163,7 +163,7 @@ class Timing:
         # At constant acceleration, a segment takes its length over the mean of the speeds at its ends.
         return along, pace, np.r_[0.0, np.cumsum(2 * np.diff(along) / (pace[1:] + pace[:-1]))]
 
-    def _smoothed(
+    def _smooth(
         self, moment: NDArray[np.float64], along: NDArray[np.float64], pace: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         """Returns the distance covered at every period. A moving average lets forces set in gradually."""
@@ -186,7 +186,7 @@ def _moving(path: NDArray[np.float64], speed: NDArray[np.float64]) -> tuple[NDAr
     return path[np.r_[True, moving]], speed[moving]
 
 
-def _fine_grained(
+def _subdivide(
     path: NDArray[np.float64], speed: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Returns the path with points at most _FINE apart, and the greatest speed at each; 0 if the tip stops there."""

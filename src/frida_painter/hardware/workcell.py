@@ -19,11 +19,11 @@ from frida_painter.errors import ConfigError
 from frida_painter.hardware.gateway import FASTEST
 from frida_painter.hardware.motion import STIR_RADIUS
 from frida_painter.hardware.robot import ArmLength, BrushRack, Point, Workspace
-from frida_painter.palette import MOST_COLORS
+from frida_painter.palette import MAX_COLORS
 
 # Sections of a workspace file, with their entries and the range of each.
 
-MOST_BRUSHES = 16
+MAX_BRUSHES = 16
 """Greatest number of brushes in a rack."""
 FARTHEST = 10.0
 """Greatest coordinate in metres; a larger number means a wrong unit."""
@@ -66,7 +66,7 @@ class BrushHeights(Section):
 class PaintPlaces(Section):
     """Positions of wells, water and rag."""
 
-    wells: Annotated[tuple[Position, ...], Field(strict=False, min_length=1, max_length=MOST_COLORS)]
+    wells: Annotated[tuple[Position, ...], Field(strict=False, min_length=1, max_length=MAX_COLORS)]
     water: Position
     rag: Position
     rag_width: Annotated[float, Field(ge=0.01, le=1, allow_inf_nan=False)]
@@ -75,7 +75,7 @@ class PaintPlaces(Section):
 class RackPlaces(Section):
     """Forks for brushes, by the names of the brushes; omitted if a person changes the brush."""
 
-    places: Annotated[dict[str, Position], Field(min_length=1, max_length=MOST_BRUSHES)]
+    places: Annotated[dict[str, Position], Field(min_length=1, max_length=MAX_BRUSHES)]
     slide: Annotated[tuple[Metre, Metre], Field(strict=False)]
     lift: Annotated[float, Field(ge=0.005, le=0.5, allow_inf_nan=False)]
 
@@ -305,7 +305,7 @@ def _span(bounds: Bounds, axis: int) -> str:
     return f"they reach from {bounds.lower[axis]:g} to {bounds.upper[axis]:g} m"
 
 
-_MOST_BYTES = 2**18
+_MAX_BYTES = 2**18
 _ADVICE = "`frida-painter workspace example` prints a whole one with comments"
 
 _SECTIONS: dict[str, type[Section]] = {
@@ -365,7 +365,7 @@ class WorkcellConfig:
     @classmethod
     def load(cls, path: Path) -> Self:
         """Reads a TOML file. Raises ConfigError, which names each missing, unknown, wrong or contradictory entry."""
-        return cls.of(storage.read_toml(path, "a workspace file (TOML)", _MOST_BYTES, _ADVICE), str(path))
+        return cls.of(storage.read_toml(path, "a workspace file (TOML)", _MAX_BYTES, _ADVICE), str(path))
 
     @classmethod
     def of(cls, values: dict[str, Any], name: str) -> Self:
@@ -390,7 +390,7 @@ class WorkcellConfig:
                 read[section] = None
                 faults += [_sentence(section, model, fault) for fault in error.errors()]
             if section not in values and section not in _OPTIONAL:
-                faults.append(f"[{section}] is missing, with {', '.join(_wanted(model))}")
+                faults.append(f"[{section}] is missing, with {', '.join(_list_wanted(model))}")
         faults += contradictions(
             read["bounds"], read["canvas"], read["brush"], read["paint"], read["motion"], read["rack"]
         )
@@ -438,7 +438,7 @@ def example() -> str:
     return (resources.files("frida_painter.hardware") / "examples" / "workspace.toml").read_text(encoding="utf-8")
 
 
-def _wanted(model: type[Section]) -> list[str]:
+def _list_wanted(model: type[Section]) -> list[str]:
     return [name for name, field in model.model_fields.items() if field.is_required()]
 
 

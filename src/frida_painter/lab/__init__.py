@@ -32,7 +32,7 @@ class ExperimentScale:
 
 SWEEP = Deferred(
     "sweep",
-    "frida_painter.lab.sweeps.command",
+    "frida_painter.lab.sweeps.sweep_command",
     "Do many runs: every combination of photographs, text, seeds and settings in a sweep file.",
 )
 EXPERIMENTS = Deferred(

@@ -12,9 +12,9 @@ from frida_painter.options import out_folder, whole_number_within
 if TYPE_CHECKING:
     from frida_painter.brush.library import StrokeLibrary
     from frida_painter.lab import ExperimentScale
-    from frida_painter.lab.base import Notify, Outcome
     from frida_painter.lab.conduct import MakeExperiment
     from frida_painter.lab.targets import Target
+    from frida_painter.lab.trials import Notify, Outcome
 
 
 # Common options of the commands (brush, seeds, pictures, library, folder, jobs), and how they run an experiment.
@@ -88,7 +88,7 @@ def pictures_of(given: Sequence[Path] | None, shipped: Sequence[str]) -> "tuple[
     """Returns the user's own pictures, or some of the project's by their names."""
     from frida_painter.lab import targets
 
-    return targets.given(given) if given else targets.shipped(shipped)
+    return targets.load_targets(given) if given else targets.load_shipped_targets(shipped)
 
 
 def run_under_progress(name: str, out: Path, run: "Callable[[Path, Notify], Outcome]") -> None:
@@ -122,7 +122,7 @@ def sim2real(
     from frida_painter.lab import sim2real as it
     from frida_painter.lab import targets
 
-    scale = (it.QUICK if quick else it.FULL).changed(brush=brush)
+    scale = (it.QUICK if quick else it.FULL).with_values(brush=brush)
     run_trials(
         it.NAME, out, partial(it.experiment, pictures_of(target, targets.SHIPPED), seeds=seeds, scale=scale), jobs
     )
@@ -143,7 +143,7 @@ def ladder(
     """Find where a painting loses quality: looks, placement, and each imperfection of robot, paint and camera."""
     from frida_painter.lab import ladder as it
 
-    scale = (it.QUICK if quick else it.FULL).changed(brush=brush, **({"strokes": strokes} if strokes else {}))
+    scale = (it.QUICK if quick else it.FULL).with_values(brush=brush, **({"strokes": strokes} if strokes else {}))
     photographs = pictures_of(target, it.PHOTOGRAPHS[: 1 if quick else None])
     run_trials(it.NAME, out, partial(it.experiment, photographs, seeds=seeds, scale=scale), jobs)
 
@@ -160,7 +160,7 @@ def replanning(
     from frida_painter.lab import replanning as it
 
     (picture,) = pictures_of([target] if target else None, ["coffee"])
-    scale = (it.QUICK if quick else it.FULL).changed(brush=brush)
+    scale = (it.QUICK if quick else it.FULL).with_values(brush=brush)
     run_trials(it.NAME, out, partial(it.experiment, picture, seeds=seeds, scale=scale), jobs)
 
 
@@ -171,7 +171,7 @@ def sawyer(
     from frida_painter.lab import sawyer as it
 
     (picture,) = pictures_of([target] if target else None, ["coffee"])
-    scale = (it.QUICK if quick else it.FULL).changed(brush=brush)
+    scale = (it.QUICK if quick else it.FULL).with_values(brush=brush)
     run_under_progress(it.NAME, out, lambda keep, notify: it.run(picture, seed=seed, scale=scale, notify=notify))
 
 
@@ -189,7 +189,7 @@ def text(
     """Paint text prompts and score them by a network that planning does not use, against baselines."""
     from frida_painter.lab import text as it
 
-    scale = (it.QUICK if quick else it.FULL).changed(brush=brush)
+    scale = (it.QUICK if quick else it.FULL).with_values(brush=brush)
     run_trials(
         it.NAME, out, partial(it.experiment, it.PROMPTS[: 2 if quick else first], seeds=seeds, scale=scale), jobs
     )
@@ -209,7 +209,7 @@ def style(
     from frida_painter.lab import style as it
 
     photos, styles = pictures_of(target, ["cat", "astronaut"]), pictures_of(image, targets.STYLES)
-    scale = (paintings.QUICK if quick else paintings.FULL).changed(brush=brush)
+    scale = (paintings.QUICK if quick else paintings.FULL).with_values(brush=brush)
     run_trials(it.NAME, out, partial(it.experiment, photos, styles, seeds=seeds, scale=scale), jobs)
 
 
@@ -225,7 +225,7 @@ def semantic(
     from frida_painter.lab import paintings, targets
     from frida_painter.lab import semantic as it
 
-    scale = (paintings.QUICK if quick else paintings.FULL).changed(brush=brush)
+    scale = (paintings.QUICK if quick else paintings.FULL).with_values(brush=brush)
     run_trials(
         it.NAME, out, partial(it.experiment, pictures_of(target, targets.PHOTOGRAPHS), seeds=seeds, scale=scale), jobs
     )
@@ -254,7 +254,7 @@ def sketch(
 
     drawings = pictures_of(target, targets.DRAWINGS)
     (style,) = pictures_of([image] if image else None, targets.STYLES[:1])
-    scale = (paintings.QUICK if quick else paintings.FULL).changed(brush=brush)
+    scale = (paintings.QUICK if quick else paintings.FULL).with_values(brush=brush)
 
     lines = out / it.NAME / UNFINISHED
     run_trials(it.NAME, out, partial(it.experiment, drawings, style, lines, seeds=seeds, scale=scale), jobs)
@@ -273,7 +273,7 @@ def composition(
     from frida_painter.lab import paintings, targets
 
     styles, prompts = pictures_of(image, targets.STYLES), it.SAID[: 1 if quick else None]
-    scale = (paintings.QUICK if quick else paintings.FULL).changed(brush=brush)
+    scale = (paintings.QUICK if quick else paintings.FULL).with_values(brush=brush)
     run_trials(it.NAME, out, partial(it.experiment, styles, prompts, seeds=seeds, scale=scale), jobs)
 
 

@@ -13,12 +13,12 @@ from torch import Tensor
 
 from frida_painter import weights
 from frida_painter.lab import paintings
-from frida_painter.lab.base import Experiment, Measurement, Outcome, Results, ResultTable, Row, edge_correlation
 from frida_painter.lab.paintings import FULL, Painted, PaintingTrial
 from frida_painter.lab.targets import Target
 from frida_painter.lab.text import JUDGE, PROMPTS, Prompt, Unjudged, log_probabilities, rank_of
+from frida_painter.lab.trials import Experiment, Measurement, Outcome, Results, ResultTable, Row, edge_correlation
 from frida_painter.objectives.encoders.classifiers import EfficientNetLite
-from frida_painter.objectives.encoders.registry import EncoderRegistry
+from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.report.sheets import Cell, FigureRow, page
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.opening import planning_device
@@ -60,7 +60,7 @@ def experiment(
         every: list[Row] = [
             {
                 "style": style, "prompt": prompt.words, "seed": seed, "painted": way,
-                **_figures(_found(results, style, prompt, seed, way), prompt),
+                **_figures(_measure(results, style, prompt, seed, way), prompt),
             }
             for style in sorted(pictures)
             for prompt in sorted(prompts, key=lambda prompt: prompt.words)
@@ -98,7 +98,7 @@ def _spec(scale: RunSpec, style: Target, words: str, seed: int, way: str) -> Run
     return paintings.like(scale, style.picture, goal, seed, initial=[wanted] if way == BEGUN else [])
 
 
-def _found(results: Results, style: str, prompt: Prompt, seed: int, way: str) -> Measurement:
+def _measure(results: Results, style: str, prompt: Prompt, seed: int, way: str) -> Measurement:
     """Returns the measurement of a painting; that of the style alone serves for every prompt."""
     return results.one(style=style, prompt="" if way == STYLE else prompt.words, seed=seed, painted=way)
 
@@ -143,7 +143,7 @@ def _sheet(styles: Sequence[Target], prompts: Sequence[Prompt], results: Results
         for prompt in prompts:
             cells = [Cell(style.picture, f"“{prompt.words}”")]
             for way in WAYS:
-                finding = _found(results, style.name, prompt, seed, way)
+                finding = _measure(results, style.name, prompt, seed, way)
                 figures = _figures(finding, prompt)
                 cells.append(Cell(finding.pictures["painting"], f"edges {figures[EDGES]:.2f}, rank {figures[RANK]}"))
             lines.append(FigureRow("", cells))

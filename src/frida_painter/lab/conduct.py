@@ -13,11 +13,11 @@ from rich.progress import BarColumn, Progress, TextColumn
 
 from frida_painter.devices import prepare_process
 from frida_painter.errors import TryFailed
-from frida_painter.lab import base
-from frida_painter.lab.base import Experiment, Notify, Outcome, silent
-from frida_painter.lab.base import Progress as Progress_of_base
+from frida_painter.lab import trials
 from frida_painter.lab.sweeps.engine import TaskLimits, slots_here
 from frida_painter.lab.sweeps.runner import open_engine
+from frida_painter.lab.trials import Experiment, Notify, Outcome, silent
+from frida_painter.lab.trials import Progress as Progress_of_base
 from frida_painter.session.time_left import duration
 
 UNFINISHED = "unfinished"
@@ -42,7 +42,7 @@ def conduct(name: str, out: Path, experiment: Callable[[Path, Notify], Outcome])
     with bar:
         task = bar.add_task("getting ready", total=1.0, left="")
 
-        def hear(progress: base.Progress) -> None:
+        def hear(progress: trials.Progress) -> None:
             passed, share = time.monotonic() - started, progress.share
             left = passed * (1 - share) / share if share > 0 else math.inf
             words = f"{duration(left)} left" if math.isfinite(left) else ""
@@ -82,7 +82,7 @@ def measure_share(share: TrialShare) -> None:
     """Measures those trials of a share that are not measured yet."""
     experiment = share.make()
     for number in share.numbers:
-        experiment.measured(experiment.trials[number], Path(share.keep), silent)
+        experiment.measure_or_load(experiment.trials[number], Path(share.keep), silent)
 
 
 def run_in_processes(make: MakeExperiment, keep: Path, notify: Notify, jobs: int | None = None) -> Outcome:

@@ -17,9 +17,9 @@ from frida_painter.brush.weights import load_stroke_model
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.frames import PixelGrid
 from frida_painter.lab import ExperimentScale
-from frida_painter.lab.base import Notify, Outcome, Progress, ResultTable, Row, silent
-from frida_painter.lab.paintings import EXACT, connected, execute
+from frida_painter.lab.paintings import EXACT, connect_studio, execute
 from frida_painter.lab.stroke_models import DEFAULT, learn_model
+from frida_painter.lab.trials import Notify, Outcome, Progress, ResultTable, Row, silent
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.render import render
@@ -65,7 +65,7 @@ def run(*, brush: str = "broad", seed: int = 0, scale: ExperimentScale = FULL, n
         paper = _Paper(kind, scale)
         plan = paper.plan(asked)
         studio = open_studio(plan.canvas, brush, seed=seed + PARAMETERS.index(parameter), placement_error=EXACT)
-        photograph = execute(plan, connected(studio).easel, paper.grid.rows)
+        photograph = execute(plan, connect_studio(studio).easel, paper.grid.rows)
         with torch.no_grad():
             drawn = render(plan.strokes, model, torch.ones(photograph.shape), plan.canvas)
         modelled, real = (torch.stack([*paper.cut(picture, len(asked))]) for picture in (drawn, photograph))

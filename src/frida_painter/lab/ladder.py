@@ -14,9 +14,21 @@ from torch import Tensor
 
 from frida_painter import images
 from frida_painter.brush.kinds import Dip, StrokeModel, brush_kind
-from frida_painter.easel.studio import studio_brush
+from frida_painter.easel.virtual_easel import studio_brush
 from frida_painter.lab import paintings
-from frida_painter.lab.base import (
+from frida_painter.lab.paintings import (
+    CAMERA,
+    EXACT,
+    IMPERFECTIONS,
+    PLACEMENT,
+    Imperfection,
+    MakePlan,
+    PaintingTrial,
+    Tell,
+    connect_studio,
+)
+from frida_painter.lab.targets import Target
+from frida_painter.lab.trials import (
     Experiment,
     Measurement,
     Notify,
@@ -29,18 +41,6 @@ from frida_painter.lab.base import (
     psnr,
     within,
 )
-from frida_painter.lab.paintings import (
-    CAMERA,
-    EXACT,
-    IMPERFECTIONS,
-    PLACEMENT,
-    Imperfection,
-    MakePlan,
-    PaintingTrial,
-    Tell,
-    connected,
-)
-from frida_painter.lab.targets import Target
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.render import render
@@ -48,10 +48,10 @@ from frida_painter.report.sheets import Cell, FigureRow, page
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import StrokePainted
-from frida_painter.session.hand import Brushwork
+from frida_painter.session.hand import Hand
 from frida_painter.virtual.paint import absorption_and_scattering, to_srgb
 from frida_painter.virtual.studio import StudioSettings, open_studio
-from frida_painter.virtual.table import HandNoise
+from frida_painter.virtual.tabletop import HandNoise
 
 # Real marks: a plan as it would look if every stroke left a real mark and there were no other errors.
 # The virtual studio paints each stroke alone, in black with a full brush, on a fresh canvas at the exact place. Its
@@ -82,13 +82,13 @@ def _marks(plan: Plan, rows: int, seed: int) -> Iterator[Tensor]:
 def _marks_of_layer(plan: Plan, rows: int, seed: int) -> Iterator[Tensor]:
     layer = plan.layers[0]
     settings = StudioSettings(placement_error=EXACT, noise=HandNoise(0.0, 0.0))
-    studio = connected(open_studio(plan.canvas, studio_brush(layer.brush), seed=seed, settings=settings))
+    studio = connect_studio(open_studio(plan.canvas, studio_brush(layer.brush), seed=seed, settings=settings))
     full = replace(brush_kind(layer.brush), known_dip=Dip.of_strokes(1))
-    hand = Brushwork(studio.easel, full)
+    hand = Hand(studio.easel, full)
     paint = torch.zeros_like(plan.paint)
     black = Plan.of(plan.strokes, Palette(_BLACK), paint, canvas=plan.canvas, brush=layer.brush, limits=layer.limits)
     studio.easel.operator.fill_wells(black.palette)
-    darkest, bare = _seen(_BLACK), studio.truth(rows)
+    darkest, bare = _measure_darkness(_BLACK), studio.truth(rows)
     for action in hand.prepare(black, 0, len(black)):
         if isinstance(hand.perform(action), StrokePainted):
             yield ((bare - studio.truth(rows)) / (bare - darkest)).clamp(0, 1).mean(0, keepdim=True)
@@ -96,7 +96,7 @@ def _marks_of_layer(plan: Plan, rows: int, seed: int) -> Iterator[Tensor]:
             bare = studio.truth(rows)
 
 
-def _seen(color: Tensor) -> float:
+def _measure_darkness(color: Tensor) -> float:
     """Returns the sRGB of a thick film of a paint [1, 3]: no paint of the studio is perfectly black."""
     absorption, _, _, scattering, _, _ = absorption_and_scattering(color.numpy())[0]
     ratio = absorption / scattering
@@ -107,7 +107,7 @@ NAME = "ladder"
 FULL = RunSpec.of(strokes=200, colors=12, replans=0)
 QUICK = RunSpec.of(strokes=14, colors=3, render_height=64, effort=0.05, replans=0)
 PHOTOGRAPHS = ("rocket", "astronaut", "coffee", "cat")
-MOST_LOOKS = 12
+MAX_LOOKS = 12
 SIMILARITY, LOSS, NEAR, AREA = "PSNR, dB", "loss", "loss near borders of paints", "canvas near borders of paints"
 """Names of the measures. Losses are squared errors beyond those of the rendered plan, averaged over the canvas."""
 _PLANNING = 0.5  # share of the time of a rung that does not paint normally
@@ -133,7 +133,7 @@ class Rung:
 PLANNED, EXPECTED, MARKS = "the first plan, as rendered", "the first plan, as expected", "its strokes as real marks"
 BLIND, KNOWN = "painted without a look", "placement known, no look"
 _LOOKS, _KNOWN_LOOKS = "painted with {} looks", "placement known, {} looks"
-USUAL, MOST, KNOWN_MOST = _LOOKS.format(4), _LOOKS.format(MOST_LOOKS), _KNOWN_LOOKS.format(MOST_LOOKS)
+USUAL, MAX, KNOWN_MAX = _LOOKS.format(4), _LOOKS.format(MAX_LOOKS), _KNOWN_LOOKS.format(MAX_LOOKS)
 PERFECT = "no imperfection, no look"
 RUNGS = (
     Rung(PLANNED),
@@ -142,10 +142,10 @@ RUNGS = (
     Rung(BLIND, PLANNED),
     Rung("painted with 1 look", BLIND, 1),
     Rung(USUAL, BLIND, 4),
-    Rung(MOST, BLIND, MOST_LOOKS),
+    Rung(MAX, BLIND, MAX_LOOKS),
     Rung(KNOWN, BLIND, 0, (PLACEMENT,)),
     Rung(_KNOWN_LOOKS.format(4), KNOWN, 4, (PLACEMENT,)),
-    Rung(KNOWN_MOST, KNOWN, MOST_LOOKS, (PLACEMENT,)),
+    Rung(KNOWN_MAX, KNOWN, MAX_LOOKS, (PLACEMENT,)),
     *(
         Rung(f"placement known, no {one.name}", KNOWN, 0, (PLACEMENT, one))
         for one in IMPERFECTIONS
@@ -188,14 +188,14 @@ class _FirstPlans:
         if whose not in self._made:
             with PaintingRun(trial.spec) as run:
                 doing = f"{whose[0]}, seed {whose[1]}: planning"
-                plan, picture = paintings.planned(run, lambda share: notify(Progress(_PLANNING * share, doing)))
+                plan, picture = paintings.make_first_plan(run, lambda share: notify(Progress(_PLANNING * share, doing)))
                 forecast = run.planner.forecast(plan, run.planner.bare)
                 assert forecast is not None  # the goal is a photograph
                 borders = near_borders(_top_paint(plan, run.planner.models, *picture.shape[1:]))
             self._made[whose] = _FirstPlan(plan, picture, forecast.expected, borders)
         return self._made[whose]
 
-    def handed_out(self, target: str, seed: int) -> MakePlan:
+    def hand_out(self, target: str, seed: int) -> MakePlan:
         """Returns a planner that returns the stored first plan instead of a new one."""
 
         def make_plan(run: PaintingRun, tell: Tell) -> tuple[Plan, Tensor]:
@@ -249,7 +249,7 @@ def experiment(
         PaintingTrial.of(
             {"target": target.name, "seed": seed, "painting": rung.name},
             paintings.like(scale, target.picture, [{"image": str(target.path)}], seed, replans=rung.looks),
-            plans.handed_out(target.name, seed),
+            plans.hand_out(target.name, seed),
             rung.without,
         )
         for target in targets
@@ -328,8 +328,8 @@ def _notes(results: Results) -> tuple[str, ...]:
         f"Between the plan as rendered and its painting without a look lie {-_win(results, BLIND, PLANNED):.2f} dB, "
         f"{-_win(results, BLIND, EXPECTED):.2f} dB between the plan as expected and that painting.",
         f"Knowing the placement from the start wins {_win(results, KNOWN, BLIND):+.2f} dB. Planning again after "
-        f"{MOST_LOOKS} looks wins {_win(results, KNOWN_MOST, KNOWN):+.2f} dB where the placement is known; where it is "
-        f"not, {MOST_LOOKS} looks win {_win(results, MOST, BLIND):+.2f} dB, with what they tell of the placement.",
+        f"{MAX_LOOKS} looks wins {_win(results, KNOWN_MAX, KNOWN):+.2f} dB where the placement is known; where it is "
+        f"not, {MAX_LOOKS} looks win {_win(results, MAX, BLIND):+.2f} dB, with what they tell of the placement.",
         *([] if share is None else [_where(share, results.mean(AREA, painting=KNOWN))]),
         f"Of the other imperfections, taken away alone, the largest win is {alone[best]:+.2f} dB ({best}). "
         f"Taking all of them away wins {_win(results, PERFECT, KNOWN):+.2f} dB where the placement is known.",

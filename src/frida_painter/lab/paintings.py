@@ -18,10 +18,10 @@ from frida_painter.brush.library import StrokeLibrary
 from frida_painter.easel.dialogue import lead
 from frida_painter.easel.kinds import OpenEasel
 from frida_painter.easel.order import EaselOrder
-from frida_painter.easel.studio import furnished
+from frida_painter.easel.virtual_easel import assemble_easel
 from frida_painter.hardware.easel import Easel, Operator
 from frida_painter.lab import ExperimentScale
-from frida_painter.lab.base import (
+from frida_painter.lab.trials import (
     Experiment,
     ExperimentTrial,
     Labels,
@@ -33,7 +33,7 @@ from frida_painter.lab.base import (
     Value,
     within,
 )
-from frida_painter.objectives.encoders.registry import EncoderRegistry
+from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.procedures.strokes import StrokesProgress, strokes
@@ -41,12 +41,12 @@ from frida_painter.runs.goal_item import GoalItem
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import Event, Looked, Planned, StrokePainted, TimelapseFrame
-from frida_painter.session.hand import Brushwork
+from frida_painter.session.hand import Hand
 from frida_painter.session.observer import CanvasObserver
 from frida_painter.session.opening import open_virtual_easel
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.studio import FREE, VirtualStudio
-from frida_painter.virtual.table import HandNoise, PlacementError, Table
+from frida_painter.virtual.tabletop import HandNoise, PlacementError, Table
 
 # Direct work with the virtual robot, for experiments about strokes and arms: given strokes, or a stroke library.
 # Paintings do not use this; they go through PaintingRun.
@@ -56,7 +56,7 @@ EXACT = PlacementError((0.0, 0.0), 0.0)
 _PAINTING = 0.2  # share of the time for painting a library
 
 
-def connected(studio: VirtualStudio) -> VirtualStudio:
+def connect_studio(studio: VirtualStudio) -> VirtualStudio:
     """Connects robot and camera of a studio, and returns the studio."""
     studio.easel.robot.connect()
     studio.easel.camera.connect()
@@ -68,14 +68,14 @@ def execute(plan: Plan, easel: Easel, rows: int) -> Tensor:
 
     Raises RobotError, CameraError and their subclasses.
     """
-    brushwork, observer = Brushwork(easel, brush_kind(plan.layers[0].brush).for_any_order), CanvasObserver(easel)
-    brushwork.step_aside()
-    observer.look(brushwork.last_motion, rows)  # at the bare canvas: learns the light of the room
+    hand, observer = Hand(easel, brush_kind(plan.layers[0].brush).for_any_order), CanvasObserver(easel)
+    hand.step_aside()
+    observer.look(hand.last_motion, rows)  # at the bare canvas: learns the light of the room
     easel.operator.fill_wells(plan.palette)
-    for action in brushwork.prepare(plan, 0, len(plan)):
-        brushwork.perform(action)
-    brushwork.step_aside()
-    return observer.look(brushwork.last_motion, rows)
+    for action in hand.prepare(plan, 0, len(plan)):
+        hand.perform(action)
+    hand.step_aside()
+    return observer.look(hand.last_motion, rows)
 
 
 def library_of(
@@ -155,7 +155,7 @@ class StudioWithout:
     def open(self, order: EaselOrder) -> OpenEasel:
         """Opens the ordered studio. Raises ConfigError if it has no such brush."""
         furniture = {name: value for one in self._without for name, value in one.furniture.items()}
-        studio, easel = furnished(order, FREE, **furniture)
+        studio, easel = assemble_easel(order, FREE, **furniture)
         for one in self._without:
             one.remove(studio)
         self._studio = studio
@@ -242,7 +242,9 @@ class PaintingTrial(ExperimentTrial):
         """
         files = {part: [_content(item) for item in getattr(spec, part)] for part in ("goal", "initial")}
         depends_on = {"spec": spec.record(), **files, "without": [one.name for one in without]}
-        return cls(labels=labels, depends_on=depends_on, spec=spec, make_plan=make_plan or planned, without=without)
+        return cls(
+            labels=labels, depends_on=depends_on, spec=spec, make_plan=make_plan or make_first_plan, without=without
+        )
 
 
 @dataclass(frozen=True)
@@ -277,8 +279,8 @@ def like(scale: RunSpec, picture: Tensor, goal: Sequence[Any], seed: int, **chan
     goal: as in a TOML file, such as {"image": "photo.jpg"}
     changes: other fields of the spec
     """
-    canvas = scale.canvas.turned_like(*picture.shape[1:])
-    return scale.changed(**{"goal": goal, "seed": seed, "canvas": canvas, "fit": "crop", "film": False, **changes})
+    canvas = scale.canvas.orient_like(*picture.shape[1:])
+    return scale.with_values(**{"goal": goal, "seed": seed, "canvas": canvas, "fit": "crop", "film": False, **changes})
 
 
 def settings(scale: RunSpec) -> dict[str, Value]:
@@ -348,7 +350,7 @@ def paint(trial: PaintingTrial, notify: Notify, encoders: EncoderRegistry | None
     return Painted(run, plan, picture_of_plan, images.fit(photograph, rows, columns), truth, seconds, expected)
 
 
-def planned(run: PaintingRun, tell: Tell) -> tuple[Plan, Tensor]:
+def make_first_plan(run: PaintingRun, tell: Tell) -> tuple[Plan, Tensor]:
     """Returns the plan of the run's own planner, and its picture."""
     plan = run.plan(lambda step: tell(step.iteration / step.of))
     return plan, run.planner.expected(plan, run.planner.bare)

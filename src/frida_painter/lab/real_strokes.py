@@ -14,7 +14,18 @@ from frida_painter.brush.evaluation import likelihood
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.errors import LibraryError
 from frida_painter.lab import ExperimentScale
-from frida_painter.lab.base import (
+from frida_painter.lab.stroke_models import (
+    BEZIER,
+    DEFAULT,
+    LEARNED,
+    RIVALS,
+    errors,
+    fingerprint,
+    learn,
+    learn_model,
+    predict_with,
+)
+from frida_painter.lab.trials import (
     Experiment,
     ExperimentTrial,
     Measurement,
@@ -24,17 +35,6 @@ from frida_painter.lab.base import (
     Results,
     ResultTable,
     Row,
-)
-from frida_painter.lab.stroke_models import (
-    BEZIER,
-    DEFAULT,
-    LEARNED,
-    RIVALS,
-    drawn_by,
-    errors,
-    fingerprint,
-    learn,
-    learn_model,
 )
 
 NAME = "real-strokes"
@@ -72,7 +72,7 @@ def experiment(
         foretold = likelihood(learned, test)
         return Measurement(
             {
-                "error": float(errors(drawn_by(learned), test).mean()),
+                "error": float(errors(predict_with(learned), test).mean()),
                 "log likelihood": foretold.predicted,
                 "with one variance": foretold.constant,
             }

@@ -23,18 +23,18 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.dialogue import Answer, Question, lead
 from frida_painter.errors import FridaError
 from frida_painter.lab import ExperimentScale
-from frida_painter.lab.base import Notify, Outcome, Progress, ResultTable, Row, silent, within
-from frida_painter.lab.paintings import EXACT, connected, virtual_library
+from frida_painter.lab.paintings import EXACT, connect_studio, virtual_library
 from frida_painter.lab.stroke_models import DEFAULT, errors, learn
+from frida_painter.lab.trials import Notify, Outcome, Progress, ResultTable, Row, silent, within
 from frida_painter.procedures.color import color
 from frida_painter.procedures.robot import robot
-from frida_painter.procedures.strokes import StrokesFinding, contact_sheet, strokes, unfinished
+from frida_painter.procedures.strokes import StrokesFinding, contact_sheet, strokes, unfinished_folder
 from frida_painter.session.opening import PAPER
 from frida_painter.sheet import INK, LINE, SOFT, Sheet, font
 from frida_painter.sheet import PAPER as WHITE
 from frida_painter.virtual.faults import Bump, Faults, LightChange, LostFocus
 from frida_painter.virtual.studio import VirtualStudio, open_studio
-from frida_painter.virtual.table import PlacementError
+from frida_painter.virtual.tabletop import PlacementError
 
 Found = TypeVar("Found")
 
@@ -122,14 +122,14 @@ def _row(case: Case) -> Row:
         "what goes wrong": case.what,
         "outcome": case.outcome,
         "figure": case.figure,
-        "undisturbed": _rounded(case.undisturbed),
-        "disturbed": _rounded(case.disturbed),
-        "as if nothing had been told": _rounded(case.untold),
+        "undisturbed": _round_or_none(case.undisturbed),
+        "disturbed": _round_or_none(case.disturbed),
+        "as if nothing had been told": _round_or_none(case.untold),
         "said": case.said,
     }
 
 
-def _rounded(value: float | None) -> float | None:
+def _round_or_none(value: float | None) -> float | None:
     return None if value is None else float(f"{value:.4g}")
 
 
@@ -186,7 +186,7 @@ class _Libraries:
             out = Path(folder) / "library.npz"
             painting = strokes(studio.easel, self.kind, out, count=self.scale.strokes, seed=self.seed)
             found = _attempt(lambda: lead(painting, _proposal))
-            kept = len(list(unfinished(out).glob("stroke-*")))
+            kept = len(list(unfinished_folder(out).glob("stroke-*")))
         if not isinstance(found, StrokesFinding):
             said = f"{found} ({kept} strokes are kept.)"
             return Case(what, REFUSED, _MODEL_ERROR, undisturbed, None, None, said, True), None
@@ -216,16 +216,16 @@ def _dots(brush: str, seed: int) -> Case:
         said = str(found) if isinstance(found, FridaError) else found.sentence
         if isinstance(found, FridaError):
             return Case("two of the 16 dots are missing", REFUSED, _PLACEMENT, None, None, None, said, True)
-        remaining.append(1000 * _missed(studio, found.enter(studio.easel.calibration).place))
-    untold = 1000 * _missed(studio, lambda position: position)
+        remaining.append(1000 * _measure_miss(studio, found.enter(studio.easel.calibration).place))
+    untold = 1000 * _measure_miss(studio, lambda position: position)
     return _case("two of the 16 dots are missing", SURVIVED, _PLACEMENT, remaining[0], remaining[1], untold, said)
 
 
-def _missed(studio: VirtualStudio, place: Callable[[NDArray[np.float64]], NDArray[np.float64]]) -> float:
+def _measure_miss(studio: VirtualStudio, place: Callable[[NDArray[np.float64]], NDArray[np.float64]]) -> float:
     """Returns the robot's placement error, averaged over the canvas, metres."""
     size = studio.easel.canvas
     meant = np.stack(np.meshgrid(np.linspace(0, size.width, 21), np.linspace(0, size.height, 17)), -1).reshape(-1, 2)
-    landed = studio.placement_error.moved(place(meant), np.array([size.width, size.height]) / 2)
+    landed = studio.placement_error.displace(place(meant), np.array([size.width, size.height]) / 2)
     return float(np.linalg.norm(landed - meant, axis=1).mean())
 
 
@@ -252,7 +252,7 @@ def _case(
 
 
 def _studio(canvas: CanvasSize, brush: str, seed: int, error: PlacementError, faults: Faults) -> VirtualStudio:
-    return connected(open_studio(canvas, brush, seed=seed, placement_error=error, faults=faults))
+    return connect_studio(open_studio(canvas, brush, seed=seed, placement_error=error, faults=faults))
 
 
 def _attempt(calibrate: Callable[[], Found]) -> Found | FridaError:

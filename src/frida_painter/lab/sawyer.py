@@ -21,9 +21,9 @@ from torch import Tensor
 
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.lab import paintings
-from frida_painter.lab.base import Notify, Outcome, Progress, ResultTable, Row, mse, psnr, silent
-from frida_painter.lab.paintings import EXACT, connected, execute
+from frida_painter.lab.paintings import EXACT, connect_studio, execute
 from frida_painter.lab.targets import Target
+from frida_painter.lab.trials import Notify, Outcome, Progress, ResultTable, Row, mse, psnr, silent
 from frida_painter.palette import to_lab
 from frida_painter.plan import Plan
 from frida_painter.report.sheets import Cell, FigureRow, page
@@ -32,8 +32,8 @@ from frida_painter.runs.spec import RunSpec
 from frida_painter.sawyer.arm import KINEMATIC_SAWYER, SAWYER
 from frida_painter.virtual.robot import Course
 from frida_painter.virtual.studio import FREE, StudioSettings, open_studio
-from frida_painter.virtual.table import HandNoise
-from frida_painter.virtual.table import Table as StudioTable
+from frida_painter.virtual.tabletop import HandNoise
+from frida_painter.virtual.tabletop import Table as StudioTable
 
 NAME = "sawyer"
 KINEMATIC, DYNAMIC, DISPLACED, LUCKY = "kinematic", "Sawyer", "kinematic, displaced", "kinematic, other luck"
@@ -119,7 +119,7 @@ def run(target: Target, *, seed: int = 0, scale: RunSpec = FULL, notify: Notify 
     with PaintingRun(paintings.like(scale, target.picture, [{"image": str(target.path)}], seed)) as planning:
         plan = planning.plan(lambda step: notify(Progress(_PLANNING * step.iteration / step.of, "planning")))
     notify(Progress(_PLANNING, f"painting: {DYNAMIC}"))
-    sawyer, tracking = _painted(plan, StudioSettings(arm=SAWYER), seed, seed)
+    sawyer, tracking = _paint_plan(plan, StudioSettings(arm=SAWYER), seed, seed)
     others = {
         KINEMATIC: (StudioSettings(arm=KINEMATIC_SAWYER), seed),
         DISPLACED: (StudioSettings(arm=KINEMATIC_SAWYER, noise=tracking.noise()), seed),
@@ -130,7 +130,7 @@ def run(target: Target, *, seed: int = 0, scale: RunSpec = FULL, notify: Notify 
     found = {DYNAMIC: sawyer}
     for number, (name, (settings, luck)) in enumerate(others.items(), 1):
         notify(Progress(_PLANNING + (1 - _PLANNING) * number / (len(others) + 1), f"painting: {name}"))
-        found[name], _ = _painted(plan, settings, seed, luck)
+        found[name], _ = _paint_plan(plan, settings, seed, luck)
     errors = tracking.row()
     pairs = ((DYNAMIC, KINEMATIC), (DISPLACED, KINEMATIC), (LUCKY, KINEMATIC), (STEADY, KINEMATIC), (USUAL, STEADY))
     apart = [_apart(found[one], one, found[other], other) for one, other in pairs]
@@ -164,9 +164,9 @@ def _lightness(picture: Tensor) -> NDArray[np.float32]:
     return np.ascontiguousarray(to_lab(picture.permute(1, 2, 0))[..., 0].numpy(), np.float32)
 
 
-def _painted(plan: Plan, settings: StudioSettings, seed: int, luck: int) -> tuple[Execution, Tracking]:
+def _paint_plan(plan: Plan, settings: StudioSettings, seed: int, luck: int) -> tuple[Execution, Tracking]:
     """Paints the plan on an exactly placed canvas; returns the result and the watcher."""
-    studio = connected(
+    studio = connect_studio(
         open_studio(plan.canvas, plan.layers[0].brush, seed=seed, settings=settings, placement_error=EXACT)
     )
     watcher = studio.robot.watcher = Tracking(studio.table, plan.canvas, studio.brush.press_depth / _MM, luck)

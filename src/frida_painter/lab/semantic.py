@@ -12,7 +12,9 @@ from torch import Tensor
 
 from frida_painter import images, weights
 from frida_painter.lab import paintings
-from frida_painter.lab.base import (
+from frida_painter.lab.paintings import FULL, Painted, PaintingTrial
+from frida_painter.lab.targets import Target
+from frida_painter.lab.trials import (
     Experiment,
     Measurement,
     Outcome,
@@ -23,11 +25,9 @@ from frida_painter.lab.base import (
     perceptual_distance,
     psnr,
 )
-from frida_painter.lab.paintings import FULL, Painted, PaintingTrial
-from frida_painter.lab.targets import Target
 from frida_painter.objectives.encoders.base import Seer
 from frida_painter.objectives.encoders.classifiers import EfficientNetLite
-from frida_painter.objectives.encoders.registry import EncoderRegistry
+from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.report.sheets import Cell, FigureRow, page
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.opening import planning_device

@@ -21,9 +21,9 @@ from frida_painter.brush.kinds import StrokeModel
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.frames import PixelGrid
 from frida_painter.lab import paintings
-from frida_painter.lab.base import Experiment, Measurement, Outcome, Results, ResultTable, Row, mse
 from frida_painter.lab.paintings import MakePlan, Painted, PaintingTrial, Tell
 from frida_painter.lab.targets import Target
+from frida_painter.lab.trials import Experiment, Measurement, Outcome, Results, ResultTable, Row, mse
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.planning.initialize import round_sizes
@@ -41,7 +41,7 @@ from frida_painter.strokes import Strokes
 _PIECES = 10
 _CELLS = 40
 _EDGE = 0.15  # share of the radius over which a stroke fades out
-_LEAST_EDGE = 0.0012  # metres: about a pixel of the planning image
+_MIN_EDGE = 0.0012  # metres: about a pixel of the planning image
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,7 @@ def render(strokes: SoftStrokes, canvas: Tensor, size: CanvasSize) -> Tensor:
 def marks(strokes: SoftStrokes, canvas: Tensor, size: CanvasSize) -> tuple[Tensor, Tensor]:
     """Returns magnitude maps [n, cells, cells] and affine maps [n, 2, 3] of the strokes, for `render.composite`."""
     with torch.no_grad():
-        around = strokes.radius.amax(1)[:, None] * (1 + _EDGE) + 2 * _LEAST_EDGE
+        around = strokes.radius.amax(1)[:, None] * (1 + _EDGE) + 2 * _MIN_EDGE
         least, most = strokes.points.amin(1) - around, strokes.points.amax(1) + around  # [n, 2]
         pitch = (most - least) / _CELLS
         grid = PixelGrid(size, *canvas.shape[1:])
@@ -160,7 +160,7 @@ def _magnitude(strokes: SoftStrokes, x: Tensor, y: Tensor) -> Tensor:
         off_x, off_y = from_x - share * run[:, 0], from_y - share * run[:, 1]
         off = torch.sqrt(off_x * off_x + off_y * off_y + 1e-12)
         radius, opacity = (_between(part, place) for part in (strokes.radius, strokes.opacity))
-        inside = ((radius - off) / (_EDGE * radius + _LEAST_EDGE) + 0.5).clamp(0, 1)
+        inside = ((radius - off) / (_EDGE * radius + _MIN_EDGE) + 0.5).clamp(0, 1)
         mark = opacity * inside * inside * (3 - 2 * inside)
         deepest = mark if deepest is None else torch.maximum(deepest, mark)
     assert deepest is not None
@@ -193,7 +193,7 @@ class SoftEffort:
     settling: int = 30
     polishing: int = 120
 
-    def scaled(self, factor: float) -> Self:
+    def scale(self, factor: float) -> Self:
         """Returns the effort with `factor` times the steps, at least one of each."""
         return replace(self, settling=math.ceil(factor * self.settling), polishing=math.ceil(factor * self.polishing))
 
@@ -240,13 +240,13 @@ def plan_soft_strokes(
     quotas = round_sizes(count, effort.rounds)
     for number, quota in enumerate(quotas):
         smallness = number / max(1, len(quotas) - 1)
-        new = _placed(strokes, quota, smallness, bare, target, size, freedom, generator)
-        strokes = _settled(SoftStrokes.join(strokes, new), bare, target, size, freedom, effort.settling, step)
-    strokes = _settled(strokes, bare, target, size, freedom, effort.polishing, step)
+        new = _place(strokes, quota, smallness, bare, target, size, freedom, generator)
+        strokes = _settle(SoftStrokes.join(strokes, new), bare, target, size, freedom, effort.settling, step)
+    strokes = _settle(strokes, bare, target, size, freedom, effort.polishing, step)
     if colors is not None:
         palette = Palette.cluster(strokes.color, strokes.length() * strokes.radius.mean(1), colors, seed)
         strokes = replace(strokes, color=palette.color[palette.nearest(strokes.color)])
-    strokes = _settled(strokes, bare, target, size, freedom, effort.polishing, step, vary_color=colors is None)
+    strokes = _settle(strokes, bare, target, size, freedom, effort.polishing, step, vary_color=colors is None)
     with torch.no_grad():
         return SoftPlan(strokes, render(strokes, bare, size))
 
@@ -269,7 +269,7 @@ def seen_colors(strokes: SoftStrokes, canvas: Tensor, size: CanvasSize) -> Tenso
 
 
 @torch.no_grad()
-def _placed(
+def _place(
     strokes: SoftStrokes,
     count: int,
     smallness: float,
@@ -305,7 +305,7 @@ def _placed(
     return freedom.project(new, size)
 
 
-def _settled(
+def _settle(
     strokes: SoftStrokes,
     bare: Tensor,
     target: Tensor,
@@ -385,7 +385,7 @@ class MarkSizes:
         )
 
 
-def held_to(model: StrokeModel, size: CanvasSize) -> Freedom:
+def constrain_to_brush(model: StrokeModel, size: CanvasSize) -> Freedom:
     """Returns the limits of opaque strokes of even width, within the lengths, widths and bends of the brush."""
     limits = model.limits.within(size)
     width = MarkSizes.of(model).width
@@ -501,10 +501,10 @@ def _soft(target: Target, planner: str) -> MakePlan:
         made = plan_soft_strokes(
             images.fit(target.picture, *bare.shape[1:]),
             spec.canvas,
-            held_to(model, spec.canvas) if held else unconstrained(spec.canvas),
+            constrain_to_brush(model, spec.canvas) if held else allow_any_stroke(spec.canvas),
             spec.strokes,
             colors=spec.colors if held else None,
-            effort=SoftEffort().scaled(spec.effort),
+            effort=SoftEffort().scale(spec.effort),
             seed=spec.seed,
             notify=tell,
         )
@@ -514,7 +514,7 @@ def _soft(target: Target, planner: str) -> MakePlan:
     return make_plan
 
 
-def unconstrained(size: CanvasSize) -> Freedom:
+def allow_any_stroke(size: CanvasSize) -> Freedom:
     """Returns the limits of strokes from a hair to half the canvas, of any opacity."""
     return Freedom(
         length=(0.001, size.width + size.height),

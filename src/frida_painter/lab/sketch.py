@@ -12,10 +12,10 @@ from torch import Tensor
 
 from frida_painter import images
 from frida_painter.lab import paintings
-from frida_painter.lab.base import Experiment, Measurement, Outcome, Results, ResultTable, edge_score
 from frida_painter.lab.paintings import FULL, Painted, PaintingTrial
 from frida_painter.lab.targets import Target
-from frida_painter.objectives.encoders.registry import EncoderRegistry
+from frida_painter.lab.trials import Experiment, Measurement, Outcome, Results, ResultTable, edge_score
+from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.sketch import SketchTerm
 from frida_painter.report.sheets import Cell, FigureRow, page
 from frida_painter.runs.spec import RunSpec

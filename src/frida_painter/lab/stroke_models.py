@@ -21,7 +21,7 @@ from frida_painter.brush.kinds import StrokeModel, median_of
 from frida_painter.brush.library import StrokeLibrary, clean, resample
 from frida_painter.errors import LibraryError
 from frida_painter.lab import ExperimentScale
-from frida_painter.lab.base import Notify, Outcome, Progress, ResultTable, Row, silent
+from frida_painter.lab.trials import Notify, Outcome, Progress, ResultTable, Row, silent
 from frida_painter.report.sheets import Cell, FigureRow, page
 
 # Stroke models in comparison, each learned from a stroke library.
@@ -46,7 +46,7 @@ def learn(rival: str, library: StrokeLibrary, *, seed: int, quick: bool = False)
     if rival == MEAN:
         mean = torch.from_numpy(library.magnitude.mean(0)).float() / 255
         return lambda other: mean.expand(len(other), -1, -1)
-    return drawn_by(learn_model(rival, library, seed=seed, quick=quick))
+    return predict_with(learn_model(rival, library, seed=seed, quick=quick))
 
 
 def learn_model(rival: str, library: StrokeLibrary, *, seed: int, quick: bool = False) -> StrokeModel:
@@ -70,7 +70,7 @@ def fingerprint(library: StrokeLibrary) -> str:
     return content.hexdigest()
 
 
-def drawn_by(model: StrokeModel) -> Predict:
+def predict_with(model: StrokeModel) -> Predict:
     """Returns a function that predicts the marks of a library's strokes with a stroke model.
 
     The marks are on the library's cells. They are the model's medians if it has them.
@@ -124,7 +124,7 @@ class PairedTest:
 
 NAME = "stroke-model"
 FEWEST_STROKES = 12
-_MOST_SHARE = 0.4
+_MAX_SHARE = 0.4
 _SHOWN = 8  # strokes in the picture
 
 
@@ -145,7 +145,7 @@ def run(
             f"{FEWEST_STROKES}, and 50 held out of 200 for figures that mean something."
         )
     order = np.random.default_rng(seed).permutation(len(library))
-    held_out = min(scale.held_out, int(_MOST_SHARE * len(library)))
+    held_out = min(scale.held_out, int(_MAX_SHARE * len(library)))
     test, training = library[order[:held_out]], library[order[held_out:]]
     models = (*LEARNED, BEZIER)
     drawn: dict[str, Tensor] = {}

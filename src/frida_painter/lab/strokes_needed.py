@@ -14,7 +14,8 @@ from frida_painter.brush import FEWEST_STROKES
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.errors import LibraryError
 from frida_painter.lab import ExperimentScale
-from frida_painter.lab.base import (
+from frida_painter.lab.stroke_models import BEZIER, LEARNED, errors, fingerprint, learn
+from frida_painter.lab.trials import (
     Experiment,
     ExperimentTrial,
     Measurement,
@@ -25,7 +26,6 @@ from frida_painter.lab.base import (
     ResultTable,
     Row,
 )
-from frida_painter.lab.stroke_models import BEZIER, LEARNED, errors, fingerprint, learn
 from frida_painter.report.page import Series, chart
 
 NAME = "strokes-needed"

@@ -13,7 +13,9 @@ from torch import Tensor
 
 from frida_painter import images, weights
 from frida_painter.lab import paintings
-from frida_painter.lab.base import (
+from frida_painter.lab.paintings import FULL, Painted, PaintingTrial
+from frida_painter.lab.targets import Target
+from frida_painter.lab.trials import (
     Experiment,
     Measurement,
     Outcome,
@@ -23,11 +25,9 @@ from frida_painter.lab.base import (
     edge_correlation,
     exact_emd,
 )
-from frida_painter.lab.paintings import FULL, Painted, PaintingTrial
-from frida_painter.lab.targets import Target
 from frida_painter.objectives.encoders.base import Seer
 from frida_painter.objectives.encoders.classifiers import EfficientNetLite
-from frida_painter.objectives.encoders.registry import EncoderRegistry
+from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.encoders.vgg import Vgg16
 from frida_painter.objectives.style_loss import LAYERS as SEEN
 from frida_painter.objectives.style_loss import cosine_cost, euclidean_cost, relaxed_emd
@@ -125,7 +125,7 @@ def _distances(vgg: Vgg16, judge: Seer, picture: Tensor, style: Tensor) -> dict[
         _NETWORKS, zip(_clouds(vgg, judge, picture), _clouds(vgg, judge, style), strict=True), strict=True
     ):
         costs = [
-            (euclidean_cost if network == "colours" else cosine_cost)(*_sampled(a, b))
+            (euclidean_cost if network == "colours" else cosine_cost)(*_sample(a, b))
             for a, b in zip(*clouds, strict=True)
         ]
         found[f"{network}, relaxed"] = float(np.mean([float(relaxed_emd(cost)) for cost in costs]))
@@ -140,7 +140,7 @@ def _clouds(vgg: Vgg16, judge: Seer, picture: Tensor) -> list[list[Tensor]]:
     return [[layer.flatten(1).T for layer in layers] for layers in (vgg.features(small, UNSEEN), lite, [small])]
 
 
-def _sampled(a: Tensor, b: Tensor) -> tuple[Tensor, Tensor]:
+def _sample(a: Tensor, b: Tensor) -> tuple[Tensor, Tensor]:
     """Returns equally many random rows of both clouds [n, c] and [m, c], at most _PLACES."""
     count = min(len(a), len(b), _PLACES)
     chance = torch.Generator().manual_seed(0)

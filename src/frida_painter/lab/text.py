@@ -17,11 +17,11 @@ from torch import Tensor
 
 from frida_painter import images, weights
 from frida_painter.lab import paintings
-from frida_painter.lab.base import Experiment, Measurement, Outcome, Results, ResultTable, Row
 from frida_painter.lab.paintings import Painted, PaintingTrial
+from frida_painter.lab.trials import Experiment, Measurement, Outcome, Results, ResultTable, Row
 from frida_painter.objectives.encoders.base import Reader
 from frida_painter.objectives.encoders.classifiers import EfficientNetLite, class_names
-from frida_painter.objectives.encoders.registry import EncoderRegistry
+from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.planning.initialize import uniform
 from frida_painter.render import render
 from frida_painter.report.sheets import Cell, FigureRow, page
@@ -135,7 +135,7 @@ def experiment(
     trials = [
         PaintingTrial.of(
             {"prompt": prompt.words, "seed": seed},
-            scale.changed(goal=[{"text": prompt.words}], seed=seed, fit="crop", film=False),
+            scale.with_values(goal=[{"text": prompt.words}], seed=seed, fit="crop", film=False),
         )
         for seed in seeds
         for prompt in prompts
@@ -150,7 +150,7 @@ def _floors(painted: Painted) -> dict[str, Tensor]:
     with TemporaryDirectory() as folder:
         picture = Path(folder) / "begun.png"
         images.save(begun, picture)
-        with PaintingRun(spec.changed(goal=[{"image": str(picture)}])) as run:
+        with PaintingRun(spec.with_values(goal=[{"image": str(picture)}])) as run:
             pixels = run.planner.expected(run.plan(), planner.bare)
     generator = torch.Generator().manual_seed(spec.seed)
     scattered = uniform(

@@ -13,7 +13,7 @@ from frida_painter.mixing.finish import Finish
 # Reflection by the surface of a dry matte paint for light from outside and from inside (Saunderson).
 _OUTER, _INNER = 0.035, 0.6
 _BLACKEST = 1e-3  # smallest reflectance inside a paint
-_LEAST_SCATTERING = 1e-4
+_MIN_SCATTERING = 1e-4
 _OPAQUE = 1e-4  # smallest difference between white and black ground
 
 
@@ -37,7 +37,7 @@ def inside(reflected: Tensor) -> Tensor:
     return (beneath / (1 - _INNER + _INNER * beneath)).clamp(_BLACKEST, 1 - _BLACKEST)
 
 
-def mixed(parts: Tensor, absorption: Tensor, scattering: Tensor, finish: Finish = Finish.matte) -> Tensor:
+def mix_reflectance(parts: Tensor, absorption: Tensor, scattering: Tensor, finish: Finish = Finish.matte) -> Tensor:
     """Returns the visible reflectance [m, b] of mixtures.
 
     parts [m, n]: amounts of n paints
@@ -58,5 +58,5 @@ def film_over(over_white: Tensor, over_black: Tensor, ground: Tensor) -> tuple[T
     a = a.clamp(min=1 + 1e-6)
     b = (a.square() - 1).sqrt()
     scattering = torch.atanh((b * over_black / (1 - a * over_black)).clamp(max=1 - 1e-9)) / b
-    scattering = scattering.clamp(min=_LEAST_SCATTERING)
+    scattering = scattering.clamp(min=_MIN_SCATTERING)
     return scattering * (a - 1), scattering

@@ -143,10 +143,10 @@ _WHITE_ABSORPTION = 0.0025
 # Tested scatterings: strength (powers of ten, number), slope over the bands, dependence on absorption.
 _STRENGTHS = (-2.7, -0.3, 61)
 _LEANS, _FOLLOWS = (-1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0), (-0.5, -0.25, 0.0, 0.25, 0.5, 0.75)
-_SCATTERING, _LEAST_ABSORPTION, _LEAST_SHARE = (0.005, 0.5), 3e-4, 0.05
+_SCATTERING, _MIN_ABSORPTION, _MIN_SHARE = (0.005, 0.5), 3e-4, 0.05
 _PRICE = 0.5  # CIEDE2000 of penalty for a slope of 1
 _PAINT_ROUNDS = 10
-_MOST_OFF = 10.0  # CIEDE2000
+_MAX_OFF = 10.0  # CIEDE2000
 # Scattering of dark published paints relative to titanium white, on average.
 _TYPICAL_SCATTERING = 0.1
 
@@ -203,16 +203,16 @@ class Paint:
         plain = scattering = (strength * (lean * axis).exp()).expand(-1, -1, len(_FOLLOWS), -1)  # [s, l, f, 16]
 
         def absorption() -> Tensor:
-            return (tinted * (scattering + parts) - parts * white.absorption).clamp(min=_LEAST_ABSORPTION)
+            return (tinted * (scattering + parts) - parts * white.absorption).clamp(min=_MIN_ABSORPTION)
 
         for _ in range(_PAINT_ROUNDS):
             share = absorption() / absorption().amax(-1, keepdim=True)
-            following = (plain * share.clamp(min=_LEAST_SHARE) ** follows).clamp(*_SCATTERING)
+            following = (plain * share.clamp(min=_MIN_SHARE) ** follows).clamp(*_SCATTERING)
             scattering = (scattering + following) / 2
         off = ciede2000(to_lab(color_of(reflectance(absorption(), scattering))), to_lab(color.to(tinted)))
         plainer = off + _PRICE * (2 * follows.abs() + lean.abs())[..., 0]
         best = tuple(int(index) for index in torch.unravel_index(plainer.argmin(), plainer.shape))
-        if not float(off[best]) <= _MOST_OFF:
+        if not float(off[best]) <= _MAX_OFF:
             raise ConfigError(
                 f"its colour lies {float(off[best]):.0f} CIEDE2000 from all that a paint with this tint can have; "
                 "photograph both in the same light"
@@ -244,7 +244,7 @@ def published_names() -> tuple[str, ...]:
     return WHITE, *_colors()
 
 
-def published(name: str) -> Paint:
+def find_acrylic(name: str) -> Paint:
     """Returns one of the eleven acrylics by name.
 
     Each is known by two colours: a thick mark, and one part with four parts of titanium white. Both follow from
@@ -273,17 +273,17 @@ def _colors() -> dict[str, tuple[str, str]]:
 
 # Paints of a person, from a small TOML file; by default six paints that mix most colours
 
-MOST_PAINTS = 32
+MAX_PAINTS = 32
 SIX = ("titanium white", "hansa yellow", "pyrrole red", "quinacridone magenta", "phthalo blue", "carbon black")
 """Names of the published paints that are used by default."""
-_MOST_BYTES = 2**18
+_MAX_BYTES = 2**18
 _ENTRIES = ("name", "color", "tint", "white", "over_white", "over_black")
 _ADVICE = "docs/how-to/mix.md shows such a file"
 
 
 def usual_paints() -> tuple[Paint, ...]:
     """Returns the six default paints."""
-    return tuple(published(name) for name in SIX)
+    return tuple(find_acrylic(name) for name in SIX)
 
 
 def read_paints(path: Path) -> tuple[Paint, ...]:
@@ -293,10 +293,10 @@ def read_paints(path: Path) -> tuple[Paint, ...]:
     mark), better with `tint`, the colour of one part with `white` parts of titanium white; or `over_white` and
     `over_black` of one film.
     """
-    values = storage.read_toml(path, "a file of paints (TOML)", _MOST_BYTES, _ADVICE)
+    values = storage.read_toml(path, "a file of paints (TOML)", _MAX_BYTES, _ADVICE)
     entries = values.get("paint")
-    if set(values) != {"paint"} or not isinstance(entries, list) or not 1 <= len(entries) <= MOST_PAINTS:
-        raise ConfigError(f"{path} is no file of paints: it has 1 to {MOST_PAINTS} [[paint]] entries; {_ADVICE}.")
+    if set(values) != {"paint"} or not isinstance(entries, list) or not 1 <= len(entries) <= MAX_PAINTS:
+        raise ConfigError(f"{path} is no file of paints: it has 1 to {MAX_PAINTS} [[paint]] entries; {_ADVICE}.")
     faults: list[str] = []
     paints: list[Paint] = []
     for number, entry in enumerate(entries, 1):
@@ -364,4 +364,4 @@ def _paint(entry: dict[str, Any]) -> Paint:
         return Paint.of_color(name, colors["color"])
     if "over_white" in entry:
         return Paint.of_films(name, colors["over_white"], colors["over_black"])
-    return replace(published(name.lower()), name=name)
+    return replace(find_acrylic(name.lower()), name=name)

@@ -12,18 +12,18 @@ from torch import Tensor
 from frida_painter.brush.kinds import brush_kind
 from frida_painter.errors import ConfigError
 from frida_painter.mixing.finish import Finish
-from frida_painter.mixing.kubelka_munk import mixed
+from frida_painter.mixing.kubelka_munk import mix_reflectance
 from frida_painter.mixing.paint import Paint, color_of
 from frida_painter.palette import ciede2000, to_lab
 from frida_painter.plan import Plan
 
 GOOD, REACHED = 2.0, 5.0
 """Limits of CIEDE2000: the difference is hardly visible up to GOOD; the colour is out of reach above REACHED."""
-EASY_PARTS, MOST_PARTS, PARTS_WITH_TRACES = 40, 120, 600
+EASY_PARTS, MAX_PARTS, PARTS_WITH_TRACES = 40, 120, 600
 """Largest number of parts of all paints together.
 
 EASY_PARTS: drops of half a teaspoon
-MOST_PARTS: drops of a teaspoon, if half a teaspoon is not enough
+MAX_PARTS: drops of a teaspoon, if half a teaspoon is not enough
 PARTS_WITH_TRACES: with traces of strong paints, if nothing else is within reach, as in whites that are nearly white
 """
 _LEVELS = (1, 3, 9, 27, 81)  # parts that are tested first
@@ -89,7 +89,7 @@ def recipes(colors: Tensor, paints: Sequence[Paint], most: int = 4, finish: Fini
 
 def _recipe(color: Tensor, mixer: "_Mixer") -> Recipe:
     """Returns the best recipe in many parts, or in few parts if the difference is hardly visible."""
-    best = _Search(color, mixer, MOST_PARTS).best()
+    best = _Search(color, mixer, MAX_PARTS).best()
     if not best.within_reach:
         traces = _Search(color, mixer, PARTS_WITH_TRACES).best()
         return traces if traces.within_reach else best
@@ -115,7 +115,7 @@ class _Mixer:
 
     def colors(self, parts: Tensor) -> Tensor:
         """Returns sRGB [m, 3] of mixtures [m, n]."""
-        return color_of(mixed(parts, self._absorption, self._scattering, self._finish))
+        return color_of(mix_reflectance(parts, self._absorption, self._scattering, self._finish))
 
 
 class _Search:
@@ -131,7 +131,7 @@ class _Search:
         if mixer.most == 4:
             extended = torch.cat([seeds, *(self._with_another(seed) for seed in seeds)])
             seeds = torch.cat((seeds[: _SEEDS // 2], self._nearest(extended)[: _SEEDS // 2]))
-        found = self._refined([tuple(map(int, seed)) for seed in seeds.tolist()])
+        found = self._refine([tuple(map(int, seed)) for seed in seeds.tolist()])
         color = mixer.colors(torch.tensor([found], dtype=torch.float64))[0]
         used = sorted(
             ((paint, count) for paint, count in zip(mixer.paints, found, strict=True) if count), key=_most_first
@@ -157,7 +157,7 @@ class _Search:
         added = [scale * seed + _only(index, level, seed) for index in unused for scale, level in (*_LITTLE, *_MUCH)]
         return torch.stack(added or [seed])
 
-    def _refined(self, starts: list[tuple[int, ...]]) -> tuple[int, ...]:
+    def _refine(self, starts: list[tuple[int, ...]]) -> tuple[int, ...]:
         """Returns integer parts near one of `starts` with the lowest cost.
 
         Each start moves to its cheapest neighbour while that lowers the cost; all starts move together. A path
@@ -239,7 +239,7 @@ def _most_first(used: tuple[Paint, int]) -> tuple[int, str]:
 
 _FILM = 0.15e-3  # thickness of wet paint under a brush in metres
 _KEPT_BACK = 2.0  # factor: as much paint again stays in the brush, the water and the wells
-_LEAST = 3.0  # millilitres, the least in which a brush can be dipped
+_MIN = 3.0  # millilitres, the least in which a brush can be dipped
 _ML = 1e6  # millilitres in a cubic metre
 
 
@@ -251,4 +251,4 @@ def volumes(plan: Plan) -> Tensor:
     areas = [brush_kind(part.layers[0].brush).area(part.strokes).double() for part in plan.filled_layers()]
     area = torch.cat(areas) if areas else torch.zeros(0).double()  # [n] m2
     painted = plan.paint.bincount(area, minlength=len(plan.palette))  # [k] m2
-    return (painted * _FILM * _KEPT_BACK * _ML).clamp(min=_LEAST)
+    return (painted * _FILM * _KEPT_BACK * _ML).clamp(min=_MIN)

@@ -12,7 +12,7 @@ from torch.nn import functional
 
 from frida_painter import images
 from frida_painter.objectives.encoders.base import Seer
-from frida_painter.objectives.encoders.registry import EncoderRegistry
+from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal, Term
 
@@ -97,7 +97,7 @@ _EDGES, _THINGS = 1.0, 0.7  # relative to the base importance of each place
 _STRONGEST = 6.0  # largest importance, relative to the mean
 
 
-def attended(goal: Goal, encoders: EncoderRegistry) -> Goal:
+def start_from_meaning(goal: Goal, encoders: EncoderRegistry) -> Goal:
     """Returns the goal with importance maps for the pictures that it begins with.
 
     This applies if the goal begins with a picture that is painted by its content (SemanticTerm). Other goals
@@ -115,18 +115,18 @@ def attended(goal: Goal, encoders: EncoderRegistry) -> Goal:
     return replace(goal, initial=initial)
 
 
-def focused(goal: Goal, focus: str, encoders: EncoderRegistry) -> Goal:
+def weight_by_focus(goal: Goal, focus: str, encoders: EncoderRegistry) -> Goal:
     """Returns the goal with more importance on faces (FACES) or on the whole subject (SUBJECT) of its photographs.
 
     If it finds faces, it adds a remark to `encoders`. Raises WeightsError if SUBJECT needs a missing network.
     """
     if focus == EVERYWHERE:
         return goal
-    terms = [_focused(term, focus, encoders) for term in goal.terms]
+    terms = [_weight_term(term, focus, encoders) for term in goal.terms]
     return goal if all(map(operator.is_, terms, goal.terms)) else replace(goal, terms=tuple(terms))
 
 
-def _focused(term: Term, focus: str, encoders: EncoderRegistry) -> Term:
+def _weight_term(term: Term, focus: str, encoders: EncoderRegistry) -> Term:
     if not isinstance(term, ImageTerm) or term.importance is not None:
         return term
     if focus == SUBJECT:
@@ -136,10 +136,10 @@ def _focused(term: Term, focus: str, encoders: EncoderRegistry) -> Term:
         return term
     told = "A face was found in the picture and matters" if len(found) == 1 else f"{len(found)} faces matter"
     encoders.remark(f"{told} more than the rest; --focus {EVERYWHERE} changes that.")
-    return replace(term, importance=importance_of(found, *_looked_at(term.image)))
+    return replace(term, importance=importance_of(found, *_choose_size(term.image)))
 
 
-def _looked_at(picture: Tensor) -> tuple[int, int]:
+def _choose_size(picture: Tensor) -> tuple[int, int]:
     """Returns rows and columns at which a picture [3, H, W] is examined."""
     _, rows, columns = picture.shape
     return _ROWS, max(16, round(_ROWS * columns / rows))
@@ -151,7 +151,7 @@ def importance(picture: Tensor, seer: Seer, hed: Hed | None) -> Tensor:
 
     It is higher along edges, by HED, and at strong responses of the network's last layer.
     """
-    small = images.fit(picture, *_looked_at(picture))
+    small = images.fit(picture, *_choose_size(picture))
     shape = small.shape[1:]
     total = torch.ones(shape).to(picture)
     if hed is not None:

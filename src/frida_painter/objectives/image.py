@@ -41,11 +41,11 @@ class PictureTerm(Term):
     def __post_init__(self) -> None:
         require_weight(self.weight, self.called)
 
-    def begun(self, goal: Goal) -> ImageTerm:
+    def as_start(self, goal: Goal) -> ImageTerm:
         """Returns an ImageTerm with the same picture and weight."""
         return ImageTerm(self.image, self.weight)
 
-    def fitted(self, rows: int, columns: int, *, pad: bool = False) -> Self:
+    def fit_to(self, rows: int, columns: int, *, pad: bool = False) -> Self:
         """Returns the term with its picture fitted to `rows` x `columns`."""
         from frida_painter import images
 
@@ -75,7 +75,7 @@ class ImageTerm(PictureTerm):
     interpretation_order = 5
     is_pixelwise = True
 
-    def begun(self, goal: Goal) -> ImageTerm:
+    def as_start(self, goal: Goal) -> ImageTerm:
         """Returns the term itself, with its importance."""
         return self
 
@@ -89,7 +89,7 @@ class ImageTerm(PictureTerm):
         """Picture that the planner compares with."""
         return self.image if self.wanted is None else self.wanted
 
-    def fitted(self, rows: int, columns: int, *, pad: bool = False) -> Self:
+    def fit_to(self, rows: int, columns: int, *, pad: bool = False) -> Self:
         """Returns the term with its picture fitted to `rows` x `columns`; a smaller picture keeps its pixels.
 
         It is shrunk again later to the planning image, so it is not softened here.
@@ -97,10 +97,10 @@ class ImageTerm(PictureTerm):
         from frida_painter import images
 
         if pad:
-            return super().fitted(rows, columns, pad=True)
+            return super().fit_to(rows, columns, pad=True)
         scale = min(1.0, self.image.shape[1] / rows, self.image.shape[2] / columns)
         fewer = max(1, round(scale * rows)), max(1, round(scale * columns))
-        return replace(self, image=images.averaged(self.image, *fewer))
+        return replace(self, image=images.resize_by_area(self.image, *fewer))
 
     def with_picture(self, picture: Tensor) -> ImageTerm:
         """Returns the term with another picture and the same importance."""
@@ -118,12 +118,14 @@ class ImageTerm(PictureTerm):
 
         Beside other terms, photographs stay unchanged, because the other terms set the edges.
         """
-        from frida_painter.objectives.pixel_loss import sharpened
+        from frida_painter.objectives.pixel_loss import fit_and_sharpen
 
         photographs = [term for term in goal.terms if isinstance(term, cls)]
         if context.sharpness == 0 or len(photographs) < len(goal.terms):
             return goal
-        terms = [replace(one, wanted=sharpened(one.image, context.sharpness, context.grid)) for one in photographs]
+        terms = [
+            replace(one, wanted=fit_and_sharpen(one.image, context.sharpness, context.grid)) for one in photographs
+        ]
         return replace(goal, terms=tuple(terms))
 
 

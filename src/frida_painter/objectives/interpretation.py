@@ -8,13 +8,13 @@ from torch import Tensor
 
 from frida_painter import images
 from frida_painter.frames import PixelGrid, Rows
-from frida_painter.objectives.encoders.registry import EncoderRegistry
+from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.objective import Goal, Objective, ObjectiveContext, ObjectiveTerm
 
 _INSISTENCE = 4.0  # weight of a recognition that is worse than that of the beginning
 
 
-def interpreted(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, seed: int, sharpness: float = 0.0) -> Goal:
+def interpret_goal(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, seed: int, sharpness: float = 0.0) -> Goal:
     """Returns the goal after interpretation: each kind of term may change the other terms, in a fixed order.
 
     Sketches are drawn on their photographs. Words get a first picture. Pictures with a style term get the
@@ -67,13 +67,13 @@ class WeightedObjective:
 
     def recognition(self, picture: Tensor) -> Tensor:
         """Returns how far a picture [3, H, W] is from being recognised as the wish; 0 if no term measures it."""
-        return self._validated(picture, None)[1]
+        return self._validate(picture, None)[1]
 
     def _validation(self, picture: Tensor, variance: Tensor | None = None) -> Tensor:
-        total, recognition = self._validated(picture, variance)
+        total, recognition = self._validate(picture, variance)
         return total + _INSISTENCE * (recognition - self._limit).clamp(min=0)
 
-    def _validated(self, picture: Tensor, variance: Tensor | None) -> tuple[Tensor, Tensor]:
+    def _validate(self, picture: Tensor, variance: Tensor | None) -> tuple[Tensor, Tensor]:
         """Returns two sums: of the validations of all terms, and of those terms that measure recognition."""
         total = recognition = picture.new_zeros(())
         for weight, term in self._terms:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from frida_painter.frames import PixelGrid, Rows
-    from frida_painter.objectives.encoders.registry import EncoderRegistry
+    from frida_painter.objectives.encoders.loading import EncoderRegistry
 
 
 # The goal: a person's wishes for the canvas, as weighted terms
@@ -95,7 +95,7 @@ class Term(ABC):
         """Importance of each place of the guide, [h, w], with mean 1; None if uniform."""
         return None
 
-    def begun(self, goal: Goal) -> Term:
+    def as_start(self, goal: Goal) -> Term:
         """Returns the term that a plan of `goal` starts with, if it begins with this term."""
         return self
 
@@ -107,7 +107,7 @@ class Term(ABC):
         """Returns the term after its drawing was drawn on `picture`."""
         return self
 
-    def fitted(self, rows: int, columns: int, *, pad: bool = False) -> Term:
+    def fit_to(self, rows: int, columns: int, *, pad: bool = False) -> Term:
         """Returns the term with its pictures fitted to a canvas of `rows` x `columns`.
 
         pad: True to show the whole picture on white; False to crop it to its middle
@@ -152,15 +152,15 @@ class Goal:
             initial=tuple(term.to(device) for term in self.initial),
         )
 
-    def fitted(self, rows: int, columns: int, *, pad: bool = False) -> Self:
+    def fit_to(self, rows: int, columns: int, *, pad: bool = False) -> Self:
         """Returns the goal with all pictures fitted to a canvas of `rows` x `columns`.
 
         pad: True to show whole pictures on white; False to crop them to their middle
         """
         return replace(
             self,
-            terms=tuple(term.fitted(rows, columns, pad=pad) for term in self.terms),
-            initial=tuple(term.fitted(rows, columns, pad=pad) for term in self.initial),
+            terms=tuple(term.fit_to(rows, columns, pad=pad) for term in self.terms),
+            initial=tuple(term.fit_to(rows, columns, pad=pad) for term in self.initial),
         )
 
     @cached_property
@@ -170,11 +170,11 @@ class Goal:
         If all terms begin unchanged, this is the tuple `terms` itself.
         """
         if self.initial:
-            return tuple(term.begun(self) for term in self.initial)
+            return tuple(term.as_start(self) for term in self.initial)
         orders = [term.initial_order for term in self.terms if term.initial_order is not None]
         if not orders:
             return self.terms
-        begun = tuple(term.begun(self) for term in self.terms if term.initial_order == min(orders))
+        begun = tuple(term.as_start(self) for term in self.terms if term.initial_order == min(orders))
         same = len(begun) == len(self.terms) and all(map(lambda one, other: one is other, begun, self.terms))
         return self.terms if same else begun
 
@@ -244,7 +244,7 @@ class GoalKind:
         """Command line option for a painting that begins with a goal of this kind."""
         return f"--init-{self.name.replace('_', '-')}"
 
-    def opened(self, value: Any, weight: float, *, beginning: bool) -> Term:
+    def open_term(self, value: Any, weight: float, *, beginning: bool) -> Term:
         """Returns the term of a file or of words. Raises ImageError, or ConfigError that names the option."""
         try:
             if not beginning:

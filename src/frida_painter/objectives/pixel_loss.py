@@ -67,7 +67,7 @@ _SPREAD = 0.0037
 """Standard deviation in metres on the canvas of the blur in unsharp masking."""
 
 
-def sharpened(picture: Tensor, sharpness: float, grid: PixelGrid) -> Tensor:
+def fit_and_sharpen(picture: Tensor, sharpness: float, grid: PixelGrid) -> Tensor:
     """Returns a picture [3, h, w], fitted to the grid [3, H, W] and sharpened for planning.
 
     sharpness: increase of each pixel's difference from its surroundings
@@ -81,4 +81,4 @@ def with_contrast(picture: Tensor, spread: float, amount: float) -> Tensor:
     spread: standard deviation of the blur in pixels
     amount: increase of each pixel's difference from the blurred picture
     """
-    return (picture + amount * (picture - images.blurred(picture, spread))).clamp(0, 1)
+    return (picture + amount * (picture - images.gaussian_blur(picture, spread))).clamp(0, 1)

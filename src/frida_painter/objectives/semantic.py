@@ -44,9 +44,9 @@ class SemanticTerm(PictureTerm):
     @classmethod
     def interpret(cls, goal: Goal, context: ObjectiveContext) -> Goal:
         """Lets the plan begin with the pixels of the picture, weighted by their importance for its content."""
-        from frida_painter.objectives.attention import attended
+        from frida_painter.objectives.attention import start_from_meaning
 
-        return attended(goal, context.encoders)
+        return start_from_meaning(goal, context.encoders)
 
 
 KIND = GoalKind(

@@ -6,8 +6,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from frida_painter.devices import sent
-from frida_painter.images import sized
+from frida_painter.devices import send_to_device
+from frida_painter.images import resize_to_pixels
 from frida_painter.objectives.encoders.base import Seer
 from frida_painter.objectives.encoders.vgg import Vgg16
 
@@ -46,7 +46,7 @@ class Views:
         y, x = torch.meshgrid(along, along, indexing="ij")
         points = torch.stack((x, y, torch.ones_like(x)), -1)  # [size, size, 3]
         seen = torch.einsum("nij,hwj->nhwi", self._maps[which], points)
-        grid = sent((seen[..., :2] / seen[..., 2:]).to(picture.dtype), picture.device)
+        grid = send_to_device((seen[..., :2] / seen[..., 2:]).to(picture.dtype), picture.device)
         return functional.grid_sample(
             small.expand(len(which), -1, -1, -1), grid, mode="bilinear", padding_mode="reflection", align_corners=False
         )
@@ -97,7 +97,7 @@ class Semantic:
         self._generator = torch.Generator().manual_seed(seed)
         with torch.no_grad():
             self._targets = seer.features(self._views.of(image, torch.arange(_VIEWS)))
-            self._shapes = [] if trunk is None else trunk.features(sized(image, _PIXELS), _LAYERS)
+            self._shapes = [] if trunk is None else trunk.features(resize_to_pixels(image, _PIXELS), _LAYERS)
 
     def __call__(self, picture: Tensor) -> Tensor:
         """Returns the distance of a picture [3, H, W] in [0, 1] in two random views. Differentiable."""
@@ -110,12 +110,14 @@ class Semantic:
     def _distance(self, picture: Tensor, which: Tensor) -> Tensor:
         total = picture.new_zeros(())
         for seen, targets in zip(self._seer.features(self._views.of(picture, which)), self._targets, strict=True):
-            total = total + _apart(seen, targets[sent(which, targets.device)])
+            total = total + _apart(seen, targets[send_to_device(which, targets.device)])
         if self._trunk is None:
             return _BALANCE * total
-        for shapes, wanted in zip(self._trunk.features(sized(picture, _PIXELS), _LAYERS), self._shapes, strict=True):
+        for shapes, wanted in zip(
+            self._trunk.features(resize_to_pixels(picture, _PIXELS), _LAYERS), self._shapes, strict=True
+        ):
             total = total + _apart(shapes[None], wanted[None])
-        colors = (_blurred(picture) - _blurred(self._image.to(picture))).square().mean()
+        colors = (_blur(picture) - _blur(self._image.to(picture))).square().mean()
         return _BALANCE * total + _HELD * colors
 
 
@@ -124,7 +126,7 @@ def _apart(seen: Tensor, wanted: Tensor) -> Tensor:
     return (1 - functional.cosine_similarity(seen, wanted.to(seen), dim=1)).mean()
 
 
-def _blurred(picture: Tensor) -> Tensor:
+def _blur(picture: Tensor) -> Tensor:
     """Returns the picture with each pixel replaced by the mean of its neighbourhood."""
     reach = round(_COLORS * min(picture.shape[1:]))
     return functional.avg_pool2d(picture[None], 2 * reach + 1, 1, reach, count_include_pad=False)[0]

@@ -32,10 +32,10 @@ class SketchTerm(PictureTerm):
     interpretation_order = 1
 
     def __post_init__(self) -> None:
-        from frida_painter.objectives.sketch_loss import cleaned, ink
+        from frida_painter.objectives.sketch_loss import clean_drawing, ink
 
         super().__post_init__()
-        if not float(ink(cleaned(self.image)).float().mean()) >= _FEWEST:
+        if not float(ink(clean_drawing(self.image)).float().mean()) >= _FEWEST:
             raise ConfigError(
                 "A sketch without a single line was given; give a drawing of dark lines on light paper, or of chalk."
             )
@@ -43,21 +43,21 @@ class SketchTerm(PictureTerm):
     @property
     def drawing(self) -> Tensor:
         """Lines on white paper, at least as broad as a brush paints: [3, H, W] in [0, 1]."""
-        from frida_painter.objectives.sketch_loss import broadened, cleaned
+        from frida_painter.objectives.sketch_loss import broaden_lines, clean_drawing
 
-        return broadened(cleaned(self.image), _BROAD)
+        return broaden_lines(clean_drawing(self.image), _BROAD)
 
     @property
     def guide(self) -> Tensor:
         """Drawing as it was given."""
         return self.image
 
-    def begun(self, goal: Goal) -> ImageTerm:
+    def as_start(self, goal: Goal) -> ImageTerm:
         """Returns the drawing as a picture, filled with the colours of the goal's first style if there is one."""
-        from frida_painter.objectives.sketch_loss import colored
+        from frida_painter.objectives.sketch_loss import color_drawing
 
         style = next((term.colors for term in goal.terms if term.colors is not None), None)
-        return ImageTerm(self.drawing if style is None else colored(self.drawing, style), self.weight)
+        return ImageTerm(self.drawing if style is None else color_drawing(self.drawing, style), self.weight)
 
     def on_picture(self, picture: Tensor) -> SketchTerm:
         """Returns the term for a drawing on a picture: its edges are those of lines and picture together."""

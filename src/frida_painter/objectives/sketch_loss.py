@@ -8,7 +8,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from frida_painter import images
-from frida_painter.images import sized
+from frida_painter.images import resize_to_pixels
 from frida_painter.objectives.encoders.vgg import Hed
 from frida_painter.objectives.objective import Goal, Term
 from frida_painter.palette import Palette, to_lab
@@ -23,7 +23,7 @@ _SPECK = 1e-3  # share of the sheet
 _COARSE = 160  # largest number of rows and columns for the estimate of the light
 
 
-def cleaned(picture: Tensor) -> Tensor:
+def clean_drawing(picture: Tensor) -> Tensor:
     """Returns the drawing of a photograph or scan [3, H, W] in [0, 1] on white paper, with its lines in full colour.
 
     Light on paper changes slowly and lines are thin, so a morphological closing leaves the paper. Chalk on a
@@ -35,7 +35,7 @@ def cleaned(picture: Tensor) -> Tensor:
     scale = min(1.0, _COARSE / max(rows, columns))
     size = [max(8, round(rows * scale)), max(8, round(columns * scale))]
     small = functional.interpolate(picture[None], size, mode="bilinear", antialias=True)
-    paper = _closed(small, min(size) // _WINDOW)
+    paper = _close(small, min(size) // _WINDOW)
     # If a filled area is wider than the window, the median of the sheet sets the brightness of the paper.
     paper = torch.maximum(paper, 0.6 * paper.flatten(2).median(2).values[..., None, None])
     paper = functional.interpolate(paper, [rows, columns], mode="bilinear")[0].clamp(min=0.05)
@@ -50,7 +50,7 @@ def ink(drawing: Tensor) -> Tensor:
     return 1 - drawing.amin(0) > _INK
 
 
-def broadened(drawing: Tensor, share: float) -> Tensor:
+def broaden_lines(drawing: Tensor, share: float) -> Tensor:
     """Returns a cleaned drawing [3, H, W] with lines about `share` of its shorter side wide; wider lines stay."""
     import cv2  # loaded here because only drawings need it
 
@@ -66,7 +66,7 @@ def broadened(drawing: Tensor, share: float) -> Tensor:
     return torch.from_numpy(broad).permute(2, 0, 1).contiguous().to(drawing)
 
 
-def colored(drawing: Tensor, style: Tensor) -> Tensor:
+def color_drawing(drawing: Tensor, style: Tensor) -> Tensor:
     """Returns a cleaned drawing [3, H, W] in the colours of a style picture [3, h, w].
 
     Lines get the darkest colour. The largest enclosed area (the ground) gets the lightest. The other areas get
@@ -88,7 +88,7 @@ def colored(drawing: Tensor, style: Tensor) -> Tensor:
     return filled
 
 
-def _closed(picture: Tensor, reach: int) -> Tensor:
+def _close(picture: Tensor, reach: int) -> Tensor:
     """Returns the picture [1, 3, h, w], smoothed, without dark details narrower than 2 `reach` + 1 pixels."""
     around = 2 * reach + 1
 
@@ -117,7 +117,7 @@ def overlaid(goal: Goal) -> Goal:
 
     def drawn(image: Tensor) -> Tensor:
         for drawing in drawings:
-            image = drawn_on(image, images.fit(drawing, *image.shape[1:]))
+            image = draw_on_picture(image, images.fit(drawing, *image.shape[1:]))
         return image
 
     together = drawn(picture)
@@ -130,7 +130,7 @@ def overlaid(goal: Goal) -> Goal:
     return Goal(tuple(shown(term) for term in goal.terms), goal.initial)
 
 
-def drawn_on(picture: Tensor, drawing: Tensor) -> Tensor:
+def draw_on_picture(picture: Tensor, drawing: Tensor) -> Tensor:
     """Draws a cleaned drawing on a picture, both [3, H, W], in its own colours, or in white on a dark picture.
 
     The mean lightness of the picture under all lines decides, so a drawing is never half white.
@@ -176,11 +176,11 @@ class Sketch:
 
     def _see(self, picture: Tensor) -> list[Tensor]:
         """Returns the edges [h, w] at each blur."""
-        edges = self._hed.edges(sized(picture, _PIXELS))
-        return [_blurred(edges, share * min(edges.shape)) for share in _BLURS]
+        edges = self._hed.edges(resize_to_pixels(picture, _PIXELS))
+        return [_blur(edges, share * min(edges.shape)) for share in _BLURS]
 
 
-def _blurred(edges: Tensor, spread: float) -> Tensor:
+def _blur(edges: Tensor, spread: float) -> Tensor:
     """Blurs edges [h, w] with a Gaussian of standard deviation `spread` pixels."""
     reach = max(1, round(2.5 * spread))
     along = torch.arange(-reach, reach + 1, dtype=edges.dtype, device=edges.device)

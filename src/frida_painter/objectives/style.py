@@ -40,7 +40,7 @@ class StyleTerm(PictureTerm):
         """Style picture: strokes follow its marks."""
         return self.image
 
-    def fitted(self, rows: int, columns: int, *, pad: bool = False) -> Self:
+    def fit_to(self, rows: int, columns: int, *, pad: bool = False) -> Self:
         """Returns the term unchanged: a style does not fill the canvas."""
         return self
 

@@ -30,11 +30,11 @@ def directions(picture: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     """
     rows = min(_ROWS, picture.shape[1])
     small = images.fit(picture, rows, max(1, round(rows * picture.shape[2] / picture.shape[1])))
-    light = images.blurred(small.mean(0, keepdim=True), _MARK)[0]
+    light = images.gaussian_blur(small.mean(0, keepdim=True), _MARK)[0]
     padded = functional.pad(light[None, None], (1, 1, 1, 1), mode="replicate")[0, 0]
     right = padded[1:-1, 2:] - padded[1:-1, :-2]
     up = padded[:-2, 1:-1] - padded[2:, 1:-1]
-    along, across, both = images.blurred(torch.stack((right.square(), up.square(), right * up)), _AROUND)
+    along, across, both = images.gaussian_blur(torch.stack((right.square(), up.square(), right * up)), _AROUND)
     energy = along + across
     difference = along - across
     coherence = torch.sqrt(difference.square() + 4 * both.square()) / energy.clamp(min=1e-8)

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from frida_painter.devices import Constant, sent
-from frida_painter.images import sized
+from frida_painter.devices import Constant, send_to_device
+from frida_painter.images import resize_to_pixels
 from frida_painter.objectives.encoders.vgg import Vgg16
 from frida_painter.objectives.objective import Goal, Term
 from frida_painter.palette import from_lab, to_lab
@@ -61,7 +61,7 @@ def _unit(rows: Tensor) -> Tensor:
 _SEEN = 40_000  # pixels of a picture that are used for its colours
 _CHANGE = (0.5, 3.0)  # limits for the scaling of colour differences: content stays visible, an even ground stays even
 _RARE = 0.02  # share of pixels that may be too dark or too light
-_LEAST = 1.0  # variance in Lab that is added along each direction, so that the covariance can be inverted
+_MIN = 1.0  # variance in Lab that is added along each direction, so that the covariance can be inverted
 
 
 def in_style_colors(goal: Goal) -> Goal:
@@ -82,7 +82,7 @@ def in_style_colors(goal: Goal) -> Goal:
             return term
         if id(picture) not in moved:
             share = min(1.0, sum(weight for _, weight in styles) / term.weight)
-            moved[id(picture)] = torch.lerp(picture, _carried(picture, wanted), share)
+            moved[id(picture)] = torch.lerp(picture, _transfer_colors(picture, wanted), share)
         return term.with_picture(moved[id(picture)])
 
     terms = tuple(recolored(term) for term in goal.terms)
@@ -96,12 +96,12 @@ def _moments(every: Sequence[Tensor], weights: Sequence[float]) -> tuple[Tensor,
     mean = sum((part * lab.mean(0) for part, lab in zip(share, every, strict=True)), torch.zeros(3).double())
     spread = sum(
         (part * (lab - mean).T @ (lab - mean) / len(lab) for part, lab in zip(share, every, strict=True)),
-        _LEAST * torch.eye(3).double(),
+        _MIN * torch.eye(3).double(),
     )
     return mean, spread
 
 
-def _carried(picture: Tensor, wanted: tuple[Tensor, Tensor]) -> Tensor:
+def _transfer_colors(picture: Tensor, wanted: tuple[Tensor, Tensor]) -> Tensor:
     """Returns the picture [3, H, W] with mean and covariance of its colours moved to `wanted`."""
     seen = _lab(picture)
     mean, spread = _moments([seen], [1.0])
@@ -119,7 +119,7 @@ def _carried(picture: Tensor, wanted: tuple[Tensor, Tensor]) -> Tensor:
 
 def _lab(picture: Tensor) -> Tensor:
     """Returns colours at some pixels of a picture [3, H, W] in Lab: [n, 3] float64."""
-    return to_lab(sized(picture, _SEEN).clamp(0, 1).flatten(1).T).double()
+    return to_lab(resize_to_pixels(picture, _SEEN).clamp(0, 1).flatten(1).T).double()
 
 
 def _root(matrix: Tensor) -> Tensor:
@@ -167,18 +167,18 @@ class Style:
 
     def _see(self, picture: Tensor) -> list[Tensor]:
         """Returns colours, then the features of each layer, at sampled places: [n, c] each."""
-        small = sized(picture, _PIXELS)
+        small = resize_to_pixels(picture, _PIXELS)
         maps = [small, *self._vgg.features(small, LAYERS)]
-        clouds = [_sampled(one, self._seed) for one in maps]
+        clouds = [_sample(one, self._seed) for one in maps]
         clouds[0] = clouds[0] @ self._decorrelate.like(clouds[0]).T
         # Features of each layer are scaled to one size, because their units have no meaning.
         return [clouds[0], *(cloud / (cloud.detach().square().mean().sqrt() + 1e-6) for cloud in clouds[1:])]
 
 
-def _sampled(features: Tensor, seed: int) -> Tensor:
+def _sample(features: Tensor, seed: int) -> Tensor:
     """Returns features [c, h, w] at up to 1024 places, [n, c]; the same places for each map of that shape."""
     rows = features.flatten(1).T
     if len(rows) <= _SAMPLES:
         return rows
     places = torch.randperm(len(rows), generator=torch.Generator().manual_seed(seed))[:_SAMPLES]
-    return rows[sent(places, rows.device)]
+    return rows[send_to_device(places, rows.device)]

@@ -18,7 +18,7 @@ from torch import Tensor
 from frida_painter import images, picture_file, storage
 from frida_painter.calibration import Calibration
 from frida_painter.errors import ConfigError, FrameRejected, ImageError
-from frida_painter.palette import MOST_COLORS, Palette, difference
+from frida_painter.palette import MAX_COLORS, Palette, difference
 from frida_painter.palette_file import FORMS, is_palette_file
 from frida_painter.perception.srgb import light_of_bytes, to_linear, to_srgb
 
@@ -125,7 +125,7 @@ def read_checker(photograph: NDArray[np.uint8], corners: Corners) -> PatchReadin
     outline = _lattice()[:, None] + np.array([(-half, -half), (half, -half), (half, half), (-half, half)])
     fine = (np.arange(_CELLS * _SAMPLES) + 0.5) / (_CELLS * _SAMPLES) * _LOOKED_AT - half
     looked_at = _lattice()[:, None, None] + np.stack(np.meshgrid(fine, fine), -1)  # [24, side, side, 2]
-    place = _seen(view, looked_at).astype(np.float32).reshape(PATCHES, -1, 2)
+    place = _project(view, looked_at).astype(np.float32).reshape(PATCHES, -1, 2)
     column, row = place[..., 0], place[..., 1]
     seen = cv2.remap(photograph, column, row, cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE)  # [24, k, 3]
     light = light_of_bytes(np.asarray(seen, np.uint8))
@@ -133,8 +133,8 @@ def read_checker(photograph: NDArray[np.uint8], corners: Corners) -> PatchReadin
     cells = light.reshape(PATCHES, _CELLS, _SAMPLES, _CELLS, _SAMPLES, 3).mean((2, 4, 5)).reshape(PATCHES, -1)
     return PatchReadings(
         light=torch.from_numpy(mean).double(),
-        place=torch.from_numpy(_seen(view, _lattice())),
-        outline=torch.from_numpy(_seen(view, outline)),
+        place=torch.from_numpy(_project(view, _lattice())),
+        outline=torch.from_numpy(_project(view, outline)),
         unevenness=torch.from_numpy(cells.std(1) / (cells.mean(1) + _FAINT)),
         blown_out=torch.from_numpy((seen >= _BLOWN_OUT).any(-1).mean(1)),
     )
@@ -150,7 +150,7 @@ def _corner_middles() -> NDArray[np.float32]:
     return np.array([(0, 0), (ACROSS - 1, 0), (ACROSS - 1, DOWN - 1), (0, DOWN - 1)], np.float32)
 
 
-def _seen(view: NDArray[np.float64], place: NDArray[np.float64]) -> NDArray[np.float64]:
+def _project(view: NDArray[np.float64], place: NDArray[np.float64]) -> NDArray[np.float64]:
     """Converts places on the chart [..., 2] to places in the photograph."""
     return np.asarray(cv2.perspectiveTransform(place.reshape(1, -1, 2), view), np.float64).reshape(place.shape)
 
@@ -226,7 +226,7 @@ _PAPER = 0.9  # reflectance of white paper
 _DIMMEST = 0.08  # linear light of paper in a usable photograph
 _INNER = 0.5  # share of each field's sides that is read, because edges are ragged and the crop is made by hand
 _UNEVEN = 0.13  # largest sRGB difference within one field
-_LEAST = 8  # smallest side of a field in pixels
+_MIN = 8  # smallest side of a field in pixels
 
 
 def read_swatches(photograph: Tensor, count: int) -> Palette:
@@ -236,12 +236,12 @@ def read_swatches(photograph: Tensor, count: int) -> Palette:
     side, from the left or the top. The first field is bare white paper, which gives the colour of the light.
     Raises FrameRejected that names the bad field.
     """
-    if not 1 <= count <= MOST_COLORS:
-        raise FrameRejected(f"{count} swatches were asked for; a palette has 1 to {MOST_COLORS}.")
+    if not 1 <= count <= MAX_COLORS:
+        raise FrameRejected(f"{count} swatches were asked for; a palette has 1 to {MAX_COLORS}.")
     strip = photograph if photograph.shape[2] >= photograph.shape[1] else photograph.transpose(1, 2)
     _, height, width = strip.shape
     pitch = width / (count + 1)
-    if min(pitch, height) * _INNER < _LEAST:
+    if min(pitch, height) * _INNER < _MIN:
         raise FrameRejected(
             f"The strip of {width} x {height} pixels is too small for bare paper and {count} swatches; "
             "photograph it from nearer."
@@ -278,13 +278,13 @@ def read_palette(path: Path, count: int | None) -> Palette:
     A picture with at most 64 different colours counts as a picture of the paints. Raises ConfigError,
     ImageError and FrameRejected; ConfigError also if there are not `count` paints.
     """
-    found = Palette.load(path) if is_palette_file(path) else _pictured(path, count)
+    found = Palette.load(path) if is_palette_file(path) else _read_picture(path, count)
     if count is not None and len(found) != count:
         raise ConfigError(f"{path} has {len(found)} paints, and {count} are wanted; give one colour for each.")
     return found
 
 
-def _pictured(path: Path, count: int | None) -> Palette:
+def _read_picture(path: Path, count: int | None) -> Palette:
     """Returns the palette of a picture of colours, or of a photograph of `count` swatches."""
     try:
         picture = _picture(path)
@@ -304,11 +304,11 @@ def _pictured(path: Path, count: int | None) -> Palette:
 def _picture(path: Path) -> Tensor:
     """Returns a picture as sRGB [3, H, W]; also accepts very small pictures with one pixel for each colour."""
     with (
-        storage.opened(path, picture_file.WHAT, storage.MAX_BYTES, ImageError) as file,
+        storage.open_checked(path, picture_file.WHAT, storage.MAX_BYTES, ImageError) as file,
         contextlib.suppress(Exception),  # `images.load` below reports any fault
         Image.open(file, formats=("PNG", "GIF", "BMP", "WEBP", "TIFF")) as picture,
     ):
-        if min(picture.size) < picture_file.LEAST_SIDE and max(picture.size) <= picture_file.LONGEST:
+        if min(picture.size) < picture_file.MIN_SIDE and max(picture.size) <= picture_file.LONGEST:
             return images.from_uint8(np.asarray(picture.convert("RGB")))
     return images.load(path)
 
@@ -317,9 +317,9 @@ def _flat_colors(picture: Tensor) -> Palette | None:
     """Returns the colours of a picture with few colours, in reading order; None if there are too many."""
     pixels = images.to_uint8(picture).reshape(-1, 3)
     code = (pixels.astype(np.uint32) * np.array([65536, 256, 1], np.uint32)).sum(1)
-    if len(np.unique(code[:: max(1, len(code) // 4096)])) > MOST_COLORS:
+    if len(np.unique(code[:: max(1, len(code) // 4096)])) > MAX_COLORS:
         return None
     colors, first = np.unique(code, return_index=True)
-    if len(colors) > MOST_COLORS:
+    if len(colors) > MAX_COLORS:
         return None
     return Palette(torch.from_numpy(pixels[np.sort(first)].astype(np.float32) / 255))

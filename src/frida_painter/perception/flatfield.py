@@ -21,12 +21,12 @@ from frida_painter.plan import WHITE
 _DEGREE = 4
 _ROUNDS = 4
 _DIMMEST = 0.05
-_MOST_CLIPPED = 0.2
-_MOST_RESIDUAL = 0.06
+_MAX_CLIPPED = 0.2
+_MAX_RESIDUAL = 0.06
 _SAMPLES = 128
 _RENEWING_SAMPLES = 40
 _RENEWING_DEGREE = 3
-_LEAST_BARE = 0.05
+_MIN_BARE = 0.05
 
 
 @dataclass(frozen=True)
@@ -53,21 +53,21 @@ class FlatField:
         pooled = torch.nn.functional.avg_pool2d(to_linear(bare)[None], step)[0].double()  # [3, h, w]
         if not float(pooled.median()) >= _DIMMEST:
             raise FrameRejected("The photograph of the bare canvas is too dark; bring more light.")
-        if not float((bare >= 1).double().mean()) <= _MOST_CLIPPED:
+        if not float((bare >= 1).double().mean()) <= _MAX_CLIPPED:
             raise FrameRejected("The photograph of the bare canvas is overexposed; bring less light or expose shorter.")
         seen = pooled.flatten(1).clamp(min=1e-4).log()  # [3, samples]
         terms = _terms(*pooled.shape[1:]).to(seen)  # [samples, terms]
-        logarithm, residual = _fitted(terms, seen)
-        if not residual <= _MOST_RESIDUAL:
+        logarithm, residual = _fit(terms, seen)
+        if not residual <= _MAX_RESIDUAL:
             raise FrameRejected(
                 f"The canvas does not look bare: {100 * residual:.0f} % of its light does not fit a smooth surface, "
-                f"and {100 * _MOST_RESIDUAL:.0f} % is allowed; put up a bare canvas, or say --on-canvas to "
+                f"and {100 * _MAX_RESIDUAL:.0f} % is allowed; put up a bare canvas, or say --on-canvas to "
                 "paint on what is there."
             )
         logarithm[:, 0] -= to_linear(torch.tensor(ground, dtype=seen.dtype)).clamp(min=1e-3).log()
         return cls(logarithm.float())
 
-    def renewed(self, light: Tensor, bare: Tensor, ground: tuple[float, float, float]) -> Self:
+    def refit(self, light: Tensor, bare: Tensor, ground: tuple[float, float, float]) -> Self:
         """Returns the field of a later photograph of the same canvas, of which only parts are still bare.
 
         light [3, H, W]: the later photograph, rectified, linear light
@@ -79,7 +79,7 @@ class FlatField:
         step = [max(1, side // _RENEWING_SAMPLES) for side in bare.shape]
         share = torch.nn.functional.avg_pool2d(bare[None].to(light), step)[0]  # [h, w]
         known = (share > 0.5).flatten()
-        if not float(known.double().mean()) >= _LEAST_BARE:
+        if not float(known.double().mean()) >= _MIN_BARE:
             return self
         white = self.light(*share.shape).to(light) * to_linear(torch.tensor(ground).to(light))[:, None, None]
         mean = torch.nn.functional.avg_pool2d(light * bare, step) / share.clamp(min=1e-3)
@@ -87,10 +87,10 @@ class FlatField:
         broad = torch.tensor([i + j <= _RENEWING_DEGREE for i, j in _pairs()])
         terms = _terms(*share.shape).to(seen)[known][:, broad]  # [samples, terms]
         logarithm = self.logarithm.clone()
-        logarithm[:, broad] += _fitted(terms, seen)[0].to(logarithm)
+        logarithm[:, broad] += _fit(terms, seen)[0].to(logarithm)
         return type(self)(logarithm)
 
-    def tilted(self, change: Tensor, down: Tensor, across: Tensor) -> tuple[Self, float]:
+    def fit_tilt(self, change: Tensor, down: Tensor, across: Tensor) -> tuple[Self, float]:
         """Returns the field after a change of the light, and the mean deviation of the places from it.
 
         change [3, places]: logarithm of the change of brightness for each band
@@ -100,7 +100,7 @@ class FlatField:
         tilt = [_pairs().index(pair) for pair in ((0, 0), (1, 0), (0, 1))]
         terms = torch.stack((torch.ones_like(down), down, across), 1).to(change)
         logarithm = self.logarithm.clone()
-        coefficients, residual = _fitted(terms, change)
+        coefficients, residual = _fit(terms, change)
         logarithm[:, tilt] += coefficients.to(logarithm)
         return type(self)(logarithm), residual
 
@@ -117,7 +117,7 @@ class FlatField:
         return to_srgb(to_linear(picture) / self.light(*picture.shape[1:]).to(picture))
 
 
-def _fitted(terms: Tensor, seen: Tensor) -> tuple[Tensor, float]:
+def _fit(terms: Tensor, seen: Tensor) -> tuple[Tensor, float]:
     """Returns coefficients [3, terms] of values [3, samples], and the mean residual.
 
     The fit is by least squares with falling weights of outliers.
@@ -164,9 +164,9 @@ _BAND = (0.004, 0.012)  # distance from the edge in metres
 _ACROSS, _ALONG = 8, 9  # samples of a place
 _MARGIN_DIMMEST = 0.003  # linear light; darker places show only noise
 _FEWEST = 16  # places
-_MARGIN_MOST_RESIDUAL = 0.1
+_MARGIN_MAX_RESIDUAL = 0.1
 _CELLS = 24  # rows and columns of squares in the test of a bare canvas
-_UNLIKE, _MOST_TOUCHED = 9.0, 0.02  # CIELAB difference of another colour, and the largest share of specks
+_UNLIKE, _MAX_TOUCHED = 9.0, 0.02  # CIELAB difference of another colour, and the largest share of specks
 
 
 def bare_canvas(photograph: NDArray[np.uint8], calibration: Calibration, size: CanvasSize) -> BareCanvas:
@@ -202,13 +202,13 @@ def light_by_margin(photograph: NDArray[np.uint8], calibration: Calibration, siz
         )
     row, column = _margin_places(size).mean(1).T
     field = FlatField(torch.tensor(known.light))
-    changed, residual = field.tilted(
+    changed, residual = field.fit_tilt(
         torch.from_numpy(change[usable]).T, torch.from_numpy(row[usable]), torch.from_numpy(column[usable])
     )
-    if not residual <= _MARGIN_MOST_RESIDUAL:
+    if not residual <= _MARGIN_MAX_RESIDUAL:
         raise FrameRejected(
             f"The surroundings of the canvas differ by {100 * residual:.0f} % from what they were when the canvas was "
-            f"bare, and {100 * _MARGIN_MOST_RESIDUAL:.0f} % is allowed; put them back, or repeat the canvas "
+            f"bare, and {100 * _MARGIN_MAX_RESIDUAL:.0f} % is allowed; put them back, or repeat the canvas "
             "calibration with a bare canvas."
         )
     return changed
@@ -228,7 +228,7 @@ def share_unlike(canvas: Tensor, color: Color, tolerance: float = _UNLIKE) -> fl
 
 def is_evenly(canvas: Tensor, color: Color, tolerance: float = _UNLIKE) -> bool:
     """Returns True if the canvas [3, H, W], in true colours, has that colour (sRGB) everywhere except for specks."""
-    return share_unlike(canvas, color, tolerance) <= _MOST_TOUCHED
+    return share_unlike(canvas, color, tolerance) <= _MAX_TOUCHED
 
 
 def _margin(photograph: NDArray[np.uint8], calibration: Calibration, size: CanvasSize) -> NDArray[np.float64]:

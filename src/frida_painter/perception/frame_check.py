@@ -23,8 +23,8 @@ from frida_painter.frames import PixelGrid
 from frida_painter.palette import to_lab
 from frida_painter.perception.registration import (
     COARSEST,
+    CanvasShift,
     CanvasView,
-    Motion,
     PaperEdge,
     Pixels,
     Registration,
@@ -35,17 +35,17 @@ from frida_painter.perception.srgb import to_linear
 
 _TELLABLE = 0.5  # share of a large pixel
 _REACH = 0.012  # metres around the canvas edge that are searched
-_MOST_BLUR = 0.75  # largest widening of the edge, in pixels
+_MAX_BLUR = 0.75  # largest widening of the edge, in pixels
 _BLURRED = 0.0008  # and in metres; the larger one counts
 _LIGHT = (0.7, 1.4)  # allowed light relative to the expectation, median over all places
 _CLIPPED = 253  # bytes
-_MOST_CLIPPED = 0.02  # more of the canvas than in the good photograph
-_MOST_COVERED = 0.015  # metres along the edge
+_MAX_CLIPPED = 0.02  # more of the canvas than in the good photograph
+_MAX_COVERED = 0.015  # metres along the edge
 _CELL = 0.006  # metres; side of the squares in which the canvas is compared
 _BESIDE = 2  # squares
 _A_CHANGE = 6.0  # CIELAB; larger planned differences count as a change
 _LIKE_BEFORE, _LIKE_PLANNED = 8.0, 30.0  # CIELAB; larger differences are unexplained
-_MOST_UNEXPLAINED = 0.0009  # m2 in one piece: a square of 3 cm
+_MAX_UNEXPLAINED = 0.0009  # m2 in one piece: a square of 3 cm
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ class FrameCheck:
     clipped: float
     view: CanvasView = field(repr=False)
     last: Pixels = field(repr=False)
-    drift: Motion = field(default_factory=Motion)
+    drift: CanvasShift = field(default_factory=CanvasShift)
 
     @classmethod
     def learn(
@@ -120,7 +120,7 @@ class FrameCheck:
             calibration,
             size,
             edge,
-            _clipped(photograph, calibration),
+            _clipped_share(photograph, calibration),
             view,
             view.light(photograph if last is None else last),
         )
@@ -136,7 +136,7 @@ class FrameCheck:
         """
         if expected is not None:
             self._require_light(seen, expected)
-        if not _clipped(photograph, self.calibration) <= self.clipped + _MOST_CLIPPED:
+        if not _clipped_share(photograph, self.calibration) <= self.clipped + _MAX_CLIPPED:
             raise FrameRejected(
                 "The photograph is blown out: parts of the canvas are as bright as the camera can tell. Take glare off "
                 "the canvas, bring less light, or expose shorter."
@@ -179,7 +179,7 @@ class FrameCheck:
     def _require_sharp(self, photograph: NDArray[np.uint8]) -> None:
         pixels = _pixels(self.calibration, self.size)
         blur = self._edge_in(photograph).blurring_since(self.edge)
-        if blur > max(_MOST_BLUR, _BLURRED * pixels):
+        if blur > max(_MAX_BLUR, _BLURRED * pixels):
             raise FrameRejected(
                 f"The photograph is blurred: the edge of the canvas is {blur:.1f} pixels wider than it was. Focus the "
                 "camera, and see that nothing shakes it."
@@ -206,7 +206,7 @@ class FrameCheck:
     def _require_uncovered(self, photograph: NDArray[np.uint8]) -> None:
         edge = self._edge_in(photograph)
         covered = edge.covered_since(self.edge) * 2 * (self.size.width + self.size.height) / len(edge.table)
-        if covered > _MOST_COVERED:
+        if covered > _MAX_COVERED:
             raise FrameRejected(
                 f"Something reaches over the edge of the canvas, {covered * 100:.0f} cm wide, or the canvas was moved "
                 "far. Take arms, hands and things out of the camera's sight, and put the canvas back."
@@ -220,7 +220,7 @@ class FrameCheck:
         strange = expected.strange(seen, self.size).numpy().astype(np.uint8)
         count, _, pieces, _ = cv2.connectedComponentsWithStats(strange, connectivity=4)
         area = max((int(piece[cv2.CC_STAT_AREA]) for piece in pieces[1:count]), default=0) * _cell_area(self.size)
-        if area > _MOST_UNEXPLAINED:
+        if area > _MAX_UNEXPLAINED:
             raise FrameRejected(
                 f"Something is in the way, or this is not the canvas as it was: {area * 1e4:.0f} cm2 of it show what "
                 "nobody has painted. Take arms, hands and shadows out of the camera's sight."
@@ -255,7 +255,7 @@ def _pixels(calibration: Calibration, size: CanvasSize) -> float:
     return float(top + right + bottom + left) / (2 * (size.width + size.height))
 
 
-def _clipped(photograph: NDArray[np.uint8], calibration: Calibration) -> float:
+def _clipped_share(photograph: NDArray[np.uint8], calibration: Calibration) -> float:
     """Returns the share of the canvas that is overexposed in all bands."""
     canvas = np.zeros(photograph.shape[:2], np.uint8)
     cv2.fillConvexPoly(canvas, np.array(calibration.corners).round().astype(np.int32), 1)

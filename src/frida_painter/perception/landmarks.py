@@ -27,7 +27,7 @@ _PLACES = 240  # places along each side
 _MARGIN = 0.02  # share of a side at its ends that is left out, because the next side disturbs there
 _FINE = 2  # samples a pixel across the edge
 _SIGMA = 1.5  # pixels; scale of the derivative filter
-_LEAST_STEP = 0.04  # of light, relative to the brightest part of the photograph
+_MIN_STEP = 0.04  # of light, relative to the brightest part of the photograph
 _CLOSE = 2.5  # distance in pixels from the line within which a step votes for it
 _ROUNDS = 6
 _CERTAIN = 5.0  # standard deviations from zero at which a lens is accepted
@@ -62,12 +62,12 @@ def trace_outline(photograph: NDArray[np.uint8], corners: Corners, reach: float)
     if min(len(points) for points in sides) < 0.1 * _PLACES:
         return None
     lens = _lens(sides, photograph.shape[:2])
-    straight = [points if lens is None else lens.straightened(points) for points in sides]
+    straight = [points if lens is None else lens.undistort(points) for points in sides]
     lines = [_line(points) for points in straight]
     meeting = np.array([_meeting(lines[i - 1], lines[i]) for i in range(4)])
     if not np.isfinite(meeting).all():
         return None
-    found = meeting if lens is None else lens.bent(meeting)
+    found = meeting if lens is None else lens.distort(meeting)
     off = np.concatenate([_distance(line, points) for line, points in zip(lines, straight, strict=True)])
     support = min(len(points) for points in sides) / _PLACES
     return Outline(
@@ -89,7 +89,7 @@ def _edge(
     slope = _slope(np.asarray(seen, np.float32))  # [places, offsets]
     peak = np.zeros_like(slope, bool)
     peak[:, 1:-1] = (slope[:, 1:-1] >= slope[:, :-2]) & (slope[:, 1:-1] > slope[:, 2:])
-    peak &= (slope > _LEAST_STEP) & (np.abs(offset) <= reach)
+    peak &= (slope > _MIN_STEP) & (np.abs(offset) <= reach)
     line = _vote(peak, along, offset, reach)
     for _ in range(_ROUNDS):
         expected = np.polynomial.polynomial.polyval(along, line)
@@ -162,7 +162,7 @@ def _lens(sides: list[NDArray[np.float64]], shape: tuple[int, ...]) -> Lens | No
         return Lens((focal, focal), middle, (bending, 0.0, 0.0, 0.0, 0.0))
 
     def off(bending: float) -> NDArray[np.float64]:
-        straight = [lens(bending).straightened(points) for points in sides]
+        straight = [lens(bending).undistort(points) for points in sides]
         return np.concatenate([_distance(_line(points), points) for points in straight])
 
     bending, step = 0.0, 1e-3
@@ -213,9 +213,9 @@ _RING = 0.03  # share of the photograph along its border that counts as table
 _SMALLEST = 0.06  # smallest share of the photograph that a canvas fills
 _REACH = 0.012  # share of the photograph's diagonal: error of a candidate's corners
 _EVEN = 0.008  # share of its outline: tolerance for the polygon of a hull
-_MOST_SIDES = 6
+_MAX_SIDES = 6
 _FINELY = 6.0  # pixels; search range of the final trace
-_LEAST_SUPPORT = 0.5
+_MIN_SUPPORT = 0.5
 _PLAIN = 0.97  # support at which the search ends
 _ODDEST_SHAPE = 1.4  # largest ratio of the apparent to the true proportions, by perspective
 _DARK = 0.01
@@ -244,7 +244,7 @@ def find_canvas(photograph: NDArray[np.uint8], size: CanvasSize) -> Outline:
             best = outline
         if best is not None and best.support >= _PLAIN:
             break
-    if best is None or not best.support >= _LEAST_SUPPORT:
+    if best is None or not best.support >= _MIN_SUPPORT:
         shown = "no quadrilateral shows" if best is None else f"only {100 * best.support:.0f} % of one edge shows"
         raise CalibrationError(
             f"The canvas of {size} cannot be told from what is around it in the photograph ({shown}); {_HELP}."
@@ -318,7 +318,7 @@ def _quadrilaterals(hull: NDArray[np.int32]) -> Iterator[NDArray[np.float64]]:
     """
     polygon = cv2.approxPolyDP(hull, _EVEN * cv2.arcLength(hull, True), True)[:, 0].astype(np.float64)
     side = np.roll(polygon, -1, axis=0) - polygon
-    longest = np.argsort(-np.linalg.norm(side, axis=1), kind="stable")[:_MOST_SIDES]
+    longest = np.argsort(-np.linalg.norm(side, axis=1), kind="stable")[:_MAX_SIDES]
     for chosen in combinations(sorted(longest.tolist()), 4):
         start, way = polygon[list(chosen)], side[list(chosen)]
         before, along = np.roll(start, 1, axis=0), np.roll(way, 1, axis=0)
@@ -357,9 +357,9 @@ _FAINTEST = 0.25  # share of the canvas's light that paint takes away
 _SOLID = 0.5  # smallest share of the enclosing circle that a dot fills
 _ODDEST_AREA = 4.0  # largest ratio of areas to the usual dot
 _DOTS_SMALLEST = 4  # pixels
-_MOST_SPOTS = 200
-_MOST_TURN = np.tan(np.radians(20))
-_MOST_SCALE = 0.1
+_MAX_SPOTS = 200
+_MAX_TURN = np.tan(np.radians(20))
+_MAX_SCALE = 0.1
 
 
 @dataclass(frozen=True)
@@ -404,9 +404,9 @@ def find_dots(before: Tensor, after: Tensor, grid: PixelGrid) -> NDArray[np.floa
             areas.append(float(area))
     if not dots:
         return np.empty((0, 2))
-    usual = np.median(sorted(areas)[-_MOST_SPOTS:])
+    usual = np.median(sorted(areas)[-_MAX_SPOTS:])
     alike = (np.array(areas) < _ODDEST_AREA * usual) & (np.array(areas) > usual / _ODDEST_AREA)
-    chosen = np.array(dots)[alike][:_MOST_SPOTS]
+    chosen = np.array(dots)[alike][:_MAX_SPOTS]
     return np.asarray(grid.to_canvas(torch.from_numpy(chosen)).numpy(), np.float64)
 
 
@@ -427,7 +427,7 @@ def match_dots(meant: NDArray[np.float64], seen: NDArray[np.float64], *, reach: 
         if i == j or a == b:
             continue
         growth = (complex_seen[b] - complex_seen[a]) / (complex_meant[j] - complex_meant[i])
-        if not (abs(abs(growth) - 1) <= _MOST_SCALE and abs(growth.imag) <= _MOST_TURN * growth.real):
+        if not (abs(abs(growth) - 1) <= _MAX_SCALE and abs(growth.imag) <= _MAX_TURN * growth.real):
             continue
         expected = complex_seen[a] + growth * (complex_meant - complex_meant[i])
         found = _nearest(expected, complex_seen, tolerance)

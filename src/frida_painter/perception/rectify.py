@@ -144,7 +144,7 @@ def _refuse_impossible(matrix: NDArray[np.float64], places: NDArray[np.float64])
 
 _DARKEST = 0.01  # linear light of the brightest part; the canvas may be black, but not everything around it
 _BRIGHTEST, _APART = 0.99, 4  # quantile for the brightest part, and step between the tested pixels
-_MOST_OVERLAP = 2.0
+_MAX_OVERLAP = 2.0
 _RIM = 1.0  # pixels of the photograph; a corner is known to about half a pixel
 _FINEST = 8
 _STRIDE = 16
@@ -173,7 +173,7 @@ def rectify(photograph: NDArray[np.uint8], calibration: Calibration, grid: Pixel
             borderMode=cv2.BORDER_REPLICATE,
         )
     else:
-        column, row = _bent(calibration.lens, to_photograph, rows, columns)
+        column, row = _distort(calibration.lens, to_photograph, rows, columns)
         light = cv2.remap(photographed, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     light = _without_rim(np.asarray(light, np.float32), calibration)
     if fineness > 1:
@@ -196,7 +196,7 @@ def sampling_places(calibration: Calibration, grid: PixelGrid) -> tuple[NDArray[
         place = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), -1).astype(np.float64)
         column, row = np.asarray(cv2.perspectiveTransform(place, to_photograph), np.float32).transpose(2, 0, 1)
     else:
-        column, row = _bent(calibration.lens, to_photograph, rows, columns)
+        column, row = _distort(calibration.lens, to_photograph, rows, columns)
     inside = np.ix_(
         np.clip(np.arange(rows), down, rows - 1 - down), np.clip(np.arange(columns), across, columns - 1 - across)
     )
@@ -214,9 +214,9 @@ def rectified_pixels(place: NDArray[np.float64], calibration: Calibration, grid:
 
     NaN at positions that the calibrated lens does not show.
     """
-    seen = _straightened(np.array(calibration.corners), calibration)
+    seen = _undistort(np.array(calibration.corners), calibration)
     view = cv2.getPerspectiveTransform(seen.astype(np.float32), _outline(grid.rows, grid.columns))
-    straight = _straightened(np.asarray(place, np.float64), calibration)
+    straight = _undistort(np.asarray(place, np.float64), calibration)
     return np.asarray(cv2.perspectiveTransform(straight[None], view)[0], np.float64)
 
 
@@ -227,7 +227,7 @@ def photographed_pixels(place: NDArray[np.float64], calibration: Calibration, gr
     """
     view = _to_photograph(calibration, grid.rows, grid.columns)
     straight = np.asarray(cv2.perspectiveTransform(np.asarray(place, np.float64)[None], view)[0], np.float64)
-    return straight if calibration.lens is None else calibration.lens.bent(straight)
+    return straight if calibration.lens is None else calibration.lens.distort(straight)
 
 
 def _outline(rows: int, columns: int) -> NDArray[np.float32]:
@@ -238,15 +238,15 @@ def _outline(rows: int, columns: int) -> NDArray[np.float32]:
 
 def _to_photograph(calibration: Calibration, rows: int, columns: int) -> NDArray[np.float64]:
     """Returns the homography [3, 3] from a picture of rows x columns samples to the undistorted photograph."""
-    seen = _straightened(np.array(calibration.corners), calibration)
+    seen = _undistort(np.array(calibration.corners), calibration)
     return np.asarray(cv2.getPerspectiveTransform(_outline(rows, columns), seen.astype(np.float32)), np.float64)
 
 
-def _straightened(seen: NDArray[np.float64], calibration: Calibration) -> NDArray[np.float64]:
-    return seen if calibration.lens is None else calibration.lens.straightened(seen)
+def _undistort(seen: NDArray[np.float64], calibration: Calibration) -> NDArray[np.float64]:
+    return seen if calibration.lens is None else calibration.lens.undistort(seen)
 
 
-def _bent(
+def _distort(
     lens: Lens, to_photograph: NDArray[np.float64], rows: int, columns: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Returns column and row in the distorted photograph of rows x columns places of the canvas.
@@ -256,7 +256,7 @@ def _bent(
     down, across = (_STRIDE * np.arange(-1, side // _STRIDE + 2) + (_STRIDE - 1) / 2 for side in (rows, columns))
     grid = np.stack(np.meshgrid(across, down), -1)
     straight = np.asarray(cv2.perspectiveTransform(grid, to_photograph), np.float64)
-    coarse = lens.bent(straight.reshape(-1, 2)).reshape(grid.shape).astype(np.float32)
+    coarse = lens.distort(straight.reshape(-1, 2)).reshape(grid.shape).astype(np.float32)
     fine = cv2.resize(coarse, (_STRIDE * len(across), _STRIDE * len(down)), interpolation=cv2.INTER_LINEAR)
     cut = np.asarray(fine, np.float32)[_STRIDE : _STRIDE + rows, _STRIDE : _STRIDE + columns]
     return np.ascontiguousarray(cut[..., 0]), np.ascontiguousarray(cut[..., 1])
@@ -273,7 +273,7 @@ def require_photograph(photograph: NDArray[np.uint8], calibration: Calibration) 
     column, row = np.array(calibration.corners).T
     rows, columns = calibration.photograph
     overlap = max(-column.min(), -row.min(), column.max() - (columns - 1), row.max() - (rows - 1))
-    if not overlap <= _MOST_OVERLAP:
+    if not overlap <= _MAX_OVERLAP:
         raise FrameRejected(
             f"The canvas reaches {overlap:.0f} pixels beyond the photograph; move the camera until it sees all four "
             "corners, and repeat the canvas calibration."

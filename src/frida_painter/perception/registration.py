@@ -29,9 +29,9 @@ from frida_painter.perception.srgb import light_of_bytes
 _PLACES = 48  # places along each side
 _MARGIN = 0.06  # share of a side at its ends that is left out
 _FINE = 2  # samples a pixel across the edge
-_LEAST_STEP = 0.06  # of linear light, between table and paper
-_LEAST_SEEN = 0.5  # share of the places of a side
-_LEAST_LEFT = 0.2
+_MIN_STEP = 0.06  # of linear light, between table and paper
+_MIN_SEEN = 0.5  # share of the places of a side
+_MIN_LEFT = 0.2
 _DIMMEST = 0.01  # linear light: the camera's noise
 _OTHER_LIGHT = 0.3  # natural logarithm of the light beside the edge, relative to that of all places
 _ROUNDS = 6
@@ -82,11 +82,11 @@ class PaperEdge:
         light = cv2.blur(light, (_FINE + 1, 1))
         outside = np.median(light[:, -len(step) // 5 :], 1)
         inside = np.median(light[:, : len(step) // 3], 1)
-        rise = np.where(np.abs(inside - outside) >= _LEAST_STEP, inside - outside, np.nan)
+        rise = np.where(np.abs(inside - outside) >= _MIN_STEP, inside - outside, np.nan)
         height = (light - outside[:, None]) / rise[:, None]  # 0 for the table, 1 for the paper
         offset, near, far = (_first_above(height, level, step) for level in (0.5, 0.8, 0.2))
         soft = far - near
-        visible = bool((np.isfinite(offset).reshape(4, _PLACES).mean(1) >= _LEAST_SEEN).all())
+        visible = bool((np.isfinite(offset).reshape(4, _PLACES).mean(1) >= _MIN_SEEN).all())
         return cls(
             place, outward, offset, float(np.nanmedian(soft)) if visible else math.nan, visible, soft, outside, inside
         )
@@ -160,7 +160,7 @@ def _is_other(light: NDArray[np.float64], earlier: NDArray[np.float64], brighter
 
 def _enough(values: NDArray[np.float64]) -> bool:
     """Returns True if values [4 x 48] are known at a fifth of the places of at least three sides."""
-    return bool((np.isfinite(values).reshape(4, _PLACES).mean(1) >= _LEAST_LEFT).sum() >= 3)
+    return bool((np.isfinite(values).reshape(4, _PLACES).mean(1) >= _MIN_LEFT).sum() >= 3)
 
 
 def _first_above(height: NDArray[np.float64], level: float, step: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -220,7 +220,7 @@ class Verdict(Enum):
 
 
 @dataclass(frozen=True)
-class Motion:
+class CanvasShift:
     """Motion in the plane of the canvas.
 
     right, down: shift in metres
@@ -252,7 +252,7 @@ class Motion:
         """Returns the size relative to the limits: 1 if a corner shift or the rotation is at its limit."""
         return max(self.corner_shift(size) / MAX_SHIFT, abs(self.turn) / MAX_TURN)
 
-    def followed_by(self, later: "Motion") -> Self:
+    def followed_by(self, later: "CanvasShift") -> Self:
         """Returns both motions in sequence; for small motions the order does not matter."""
         return self.of(self.values + later.values)
 
@@ -286,8 +286,8 @@ class Registration:
     """
 
     verdict: Verdict
-    motion: Motion
-    deviation: Motion
+    motion: CanvasShift
+    deviation: CanvasShift
     evidence: float
 
 
@@ -381,9 +381,9 @@ class _Scene:
         }
         return replace(self, **arrays, pitch=self.pitch * 2)
 
-    def misfit(self, motion: Motion, noise: float = _NOISE) -> Pixels:
+    def misfit(self, motion: CanvasShift, noise: float = _NOISE) -> Pixels:
         """Returns the misfit of each pixel for a motion: [rows, columns] in [0, 1]."""
-        expected, canvas, known, touched = self._moved(motion)
+        expected, canvas, known, touched = self._move(motion)
         misfit = _misfit(self.seen - expected, noise, self.grain)
         on_table = canvas <= 0.5
         lies_still = on_table & (self.canvas <= 0.5)  # the table may stay while the canvas moves
@@ -392,8 +392,8 @@ class _Scene:
         return np.asarray(misfit * (known > 0.99), np.float32)
 
     def refine(
-        self, motion: Motion, noises: tuple[float, ...], *, grows: bool = True
-    ) -> tuple[Motion, NDArray[np.float64]]:
+        self, motion: CanvasShift, noises: tuple[float, ...], *, grows: bool = True
+    ) -> tuple[CanvasShift, NDArray[np.float64]]:
         """Returns the best motion near `motion`, and the covariance of its four numbers [4, 4].
 
         noises: noise of each iteration
@@ -404,15 +404,15 @@ class _Scene:
         loose = np.diag(step**-2) * 1e-3
         covariance = np.linalg.inv(loose)
         for noise in noises:
-            expected, _, known, touched = self._moved(motion)
+            expected, _, known, touched = self._move(motion)
             off = self.seen - expected
             weight = (noise**2 / ((off**2).mean(2) + noise**2)) ** 2 * (known > 0.99)
-            weight[(touched > 0) & (self._warped(self.rim, motion) < 0.5)] = 0
+            weight[(touched > 0) & (self._warp(self.rim, motion) < 0.5)] = 0
             slope = np.zeros((*off.shape, 4), np.float32)
             for number in range(4 if grows else 3):
                 change = np.zeros(4)
                 change[number] = step[number]
-                slope[..., number] = self._warped(self.expected, Motion.of(motion.values + change)) - expected
+                slope[..., number] = self._warp(self.expected, CanvasShift.of(motion.values + change)) - expected
             slope[weight <= 0] = 0
             chosen = weight > 1e-4
             j, r, w = slope[chosen], off[chosen], weight[chosen]
@@ -420,13 +420,13 @@ class _Scene:
             normal = np.einsum("pci,pcj->ij", weighted, j).astype(np.float64) + loose * step[:, None] * step
             pull = np.einsum("pci,pc->i", weighted, r).astype(np.float64)
             way = np.linalg.solve(normal, pull) * step
-            motion = Motion.of(motion.values + way)
+            motion = CanvasShift.of(motion.values + way)
             voices = self._voices(np.einsum("rcki,rck->rci", slope, off) * weight[..., None])
             spread = np.linalg.inv(normal)
             covariance = step[:, None] * (spread @ (voices.T @ voices) @ spread) * step
         return motion, np.asarray(covariance, np.float64)
 
-    def votes(self, better: Motion, worse: Motion) -> float:
+    def votes(self, better: CanvasShift, worse: CanvasShift) -> float:
         """Returns the witnesses' agreement, in standard deviations, that `better` fits the photograph better."""
         voices = self._voices((self.misfit(worse) - self.misfit(better))[..., None])[:, 0]
         murmur = _MURMUR * self._witness**2
@@ -448,14 +448,14 @@ class _Scene:
         padded[:rows, :columns] = each
         return padded.reshape(high, side, wide, side, k).sum((1, 3)).reshape(-1, k)
 
-    def _moved(self, motion: Motion) -> tuple[Pixels, Pixels, Pixels, Pixels]:
-        expected = self._warped(self.expected, motion)
-        canvas = self._warped(self.canvas, motion)
-        known = self._warped(self.known, motion) * (self.known > 0.99)
-        touched = self._warped(self.touched, motion)
+    def _move(self, motion: CanvasShift) -> tuple[Pixels, Pixels, Pixels, Pixels]:
+        expected = self._warp(self.expected, motion)
+        canvas = self._warp(self.canvas, motion)
+        known = self._warp(self.known, motion) * (self.known > 0.99)
+        touched = self._warp(self.touched, motion)
         return expected, canvas, known, touched
 
-    def _warped(self, picture: Pixels, motion: Motion) -> Pixels:
+    def _warp(self, picture: Pixels, motion: CanvasShift) -> Pixels:
         rows, columns = self.canvas.shape
         matrix = motion.to_source(((columns - 1) / 2, (rows - 1) / 2), self.pitch)
         return np.asarray(
@@ -475,7 +475,7 @@ def register(
     seen: Pixels,
     before: Pixels,
     strokes: tuple[Pixels, Pixels] | None = None,
-    drift: Motion = Motion(),
+    drift: CanvasShift = CanvasShift(),
 ) -> Registration:
     """Registers a photograph with an earlier one, both as from CanvasView.light.
 
@@ -488,44 +488,46 @@ def register(
     scene = _scene(view, seen, before, strokes)
     size = view.grid.size
     best, covariance = _best(scene, size)
-    deviation = Motion.of(np.sqrt(np.maximum(np.diag(covariance), 0)))
+    deviation = CanvasShift.of(np.sqrt(np.maximum(np.diag(covariance), 0)))
     whole = drift.followed_by(best)
     how_large = whole.size(size) / max(1.0, view.pitch / MAX_SHIFT)  # large pixels show no smaller motion
     if how_large > 1:
-        back = Motion.of(best.values - (1 - _WELL_WITHIN / how_large) * whole.values)
-        still = min((back, Motion()), key=lambda each: float(scene.misfit(each).sum()))
+        back = CanvasShift.of(best.values - (1 - _WELL_WITHIN / how_large) * whole.values)
+        still = min((back, CanvasShift()), key=lambda each: float(scene.misfit(each).sum()))
         evidence = scene.votes(best, still)
         verdict = Verdict.MOVED if evidence >= _SURE else Verdict.UNSURE
         return Registration(verdict, best, deviation, evidence)
     evidence = _stillness(scene, best, size)
-    sure = evidence >= _SURE_STILL or _stillness(_scene(view, before, before, None), Motion(), size) < _SURE_STILL
+    sure = evidence >= _SURE_STILL or _stillness(_scene(view, before, before, None), CanvasShift(), size) < _SURE_STILL
     return Registration(Verdict.STILL if sure else Verdict.UNSURE, best, deviation, -evidence)
 
 
-def _stillness(scene: _Scene, best: Motion, size: CanvasSize) -> float:
+def _stillness(scene: _Scene, best: CanvasShift, size: CanvasSize) -> float:
     """Returns the least agreement of the witnesses, in standard deviations, for the best motion against larger ones."""
     return min(scene.votes(best, best.followed_by(rival)) for rival in _rivals(size))
 
 
-def _rivals(size: CanvasSize) -> list[Motion]:
+def _rivals(size: CanvasSize) -> list[CanvasShift]:
     """Returns motions slightly above the limit; a canvas is still if none of them explains a photograph as well."""
     far = 1.2 * MAX_SHIFT
-    shifts = [Motion(far * math.cos(angle), far * math.sin(angle)) for angle in np.arange(8) * math.pi / 4]
+    shifts = [CanvasShift(far * math.cos(angle), far * math.sin(angle)) for angle in np.arange(8) * math.pi / 4]
     turn = far / math.hypot(size.width / 2, size.height / 2)
-    return [*shifts, Motion(turn=turn), Motion(turn=-turn)]
+    return [*shifts, CanvasShift(turn=turn), CanvasShift(turn=-turn)]
 
 
-def _best(fine: _Scene, size: CanvasSize) -> tuple[Motion, NDArray[np.float64]]:
+def _best(fine: _Scene, size: CanvasSize) -> tuple[CanvasShift, NDArray[np.float64]]:
     """Returns the motion that explains most of the photograph, by a coarse-to-fine search, and its covariance."""
     coarse = fine.coarser()
     step = 2 * max(coarse.pitch, _REACH / 6)
     count = int(_REACH / step)
-    grid = [Motion(step * x, step * y) for x in range(-count, count + 1) for y in range(-count, count + 1)]
+    grid = [CanvasShift(step * x, step * y) for x in range(-count, count + 1) for y in range(-count, count + 1)]
     reach = math.hypot(size.width, size.height) / 2
-    grid += [Motion(turn=way * 2 * step / reach) for way in (-3, -2, -1, 1, 2, 3)]
-    grid += [Motion(growth=way * 2 * step / reach) for way in (-3, -2, -1, 1, 2, 3)]
+    grid += [CanvasShift(turn=way * 2 * step / reach) for way in (-3, -2, -1, 1, 2, 3)]
+    grid += [CanvasShift(growth=way * 2 * step / reach) for way in (-3, -2, -1, 1, 2, 3)]
     ranking = np.argsort([float(coarse.misfit(motion, _SOFTEST / 3).sum()) for motion in grid])
-    starts = [Motion()] if grid[ranking[0]] == Motion() else [Motion(), *(grid[at] for at in ranking[:3])]
+    starts = (
+        [CanvasShift()] if grid[ranking[0]] == CanvasShift() else [CanvasShift(), *(grid[at] for at in ranking[:3])]
+    )
     found = []
     for start in starts:
         noises: tuple[float, ...] = (_SOFTEST, _SOFTEST, _SOFTEST / 2, _SOFTEST / 2, _SOFTEST / 4, _NOISE)
@@ -533,9 +535,9 @@ def _best(fine: _Scene, size: CanvasSize) -> tuple[Motion, NDArray[np.float64]]:
         found.append(motion if motion.corner_shift(size) < 2 * _REACH else start)
     coarsely = min(found, key=lambda motion: float(fine.misfit(motion).sum()))
     closer = (_SOFTEST / 4, _NOISE, _NOISE, _NOISE)
-    known = [fine.refine(start, closer, grows=start.growth != 0) for start in dict.fromkeys((coarsely, Motion()))]
+    known = [fine.refine(start, closer, grows=start.growth != 0) for start in dict.fromkeys((coarsely, CanvasShift()))]
     known.append(fine.refine(min(known, key=lambda each: float(fine.misfit(each[0]).sum()))[0], closer[1:]))
-    loss = {Motion(): (float(fine.misfit(Motion()).sum()), known[-1][1])}
+    loss = {CanvasShift(): (float(fine.misfit(CanvasShift()).sum()), known[-1][1])}
     loss |= {motion: (float(fine.misfit(motion).sum()), covariance) for motion, covariance in known}
     best = min(loss, key=lambda motion: loss[motion][0])
     rival = min((best.followed_by(each) for each in _rivals(size)), key=lambda motion: float(fine.misfit(motion).sum()))

@@ -21,14 +21,14 @@ from frida_painter.objectives.objective import Goal
 from frida_painter.plan import Plan
 from frida_painter.planning.layers import beneath
 from frida_painter.planning.optimize import stacked_moments
-from frida_painter.planning.placement import Placement, moved
-from frida_painter.planning.problem import Scene, Scenes, is_lack_of_memory
+from frida_painter.planning.placement import Placement, displace_strokes
+from frida_painter.planning.problem import PlanningProblem, PlanningProblems, is_lack_of_memory
 from frida_painter.planning.refine import loss_of_paint, visible_area
 from frida_painter.strokes import Strokes
 
 _LIKELY = 2.0  # standard deviations
 _UNKNOWN_DB = 0.4
-_LEAST_ERROR = 1e-6
+_MIN_ERROR = 1e-6
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class SimilarityForecast:
     @classmethod
     def of_error(cls, error: float, deviation: float) -> Self:
         """Returns the forecast for an expected mean squared error and its standard deviation between paintings."""
-        error = max(error, _LEAST_ERROR)
+        error = max(error, _MIN_ERROR)
         expected = -10 * math.log10(error)
         relative = _LIKELY * deviation / error * 10 / math.log(10)
         half = math.hypot(relative, _UNKNOWN_DB)
@@ -59,7 +59,7 @@ class SimilarityForecast:
 def forecast(
     goal: Goal,
     strokes: Sequence[Strokes],
-    scenes: Sequence[Scene],
+    problems: Sequence[PlanningProblem],
     placement: Placement | None = None,
     unseen: int = 0,
 ) -> SimilarityForecast | None:
@@ -73,9 +73,9 @@ def forecast(
     photograph = next((term.picture for term in goal.terms if term.is_pixelwise), None)
     if photograph is None:
         return None
-    canvas = scenes[0].canvas
-    target = images.averaged(photograph.to(canvas), *canvas.shape[1:])
-    error, chance = _error_and_chance(strokes, scenes, target)
+    canvas = problems[0].canvas
+    target = images.resize_by_area(photograph.to(canvas), *canvas.shape[1:])
+    error, chance = _error_and_chance(strokes, problems, target)
     if placement is None or unseen == 0:
         return SimilarityForecast.of_error(error, chance)
     # Three-point Gauss-Hermite rule along each axis of the placement's covariance, about the believed error.
@@ -84,53 +84,55 @@ def forecast(
     shift, variance = 0.0, chance**2
     for length, axis in zip(lengths, axes.T, strict=True):
         step = math.sqrt(3 * max(float(length), 0.0)) * axis
-        landed = (_landed(strokes, sign * step, scenes[0].size, unseen) for sign in (1, -1))
-        up, down = (_error(each, scenes, target) for each in landed)
+        landed = (_displace_first(strokes, sign * step, problems[0].size, unseen) for sign in (1, -1))
+        up, down = (_error(each, problems, target) for each in landed)
         shift += (up + down - 2 * error) / 6
         variance += ((up - down) ** 2 / 2 + (up + down - 2 * error) ** 2 / 9) / 6
     shift *= min(1.0, unseen / sum(map(len, strokes)))
     return SimilarityForecast.of_error(error + max(shift, 0.0), math.sqrt(variance))
 
 
-def _landed(
+def _displace_first(
     strokes: Sequence[Strokes], error: np.ndarray[tuple[int], np.dtype[np.float64]], size: CanvasSize, count: int
 ) -> list[Strokes]:
     """Returns the strokes, with the first `count` of them shifted by the placement error."""
     found = []
     for part in strokes:
-        astray = moved(part[:count], tuple(error.tolist()), size)
+        astray = displace_strokes(part[:count], tuple(error.tolist()), size)
         found.append(Strokes.join(astray, part[count:]))
         count = max(0, count - len(part))
     return found
 
 
 @torch.no_grad()
-def _error(strokes: Sequence[Strokes], scenes: Sequence[Scene], target: Tensor) -> float:
+def _error(strokes: Sequence[Strokes], problems: Sequence[PlanningProblem], target: Tensor) -> float:
     """Returns the expected mean squared error to the target."""
-    mean, variance = stacked_moments(strokes, scenes)
+    mean, variance = stacked_moments(strokes, problems)
     return float((mean - target).square().mean() + variance.mean())
 
 
-def _error_and_chance(strokes: Sequence[Strokes], scenes: Sequence[Scene], target: Tensor) -> tuple[float, float]:
+def _error_and_chance(
+    strokes: Sequence[Strokes], problems: Sequence[PlanningProblem], target: Tensor
+) -> tuple[float, float]:
     """Returns the expected mean squared error and its standard deviation by chance.
 
     A stroke that leaves more or less paint than its mean does so along the whole mark, and strokes are independent.
     To first order, the variance of the error is therefore the sum of the squared effects of each stroke's
     deviation.
     """
-    parts = [(part, scene) for part, scene in zip(strokes, scenes, strict=True) if len(part)]
-    if not parts or all(scene.spread.share == 0 for _, scene in parts):
-        return _error(strokes, scenes, target), 0.0
-    laid, on = [part for part, _ in parts], [replace(scene, canvas=scenes[0].canvas) for _, scene in parts]
+    parts = [(part, problem) for part, problem in zip(strokes, problems, strict=True) if len(part)]
+    if not parts or all(problem.spread.share == 0 for _, problem in parts):
+        return _error(strokes, problems, target), 0.0
+    laid, on = [part for part, _ in parts], [replace(problem, canvas=problems[0].canvas) for _, problem in parts]
     with torch.no_grad():
-        marks = [scene.marks(part) for part, scene in zip(laid, on, strict=True)]
+        marks = [problem.marks(part) for part, problem in zip(laid, on, strict=True)]
     magnitudes = [each.magnitude.requires_grad_() for each in marks]
     mean, variance = stacked_moments(laid, on, marks)
     error = (mean - target).square().mean() + variance.mean()
     slopes = torch.autograd.grad(error, magnitudes)
     by_chance = 0.0
-    for scene, magnitude, slope in zip(on, magnitudes, slopes, strict=True):
-        deviation = scene.spread.variance(magnitude.detach()).sqrt()
+    for problem, magnitude, slope in zip(on, magnitudes, slopes, strict=True):
+        deviation = problem.spread.variance(magnitude.detach()).sqrt()
         by_chance += float((slope * deviation).sum((1, 2)).square().sum())
     return float(error.detach()), math.sqrt(by_chance)
 
@@ -164,33 +166,33 @@ class Fading:
         return replace(self, slope=self.slope[strokes], square=self.square[strokes])
 
 
-def fading_of(plan: Plan, canvas: Tensor, scenes: Scenes, grid: PixelGrid, seed: int) -> Fading:
+def fading_of(plan: Plan, canvas: Tensor, problems: PlanningProblems, grid: PixelGrid, seed: int) -> Fading:
     """Returns the cost of missing paint for each stroke of a plan, as seen under the strokes that follow.
 
     The cost is measured towards the picture that guides the plan. Without a guide picture, a stroke counts by its
     visible area. The cost is zero if memory is too short to compute it.
     canvas [3, H, W]: picture of the canvas.
     """
-    parts, on = scenes.stack(plan, canvas, grid)
-    guide = scenes.guide(on[0])
+    parts, on = problems.stack(plan, canvas, grid)
+    guide = problems.guide(on[0])
     try:
-        return _seen(parts, on) if guide is None else _towards(guide, parts, on, seed)
+        return _measure_fading(parts, on) if guide is None else _towards(guide, parts, on, seed)
     except (MemoryError, RuntimeError) as failure:
         if not is_lack_of_memory(failure):
             raise
         return Fading.none(len(plan))
 
 
-def _seen(parts: Sequence[Strokes], on: Sequence[Scene]) -> Fading:
-    areas = torch.cat([visible_area(part, scene) for part, scene in zip(parts, on, strict=True)]).clamp(min=0).cpu()
+def _measure_fading(parts: Sequence[Strokes], on: Sequence[PlanningProblem]) -> Fading:
+    areas = torch.cat([visible_area(part, problem) for part, problem in zip(parts, on, strict=True)]).clamp(min=0).cpu()
     return Fading(torch.zeros_like(areas), areas / areas.sum().clamp(min=1))
 
 
-def _towards(guide: Tensor, parts: Sequence[Strokes], on: Sequence[Scene], seed: int) -> Fading:
+def _towards(guide: Tensor, parts: Sequence[Strokes], on: Sequence[PlanningProblem], seed: int) -> Fading:
     laid = list(zip(parts, on, strict=True))
     found, below = [], on[0].canvas
-    for number, (part, scene) in enumerate(laid):
-        here, above = replace(scene, canvas=below), laid[number + 1 :]
+    for number, (part, problem) in enumerate(laid):
+        here, above = replace(problem, canvas=below), laid[number + 1 :]
         seen, wanted = beneath(above, part, here, guide) if above else (here, guide)
         found.append(loss_of_paint(part, seen, wanted, torch.Generator().manual_seed(seed)))
         with torch.no_grad():

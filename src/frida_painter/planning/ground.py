@@ -81,7 +81,7 @@ def _quick(planner: Planner, term: ImageTerm) -> Planner:
         planner.settings,
         model=[planner.models[brush] for brush in planner.brushes[:2]],
         rows=min(_TRIAL_ROWS, planner.settings.rows),
-        effort=planner.effort.scaled(_TRYING),
+        effort=planner.effort.scale(_TRYING),
         layers=None,
         shares=None,
         focus=EVERYWHERE,  # the term already has its importance map and its sharpness

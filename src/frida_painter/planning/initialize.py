@@ -13,7 +13,7 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.frames import PixelGrid
 from frida_painter.palette import to_lab
 from frida_painter.planning.optimize import Step, optimize
-from frida_painter.planning.problem import Scene
+from frida_painter.planning.problem import PlanningProblem
 from frida_painter.planning.variables import Paints
 from frida_painter.render import composite
 from frida_painter.strokes import StrokeLimits, Strokes
@@ -34,7 +34,7 @@ def along_flow(
     flow [3, H, W]: cosine and sine of twice the direction, and the certainty.
     """
     middle = strokes.path(strokes.angle.new_tensor([0.5]))[:, 0]
-    doubled, sure = _seen(flow, middle, size)
+    doubled, sure = _sample_flow(flow, middle, size)
     count = len(strokes)
     chance = torch.rand(2, count, generator=generator).to(sure)
     wavers = _WAVERS * torch.randn(count, generator=generator).to(sure)
@@ -42,7 +42,7 @@ def along_flow(
     angle = torch.where(turned, doubled / 2 + math.pi * (chance[1] < 0.5) + wavers, strokes.angle)
     along = torch.stack((angle.cos(), angle.sin()), -1)
     half = along * strokes.length[:, None] / 2
-    ends = [_seen(flow, middle + step, size)[0] for step in (-half, half)]
+    ends = [_sample_flow(flow, middle + step, size)[0] for step in (-half, half)]
     turn = (
         torch.remainder((ends[1] - ends[0]) + math.pi, 2 * math.pi) / 2 - math.pi / 2
     )  # of a direction, not of its double
@@ -55,7 +55,7 @@ def along_flow(
     return strokes.with_groups(position=start, angle=angle, length=length, bend=bend).project(limits, size)
 
 
-def _seen(flow: Tensor, place: Tensor, size: CanvasSize) -> tuple[Tensor, Tensor]:
+def _sample_flow(flow: Tensor, place: Tensor, size: CanvasSize) -> tuple[Tensor, Tensor]:
     """Returns twice the direction of the flow and its certainty, [n] each, at canvas positions [n, 2]."""
     at = torch.stack((2 * place[:, 0] / size.width - 1, 1 - 2 * place[:, 1] / size.height), -1)
     cosine, sine, sure = functional.grid_sample(
@@ -93,21 +93,21 @@ class Layers:
         return (to_lab(color)[:, :1] < self.lightness).sum(1)
 
 
-def layers(strokes: Strokes, scene: Scene, *, light_to_dark: bool) -> Layers:
+def layers(strokes: Strokes, problem: PlanningProblem, *, light_to_dark: bool) -> Layers:
     """Returns the layers of strokes in painting order; if the order is free, the only place is on top."""
-    magnitude, affine = scene.marks(strokes)
+    magnitude, affine = problem.marks(strokes)
     ends = _ends(strokes, light_to_dark)
-    below, picture = [], scene.canvas
+    below, picture = [], problem.canvas
     for part in ends:
         picture = composite(magnitude[part], affine[part], strokes.color[part], picture)
         below.append(picture)
-    open_above, covering = [], torch.ones_like(scene.canvas)
+    open_above, covering = [], torch.ones_like(problem.canvas)
     for part in reversed(ends):
         open_above.append(covering[0])
         covering = composite(magnitude[part], affine[part], torch.zeros_like(strokes.color[part]), covering)
     if light_to_dark:
         # The canvas itself is a place too: below all strokes.
-        below.insert(0, scene.canvas)
+        below.insert(0, problem.canvas)
         open_above.append(covering[0])
         lightness = to_lab(strokes.color)[[part.stop - 1 for part in ends], 0]
     else:
@@ -146,7 +146,7 @@ def propose(error: Tensor, count: int, limits: StrokeLimits, size: CanvasSize, g
 
 
 def weigh(
-    proposals: Strokes, under: Layers, target: Tensor, paints: Paints | None, scene: Scene
+    proposals: Strokes, under: Layers, target: Tensor, paints: Paints | None, problem: PlanningProblem
 ) -> tuple[Tensor, Strokes, Tensor | None]:
     """Computes the gain of each proposal: the fall of the summed squared error, in pixels of the target [3, H, W].
 
@@ -155,13 +155,13 @@ def weigh(
     A stroke of alpha a changes the picture by o a (c - below); o is the share left open above it. With r = target -
     picture, the gain is |r|^2 - |r - o a (c - below)|^2, and each pixel counts by its importance.
     """
-    alpha, place = _cells(proposals, scene)
+    alpha, place = _cells(proposals, problem)
     wanted = _sample(target, place)  # [m, 3, cells]
     residual = wanted - _sample(under.picture, place)
     alpha = alpha[:, None]  # [m, 1, cells]
-    matters = torch.ones_like(alpha) if scene.importance is None else _sample(scene.importance[None], place)
+    matters = torch.ones_like(alpha) if problem.importance is None else _sample(problem.importance[None], place)
     share = alpha * matters
-    color = scene.in_paint((share * wanted).sum(2) / share.sum(2).clamp(min=1e-6))
+    color = problem.in_paint((share * wanted).sum(2) / share.sum(2).clamp(min=1e-6))
     paint = None
     if paints is not None:
         paint = paints.first + torch.cdist(to_lab(color), to_lab(paints.color[paints.first :])).argmin(1)
@@ -173,7 +173,7 @@ def weigh(
         visible = alpha[mine] * _sample(under.open[number][None], place[mine])
         change = visible * (color[mine][:, :, None] - _sample(under.below[number], place[mine]))
         gain[mine] = (matters[mine] * (2 * residual[mine] * change - change.square())).sum((1, 2))
-    return gain * _pixels_per_cell(scene), proposals.with_groups(color=color), paint
+    return gain * _pixels_per_cell(problem), proposals.with_groups(color=color), paint
 
 
 def pick(strokes: Strokes, gain: Tensor, count: int, model: StrokeModel) -> Tensor:
@@ -194,15 +194,15 @@ def pick(strokes: Strokes, gain: Tensor, count: int, model: StrokeModel) -> Tens
     return torch.tensor(chosen, dtype=torch.long)
 
 
-def _cells(strokes: Strokes, scene: Scene) -> tuple[Tensor, Tensor]:
+def _cells(strokes: Strokes, problem: PlanningProblem) -> tuple[Tensor, Tensor]:
     """Returns the coarse alpha [m, cells] of each mark, and the cells' canvas positions [m, cells, 2] in [-1, 1]."""
-    magnitude = scene.model(strokes.thickness, strokes.length, strokes.bend)
+    magnitude = problem.model(strokes.thickness, strokes.length, strokes.bend)
     alpha = functional.interpolate(magnitude[:, None], _CELLS, mode="area")[:, 0].flatten(1)
-    centers = scene.model.frame.resized(*_CELLS).cell_centers(dtype=alpha.dtype, device=alpha.device).flatten(0, 1)
+    centers = problem.model.frame.resize(*_CELLS).cell_centers(dtype=alpha.dtype, device=alpha.device).flatten(0, 1)
     cos, sin = torch.cos(strokes.angle)[:, None], torch.sin(strokes.angle)[:, None]
     x = strokes.position[:, 0:1] + cos * centers[:, 0] - sin * centers[:, 1]
     y = strokes.position[:, 1:2] + sin * centers[:, 0] + cos * centers[:, 1]
-    place = torch.stack((2 * x / scene.size.width - 1, 1 - 2 * y / scene.size.height), -1)
+    place = torch.stack((2 * x / problem.size.width - 1, 1 - 2 * y / problem.size.height), -1)
     outside = (place.abs() > 1).any(-1)
     return alpha.masked_fill(outside, 0), place
 
@@ -213,9 +213,9 @@ def _sample(picture: Tensor, place: Tensor) -> Tensor:
     return found[0].transpose(0, 1)
 
 
-def _pixels_per_cell(scene: Scene) -> float:
-    grid = PixelGrid(scene.size, *scene.canvas.shape[1:])
-    cell, pixel = scene.model.frame.resized(*_CELLS).pitch, grid.pitch
+def _pixels_per_cell(problem: PlanningProblem) -> float:
+    grid = PixelGrid(problem.size, *problem.canvas.shape[1:])
+    cell, pixel = problem.model.frame.resize(*_CELLS).pitch, grid.pitch
     return cell[0] * cell[1] / (pixel[0] * pixel[1])
 
 
@@ -257,7 +257,7 @@ class Growth:
 
 def progressive(
     count: int,
-    scene: Scene,
+    problem: PlanningProblem,
     target: Tensor,
     *,
     paints: Paints | None,
@@ -271,13 +271,13 @@ def progressive(
     Each round proposes strokes at the errors of the current picture and places those with the largest gains.
     Gradient descent on the scene's objective then settles all strokes together.
     """
-    strokes = Strokes.empty(device=scene.canvas.device)
+    strokes = Strokes.empty(device=problem.canvas.device)
     if paints is not None:
         paints = replace(paints, paint=paints.paint[:0])
     quotas = round_sizes(count, growth.rounds)
     for number, quota in enumerate(quotas):
         strokes, paints = place(
-            strokes, paints, quota, scene, target, growth.proposals, light_to_dark=light_to_dark, generator=generator
+            strokes, paints, quota, problem, target, growth.proposals, light_to_dark=light_to_dark, generator=generator
         )
 
         def tell(step: Step, done: int = number) -> None:
@@ -285,7 +285,7 @@ def progressive(
             notify(replace(step, iteration=before + step.iteration, of=len(quotas) * growth.settling))
 
         strokes, paints = optimize(
-            strokes, scene, iterations=growth.settling, paints=paints, light_to_dark=light_to_dark, notify=tell
+            strokes, problem, iterations=growth.settling, paints=paints, light_to_dark=light_to_dark, notify=tell
         )
     return strokes, paints
 
@@ -294,7 +294,7 @@ def place(
     strokes: Strokes,
     paints: Paints | None,
     count: int,
-    scene: Scene,
+    problem: PlanningProblem,
     target: Tensor,
     proposals: int,
     *,
@@ -304,23 +304,23 @@ def place(
     """Adds `count` strokes at the places of the largest gain; strokes and paints are in painting order."""
     while count > 0:
         found = best_proposals(
-            strokes, paints, count, scene, target, proposals, light_to_dark=light_to_dark, generator=generator
+            strokes, paints, count, problem, target, proposals, light_to_dark=light_to_dark, generator=generator
         )
         strokes, paints = insert(strokes, paints, found, light_to_dark=light_to_dark)
         count -= len(found.strokes)
     return strokes, paints
 
 
-def descended(scene: Scene) -> Tensor:
+def optimize_target(problem: PlanningProblem) -> Tensor:
     """Returns a target picture [3, H, W] for a goal without a guide picture, by gradient descent from the canvas.
 
     The picture is no finer than strokes are; otherwise networks would favour patterns that no brush can paint.
     Against strokes that start at random, as in the paper, plans of 24 and 60 strokes towards four of these goals
     ended a third nearer.
     """
-    _, rows, columns = scene.canvas.shape
+    _, rows, columns = problem.canvas.shape
     shape = (max(1, rows // _COARSENESS), max(1, columns // _COARSENESS))
-    small = functional.adaptive_avg_pool2d(scene.canvas[None], shape).clone().requires_grad_()
+    small = functional.adaptive_avg_pool2d(problem.canvas[None], shape).clone().requires_grad_()
     adam = torch.optim.Adam([small], lr=_DESCENT)
 
     def picture() -> Tensor:
@@ -328,7 +328,7 @@ def descended(scene: Scene) -> Tensor:
 
     for _ in range(_DESCENDING):
         adam.zero_grad()
-        torch.autograd.backward(scene.objective(picture()))
+        torch.autograd.backward(problem.objective(picture()))
         adam.step()
         with torch.no_grad():
             small.clamp_(0, 1)
@@ -357,7 +357,7 @@ def best_proposals(
     strokes: Strokes,
     paints: Paints | None,
     count: int,
-    scene: Scene,
+    problem: PlanningProblem,
     target: Tensor,
     proposals: int,
     *,
@@ -368,17 +368,17 @@ def best_proposals(
 
     proposals: number of proposals weighed for each stroke, at least 64 in all.
     """
-    under = layers(strokes, scene, light_to_dark=light_to_dark)
+    under = layers(strokes, problem, light_to_dark=light_to_dark)
     error = (target - under.picture).square().sum(0)
-    if scene.importance is not None:
-        error = error * scene.importance
-    error = _blurred(error)
+    if problem.importance is not None:
+        error = error * problem.importance
+    error = _blur(error)
     many = max(64, proposals * count)
-    candidates = propose(error, many, scene.limits, scene.size, generator)
-    if scene.flow is not None:
-        candidates = along_flow(candidates, scene.flow.to(error), scene.limits, scene.size, generator)
-    gain, candidates, paint = weigh(candidates, under, target, paints, scene)
-    chosen = pick(candidates, gain, count, scene.model)
+    candidates = propose(error, many, problem.limits, problem.size, generator)
+    if problem.flow is not None:
+        candidates = along_flow(candidates, problem.flow.to(error), problem.limits, problem.size, generator)
+    gain, candidates, paint = weigh(candidates, under, target, paints, problem)
+    chosen = pick(candidates, gain, count, problem.model)
     if len(chosen) == 0:  # no stroke gains any more, but the rest must still be placed
         chosen = torch.argsort(gain, descending=True)[:count]
     return Found(candidates[chosen], gain[chosen], None if paint is None else paint[chosen])
@@ -407,7 +407,7 @@ def round_sizes(count: int, rounds: int) -> list[int]:
     return torch.diff(ends, prepend=ends.new_zeros(1)).tolist()
 
 
-def _blurred(error: Tensor) -> Tensor:
+def _blur(error: Tensor) -> Tensor:
     """Averages the error [H, W] over a neighbourhood of about a twentieth of the height."""
     width = 2 * (error.shape[0] // 40) + 1
     return functional.avg_pool2d(error[None, None], width, 1, width // 2, count_include_pad=False)[0, 0]

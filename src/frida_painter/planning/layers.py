@@ -14,9 +14,9 @@ from torch import Tensor
 
 from frida_painter.frames import PixelGrid
 from frida_painter.plan import Plan
-from frida_painter.planning.initialize import Growth, descended, progressive
+from frida_painter.planning.initialize import Growth, optimize_target, progressive
 from frida_painter.planning.optimize import Step, StrokesInScene, optimize, optimize_together
-from frida_painter.planning.problem import Scene, Scenes
+from frida_painter.planning.problem import PlanningProblem, PlanningProblems
 from frida_painter.planning.refine import HARDLY_APART, MOVED, PROPOSALS, binding_iterations, relocate, without_twins
 from frida_painter.planning.variables import Paints, as_palette
 from frida_painter.strokes import Strokes
@@ -89,20 +89,20 @@ class Effort:
     polishing: int = 80
     replanning: int = 40
 
-    def scaled(self, factor: float) -> "Effort":
+    def scale(self, factor: float) -> "Effort":
         """Returns this effort with `factor` times as many iterations."""
         growth = Growth(self.growth.rounds, math.ceil(self.growth.settling * factor), self.growth.proposals)
         names = "refining", "drawing", "binding", "settling", "polishing", "replanning"
         counts = {name: math.ceil(getattr(self, name) * factor) for name in names}
         return replace(self, growth=growth, **counts)
 
-    def judged_by_networks(self) -> "Effort":
+    def for_network_objectives(self) -> "Effort":
         """Returns the effort for goals that networks judge: more iterations for growth, fewer rounds of settling."""
         return replace(self, rounds=min(self.rounds, 3), settling=self.refining, before_settling=0.6)
 
     def growing_of(self, layers: int) -> "Effort":
         """Returns the effort for growing each of several layers: less if they are settled together afterwards."""
-        return self if layers == 1 else self.scaled(self.before_settling)
+        return self if layers == 1 else self.scale(self.before_settling)
 
     def growing(self, strokes: int) -> int:
         """Number of iterations that grow this number of strokes."""
@@ -146,7 +146,7 @@ class Effort:
 
 def free_strokes(
     count: int,
-    scene: Scene,
+    problem: PlanningProblem,
     guide: Tensor | None,
     effort: Effort,
     generator: torch.Generator,
@@ -161,8 +161,8 @@ def free_strokes(
     """
     found, _ = progressive(
         count,
-        scene,
-        descended(scene) if guide is None else guide,
+        problem,
+        optimize_target(problem) if guide is None else guide,
         paints=None,
         light_to_dark=True,
         growth=effort.growth,
@@ -171,8 +171,8 @@ def free_strokes(
     )
     for _ in range(effort.relocations):
         if guide is not None:
-            found, _ = relocate(found, None, scene, guide, share=MOVED, proposals=PROPOSALS, generator=generator)
-        found, _ = optimize(found, scene, iterations=effort.refining, notify=begin(effort.refining))
+            found, _ = relocate(found, None, problem, guide, share=MOVED, proposals=PROPOSALS, generator=generator)
+        found, _ = optimize(found, problem, iterations=effort.refining, notify=begin(effort.refining))
     return found
 
 
@@ -203,7 +203,7 @@ class LayerAtWork:
         return replace(self, strokes=strokes, paints=Paints(palette.color, paint))
 
 
-def mixed_later(rest: Plan, new_paints: bool, *, fresh: bool) -> list[bool]:
+def find_later_mixing(rest: Plan, new_paints: bool, *, fresh: bool) -> list[bool]:
     """Returns a bool for each layer that has strokes: True if its paints are its own and are not mixed yet.
 
     rest: part of the plan that is not painted.
@@ -218,10 +218,10 @@ def mixed_later(rest: Plan, new_paints: bool, *, fresh: bool) -> list[bool]:
     ]
 
 
-def settled_together(
+def optimize_layers(
     layers: Sequence[LayerAtWork],
     canvas: Tensor,
-    scenes: Scenes,
+    problems: PlanningProblems,
     coarse: tuple[PixelGrid, int, int],
     fine: tuple[PixelGrid, int],
     begin: Callable[[int], Callable[[Step], None]],
@@ -242,16 +242,16 @@ def settled_together(
     found = list(layers)
     for _ in range(rounds):
         if generator is not None:
-            found = _moved(found, canvas, scenes, grid, share, generator)
-        found = _descended(found, canvas, scenes, grid, refining, begin)
+            found = _relocate_strokes(found, canvas, problems, grid, share, generator)
+        found = _descend(found, canvas, problems, grid, refining, begin)
     last, polishing = fine
-    return _descended(found, canvas, scenes, last, polishing, begin, pace)
+    return _descend(found, canvas, problems, last, polishing, begin, pace)
 
 
-def _descended(
+def _descend(
     layers: Sequence[LayerAtWork],
     canvas: Tensor,
-    scenes: Scenes,
+    problems: PlanningProblems,
     grid: PixelGrid,
     iterations: int,
     begin: Callable[[int], Callable[[Step], None]],
@@ -260,7 +260,7 @@ def _descended(
     """Returns the layers after gradient descent on their joint cost."""
     found = optimize_together(
         [
-            StrokesInScene(layer.strokes, scenes.of(canvas, grid, layer.brush), layer.paints, layer.mixes)
+            StrokesInScene(layer.strokes, problems.of(canvas, grid, layer.brush), layer.paints, layer.mixes)
             for layer in layers
         ],
         iterations=iterations,
@@ -270,10 +270,10 @@ def _descended(
     return [layer.after(part) for layer, part in zip(layers, found, strict=True)]
 
 
-def _moved(
+def _relocate_strokes(
     layers: Sequence[LayerAtWork],
     canvas: Tensor,
-    scenes: Scenes,
+    problems: PlanningProblems,
     grid: PixelGrid,
     share: float,
     generator: torch.Generator,
@@ -281,25 +281,25 @@ def _moved(
     """Returns the layers after some strokes of each moved to places of a larger gain, seen below the later layers."""
     found, below = list(layers), canvas
     for number, layer in enumerate(found):
-        scene = scenes.of(below, grid, layer.brush)
-        guide = scenes.guide(scene)
+        problem = problems.of(below, grid, layer.brush)
+        guide = problems.guide(problem)
         if guide is None:
             return found
-        above = [(later.strokes, scenes.of(canvas, grid, later.brush)) for later in found[number + 1 :]]
-        seen, wanted = beneath(above, layer.strokes, scene, guide) if above else (scene, guide)
+        above = [(later.strokes, problems.of(canvas, grid, later.brush)) for later in found[number + 1 :]]
+        seen, wanted = beneath(above, layer.strokes, problem, guide) if above else (problem, guide)
         strokes, paints = relocate(
             layer.strokes, layer.paints, seen, wanted, share=share, proposals=PROPOSALS, generator=generator
         )
         assert paints is not None
         found[number] = replace(layer, strokes=strokes, paints=paints)
-        below = scene.render(strokes).detach()
+        below = problem.render(strokes).detach()
     return found
 
 
 @torch.no_grad()
 def beneath(
-    above: Sequence[tuple[Strokes, Scene]], strokes: Strokes, scene: Scene, target: Tensor
-) -> tuple[Scene, Tensor]:
+    above: Sequence[tuple[Strokes, PlanningProblem]], strokes: Strokes, problem: PlanningProblem, target: Tensor
+) -> tuple[PlanningProblem, Tensor]:
     """Returns the scene and the target [3, H, W] of a layer below other layers.
 
     above: strokes of each later layer, with a scene of its brush.
@@ -308,10 +308,10 @@ def beneath(
     + a, and (t p + a - target)^2 is t^2 (p - (target - a) / t)^2. So each error counts by t^2 and is measured from
     (target - a) / t. If t is almost 0, the target is the layer's own picture.
     """
-    added, through = torch.zeros_like(scene.canvas), torch.ones_like(scene.canvas)
+    added, through = torch.zeros_like(problem.canvas), torch.ones_like(problem.canvas)
     for laid, on in above:
         added, through = (replace(on, canvas=picture).render(laid) for picture in (added, through))
     share = (through - added)[0].clamp(0, 1)  # [H, W]
-    wanted = torch.where(share > _CLOSED, (target - added) / share.clamp(min=_CLOSED), scene.render(strokes))
-    matters = share.square() if scene.importance is None else share.square() * scene.importance
-    return replace(scene, importance=matters), wanted
+    wanted = torch.where(share > _CLOSED, (target - added) / share.clamp(min=_CLOSED), problem.render(strokes))
+    matters = share.square() if problem.importance is None else share.square() * problem.importance
+    return replace(problem, importance=matters), wanted

@@ -11,7 +11,7 @@ from frida_painter.compiled import array, compiles_for
 from frida_painter.errors import PlanningDiverged
 from frida_painter.frames import PixelGrid, Rows
 from frida_painter.objectives.objective import Objective
-from frida_painter.planning.problem import Scene
+from frida_painter.planning.problem import PlanningProblem
 from frida_painter.planning.variables import Paints, Variables
 from frida_painter.render import Marks, Moments, composite_moments
 from frida_painter.strokes import Strokes
@@ -72,32 +72,32 @@ class Adam:
 _ROWS_TO_A_MARK = 32  # in the rectangle that holds every mark of the brush
 
 
-def interlaced(scenes: list[Scene]) -> list[list[Scene]]:
+def interlace_rows(problems: list[PlanningProblem]) -> list[list[PlanningProblem]]:
     """Returns the scenes of each turn: those of all parts, with the same rows; together the turns have all rows.
 
     There is one turn if all rows are needed. The distance of two rows is at most a 32nd of the height of the
     rectangle that holds the marks of a brush, or of the canvas if that is less. The smallest brush decides.
     """
-    every = min(_rows_apart(scene) for scene in scenes)
+    every = min(_rows_apart(problem) for problem in problems)
     if every == 1:
-        return [scenes]
+        return [problems]
     turns = (Rows(every, first) for first in range(every))
-    return [[_on_rows(scene, rows) for scene in scenes] for rows in turns]
+    return [[_on_rows(problem, rows) for problem in problems] for rows in turns]
 
 
-def _on_rows(scene: Scene, rows: Rows) -> Scene:
+def _on_rows(problem: PlanningProblem, rows: Rows) -> PlanningProblem:
     """Returns the scene with these rows only."""
-    assert scene.objective_on_rows is not None
-    return replace(scene, objective=scene.objective_on_rows(rows), rows=rows)
+    assert problem.objective_on_rows is not None
+    return replace(problem, objective=problem.objective_on_rows(rows), rows=rows)
 
 
-def _rows_apart(scene: Scene) -> int:
+def _rows_apart(problem: PlanningProblem) -> int:
     """Returns the distance of two rendered rows, in rows."""
-    if scene.objective_on_rows is None:
+    if problem.objective_on_rows is None:
         return 1
-    _, pitch = PixelGrid(scene.size, *scene.canvas.shape[1:]).pitch
-    mark = scene.model.frame.top - scene.model.frame.bottom
-    return max(1, int(min(mark, scene.size.height) / _ROWS_TO_A_MARK / pitch))
+    _, pitch = PixelGrid(problem.size, *problem.canvas.shape[1:]).pitch
+    mark = problem.model.frame.top - problem.model.frame.bottom
+    return max(1, int(min(mark, problem.size.height) / _ROWS_TO_A_MARK / pitch))
 
 
 # Strokes of several brushes, each painted over the one before: their joint picture and loss.
@@ -106,46 +106,50 @@ def _rows_apart(scene: Scene) -> int:
 
 
 def stacked_moments(
-    strokes: Sequence[Strokes], scenes: Sequence[Scene], marks: Sequence[Marks] | None = None
+    strokes: Sequence[Strokes], problems: Sequence[PlanningProblem], marks: Sequence[Marks] | None = None
 ) -> Moments:
     """Returns mean [3, H, W] and variance [H, W] of the picture after strokes of several brushes, painted in turn.
 
     scenes: one for each part, with its brush; the canvas is that of the first.
     marks: marks of each part, as leaves of a gradient. None: the marks of the stroke model.
     """
-    mean = scenes[0].rows.of(scenes[0].canvas)
+    mean = problems[0].rows.of(problems[0].canvas)
     variance = torch.zeros_like(mean[0])
-    for number, (part, scene) in enumerate(zip(strokes, scenes, strict=True)):
+    for number, (part, problem) in enumerate(zip(strokes, problems, strict=True)):
         if len(part) == 0:
             continue
-        laid = scene.marks(part) if marks is None else marks[number]
-        mean, variance = composite_moments(*laid, part.color, mean, scene.spread, variance, bare_cells_answer=False)
+        laid = problem.marks(part) if marks is None else marks[number]
+        mean, variance = composite_moments(*laid, part.color, mean, problem.spread, variance, bare_cells_answer=False)
     return Moments(mean, variance)
 
 
-def stacked_loss(strokes: Sequence[Strokes], scenes: Sequence[Scene], objective: Objective | None = None) -> Tensor:
+def stacked_loss(
+    strokes: Sequence[Strokes], problems: Sequence[PlanningProblem], objective: Objective | None = None
+) -> Tensor:
     """Returns the expected loss over paintings of the strokes.
 
     objective: None: the objective of the first scene.
     """
-    if len(scenes) == 1:
-        return scenes[0].expected_loss(strokes[0], objective)
-    return (objective or scenes[0].objective)(*stacked_moments(strokes, scenes))
+    if len(problems) == 1:
+        return problems[0].expected_loss(strokes[0], objective)
+    return (objective or problems[0].objective)(*stacked_moments(strokes, problems))
 
 
-def stacked_cost(strokes: Sequence[Strokes], scenes: Sequence[Scene], objective: Objective | None = None) -> Tensor:
+def stacked_cost(
+    strokes: Sequence[Strokes], problems: Sequence[PlanningProblem], objective: Objective | None = None
+) -> Tensor:
     """Returns the expected loss plus the price of the paint.
 
     Paint has a price because every dip takes time, and hardly visible paint gains little. The price is a share of
     the loss, because a decibel is worth as much in a dark picture as in a light one.
     """
-    loss = stacked_loss(strokes, scenes, objective)
-    if all(scene.paint_price == 0 for scene in scenes):
+    loss = stacked_loss(strokes, problems, objective)
+    if all(problem.paint_price == 0 for problem in problems):
         return loss
-    return loss * (1 + sum(scene.paint_cost(part) for part, scene in zip(strokes, scenes, strict=True)))
+    return loss * (1 + sum(problem.paint_cost(part) for part, problem in zip(strokes, problems, strict=True)))
 
 
-_MOST_FAILURES = 3
+_MAX_FAILURES = 3
 _WARMING = 6
 _BETAS = (0.9, 0.98)
 _BETWEEN_VALIDATIONS = 10  # iterations
@@ -181,14 +185,14 @@ class StrokesInScene:
     """
 
     strokes: Strokes
-    scene: Scene
+    problem: PlanningProblem
     paints: Paints | None = None
     vary_colors: bool = True
 
 
 def optimize(
     strokes: Strokes,
-    scene: Scene,
+    problem: PlanningProblem,
     *,
     iterations: int,
     paints: Paints | None = None,
@@ -199,7 +203,7 @@ def optimize(
 ) -> tuple[Strokes, Paints | None]:
     """Optimises strokes of one brush, in painting order, and their paints; see `optimize_together`."""
     (found,) = optimize_together(
-        [StrokesInScene(strokes, scene, paints, vary_colors)],
+        [StrokesInScene(strokes, problem, paints, vary_colors)],
         iterations=iterations,
         light_to_dark=light_to_dark,
         pace=pace,
@@ -224,7 +228,7 @@ def optimize_together(
     If the scene has a validation objective, that one compares them, every ten iterations.
     Raises PlanningDiverged at the third loss or gradient that is not finite, or if no loss was finite.
 
-    Iterations render some rows in turn if that is enough (`interlaced`), but all rows at the beginning and at the
+    Iterations render some rows in turn if that is enough (`interlace_rows`), but all rows at the beginning and at the
     end. A step that is not finite is discarded (on a GPU at the next reading), and later steps are half as large.
     """
     working = [part for part in parts if len(part.strokes)]
@@ -235,34 +239,34 @@ def optimize_together(
         for part in working
     ]
     leaves = [leaf for each in variables for leaf in each.leaves]
-    scenes = [part.scene for part in working]
-    brushes = [scene.model.brush for scene in scenes]
+    problems = [part.problem for part in working]
+    brushes = [problem.model.brush for problem in problems]
     adam = Adam(leaves, _BETAS)
     best = _Best(variables)
     readings = _Readings(1 if leaves[0].device.type == "cpu" else _READ_TOGETHER)
-    turns = interlaced(scenes)
-    validation = scenes[0].validation
+    turns = interlace_rows(problems)
+    validation = problems[0].validation
     failures = 0
     for iteration in range(iterations + 1):
         current = [each.strokes(each.order()) for each in variables]
-        seen = scenes if iteration in (0, iterations) else turns[iteration % len(turns)]
+        seen = problems if iteration in (0, iterations) else turns[iteration % len(turns)]
         with torch.set_grad_enabled(iteration < iterations):
             loss = stacked_cost(current, seen)
         if validation is None:
-            if seen is scenes:  # losses of different rows are not comparable
+            if seen is problems:  # losses of different rows are not comparable
                 best.consider(loss, variables)
         elif iteration % _BETWEEN_VALIDATIONS == 0 or iteration == iterations:
             with torch.no_grad():
-                best.consider(stacked_cost(current, scenes, validation), variables)
+                best.consider(stacked_cost(current, problems, validation), variables)
         if iteration == iterations:
             break
         adam.forget_gradients()
         torch.autograd.backward(loss)
         laid = tuple((brush, strokes.detach()) for brush, strokes in zip(brushes, current, strict=True))
-        readings.add(_Reading(iteration, loss.detach(), _made_sound(loss, leaves), laid))
-        adam.step(pace * 0.5**failures * _rhythm(iteration, iterations))
-        for each, scene in zip(variables, scenes, strict=True):
-            each.bring_inside(scene.limits, scene.size, scene.in_paint)
+        readings.add(_Reading(iteration, loss.detach(), _zero_unsound_slope(loss, leaves), laid))
+        adam.step(pace * 0.5**failures * _step_schedule(iteration, iterations))
+        for each, problem in zip(variables, problems, strict=True):
+            each.bring_inside(problem.limits, problem.size, problem.in_paint)
         if not readings.full and iteration + 1 < iterations:
             continue
         heard, failed, least = readings.read(best.loss)
@@ -270,7 +274,7 @@ def optimize_together(
             notify(Step(step.iteration + 1, iterations, step.value, step.laid))
         if failed is not None:
             failures += 1
-            if failures == _MOST_FAILURES or not math.isfinite(least):
+            if failures == _MAX_FAILURES or not math.isfinite(least):
                 raise PlanningDiverged(
                     f"The loss or its slope was not finite in iteration {failed.iteration}, for the {failures}. time "
                     f"(the loss was {failed.value:g}); try another seed (--seed), or another picture."
@@ -291,7 +295,7 @@ def _in_order(part: StrokesInScene, variables: Variables) -> StrokesInScene:
     return replace(part, strokes=variables.strokes().detach()[order], paints=found)
 
 
-def _rhythm(iteration: int, iterations: int) -> float:
+def _step_schedule(iteration: int, iterations: int) -> float:
     """Returns the step size: it grows over the first iterations and then falls along a half cosine to a tenth.
 
     Adam's first steps have the same size for every gradient. At full size, they would undo a settled plan.
@@ -300,7 +304,7 @@ def _rhythm(iteration: int, iterations: int) -> float:
     return warm * (0.1 + 0.45 * (1 + math.cos(math.pi * iteration / iterations)))
 
 
-def _made_sound(loss: Tensor, leaves: list[Tensor]) -> Tensor:
+def _zero_unsound_slope(loss: Tensor, leaves: list[Tensor]) -> Tensor:
     """Returns True, as a tensor, if loss and gradients are finite; otherwise sets the gradients to 0."""
     if any(leaf.grad is None for leaf in leaves):
         return torch.zeros_like(loss, dtype=torch.bool)

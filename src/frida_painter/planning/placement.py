@@ -22,7 +22,7 @@ from frida_painter.brush.kinds import StrokeModel
 from frida_painter.calibration import BrushRecord, Calibration
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.frames import PixelGrid
-from frida_painter.planning.problem import Scene
+from frida_painter.planning.problem import PlanningProblem
 from frida_painter.strokes import Strokes
 
 # Gauss-Newton method: a few numbers that explain a picture best, together with their earlier estimate.
@@ -61,7 +61,7 @@ def gauss_newton(
 # before and after them. It is the change of thickness that makes the simulated strokes look most like the seen
 # ones. A measurement of one brush partly holds for the others, because they paint on the same canvas.
 
-MOST_LOWER = 0.002
+MAX_LOWER = 0.002
 """Largest correction of a brush's height in metres, lower or higher; a larger one is not believed."""
 # Standard deviation of the height errors in metres: that of all brushes together, and that of each brush alone.
 _TOGETHER, _EACH = 0.0005, 0.0005
@@ -91,7 +91,7 @@ class TouchHeights:
     depths: metres between the lightest touch and the hardest press of each brush, by its name.
     lower: correction of each brush in metres; below 0 if the brush touches higher.
     information: inverse of the covariance of `lower`, in 1/m^2.
-    Raises ValueError if the numbers of entries differ, or if a correction exceeds MOST_LOWER.
+    Raises ValueError if the numbers of entries differ, or if a correction exceeds MAX_LOWER.
     """
 
     depths: Mapping[str, float] = field(default_factory=dict)
@@ -102,8 +102,8 @@ class TouchHeights:
         count = len(self.depths)
         if len(self.lower) != count or np.shape(self.information) != ((count, count) if count else (0,)):
             raise ValueError(f"touch heights {self.lower} and information {self.information} of {count} brushes")
-        if not all(abs(lower) <= MOST_LOWER for lower in self.lower):
-            raise ValueError(f"brushes that touch {self.lower} m lower; {MOST_LOWER} m are believed")
+        if not all(abs(lower) <= MAX_LOWER for lower in self.lower):
+            raise ValueError(f"brushes that touch {self.lower} m lower; {MAX_LOWER} m are believed")
 
     @classmethod
     def unknown(cls, depths: Mapping[str, float]) -> Self:
@@ -116,13 +116,13 @@ class TouchHeights:
         """Returns the estimate after one more measurement of one brush.
 
         lower, deviation: measured correction and its standard deviation, in metres.
-        The estimate stays as it was if a correction would exceed MOST_LOWER.
+        The estimate stays as it was if a correction would exceed MAX_LOWER.
         """
         seen = np.array([float(name == brush) for name in self.depths])
         before = np.array(self.information)
         information = before + np.outer(seen, seen) / deviation**2
         best = np.linalg.solve(information, before @ np.array(self.lower) + seen * lower / deviation**2)
-        if not np.abs(best).max() <= MOST_LOWER:
+        if not np.abs(best).max() <= MAX_LOWER:
             return self
         return replace(self, lower=tuple(best.tolist()), information=_rows(information))
 
@@ -130,14 +130,14 @@ class TouchHeights:
         """Returns the metres by which a brush is sent lower than its record; 0 for an unknown brush."""
         return dict(zip(self.depths, self.lower, strict=True)).get(brush, 0.0)
 
-    def corrected(self, calibration: Calibration) -> Calibration:
+    def correct(self, calibration: Calibration) -> Calibration:
         """Returns the calibration with the touch and press heights corrected."""
-        others = {name: _lowered(one, self.correction(name)) for name, one in calibration.others.items()}
-        return _lowered(replace(calibration, others=others), self.correction(calibration.brush))
+        others = {name: _lower(one, self.correction(name)) for name, one in calibration.others.items()}
+        return _lower(replace(calibration, others=others), self.correction(calibration.brush))
 
 
 @torch.no_grad()
-def measure_touch(landed: Strokes, known: TouchHeights, before: Scene, seen: Tensor) -> TouchHeights:
+def measure_touch(landed: Strokes, known: TouchHeights, before: PlanningProblem, seen: Tensor) -> TouchHeights:
     """Returns the touch heights after a look at painted strokes of one brush.
 
     landed: strokes at the places where they landed.
@@ -196,22 +196,22 @@ class _TouchingOrNot:
         return self._model(thickness.clamp(0, 1), length, bend) * left[:, None, None]
 
 
-def _contrast(strokes: Strokes, scene: Scene) -> Tensor:
+def _contrast(strokes: Strokes, problem: PlanningProblem) -> Tensor:
     """Returns the mean difference between stroke colour and canvas along the path, of the largest channel, [n]."""
-    grid = PixelGrid(scene.size, *scene.canvas.shape[1:])
+    grid = PixelGrid(problem.size, *problem.canvas.shape[1:])
     at = grid.to_pixels(strokes.path(torch.linspace(0, 1, _ALONG).to(strokes.angle))).round().long()  # [n, t, 2]
     column, row = at[..., 0].clamp(0, grid.columns - 1), at[..., 1].clamp(0, grid.rows - 1)
-    below = scene.canvas[:, row, column].permute(1, 2, 0)  # [n, t, 3]
+    below = problem.canvas[:, row, column].permute(1, 2, 0)  # [n, t, 3]
     return (strokes.color[:, None] - below).abs().mean(1).amax(1)
 
 
-def _visible(strokes: Strokes, tells: Tensor, aside: Tensor, scene: Scene) -> tuple[Tensor, Tensor]:
+def _visible(strokes: Strokes, tells: Tensor, aside: Tensor, problem: PlanningProblem) -> tuple[Tensor, Tensor]:
     """Returns masks [H, W] of visible contrasting strokes: those to learn from, and those kept for validation.
 
     tells [n], aside [n]: True for contrasting strokes, and for strokes kept for validation.
     """
     shade = torch.where(tells, aside.to(strokes.color), 0.5)[:, None].expand(-1, 3)
-    shown = replace(scene, canvas=torch.full_like(scene.canvas, 0.5)).render(strokes.with_groups(color=shade))[0]
+    shown = replace(problem, canvas=torch.full_like(problem.canvas, 0.5)).render(strokes.with_groups(color=shade))[0]
     return shown < 0.45, shown > 0.55
 
 
@@ -219,7 +219,7 @@ def _size(residual: Tensor) -> float:
     return float(residual.square().mean())
 
 
-def _lowered(record: _Heights, lower: float) -> _Heights:
+def _lower(record: _Heights, lower: float) -> _Heights:
     return replace(record, touch_height=record.touch_height - lower, press_height=record.press_height - lower)
 
 
@@ -258,7 +258,7 @@ class Placement:
         information = tuple(map(tuple, np.diag(1 / np.square(_PLACEMENT_USUAL)).tolist()))
         return cls((0.0, 0.0, 0.0), information, TouchHeights.unknown(depths or {}))
 
-    def corrected(self, calibration: Calibration, size: CanvasSize) -> Calibration:
+    def correct(self, calibration: Calibration, size: CanvasSize) -> Calibration:
         """Returns the calibration that sends the robot so that strokes land at their planned places."""
         x, y, turn = self.error
         cos, sin = math.cos(turn), math.sin(turn)
@@ -268,10 +268,10 @@ class Placement:
         landing[:2, :2] = rotation
         landing[:2, 2] = middle - rotation @ middle + (x, y)
         placement = np.array(calibration.placement) @ np.linalg.inv(landing)
-        return self.touch.corrected(replace(calibration, placement=tuple(map(tuple, placement.tolist()))))
+        return self.touch.correct(replace(calibration, placement=tuple(map(tuple, placement.tolist()))))
 
 
-def learn(meant: Strokes, known: Placement, coarse: Scene, fine: Scene, seen: Tensor) -> Placement:
+def learn(meant: Strokes, known: Placement, coarse: PlanningProblem, fine: PlanningProblem, seen: Tensor) -> Placement:
     """Returns the placement and the touch heights after a look at painted strokes of one brush.
 
     meant: strokes as planned, sent with the correction of `known`.
@@ -280,25 +280,25 @@ def learn(meant: Strokes, known: Placement, coarse: Scene, fine: Scene, seen: Te
     seen [3, H, W]: canvas afterwards.
     """
     found = locate(meant, known, coarse, images.fit(seen, *coarse.canvas.shape[1:]))
-    landed = moved(_unmoved(meant, known.error, fine.size), found.error, fine.size)
+    landed = displace_strokes(_undo_displacement(meant, known.error, fine.size), found.error, fine.size)
     return replace(found, touch=measure_touch(landed, known.touch, fine, images.fit(seen, *fine.canvas.shape[1:])))
 
 
 @torch.no_grad()
-def locate(meant: Strokes, known: Placement, before: Scene, seen: Tensor) -> Placement:
+def locate(meant: Strokes, known: Placement, before: PlanningProblem, seen: Tensor) -> Placement:
     """Returns the placement after a look at painted strokes.
 
     meant: strokes as planned, sent with the correction of `known`.
     before: scene in which they were painted.
     seen [3, H, W]: canvas afterwards.
     """
-    sent = _unmoved(meant, known.error, before.size)
+    sent = _undo_displacement(meant, known.error, before.size)
     width = _odd_pixels(_BLUR, before)
-    blurred = _blurred(seen, width)
+    blurred = _blur(seen, width)
 
     def residual(error: Tensor) -> Tensor:
-        landed = moved(sent, tuple(error.tolist()), before.size)
-        return (blurred - _blurred(before.render(landed), width)).flatten().cpu().double()
+        landed = displace_strokes(sent, tuple(error.tolist()), before.size)
+        return (blurred - _blur(before.render(landed), width)).flatten().cpu().double()
 
     error, information = gauss_newton(
         residual,
@@ -312,7 +312,7 @@ def locate(meant: Strokes, known: Placement, before: Scene, seen: Tensor) -> Pla
     return Placement((x, y, turn), tuple(map(tuple, information.tolist())), known.touch)
 
 
-def moved(strokes: Strokes, error: tuple[float, ...], size: CanvasSize) -> Strokes:
+def displace_strokes(strokes: Strokes, error: tuple[float, ...], size: CanvasSize) -> Strokes:
     """Returns the strokes as they land with this error.
 
     error: metres, metres, radians, as `Placement.error`.
@@ -322,7 +322,7 @@ def moved(strokes: Strokes, error: tuple[float, ...], size: CanvasSize) -> Strok
     return strokes.with_groups(position=position + position.new_tensor([x, y]), angle=strokes.angle + turn)
 
 
-def _unmoved(strokes: Strokes, error: tuple[float, ...], size: CanvasSize) -> Strokes:
+def _undo_displacement(strokes: Strokes, error: tuple[float, ...], size: CanvasSize) -> Strokes:
     """Returns the strokes as the robot must be sent, so that with this error they land at the given places."""
     x, y, turn = error
     offset = strokes.position - strokes.position.new_tensor([x, y]) - _middle(strokes, size)
@@ -340,10 +340,10 @@ def _middle(strokes: Strokes, size: CanvasSize) -> Tensor:
     return strokes.position.new_tensor([size.width / 2, size.height / 2])
 
 
-def _odd_pixels(metres: float, scene: Scene) -> int:
-    return 2 * round(metres / scene.size.height * scene.canvas.shape[1] / 2) + 1
+def _odd_pixels(metres: float, problem: PlanningProblem) -> int:
+    return 2 * round(metres / problem.size.height * problem.canvas.shape[1] / 2) + 1
 
 
-def _blurred(picture: Tensor, width: int) -> Tensor:
+def _blur(picture: Tensor, width: int) -> Tensor:
     once = functional.avg_pool2d(picture[None], width, 1, width // 2, count_include_pad=False)
     return functional.avg_pool2d(once, width, 1, width // 2, count_include_pad=False)[0]

@@ -17,11 +17,11 @@ from frida_painter.brush.weights import load_stroke_model
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError, PlanningDiverged
 from frida_painter.frames import PixelGrid
-from frida_painter.objectives.attention import focused
-from frida_painter.objectives.encoders.registry import EncoderRegistry
-from frida_painter.objectives.interpretation import interpreted, prepare
+from frida_painter.objectives.attention import weight_by_focus
+from frida_painter.objectives.encoders.loading import EncoderRegistry
+from frida_painter.objectives.interpretation import interpret_goal, prepare
 from frida_painter.objectives.objective import Goal
-from frida_painter.palette import MOST_COLORS, Palette
+from frida_painter.palette import MAX_COLORS, Palette
 from frida_painter.plan import Plan
 from frida_painter.planning.forecast import Fading, SimilarityForecast, fading_of, forecast
 from frida_painter.planning.layers import (
@@ -29,15 +29,15 @@ from frida_painter.planning.layers import (
     LayerAtWork,
     StepCount,
     at_the_end,
+    find_later_mixing,
     free_strokes,
-    mixed_later,
-    settled_together,
+    optimize_layers,
     unheard,
 )
 from frida_painter.planning.optimize import Step, optimize, stacked_cost, stacked_loss
 from frida_painter.planning.placement import Placement, learn
-from frida_painter.planning.problem import Region, Scenes, is_bare, is_lack_of_memory, on_device
-from frida_painter.planning.refine import MOVED, MOVED_WHERE_A_LAYER_BEGINS, bound
+from frida_painter.planning.problem import PlanningProblems, Region, is_bare, is_lack_of_memory, on_device
+from frida_painter.planning.refine import MOVED, MOVED_WHERE_A_LAYER_BEGINS, bind_to_palette
 from frida_painter.planning.settings import PlannerSettings
 from frida_painter.planning.variables import Paints
 
@@ -127,23 +127,23 @@ class Planner:
         if shares is not None and len(shares) != (len(models) if len(models) > 1 else layers or 1):
             raise ConfigError(f"{len(shares)} shares of the strokes were given; give one for each layer.")
         layers = len(models) if len(models) > 1 and layers == 1 else layers
-        spent = settings.effort if isinstance(settings.effort, Effort) else Effort().scaled(settings.effort)
-        spent = spent if all(term.is_pixelwise for term in goal.terms) else spent.judged_by_networks()
+        spent = settings.effort if isinstance(settings.effort, Effort) else Effort().scale(settings.effort)
+        spent = spent if all(term.is_pixelwise for term in goal.terms) else spent.for_network_objectives()
         self.settings: Final = replace(settings, size=size, model=models, effort=spent, layers=layers)
         self.effort: Final = spent
         self.fine: Final = PixelGrid.of_height(size, settings.rows)
         self.coarse: Final = PixelGrid.of_height(size, max(settings.rows // 2, 32))
         self.encoders: Final = encoders or EncoderRegistry()
         self.device: Final = device or torch.device("cpu")
-        seen = focused(goal, settings.focus, self.encoders)
-        self.goal: Final = interpreted(seen, self.fine, self.encoders, settings.seed, settings.sharpness)
+        seen = weight_by_focus(goal, settings.focus, self.encoders)
+        self.goal: Final = interpret_goal(seen, self.fine, self.encoders, settings.seed, settings.sharpness)
         near, grids = self.goal.to(self.device), (self.fine, self.coarse)
         initial = (
             prepare(Goal(near.initial_terms), self.coarse, self.encoders, settings.seed)
             if self.goal.initial_terms is not self.goal.terms
             else None
         )
-        self.scenes = Scenes(
+        self.problems = PlanningProblems(
             size=size,
             models={name: on_device(one, self.device) for name, one in self.models.items()},
             goal=self.goal,
@@ -176,16 +176,16 @@ class Planner:
 
     def on_ground(self, ground: tuple[float, float, float]) -> "Planner":
         """Returns the same planner for a bare canvas of this colour, sRGB."""
-        return self._with(replace(self.settings, ground=ground), self.scenes)
+        return self._with(replace(self.settings, ground=ground), self.problems)
 
     def keeping_clear(self, region: Region | None) -> "Planner":
         """Returns the same planner with this protected region."""
-        return self._with(replace(self.settings, region=region), replace(self.scenes, region=region))
+        return self._with(replace(self.settings, region=region), replace(self.problems, region=region))
 
-    def _with(self, settings: PlannerSettings, scenes: Scenes) -> "Planner":
+    def _with(self, settings: PlannerSettings, problems: PlanningProblems) -> "Planner":
         """Returns a copy that shares the prepared goal."""
         other = copy.copy(self)
-        vars(other).update(settings=settings, scenes=scenes)
+        vars(other).update(settings=settings, problems=problems)
         return other
 
     @property
@@ -221,10 +221,10 @@ class Planner:
             canvas = self.bare
         sizes = self.layer_sizes(strokes)
         palettes = len(sizes) if self.settings.new_paints else 1
-        if palettes * colors > MOST_COLORS:
+        if palettes * colors > MAX_COLORS:
             raise ConfigError(
-                f"{colors} paints for each of {palettes} layers were asked for; a plan has at most {MOST_COLORS}: give "
-                f"--colors {MOST_COLORS // palettes} or fewer, or --no-new-paints."
+                f"{colors} paints for each of {palettes} layers were asked for; a plan has at most {MAX_COLORS}: give "
+                f"--colors {MAX_COLORS // palettes} or fewer, or --no-new-paints."
             )
         generator = torch.Generator().manual_seed(self.seed)
         steps = StepCount(notify or unheard, self.iterations(strokes))
@@ -234,19 +234,19 @@ class Planner:
         for count, brush in zip(sizes, self.layer_brushes(strokes), strict=True):
             wells = layers[0].paints if layers and not self.settings.new_paints else min(colors, count)
             if layers:
-                below = self._laid(layers[-1], below)
-            layers.append(self._grown(count, brush, below, wells, effort, generator, steps, layers))
+                below = self._lay(layers[-1], below)
+            layers.append(self._grow(count, brush, below, wells, effort, generator, steps, layers))
         if len(layers) > 1 and not self.settings.new_paints:
             layers = [replace(layer, mixes=False) for layer in layers]
         rounds = self.effort.rounds_of(len(layers))
-        first, *later = self._settled(
+        first, *later = self._settle(
             layers, canvas, steps.begin, rounds, self.effort.polishing, pace=_POLISHING_PACE, generator=generator
         )
         for part in later:
             first = first.under(part)
         return first
 
-    def _grown(
+    def _grow(
         self,
         count: int,
         brush: str,
@@ -262,12 +262,12 @@ class Planner:
         wells: existing paints, or the number of paints to mix for the layer.
         """
         begin = partial(steps.begin, below=[(layer.brush, layer.strokes) for layer in below])
-        scene = self.scenes.initial(canvas, self.coarse, brush)
-        found = free_strokes(count, scene, self.scenes.guide(scene), effort, generator, begin)
-        wanted = self.scenes.of(canvas, self.coarse, brush)
+        problem = self.problems.initial(canvas, self.coarse, brush)
+        found = free_strokes(count, problem, self.problems.guide(problem), effort, generator, begin)
+        wanted = self.problems.of(canvas, self.coarse, brush)
         if isinstance(wells, int):
             times = {"drawing": effort.drawing, "binding": effort.binding}
-            found, mixed = bound(found, wanted, wells, **times, seed=self.seed, begin=begin)
+            found, mixed = bind_to_palette(found, wanted, wells, **times, seed=self.seed, begin=begin)
             return LayerAtWork(brush, found, mixed, mixes=True).with_paints_in_order()
         paint = Palette(wells.color).nearest(found.color)
         order = torch.argsort(paint, stable=True)
@@ -282,7 +282,7 @@ class Planner:
         assert paints is not None
         return LayerAtWork(brush, found, paints, mixes=False)
 
-    def _settled(
+    def _settle(
         self,
         layers: Sequence[LayerAtWork],
         canvas: Tensor,
@@ -298,10 +298,10 @@ class Planner:
         """Settles layers together on a canvas picture [3, H, W] and returns their plans."""
         # For other goals than pictures and their meaning, the guide only served to start the plan.
         guided = self.goal.initial_terms is self.goal.terms or self.goal.initial_terms[0].importance is not None
-        found = settled_together(
+        found = optimize_layers(
             layers,
             canvas,
-            self.scenes,
+            self.problems,
             (self.coarse, rounds, self.effort.settling),
             (self.coarse if sparing else self.fine, polishing),
             begin,
@@ -313,7 +313,7 @@ class Planner:
 
     def fading(self, plan: Plan, canvas: Tensor) -> Fading:
         """Returns the cost of strokes of the plan that lack paint, on a picture [3, H, W] of the canvas."""
-        return fading_of(plan, canvas, self.scenes, self.coarse, self.seed)
+        return fading_of(plan, canvas, self.problems, self.coarse, self.seed)
 
     def without_weakest(self, plan: Plan, canvas: Tensor, count: int) -> Plan:
         """Returns the plan without the `count` strokes that matter least, on a picture [3, H, W] of the canvas."""
@@ -344,7 +344,7 @@ class Planner:
                 paints = Paints(palette.color.to(self.device), paint)
                 layer = LayerAtWork(part.layers[0].brush, part.strokes.to(self.device), paints, mixes=False)
                 begin = partial(steps.begin, below=[(plan.layers[0].brush, plan.strokes) for plan in done])
-                (part,) = self._settled([layer], below, begin, 0, self.effort.polishing, pace=_POLISHING_PACE)
+                (part,) = self._settle([layer], below, begin, 0, self.effort.polishing, pace=_POLISHING_PACE)
             done.append(part)
             below = self.expected(part, below)
         return plan.with_parts(done)
@@ -404,7 +404,7 @@ class Planner:
         parts = rest.filled_layers()
         # A layer never goes back to a lighter paint, which would pick up dark paint that is still wet.
         lightest = 0 if fresh else int(parts[0].paint.min())
-        mixed = mixed_later(rest, self.settings.new_paints, fresh=fresh)
+        mixed = find_later_mixing(rest, self.settings.new_paints, fresh=fresh)
         layers = [
             LayerAtWork(
                 part.layers[0].brush,
@@ -419,7 +419,7 @@ class Planner:
         steps = StepCount(notify, rounds * self.effort.settling + self.effort.replanning)
         last, share = self.effort.replanning, MOVED_WHERE_A_LAYER_BEGINS if fresh else MOVED
         return rest.with_parts(
-            self._settled(layers, canvas, steps.begin, rounds, last, share=share, generator=generator, sparing=sparing)
+            self._settle(layers, canvas, steps.begin, rounds, last, share=share, generator=generator, sparing=sparing)
         )
 
     def towards(self, goal: Goal) -> "Planner":
@@ -434,7 +434,7 @@ class Planner:
         *lower, last = painted.filled_layers()
         for part in lower:
             before = self.expected(part, before)
-        coarse, fine = (self.scenes.of(before, grid, last.layers[0].brush) for grid in (self.coarse, self.fine))
+        coarse, fine = (self.problems.of(before, grid, last.layers[0].brush) for grid in (self.coarse, self.fine))
         return learn(last.strokes.to(self.device), known, coarse, fine, seen.to(self.device))
 
     def expected(self, plan: Plan, canvas: Tensor | None = None) -> Tensor:
@@ -442,28 +442,28 @@ class Planner:
         picture = self.bare if canvas is None else canvas
         with torch.no_grad():
             for brush, strokes in plan.by_brush():
-                picture = self.scenes.of(picture, self.fine, brush).render(strokes.to(self.device))
+                picture = self.problems.of(picture, self.fine, brush).render(strokes.to(self.device))
         return images.fit(picture, self.fine.rows, self.fine.columns).cpu()
 
     def expected_loss(self, plan: Plan, canvas: Tensor) -> float:
         """Returns the mean distance to the goal over paintings of the plan on a canvas [3, H, W]."""
-        return self._judged(stacked_loss, plan, canvas)
+        return self._judge(stacked_loss, plan, canvas)
 
     def cost(self, plan: Plan, canvas: Tensor) -> float:
         """Returns the expected loss plus the price of the paint."""
-        return self._judged(stacked_cost, plan, canvas)
+        return self._judge(stacked_cost, plan, canvas)
 
-    def _judged(self, by: Callable[..., Tensor], plan: Plan, canvas: Tensor) -> float:
-        strokes, scenes = self.scenes.stack(plan, canvas, self.fine)
+    def _judge(self, by: Callable[..., Tensor], plan: Plan, canvas: Tensor) -> float:
+        strokes, problems = self.problems.stack(plan, canvas, self.fine)
         with torch.no_grad():
-            return float(by(strokes, scenes, scenes[0].validation))
+            return float(by(strokes, problems, problems[0].validation))
 
     def forecast(
         self, plan: Plan, canvas: Tensor, placement: Placement | None = None, unseen: int = 0
     ) -> SimilarityForecast | None:
         """Forecasts the similarity of the plan's painting on a canvas [3, H, W] to its photograph; see forecast.py."""
-        seen = images.averaged(canvas, self.fine.rows, self.fine.columns)
-        return forecast(self.goal, *self.scenes.stack(plan, seen, self.fine), placement, unseen)
+        seen = images.resize_by_area(canvas, self.fine.rows, self.fine.columns)
+        return forecast(self.goal, *self.problems.stack(plan, seen, self.fine), placement, unseen)
 
     def validation_loss(self, picture: Tensor) -> float:
         """Returns the distance of a picture [3, H, W] of the canvas to the goal.
@@ -471,7 +471,7 @@ class Planner:
         The validation objective measures it, if the goal has one.
         """
         with torch.no_grad():
-            objective = self.scenes.objectives[self.fine]
+            objective = self.problems.objectives[self.fine]
             seen = images.fit(picture.to(self.device), self.fine.rows, self.fine.columns)
             return float((objective.validation or objective)(seen))
 
@@ -483,10 +483,10 @@ class Planner:
         facts: dict[str, Any] = {"canvas": self.size, "brush": layer.brush, "limits": limits, "ground": self.ground}
         return self._clear(Plan.of(strokes, Palette(layer.paints.color.cpu()), layer.paints.paint.cpu(), **facts))
 
-    def _laid(self, layer: LayerAtWork, canvas: Tensor) -> Tensor:
+    def _lay(self, layer: LayerAtWork, canvas: Tensor) -> Tensor:
         """Returns the expected canvas [3, H, W] after the layer."""
         with torch.no_grad():
-            return self.scenes.of(canvas, self.fine, layer.brush).render(layer.strokes).cpu()
+            return self.problems.of(canvas, self.fine, layer.brush).render(layer.strokes).cpu()
 
     def _clear(self, plan: Plan) -> Plan:
         """Returns the plan without a stroke that touches the region.
@@ -495,7 +495,7 @@ class Planner:
         """
         if self.region is None or len(plan) == 0:
             return plan
-        return self.region.cleared(plan, self.scenes.models, self.fine.rows, self.device)
+        return self.region.clear(plan, self.problems.models, self.fine.rows, self.device)
 
     def layer_sizes(self, strokes: int) -> tuple[int, ...]:
         """Returns the number of strokes of each layer. Raises ConfigError if a layer gets no stroke."""

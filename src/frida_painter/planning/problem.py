@@ -31,7 +31,7 @@ _NOISE = 0.03  # largest difference in sRGB between a photograph of a bare canva
 
 
 @dataclass(frozen=True)
-class Scene:
+class PlanningProblem:
     """Canvas picture [3, H, W] of `size` (blank or photographed), a brush and an objective.
 
     validation: objective that compares plans if `objective` cannot, because it is random or could be fooled.
@@ -83,7 +83,7 @@ class Scene:
     @property
     def spread(self) -> CoverageSpread:
         """Spread of the marks of a painting about the stroke model."""
-        return spread_of(self.model).widened(_IN_A_PAINTING)
+        return spread_of(self.model).widen(_IN_A_PAINTING)
 
     def expected_loss(self, strokes: Strokes, objective: Objective | None = None) -> Tensor:
         """Returns the expected loss over paintings of the strokes.
@@ -141,7 +141,7 @@ class Region:
     def on(self, grid: PixelGrid, *, widened: bool = True) -> Tensor:
         """Returns the forbidden pixels [rows, columns], bool, on a grid.
 
-        A pixel is forbidden if a part of it is. With `widened`, pixels within the margin are forbidden too.
+        A pixel is forbidden if a part of it is. With `widen`, pixels within the margin are forbidden too.
         """
         picture = self.forbidden.float()[None, None]
         rows, columns = self.forbidden.shape
@@ -152,17 +152,17 @@ class Region:
         reach = int(torch.tensor(self.margin / min(grid.pitch)).ceil()) if widened else 0
         return functional.max_pool2d(picture, 2 * reach + 1, 1, reach)[0, 0] > 0
 
-    def spared(self, picture: Tensor, canvas: Tensor, size: CanvasSize) -> Tensor:
+    def keep_forbidden(self, picture: Tensor, canvas: Tensor, size: CanvasSize) -> Tensor:
         """Returns the picture [3, H, W] with the forbidden pixels replaced by those of the canvas [3, H, W]."""
         forbidden = self.on(PixelGrid(size, *picture.shape[1:]), widened=False).to(picture.device)
         return torch.where(forbidden, canvas, picture)
 
-    def guarded(self, scene: Scene) -> Scene:
+    def guard(self, problem: PlanningProblem) -> PlanningProblem:
         """Returns the scene with objectives that gain nothing, and lose much, from strokes on forbidden pixels."""
-        forbidden = self.on(PixelGrid(scene.size, *scene.canvas.shape[1:])).to(scene.canvas.device)
+        forbidden = self.on(PixelGrid(problem.size, *problem.canvas.shape[1:])).to(problem.canvas.device)
 
         def guard(objective: Objective, rows: Rows = ALL_ROWS) -> Objective:
-            closed, canvas = rows.of(forbidden), rows.of(scene.canvas)
+            closed, canvas = rows.of(forbidden), rows.of(problem.canvas)
 
             def guarded(picture: Tensor, variance: Tensor | None = None) -> Tensor:
                 changed = ((picture - canvas).square() * closed).mean()
@@ -171,12 +171,12 @@ class Region:
 
             return guarded
 
-        validation = None if scene.validation is None else guard(scene.validation)
-        some = scene.objective_on_rows
+        validation = None if problem.validation is None else guard(problem.validation)
+        some = problem.objective_on_rows
         on_rows = None if some is None else lambda rows: guard(some(rows), rows)
-        return replace(scene, objective=guard(scene.objective), validation=validation, objective_on_rows=on_rows)
+        return replace(problem, objective=guard(problem.objective), validation=validation, objective_on_rows=on_rows)
 
-    def touched_by(self, strokes: Strokes, model: StrokeModel, size: CanvasSize, rows: int) -> Tensor:
+    def find_touching(self, strokes: Strokes, model: StrokeModel, size: CanvasSize, rows: int) -> Tensor:
         """Returns True for each stroke with a rendered pixel in the region, [n], each drawn alone.
 
         rows: height of the picture in pixels.
@@ -200,7 +200,7 @@ class Region:
         A stroke that touches the region is moved, and shortened if necessary, to the nearest clear place. It is
         left out if there is no clear place near it.
         """
-        touched = self.touched_by(strokes, model, size, rows)
+        touched = self.find_touching(strokes, model, size, rows)
         kept: list[Strokes] = []
         numbers: list[int] = []
         for index in range(len(strokes)):
@@ -214,7 +214,7 @@ class Region:
             numbers.append(index)
         return Strokes.join(*kept) if kept else strokes[:0], torch.tensor(numbers, dtype=torch.long)
 
-    def cleared(self, plan: Plan, models: Mapping[str, StrokeModel], rows: int, device: torch.device) -> Plan:
+    def clear(self, plan: Plan, models: Mapping[str, StrokeModel], rows: int, device: torch.device) -> Plan:
         """Returns the plan with all its strokes clear of the region; strokes that cannot be moved are left out.
 
         models: stroke models on the device, by brush name.
@@ -238,15 +238,15 @@ class Region:
                 offsets = middle[0] + step * (around if step else around[:1] * 0)  # [d, 2]
                 candidates = Strokes.join(*(replace(shorter, position=shorter.position + by) for by in offsets))
                 candidates = candidates.project(model.limits, size)
-                outside = ~self._crossed_by(candidates, size, rows)
+                outside = ~self._find_crossing(candidates, size, rows)
                 candidates = candidates[outside]
-                clear = (~self.touched_by(candidates, model, size, rows)).nonzero()
+                clear = (~self.find_touching(candidates, model, size, rows)).nonzero()
                 if len(clear):
                     first = int(clear[0])
                     return candidates[first : first + 1]
         return None
 
-    def _crossed_by(self, strokes: Strokes, size: CanvasSize, rows: int) -> Tensor:
+    def _find_crossing(self, strokes: Strokes, size: CanvasSize, rows: int) -> Tensor:
         """Returns True for each stroke whose path, without width, crosses the region, [n].
 
         This is faster than rendering.
@@ -274,7 +274,7 @@ def region_of(picture: Tensor, *, only_inside: bool) -> Region:
 
 
 @dataclass(frozen=True)
-class Scenes:
+class PlanningProblems:
     """Factory of scenes for one goal and one canvas size.
 
     models: stroke models by brush name.
@@ -294,7 +294,9 @@ class Scenes:
     region: Region | None = None
     darkest: tuple[float, float, float] | None = None
 
-    def of(self, canvas: Tensor, grid: PixelGrid, brush: str, objective: WeightedObjective | None = None) -> Scene:
+    def of(
+        self, canvas: Tensor, grid: PixelGrid, brush: str, objective: WeightedObjective | None = None
+    ) -> PlanningProblem:
         """Returns the scene of a canvas picture [3, H, W] on a grid, with a brush.
 
         Raises PlanError for an unknown brush.
@@ -308,14 +310,14 @@ class Scenes:
         price = PAINT_PRICE if all(term.is_pixelwise for term in self.goal.terms) else 0.0
         judge, some = objective.validation, objective.on_rows
         floor = None if self.darkest is None else torch.tensor(self.darkest, device=self.device)
-        scene = Scene(picture, self.size, model, objective, judge, matters, way, price, some, darkest=floor)
-        return scene if self.region is None else self.region.guarded(scene)
+        problem = PlanningProblem(picture, self.size, model, objective, judge, matters, way, price, some, darkest=floor)
+        return problem if self.region is None else self.region.guard(problem)
 
-    def initial(self, canvas: Tensor, grid: PixelGrid, brush: str) -> Scene:
+    def initial(self, canvas: Tensor, grid: PixelGrid, brush: str) -> PlanningProblem:
         """Returns the scene in which strokes are grown."""
         return self.of(canvas, grid, brush, self.initial_objective)
 
-    def stack(self, plan: Plan, canvas: Tensor, grid: PixelGrid) -> tuple[list[Strokes], list[Scene]]:
+    def stack(self, plan: Plan, canvas: Tensor, grid: PixelGrid) -> tuple[list[Strokes], list[PlanningProblem]]:
         """Returns the strokes of each brush in turn, and a scene of the canvas for each.
 
         One of each for an empty plan.
@@ -323,13 +325,13 @@ class Scenes:
         runs = plan.by_brush() or [(plan.layers[0].brush, plan.strokes)]
         return [strokes.to(self.device) for _, strokes in runs], [self.of(canvas, grid, brush) for brush, _ in runs]
 
-    def guide(self, scene: Scene) -> Tensor | None:
+    def guide(self, problem: PlanningProblem) -> Tensor | None:
         """Returns the picture, at the scene's resolution, that shows where strokes are needed, or None."""
         picture = next((term.guide for term in self.goal.initial_terms if term.guide is not None), None)
         if picture is None:
             return None
-        guide = images.fit(picture.to(self.device), *scene.canvas.shape[1:])
-        return guide if self.region is None else self.region.spared(guide, scene.canvas, self.size)
+        guide = images.fit(picture.to(self.device), *problem.canvas.shape[1:])
+        return guide if self.region is None else self.region.keep_forbidden(guide, problem.canvas, self.size)
 
     def _importance(self, grid: PixelGrid) -> Tensor | None:
         """Returns the weight of errors at each place while strokes are placed."""

@@ -9,7 +9,7 @@ from torch import Tensor
 from frida_painter.palette import Palette, ciede2000, to_lab
 from frida_painter.planning.initialize import best_proposals, insert
 from frida_painter.planning.optimize import Step, optimize
-from frida_painter.planning.problem import Scene
+from frida_painter.planning.problem import PlanningProblem
 from frida_painter.planning.variables import Paints
 from frida_painter.render import composite
 from frida_painter.strokes import Strokes
@@ -33,7 +33,7 @@ def distinct(palette: Palette, color: Tensor, weight: Tensor, apart: float) -> P
     """
     paint = palette.nearest(color)
     mass = weight.new_zeros(len(palette)).index_add(0, paint.to(weight.device), weight)
-    paints, _ = _merged(palette.color, mass, apart)
+    paints, _ = _merge_colors(palette.color, mass, apart)
     lab = to_lab(color)
     for _ in range(len(palette) - len(paints)):
         gap = ciede2000(lab[:, None], to_lab(paints)[None]).amin(1)
@@ -41,17 +41,17 @@ def distinct(palette: Palette, color: Tensor, weight: Tensor, apart: float) -> P
         if not float(worth.max()) > 0:
             break
         paints = torch.cat((paints, color[worth.argmax()][None]))
-    return Palette.ordered(paints)
+    return Palette.sort_light_to_dark(paints)
 
 
 def without_twins(paints: Paints, apart: float) -> Paints:
     """Returns the paints after merging all that are closer than 0.8 times `apart`; strokes keep their order."""
     strokes = torch.bincount(paints.paint, minlength=len(paints.color)).to(paints.color)
-    colors, number = _merged(paints.color, strokes, _GROWN * apart)
+    colors, number = _merge_colors(paints.color, strokes, _GROWN * apart)
     return Paints(colors, number[paints.paint], paints.first)
 
 
-def _merged(color: Tensor, mass: Tensor, apart: float) -> tuple[Tensor, Tensor]:
+def _merge_colors(color: Tensor, mass: Tensor, apart: float) -> tuple[Tensor, Tensor]:
     """Merges the two nearest colours into their weighted mean, until all are at least `apart` in CIEDE2000.
 
     mass [k]: weight of each colour.
@@ -85,13 +85,15 @@ _PROBES = 8
 _WORTHWHILE = 1.5  # gains are estimated on a coarse picture, and neighbours may want the same place
 
 
-def loss_without(strokes: Strokes, scene: Scene, target: Tensor, generator: torch.Generator) -> Tensor:
+def loss_without(strokes: Strokes, problem: PlanningProblem, target: Tensor, generator: torch.Generator) -> Tensor:
     """Returns the rise of the summed squared error to target [3, H, W] without each single stroke, [n]."""
-    slope, square = loss_of_paint(strokes, scene, target, generator)
+    slope, square = loss_of_paint(strokes, problem, target, generator)
     return slope + square
 
 
-def loss_of_paint(strokes: Strokes, scene: Scene, target: Tensor, generator: torch.Generator) -> tuple[Tensor, Tensor]:
+def loss_of_paint(
+    strokes: Strokes, problem: PlanningProblem, target: Tensor, generator: torch.Generator
+) -> tuple[Tensor, Tensor]:
     """Returns the cost of strokes that lack a share f of their paint: f slope + f^2 square, [n] and [n].
 
     The cost is the rise of the summed squared error to target [3, H, W]. If the scene has an importance w, errors
@@ -102,53 +104,53 @@ def loss_of_paint(strokes: Strokes, scene: Scene, target: Tensor, generator: tor
     over random signs z (Hutchinson's estimator), which is a derivative too.
     """
     with torch.no_grad():
-        magnitude, affine = scene.marks(strokes)
+        magnitude, affine = problem.marks(strokes)
     magnitude.requires_grad_()
-    picture = composite(magnitude, affine, strokes.color, scene.canvas, bare_cells_answer=False)
+    picture = composite(magnitude, affine, strokes.color, problem.canvas, bare_cells_answer=False)
 
     def along(direction: Tensor) -> Tensor:
         """direction . D_i for every stroke."""
         (slope,) = torch.autograd.grad(picture, magnitude, direction, retain_graph=True)
         return (slope * magnitude).sum((1, 2)).detach()
 
-    matters = torch.ones_like(target[0]) if scene.importance is None else scene.importance
+    matters = torch.ones_like(target[0]) if problem.importance is None else problem.importance
     signs = [torch.randint(0, 2, picture.shape, generator=generator).to(picture) * 2 - 1 for _ in range(_PROBES)]
     squared = torch.stack([along(sign * matters.sqrt()).square() for sign in signs]).mean(0)
     return 2 * along((matters * (target - picture)).detach()), squared
 
 
-def visible_area(strokes: Strokes, scene: Scene) -> Tensor:
+def visible_area(strokes: Strokes, problem: PlanningProblem) -> Tensor:
     """Returns the visible area of each stroke in pixels [n]: the sum of its share of every pixel."""
     color = strokes.color.detach().clone().requires_grad_()
-    picture = scene.render(strokes.with_groups(color=color))
+    picture = problem.render(strokes.with_groups(color=color))
     (share,) = torch.autograd.grad(picture, color, torch.ones_like(picture))
     return share[:, 0]
 
 
-def anneal_to_palette(strokes: Strokes, scene: Scene, colors: int, keeping: float, seed: int) -> Strokes:
+def anneal_to_palette(strokes: Strokes, problem: PlanningProblem, colors: int, keeping: float, seed: int) -> Strokes:
     """Moves the strokes' own colours towards `colors` paints; `keeping` of the distance is left.
 
     Rounds of this with gradient descent in between adapt shapes and colours to the paints. The strokes then lose
     less when they finally get the paints.
     """
-    palette, paint = _cluster(strokes, scene, colors, seed)
+    palette, paint = _cluster(strokes, problem, colors, seed)
     nearest = palette.color[paint]
     return strokes.with_groups(color=nearest + keeping * (strokes.color - nearest))
 
 
-def discretize(strokes: Strokes, scene: Scene, colors: int, seed: int) -> tuple[Strokes, Paints]:
+def discretize(strokes: Strokes, problem: PlanningProblem, colors: int, seed: int) -> tuple[Strokes, Paints]:
     """Returns the strokes in at most `colors` paints, from light to dark (paper, "Paint Colors and Mixing")."""
-    palette, paint = _cluster(strokes, scene, colors, seed)
+    palette, paint = _cluster(strokes, problem, colors, seed)
     order = torch.argsort(paint, stable=True)
     return strokes[order].with_groups(color=palette.color[paint[order]]), Paints(palette.color, paint[order])
 
 
-def _cluster(strokes: Strokes, scene: Scene, colors: int, seed: int) -> tuple[Palette, Tensor]:
+def _cluster(strokes: Strokes, problem: PlanningProblem, colors: int, seed: int) -> tuple[Palette, Tensor]:
     """Returns distinct paints for the strokes' colours, and the nearest paint of each stroke [n].
 
     A colour counts by the fourth root of its visible area. With the area itself, small accents would get lost.
     """
-    weight = visible_area(strokes, scene).clamp(min=0).pow(0.25)
+    weight = visible_area(strokes, problem).clamp(min=0).pow(0.25)
     palette = distinct(Palette.cluster(strokes.color, weight, colors, seed), strokes.color, weight, HARDLY_APART)
     return palette, torch.cdist(strokes.color, palette.color).argmin(1)
 
@@ -156,7 +158,7 @@ def _cluster(strokes: Strokes, scene: Scene, colors: int, seed: int) -> tuple[Pa
 def relocate(
     strokes: Strokes,
     paints: Paints | None,
-    scene: Scene,
+    problem: PlanningProblem,
     target: Tensor,
     *,
     share: float,
@@ -172,9 +174,9 @@ def relocate(
     most = round(share * len(strokes))
     if most == 0:
         return strokes, paints
-    loss = loss_without(strokes, scene, target, generator)
+    loss = loss_without(strokes, problem, target, generator)
     found = best_proposals(
-        strokes, paints, most, scene, target, proposals, light_to_dark=light_to_dark, generator=generator
+        strokes, paints, most, problem, target, proposals, light_to_dark=light_to_dark, generator=generator
     )
     weakest = torch.argsort(loss)[: len(found.strokes)]
     count = int((found.gain > _WORTHWHILE * loss[weakest].clamp(min=0)).sum())
@@ -191,13 +193,13 @@ _KEEPING = (0.7, 0.45, 0.2, 0.1)  # share of the way from a stroke's colour to i
 
 
 def binding_iterations(drawing: int, binding: int) -> int:
-    """Number of iterations of `bound`."""
+    """Number of iterations of `bind_to_palette`."""
     return len(_KEEPING) * drawing + binding
 
 
-def bound(
+def bind_to_palette(
     strokes: Strokes,
-    scene: Scene,
+    problem: PlanningProblem,
     colors: int,
     *,
     drawing: int,
@@ -212,9 +214,9 @@ def bound(
     begin: returns the callback that reports the next iterations.
     """
     for keeping in _KEEPING:
-        strokes = anneal_to_palette(strokes, scene, colors, keeping, seed)
-        strokes, _ = optimize(strokes, scene, iterations=drawing, notify=begin(drawing))
-    strokes, chosen = discretize(strokes, scene, colors, seed)
-    strokes, paints = optimize(strokes, scene, iterations=binding, paints=chosen, notify=begin(binding))
+        strokes = anneal_to_palette(strokes, problem, colors, keeping, seed)
+        strokes, _ = optimize(strokes, problem, iterations=drawing, notify=begin(drawing))
+    strokes, chosen = discretize(strokes, problem, colors, seed)
+    strokes, paints = optimize(strokes, problem, iterations=binding, paints=chosen, notify=begin(binding))
     assert paints is not None
     return strokes, paints

@@ -124,7 +124,7 @@ _SMALL_CELL, _LARGE_CELL = (0.030, 0.018), (0.050, 0.042)
 # metres.
 _SHARE, _LOWERING = 0.2, 0.0015
 # Then up after a mark and down without one, with smaller steps after every turn.
-_FINEST, _TURNS, _COUNTED, _MOST = 0.0001, 12, 8, 60
+_FINEST, _TURNS, _COUNTED, _MAX = 0.0001, 12, 8, 60
 # Press harder, with some strokes per step, until two successive steps widen the mark by less than this share.
 _PRESSING, _EACH, _WIDENING = 0.001, 2, 0.04
 # A mark narrower than this share of the widest one means a fault.
@@ -207,10 +207,10 @@ def brush(
     found = (yield from _by_looking(access, deepest, ground)) if looking is True else _Found()
     paper = easel.canvas.width / 2, easel.canvas.height / 2
     place = found.place or paper
-    touch = yield from _jogged(
+    touch = yield from _jog(
         access, place, found, found.touch, ceiling(easel), "the lightest touch: the tip only just meets the paper"
     )
-    press = yield from _jogged(
+    press = yield from _jog(
         access,
         place,
         found,
@@ -317,7 +317,7 @@ def _touch(
             "canvas or set the workspace right, and repeat the brush calibration."
         )
     step, turns = _LOWERING / 2, list[float]()
-    for _ in range(_MOST):
+    for _ in range(_MAX):
         before = trial
         height = max(floor, height + step if trial.marked else height - step)
         trial = yield from trials.at(height)
@@ -359,7 +359,7 @@ def _press(trials: _Trials, touch: float, bottom: float) -> Generator[Question, 
     return bottom, False
 
 
-def _jogged(
+def _jog(
     access: EaselAccess, place: tuple[float, float], found: _Found, height: float | None, highest: float, wanted: str
 ) -> Generator[Question, Answer, float]:
     """Returns the height that a person sets with jog keys; the height found, if any, is proposed."""

@@ -44,7 +44,7 @@ def corner_sheet(photograph: NDArray[np.uint8], outline: Outline) -> Tensor:
     # The magnified corners are arranged as on the canvas.
     for number, (across, down) in enumerate(((0, 0), (1, 0), (1, 1), (0, 1))):
         place = (left + across * (_SIDE + _GAP), _HEAD + down * (_SIDE + _GAP + 40))
-        sheet.paste(_magnified(photograph, outline, edge, number), place)
+        sheet.paste(_magnify(photograph, outline, edge, number), place)
         column, row = outline.corners[number]
         text = f"{_NAMES[number]}  {column:.1f}, {row:.1f}"
         sheet.text((place[0], place[1] + _SIDE + 6), text, 18, SOFT)
@@ -56,14 +56,14 @@ def corner_sheet(photograph: NDArray[np.uint8], outline: Outline) -> Tensor:
 def _edge(outline: Outline) -> NDArray[np.float64]:
     """Returns points along the outline as the camera sees it, [n, 2]; a lens bends its sides."""
     corners = np.array(outline.corners)
-    straight = corners if outline.lens is None else outline.lens.straightened(corners)
+    straight = corners if outline.lens is None else outline.lens.undistort(corners)
     share = np.linspace(0, 1, _EDGE_POINTS, endpoint=False)[:, None]
     sides = [a + share * (b - a) for a, b in zip(straight, np.roll(straight, -1, axis=0), strict=True)]
     edge = np.concatenate(sides)
-    return edge if outline.lens is None else outline.lens.bent(edge)
+    return edge if outline.lens is None else outline.lens.distort(edge)
 
 
-def _magnified(
+def _magnify(
     photograph: NDArray[np.uint8], outline: Outline, edge: NDArray[np.float64], number: int
 ) -> NDArray[np.uint8]:
     corner = np.array(outline.corners[number])
@@ -176,7 +176,7 @@ def canvas(easel: Easel) -> Procedure[CanvasFinding]:
     if found is not None and answer == found.corners:
         outline, pointed = found, False
     else:
-        outline, pointed = _as_pointed(frame, _four(answer, frame.shape, unseen)), True
+        outline, pointed = _outline_from_points(frame, _four(answer, frame.shape, unseen)), True
     return CanvasFinding(
         corners=outline.corners,
         shape=(frame.shape[0], frame.shape[1]),
@@ -226,7 +226,7 @@ def _four(answer: object, shape: tuple[int, ...], unseen: str) -> Corners:
     return tuple((float(column), float(row)) for column, row in points)
 
 
-def _as_pointed(frame: NDArray[np.uint8], corners: Corners) -> Outline:
+def _outline_from_points(frame: NDArray[np.uint8], corners: Corners) -> Outline:
     """Returns a person's corners, with the lens that follows from the edges near them if these are visible."""
     near = trace_outline(frame, corners, max(POINTING, _NEAR * float(np.hypot(*frame.shape[:2]))))
     if near is None or not near.support >= _WELL_SEEN:

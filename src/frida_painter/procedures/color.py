@@ -96,12 +96,12 @@ def _patch(seen: tuple[int, ...], mapped: tuple[int, ...], true: tuple[int, ...]
 WORST_MEAN = 3.0
 """Greatest mean CIEDE2000 of held-out patches; a map with more is refused."""
 WHITE = (1.0, 1.0, 1.0)
-_MOST_BLOWN_OUT = 0.05
-_MOST_UNEVEN = 0.12
+_MAX_BLOWN_OUT = 0.05
+_MAX_UNEVEN = 0.12
 _DIMMEST_WHITE = 0.08
 _COLOR_ROWS = 240
-_LEAST_BARE = 0.1
-_MOST_OFF_WHITE = 0.05
+_MIN_BARE = 0.1
+_MAX_OFF_WHITE = 0.05
 _NOTABLE_CHANGE = 0.05
 # Greatest size of a card with its rim and shadow, relative to the block of its patches' middles.
 _CARD = 1.75
@@ -172,13 +172,13 @@ def color(easel: Easel, *, ground: tuple[float, float, float] = WHITE) -> Proced
         from_uint8(frame),
         find_checker(frame),
     )
-    finding = _found(easel.calibration, grid, field, ground, frame, _four(corners))
+    finding = _read_photograph(easel.calibration, grid, field, ground, frame, _four(corners))
     if not gone:
         yield Confirm("Take the colour checker away again. Is the canvas free?")
     return finding
 
 
-def _found(
+def _read_photograph(
     record: Calibration,
     grid: PixelGrid,
     field: FlatField,
@@ -240,7 +240,7 @@ def _in_order(frame: NDArray[np.uint8], corners: Corners) -> PatchReadings:
 
 def _check(readings: PatchReadings) -> None:
     """Raises CalibrationError if the patches cannot be read."""
-    blown_out = [NAMES[i] for i in torch.nonzero(readings.blown_out > _MOST_BLOWN_OUT).flatten().tolist()]
+    blown_out = [NAMES[i] for i in torch.nonzero(readings.blown_out > _MAX_BLOWN_OUT).flatten().tolist()]
     if blown_out:
         raise CalibrationError(
             f"The photograph is overexposed: the camera sees no difference any more above {_list(blown_out)}. Expose "
@@ -252,7 +252,7 @@ def _check(readings: PatchReadings) -> None:
             f"The photograph is too dark: the brightest patch reflects {brightest:.1%} of full exposure, and "
             f"{_DIMMEST_WHITE:.0%} is needed. Bring more light and repeat the color calibration."
         )
-    uneven = [NAMES[i] for i in torch.nonzero(~(readings.unevenness <= _MOST_UNEVEN)).flatten().tolist()]
+    uneven = [NAMES[i] for i in torch.nonzero(~(readings.unevenness <= _MAX_UNEVEN)).flatten().tolist()]
     if uneven:
         raise CalibrationError(
             f"The patches are not of one colour each: {_list(uneven)}. Either the camera is out of focus, or there is "
@@ -273,20 +273,20 @@ def _in_this_light(
     outline = chart.mean(0) + _CARD * (chart - chart.mean(0))
     covered = cv2.fillConvexPoly(np.zeros((rows, columns), np.uint8), outline.round().astype(np.int32), 1)
     bare = torch.from_numpy(covered == 0)
-    if not float(bare.double().mean()) >= _LEAST_BARE:
+    if not float(bare.double().mean()) >= _MIN_BARE:
         raise CalibrationError(
-            f"The checker covers all but {float(bare.double().mean()):.0%} of the canvas, and {_LEAST_BARE:.0%} must "
+            f"The checker covers all but {float(bare.double().mean()):.0%} of the canvas, and {_MIN_BARE:.0%} must "
             "show, for the light is judged by it. Lay it further aside or take a smaller one, and repeat the color "
             "calibration."
         )
     light = to_linear(picture)
-    renewed = field.renewed(light, bare, ground)
+    renewed = field.refit(light, bare, ground)
     wanted = renewed.light(rows, columns) * to_linear(torch.tensor(ground))[:, None, None]
     off = float((light / wanted - 1).abs()[:, bare].median())
-    if not off <= _MOST_OFF_WHITE:
+    if not off <= _MAX_OFF_WHITE:
         raise CalibrationError(
             f"The canvas around the checker looks {off:.0%} different from the bare canvas in any even light; "
-            f"{_MOST_OFF_WHITE:.0%} is allowed. Leave camera and canvas as they are, and repeat the color calibration."
+            f"{_MAX_OFF_WHITE:.0%} is allowed. Leave camera and canvas as they are, and repeat the color calibration."
         )
     return renewed
 

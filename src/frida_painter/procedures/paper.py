@@ -211,14 +211,14 @@ _BORDER = 0.002  # m along the paper's edge; a lens may show some of the table t
 _ATTEMPTS = 3
 
 _SEARCHED = 0.008  # m around the expected edge of the paper
-_MOST_BESIDE = 0.004  # m between the paper and the calibrated canvas
-_MOST_MOVED = 0.0004  # m since the sheet's first photograph
+_MAX_BESIDE = 0.004  # m between the paper and the calibrated canvas
+_MAX_MOVED = 0.0004  # m since the sheet's first photograph
 _SOFTEST, _SOFTEST_PIXELS = 0.05, 2.0  # width of the paper's edge: share of the brush's width, pixels
 _SOFTER = 1.8  # times the softness of the sheet's first photograph
 _BARE, _DARKER, _SHADED = 0.85, 0.3, 0.08  # light relative to the paper's: bare paper, and two changes of it
-_MOST_DARK, _MOST_SHADE = 25e-6, 400e-6  # m2 of bare paper beside the stroke that may change so much
-_DIMMEST, _MOST_CLIPPED = 0.05, 0.2  # light of bare paper; overexposed share of the photograph
-_MOST_INK = 3e-6  # m2 that may already be inked in the crop of a new stroke
+_MAX_DARK, _MAX_SHADE = 25e-6, 400e-6  # m2 of bare paper beside the stroke that may change so much
+_DIMMEST, _MAX_CLIPPED = 0.05, 0.2  # light of bare paper; overexposed share of the photograph
+_MAX_INK = 3e-6  # m2 that may already be inked in the crop of a new stroke
 
 
 @dataclass(frozen=True)
@@ -230,7 +230,7 @@ class Shapes:
     bend: Tensor
 
     @classmethod
-    def sampled(cls, kind: BrushKind, count: int, seed: int) -> "Shapes":
+    def sample(cls, kind: BrushKind, count: int, seed: int) -> "Shapes":
         """Draws shapes uniformly from the brush's limits.
 
         With the same seed, a larger count starts with the same shapes.
@@ -338,7 +338,7 @@ class Paper:
         assert self._place is not None
         row, column = self._place
         here = self.crop.around(row, column)
-        occupied = self._area((self._before < _BARE) & self._inner, here) > _MOST_INK
+        occupied = self._area((self._before < _BARE) & self._inner, here) > _MAX_INK
         position = self._grid.to_canvas(torch.tensor([[column, row]], dtype=torch.float64))
         stroke = Strokes(
             position, torch.zeros(1), shape.length, shape.bend, shape.thickness, torch.full((1, 3), BLACK)
@@ -366,7 +366,7 @@ class Paper:
         self._light = to_linear(picture) / self._field.light(*picture.shape[1:])
         self._before = self._light.mean(0).numpy()
         spots = self._area((cv2.blur(self._before, (3, 3)) < 1 - _DARKER) & self._inner)
-        if spots > _MOST_DARK:
+        if spots > _MAX_DARK:
             raise CalibrationError(
                 f"The paper is not bare: {spots * 1e6:.0f} mm2 of it are dark; put a fresh white one on the easel, "
                 "and nothing else into the camera's sight."
@@ -385,11 +385,11 @@ class Paper:
             light = to_linear(rectify(frame.image, self._easel.calibration, self._grid))
             bare = torch.from_numpy(self._before > _BARE)
             bare[here] = False
-            field = self._field.renewed(light, bare, WHITE)
+            field = self._field.refit(light, bare, WHITE)
             white = field.light(*bare.shape)
             even = light / white
-            exposed = float(white.median()) >= _DIMMEST and float((light >= 1).float().mean()) <= _MOST_CLIPPED
-            flaw = self._compared(edge, even, here) if exposed else Flaw.LIGHT
+            exposed = float(white.median()) >= _DIMMEST and float((light >= 1).float().mean()) <= _MAX_CLIPPED
+            flaw = self._compare(edge, even, here) if exposed else Flaw.LIGHT
             if flaw is Flaw.NONE or last:  # a flaw such as a hand may go away
                 self._field = field
                 self._light, self._before = even, even.mean(0).numpy()
@@ -402,18 +402,18 @@ class Paper:
         first = self._edge.softness
         return math.inf if math.isnan(first) else _SOFTER * first + 0.5
 
-    def _compared(self, edge: PaperEdge, light: Tensor, here: tuple[slice, slice]) -> Flaw:
+    def _compare(self, edge: PaperEdge, light: Tensor, here: tuple[slice, slice]) -> Flaw:
         """Returns the flaw due to changes elsewhere than at `here`; even light [3, rows, columns]."""
         moved = min(edge.moved_since(self._edge) / self._pixels, _SEARCHED)
-        self.moved = moved if moved > _MOST_MOVED else 0.0
+        self.moved = moved if moved > _MAX_MOVED else 0.0
         if self.moved:
             return Flaw.MOVED
         change = cv2.blur(light.mean(0).numpy() - self._before, (3, 3))
         beside = (cv2.blur(self._before, (3, 3)) > _BARE) & self._inner
         beside[here] = False
-        if self._area(beside & (change < -_DARKER)) > _MOST_DARK:
+        if self._area(beside & (change < -_DARKER)) > _MAX_DARK:
             return Flaw.DISTURBED
-        if self._area(beside & (np.abs(change) > _SHADED)) > _MOST_SHADE:
+        if self._area(beside & (np.abs(change) > _SHADED)) > _MAX_SHADE:
             return Flaw.LIGHT
         return Flaw.NONE
 
@@ -425,10 +425,10 @@ class Paper:
         return PaperEdge.read(picture, self._easel.calibration.corners, _SEARCHED * self._pixels)
 
     def _require_place(self, beside: float) -> None:
-        if not beside <= _MOST_BESIDE:
+        if not beside <= _MAX_BESIDE:
             raise CalibrationError(
                 f"The paper lies {beside * 1000:.1f} mm beside where the canvas was calibrated; allowed are "
-                f"{_MOST_BESIDE * 1000:g} mm. Push it back into its place, or, where the camera was moved, repeat the "
+                f"{_MAX_BESIDE * 1000:g} mm. Push it back into its place, or, where the camera was moved, repeat the "
                 "canvas and robot calibrations."
             )
 

@@ -122,7 +122,7 @@ _NUDGES = (
 )  # fmt: skip
 _TOUCH = 0.12  # thickness of a dot: a light touch that reaches the canvas even if it is slightly uneven
 _PITCH = 0.00025
-_MOST_ROWS = 1400
+_MAX_ROWS = 1400
 _TOLERANCE = 0.0025
 _FEWEST_IN_QUARTER = 2
 
@@ -203,7 +203,7 @@ def robot(easel: Easel) -> Procedure[RobotFinding]:
     access.perform(_motions(easel, meant))
     after = rectify(access.photograph().image, easel.calibration, grid)
     spots = find_dots(before, after, grid)
-    match = _matched(meant, spots, easel.canvas)
+    match = _match_dots(meant, spots, easel.canvas)
     fit = fit_homography(meant[match.meant], spots[match.seen])
     if not fit.residual <= WORST_RESIDUAL:
         raise CalibrationError(
@@ -226,7 +226,7 @@ def dot_places(size: CanvasSize) -> NDArray[np.float64]:
 
 
 def _grid(size: CanvasSize) -> PixelGrid:
-    return PixelGrid.of_height(size, min(_MOST_ROWS, round(size.height / _PITCH)))
+    return PixelGrid.of_height(size, min(_MAX_ROWS, round(size.height / _PITCH)))
 
 
 def _motions(easel: Easel, places: NDArray[np.float64]) -> Iterator[Waypoints]:
@@ -240,7 +240,7 @@ def _motions(easel: Easel, places: NDArray[np.float64]) -> Iterator[Waypoints]:
         yield Waypoints(f"dot {number + 1}", path, easel.workspace.painting_speed)
 
 
-def _matched(meant: NDArray[np.float64], spots: NDArray[np.float64], size: CanvasSize) -> Match:
+def _match_dots(meant: NDArray[np.float64], spots: NDArray[np.float64], size: CanvasSize) -> Match:
     """Returns the match of spots and dots. Raises CalibrationError if too few match, or they are mirrored or turned."""
     spacing = (1 - 2 * _EDGE) / (SIDE - 1) * min(size.width, size.height)
     near = {"reach": 0.5 * spacing, "tolerance": min(_TOLERANCE, 0.06 * spacing)}

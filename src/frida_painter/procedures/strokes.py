@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from frida_painter import storage, tensor_file
-from frida_painter.brush import MOST_BETWEEN_REFILLS, MOST_STROKES
+from frida_painter.brush import MAX_BETWEEN_REFILLS, MAX_STROKES
 from frida_painter.brush.bezier import BezierStroke, RibbonShape, fit_bezier
 from frida_painter.brush.kinds import BrushKind, painted_area
-from frida_painter.brush.library import Flaw, StrokeLibrary, clean, dip_shown, judge, judge_marks
+from frida_painter.brush.library import Flaw, StrokeLibrary, clean, estimate_dip, judge, judge_marks
 from frida_painter.calibration import Calibration, LearnedFile
 from frida_painter.easel.dialogue import Confirm, Procedure
 from frida_painter.errors import CalibrationError, ConfigError, FrameRejected, LibraryError
@@ -88,7 +88,9 @@ class Recording:
         if folder is not None and (folder / "order.json").exists():
             self._require_same(folder)
             self.prints = {
-                number: kept for number in range(settings.count) if (kept := self._kept(self._path(folder, number)))
+                number: kept
+                for number in range(settings.count)
+                if (kept := self._load_kept(self._path(folder, number)))
             }
         elif folder is not None:
             storage.write_json(folder / "order.json", settings.record())
@@ -139,7 +141,7 @@ class Recording:
                 "same again to finish it, choose another file with --out, or remove that folder."
             )
 
-    def _kept(self, path: Path) -> Print | None:
+    def _load_kept(self, path: Path) -> Print | None:
         """Returns a stored stroke; None if it is missing or damaged, and is then painted again."""
         if not path.exists():
             return None
@@ -153,7 +155,7 @@ class Recording:
 
 # The contact sheet of a stroke library: every stroke on one page, the dirty ones with the reason.
 
-MOST_SHOWN = 600
+MAX_SHOWN = 600
 _WIDTH = 1800
 _MARGIN, _GAP = 44, 10
 _HEAD = 112
@@ -210,11 +212,11 @@ class _Grid:
 
 def _chosen(flaws: NDArray[np.uint8]) -> NDArray[np.int64]:
     """Returns the indices of the strokes to show."""
-    if len(flaws) <= MOST_SHOWN:
+    if len(flaws) <= MAX_SHOWN:
         return np.arange(len(flaws))
-    dirty = np.flatnonzero(flaws)[:MOST_SHOWN]
+    dirty = np.flatnonzero(flaws)[:MAX_SHOWN]
     clean = np.flatnonzero(flaws == Flaw.NONE)
-    some = clean[np.linspace(0, len(clean) - 1, MOST_SHOWN - len(dirty)).round().astype(int)] if len(clean) else clean
+    some = clean[np.linspace(0, len(clean) - 1, MAX_SHOWN - len(dirty)).round().astype(int)] if len(clean) else clean
     return np.unique(np.concatenate([dirty, some]))
 
 
@@ -247,9 +249,9 @@ def _cell(mark: NDArray[np.uint8], grid: _Grid, flaw: Flaw) -> NDArray[np.uint8]
     return np.rint((1 - paint) * paper + paint * np.array(INK)).astype(np.uint8)
 
 
-_MOST_DIRTY_RUNNING = 8
-_LEAST_CLEAN = 0.5
-_LEAST_PAINT = 0.1  # share of length times brush width; less counts as an empty stroke
+_MAX_DIRTY_RUNNING = 8
+_MIN_CLEAN = 0.5
+_MIN_PAINT = 0.1  # share of length times brush width; less counts as an empty stroke
 _FIT_STEPS = 60
 _TRIES = 3
 
@@ -288,7 +290,7 @@ class StrokesFinding:
         dirty = sum(counts.values())
         reasons = ", ".join(f"{count} {flaw.words}" for flaw, count in counts.most_common())
         left_out = f"; {dirty} {'is' if dirty == 1 else 'are'} left out ({reasons})" if dirty else ", all of them clean"
-        dip = dip_shown(self.library, self.kind.width)
+        dip = estimate_dip(self.library, self.kind.width)
         shown = "" if dip is None else f"; one dip paints {dip}"
         where = f": {self.file.path}" if self.file else ""
         return f"{len(self.library)} strokes of brush {self.kind.name}{left_out}{shown}{where}"
@@ -303,7 +305,7 @@ class StrokesFinding:
 
         The model is fitted to the clean strokes, which takes some seconds. A learned stroke model has to be better.
         """
-        kind, frame = self.kind, self.kind.frame.resized(self.kind.frame.rows // 2, self.kind.frame.columns // 2)
+        kind, frame = self.kind, self.kind.frame.resize(self.kind.frame.rows // 2, self.kind.frame.columns // 2)
         model = BezierStroke(kind.name, frame, kind.limits, RibbonShape.typical(kind.width))
         return fit_bezier(model, clean(self.library), steps=_FIT_STEPS)
 
@@ -342,10 +344,10 @@ def strokes(
     RobotError, CameraError and their subclasses.
     """
     _check(count, refill_every)
-    shapes = Shapes.sampled(kind, count, seed)
+    shapes = Shapes.sample(kind, count, seed)
     crop = Crop.covering(kind.frame)
     settings = RecordingSettings(easel.calibration.easel, kind, count, seed, refill_every)
-    recording = Recording(unfinished(out) if out else None, settings, crop.shape)
+    recording = Recording(unfinished_folder(out) if out else None, settings, crop.shape)
     access = EaselAccess(easel)
     paper: Paper | None = None
     sheets, on_brush, since_dip = 0, 0, 0.0
@@ -365,7 +367,7 @@ def strokes(
         running = [*running, number] if flaw and flaw is not Flaw.MOVED else []
         if notify is not None:
             notify(StrokesProgress(len(recording.prints), count, sheets, flaw))
-        if len(running) >= _MOST_DIRTY_RUNNING:
+        if len(running) >= _MAX_DIRTY_RUNNING:
             recording.discard(running)
             raise CalibrationError(
                 f"The last {len(running)} strokes are all dirty; of the last one: {flaw.sentence}. Look at paint, "
@@ -377,19 +379,19 @@ def strokes(
     return _finding(kind, shapes, crop, recording, out)
 
 
-def unfinished(out: Path) -> Path:
+def unfinished_folder(out: Path) -> Path:
     """Returns the folder of an unfinished library."""
     return out.with_name(out.name + ".unfinished")
 
 
 def _check(count: int, refill_every: int) -> None:
-    if not 1 <= count <= MOST_STROKES:
+    if not 1 <= count <= MAX_STROKES:
         raise ConfigError(
-            f"{count} strokes were asked for the library; it takes 1 to {MOST_STROKES}, and about 200 are enough."
+            f"{count} strokes were asked for the library; it takes 1 to {MAX_STROKES}, and about 200 are enough."
         )
-    if not 1 <= refill_every <= MOST_BETWEEN_REFILLS:
+    if not 1 <= refill_every <= MAX_BETWEEN_REFILLS:
         raise ConfigError(
-            f"A refill every {refill_every} strokes was asked for; allowed is 1 to {MOST_BETWEEN_REFILLS}, and what "
+            f"A refill every {refill_every} strokes was asked for; allowed is 1 to {MAX_BETWEEN_REFILLS}, and what "
             "a brushful paints is learned best with 1."
         )
 
@@ -422,7 +424,7 @@ def _fresh_paper(access: EaselAccess, kind: BrushKind, last: Paper | None, kept:
 def _seems_empty(stroke: Print, shape: Shapes, kind: BrushKind, pitch: float) -> Flaw:
     """Returns Flaw.EMPTY if there is almost no paint, judged without the other strokes."""
     area = float(stroke.mark.sum(dtype=np.int64)) / 255 * pitch**2
-    least = _LEAST_PAINT * kind.width * float(shape.length)
+    least = _MIN_PAINT * kind.width * float(shape.length)
     return Flaw.EMPTY if area < least * (0.2 + 0.8 * float(shape.thickness)) else Flaw.NONE
 
 
@@ -450,7 +452,7 @@ def _finding(
         recording.clear_away()
     finding = StrokesFinding(kind, library, file)
     share = float((library.flaws == Flaw.NONE).mean()) if library.flaws is not None else 0.0
-    if not share >= _LEAST_CLEAN:
+    if not share >= _MIN_CLEAN:
         raise CalibrationError(
             f"Most strokes are dirty: {finding.sentence}. Nothing is learned from them; look at the contact sheet "
             "(`frida-painter strokes inspect`), mend what spoils them, and repeat strokes."

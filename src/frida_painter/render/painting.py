@@ -161,7 +161,7 @@ def render_moments(
 
 # Plans as pictures of any size
 
-LEAST_ROWS, MOST_ROWS = 16, 10_000
+MIN_ROWS, MAX_ROWS = 16, 10_000
 
 
 def render_on(plan: Plan, models: Mapping[str, StrokeModel], canvas: Tensor) -> Tensor:
@@ -183,8 +183,8 @@ def render_plan(plan: Plan, height: int = 1080, models: Mapping[str, StrokeModel
     models: stroke models by brush; by default those that ship with the brushes
     Raises ConfigError if the height is out of range, and WeightsError if a brush has no stroke model.
     """
-    if not LEAST_ROWS <= height <= MOST_ROWS:
-        raise ConfigError(f"A picture {height} pixels high was asked for; it is from {LEAST_ROWS} to {MOST_ROWS} high.")
+    if not MIN_ROWS <= height <= MAX_ROWS:
+        raise ConfigError(f"A picture {height} pixels high was asked for; it is from {MIN_ROWS} to {MAX_ROWS} high.")
     grid = PixelGrid.of_height(plan.canvas, height)
     ground = torch.tensor(plan.ground)[:, None, None].expand(3, grid.rows, grid.columns).contiguous()
     return render_on(plan, models or load_stroke_models(plan.brushes), ground)

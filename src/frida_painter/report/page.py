@@ -40,7 +40,7 @@ _LEFT, _RIGHT, _TOP, _BOTTOM = 72, 16, 40, 48
 _FLOOR = _HEIGHT - _BOTTOM
 _ROOMY = 140.0  # wide enough for "after 1000 strokes"
 _LETTER = 7.0
-_LEAST, _MOST = 1e-12, 1e12
+_MIN, _MAX = 1e-12, 1e12
 
 
 def curve_svg(phases: Sequence[Phase]) -> str:
@@ -49,7 +49,7 @@ def curve_svg(phases: Sequence[Phase]) -> str:
     Points that are not finite, not above 0 or beyond all reason are omitted. Returns "" if no phase has two points
     left.
     """
-    usable = [(phase.name, [(i, v) for i, v in phase.loss if _LEAST < v < _MOST]) for phase in phases]
+    usable = [(phase.name, [(i, v) for i, v in phase.loss if _MIN < v < _MAX]) for phase in phases]
     usable = [(name, points) for name, points in usable if len(points) > 1]
     if not usable:
         return ""
@@ -82,7 +82,7 @@ def curve_svg(phases: Sequence[Phase]) -> str:
         parts.append(f'<text class="phase" x="{left + 6:.1f}" y="{_TOP - 14}">{shown}</text>')
         parts.append(f'<text class="tick" x="{left + 6:.1f}" y="{_HEIGHT - 16}">{last - first + 1}{unit}</text>')
         step = width / max(1, last - first)
-        path = " ".join(f"{left + (i - first) * step:.1f},{down(value):.1f}" for i, value in _thinned(points))
+        path = " ".join(f"{left + (i - first) * step:.1f},{down(value):.1f}" for i, value in _thin_out(points))
         parts.append(f'<polyline class="line" points="{path}"><title>{escape(name)}</title></polyline>')
         left += width
     parts.append("</svg>")
@@ -112,7 +112,7 @@ def _ticks(least: float, most: float) -> Iterator[float]:
     yield from found[::every]
 
 
-def _thinned(points: list[tuple[int, float]]) -> list[tuple[int, float]]:
+def _thin_out(points: list[tuple[int, float]]) -> list[tuple[int, float]]:
     """Returns at most about 400 of the points, including the last one."""
     every = max(1, len(points) // 400)
     return [*points[:-1][::every], points[-1]]
@@ -292,7 +292,7 @@ def _apart(wanted: Sequence[float]) -> list[float]:
 
 # The page of a training or an evaluation: unseen strokes beside the model's prediction, in one HTML file.
 
-_MOST_SHOWN = 24
+_MAX_SHOWN = 24
 _BATCH = 32
 _TRAINING_PAGE_WIDTH = 300
 _BINS = 12
@@ -377,17 +377,17 @@ def _page(
 def _strokes(library: StrokeLibrary, wanted: Tensor, drawn: Tensor, error: NDArray[np.float64]) -> list[_Stroke]:
     """Returns the strokes from the best to the worst, an even selection if there are too many."""
     order = error.argsort(kind="stable")
-    if len(order) > _MOST_SHOWN:
-        order = order[np.linspace(0, len(order) - 1, _MOST_SHOWN).round().astype(int)]
+    if len(order) > _MAX_SHOWN:
+        order = order[np.linspace(0, len(order) - 1, _MAX_SHOWN).round().astype(int)]
     rows, columns = _crop(wanted, drawn)
     shown = []
     for place in order:
         real, modelled = wanted[place, rows, columns], drawn[place, rows, columns]
         shown.append(
             _Stroke(
-                _data_uri(_inked(real)),
-                _data_uri(_inked(modelled)),
-                _data_uri(_compared(real, modelled)),
+                _data_uri(_draw_ink(real)),
+                _data_uri(_draw_ink(modelled)),
+                _data_uri(_draw_comparison(real, modelled)),
                 f"thickness {library.thickness[place]:.2f}, length {1000 * library.length_m[place]:.0f} mm, "
                 f"bend {1000 * library.bend_m[place]:.0f} mm",
                 float(error[place]),
@@ -407,12 +407,12 @@ def _crop(wanted: Tensor, drawn: Tensor) -> tuple[slice, slice]:
     return slices[0], slices[1]
 
 
-def _inked(magnitude: Tensor) -> Tensor:
+def _draw_ink(magnitude: Tensor) -> Tensor:
     """Returns a mark as ink on white paper, [3, rows, columns]."""
     return 1 - magnitude * (1 - _INK[:, None, None])
 
 
-def _compared(real: Tensor, drawn: Tensor) -> Tensor:
+def _draw_comparison(real: Tensor, drawn: Tensor) -> Tensor:
     """Returns a picture of the differences between a real and a modelled mark, [3, rows, columns].
 
     Grey stands for paint in both, blue for paint of the brush only, orange for paint of the model only.

@@ -37,7 +37,7 @@ from frida_painter.session.events import (
     TouchCorrected,
 )
 from frida_painter.session.journal import History
-from frida_painter.session.painting import Painting
+from frida_painter.session.progress import Painting
 from frida_painter.storage import count_of
 
 _RESULT = "result.json"

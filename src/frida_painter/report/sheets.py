@@ -23,7 +23,7 @@ from frida_painter.mixing.recipe import GOOD, Recipe, recipes, volumes
 from frida_painter.palette import Palette, to_hex, to_lab
 from frida_painter.plan import Plan
 from frida_painter.report.story import PaintFacts, paints
-from frida_painter.sheet import INK, LINE, PAPER, SOFT, WARNING, Sheet, font, shortened, to_bytes
+from frida_painter.sheet import INK, LINE, PAPER, SOFT, WARNING, Sheet, font, shorten, to_bytes
 
 # Figures: pictures side by side on one sheet, with headings, labels and captions.
 
@@ -136,7 +136,7 @@ def doubt(plan: Plan, stroke: int, photograph: Tensor, painted: Tensor) -> Tenso
     Returns sRGB [3, rows, columns].
     """
     columns = round(_ROWS * plan.canvas.width / plan.canvas.height)
-    canvas, with_stroke = (_enlarged(picture, _ROWS, columns) for picture in (photograph, painted))
+    canvas, with_stroke = (_enlarge(picture, _ROWS, columns) for picture in (photograph, painted))
     path = plan.strokes[[stroke]].path(torch.linspace(0, 1, _POINTS))[0]  # [t, 2] metres
     pixels = plan.canvas.on_page(path) * torch.tensor([columns / plan.canvas.width, _ROWS / plan.canvas.height])
     box = _around(pixels, columns)
@@ -167,7 +167,7 @@ def _around(path: Tensor, columns: int) -> tuple[int, int, int, int]:
     return left, top, left + side, top + side
 
 
-def _enlarged(picture: Tensor, rows: int, columns: int) -> Image.Image:
+def _enlarge(picture: Tensor, rows: int, columns: int) -> Image.Image:
     return Image.fromarray(images.to_uint8(picture)).resize((columns, rows), Image.Resampling.LANCZOS)
 
 
@@ -190,7 +190,7 @@ def difference(expected: Tensor, seen: Tensor) -> Tensor:
     White-grey means as expected (no visible difference), then yellow, orange, red, and wine for a distance of 50
     and more. Grain finer than a hundredth of the picture is smoothed away.
     """
-    first, second = (_smoothed(picture) for picture in (expected, seen))
+    first, second = (_smooth(picture) for picture in (expected, seen))
     apart = (to_lab(first) - to_lab(second)).norm(dim=-1)  # [H, W]
     strength = ((apart - _UNSEEN) / (CLEARLY - _UNSEEN)).clamp(0, 1) * (len(_HEAT) - 1)
     heat = torch.tensor(_HEAT).to(seen)
@@ -201,7 +201,7 @@ def difference(expected: Tensor, seen: Tensor) -> Tensor:
     return (color * (0.8 + 0.2 * light)).permute(2, 0, 1).clamp(0, 1)
 
 
-def _smoothed(picture: Tensor) -> Tensor:
+def _smooth(picture: Tensor) -> Tensor:
     """Returns the picture as [H, W, 3] without its finest grain."""
     pixels = np.ascontiguousarray(picture.detach().permute(1, 2, 0).cpu().numpy(), dtype=np.float32)
     smooth = cv2.GaussianBlur(pixels, (0, 0), max(0.5, max(pixels.shape) / 400))
@@ -340,7 +340,7 @@ def _recipe(
     facts = to_hex(recipe.target)
     if volume is not None:
         amounts = recipe.volumes(volume)
-        facts += "   " + "   ".join(_measured(amount) for amount in amounts)
+        facts += "   " + "   ".join(_format_millilitres(amount) for amount in amounts)
     sheet.text((right, top + 34 + _BAR + 6), facts, 17, SOFT)
 
 
@@ -366,7 +366,7 @@ def _supplies(recipes: Sequence[Recipe], volumes: Sequence[float] | None) -> lis
     return sorted(((name, max(1.0, volume)) for name, volume in needed.items()), key=lambda one: (-one[1], one[0]))
 
 
-def _measured(amount: float) -> str:
+def _format_millilitres(amount: float) -> str:
     """Returns millilitres as a person measures them: less than a tenth in drops."""
     if amount >= 0.095:
         return f"{amount:.1f} ml"
@@ -447,7 +447,7 @@ class _Grid:
 
 def _head(sheet: Sheet, plan: Plan, title: str) -> None:
     sheet.text(
-        (_PALETTE_SHEET_MARGIN, 84), shortened(title, 58, PALETTE_SHEET_COLUMNS - 2 * _PALETTE_SHEET_MARGIN), 58, INK
+        (_PALETTE_SHEET_MARGIN, 84), shorten(title, 58, PALETTE_SHEET_COLUMNS - 2 * _PALETTE_SHEET_MARGIN), 58, INK
     )
     count = len(plan.palette)
     facts = f"{count} paint{'s' if count != 1 else ''} for {len(plan)} strokes on a canvas of {plan.canvas}"
@@ -481,7 +481,7 @@ def _in_two_lines(recipe: str, width: int) -> list[str]:
         1,
     )
     lines = [" + ".join(words[:first]), " + ".join(words[first:])]
-    return [shortened(line, _RECIPE_SIZE, width) for line in ([lines[0] + " +", lines[1]] if lines[1] else [lines[0]])]
+    return [shorten(line, _RECIPE_SIZE, width) for line in ([lines[0] + " +", lines[1]] if lines[1] else [lines[0]])]
 
 
 def _line(sheet: Sheet, paint: PaintFacts, left: int, top: int, width: int, height: int) -> None:

@@ -12,8 +12,8 @@ from frida_painter import storage
 from frida_painter.errors import ConfigError
 from frida_painter.objectives.objective import Gives, goal_kinds
 
-MOST_CHARACTERS = 10_000
-_MOST_BYTES = 2**20
+MAX_CHARACTERS = 10_000
+_MAX_BYTES = 2**20
 _TITLE = 60
 _EXAMPLE = 'write [[goal]], then lines such as style = "waves.jpg" and weight = 2'
 
@@ -99,7 +99,7 @@ def read_goal_file(path: Path) -> dict[str, list[dict[str, Any]]]:
 
     Raises ConfigError.
     """
-    record = storage.read_toml(path, "a goal file (TOML)", _MOST_BYTES, _EXAMPLE)
+    record = storage.read_toml(path, "a goal file (TOML)", _MAX_BYTES, _EXAMPLE)
     unknown = set(record) - {"goal", "initial"}
     if unknown:
         raise ConfigError(
@@ -131,8 +131,8 @@ def read_prompt(text: str, option: str) -> str:
     Raises ConfigError for no words, more than 10,000 characters, or control characters, such as an escape sequence
     of a terminal. The goal term itself checks if it understands the words.
     """
-    if len(text) > MOST_CHARACTERS:
-        raise ConfigError(f"{option} was given {len(text)} characters; say it in at most {MOST_CHARACTERS}.")
+    if len(text) > MAX_CHARACTERS:
+        raise ConfigError(f"{option} was given {len(text)} characters; say it in at most {MAX_CHARACTERS}.")
     line = " ".join(text.split())
     bad = next((mark for mark in line if unicodedata.category(mark) in ("Cc", "Cs", "Co", "Cn")), None)
     if bad is not None:

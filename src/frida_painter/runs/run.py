@@ -38,15 +38,15 @@ from frida_painter.errors import (
     StorageError,
 )
 from frida_painter.hardware.easel import Easel
-from frida_painter.objectives.encoders.registry import EncoderRegistry
+from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.palette import Palette, load_clustering
 from frida_painter.perception.color import read_palette
 from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.planner import Planner
 from frida_painter.report.recorder import Recorder
-from frida_painter.runs.easel import needed_calibrations, order, require_sensible, with_operator
-from frida_painter.runs.folder import (
+from frida_painter.runs.painting_easel import needed_calibrations, order, require_sensible, with_operator
+from frida_painter.runs.painting_folder import (
     CALIBRATION,
     NOW,
     ReopenedPainting,
@@ -56,15 +56,15 @@ from frida_painter.runs.folder import (
     new_folder,
     reopen,
 )
-from frida_painter.runs.folder import input_hashes as hashes
-from frida_painter.runs.settle import Controls, SettledRun, fitted, open_goal, open_recorder, open_session, settle
+from frida_painter.runs.painting_folder import input_hashes as hashes
+from frida_painter.runs.settle import Controls, SettledRun, fit_canvas, open_goal, open_recorder, open_session, settle
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session import resuming
 from frida_painter.session.events import Event, Finishing, Looked, Notify, Resumed, Stopped, TimelapseFrame
 from frida_painter.session.journal import History, Journal
 from frida_painter.session.loop import PaintingSession
 from frida_painter.session.opening import on_record
-from frida_painter.session.painting import Painting, ResumeState
+from frida_painter.session.progress import Painting, ResumeState
 
 _ROOM = 200 * 2**20  # bytes
 
@@ -121,7 +121,7 @@ class PaintingRun:
         if _reopened is None:
             require_sensible(spec)
         self._reopened = _reopened
-        self._fitted = fitted(spec, open_goal(spec), canvas_is_fixed=_reopened is not None)
+        self._fitted = fit_canvas(spec, open_goal(spec), canvas_is_fixed=_reopened is not None)
         self._settled: SettledRun | None = None
         self.goal, self.target = self._fitted.goal, self._fitted.target
         self.choosing: Callable[[str], None] = lambda what: None
@@ -238,7 +238,7 @@ class PaintingRun:
         if fresh:
             self._folder = new_folder(self._folder, self.spec.name, _ROOM)
         load_clustering()  # while the easel's process loads
-        with _taken_back(self.folder) if fresh else nullcontext():
+        with _take_back_on_failure(self.folder) if fresh else nullcontext():
             easel = self._process.open(order(self.spec, tuple(planner.models), self.folder, self._state))
             self._easel = self._on_record(easel)
             if hear_signals:
@@ -311,13 +311,13 @@ class PaintingRun:
         session = self._open_session(self.easel, journal, recorder.hear)
         if (bare := resuming.bare_photograph(self.folder)) is not None:
             session.observer.learn_good(bare, resuming.last_photograph(self.folder, history))
-        resuming.recall_brush(session.brushwork, history, self.controls.answer)
+        resuming.recall_brush(session.hand, history, self.controls.answer)
         now = session.look()
         images.save(now, self.folder / NOW)
-        before = resuming.seen_before(self.folder, kept, session.observer) if kept else None
+        before = resuming.load_seen_canvas(self.folder, kept, session.observer) if kept else None
         if before is not None and not self._is_as_left(session, before, now):
             before = None
-        journal.resumed(history, repaint=self._repaints(now))
+        journal.record_resume(history, repaint=self._repaints(now))
         self._stack.enter_context(recorder)
         if kept is None:
             return self._to_its_end(session, recorder, lambda: session.run(self.spec.strokes, self.spec.colors))
@@ -366,7 +366,7 @@ class PaintingRun:
             self.spec,
             self.planner,
             easel,
-            replace(self.controls, stop_asked=self._stop_asked),
+            replace(self.controls, stop_asked=self._must_stop),
             mixed=self.controls.mixed or (lambda wanted: self.mixed),
             paint_on=self._paint_on,
             notify=hear,
@@ -376,7 +376,7 @@ class PaintingRun:
         )
         return self.session
 
-    def _stop_asked(self) -> bool:
+    def _must_stop(self) -> bool:
         """Returns True if painting ends after this stroke or planning iteration.
 
         It ends on request, or after a stop of the robot.
@@ -406,7 +406,7 @@ class PaintingRun:
             for listener in self.listeners:
                 listener(Finishing())
         with suppress(FridaError):  # its faults were reported before
-            session.brushwork.easel.robot.close()  # ends a film of the robot
+            session.hand.easel.robot.close()  # ends a film of the robot
         page = None
         try:
             page = None if painting is None else recorder.finish(painting)
@@ -415,7 +415,7 @@ class PaintingRun:
                 raise StorageError(
                     f"{full} What was painted is noted: `frida-painter resume {self.folder}` writes the rest later."
                 ) from full
-        learned = session.brushwork.placement
+        learned = session.hand.placement
         kept = None if trouble or painting is None else keep_learned(self.spec, self._record, learned, painting)
         return RunOutcome(self.folder, painting, page, trouble, kept)
 
@@ -449,7 +449,7 @@ class PaintingRun:
 
 
 @contextmanager
-def _taken_back(folder: Path) -> Iterator[None]:
+def _take_back_on_failure(folder: Path) -> Iterator[None]:
     """Removes the new folder again if the easel cannot be opened."""
     try:
         yield

@@ -22,7 +22,7 @@ from frida_painter.easel.operator import ground_recipe
 from frida_painter.errors import ConfigError
 from frida_painter.frames import PixelGrid
 from frida_painter.hardware.easel import Easel
-from frida_painter.objectives.encoders.registry import EncoderRegistry
+from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal, ObjectiveContext, ObjectiveTerm, Term, goal_kinds, require_weight
 from frida_painter.objectives.semantic import SemanticTerm
@@ -42,16 +42,16 @@ from frida_painter.report.recorder import Recorder
 from frida_painter.runs.goal_item import GoalItem
 from frida_painter.runs.spec import AUTO, OF_SCENE, RunSpec, brush_shares, ground_color, rgb
 from frida_painter.session.events import Notify, Paused
-from frida_painter.session.hand import Brushwork, refilled
+from frida_painter.session.hand import Hand, with_measured_dip
 from frida_painter.session.journal import History, Journal
 from frida_painter.session.loop import PaintingSession
 from frida_painter.session.observer import PHOTOGRAPH_ROWS, CanvasObserver, CanvasStart, Timelapse
 from frida_painter.session.opening import planning_device
-from frida_painter.session.replan_policy import EvenlySpaced, ReplanPolicy, replan_policy_named
+from frida_painter.session.replan_policy import EvenlySpaced, ReplanPolicy, parse_replan_policy
 
 # Goals: opened from a painting's description, or made in one line in a notebook.
 
-_MOST_TERMS = 20
+_MAX_TERMS = 20
 
 Picture = str | Path | Tensor
 """Picture file, or sRGB [3, H, W] in [0, 1]."""
@@ -70,11 +70,11 @@ def open_goal(spec: RunSpec) -> Goal:
         options = ", ".join(f"{kind.option} {kind.gives.value}" for kind in goal_kinds().by_name.values())
         raise ConfigError(f"There is nothing to paint; give a PHOTO, or one or more of {options}.")
     count = len(spec.goal) + len(spec.initial)
-    if count > _MOST_TERMS:
-        raise ConfigError(f"{count} goals were given; at most {_MOST_TERMS} are pursued together.")
+    if count > _MAX_TERMS:
+        raise ConfigError(f"{count} goals were given; at most {_MAX_TERMS} are pursued together.")
     return Goal(
-        tuple(_opened(item, beginning=False) for item in spec.goal),
-        tuple(_opened(item, beginning=True) for item in spec.initial),
+        tuple(_open_term(item, beginning=False) for item in spec.goal),
+        tuple(_open_term(item, beginning=True) for item in spec.initial),
     )
 
 
@@ -87,8 +87,8 @@ def picture_of(goal: Goal) -> Tensor | None:
     return next((picture for picture in pictures if picture is not None), None)
 
 
-def _opened(item: GoalItem, *, beginning: bool) -> Term:
-    return goal_kinds()[item.kind].opened(item.path or item.value, item.weight, beginning=beginning)
+def _open_term(item: GoalItem, *, beginning: bool) -> Term:
+    return goal_kinds()[item.kind].open_term(item.path or item.value, item.weight, beginning=beginning)
 
 
 def make_goal(
@@ -147,7 +147,7 @@ def _each(some: Picture | Sequence[Picture]) -> Sequence[Picture]:
 
 def _term(kind: str, one: Picture, weight: float) -> Term:
     if not isinstance(one, Tensor):
-        return goal_kinds()[kind].opened(one if kind == "text" else Path(one), weight, beginning=False)
+        return goal_kinds()[kind].open_term(one if kind == "text" else Path(one), weight, beginning=False)
     if one.dim() != 3 or one.shape[0] != 3:
         raise ConfigError(f"A picture of shape {tuple(one.shape)} was given to {kind}; it is [3, height, width].")
     terms = {"image": ImageTerm, "semantic": SemanticTerm, "sketch": SketchTerm, "style": StyleTerm}
@@ -173,7 +173,7 @@ class Fitted:
     remark: str = ""
 
 
-def fitted(spec: RunSpec, goal: Goal, *, canvas_is_fixed: bool = False) -> Fitted:
+def fit_canvas(spec: RunSpec, goal: Goal, *, canvas_is_fixed: bool = False) -> Fitted:
     """Fits canvas and pictures together as `spec.fit` says.
 
     canvas_is_fixed: True for the canvas of a painting that has begun; it keeps its size.
@@ -183,18 +183,18 @@ def fitted(spec: RunSpec, goal: Goal, *, canvas_is_fixed: bool = False) -> Fitte
     fixed = canvas_is_fixed or not spec.simulated or spec.calibration is not None  # then it lies on an easel
     shaped = picture is not None and spec.fit == "canvas" and not fixed
     if picture is not None and (shaped or not (canvas_is_fixed or "canvas" in spec.model_fields_set)):
-        canvas = canvas.turned_like(*picture.shape[1:])
+        canvas = canvas.orient_like(*picture.shape[1:])
     if picture is not None and shaped:
-        canvas = canvas.shaped_like(*picture.shape[1:])
+        canvas = canvas.crop_like(*picture.shape[1:])
     spec = spec.model_copy(update={"canvas": canvas}).as_kept
-    remark = "" if picture is None or spec.fit == "pad" else _lost(picture, spec.canvas)
+    remark = "" if picture is None or spec.fit == "pad" else _describe_crop(picture, spec.canvas)
     grid = PixelGrid.of_height(spec.canvas, max(PHOTOGRAPH_ROWS, spec.render_height))
     place = images.pad if spec.fit == "pad" else images.fit
     target = None if picture is None else place(picture, grid.rows, grid.columns)
-    return Fitted(spec, goal.fitted(*_planned_from(spec), pad=spec.fit == "pad"), target, remark)
+    return Fitted(spec, goal.fit_to(*_planning_size(spec), pad=spec.fit == "pad"), target, remark)
 
 
-def _planned_from(spec: RunSpec) -> tuple[int, int]:
+def _planning_size(spec: RunSpec) -> tuple[int, int]:
     """Returns rows and columns of the pictures for a planner: a multiple of its planning image.
 
     The planner's pixels are then exact means of whole pixels, and no detail is lost before.
@@ -204,7 +204,7 @@ def _planned_from(spec: RunSpec) -> tuple[int, int]:
     return times * grid.rows, times * grid.columns
 
 
-def _lost(picture: Tensor, canvas: CanvasSize) -> str:
+def _describe_crop(picture: Tensor, canvas: CanvasSize) -> str:
     """Returns a sentence about the part that a crop removes; "" if it is tiny."""
     share = (picture.shape[2] / picture.shape[1]) / (canvas.width / canvas.height)
     lost, side = (1 - 1 / share, "width") if share > 1 else (1 - share, "height")
@@ -331,7 +331,7 @@ def planner_settings(spec: RunSpec, model: StrokeModel | Sequence[StrokeModel] |
         strokes=spec.strokes,
         colors=spec.colors,
         rows=spec.render_height,
-        effort=Effort().scaled(spec.effort),
+        effort=Effort().scale(spec.effort),
         seed=spec.seed,
         layers=1 if layers is None and spec.is_short else layers,
         shares=shares,
@@ -357,7 +357,7 @@ def replan_policy(spec: RunSpec, layers: tuple[int, ...] = ()) -> ReplanPolicy:
 
     layers: strokes of each layer; the looks at their starts are among the replans.
     """
-    return replan_policy_named(spec.replan_policy) if spec.replan_policy else EvenlySpaced(spec.replans, layers)
+    return parse_replan_policy(spec.replan_policy) if spec.replan_policy else EvenlySpaced(spec.replans, layers)
 
 
 def open_session(
@@ -382,13 +382,13 @@ def open_session(
     light, placement: light and placement learned in an earlier run.
     """
     first, *others = (
-        refilled(brush_kind(name), easel.calibration, simulated=easel.simulated) for name in planner.models
+        with_measured_dip(brush_kind(name), easel.calibration, simulated=easel.simulated) for name in planner.models
     )
     # A person's hand has no heights to correct.
     where = placement or Placement.unknown({} if spec.by_hand else easel.calibration.depths)
     return PaintingSession(
         planner,
-        Brushwork(easel, first, where, others=tuple(others), drying=60 * spec.drying),
+        Hand(easel, first, where, others=tuple(others), drying=60 * spec.drying),
         CanvasObserver(easel, CanvasStart(planner.ground, spec.on_canvas, paint_on), light),
         replan_policy(spec, planner.layer_sizes(spec.strokes)),
         stop_asked=controls.stop_asked,
@@ -438,7 +438,7 @@ def open_recorder(
 # Choice of the ground, if the description leaves it to the planner.
 
 
-def settled_ground(
+def settle_ground(
     spec: RunSpec, planner: Planner, notify: Callable[[Step], None] = unheard
 ) -> tuple[Planner, str, str]:
     """Chooses the ground; returns the planner on it, its name ("white" or a colour), and a sentence about the choice.
@@ -458,16 +458,16 @@ def settled_ground(
         said = "" if color == WHITE else "The canvas is toned in the colour around the things of the scene: {}."
     else:
         return planner, wanted, ""
-    ground = _named(color)
+    ground = _name_colors(color)
     return planner.on_ground(color), ground, said.format(ground)
 
 
 def ground_of(plan: Plan) -> str:
     """Returns the ground of a plan in the form of --ground."""
-    return _named(plan.ground)
+    return _name_colors(plan.ground)
 
 
-def _named(color: tuple[float, float, float]) -> str:
+def _name_colors(color: tuple[float, float, float]) -> str:
     return "white" if color == WHITE else to_hex(torch.tensor(color))
 
 
@@ -476,10 +476,10 @@ def _named(color: tuple[float, float, float]) -> str:
 IN_ONE_LAYER = ("broad", "medium", "fine")
 IN_LAYERS = ("broad:30%,medium:35%,fine:35%", "broad:50%,medium:50%", "medium:50%,fine:25%,fine:25%")
 _TRYING = 0.25  # factor of the effort
-_LEAST_EFFORT = 0.05
+_MIN_EFFORT = 0.05
 
 
-def suited_brushes(
+def choose_brushes(
     spec: RunSpec,
     goal: Goal,
     encoders: EncoderRegistry | None = None,
@@ -493,7 +493,7 @@ def suited_brushes(
     """
 
     def expected_loss(brushes: str) -> float:
-        effort = max(_LEAST_EFFORT, _TRYING * spec.effort)
+        effort = max(_MIN_EFFORT, _TRYING * spec.effort)
         planner = open_planner(spec.model_copy(update={"brushes": brushes, "effort": effort}), goal, encoders)
         return planner.expected_loss(planner.plan(planner.bare, spec.strokes, spec.colors, notify), planner.bare)
 
@@ -569,11 +569,11 @@ def settle(
     """
     spec, remarks = made.spec, []
     if spec.brushes == AUTO:
-        brushes = suited_brushes(spec, made.goal, encoders, notify=lambda step: choosing("brushes"))
+        brushes = choose_brushes(spec, made.goal, encoders, notify=lambda step: choosing("brushes"))
         spec = spec.model_copy(update={"brushes": brushes})
         remarks.append(f"The brushes that suit this picture best: {brushes}.")
     planner = open_planner(spec, made.goal, encoders, tell=tell)
-    planner, ground, remark = settled_ground(spec, planner, lambda step: choosing("ground"))
+    planner, ground, remark = settle_ground(spec, planner, lambda step: choosing("ground"))
     if spec.ground != ground:
         spec = spec.model_copy(update={"ground": ground})
     remarks += [remark] if remark else []
@@ -595,15 +595,15 @@ def make_planner(
     Raises ConfigError, ImageError and WeightsError.
     """
     wanted = goal if isinstance(goal, Goal) else make_goal(goal)
-    described = {"goal": _described(wanted.terms), "initial": _described(wanted.initial)}
-    made = fitted(RunSpec.of(**described, **settings), wanted)
+    described = {"goal": _describe_terms(wanted.terms), "initial": _describe_terms(wanted.initial)}
+    made = fit_canvas(RunSpec.of(**described, **settings), wanted)
     if model is None:
         return settle(made, encoders).planner
     planner = open_planner(made.spec, made.goal, encoders, model)
-    return settled_ground(made.spec, planner)[0]
+    return settle_ground(made.spec, planner)[0]
 
 
-def _described(terms: Sequence[Term]) -> list[dict[str, object]]:
+def _describe_terms(terms: Sequence[Term]) -> list[dict[str, object]]:
     """Returns terms in the form of a description, without pictures; the defaults depend only on their kinds."""
     kinds = [(term, _SETTLING_KINDS.get(type(term), None if term.words is None else "text")) for term in terms]
     return [{kind: term.words or "given as a picture"} for term, kind in kinds if kind is not None]

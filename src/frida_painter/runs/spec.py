@@ -31,7 +31,7 @@ from frida_painter.errors import ConfigError, ImageError
 from frida_painter.palette_file import is_palette_file, read_colors
 from frida_painter.planning.settings import PlannerSettings
 from frida_painter.runs.goal_item import GoalItem
-from frida_painter.session.replan_policy import replan_policy_named
+from frida_painter.session.replan_policy import parse_replan_policy
 from frida_painter.storage import count_of
 
 # Faults of a description, in the words of the command line.
@@ -50,10 +50,10 @@ def sentence_on(fault: Any, fields: Mapping[str, FieldInfo]) -> str:
         return message if field in ("goal", "initial") or message.startswith(name) else f"{name}: {message}"
     if field not in fields or len(fault["loc"]) > 1:
         return f"{name}: {message}"
-    return f"{name} was given {_shortly(fault['input'])}; it is {_allowed(fields[field])}"
+    return f"{name} was given {_shortly(fault['input'])}; it is {_list_allowed(fields[field])}"
 
 
-def _allowed(field: FieldInfo) -> str:
+def _list_allowed(field: FieldInfo) -> str:
     """Returns the allowed values of a setting, in words."""
     bounds = {name: getattr(part, name) for part in field.metadata for name in ("ge", "le") if hasattr(part, name)}
     choices = getattr(field.annotation, "__args__", ()) if "Literal" in str(field.annotation) else ()
@@ -74,12 +74,12 @@ def _shortly(value: Any) -> str:
 
 # Fields of a description as a person writes them: a canvas, a colour, a file, a replan policy.
 
-MOST_LAYERS = 8
+MAX_LAYERS = 8
 AUTO = "auto"
 """Value that leaves a ground or brushes to the planner."""
 OF_SCENE = "scene"
 """Internal value of a ground: the colour around the things of a scene."""
-_FURTHEST, _MOST_TURNED = 0.05, 15.0
+_FURTHEST, _MAX_TURNED = 0.05, 15.0
 _LIGHTEST_DARK = 0.4  # largest channel of the darkest paint in sRGB
 
 
@@ -99,9 +99,9 @@ def millimetres_and_degrees(text: str | None) -> tuple[float, float, float] | No
             "degrees, like 4mm,2deg or 3mm,-2mm,1.5deg."
         )
     x, y, turn = float(match[1]) / 1000, float(match[2] or 0) / 1000, float(match[3])
-    if not (math.hypot(x, y) <= _FURTHEST and abs(turn) <= _MOST_TURNED):
+    if not (math.hypot(x, y) <= _FURTHEST and abs(turn) <= _MAX_TURNED):
         raise ConfigError(
-            f"--placement-error was given {text[:40]!r}; at most {_FURTHEST * 1000:g} mm and {_MOST_TURNED:g} degrees "
+            f"--placement-error was given {text[:40]!r}; at most {_FURTHEST * 1000:g} mm and {_MAX_TURNED:g} degrees "
             "can be corrected."
         )
     return x, y, math.radians(turn)
@@ -179,7 +179,7 @@ def _is_color(text: str) -> bool:
 def _policy(text: str | None) -> str | None:
     try:
         if text is not None:
-            replan_policy_named(text)
+            parse_replan_policy(text)
     except ConfigError as error:
         raise ValueError(str(error)) from error
     return text
@@ -210,8 +210,8 @@ def brush_shares(text: str) -> tuple[tuple[str, float | None], ...]:
         raise ValueError("a share is above 0 % and at most 100 %; leave brushes out that paint nothing")
     if shares and not abs(sum(shares) - 1) <= 0.005:
         raise ValueError(f"the shares make {100 * sum(shares):g} %; together they make 100 %")
-    if len(found) > MOST_LAYERS:
-        raise ValueError(f"{len(found)} brushes were given; there are at most {MOST_LAYERS} layers")
+    if len(found) > MAX_LAYERS:
+        raise ValueError(f"{len(found)} brushes were given; there are at most {MAX_LAYERS} layers")
     return tuple(found)
 
 
@@ -279,7 +279,7 @@ WORDS_BRUSHES = "broad:50%,fine:50%"
 """Default brushes of words alone; people recognise a thing by its outline and its small parts."""
 _OF_PLANS: dict[str, Any] = {field.name: field.default for field in fields(PlannerSettings)}
 """Defaults of the planner's settings, shared by all interfaces."""
-_MOST_SPEC_BYTES = 2**20
+_MAX_SPEC_BYTES = 2**20
 
 
 def _goal_items(value: Any) -> Any:
@@ -340,7 +340,7 @@ class RunSpec(BaseModel):
     layers: int | None = Field(
         None,
         ge=1,
-        le=MOST_LAYERS,
+        le=MAX_LAYERS,
         description="Number of layers of strokes. Each is painted from light to dark on the dry paint of the one "
         "before, and planned for the canvas as it is then. The first has most of the strokes.",
         json_schema_extra={
@@ -549,14 +549,14 @@ class RunSpec(BaseModel):
         Raises ConfigError.
         """
         values = storage.read_toml(
-            path, "a settings file (TOML)", _MOST_SPEC_BYTES, "write lines such as: strokes = 300"
+            path, "a settings file (TOML)", _MAX_SPEC_BYTES, "write lines such as: strokes = 300"
         )
         for name in FILES:
             if isinstance(values.get(name), str):
                 values[name] = path.parent / values[name]
         return cls.of(**{**values, **overrides})
 
-    def changed(self, **values: Any) -> Self:
+    def with_values(self, **values: Any) -> Self:
         """Returns a checked copy with other values. Raises ConfigError."""
         if "brush" in values:
             values["brushes"] = values.pop("brush")
@@ -575,12 +575,12 @@ class RunSpec(BaseModel):
     @classmethod
     def read(cls, path: Path) -> Self:
         """Reads a description from a painting's folder, also of versions before 0.2. Raises ConfigError."""
-        content = storage.read_bytes(path, "the settings of a painting", _MOST_SPEC_BYTES, ConfigError)
+        content = storage.read_bytes(path, "the settings of a painting", _MAX_SPEC_BYTES, ConfigError)
         try:
             plain = json.loads(content)
             if not isinstance(plain, dict) or not {"strokes", "film", "calibration"} <= set(plain):
                 raise KeyError("strokes, film and calibration are needed")
-            return cls.of(**upgraded(plain))
+            return cls.of(**upgrade_record(plain))
         except (ValueError, KeyError, RecursionError) as cause:
             raise ConfigError(f"{path} does not hold the settings of a painting ({cause}); bring it back.") from cause
 
@@ -675,7 +675,7 @@ class RunSpec(BaseModel):
         return min(self.strokes, self.timelapse_frames) if self.film and not self.by_hand else 0
 
 
-def upgraded(plain: Mapping[str, Any]) -> dict[str, Any]:
+def upgrade_record(plain: Mapping[str, Any]) -> dict[str, Any]:
     """Returns plain values of a description in the form of the current version. Raises ConfigError for a newer one."""
     version = plain.get("version", 0)
     if type(version) is not int or not 0 <= version <= VERSION:

@@ -13,7 +13,7 @@ from frida_painter.hardware.robot import Timing, Workspace
 from frida_painter.virtual.bristles import BristleBrush
 from frida_painter.virtual.robot import Course, FreeArm, Way
 from frida_painter.virtual.studio import ArmAndTable, StudioArm
-from frida_painter.virtual.table import HandNoise, sawyer_layout
+from frida_painter.virtual.tabletop import HandNoise, sawyer_layout
 
 if TYPE_CHECKING:
     from frida_painter.sawyer.body import Kinematics, SimulatedArm

@@ -107,10 +107,10 @@ class Kinematics:
         # Reach first: near its limit the joints already race before the arm misses.
         for k in range(0, len(angles), _LOOK_EVERY):
             if not self.miss(angles[k], places[k]) <= _MISSED:
-                return f"the arm does not reach {_told(places[k])} with the brush upright"
+                return f"the arm does not reach {_describe(places[k])} with the brush upright"
             touched = self.touching(angles[k])
             if touched is not None:
-                return f"on the way to {_told(places[k])} {touched}"
+                return f"on the way to {_describe(places[k])} {touched}"
         if not (turning <= _FASTEST).all():
             joint = int((turning / _FASTEST).max(0).argmax())
             fastest = turning[:, joint].max()
@@ -125,7 +125,7 @@ class Kinematics:
         self._arm.integrate_inplace(velocity, 1.0)
 
 
-def _told(place: NDArray[np.float64]) -> str:
+def _describe(place: NDArray[np.float64]) -> str:
     return "({:.3f}, {:.3f}, {:.3f}) m".format(*place)
 
 
@@ -208,20 +208,20 @@ class SimulatedArm:
         """
         history: list[NDArray[np.float64]] = []
         taken, began = 0, time.monotonic()
-        for angles, speed, acceleration in zip(*_interpolated(reference, period, self._step_time), strict=True):
+        for angles, speed, acceleration in zip(*_interpolate(reference, period, self._step_time), strict=True):
             if stopped.is_set():
                 break
             if taken % _STEPS_PER_REFERENCE == 0:
-                history.append(self._seen())
+                history.append(self._look_up_pose())
                 early = began + pace * taken * self._step_time - time.monotonic()
                 if early > 0 and stopped.wait(early):
                     break
             self._step(angles, speed, acceleration)
             taken += 1
         else:
-            return self._told(history, taken, stopped=False)
+            return self._make_track(history, taken, stopped=False)
         taken += self._brake(history)
-        return self._told(history, taken, stopped=True)
+        return self._make_track(history, taken, stopped=True)
 
     def _brake(self, history: list[NDArray[np.float64]]) -> int:
         """Stops the arm as fast as its motors can; returns the number of control steps."""
@@ -231,15 +231,15 @@ class SimulatedArm:
             if np.abs(self.data.qvel).max() < _AT_REST:
                 return step
             if step % _STEPS_PER_REFERENCE == 0:
-                history.append(self._seen())
+                history.append(self._look_up_pose())
             self._step(self.data.qpos, still, still)
         return longest
 
-    def _seen(self) -> NDArray[np.float64]:
+    def _look_up_pose(self) -> NDArray[np.float64]:
         return np.concatenate([self.data.qpos, self.data.site_xpos[self._tip]])
 
-    def _told(self, history: list[NDArray[np.float64]], steps: int, *, stopped: bool) -> Track:
-        seen = np.array([*history, self._seen()])
+    def _make_track(self, history: list[NDArray[np.float64]], steps: int, *, stopped: bool) -> Track:
+        seen = np.array([*history, self._look_up_pose()])
         return Track(seen[:, :-3], seen[:, -3:], steps * self._step_time, stopped)
 
     def _step(self, angles: NDArray[np.float64], speed: NDArray[np.float64], acceleration: NDArray[np.float64]) -> None:
@@ -260,7 +260,7 @@ class SimulatedArm:
         mujoco.mj_step1(self.model, data)
 
 
-def _interpolated(
+def _interpolate(
     reference: NDArray[np.float64], period: float, step: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Returns angles, speeds and accelerations [m, 7] at every control step, on a smooth curve through `reference`."""

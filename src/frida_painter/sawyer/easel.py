@@ -4,7 +4,7 @@ import contextlib
 from typing import TYPE_CHECKING
 
 from frida_painter.easel.kinds import ARM_FILM, SAWYER_SIM, EaselKind, OpenEasel
-from frida_painter.easel.studio import furnished, load_loops
+from frida_painter.easel.virtual_easel import assemble_easel, load_loops
 from frida_painter.hardware.kinds import Needed
 
 if TYPE_CHECKING:  # pages and help load this kind without its numerical libraries
@@ -17,10 +17,10 @@ def _open_sawyer(order: "EaselOrder") -> OpenEasel:
     """Opens the studio with the Sawyer, and films the arm if the order says so."""
     from frida_painter.sawyer.arm import SAWYER
 
-    studio, easel = furnished(order, SAWYER)
+    studio, easel = assemble_easel(order, SAWYER)
     if order.film and order.folder is not None:
         with contextlib.suppress(ImportError):  # connecting the arm reports what to install
-            from frida_painter.sawyer.film import ArmFilm
+            from frida_painter.sawyer.arm_film import ArmFilm
             from frida_painter.sawyer.surroundings import Meshes, Surroundings
 
             seen = None if order.meshes is None else Meshes.in_folder(order.meshes)
@@ -45,7 +45,7 @@ def _require_meshes(order: "EaselOrder") -> None:
 
 def _why_no_film() -> str | None:
     with contextlib.suppress(ImportError):  # connecting the arm reports what to install
-        from frida_painter.sawyer.film import NONE, headless_opengl
+        from frida_painter.sawyer.arm_film import NONE, headless_opengl
 
         return NONE if headless_opengl() is None else None
     return None

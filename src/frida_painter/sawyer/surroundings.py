@@ -28,7 +28,7 @@ Color = tuple[float, float, float]
 
 PARTS = ("base", "head", "l0", "l1", "l2", "l3", "l4", "l5", "l6")
 _KINDS = (".obj", ".stl")
-_MOST_BYTES = 300 * 2**20
+_MAX_BYTES = 300 * 2**20
 _HEAD_LINES = 100  # of an OBJ file, in which it names its colour
 _GREY: Color = (0.45, 0.45, 0.47)
 
@@ -67,8 +67,8 @@ class Meshes:
             )
         try:
             size = sum(path.stat().st_size for files in found.values() for path in files)
-            if size > _MOST_BYTES:
-                most = _MOST_BYTES / 2**20
+            if size > _MAX_BYTES:
+                most = _MAX_BYTES / 2**20
                 raise ConfigError(
                     f"The meshes in {folder} have {size / 2**20:.0f} MB; at most {most:.0f} MB are taken."
                 )
@@ -97,7 +97,7 @@ def _colors(path: Path) -> dict[str, Color]:
     if not path.is_file():
         return {}
     colors, name = {}, ""
-    content = storage.read_bytes(path, "the colours of a mesh (MTL)", _MOST_BYTES, ConfigError)
+    content = storage.read_bytes(path, "the colours of a mesh (MTL)", _MAX_BYTES, ConfigError)
     for line in content.decode("utf-8", "replace").splitlines():
         if named := re.match(r"\s*newmtl\s+(\S+)", line):
             name = named[1]
@@ -111,7 +111,7 @@ def _color(path: Path, colors: dict[str, Color]) -> Color:
     """Returns the first colour that an OBJ file names."""
     if not colors or path.suffix.lower() != ".obj":
         return _GREY
-    with storage.opened(path, "a mesh (OBJ)", _MOST_BYTES, ConfigError) as lines:
+    with storage.open_checked(path, "a mesh (OBJ)", _MAX_BYTES, ConfigError) as lines:
         for _, line in zip(range(_HEAD_LINES), lines, strict=False):
             if named := re.match(r"\s*usemtl\s+(\S+)", line.decode("utf-8", "replace")):
                 return colors.get(named[1], _GREY)
@@ -157,7 +157,7 @@ class Surroundings:
             self._add_bowl(spec, f"well {number}", well, _WELL_RADIUS, group=_UNUSED)
         self._add_bowl(spec, "water", self.workspace.water, 0.042, rgba=(0.55, 0.68, 0.74, 1))
         self._add_rag(spec)
-        model = spec.compile() if self.meshes is None else _dressed(spec, self.meshes)
+        model = spec.compile() if self.meshes is None else _dress(spec, self.meshes)
         paper(model, _PLANKS, _planks())
         return model
 
@@ -292,7 +292,7 @@ class Surroundings:
         )
 
 
-def _dressed(spec: mujoco.MjSpec, meshes: Meshes) -> mujoco.MjModel:
+def _dress(spec: mujoco.MjSpec, meshes: Meshes) -> mujoco.MjModel:
     """Returns the model with the maker's meshes instead of its simple shapes."""
     spec.body("l0").add_body(name="head", pos=_HEAD)
     for part in PARTS:

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, get_args
 
 from pydantic import TypeAdapter
 
-from frida_painter.session.old_events import renewed
+from frida_painter.session.old_events import upgrade_event
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -704,7 +704,9 @@ def events_of(written: Mapping[str, Any]) -> list[Written]:
     Raises ValueError if a field is missing or has a wrong type.
     """
     return [
-        _adapter(each["kind"]).validate_python(dict(each)) for each in renewed(written) if each.get("kind") in KINDS
+        _adapter(each["kind"]).validate_python(dict(each))
+        for each in upgrade_event(written)
+        if each.get("kind") in KINDS
     ]
 
 

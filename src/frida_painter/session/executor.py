@@ -28,10 +28,10 @@ from frida_painter.session.events import (
     StrokeLeftOut,
     StrokePainted,
 )
-from frida_painter.session.hand import Brushwork
+from frida_painter.session.hand import Hand
 from frida_painter.session.journal import Journal
 from frida_painter.session.observer import CanvasObserver, FrameDeveloper, Timelapse
-from frida_painter.session.painting import PaintingProgress
+from frida_painter.session.progress import PaintingProgress
 
 # Interruptions of a painting: a stop or a pause by a person, a full disk, a camera that fails.
 
@@ -49,7 +49,7 @@ class Interruptions:
 
     def __init__(
         self,
-        brushwork: Brushwork,
+        hand: Hand,
         notify: Notify,
         *,
         stop_asked: Callable[[], bool],
@@ -59,7 +59,7 @@ class Interruptions:
     ) -> None:
         self.touched = False
         self.pause_asked = pause_asked
-        self._brushwork, self._notify = brushwork, notify
+        self._hand, self._notify = hand, notify
         self._stop_asked, self._go_on, self._painted = stop_asked, go_on, painted
         self._stopping = False
 
@@ -92,9 +92,9 @@ class Interruptions:
         asked: True if the person asked for the pause.
         Raises PaintingPaused if the person does not want to go on.
         """
-        if self._brushwork.load.paint is not None:
-            self._brushwork.clean()
-        self._brushwork.step_aside()
+        if self._hand.load.paint is not None:
+            self._hand.clean()
+        self._hand.step_aside()
         self.touched = True  # the person may paint on the canvas, before or after the answer
         paused = Paused(reason, self._painted(), asked=asked)
         self._notify(paused)
@@ -120,7 +120,7 @@ class BatchExecutor:
 
     def __init__(
         self,
-        brushwork: Brushwork,
+        hand: Hand,
         observer: CanvasObserver,
         timelapse: Timelapse,
         journal: Journal,
@@ -128,7 +128,7 @@ class BatchExecutor:
         progress: PaintingProgress,
         tell: Notify,
     ) -> None:
-        self._brushwork, self._observer, self._timelapse = brushwork, observer, timelapse
+        self._hand, self._observer, self._timelapse = hand, observer, timelapse
         self._journal, self._interruptions = journal, interruptions
         self._progress, self._tell = progress, tell
         self._told: str | None = None  # brush in the hand, as last reported to listeners
@@ -145,30 +145,30 @@ class BatchExecutor:
         with FrameDeveloper(self._observer, self._tell) as frames:
             while progress.plan is not None and progress.painted < min(end, progress.strokes):
                 left = progress.plan.part(slice(progress.painted, end))
-                actions = self._brushwork.prepare(left, progress.painted, progress.strokes)
+                actions = self._hand.prepare(left, progress.painted, progress.strokes)
                 for action, following in itertools.zip_longest(actions, actions[1:]):
                     leaves = following is None or isinstance(following.done, Dipped)
                     done = self._perform(action, progress.plan, frames, leaves=leaves)
-                    if not done or self._brushwork.load is not action.load:
+                    if not done or self._hand.load is not action.load:
                         break
 
     def tone(self, ground: tuple[float, float, float]) -> None:
         """Reports the wanted ground (sRGB), and waits until the canvas has it."""
         self._tell(GroundWanted(ground))
-        self._brushwork.easel.operator.tone(ground)
+        self._hand.easel.operator.tone(ground)
         self._interruptions.touched = True
 
     def fill_wells(self, palette: Palette) -> None:
         """Reports the wanted paints, and waits until their wells are filled."""
         self._tell(PaintsWanted(palette))
-        self._brushwork.easel.operator.fill_wells(palette)
+        self._hand.easel.operator.fill_wells(palette)
 
     def change_brush(self, brush: str) -> bool:
         """Puts the brush of a layer into the holder; returns True if the brush had to be changed.
 
         A robot with a rack changes the brush itself, otherwise a person does. Raises Interrupted if nobody does.
         """
-        hand = self._brushwork
+        hand = self._hand
         changes = hand.held != brush and (hand.has_rack or bool(hand.others))
         if changes:
             if hand.load.paint is not None:
@@ -185,18 +185,18 @@ class BatchExecutor:
 
     def put_brush_back(self) -> None:
         """Cleans the brush, and puts it back if the robot has a rack."""
-        if self._brushwork.load.paint is not None:
+        if self._hand.load.paint is not None:
             self.clean()
-        if self._brushwork.has_rack:
+        if self._hand.has_rack:
             self._change_in_rack("", stoppable=False)
             self._tell(BrushInHand(""))
 
     def _change_in_rack(self, brush: str, *, stoppable: bool = True) -> None:
         """Changes the brush; each motion is noted before the robot gets it, and the held brush after it."""
-        for motion, held in self._brushwork.changing(brush):
+        for motion, held in self._hand.changing(brush):
             for noted in (BrushInHand(None), MotionBegan((motion.label,))):
                 self._interruptions.retry(partial(self._journal.tell, noted))
-            self._brushwork.move_brush(motion, held)
+            self._hand.move_brush(motion, held)
             self._interruptions.retry(partial(self._journal.tell, BrushInHand(held)))
             if stoppable:
                 self._interruptions.check()
@@ -212,11 +212,11 @@ class BatchExecutor:
         A person may stop or pause meanwhile; real paint dries in a pause too. The journal holds the remaining time,
         so that a resumed painting waits only for the rest.
         """
-        if self._brushwork.load.paint is not None:
+        if self._hand.load.paint is not None:
             self.clean()
         self._interruptions.retry(self.step_aside)
-        easel, progress = self._brushwork.easel, self._progress
-        left = progress.wet_for(self._brushwork.drying)
+        easel, progress = self._hand.easel, self._progress
+        left = progress.wet_for(self._hand.drying)
         dry_at, told = time.monotonic() + left, math.inf
         while True:
             if left == 0 or told - left >= _BETWEEN_WORDS:
@@ -242,18 +242,18 @@ class BatchExecutor:
 
     def clean(self) -> None:
         """Notes the cleaning in the journal, then rinses and wipes the brush."""
-        what = tuple(motion.label for motion in self._brushwork.cleaning())
+        what = tuple(motion.label for motion in self._hand.cleaning())
         self._interruptions.retry(partial(self._journal.tell, MotionBegan(what)))
-        self._brushwork.clean()
+        self._hand.clean()
 
     def step_aside(self) -> None:
         """Moves the arm out of the camera's view. Raises StorageError if the journal cannot note it."""
         self._journal.tell(MotionBegan(("home",)))
-        self._brushwork.step_aside()
+        self._hand.step_aside()
 
     def _tell_drying(self, left: float) -> float:
         """Notes and reports the remaining seconds of drying, and returns them."""
-        drying = Drying(self._progress.painted, self._brushwork.drying, round(left, 1))
+        drying = Drying(self._progress.painted, self._hand.drying, round(left, 1))
         self._interruptions.retry(partial(self._journal.tell, drying))
         self._tell(drying)
         return left
@@ -268,7 +268,7 @@ class BatchExecutor:
         except StorageError as trouble:
             self._interruptions.pause(str(trouble), trouble)
             return False
-        done = self._brushwork.perform(action)
+        done = self._hand.perform(action)
         self._interruptions.retry(partial(self._journal.ends, done))
         self._tell(done)
         if isinstance(done, StrokeLeftOut):
@@ -286,4 +286,4 @@ class BatchExecutor:
         if self._timelapse.wants_frame(done, of, self._filmed or 0, leaves=leaves):
             self._filmed = self._timelapse.due(done, of)
             self._interruptions.retry(self.step_aside)
-            frames.take(painted, self._brushwork.last_motion)
+            frames.take(painted, self._hand.last_motion)

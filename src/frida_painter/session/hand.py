@@ -10,7 +10,7 @@ import numpy as np
 import torch
 
 from frida_painter.brush.kinds import BrushKind, Dip, brush_kind
-from frida_painter.brush.library import StrokeLibrary, dip_shown
+from frida_painter.brush.library import StrokeLibrary, estimate_dip
 from frida_painter.calibration import Calibration
 from frida_painter.errors import ConfigError
 from frida_painter.hardware.easel import Easel
@@ -35,7 +35,7 @@ from frida_painter.strokes import Strokes
 # depot to a number of delivery points", 1964). Then single strokes move or two strokes are exchanged, as long as
 # that reduces the cost.
 
-_MOST_AT_ONCE = 60  # strokes; longer runs are ordered in parts
+_MAX_AT_ONCE = 60  # strokes; longer runs are ordered in parts
 _ROUNDS = 4
 _GAIN = 1e-3  # metres: a smaller gain is not worth a move; rounding would decide between equal orders
 _A_WHOLE_LOSS = 200.0  # metres of travel that are worth as much as the squared error of the whole painting
@@ -61,14 +61,14 @@ def put_in_order(
         if not 0 <= paint < len(choreography.motion.workspace.wells):
             return plan  # the choreography reports the missing well
         indices = list(run)
-        for first in range(0, len(indices), _MOST_AT_ONCE):
-            part = indices[first : first + _MOST_AT_ONCE]
+        for first in range(0, len(indices), _MAX_AT_ONCE):
+            part = indices[first : first + _MAX_AT_ONCE]
             tour = _Tour.of(plan.strokes[part], choreography, paint, load, fading.of(part))
             chosen, left = tour.best()
             order += [part[index] for index in chosen]
             load = BrushLoad(paint, left)
     order += range(len(order), len(plan))
-    return plan.reordered(torch.tensor(order, dtype=torch.long))
+    return plan.reorder(torch.tensor(order, dtype=torch.long))
 
 
 @dataclass(frozen=True)
@@ -111,13 +111,13 @@ class _Tour:
         """Returns the order of the least cost that was found, and the rest of the dip after it."""
         order = list(range(len(self.starts)))
         best = self.cost(order)
-        for start in (self._nearest_next(), self._joined()):
+        for start in (self._nearest_next(), self._join_dips()):
             cost = self.cost(start)
             if cost < best - _GAIN:
                 order, best = start, cost
         for _ in range(_ROUNDS):
             before = best
-            for change in (_moved, _exchanged):
+            for change in (_move, _exchange):
                 for one, other in itertools.permutations(range(len(order)), 2):
                     changed = change(order, one, other)
                     cost = self.cost(changed)
@@ -166,7 +166,7 @@ class _Tour:
             return abs(self.well - here) + self.dip_length + abs(self.starts[index] - self.well)
         return abs(self.starts[index] - here)
 
-    def _joined(self) -> list[int]:
+    def _join_dips(self) -> list[int]:
         """Returns the order of the savings method: one dip for each stroke, then legs joined by the largest saving."""
         count = len(self.starts)
         legs = {index: [index] for index in range(count)}  # by the first stroke
@@ -190,13 +190,13 @@ class _Tour:
         return [index for leg in legs.values() for index in leg]
 
 
-def _moved(order: list[int], one: int, other: int) -> list[int]:
+def _move(order: list[int], one: int, other: int) -> list[int]:
     """Returns the order with the stroke at place `one` moved to place `other`."""
     rest = order[:one] + order[one + 1 :]
     return [*rest[:other], order[one], *rest[other:]]
 
 
-def _exchanged(order: list[int], one: int, other: int) -> list[int]:
+def _exchange(order: list[int], one: int, other: int) -> list[int]:
     """Returns the order with the strokes at two places exchanged."""
     changed = list(order)
     changed[one], changed[other] = order[other], order[one]
@@ -204,7 +204,7 @@ def _exchanged(order: list[int], one: int, other: int) -> list[int]:
 
 
 @dataclass
-class Brushwork:
+class Hand:
     """Paints plans on an easel, stroke by stroke.
 
     placement: placement error, which the robot's targets are corrected for.
@@ -237,14 +237,14 @@ class Brushwork:
     def learn(self, placement: Placement) -> None:
         """Corrects later motions by this placement; touch heights stay if the new ones would leave the workspace."""
         calibration = self.easel.calibration
-        record = placement.touch.corrected(calibration)
+        record = placement.touch.correct(calibration)
         presses = [record.press_height, *(one.press_height for one in record.others.values())]
         if not min(presses) >= self.easel.workspace.lower[2]:
             placement = replace(placement, touch=self.placement.touch)
         self.placement = placement
         self._gateway.follow_touch(max(map(placement.touch.correction, (calibration.brush, *calibration.others))))
 
-    def arranged(self, plan: Plan, count: int, fading: Fading | None = None) -> Plan:
+    def arrange(self, plan: Plan, count: int, fading: Fading | None = None) -> Plan:
         """Returns the plan with its first `count` strokes in a good order for painting; its picture stays the same.
 
         fading: cost of strokes that lack paint. None: no cost.
@@ -342,7 +342,7 @@ class Brushwork:
         self.held, self.load = name, BrushLoad()
 
     def _choreography(self) -> Choreography:
-        record = self.placement.corrected(self.easel.calibration, self.easel.canvas)
+        record = self.placement.correct(self.easel.calibration, self.easel.canvas)
         return _choreography(self.easel.workspace, record, (self.brush, *self.others))
 
 
@@ -351,10 +351,10 @@ def choreography_at(
 ) -> Choreography:
     """Returns the choreography of these brushes at the easel of a record; the first brush is in the holder.
 
-    simulated: True for a simulated easel, as in `refilled`.
+    simulated: True for a simulated easel, as in `with_measured_dip`.
     Raises ConfigError for an unknown brush, CalibrationError if the record does not have a brush.
     """
-    kinds = [refilled(brush_kind(name), record, simulated=simulated) for name in brushes]
+    kinds = [with_measured_dip(brush_kind(name), record, simulated=simulated) for name in brushes]
     return _choreography(workspace, record, kinds)
 
 
@@ -368,7 +368,7 @@ STROKES_PER_DIP = 4
 """Strokes per dip of an unmeasured brush; the program that was published with the paper used this for all brushes."""
 
 
-def refilled(kind: BrushKind, record: Calibration, *, simulated: bool) -> BrushKind:
+def with_measured_dip(kind: BrushKind, record: Calibration, *, simulated: bool) -> BrushKind:
     """Returns the brush with the capacity of one dip at the easel of that record.
 
     The record's stroke library shows the capacity. Without it, the capacity is a fixed number of strokes. In the
@@ -378,7 +378,7 @@ def refilled(kind: BrushKind, record: Calibration, *, simulated: bool) -> BrushK
     if kind.name in record.others:
         record = record.of_brush(kind.name)
     if record.library is not None and record.brush == kind.name:
-        shown = dip_shown(StrokeLibrary.load(Path(record.library.path)), kind.width)
+        shown = estimate_dip(StrokeLibrary.load(Path(record.library.path)), kind.width)
         if shown is not None:
             return replace(kind, known_dip=shown)
     return kind if simulated else replace(kind, known_dip=Dip.of_strokes(STROKES_PER_DIP))

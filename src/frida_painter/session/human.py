@@ -271,7 +271,7 @@ def _bytes(color: tuple[float, float, float], strength: float = 1.0) -> _Color:
     return red, green, blue
 
 
-_MOST = 8  # most strokes on one sheet, so that a person can tell them apart
+_MAX = 8  # most strokes on one sheet, so that a person can tell them apart
 
 
 class ByHand(PersonAsOperator):
@@ -418,7 +418,7 @@ class ByHand(PersonAsOperator):
             if not (self._over_canvas(motion) or self._well(motion) == self._paint):
                 break
             found.append(motion)
-        strokes = [index for index, motion in enumerate(found) if self._over_canvas(motion)][:_MOST]
+        strokes = [index for index, motion in enumerate(found) if self._over_canvas(motion)][:_MAX]
         return found[: strokes[-1] + 1]
 
     def _are_painted(self, motions: Sequence[Waypoints]) -> bool:
@@ -430,7 +430,7 @@ class ByHand(PersonAsOperator):
         paint = "" if self._paint is None else f" with paint {self._paint + 1}"
         numbers = [motion.label.split()[-1] for motion in fresh]
         all_of_them = len(fresh) == len(strokes) - 1
-        again = f"Dip again before {'each of the others' if all_of_them else _listed(numbers)}." if fresh else ""
+        again = f"Dip again before {'each of the others' if all_of_them else _list_numbers(numbers)}." if fresh else ""
         told = [line for line in (self._before, again) if line]
         order = "By their numbers, each from its ring to its arrow, pressed until it is as wide as its line."
         title = f"Strokes {strokes[0].number} to {strokes[-1].number}{paint}"
@@ -510,7 +510,7 @@ class Remembering:
             return None
 
 
-def _listed(numbers: Sequence[str]) -> str:
+def _list_numbers(numbers: Sequence[str]) -> str:
     """Returns numbers as text, such as "3", "3 and 5" or "3, 5 and 6"."""
     return " and ".join([", ".join(numbers[:-1])] * (len(numbers) > 1) + [numbers[-1]])
 
@@ -532,7 +532,7 @@ class HumanRobot:
     def connect(self) -> None:
         """Begins with the hand at the home position."""
         self._tip = self._home
-        self._interlock.opened()
+        self._interlock.mark_connected()
 
     def home(self) -> MotionReport:
         """Returns the report of a motion to the home position."""
@@ -557,4 +557,4 @@ class HumanRobot:
 
     def close(self) -> None:
         """Closes the connection."""
-        self._interlock.closed()
+        self._interlock.mark_disconnected()

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 def _open(order: "EaselOrder") -> OpenEasel:
     from frida_painter.calibration import BrushRecord
-    from frida_painter.easel.open import camera_named
+    from frida_painter.easel.open import make_camera
     from frida_painter.easel.operator import AbsentOperator
     from frida_painter.hardware.easel import Easel
     from frida_painter.session.human import HumanRobot
@@ -34,7 +34,7 @@ def _open(order: "EaselOrder") -> OpenEasel:
     )
     easel = Easel(
         robot=HumanRobot(place.workspace.home or place.workspace.upper),
-        camera=camera_named(order.camera),
+        camera=make_camera(order.camera),
         operator=AbsentOperator(),
         workspace=place.workspace,
         calibration=known,

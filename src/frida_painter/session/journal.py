@@ -51,7 +51,7 @@ from frida_painter.session.events import (
     record,
     time_of,
 )
-from frida_painter.session.old_events import renewed
+from frida_painter.session.old_events import upgrade_event
 
 # History from a journal: progress, plan and the stroke in doubt.
 
@@ -214,9 +214,9 @@ class History:
         self.in_doubt = None
 
 
-def renewed_journal(records: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
+def upgrade_journal(records: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
     """Returns the records of an older journal in the form of the current version."""
-    first, *others = [each for record in records for each in renewed(record)]
+    first, *others = [each for record in records for each in upgrade_event(record)]
     return [{**first, "version": VERSION}, *others]
 
 
@@ -261,13 +261,13 @@ class Journal:
         """
         if not storage.exists(folder / JOURNAL):
             raise StorageError(
-                f"{storage.shown(folder)} is not the folder of a painting: it holds no journal; give one that does."
+                f"{storage.abridge(folder)} is not the folder of a painting: it holds no journal; give one that does."
             )
         book = EventLog(folder / JOURNAL)
         try:
             history = History.of(book.found, folder)
             if book.found[0]["version"] != VERSION:
-                book.replace_all(renewed_journal(book.found))
+                book.replace_all(upgrade_journal(book.found))
         except StorageError:
             book.close()
             raise
@@ -279,22 +279,22 @@ class Journal:
         if self._book is not None:
             self._book.close()
 
-    def resumed(self, history: History, *, repaint: bool) -> None:
+    def record_resume(self, history: History, *, repaint: bool) -> None:
         """Notes that a person resumed the painting and decided about the stroke in doubt; updates `history`."""
         decision = "" if history.in_doubt is None else "repaint" if repaint else "skip"
         self.tell(SessionResumed(history.painted, history.in_doubt, decision, **_who()))
         history.decide(repaint=repaint)
 
-    def planned(self, plan: Plan, done: int, placement: Placement) -> None:
+    def record_plan(self, plan: Plan, done: int, placement: Placement) -> None:
         """Notes that painting follows this plan of all strokes from stroke `done` + 1 on, and saves the plan.
 
         The note comes first, so that the journal knows every plan that the folder may hold.
         """
-        self.kept(plan, done, placement)
+        self.record_kept_plan(plan, done, placement)
         if self._book is not None:
             plan.save(self._book.path.with_name(PLAN))
 
-    def kept(self, plan: Plan, done: int, placement: Placement) -> None:
+    def record_kept_plan(self, plan: Plan, done: int, placement: Placement) -> None:
         """Notes that painting still follows this plan after a look at stroke `done`, with the newer placement."""
         touch = placement.touch
         where = (placement.error, placement.information, dict(touch.depths), touch.lower, touch.information)
@@ -315,7 +315,7 @@ class Journal:
         """Notes that the robot has done an action, or that a person has left out a stroke."""
         self.tell(done)
 
-    def looked(self, frame: Frame, light: FlatField | None) -> None:
+    def record_look(self, frame: Frame, light: FlatField | None) -> None:
         """Notes a photograph for planning, and keeps it in the camera's pixels if there is room."""
         name = f"{PHOTOGRAPHS}/look-{self._looks:04d}.png"
         self._looks += 1

@@ -29,11 +29,11 @@ from frida_painter.plan import WHITE, Plan
 from frida_painter.planning.planner import Planner
 from frida_painter.session.events import Event, Failed, Finished, LayerBegun, Notify, Paused, Resumed, Stopped
 from frida_painter.session.executor import BatchExecutor, Interruptions, StopAsked
-from frida_painter.session.hand import Brushwork
+from frida_painter.session.hand import Hand
 from frida_painter.session.journal import Journal
 from frida_painter.session.observer import CanvasObserver, Timelapse, has_ground
-from frida_painter.session.painting import Painting, PaintingProgress, ResumeState
 from frida_painter.session.plan_keeper import ExecutionMonitor, PlanKeeper
+from frida_painter.session.progress import Painting, PaintingProgress, ResumeState
 from frida_painter.session.replan_policy import ReplanPolicy
 
 
@@ -55,7 +55,7 @@ class PaintingSession:
     def __init__(
         self,
         planner: Planner,
-        brushwork: Brushwork,
+        hand: Hand,
         observer: CanvasObserver,
         policy: ReplanPolicy,
         *,
@@ -68,13 +68,13 @@ class PaintingSession:
         timelapse: Timelapse | None = None,
         budget: float | None = None,
     ) -> None:
-        self.brushwork: Final = brushwork
+        self.hand: Final = hand
         self.observer: Final = observer
         self.policy: Final = policy
         self.journal: Final = journal or Journal.nowhere()
         self._progress = PaintingProgress()
         self.interruptions: Final = Interruptions(
-            brushwork,
+            hand,
             self._tell,
             stop_asked=stop_asked,
             pause_asked=pause_asked,
@@ -83,9 +83,9 @@ class PaintingSession:
         )
         frames = timelapse or Timelapse()
         shared = (self.journal, self.interruptions, self._progress, self._tell)
-        self._plans = PlanKeeper(planner, brushwork, policy, frames, *shared, budget)
-        self._executor = BatchExecutor(brushwork, observer, frames, *shared)
-        self._monitor = ExecutionMonitor(self._plans, self._executor, brushwork, observer, *shared)
+        self._plans = PlanKeeper(planner, hand, policy, frames, *shared, budget)
+        self._executor = BatchExecutor(hand, observer, frames, *shared)
+        self._monitor = ExecutionMonitor(self._plans, self._executor, hand, observer, *shared)
         self._mixed, self._notify = mixed, notify
         self._began_at = 0.0  # seconds of the robot's clock
 
@@ -168,7 +168,7 @@ class PaintingSession:
         if ground != WHITE and not has_ground(canvas, ground):
             canvas = self._tone(ground)
         self._progress.canvas.saw(canvas, 0)
-        self._began_at = self.brushwork.last_motion
+        self._began_at = self.hand.last_motion
         self._plans.begin(strokes, colors, plan)
         self._equip()
 
@@ -187,7 +187,7 @@ class PaintingSession:
             mixed = self._mixed(palette)
             if mixed is not None:
                 self._plans.bind_to_palette(mixed)
-                self.brushwork.easel.operator.fill_wells(mixed)
+                self.hand.easel.operator.fill_wells(mixed)
                 progress.wells = mixed
         if len(rest.layers) > 1 and (changes or progress.begins_layer):
             self._executor.begin_layer(LayerBegun(progress.painted, number + 1, layer.brush, layer.paints[0]))
@@ -207,21 +207,21 @@ class PaintingSession:
 
     def _begin_again(self, where: ResumeState) -> None:
         self._progress.go_on_from(where)
-        self._began_at = self.brushwork.last_motion
+        self._began_at = self.hand.last_motion
         self._tell(Resumed(where.plan, where.painted, self.planner.expected(self.rest, where.now)))
         self._plans.schedule()
-        if self.brushwork.has_rack:
-            if self.brushwork.held:
+        if self.hand.has_rack:
+            if self.hand.held:
                 self._executor.clean()
         else:
             self._executor.clean()
-            self.brushwork.held = None
+            self.hand.held = None
 
     def _to_the_end(self, begin: Callable[[], None]) -> Painting:
         stopped = False
         progress = self._progress
         try:
-            self.brushwork.require_rack()
+            self.hand.require_rack()
             begin()
             self._paint()
         except StopAsked:
@@ -230,7 +230,7 @@ class PaintingSession:
         except FridaError as trouble:
             self.journal.hear(Failed(str(trouble)))
             raise
-        took = self.brushwork.last_motion - self._began_at
+        took = self.hand.last_motion - self._began_at
         self._executor.put_brush_back()
         photograph = self.look()
         end = Stopped(progress.painted) if stopped else Finished(progress.painted, round(took, 3))

@@ -10,13 +10,13 @@ from typing import Any
 _Record = Mapping[str, Any]
 
 
-def renewed(record: _Record) -> list[dict[str, Any]]:
+def upgrade_event(record: _Record) -> list[dict[str, Any]]:
     """Returns the current records that say the same as this one; a current record stays as it is."""
     change = _CHANGES.get(str(record.get("kind")))
     return [dict(record)] if change is None else change(record)
 
 
-def _named(kind: str, **names: str) -> Callable[[_Record], list[dict[str, Any]]]:
+def _rename_fields(kind: str, **names: str) -> Callable[[_Record], list[dict[str, Any]]]:
     """Returns a change that gives a record a new kind and new field names: new="old"."""
 
     def change(record: _Record) -> list[dict[str, Any]]:
@@ -31,25 +31,25 @@ def _either(key: str, there: str, otherwise: str) -> Callable[[_Record], list[di
     return lambda record: [{**record, "kind": there if key in record else otherwise}]
 
 
-def _begun(record: _Record) -> list[dict[str, Any]]:
+def _upgrade_begun(record: _Record) -> list[dict[str, Any]]:
     if "settings" in record:
         return [{**record, "kind": "painting_begun"}]
     return [{**record, "kind": "calibration_started" if "what" in record else "painting_started"}]
 
 
-def _resumed(record: _Record) -> list[dict[str, Any]]:
+def _upgrade_resumed(record: _Record) -> list[dict[str, Any]]:
     if "painted" not in record:
         return [{**record, "kind": "went_on"}]
     return [{**record, "kind": "session_resumed", "done": record["painted"]}]
 
 
-def _planned(record: _Record) -> list[dict[str, Any]]:
+def _upgrade_planned(record: _Record) -> list[dict[str, Any]]:
     if "placement" not in record:
         return [{**record, "kind": "plan_made"}]
     return [{**record, "kind": "plan_adopted", **record["placement"]}]
 
 
-def _ended(record: _Record) -> list[dict[str, Any]]:
+def _upgrade_ended(record: _Record) -> list[dict[str, Any]]:
     if "stroke" not in record:
         return [{**record, "kind": "dipped"}]
     kind = "stroke_left_out" if record.get("left_out", False) else "stroke_painted"
@@ -61,40 +61,40 @@ def _stroke(record: _Record) -> list[dict[str, Any]]:
     return [{**record, "kind": "stroke_painted"}, *left]
 
 
-def _finished(record: _Record) -> list[dict[str, Any]]:
+def _upgrade_finished(record: _Record) -> list[dict[str, Any]]:
     if "film" in record:
         return [{**record, "kind": "painting_kept"}]
     return [{**record, "done": record.get("painted", record.get("done"))}]
 
 
 _CHANGES: Mapping[str, Callable[[_Record], list[dict[str, Any]]]] = {
-    "begun": _begun,
-    "resumed": _resumed,
-    "planned": _planned,
+    "begun": _upgrade_begun,
+    "resumed": _upgrade_resumed,
+    "planned": _upgrade_planned,
     "looked": _either("seen", "look_shown", "photographed"),
-    "began": _named("motion_began"),
-    "ended": _ended,
-    "paused": _named("paused", done="painted"),
-    "stopped": _named("stopped", done="painted"),
-    "finished": _finished,
-    "broken off": _named("failed"),
-    "failed": _named("failed", reason="sentence"),
-    "protected": _named("region_protected"),
+    "began": _rename_fields("motion_began"),
+    "ended": _upgrade_ended,
+    "paused": _rename_fields("paused", done="painted"),
+    "stopped": _rename_fields("stopped", done="painted"),
+    "finished": _upgrade_finished,
+    "broken off": _rename_fields("failed"),
+    "failed": _rename_fields("failed", reason="sentence"),
+    "protected": _rename_fields("region_protected"),
     "region": lambda record: [{**record, "kind": "region_protected", "region": record["picture"]}],
     "redirected": lambda record: [{"wish": {}, **record, "kind": "goal_changed"}],
     "changed": lambda record: [{"goal": "", **record, "kind": "goal_changed"}],
-    "wished": _named("plan_requested"),
-    "plan_wished": _named("plan_requested"),
-    "planning": _named("planning_progress"),
-    "replanning": _named("planning_progress"),
-    "sprouting": _named("plan_preview"),
-    "growing": _named("plan_preview"),
-    "replanned": _named("rest_replanned"),
-    "taken up": _named("taken_up"),
+    "wished": _rename_fields("plan_requested"),
+    "plan_wished": _rename_fields("plan_requested"),
+    "planning": _rename_fields("planning_progress"),
+    "replanning": _rename_fields("planning_progress"),
+    "sprouting": _rename_fields("plan_preview"),
+    "growing": _rename_fields("plan_preview"),
+    "replanned": _rename_fields("rest_replanned"),
+    "taken up": _rename_fields("taken_up"),
     "stroke": _stroke,
-    "photograph": _named("photograph_shown"),
-    "standing": _named("calibration_status"),
-    "procedure": _named("procedure_began"),
-    "progress": _named("procedure_progress"),
-    "found": _named("procedure_found"),
+    "photograph": _rename_fields("photograph_shown"),
+    "standing": _rename_fields("calibration_status"),
+    "procedure": _rename_fields("procedure_began"),
+    "progress": _rename_fields("procedure_progress"),
+    "found": _rename_fields("procedure_found"),
 }

@@ -9,11 +9,11 @@ import torch
 from frida_painter import storage
 from frida_painter.calibration import PROCEDURES, Calibration, Done, LearnedFile
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.easel.studio import studio_brush, with_brush
+from frida_painter.easel.virtual_easel import studio_brush, with_brush
 from frida_painter.errors import CalibrationError, StorageError
 from frida_painter.hardware.easel import Easel
 from frida_painter.virtual.studio import open_studio
-from frida_painter.virtual.table import PlacementError
+from frida_painter.virtual.tabletop import PlacementError
 
 # Status of a calibration record: valid procedures, and procedures to repeat.
 
@@ -67,7 +67,7 @@ def statuses(record: Calibration, easel: Calibration, now: datetime | None = Non
         done = record.done.get(procedure)
         fault = _foreign(procedure, record, easel)
         if not fault and done is not None:
-            fault = _outrun(procedure, done, record, found) or _lost(procedure, record)
+            fault = _outrun(procedure, done, record, found) or _describe_lost(procedure, record)
         found[procedure] = ProcedureStatus(procedure, done, fault, _days(done, now or datetime.now(UTC)))
     return tuple(found.values())
 
@@ -136,7 +136,7 @@ def _outrun(procedure: str, done: Done, record: Calibration, found: dict[str, Pr
     return ""
 
 
-def _lost(procedure: str, record: Calibration) -> str:
+def _describe_lost(procedure: str, record: Calibration) -> str:
     if procedure != "strokes":
         return ""
     for what, file in (("stroke library", record.library), ("weights", record.weights)):
@@ -186,13 +186,13 @@ def on_record(easel: Easel, record: Path | None, needed: tuple[str, ...] = NEEDE
                 "without one; calibrate it: frida-painter calibrate all"
             )
         return easel
-    known = loaded_record(record, easel.calibration, needed, simulated=easel.simulated)
+    known = load_record(record, easel.calibration, needed, simulated=easel.simulated)
     if "brush" not in known.done:
         known = replace(known, brush=easel.calibration.brush)
     return replace(easel, calibration=known)
 
 
-def loaded_record(
+def load_record(
     record: Path, default: Calibration, needed: tuple[str, ...] = (), *, simulated: bool = False
 ) -> Calibration:
     """Returns the calibration record of a file, with the first brush of `default` in the holder; checks all brushes.

@@ -29,10 +29,10 @@ from frida_painter.session.events import (
     TouchCorrected,
 )
 from frida_painter.session.executor import BatchExecutor, Interruptions
-from frida_painter.session.hand import Brushwork
+from frida_painter.session.hand import Hand
 from frida_painter.session.journal import Journal
 from frida_painter.session.observer import PHOTOGRAPH_ROWS, TOLERANCE, CanvasObserver, Timelapse
-from frida_painter.session.painting import PaintingProgress, difference
+from frida_painter.session.progress import PaintingProgress, difference
 from frida_painter.session.replan_policy import CanvasSeen, ReplanPolicy
 
 
@@ -47,7 +47,7 @@ class PlanKeeper:
     def __init__(
         self,
         planner: Planner,
-        brushwork: Brushwork,
+        hand: Hand,
         policy: ReplanPolicy,
         timelapse: Timelapse,
         journal: Journal,
@@ -57,7 +57,7 @@ class PlanKeeper:
         budget: float | None = None,
     ) -> None:
         self.planner, self._budget = planner, budget
-        self._brushwork, self._policy, self._timelapse = brushwork, policy, timelapse
+        self._hand, self._policy, self._timelapse = hand, policy, timelapse
         self._journal, self._interruptions = journal, interruptions
         self._progress, self._tell = progress, tell
 
@@ -68,7 +68,7 @@ class PlanKeeper:
         """
         canvas = self._progress.canvas.last_seen
         made = made if made is not None and is_evenly(canvas, made.ground, TOLERANCE) else None
-        plan = made or self._arranged(self.planner.plan(canvas, strokes, colors, self._checking_interrupts("plan")))
+        plan = made or self._arrange(self.planner.plan(canvas, strokes, colors, self._checking_interrupts("plan")))
         self._adopt(self._within_budget(plan), self.planner.validation_loss(canvas))
 
     def bind_to_palette(self, mixed: Palette) -> None:
@@ -79,7 +79,7 @@ class PlanKeeper:
             before = self._loss()
             with suppress(_Overtaken):
                 again = self.planner.bind_to_palette(rest, canvas, mixed, self._checking_interrupts("plan"))
-                bound = self._within_budget(self._arranged(again))
+                bound = self._within_budget(self._arrange(again))
         self._adopt(bound, before)
 
     def replan(self, rounds: int = 1) -> None:
@@ -88,7 +88,7 @@ class PlanKeeper:
         with suppress(_Overtaken):
             hear = self._checking_interrupts("replan")
             again = self.planner.replan(rest, canvas, hear, rounds, fresh=self._progress.begins_layer)
-            after = self._adopt(self._within_budget(self._arranged(again)), before)
+            after = self._adopt(self._within_budget(self._arrange(again)), before)
             self._progress.gain = 10 * math.log10(before / after) if min(before, after) > 0 else 0.0
 
     def replace(self, rest: Plan) -> None:
@@ -101,7 +101,7 @@ class PlanKeeper:
 
         def note() -> None:  # another plan may be adopted in a pause for a full disk
             if progress.plan is not None and progress.painted < progress.strokes:
-                self._journal.kept(progress.plan, progress.painted, self._brushwork.placement)
+                self._journal.record_kept_plan(progress.plan, progress.painted, self._hand.placement)
 
         self._interruptions.retry(note)
         progress.planned_at = progress.painted
@@ -109,9 +109,9 @@ class PlanKeeper:
     def schedule(self) -> None:
         """Reports the time that the robot takes for the rest, with all looks."""
         done, of, rest = self._progress.painted, self._progress.strokes, self._progress.rest
-        table = self._brushwork.timetable(rest, self._looks(done, of))
+        table = self._hand.timetable(rest, self._looks(done, of))
         if self._progress.must_dry:
-            table = table.after_drying(self._progress.wet_for(self._brushwork.drying))
+            table = table.after_drying(self._progress.wet_for(self._hand.drying))
         self._tell(Scheduled(table, done))
 
     def _looks(self, done: int, of: int) -> Looks:
@@ -140,7 +140,7 @@ class PlanKeeper:
             return rest
         canvas, hear = self._progress.canvas.last_seen, self._checking_interrupts("plan")
         settled = self.planner.replan(fitting, canvas, hear)
-        return self._fitting(self._arranged(settled))
+        return self._fitting(self._arrange(settled))
 
     def _fitting(self, rest: Plan) -> Plan:
         """Returns the arranged rest without the strokes that matter least, until it fits the budget."""
@@ -155,13 +155,13 @@ class PlanKeeper:
                 )
             share = min(0.5, 1 - self._budget / seconds)
             count = min(max(1, math.floor(share * len(rest))), len(rest) - 1)
-            rest = self._arranged(self.planner.without_weakest(rest, canvas, count))
+            rest = self._arrange(self.planner.without_weakest(rest, canvas, count))
         return rest
 
     def _seconds(self, rest: Plan) -> float:
         """Returns the time that the robot takes for the painted strokes and this rest."""
         plan = self._progress.followed_by(rest)
-        return self._brushwork.timetable(plan, self._looks(0, len(plan)), BrushLoad()).total
+        return self._hand.timetable(plan, self._looks(0, len(plan)), BrushLoad()).total
 
     def _adopt(self, rest: Plan, before: float) -> float:
         """Adopts this rest, made for the current canvas, and reports it.
@@ -170,8 +170,8 @@ class PlanKeeper:
         Returns the validation loss of the new plan.
         """
         progress = self._progress
-        plan, placement = progress.followed_by(rest), self._brushwork.placement
-        self._interruptions.retry(partial(self._journal.planned, plan, progress.painted, placement))
+        plan, placement = progress.followed_by(rest), self._hand.placement
+        self._interruptions.retry(partial(self._journal.record_plan, plan, progress.painted, placement))
         progress.plan, progress.planned_at = plan, progress.painted
         self.schedule()
         canvas, unseen = progress.canvas.last_seen, 0
@@ -186,14 +186,14 @@ class PlanKeeper:
         """Returns the validation loss of the expected canvas after the rest."""
         return self.planner.expected_loss(self._progress.rest, self._progress.canvas.last_seen)
 
-    def _arranged(self, rest: Plan) -> Plan:
+    def _arrange(self, rest: Plan) -> Plan:
         """Returns the rest, with the strokes of the next batch in a good order for painting."""
         if len(rest) == 0:  # all remaining strokes would have touched the region
             return rest
         painted = self._progress.painted
         batch = self._policy.next_look(painted, painted + len(rest)) - painted
         fading = self.planner.fading(rest, self._progress.canvas.last_seen)
-        return self._brushwork.arranged(rest, min(batch, rest.layer_end(0)), fading)
+        return self._hand.arrange(rest, min(batch, rest.layer_end(0)), fading)
 
     def _checking_interrupts(self, phase: str) -> Callable[[Step], None]:
         """Returns a callback that reports planning steps and stops the planner if a person wants that."""
@@ -231,7 +231,7 @@ class ExecutionMonitor:
         self,
         plans: PlanKeeper,
         executor: BatchExecutor,
-        brushwork: Brushwork,
+        hand: Hand,
         observer: CanvasObserver,
         journal: Journal,
         interruptions: Interruptions,
@@ -239,7 +239,7 @@ class ExecutionMonitor:
         tell: Notify,
     ) -> None:
         self._plans, self._executor = plans, executor
-        self._brushwork, self._observer = brushwork, observer
+        self._hand, self._observer = hand, observer
         self._journal, self._interruptions = journal, interruptions
         self._progress, self._tell = progress, tell
         self._looked_after: int | None = None  # strokes at a look that could not tell whether the canvas was moved
@@ -266,15 +266,15 @@ class ExecutionMonitor:
         expected = planner.expected(batch, last)
         self._tell(Looked(canvas, expected, progress.painted))
         if len(batch) and not progress.remark:  # the landed strokes show how to correct the robot
-            self._learn(planner.locate(batch, self._brushwork.placement, last, canvas))
+            self._learn(planner.locate(batch, self._hand.placement, last, canvas))
         progress.canvas.saw(canvas, progress.painted)
         return CanvasSeen(progress.painted, len(progress.rest), difference(canvas, expected), progress.gain)
 
     def _learn(self, placement: Placement) -> None:
         """Corrects later motions by this placement; reports each brush whose height changes."""
-        before = self._brushwork.placement.touch
-        self._brushwork.learn(placement)
-        now = self._brushwork.placement.touch
+        before = self._hand.placement.touch
+        self._hand.learn(placement)
+        now = self._hand.placement.touch
         for brush in now.depths:
             lower = now.correction(brush)
             if abs(lower - before.correction(brush)) >= _TOLD:
@@ -287,18 +287,18 @@ class ExecutionMonitor:
             expected = progress.canvas.expectation(self._plans.planner, progress.plan, progress.painted)
         try:
             frame, canvas = self._observer.examine(
-                self._brushwork.last_motion, PHOTOGRAPH_ROWS, expected, doubtful=self._looked_after == progress.painted
+                self._hand.last_motion, PHOTOGRAPH_ROWS, expected, doubtful=self._looked_after == progress.painted
             )
         except FrameDoubtful:
             self._looked_after = progress.painted  # accepted by a person who goes on now
             raise
-        self._journal.looked(frame, self._observer.light)
+        self._journal.record_look(frame, self._observer.light)
         self._interruptions.touched = False
         return canvas
 
     @property
     def _is_last_and_simulated(self) -> bool:
-        return self._progress.is_complete and self._brushwork.easel.simulated
+        return self._progress.is_complete and self._hand.easel.simulated
 
     def _last_look(self) -> Tensor:
         """Looks after the last stroke on a simulated easel, which has nobody to ask."""
@@ -317,9 +317,9 @@ class ExecutionMonitor:
         """Returns the canvas [3, H, W] as visible now, or as last seen; it decides nothing."""
         self._executor.step_aside()
         try:
-            frame = self._observer.photograph(self._brushwork.last_motion)
+            frame = self._observer.photograph(self._hand.last_motion)
             canvas = self._observer.see(frame.image, PHOTOGRAPH_ROWS)
         except CameraError:
             return self._progress.canvas.last_seen
-        self._journal.looked(frame, self._observer.light)
+        self._journal.record_look(frame, self._observer.light)
         return canvas

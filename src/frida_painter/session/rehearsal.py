@@ -11,7 +11,7 @@ from frida_painter.hardware import gateway
 from frida_painter.hardware.gateway import Fault, Surface
 from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.robot import Point, Reach, Waypoints, Workspace
-from frida_painter.palette import MOST_COLORS
+from frida_painter.palette import MAX_COLORS
 from frida_painter.plan import Plan
 
 # Desk: a workspace with only a canvas, for plotters and for people who hand out the paint.
@@ -58,11 +58,11 @@ class FlatbedWorkspace:
         # A pen does not press, but a calibration must have some depth.
         press = max(self.press, math.ulp(1.0))
         workspace = Workspace(
-            lower=(-_MARGIN - _WELL_PITCH * MOST_COLORS, -_MARGIN, -press),
+            lower=(-_MARGIN - _WELL_PITCH * MAX_COLORS, -_MARGIN, -press),
             upper=(canvas.width + _MARGIN, canvas.height + _MARGIN, self.lift),
             canvas_origin=(0.0, 0.0, 0.0),
             canvas_angle=0.0,
-            wells=tuple((-_WELL_PITCH * (well + 1), 0.0, 0.0) for well in range(MOST_COLORS)),
+            wells=tuple((-_WELL_PITCH * (well + 1), 0.0, 0.0) for well in range(MAX_COLORS)),
             water=_WATER,
             rag=_WATER,
             rag_width=0.0,

@@ -8,7 +8,7 @@ from typing import Protocol, Self, cast
 from frida_painter.errors import ConfigError
 from frida_painter.registry import REPLAN_POLICIES, parts
 
-_MOST = 20_000
+_MAX = 20_000
 _FIRST = 10  # strokes of a first batch
 
 
@@ -180,7 +180,7 @@ class WhenItPays:
         """Returns True, because only a replan shows its gain; adapts `between` to the last gain."""
         if seen.gain is not None:
             between = self.between // 2 if seen.gain >= self.least else self.between * 2
-            self.between = min(max(between, _FIRST), _MOST)
+            self.between = min(max(between, _FIRST), _MAX)
         self.since = seen.done
         return True
 
@@ -194,7 +194,7 @@ def looks_on_the_way(policy: ReplanPolicy, strokes: int) -> list[int]:
     return looks[:-1]
 
 
-def replan_policy_named(text: str) -> ReplanPolicy:
+def parse_replan_policy(text: str) -> ReplanPolicy:
     """Returns the replan policy that a text names.
 
     The text is "4" (number of replans), "every:75", "when-off-by:0.02", "when-it-pays", or the name of a plugin's
@@ -221,5 +221,5 @@ def _whole(what: str, text: str) -> int:
 
 
 def _require_count(what: str, count: int, least: int) -> None:
-    if not least <= count <= _MOST:
-        raise ConfigError(f"{count} {what} were given; allowed are {least} to {_MOST}.")
+    if not least <= count <= _MAX:
+        raise ConfigError(f"{count} {what} were given; allowed are {least} to {_MAX}.")

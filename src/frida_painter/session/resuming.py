@@ -14,7 +14,7 @@ from frida_painter import images, storage
 from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.dialogue import Answer, Question
-from frida_painter.easel.kinds import DIARY
+from frida_painter.easel.kinds import SIMULATION_LOG
 from frida_painter.easel.operator import brush_in_hand
 from frida_painter.errors import CalibrationError, FrameRejected, ImageError, PlanError, StorageError
 from frida_painter.frames import PixelGrid
@@ -25,7 +25,7 @@ from frida_painter.perception.rectify import rectify
 from frida_painter.plan import Plan
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.problem import Region, region_of
-from frida_painter.session.hand import Brushwork
+from frida_painter.session.hand import Hand
 from frida_painter.session.journal import A_PHOTOGRAPH, PHOTOGRAPHS, PLAN, History, Planning
 from frida_painter.session.observer import PHOTOGRAPH_ROWS, CanvasObserver
 
@@ -42,7 +42,7 @@ class KeptPlan:
     foreign: bool
 
 
-def kept_plan(folder: Path, history: History) -> KeptPlan | None:
+def load_kept_plan(folder: Path, history: History) -> KeptPlan | None:
     """Returns the plan to go on with; None if the painting broke off before the first plan.
 
     Raises PlanError if the plan is damaged, or if all its strokes are already painted.
@@ -72,11 +72,11 @@ def changes(
     settings: Mapping[str, Any],
     rests_on: Mapping[str, str],
     kept: KeptPlan | None,
-    diary_missing: int = 0,
+    log_records_missing: int = 0,
 ) -> list[str]:
     """Returns all changes since the painting began or broke off, one line each with the old and the new value.
 
-    diary_missing: number of records lost at the end of a simulated studio's log.
+    log_records_missing: number of records lost at the end of a simulated studio's log.
     """
     lines = [
         f"{name}: it was {history.settings.get(name)!r}, and is {settings.get(name)!r}"
@@ -93,8 +93,10 @@ def changes(
     ]
     if history.missing:
         lines.append(f"journal: its last {_records(history.missing)} gone, and their strokes would be painted again")
-    if diary_missing:
-        lines.append(f"{DIARY}: its last {_records(diary_missing)} gone, and what they put on the virtual canvas")
+    if log_records_missing:
+        lines.append(
+            f"{SIMULATION_LOG}: its last {_records(log_records_missing)} gone, and what they put on the virtual canvas"
+        )
     if kept is not None and kept.foreign:
         noted = history.plannings[-1].digest
         lines.append(f"plan: it was {_short(noted)}, and is {_short(kept.plan.digest)}, of {len(kept.plan)} strokes")
@@ -112,7 +114,7 @@ def _fault(folder: Path, name: str, history: History) -> str | None:
     return None if history.photographs[name] in (None, content) else "another one than was taken"
 
 
-def recall_brush(hand: Brushwork, history: History, answer: Callable[[Question], Answer] | None) -> None:
+def recall_brush(hand: Hand, history: History, answer: Callable[[Question], Answer] | None) -> None:
     """Restores the brush that a robot with a rack held when the painting broke off; if unknown, asks a person.
 
     Call it before anything moves. Raises Interrupted if nobody answers, and the errors of Brushwork.require_rack.
@@ -152,7 +154,7 @@ def last_photograph(folder: Path, history: History) -> NDArray[np.uint8] | None:
         return None
 
 
-def as_left(kept: KeptPlan, history: History, planner: Planner, before: Tensor) -> Expected:
+def expect_canvas(kept: KeptPlan, history: History, planner: Planner, before: Tensor) -> Expected:
     """Returns the expected canvas: `before` with the strokes painted since, including the stroke in doubt."""
     until = history.painted if history.in_doubt is None else history.in_doubt
     since = kept.plan.part(slice(kept.planning.done, until))
@@ -166,7 +168,9 @@ def last_canvas(folder: Path, history: History, size: CanvasSize, calibration: P
     Raises ImageError if both are lost.
     """
     seen = (
-        None if history.last_photograph is None else _seen(folder / history.last_photograph, history, size, calibration)
+        None
+        if history.last_photograph is None
+        else _load_canvas(folder / history.last_photograph, history, size, calibration)
     )
     return images.load(folder / "painting.png") if seen is None else seen
 
@@ -174,10 +178,10 @@ def last_canvas(folder: Path, history: History, size: CanvasSize, calibration: P
 def first_canvas(folder: Path, history: History, size: CanvasSize, calibration: Path) -> Tensor | None:
     """Returns the canvas [3, H, W] before the first stroke; None if its photograph is lost."""
     began = next((planning.photograph for planning in history.plannings if planning.done == 0), None)
-    return None if began is None else _seen(folder / began, history, size, calibration)
+    return None if began is None else _load_canvas(folder / began, history, size, calibration)
 
 
-def _seen(photograph: Path, history: History, size: CanvasSize, calibration: Path) -> Tensor | None:
+def _load_canvas(photograph: Path, history: History, size: CanvasSize, calibration: Path) -> Tensor | None:
     """Returns the canvas in a photograph of the painting.
 
     None if the photograph, the record or the light is unknown.
@@ -192,7 +196,7 @@ def _seen(photograph: Path, history: History, size: CanvasSize, calibration: Pat
     return true_color(known_light.correct(rectify(taken, known, PixelGrid.of_height(size, PHOTOGRAPH_ROWS))), known)
 
 
-def seen_before(folder: Path, kept: KeptPlan, observer: CanvasObserver) -> Tensor | None:
+def load_seen_canvas(folder: Path, kept: KeptPlan, observer: CanvasObserver) -> Tensor | None:
     """Returns the canvas [3, H, W] that the plan was made for, from its photograph; None if that is lost."""
     if kept.planning.photograph is None:
         return None

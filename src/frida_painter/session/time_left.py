@@ -36,7 +36,7 @@ class TimeEstimate:
         return self.spent / self.units if self.units else self.guess
 
 
-class Forecast:
+class RemainingTime:
     """Remaining time of a painting, from its events.
 
     Planning is measured in iterations times planned strokes. Painting is measured in seconds of the robot's

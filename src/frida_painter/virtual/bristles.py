@@ -59,7 +59,7 @@ _JAR = (
 )
 
 
-def brush_named(name: str) -> BristleBrush:
+def find_brush(name: str) -> BristleBrush:
     """Returns the brush of that name. Raises ConfigError for an unknown name."""
     for brush in _JAR:
         if brush.name == name:

@@ -14,8 +14,8 @@ from frida_painter.hardware.robot import Frame
 from frida_painter.virtual.faults import NO_FAULTS, Faults, InSight
 from frida_painter.virtual.paint import to_linear, to_srgb
 from frida_painter.virtual.robot import Clock
-from frida_painter.virtual.simulation_log import Note, unnoted
-from frida_painter.virtual.table import Table
+from frida_painter.virtual.simulation_log import Note, ignore_entry
+from frida_painter.virtual.tabletop import Table
 
 # Obstacles between the camera and the canvas: a person's hand, or the glare of a lamp.
 
@@ -121,7 +121,7 @@ class VirtualCamera:
     def __init__(self, spec: CameraSpec, table: Table, clock: Clock, random: np.random.Generator) -> None:
         self.faults: Faults = NO_FAULTS
         self.photographs = 0
-        self.note: Note = unnoted
+        self.note: Note = ignore_entry
         self._spec, self._table, self._clock, self._random = spec, table, clock, random
         width, height = table.canvas.width, table.canvas.height
         self._to_canvas, self.corners = _optics(spec, width, height)

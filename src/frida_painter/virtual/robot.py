@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from frida_painter.errors import MotionFailed, RobotDisconnected, RobotError, RobotStopped, WorkspaceViolation
 from frida_painter.hardware.robot import MotionReport, Timing, Waypoints
 from frida_painter.virtual.faults import NO_FAULTS, Faults
-from frida_painter.virtual.simulation_log import Note, unnoted
-from frida_painter.virtual.table import StudioLayout, Table
+from frida_painter.virtual.simulation_log import Note, ignore_entry
+from frida_painter.virtual.tabletop import StudioLayout, Table
 
 # Arms: an arm gets a way and returns the course of the tip.
 
@@ -192,7 +192,7 @@ class VirtualRobot:
     def __init__(self, table: Table, layout: StudioLayout, arm: Arm, clock: Clock, pace: float = 0.0) -> None:
         self.faults: Faults = NO_FAULTS
         self.motions = 0
-        self.note: Note = unnoted
+        self.note: Note = ignore_entry
         self.watcher: Watcher = Nobody()
         self._table, self._workspace, self._arm, self._clock = table, layout.workspace, arm, clock
         self._pace = pace

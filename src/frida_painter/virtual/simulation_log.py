@@ -14,7 +14,7 @@ from typing import Any
 
 from frida_painter import storage
 from frida_painter.errors import StorageError
-from frida_painter.event_log import MOST_BYTES, EventLog, LogPolicy
+from frida_painter.event_log import MAX_BYTES, EventLog, LogPolicy
 
 Entry = Mapping[str, Any]
 # Function of an entry, and of `flush`: True if all entries so far must survive a power cut.
@@ -95,13 +95,13 @@ class SimulationLog:
             )
 
 
-def unnoted(entry: Entry, *, flush: bool = False) -> None:
+def ignore_entry(entry: Entry, *, flush: bool = False) -> None:
     """Ignores the entry, for a studio without a log."""
 
 
 def _convert_old(path: Path) -> None:
     """Converts a file of earlier versions, with lines of a CRC-32 and JSON, to a log. Raises StorageError."""
-    content = storage.read_bytes(path, _POLICY.what, MOST_BYTES)
+    content = storage.read_bytes(path, _POLICY.what, MAX_BYTES)
     if _FIRST_LINE_OF_OLD.match(content) is None:
         return
     lines = content.split(b"\n")[:-1]

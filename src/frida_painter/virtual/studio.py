@@ -22,14 +22,14 @@ from frida_painter.frames import PixelGrid
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.robot import Reach, Timing, Waypoints
 from frida_painter.palette import Palette
-from frida_painter.virtual.bristles import BristleBrush, Tuft, brush_named
+from frida_painter.virtual.bristles import BristleBrush, Tuft, find_brush
 from frida_painter.virtual.camera import CameraSpec, VirtualCamera
 from frida_painter.virtual.canvas import Canvas
 from frida_painter.virtual.faults import NO_FAULTS, Faults
 from frida_painter.virtual.paint import absorption_and_scattering, to_linear, to_srgb
 from frida_painter.virtual.robot import Arm, Clock, FreeArm, VirtualRobot
-from frida_painter.virtual.simulation_log import Entry, Note, SimulationLog, unnoted
-from frida_painter.virtual.table import (
+from frida_painter.virtual.simulation_log import Entry, Note, SimulationLog, ignore_entry
+from frida_painter.virtual.tabletop import (
     Checker,
     HandNoise,
     PlacementError,
@@ -57,7 +57,7 @@ class StudioOperator:
         tufts: Mapping[str, Tuft],
     ) -> None:
         self.checker = checker
-        self.note: Note = unnoted
+        self.note: Note = ignore_entry
         self._table, self._fresh_canvas, self._wait, self._tufts = table, fresh_canvas, wait, tufts
 
     def fill_wells(self, palette: Palette) -> None:
@@ -94,7 +94,7 @@ class StudioOperator:
 
     def place_checker(self, center: tuple[float, float], turn: float, width: float | None) -> None:
         """Lays the colour checker there, and always there from now on. Millimetres on the canvas, radians."""
-        self.checker = self.checker.laid(center, turn, width)
+        self.checker = self.checker.place_at(center, turn, width)
         self.lay_checker()
 
     def lay_checker(self) -> bool:
@@ -167,7 +167,7 @@ def relive(
                 operator.lay_paper()
             case "checker":
                 x, y = entry["center"]
-                operator.checker = operator.checker.laid((x, y), entry["turn"], entry["width"])
+                operator.checker = operator.checker.place_at((x, y), entry["turn"], entry["width"])
                 table.checker = operator.checker if entry["lies"] else None
             case "wait":
                 clock.now = entry["now"]
@@ -177,10 +177,10 @@ def relive(
 
 
 _MM = 1000.0
-_MOST_CELLS = 3_000_000
+_MAX_CELLS = 3_000_000
 FREE = "free"
 """Name of the studio's own arm, which follows its way exactly. Other arms come from entry points."""
-_MOST_RISE = 0.02
+_MAX_RISE = 0.02
 _SLOWEST = 100.0
 # Film thickness that sets in the drying time; the rate is the same for all films.
 _FILM = 0.06
@@ -212,7 +212,7 @@ class StudioArm:
     furnish: Callable[[CanvasSize, BristleBrush, int], ArmAndTable]
 
 
-def _arm_named(name: str) -> StudioArm:
+def _find_arm(name: str) -> StudioArm:
     """Returns the kind of arm of that name. Raises PluginError."""
     if name == FREE:
         return StudioArm(
@@ -259,9 +259,9 @@ class StudioSettings:
             raise ConfigError(f"There is no arm {self.arm!r} in the virtual studio; take {' or '.join(arms)}.")
         if self.cell is not None and not 0.1 <= self.cell <= 5:
             raise ConfigError(f"A canvas cell of {self.cell} mm was given; allowed is 0.1 to 5 mm.")
-        if not abs(self.rise) <= _MOST_RISE:
+        if not abs(self.rise) <= _MAX_RISE:
             raise ConfigError(
-                f"A canvas that lies {self.rise} m higher was given; allowed is {-_MOST_RISE:g} to {_MOST_RISE:g} m."
+                f"A canvas that lies {self.rise} m higher was given; allowed is {-_MAX_RISE:g} to {_MAX_RISE:g} m."
             )
         if not 0 <= self.pace <= _SLOWEST:
             raise ConfigError(
@@ -314,12 +314,12 @@ class VirtualStudio:
         self.clock = Clock()
         self._fresh_canvas = partial(
             Canvas, canvas.width * _MM, canvas.height * _MM,
-            cell=settings.cell or max(0.4, math.sqrt(area / _MOST_CELLS)),
+            cell=settings.cell or max(0.4, math.sqrt(area / _MAX_CELLS)),
             ground=_first_look(settings, canvas), drying_rate=_FILM / settings.drying_time, random=for_canvas,
         )  # fmt: skip
-        self.placement_error = settings.placement_error or PlacementError.drawn_from(for_error)
+        self.placement_error = settings.placement_error or PlacementError.sample(for_error)
         deepest = max(brushes.values(), key=lambda each: each.press_depth)
-        arm = _arm_named(settings.arm)
+        arm = _find_arm(settings.arm)
         here = arm.furnish(canvas, deepest, seed)
         layout = here.layout
         touch_height = layout.workspace.canvas_origin[2]
@@ -351,13 +351,13 @@ class VirtualStudio:
             canvas=canvas,
             lens=self.camera.lens,
         )
-        checker = Checker.drawn_from(for_checker, self.canvas.width, self.canvas.height)
+        checker = Checker.sample(for_checker, self.canvas.width, self.canvas.height)
         self._operator = StudioOperator(self.table, checker, self._fresh_canvas, self.wait, self.tufts)
         self.easel = Easel(
             self.robot, self.camera, self._operator, layout.workspace, calibration, canvas, here.reach, here.timing,
             simulated=True, pace=settings.pace,
         )  # fmt: skip
-        self._log, self._note = log, unnoted
+        self._log, self._note = log, ignore_entry
         if log is not None:
             relive(log.past, self.clock, self.table, self.robot, self.camera, self._operator)
             self._note = self.table.note = self.robot.note = self.camera.note = self._operator.note = log.note
@@ -438,7 +438,7 @@ def open_studio(
     names = {brush: brush} if isinstance(brush, str) else brush
     furnishing = _furnishing(canvas, ",".join(names.values()), settings, seed)
     log = None if state is None else SimulationLog(Path(state), furnishing)
-    return VirtualStudio(canvas, {name: brush_named(own) for name, own in names.items()}, settings, seed, log)
+    return VirtualStudio(canvas, {name: find_brush(own) for name, own in names.items()}, settings, seed, log)
 
 
 def _first_look(settings: StudioSettings, canvas: CanvasSize) -> NDArray[np.float64]:

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from frida_painter.easel.dialogue import Answer, Corners, JogMove
 from frida_painter.errors import ConfigError
 from frida_painter.event_log import FEED, EventLog, LogReader
-from frida_painter.web.folder import PaintingFolder
+from frida_painter.web.studio_folder import PaintingFolder
 
 LEAD_GOOD_FOR = 10.0
 """Seconds within which a command must arrive."""
@@ -162,11 +162,11 @@ class CommandReader:
 
     def listen(self) -> list[PaintingCommand]:
         """Returns new commands in order, without invalid, late or earlier ones."""
-        told = [each for line in self._reader.read() if (each := self._understood(line)) is not None]
+        told = [each for line in self._reader.read() if (each := self._parse(line)) is not None]
         self._heard |= {each.nonce for each in told}
         return [each.meaning for each in told]
 
-    def _understood(self, line: dict[str, Any]) -> Command | None:
+    def _parse(self, line: dict[str, Any]) -> Command | None:
         try:
             told = Command.model_validate(line)
         except ValidationError:
@@ -250,7 +250,7 @@ def reply(folder: PaintingFolder, answer: Reply, by: str) -> None:
         writer.close()
 
 
-def understood(line: dict[str, Any], number: str, asked: dict[str, Any]) -> Answer | None:
+def parse_answer(line: dict[str, Any], number: str, asked: dict[str, Any]) -> Answer | None:
     """Returns the answer of a line to question `number`; None if it is not valid or too late."""
     try:
         sent = _Sent.model_validate(line)

@@ -16,18 +16,18 @@ from PIL import Image
 from frida_painter import picture_file
 from frida_painter.errors import ImageError
 
-_MOST_PIXELS = 50_000_000
+_MAX_PIXELS = 50_000_000
 _LONGEST = 2048
-_MOST_MEMORY = 2 * 2**30
-_MOST_SECONDS = 20
-_MOST_WRITTEN = 64 * 2**20
+_MAX_MEMORY = 2 * 2**30
+_MAX_SECONDS = 20
+_MAX_WRITTEN = 64 * 2**20
 
 
 def limit() -> None:
     """Limits memory, time and written bytes of this process."""
     for kind, most in (
-        (resource.RLIMIT_AS, _MOST_MEMORY), (resource.RLIMIT_CPU, _MOST_SECONDS),
-        (resource.RLIMIT_FSIZE, _MOST_WRITTEN), (resource.RLIMIT_CORE, 0),
+        (resource.RLIMIT_AS, _MAX_MEMORY), (resource.RLIMIT_CPU, _MAX_SECONDS),
+        (resource.RLIMIT_FSIZE, _MAX_WRITTEN), (resource.RLIMIT_CORE, 0),
     ):  # fmt: skip
         resource.setrlimit(kind, (most, most))
 
@@ -40,7 +40,7 @@ def main() -> None:
         file.write(sys.stdin.buffer.read())
         file.flush()
         try:
-            pixels = picture_file.decode(Path(file.name), most_pixels=_MOST_PIXELS, longest=_LONGEST)
+            pixels = picture_file.decode(Path(file.name), most_pixels=_MAX_PIXELS, longest=_LONGEST)
         except ImageError as trouble:
             print(str(trouble).replace(file.name, "The file"), file=sys.stderr)
             sys.exit(2)

@@ -25,7 +25,7 @@ from frida_painter.web.commands import Role
 from frida_painter.web.security import Session
 
 _BETWEEN_SWEEPS = 0.5  # seconds
-_MOST = 400
+_MAX = 400
 
 
 class Waiting(Protocol):
@@ -148,13 +148,13 @@ def most_connections() -> int:
     with contextlib.suppress(OSError, ValueError):
         resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
     files, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
-    return _MOST if files == resource.RLIM_INFINITY else max(16, min(_MOST, files // 2))
+    return _MAX if files == resource.RLIM_INFINITY else max(16, min(_MAX, files // 2))
 
 
 # Locks on a studio's folder, held by each open studio and by the one listener for stops.
 
 
-class StudioLock:
+class WebAppLock:
     """Lock that all open studios of a folder share; a listener for stops takes it alone before it ends."""
 
     def __init__(self, folder: Path, name: str = ".studio") -> None:
@@ -183,11 +183,11 @@ class StudioLock:
 
 # Limits of requests: bytes, time and rate, so that heavy use does not disturb the easel.
 
-MOST_UPLOAD = 32 * 2**20
-MOST_BODY = 256 * 2**10
+MAX_UPLOAD = 32 * 2**20
+MAX_BODY = 256 * 2**10
 _PATIENCE = 30.0  # seconds for the whole body of a request, and for each part of an answer
-_MOST_AT_ONCE = {Role.watch: 12, Role.plan: 10, Role.operate: 16}  # together fewer than the threads of the pool
-_MOST_UPLOADS = 4  # bodies in memory
+_MAX_AT_ONCE = {Role.watch: 12, Role.plan: 10, Role.operate: 16}  # together fewer than the threads of the pool
+_MAX_UPLOADS = 4  # bodies in memory
 
 
 class _NotRead(Exception):
@@ -217,7 +217,7 @@ class Bucket:
 class Limits:
     """ASGI application that limits the requests to another one, and hands on whole bodies. Stops are not limited.
 
-    upload: path for bodies of up to `MOST_UPLOAD` bytes; other paths allow `MOST_BODY`.
+    upload: path for bodies of up to `MAX_UPLOAD` bytes; other paths allow `MAX_BODY`.
     Each session has a quota, and so has each role as a whole. Many sessions of a role together get no more, and
     watchers leave a share for other roles.
     """
@@ -237,11 +237,11 @@ class Limits:
         if path == "/api/stop":
             await self._hand_on(scope, receive, send)
         elif not (self._each.take(session.id) and self._all.take(role.name)):
-            await _refused(429, "That was too much at once; wait a moment.")(scope, receive, send)
+            await _refuse(429, "That was too much at once; wait a moment.")(scope, receive, send)
         elif path == "/api/events":  # limited by seats instead
             await self._hand_on(scope, receive, send)
-        elif self._busy[role] >= _MOST_AT_ONCE[role] or (path == self._upload and self._uploading >= _MOST_UPLOADS):
-            await _refused(503, "The studio answers many others at the moment; try again.")(scope, receive, send)
+        elif self._busy[role] >= _MAX_AT_ONCE[role] or (path == self._upload and self._uploading >= _MAX_UPLOADS):
+            await _refuse(503, "The studio answers many others at the moment; try again.")(scope, receive, send)
         else:
             self._busy[role] += 1
             self._uploading += path == self._upload
@@ -252,16 +252,16 @@ class Limits:
                 self._uploading -= path == self._upload
 
     async def _hand_on(self, scope: Scope, receive: Receive, send: Send) -> None:
-        most = MOST_UPLOAD if scope["path"] == self._upload else MOST_BODY
+        most = MAX_UPLOAD if scope["path"] == self._upload else MAX_BODY
         try:
             async with asyncio.timeout(_PATIENCE):
                 body = await _read(receive, most)
         except TimeoutError:
-            await _refused(408, "That took too long to arrive.")(scope, receive, send)
+            await _refuse(408, "That took too long to arrive.")(scope, receive, send)
             return
         if body is None:
             given = f"{most // 2**20} MB" if most >= 2**20 else f"{most // 2**10} KB"
-            await _refused(413, f"That is too large: at most {given} may be sent here.")(scope, receive, send)
+            await _refuse(413, f"That is too large: at most {given} may be sent here.")(scope, receive, send)
             return
 
         async def patient(message: Message) -> None:
@@ -301,7 +301,7 @@ def _replaying(body: bytes, receive: Receive) -> Receive:
     return receiving
 
 
-def _refused(status: int, sentence: str) -> JSONResponse:
+def _refuse(status: int, sentence: str) -> JSONResponse:
     return JSONResponse({"sentence": sentence}, status)
 
 
@@ -316,7 +316,7 @@ class Certificate:
     key: Path
 
     @classmethod
-    def given(cls, certificate: Path | None, key: Path | None) -> Self | None:
+    def from_files(cls, certificate: Path | None, key: Path | None) -> Self | None:
         """Returns the certificate of the options, checked; None if both are missing. Raises ConfigError."""
         if certificate is None and key is None:
             return None

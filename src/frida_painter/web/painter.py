@@ -16,8 +16,8 @@ from frida_painter.errors import FridaError
 from frida_painter.event_log import LogReader
 from frida_painter.frames import PixelGrid
 from frida_painter.planning.problem import region_of
-from frida_painter.runs.folder import keep_goal
 from frida_painter.runs.goal_item import read_goal_file
+from frida_painter.runs.painting_folder import keep_goal
 from frida_painter.runs.settle import open_goal
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import (
@@ -46,10 +46,10 @@ from frida_painter.web.commands import (
     Pause,
     Protect,
     TakeTurns,
-    understood,
+    parse_answer,
 )
-from frida_painter.web.folder import Feed, PaintingFolder
 from frida_painter.web.stop import StopWatch
+from frida_painter.web.studio_folder import Feed, PaintingFolder
 
 # Questions from a worker to the person at the page: calibration, paints to fill, strokes in doubt.
 
@@ -68,7 +68,7 @@ class Asker:
     def answer(self, question: Question) -> Answer:
         """Waits for the person's answer and returns it. Raises StopPressed if the person stops everything."""
         number = secrets.token_hex(8)
-        asked = described(question)
+        asked = describe_question(question)
         picture = None if isinstance(question, Measure) else question.picture
         if picture is not None:
             asked |= {"picture": self._show(picture), "rows": picture.shape[1], "columns": picture.shape[2]}
@@ -78,7 +78,7 @@ class Asker:
         while True:
             self.stop.heed()
             for line in reader.read():
-                answer = understood(line, number, asked)
+                answer = parse_answer(line, number, asked)
                 if answer is not None:
                     self.feed.tell(Answered())
                     return answer
@@ -94,7 +94,7 @@ class Asker:
         return name
 
 
-def described(question: Question) -> dict[str, Any]:
+def describe_question(question: Question) -> dict[str, Any]:
     """Returns a question as plain values, without its picture."""
     match question:
         case Confirm(text=text, proposal=proposal):
@@ -135,11 +135,11 @@ class PauseController:
     _since: int = field(default=0, init=False)  # strokes of the robot's current turn
 
     def __post_init__(self) -> None:
-        ear = CommandReader(self.folder, self.began)
+        listener = CommandReader(self.folder, self.began)
 
         def listen() -> None:
             while True:
-                self._commands.extend(ear.listen())
+                self._commands.extend(listener.listen())
                 time.sleep(_BETWEEN_GLANCES)
 
         threading.Thread(target=listen, daemon=True, name="commands").start()
@@ -211,7 +211,7 @@ class PauseController:
                 drawn = self.folder.region(number)
                 drawing = images.load(drawn)
                 session.planner = session.planner.keeping_clear(region_of(drawing, only_inside=only))
-                self._tell_region(RegionProtected(self._kept(drawing, number), only, drawn.name))
+                self._tell_region(RegionProtected(self._keep_region(drawing, number), only, drawn.name))
             case Free():
                 session.planner = session.planner.keeping_clear(None)
                 self._tell_region(RegionProtected(None))
@@ -235,7 +235,7 @@ class PauseController:
         self.feed.tell(region)
         session.look_again()
 
-    def _kept(self, drawing: Tensor, number: int) -> str:
+    def _keep_region(self, drawing: Tensor, number: int) -> str:
         """Saves the drawing of a region into the painting's results; returns its file name."""
         name = f"regions/{number}.png"
         images.save(drawing, self.folder.painting / name)
@@ -248,7 +248,7 @@ class PauseController:
         grid = PixelGrid.of_height(session.planner.size, PHOTOGRAPH_ROWS)
         wanted = RunSpec.of(**read_goal_file(place.goal))
         keep_goal(wanted, self.folder.painting / f"changes/{command.record}")
-        goal = open_goal(wanted).fitted(grid.rows, grid.columns)
+        goal = open_goal(wanted).fit_to(grid.rows, grid.columns)
         changed = GoalChanged(f"changes/{command.record}", place.request().model_dump(mode="json"))
         session.journal.tell(changed)
         session.planner = session.planner.towards(goal)

@@ -24,19 +24,9 @@ from frida_painter.objectives.objective import goal_kinds
 from frida_painter.registry import are_here
 from frida_painter.session.events import CalibrationStarted, PlanRequested, TakenUp
 from frida_painter.web.commands import Reply, Role, reply, tell_painter
-from frida_painter.web.folder import (
-    CalibrationRequest,
-    Feed,
-    Identifier,
-    PaintingFolder,
-    PaintingRequest,
-    PlanFolder,
-    require_disk,
-    working,
-)
 from frida_painter.web.security import Lead, Presence, Session
 from frida_painter.web.state import (
-    MOST_TOPICS,
+    MAX_TOPICS,
     CalibrationState,
     EventStream,
     FeedStates,
@@ -47,7 +37,17 @@ from frida_painter.web.state import (
 from frida_painter.web.stop import press
 from frida_painter.web.stop_process import StopProcess
 from frida_painter.web.store import Entry, PaintingStore, Uploads
-from frida_painter.web.studio_pace import PaceMemory
+from frida_painter.web.studio_folder import (
+    CalibrationRequest,
+    Feed,
+    Identifier,
+    PaintingFolder,
+    PaintingRequest,
+    PlanFolder,
+    require_disk,
+    working,
+)
+from frida_painter.web.work_pace import PaceMemory
 from frida_painter.web.workers import PaintingQueue, Workers, start_painting
 
 # Dependencies of routes: the session, the painting, and the right to do something.
@@ -64,7 +64,7 @@ async def session_of(request: Request) -> Session:
 Kept = TypeVar("Kept")
 
 
-def _kept(kind: type[Kept], name: str) -> Callable[[Request], Awaitable[Kept]]:
+def _from_app_state(kind: type[Kept], name: str) -> Callable[[Request], Awaitable[Kept]]:
     """Returns a dependency for the object that the studio keeps under a name."""
 
     async def kept(request: Request) -> Kept:
@@ -74,15 +74,15 @@ def _kept(kind: type[Kept], name: str) -> Callable[[Request], Awaitable[Kept]]:
     return kept
 
 
-painting_store_of = _kept(PaintingStore, "store")
-streams_of = _kept(StateStreams, "streams")
-uploads_of = _kept(Uploads, "uploads")
-pace_of = _kept(PaceMemory, "pace")
-feeds_of = _kept(FeedStates, "feeds")
-workers_of = _kept(Workers, "workers")
-queue_of = _kept(PaintingQueue, "queue")
-lead_of = _kept(Lead, "lead")
-presence_of = _kept(Presence, "presence")
+painting_store_of = _from_app_state(PaintingStore, "store")
+streams_of = _from_app_state(StateStreams, "streams")
+uploads_of = _from_app_state(Uploads, "uploads")
+pace_of = _from_app_state(PaceMemory, "pace")
+feeds_of = _from_app_state(FeedStates, "feeds")
+workers_of = _from_app_state(Workers, "workers")
+queue_of = _from_app_state(PaintingQueue, "queue")
+lead_of = _from_app_state(Lead, "lead")
+presence_of = _from_app_state(Presence, "presence")
 
 
 async def stop_process_of(request: Request) -> StopProcess | None:
@@ -203,7 +203,7 @@ def work(session: AnySession, store: ThePaintingStore, queue: TheQueue) -> dict[
     at_work = [entry.id for entry in entries if working(entry.folder)]
     calibrating = ["calibration"] if working(store.calibration) else []
     titles = {entry.id: entry.title for entry in entries}
-    shown = queue.shown()
+    shown = queue.to_plain()
     waiting = [{**each, "title": titles.get(each["painting"], "")} for each in shown["queue"]]
     return {"working": at_work + calibrating, **shown, "queue": waiting}
 
@@ -213,21 +213,21 @@ def go_on(session: OperatorSession, store: ThePaintingStore, queue: TheQueue) ->
     """Lets the queue go on after a stop."""
     store.note(session.id, "", "the queue goes on")
     queue.go_on()
-    return queue.shown()
+    return queue.to_plain()
 
 
 @queue_router.post("/queue/{identifier}/first")
 def first(entry: ThisPainting, session: Planning, queue: TheQueue) -> dict[str, Any]:
     """Puts a painting at the front of the queue."""
     queue.first(entry.id)
-    return queue.shown()
+    return queue.to_plain()
 
 
 @queue_router.post("/queue/{identifier}/remove")
 def remove(entry: ThisPainting, session: Planning, queue: TheQueue) -> dict[str, Any]:
     """Removes a painting from the queue."""
     queue.remove(entry.id)
-    return queue.shown()
+    return queue.to_plain()
 
 
 # Routes for calibration: the request, its state, and answers to the questions of procedures.
@@ -274,7 +274,7 @@ def answer_calibration(
 @calibration_router.get("/files/{name}")
 def calibration_file(name: str, session: AnySession, store: ThePaintingStore) -> FileResponse:
     """Returns a picture of a question or a result."""
-    path = store.calibration.shown("live", name)
+    path = store.calibration.find_shown("live", name)
     if path is None:
         raise HTTPException(404, "There is no such picture.")
     return FileResponse(path, headers={"Content-Disposition": "attachment", "Cache-Control": "no-store"})
@@ -344,7 +344,7 @@ def delete(entry: ThisPainting, session: Operating, store: ThePaintingStore, que
 @gallery_router.get("/paintings/{identifier}/{place}/{name}")
 def painting_file(entry: ThisPainting, place: str, name: str) -> FileResponse:
     """Returns a file of a painting that may be shown."""
-    path = entry.folder.shown(place, name)
+    path = entry.folder.find_shown(place, name)
     if path is None:
         raise HTTPException(404, "There is no such file.")
     caching = "private, max-age=3600" if place.isdecimal() else "no-store"  # a plan never changes
@@ -359,7 +359,7 @@ def everything(entry: ThisPainting) -> StreamingResponse:
     if linked or not folder.is_dir() or working(entry.folder):
         raise HTTPException(404, "There is nothing to take along yet; wait until the painting is finished.")
     headers = {"Content-Disposition": 'attachment; filename="painting.zip"'}
-    return StreamingResponse(packed(folder), media_type="application/zip", headers=headers)
+    return StreamingResponse(zip_folder(folder), media_type="application/zip", headers=headers)
 
 
 class _Outlet(io.RawIOBase):
@@ -381,13 +381,13 @@ class _Outlet(io.RawIOBase):
         return held
 
 
-def packed(folder: Path_module) -> Iterator[bytes]:
+def zip_folder(folder: Path_module) -> Iterator[bytes]:
     """Yields a ZIP file of a folder in pieces, without temporary files, links or hidden files."""
     outlet = _Outlet()
     with zipfile.ZipFile(outlet, "w", zipfile.ZIP_STORED) as archive:
         for path in sorted(folder.rglob("*")):
             inside = path.relative_to(folder)
-            if _hidden(inside) or any((folder / part).is_symlink() for part in (inside, *inside.parents)):
+            if _is_hidden(inside) or any((folder / part).is_symlink() for part in (inside, *inside.parents)):
                 continue
             try:
                 file = os.fdopen(os.open(path, os.O_RDONLY | os.O_NOFOLLOW), "rb")
@@ -404,7 +404,7 @@ def packed(folder: Path_module) -> Iterator[bytes]:
     yield outlet.take()
 
 
-def _hidden(path: Path_module) -> bool:
+def _is_hidden(path: Path_module) -> bool:
     """Returns True for a hidden file, needed only during a painting, by its path inside the folder."""
     return any(part.startswith(".") for part in path.parts)
 
@@ -414,7 +414,7 @@ def cards(store: PaintingStore, feeds: FeedStates) -> list[dict[str, Any]]:
     return [
         {
             "id": entry.id, "title": entry.title, "begun": entry.begun,
-            "stage": feeds.seen(entry.folder, PaintingState, lambda state: state.stage),
+            "stage": feeds.view(entry.folder, PaintingState, lambda state: state.stage),
             "working": working(entry.folder), "picture": _best_picture(entry.folder),
         }
         for entry in store.all()
@@ -426,7 +426,7 @@ def _best_picture(folder: PaintingFolder) -> str | None:
     candidates = ["painting/painting.png", *(f"{plan.number}/plan.jpg" for plan in reversed(folder.plans()))]
     for candidate in candidates:
         place, _, name = candidate.partition("/")
-        if folder.shown(place, name) is not None:
+        if folder.find_shown(place, name) is not None:
             return candidate
     return None
 
@@ -513,14 +513,14 @@ def _plan(entry: Entry, request: PaintingRequest, store: PaintingStore, workers:
     if working(folder):
         raise Interrupted("The painter is at work on this painting already.")
     if queue.must_wait():
-        queue.add(entry, _requested(entry, request, store), "plan")
+        queue.add(entry, _request_plan(entry, request, store), "plan")
         return
     with workers.slot_at(folder) as slot:
         folder.stop.unlink(missing_ok=True)
-        slot.start("plan", _requested(entry, request, store))
+        slot.start("plan", _request_plan(entry, request, store))
 
 
-def _requested(entry: Entry, request: PaintingRequest, store: PaintingStore) -> PlanFolder:
+def _request_plan(entry: Entry, request: PaintingRequest, store: PaintingStore) -> PlanFolder:
     """Makes the folder of a new plan and reports it to the page."""
     plan = entry.folder.begin_plan(request, store.pictures)
     feed = Feed(entry.folder)
@@ -533,7 +533,7 @@ def _requested(entry: Entry, request: PaintingRequest, store: PaintingStore) -> 
 
 painting_router = APIRouter(prefix="/api/paintings/{identifier}")
 _LIVE_FOR = 10.0  # seconds
-_MOST_PICTURE = 2**22  # bytes
+_MAX_PICTURE = 2**22  # bytes
 _NO_PICTURE = "The camera has no picture at the moment."
 
 
@@ -586,7 +586,7 @@ def camera(entry: ThisPainting) -> Response:
     try:
         if time.time() - path.stat().st_mtime > _LIVE_FOR:
             raise HTTPException(404, _NO_PICTURE)
-        content = storage.read_bytes(path, "the camera's picture", _MOST_PICTURE)
+        content = storage.read_bytes(path, "the camera's picture", _MAX_PICTURE)
     except (OSError, StorageError) as gone:
         raise HTTPException(404, _NO_PICTURE) from gone
     return Response(content, media_type="image/jpeg")
@@ -713,7 +713,7 @@ async def events(
     store: ThePaintingStore,
     feeds: TheFeedStates,
     streams: TheStreams,
-    of: Annotated[list[str], Query(max_length=MOST_TOPICS)],
+    of: Annotated[list[str], Query(max_length=MAX_TOPICS)],
 ) -> EventStream:
     """Streams states to a browser at each change, as server-sent events.
 
@@ -738,7 +738,7 @@ def _topic(name: str, store: PaintingStore, feeds: FeedStates) -> Topic:
         raise HTTPException(404, "There is no such painting; it may have been deleted.")
 
     def mark() -> object:
-        return feeds.seen(folder, fresh, lambda state: (state.version, working(folder)))
+        return feeds.view(folder, fresh, lambda state: (state.version, working(folder)))
 
     return Topic(name, mark, lambda: feeds.current(folder, fresh))
 

@@ -28,13 +28,13 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from frida_painter.errors import Interrupted, RobotStopped
 from frida_painter.web.commands import LEAD_GOOD_FOR, Role
-from frida_painter.web.easel import StudioEasel
+from frida_painter.web.web_app_easel import WebAppEasel
 
-_MOST_SESSIONS = {Role.watch: 200, Role.plan: 100, Role.operate: 50}
+_MAX_SESSIONS = {Role.watch: 200, Role.plan: 100, Role.operate: 50}
 _FREE_FAILURES, _FAILURES_COUNT_FOR = 10, 60.0  # wrong tokens; seconds
-_DELAY, _MOST_DELAYED = 1.0, 16  # seconds; answers to wrong tokens
+_DELAY, _MAX_DELAYED = 1.0, 16  # seconds; answers to wrong tokens
 _CODE_GOOD_FOR = 60.0
-_MOST_HEADERS = 16 * 1024
+_MAX_HEADERS = 16 * 1024
 _SAFE = ("GET", "HEAD")
 _BY_COOKIE = re.compile(
     r"/|/static/[^/]*|/sw\.js|/paintings/.*|/api/pictures/[^/]+"
@@ -99,7 +99,7 @@ class Keys:
                 return None
         session = Session(secrets.token_urlsafe(24), role, secrets.token_urlsafe(24))
         own = self._sessions[role]
-        if len(own) >= _MOST_SESSIONS[role]:
+        if len(own) >= _MAX_SESSIONS[role]:
             own.popitem(last=False)
         own[session.id] = session
         return session
@@ -141,7 +141,7 @@ class _Slowness:
         self._failures = [*(at for at in self._failures[-_FREE_FAILURES:] if now - at < _FAILURES_COUNT_FOR), now]
         if len(self._failures) <= _FREE_FAILURES:
             return True
-        if self._delayed >= _MOST_DELAYED:
+        if self._delayed >= _MAX_DELAYED:
             return False
         self._delayed += 1
         try:
@@ -187,17 +187,17 @@ class AuthMiddleware:
     async def _judge(self, scope: Scope) -> Response | None:
         """Returns None if the request may go on, else the refusal."""
         headers, method = Headers(scope=scope), scope["method"]
-        if sum(len(name) + len(value) for name, value in scope["headers"]) > _MOST_HEADERS:
-            return _refused(431, "The headers of this request are too large.")
+        if sum(len(name) + len(value) for name, value in scope["headers"]) > _MAX_HEADERS:
+            return _refuse(431, "The headers of this request are too large.")
         if headers.getlist("host") != [host := headers.get("host", "")] or host not in self._hosts:
-            return _refused(403, "The studio does not go by this name; use the address that it printed.")
+            return _refuse(403, "The studio does not go by this name; use the address that it printed.")
         here = headers.get("sec-fetch-site", "none") in ("none", "same-origin")
         # True for a clicked link on another page. Requests and frames of such a page have other headers. For some
         # clicks, Chromium does not report a document as their target.
         way, aim = (headers.get(f"sec-fetch-{name}") for name in ("mode", "dest"))
         clicked = method == "GET" and way == "navigate" and aim in ("document", "empty")
         if not here and not clicked:
-            return _refused(403, "Another page asked for this.")
+            return _refuse(403, "Another page asked for this.")
         if method == "GET" and b"token=" in scope["query_string"]:
             return await self._enter(scope, counts=here)
         if headers.get("authorization"):
@@ -207,14 +207,14 @@ class AuthMiddleware:
             if not here and scope["path"] == "/":
                 return _opening("/")  # the browser sends no cookie after a link of another page, but does after ours
             page = method in _SAFE and "text/html" in headers.get("accept", "")
-            return HTMLResponse(_CLOSED, 401) if page else _refused(401, "The studio does not know you.")
+            return HTMLResponse(_CLOSED, 401) if page else _refuse(401, "The studio does not know you.")
         if not here:
-            return _opening("/") if scope["path"] == "/" else _refused(403, "Another page asked for this.")
+            return _opening("/") if scope["path"] == "/" else _refuse(403, "Another page asked for this.")
         if method not in _SAFE and headers.get("origin") != f"{scope['scheme']}://{host}":
-            return _refused(403, "Another page asked for this.")
+            return _refuse(403, "Another page asked for this.")
         by_cookie = method in _SAFE and _BY_COOKIE.fullmatch(scope["path"])
         if not by_cookie and not hmac.compare_digest(headers.get("x-page-key", "").encode(), session.key.encode()):
-            return _refused(403, "This page has lost its key; open the studio with the link that its terminal shows.")
+            return _refuse(403, "This page has lost its key; open the studio with the link that its terminal shows.")
         scope.setdefault("state", {})["session"] = session
         return None
 
@@ -222,9 +222,9 @@ class AuthMiddleware:
         scheme, _, token = headers.get("authorization", "").partition(" ")
         session = self._keys.bearer(token.strip()) if scheme.lower() == "bearer" else None
         if session is None:
-            return await self._wrong(_refused(401, "The studio does not know you."))
+            return await self._wrong(_refuse(401, "The studio does not know you."))
         if scope["method"] not in _SAFE and headers.get("origin") not in (None, f"{scope['scheme']}://{host}"):
-            return _refused(403, "Another page asked for this.")
+            return _refuse(403, "Another page asked for this.")
         scope.setdefault("state", {})["session"] = session
         return None
 
@@ -248,7 +248,7 @@ class AuthMiddleware:
     async def _wrong(self, answer: Response) -> Response:
         if await self._slowness.refuse():
             return answer
-        return _refused(429, "Too many wrong tokens came; wait a moment.")
+        return _refuse(429, "Too many wrong tokens came; wait a moment.")
 
     def _session(self, headers: Headers) -> Session | None:
         try:
@@ -278,7 +278,7 @@ def _opening(address: str) -> HTMLResponse:
     return HTMLResponse(_OPENING.format(address=address.replace("&", "&amp;")))
 
 
-def _refused(status: int, sentence: str) -> Response:
+def _refuse(status: int, sentence: str) -> Response:
     return JSONResponse({"sentence": sentence}, status)
 
 
@@ -308,7 +308,7 @@ class Presence:
         pressed, self._pressed = self._pressed, None
         return pressed is not None and time.monotonic() - pressed <= GOOD_FOR
 
-    def allow(self, easel: StudioEasel) -> None:
+    def allow(self, easel: WebAppEasel) -> None:
         """Uses up a confirmation if a machine could hurt somebody; a simulated robot or a person needs none.
 
         Raises RobotStopped, with instructions, if there is no confirmation. (A stop of a real robot lasts until

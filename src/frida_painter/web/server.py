@@ -24,14 +24,14 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from frida_painter.errors import ConfigError, FridaError, Interrupted, RobotStopped
 from frida_painter.web import routes
 from frida_painter.web.commands import Role
-from frida_painter.web.easel import LOCAL, StudioEasel
-from frida_painter.web.network import Certificate, Connections, Limits, StudioLock, most_connections
+from frida_painter.web.network import Certificate, Connections, Limits, WebAppLock, most_connections
 from frida_painter.web.security import AuthMiddleware, Keys, Lead, Led, Presence
 from frida_painter.web.state import FeedStates, StateStreams
 from frida_painter.web.stop import Stops
 from frida_painter.web.stop_process import StopProcess
 from frida_painter.web.store import PaintingStore, Uploads
-from frida_painter.web.studio_pace import PaceMemory
+from frida_painter.web.web_app_easel import LOCAL, WebAppEasel
+from frida_painter.web.work_pace import PaceMemory
 from frida_painter.web.workers import PaintingQueue, Workers
 
 # Web application of the studio: its routes, its middleware, and errors as sentences.
@@ -64,7 +64,7 @@ class _Part:
         return Response(self.compressed, media_type=self.kind, headers=headers)
 
 
-def application(store: PaintingStore, easel: StudioEasel, presence: Presence) -> FastAPI:
+def application(store: PaintingStore, easel: WebAppEasel, presence: Presence) -> FastAPI:
     """Returns the application with its routes, without the middleware that checks users."""
     app = FastAPI(title="frida-painter studio", docs_url=None, redoc_url=None, openapi_url=None)
     app.state.store, app.state.streams, app.state.workers = store, StateStreams(), Workers(easel)
@@ -96,13 +96,13 @@ def application(store: PaintingStore, easel: StudioEasel, presence: Presence) ->
         return parts[name].answer(request)
 
     app.add_exception_handler(FridaError, _mendable)
-    app.add_exception_handler(HTTPException, _refused)
-    app.add_exception_handler(RequestValidationError, _not_understood)
+    app.add_exception_handler(HTTPException, _refuse)
+    app.add_exception_handler(RequestValidationError, _refuse_invalid)
     app.add_exception_handler(Exception, _unforeseen)
     return app
 
 
-def guarded(
+def add_middleware(
     app: ASGIApp, keys: Keys, hosts: frozenset[str], cookie: str, stop_hosts: frozenset[str] = frozenset()
 ) -> ASGIApp:
     """Returns the application with its middleware, ready to be served."""
@@ -116,12 +116,12 @@ def _mendable(request: Request, error: Exception) -> JSONResponse:
     return JSONResponse({"sentence": sentence, **led}, 409 if isinstance(error, Interrupted | RobotStopped) else 422)
 
 
-def _refused(request: Request, error: Exception) -> JSONResponse:
+def _refuse(request: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, HTTPException)
     return JSONResponse({"sentence": error.detail}, error.status_code, error.headers)
 
 
-def _not_understood(request: Request, error: Exception) -> JSONResponse:
+def _refuse_invalid(request: Request, error: Exception) -> JSONResponse:
     """Answers 422 with the fault of a request, without repeating its content."""
     assert isinstance(error, RequestValidationError)
     first = error.errors()[0]
@@ -140,7 +140,7 @@ def _unforeseen(request: Request, error: Exception) -> JSONResponse:
 
 
 _BACKLOG = 1024
-_MOST_HEAD = 16 * 1024
+_MAX_HEAD = 16 * 1024
 _PATIENCE = 10.0  # seconds for the head of a request
 
 
@@ -241,7 +241,7 @@ class Links:
 
 def serve(
     store: PaintingStore,
-    easel: StudioEasel,
+    easel: WebAppEasel,
     listening: socket.socket,
     names: tuple[str, ...],
     tell: Callable[[Links], None],
@@ -255,7 +255,7 @@ def serve(
     Raises ConfigError and StorageError.
     """
     address, port = listening.getsockname()[:2]
-    StudioLock(store.root).share()
+    WebAppLock(store.root).share()
     called = names_of(address, names)
     stop = StopProcess(
         store.root, lambda wanted: listen(address, wanted), called, stop_port or min(port + 1, 65535), certificate
@@ -266,14 +266,14 @@ def serve(
     app = application(store, easel, presence)
     app.state.stop_process = stop
     config = uvicorn.Config(
-        guarded(app, keys, known, f"studio-{port}", stop_hosts=hosts(address, stop.port, names)),
+        add_middleware(app, keys, known, f"studio-{port}", stop_hosts=hosts(address, stop.port, names)),
         log_level="warning",
         access_log=False,
         server_header=False,
         timeout_keep_alive=10,
         timeout_graceful_shutdown=2,
         ws="none",
-        h11_max_incomplete_event_size=_MOST_HEAD,
+        h11_max_incomplete_event_size=_MAX_HEAD,
     )
     with contextlib.suppress(OSError, ValueError):  # there may be no standard input at all
         presence.listen(sys.stdin.fileno())

@@ -55,7 +55,7 @@ from frida_painter.session.events import (
     Written,
 )
 from frida_painter.web.commands import Role
-from frida_painter.web.folder import PROCEDURES, FeedReader, PaintingFolder, working
+from frida_painter.web.studio_folder import PROCEDURES, FeedReader, PaintingFolder, working
 
 # State of the calibration, computed from its feed.
 
@@ -106,7 +106,7 @@ class CalibrationState:
         except (KeyError, TypeError):  # of a procedure that no longer exists
             return
 
-    def shown(self, working: bool) -> dict[str, Any]:
+    def to_plain(self, working: bool) -> dict[str, Any]:
         """Returns the state as plain values."""
         unfinished = any(each.status in ("waiting", "busy") for each in self.procedures.values())
         vanished = "The calibration ended in the middle of its work, without saying why; is the disk full?"
@@ -161,7 +161,7 @@ class CalibrationState:
 
 # Cache of states, so that a feed is not read again for each request.
 
-_MOST_KEPT = 500  # states
+_MAX_KEPT = 500  # states
 
 
 class Shown(Protocol):
@@ -175,7 +175,7 @@ class Shown(Protocol):
     def hear(self, event: Written) -> None:
         """Updates the state by an event."""
 
-    def shown(self, working: bool) -> dict[str, Any]:
+    def to_plain(self, working: bool) -> dict[str, Any]:
         """Returns the state as plain values."""
 
 
@@ -191,9 +191,9 @@ class FeedStates:
 
     def current(self, folder: PaintingFolder, fresh: Callable[[], Shown]) -> dict[str, Any]:
         """Returns the current state as plain values; `fresh` makes an empty one."""
-        return self.seen(folder, fresh, lambda state: state.shown(working(folder)))
+        return self.view(folder, fresh, lambda state: state.to_plain(working(folder)))
 
-    def seen(self, folder: PaintingFolder, fresh: Callable[[], Any], look: Callable[[Any], Seen]) -> Seen:
+    def view(self, folder: PaintingFolder, fresh: Callable[[], Any], look: Callable[[Any], Seen]) -> Seen:
         """Returns the result of `look` for the current state."""
         name = str(folder.path)
         with self._turn:
@@ -201,7 +201,7 @@ class FeedStates:
                 self._kept[name] = (FeedReader(folder.feed), fresh(), Lock())
             reader, state, turn = self._kept[name]
             self._kept.move_to_end(name)
-            if len(self._kept) > _MOST_KEPT:
+            if len(self._kept) > _MAX_KEPT:
                 self._kept.popitem(last=False)
         with turn:
             for event in reader.read():
@@ -209,7 +209,7 @@ class FeedStates:
             return look(state)
 
 
-_MOST_LOOKS = 200
+_MAX_LOOKS = 200
 
 
 @dataclass
@@ -343,7 +343,7 @@ class PaintingState:
             case _:
                 pass
 
-    def shown(self, working: bool) -> dict[str, Any]:
+    def to_plain(self, working: bool) -> dict[str, Any]:
         """Returns the state as plain values; a worker that ended without an event is reported as an error."""
         shown = {
             "version": self.version,
@@ -355,7 +355,7 @@ class PaintingState:
             "plans": [asdict(plan) for plan in self.plans.values()],
             "painting": None if self.painting is None else asdict(self.painting),
         }
-        if not working and not self.trouble and not self.stopped and self._unfinished():
+        if not working and not self.trouble and not self.stopped and self._is_unfinished():
             shown["trouble"] = "The painter stopped in the middle of its work, without saying why; is the disk full?"
         return shown
 
@@ -368,7 +368,7 @@ class PaintingState:
             return "waiting"
         return "planned" if any(plan.status == "ready" for plan in self.plans.values()) else "planning"
 
-    def _unfinished(self) -> bool:
+    def _is_unfinished(self) -> bool:
         planning = any(plan.status == "planning" for plan in self.plans.values())
         return planning or (self.painting is not None and self.painting.status not in _ENDS)
 
@@ -422,7 +422,7 @@ def _hear_painting(painting: PaintState, event: Written) -> None:
             painting.photograph = picture
         case LookShown():
             painting.growing = None
-            painting.looks = [*painting.looks[-_MOST_LOOKS:], {**asdict(event), "why": painting.why}]
+            painting.looks = [*painting.looks[-_MAX_LOOKS:], {**asdict(event), "why": painting.why}]
             painting.why = ""
         case TouchCorrected() | LastLookDoubted() if painting.looks:
             told = [*painting.looks[-1].get("touch", []), event.sentence]
@@ -482,9 +482,9 @@ _ENDS = ("finished", "stopped", "failed")
 #
 # A browser has one stream for all that its pages show.
 
-MOST_WATCHERS = {Role.watch: 40, Role.plan: 20, Role.operate: 20}
+MAX_WATCHERS = {Role.watch: 40, Role.plan: 20, Role.operate: 20}
 """Largest number of streams of each role; so watchers leave streams for other roles."""
-MOST_TOPICS = 16
+MAX_TOPICS = 16
 _BETWEEN_TELLINGS = 0.1  # seconds
 _QUIET = 4.0  # seconds after which a keep-alive is sent
 _PATIENCE = 20.0  # seconds within which a browser must accept a message
@@ -539,7 +539,7 @@ class StateStreams:
 
     def take_seat(self, role: Role) -> bool:
         """Takes a seat for a stream of that role; returns True if one was free."""
-        free = self._seats[role] < MOST_WATCHERS[role]
+        free = self._seats[role] < MAX_WATCHERS[role]
         self._seats[role] += free
         return free
 
@@ -608,7 +608,7 @@ class EventStream(Response):
         try:
             headers = [(b"content-type", b"text/event-stream"), (b"cache-control", b"no-store")]
             await send({"type": "http.response.start", "status": 200, "headers": headers})
-            gone = asyncio.create_task(_gone(receive))
+            gone = asyncio.create_task(_tell_gone(receive))
             telling = asyncio.create_task(self._tell(send))
             await asyncio.wait((gone, telling), return_when=asyncio.FIRST_COMPLETED)
         finally:
@@ -627,6 +627,6 @@ class EventStream(Response):
         await send({"type": "http.response.body", "body": b"", "more_body": False})
 
 
-async def _gone(receive: Receive) -> None:
+async def _tell_gone(receive: Receive) -> None:
     while (await receive())["type"] != "http.disconnect":
         pass

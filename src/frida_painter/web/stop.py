@@ -24,8 +24,8 @@ from typing import Self
 from frida_painter import storage
 from frida_painter.errors import StorageError
 from frida_painter.web.commands import Role
-from frida_painter.web.folder import PaintingFolder, working
 from frida_painter.web.store import PaintingStore
+from frida_painter.web.studio_folder import PaintingFolder, working
 from frida_painter.web.workers import QUEUE
 
 # Secrets of pages for stops: they outlive sessions and restarts of the studio, and serve for nothing else.

@@ -18,12 +18,12 @@ from urllib.parse import urlsplit
 
 import h11
 
-from frida_painter.web.folder import PaintingFolder, working
-from frida_painter.web.network import Certificate, Connections, StudioLock, most_connections
+from frida_painter.web.network import Certificate, Connections, WebAppLock, most_connections
 from frida_painter.web.stop import StopKey, Stops
+from frida_painter.web.studio_folder import PaintingFolder, working
 
 _PATIENCE = 3.0  # seconds for a whole request
-_MOST_BYTES = 8192
+_MAX_BYTES = 8192
 _BETWEEN_LOOKS = 1.0
 
 
@@ -35,7 +35,7 @@ class StopRequest(asyncio.Protocol):
 
     def __init__(self, stops: Stops, key: StopKey, names: frozenset[str]) -> None:
         self._stops, self._key, self._names = stops, key, names
-        self._http = h11.Connection(h11.SERVER, _MOST_BYTES)
+        self._http = h11.Connection(h11.SERVER, _MAX_BYTES)
         self._body, self._request = b"", h11.Request(method="GET", target="/", headers=[("host", "")])
         self.waiting_since: float | None = None
         self._task: asyncio.Task[None] | None = None
@@ -56,7 +56,7 @@ class StopRequest(asyncio.Protocol):
                     self._request = event
                 elif isinstance(event, h11.Data):
                     self._body += event.data
-                    if len(self._body) > _MOST_BYTES:
+                    if len(self._body) > _MAX_BYTES:
                         self._transport.abort()
                         return
                 elif isinstance(event, h11.EndOfMessage):
@@ -123,7 +123,7 @@ def _alone(root: Path) -> bool:
     """Returns True if no studio is open and no worker works; no studio can then open before this process ends."""
     if any(working(PaintingFolder(path)) for path in root.iterdir()):
         return False
-    return StudioLock(root).take_alone()
+    return WebAppLock(root).take_alone()
 
 
 def main() -> None:

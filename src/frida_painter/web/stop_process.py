@@ -16,7 +16,7 @@ from frida_painter import storage
 from frida_painter.errors import ConfigError, StorageError
 from frida_painter.web import stop_listener
 from frida_painter.web.commands import Role
-from frida_painter.web.network import Certificate, StudioLock
+from frida_painter.web.network import Certificate, WebAppLock
 from frida_painter.web.stop import END, StopKey, call, listen_locally
 
 _FILE = ".stop.json"
@@ -47,7 +47,7 @@ class StopProcess:
 
     def start(self) -> None:
         """Starts a listener, unless a running one has the same settings. Raises ConfigError, StorageError."""
-        lock = StudioLock(self.root, _LOCK)
+        lock = WebAppLock(self.root, _LOCK)
         try:
             before = self._before()
             if not lock.take_alone():
@@ -88,7 +88,7 @@ class StopProcess:
         except StorageError:
             return {}
 
-    def _end_other(self, lock: StudioLock) -> None:
+    def _end_other(self, lock: WebAppLock) -> None:
         with contextlib.suppress(OSError), call(self.root) as line:
             line.sendall(f"{END}\n".encode())
         until = time.monotonic() + _ENDING
@@ -97,7 +97,7 @@ class StopProcess:
                 raise StorageError("Another studio in this folder listens for stops, and does not give way; close it.")
             time.sleep(0.02)
 
-    def _launch(self, lock: StudioLock, wanted: int) -> None:
+    def _launch(self, lock: WebAppLock, wanted: int) -> None:
         try:
             port = self.listen(wanted)
         except ConfigError:

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from frida_painter import storage
 from frida_painter.errors import ImageError, Interrupted, StorageError
-from frida_painter.web.folder import PaintingFolder, require_disk
+from frida_painter.web.studio_folder import PaintingFolder, require_disk
 
 _SCHEMA = """
 CREATE TABLE IF NOT EXISTS painting (
@@ -139,8 +139,8 @@ class PaintingStore:
 #
 # Each picture is decoded in its own process with limits of memory and time, so that a bad file harms nothing else.
 
-MOST_SECONDS = 30.0
-_MOST_WAITING = 8
+MAX_SECONDS = 30.0
+_MAX_WAITING = 8
 _TOO_MUCH = "The file needs more memory or time than a picture is given here; make it smaller first."
 
 
@@ -158,7 +158,7 @@ class Uploads:
         Raises ImageError, without paths in its words, for a wrong or too large picture. Raises StorageError, and
         Interrupted if too many pictures wait.
         """
-        if self._waiting >= _MOST_WAITING:
+        if self._waiting >= _MAX_WAITING:
             raise Interrupted("Many pictures are being taken in at the moment; give this one again in a while.")
         self._waiting += 1
         try:
@@ -180,7 +180,7 @@ def keep(content: bytes, folder: Path) -> str:
         try:
             done = subprocess.run(
                 [sys.executable, "-m", "frida_painter.web.decoder"], input=content, stdout=decoded,
-                stderr=subprocess.PIPE, timeout=MOST_SECONDS, env=environment, start_new_session=True,
+                stderr=subprocess.PIPE, timeout=MAX_SECONDS, env=environment, start_new_session=True,
             )  # fmt: skip
         except subprocess.TimeoutExpired:
             raise ImageError(_TOO_MUCH) from None

@@ -53,9 +53,9 @@ from frida_painter.session.events import (
 )
 from frida_painter.session.observer import TIMELAPSE_ROWS
 from frida_painter.session.rehearsal import FlatbedWorkspace
-from frida_painter.session.time_left import Forecast
+from frida_painter.session.time_left import RemainingTime
 from frida_painter.strokes import Strokes
-from frida_painter.web.folder import Feed, PaintingFolder
+from frida_painter.web.studio_folder import Feed, PaintingFolder
 
 # Pictures of a plan for the page: while it grows, stroke by stroke, and as a whole.
 
@@ -209,7 +209,7 @@ class Reporter:
     folder: PaintingFolder
     models: Mapping[str, StrokeModel]
     size: CanvasSize
-    forecast: Forecast
+    time_left: RemainingTime
     _photographs: int = field(default=0, init=False)
     _looks: int = field(default=0, init=False)
     _plans: int = field(default=0, init=False)
@@ -223,15 +223,15 @@ class Reporter:
 
     def hear(self, event: Event) -> None:
         """Reports an event."""
-        self.forecast.hear(event, time.monotonic())
-        left = self.forecast.remaining
+        self.time_left.hear(event, time.monotonic())
+        left = self.time_left.remaining
         match event:
             case PlanningStep(iteration=iteration, of=of, parts=parts):
                 self.feed.step(iteration / of, left)
                 if self._growing is not None:
                     self._growing.hear(parts)
             case Planned(done=done) if done > 0:
-                self._replanned(event)
+                self._tell_replan(event)
             case PaintsWanted():
                 self.feed.tell(Mixing())
             case Dipped() | LayerBegun() | BrushInHand():
@@ -246,7 +246,7 @@ class Reporter:
             case TimelapseFrame(photograph=photograph, done=done):
                 self._photograph(photograph, done)
             case Looked():
-                self._looked(event)
+                self._tell_look(event)
             case Stopped() | Finishing() | TouchCorrected() | LastLookDoubted():
                 self.feed.tell(event)
             case _:
@@ -260,7 +260,7 @@ class Reporter:
             (self.folder.live / f"photograph-{self._photographs - _KEPT:05d}.jpg").unlink(missing_ok=True)
         self._photographs += 1
 
-    def _looked(self, look: Looked) -> None:
+    def _tell_look(self, look: Looked) -> None:
         self._looks += 1
         rows, columns = look.expected.shape[1:]
         seen = images.fit(look.photograph, rows, columns)
@@ -273,7 +273,7 @@ class Reporter:
         self._canvas = look.photograph
         self._growing = Growing(self.folder.live, look.photograph, self.models, self.size, self._tell_growing)
 
-    def _replanned(self, planned: Planned) -> None:
+    def _tell_replan(self, planned: Planned) -> None:
         """Reports the new plan, with pictures of its strokes under a new prefix."""
         self._plans += 1
         try:

@@ -29,7 +29,8 @@ from frida_painter.hardware.easel import Easel
 from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step
 from frida_painter.procedures.strokes import StrokesFinding
-from frida_painter.runs.easel import (
+from frida_painter.runs.goal_item import GoalItem
+from frida_painter.runs.painting_easel import (
     CalibrationSetup,
     begin_procedure,
     easel_of,
@@ -37,7 +38,6 @@ from frida_painter.runs.easel import (
     record_to_renew,
     with_operator,
 )
-from frida_painter.runs.goal_item import GoalItem
 from frida_painter.runs.run import PaintingRun, RunOutcome
 from frida_painter.runs.settle import Controls, brushes_of, ground_of, replan_policy
 from frida_painter.runs.spec import AUTO, RunSpec
@@ -55,12 +55,12 @@ from frida_painter.session.events import (
     TakenUp,
 )
 from frida_painter.session.opening import require_basis, statuses
-from frida_painter.session.time_left import Forecast
-from frida_painter.web.easel import StudioEasel
-from frida_painter.web.folder import CalibrationRequest, Feed, GoalRequest, PaintingFolder, PlanFolder
+from frida_painter.session.time_left import RemainingTime
 from frida_painter.web.painter import Asker, PauseController
 from frida_painter.web.stop import StopPressed, StopWatch
+from frida_painter.web.studio_folder import CalibrationRequest, Feed, GoalRequest, PaintingFolder, PlanFolder
 from frida_painter.web.telling import Growing, Reporter, export, illustrate, mixtures
+from frida_painter.web.web_app_easel import WebAppEasel
 
 # Job of a worker: its painting, its easel and its feed.
 
@@ -73,7 +73,7 @@ class Job:
     """
 
     folder: PaintingFolder
-    easel: StudioEasel
+    easel: WebAppEasel
     feed: Feed
     stop: StopWatch
     asker: Asker
@@ -141,7 +141,7 @@ def _item(term: GoalRequest, folder: Path) -> GoalItem:
 
 def calibrate(job: Job) -> None:
     """Runs the requested procedures in order; saves each result at once."""
-    request, folder = CalibrationRequest.kept(job.folder), job.folder.painting
+    request, folder = CalibrationRequest.load(job.folder), job.folder.painting
     shutil.rmtree(folder, ignore_errors=True)  # the simulated studio of the last calibration
     storage.new_folder(folder)
     spec = job.spec_to_calibrate(request)
@@ -176,7 +176,7 @@ def _lead_all(job: Job, request: CalibrationRequest, here: Easel) -> None:
         if isinstance(finding, StrokesFinding):
             known = learn_from(finding, setup, known)
         known.save(path)
-        feed.tell(ProcedureFound(name, _sentence(finding), _shown(name, finding, setup, job)))
+        feed.tell(ProcedureFound(name, _sentence(finding), _show_finding(name, finding, setup, job)))
         _tell_status(feed, known, here.calibration)
 
 
@@ -186,7 +186,7 @@ def _sentence(finding: Finding) -> str:
     return finding.sentence if file is None else finding.sentence.replace(f": {file.path}", "")
 
 
-def _shown(name: str, finding: Finding, setup: CalibrationSetup, job: Job) -> str | None:
+def _show_finding(name: str, finding: Finding, setup: CalibrationSetup, job: Job) -> str | None:
     """Saves the result's picture beside the record and for the page; returns its name for the page."""
     if finding.picture is None:
         return None
@@ -218,9 +218,9 @@ def _tell_status(feed: Feed, record: Calibration, easel: Calibration) -> None:
 def paint(job: Job, place: PlanFolder) -> None:
     """Paints the plan, with replans as the description says."""
     folder, plan = job.folder.painting, Plan.load(place.plan)
-    spec = job.spec(place).changed(ground=ground_of(plan))
+    spec = job.spec(place).with_values(ground=ground_of(plan))
     if spec.brushes == AUTO:
-        spec = spec.changed(brushes=brushes_of(plan))
+        spec = spec.with_values(brushes=brushes_of(plan))
     with PaintingRun(spec, folder, state=job.state, record_may_differ=True) as run:
         run.load_easel()  # loads in parallel with the planner
         _lead(job, run)
@@ -242,8 +242,8 @@ def _lead(job: Job, run: PaintingRun) -> None:
     job.stop.then(run.open_easel().robot.stop)
     planner, spec = run.planner, run.spec
     again = planner.effort.of_a_look
-    forecast = Forecast(spec.strokes, replan_policy(spec), time.monotonic(), planning=0, replanning=again)
-    reporter = Reporter(job.feed, job.folder, planner.models, planner.size, forecast)
+    time_left = RemainingTime(spec.strokes, replan_policy(spec), time.monotonic(), planning=0, replanning=again)
+    reporter = Reporter(job.feed, job.folder, planner.models, planner.size, time_left)
     pauses = PauseController(job.folder, job.feed, job.stop, job.began, lambda: run.session)
 
     def paint_on(difference: str, photograph: Tensor) -> bool:
@@ -290,7 +290,7 @@ def main() -> None:
     stop = StopWatch(folder.stop, folder.path.parent)
     prepare_process()
     try:
-        job = Job(folder, StudioEasel.take(json.loads(easel)), feed, stop, Asker(folder, feed, stop))
+        job = Job(folder, WebAppEasel.take(json.loads(easel)), feed, stop, Asker(folder, feed, stop))
         work(what, job, folder.plan(int(number)))
     except StopPressed:
         feed.tell(Stopped())

@@ -16,11 +16,11 @@ from pydantic import TypeAdapter, ValidationError
 from frida_painter import storage
 from frida_painter.errors import FridaError, Interrupted, StorageError
 from frida_painter.session.events import Dequeued, PaintingStarted, Queued
-from frida_painter.web.easel import StudioEasel
-from frida_painter.web.folder import Feed, PaintingFolder, PlanFolder, WorkerLock, working
 from frida_painter.web.store import Entry, PaintingStore
+from frida_painter.web.studio_folder import Feed, PaintingFolder, PlanFolder, WorkerLock, working
+from frida_painter.web.web_app_easel import WebAppEasel
 
-_MOST = 2
+_MAX = 2
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class _Started:
 class Workers:
     """Worker processes that this studio started."""
 
-    def __init__(self, easel: StudioEasel) -> None:
+    def __init__(self, easel: WebAppEasel) -> None:
         self.easel = easel
         self._started: list[_Started] = []
 
@@ -41,7 +41,7 @@ class Workers:
         """True if the largest number of workers is at work; workers that are only ending do not count."""
         self._started = [one for one in self._started if one.process.poll() is None]
         at_work = {one.folder for one in self._started if working(one.folder)}
-        return len(at_work) >= _MOST
+        return len(at_work) >= _MAX
 
     @contextmanager
     def slot_at(self, folder: PaintingFolder) -> Iterator["WorkerSlot"]:
@@ -64,7 +64,7 @@ class Workers:
 class WorkerSlot:
     """Right to start one worker for a painting."""
 
-    def __init__(self, folder: PaintingFolder, lock: WorkerLock, started: list[_Started], easel: StudioEasel) -> None:
+    def __init__(self, folder: PaintingFolder, lock: WorkerLock, started: list[_Started], easel: WebAppEasel) -> None:
         self.folder, self._lock, self._started, self._easel = folder, lock, started, easel
 
     def start(self, job: Literal["plan", "paint", "resume", "calibrate"], plan: PlanFolder) -> None:
@@ -89,7 +89,7 @@ class WorkerSlot:
 
 QUEUE = "queue"
 """Name of the queue's folder in the studio's folder."""
-_PAINTING_QUEUE_MOST = 40
+_PAINTING_QUEUE_MAX = 40
 _BETWEEN = 1.0  # seconds
 
 QueuedJob = Literal["plan", "paint"]
@@ -132,7 +132,7 @@ class PaintingQueue:
         """True if somebody has stopped all work since the queue last went on."""
         return self._folder.stop.exists()
 
-    def shown(self) -> dict[str, Any]:
+    def to_plain(self) -> dict[str, Any]:
         """Returns the queue as plain values for the page."""
         with self._turn:
             return {"held": self.held and bool(self._entries), "queue": [asdict(entry) for entry in self._entries]}
@@ -147,8 +147,8 @@ class PaintingQueue:
         with self._turn:
             if any(waiting.painting == entry.id for waiting in self._entries):
                 raise Interrupted("This painting waits in the queue already.")
-            if len(self._entries) >= _PAINTING_QUEUE_MOST:
-                raise Interrupted(f"There are {_PAINTING_QUEUE_MOST} in the queue already; remove one of them first.")
+            if len(self._entries) >= _PAINTING_QUEUE_MAX:
+                raise Interrupted(f"There are {_PAINTING_QUEUE_MAX} in the queue already; remove one of them first.")
             if not self._entries:
                 self._folder.stop.unlink(missing_ok=True)  # an empty queue was not stopped
             self._keep([*self._entries, QueueEntry(entry.id, plan.number, job)])

@@ -1,6 +1,6 @@
 """Process that prints the canvas size of a workspace file: `python -m frida_painter.web.workspace_reader FILE`.
 
-web/easel.py runs it.
+web/web_app_easel.py runs it.
 """
 
 import json

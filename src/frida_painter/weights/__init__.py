@@ -1,6 +1,6 @@
 """Pretrained weights by name: fetched on request, checked against fixed hashes, converted once, loaded safely.
 
-`known`: all weights
+`all_weights`: all weights
 `words`: weights for painting from words
 `find`, `require`: folder of fetched weights
 `tensors`: tensors of a network
@@ -9,7 +9,7 @@
 
 from frida_painter.registry import VARIABLE, cache_folder
 from frida_painter.weights.cache import Announced, Listener, Notice, Received, Refused, fetch, find, require, tensors
-from frida_painter.weights.catalogue import NamedWeights, known, named, words
+from frida_painter.weights.catalogue import NamedWeights, all_weights, find_weights, words
 
 __all__ = [
     "VARIABLE",
@@ -19,11 +19,11 @@ __all__ = [
     "Notice",
     "Received",
     "Refused",
+    "all_weights",
     "cache_folder",
     "fetch",
     "find",
-    "known",
-    "named",
+    "find_weights",
     "require",
     "tensors",
     "words",

@@ -24,7 +24,7 @@ from frida_painter.weights.sources import LONGEST, files_of
 _MAGIC = b"qres"
 _PACKED, _FOLDER, _ZSTANDARD = 1, 2, 4
 _NODE = {1: 14, 2: 22, 3: 22}  # bytes of a node, by the version of the format
-_DEEPEST, _MOST = 32, 100_000
+_DEEPEST, _MAX = 32, 100_000
 
 
 def files_in(resources: bytes) -> Iterator[tuple[str, bytes]]:
@@ -51,7 +51,7 @@ class _Tree:
     def below(self, number: int, path: str, deepest: int) -> Iterator[tuple[str, bytes]]:
         """Yields the files of a node and of all nodes below it."""
         self._seen += 1
-        if deepest == 0 or self._seen > _MOST:  # a cyclic tree
+        if deepest == 0 or self._seen > _MAX:  # a cyclic tree
             raise ValueError("it is a damaged Qt resource: its folders never end")
         at = self._tree + number * self._size
         name, flags = struct.unpack_from(">IH", self._bytes, at)
@@ -63,7 +63,7 @@ class _Tree:
         elif not flags & _ZSTANDARD:
             (offset,) = struct.unpack_from(">I", self._bytes, at + 10)
             packed = self._data(self._content + offset)
-            if (file := _unpacked(packed) if flags & _PACKED else packed) is not None:
+            if (file := _unpack(packed) if flags & _PACKED else packed) is not None:
                 yield here.removeprefix("/"), file
 
     def _name(self, offset: int) -> str:
@@ -82,7 +82,7 @@ class _Tree:
         return cut
 
 
-def _unpacked(packed: bytes) -> bytes | None:
+def _unpack(packed: bytes) -> bytes | None:
     """Returns a file that zlib packed after the four bytes of its length; None if it is larger than 8 MB."""
     unpacking = zlib.decompressobj()
     file = unpacking.decompress(packed[4:], LONGEST)
@@ -167,7 +167,7 @@ def repack_flashcards(package: Path, archive: Path) -> None:
 def repack_costumes(package: Path, archive: Path) -> None:
     """Repacks pictures of Debian's scratch as listed in `costumes.txt`: whole persons, and some objects."""
     below = "usr/share/scratch/Media/Costumes/"
-    _write(_listed(files_of(package, below, (".gif", ".png")), _list("costumes.txt")), archive)
+    _write(_list_table(files_of(package, below, (".gif", ".png")), _list("costumes.txt")), archive)
 
 
 def repack_gcompris(package: Path, archive: Path) -> None:
@@ -187,7 +187,7 @@ def repack_gcompris(package: Path, archive: Path) -> None:
                 except ValueError as cause:
                     raise WeightsError(f"{package.name} holds {path}, and {cause}") from cause
 
-    _write(_listed(files(), known), archive)
+    _write(_list_table(files(), known), archive)
 
 
 def repack_furniture(package: Path, archive: Path) -> None:
@@ -206,7 +206,7 @@ def repack_furniture(package: Path, archive: Path) -> None:
             except (zipfile.BadZipFile, zlib.error, EOFError) as cause:
                 raise WeightsError(f"{package.name} holds {path}, which is damaged ({cause})") from cause
 
-    _write(_listed(files(), known), archive)
+    _write(_list_table(files(), known), archive)
 
 
 def repack_silhouettes(package: Path, archive: Path) -> None:
@@ -267,7 +267,7 @@ def _by_their_names(
             yield path, content, [name, kind]
 
 
-def _listed(
+def _list_table(
     files: Iterable[tuple[str, bytes]], known: dict[str, tuple[str, str]]
 ) -> Iterator[tuple[str, bytes, list[str]]]:
     """Yields the files that a table of this project lists; drawings get the folder "cartoon"."""

@@ -19,7 +19,7 @@ from torch import Tensor
 from frida_painter import registry, storage, tensor_file
 from frida_painter.errors import StorageError, WeightsError
 from frida_painter.registry import RECORD, VARIABLE, are_here, cache_folder
-from frida_painter.weights.catalogue import CachedFile, NamedWeights, named
+from frida_painter.weights.catalogue import CachedFile, NamedWeights, find_weights
 from frida_painter.weights.sources import Counter, DebianPackage, Original, WeightsSource, Wheel
 
 # Messages of a running fetch; each network access is announced before.
@@ -122,12 +122,12 @@ def find(name: str, cache: Path | None = None) -> Path | None:
 
     Raises WeightsError if the name is unknown, or a file was altered, swapped or lost.
     """
-    weights = named(name)
+    weights = find_weights(name)
     folder = cache_folder(cache) / name
     try:
         if not are_here(name, cache):
             return None
-        for file, sha256 in _recorded(weights, folder).items():
+        for file, sha256 in _read_hashes(weights, folder).items():
             if not (folder / file).is_file() or _sha256(folder / file) != sha256:
                 raise WeightsError(f"{folder / file} was altered or lost after it was fetched; {_mend(name, cache)}.")
     except OSError as cause:
@@ -152,8 +152,10 @@ def tensors(name: str, cache: Path | None = None) -> dict[str, Tensor]:
     folder = require(name, cache)
     path = folder / "model.safetensors"
     if not path.is_file():
-        raise WeightsError(f"{name} is no network: it holds {', '.join(file.name for file in named(name).kept)}.")
-    sha256 = _recorded(named(name), folder)[path.name]
+        raise WeightsError(
+            f"{name} is no network: it holds {', '.join(file.name for file in find_weights(name).kept)}."
+        )
+    sha256 = _read_hashes(find_weights(name), folder)[path.name]
     return tensor_file.read_tensors(path, f"the weights {name}", WeightsError, sha256)[0]
 
 
@@ -173,7 +175,7 @@ def fetch(
     Raises WeightsError if no source gives the right files. Raises it before any download if the cache cannot be
     written, the disk is too full, or a package to read the files is missing.
     """
-    weights = named(name)
+    weights = find_weights(name)
     try:
         ready = find(name, cache)
     except WeightsError:
@@ -282,7 +284,7 @@ def _keep_file(file: CachedFile, scratch: Path, folder: Path) -> str:
     return sha256
 
 
-def _recorded(weights: NamedWeights, folder: Path) -> dict[str, str]:
+def _read_hashes(weights: NamedWeights, folder: Path) -> dict[str, str]:
     """Returns the expected sha256 of each file: the fixed one for unchanged files, else that of the conversion.
 
     Raises WeightsError if the record is damaged or belongs to other files than this version uses.

@@ -132,7 +132,7 @@ class NamedWeights:
         return self.sources[-1].transfer(self.originals)
 
 
-def known() -> tuple[NamedWeights, ...]:
+def all_weights() -> tuple[NamedWeights, ...]:
     """Returns all weights."""
     return (
         _lite(0, 18_826_032, "579344248a93e23026e6b78f1f6faf0bc1d282386f6c881cdbaacd49cabf77db", 17_364_911),
@@ -161,15 +161,15 @@ def words() -> tuple[NamedWeights, ...]:
     networks = "minilm", "english", "efficientnet-lite0", "efficientnet-lite1", "efficientnet-lite2"
     pictures = "stamps", "abcs", "gcompris", "furniture", "costumes"
     drawings = "openclipart", "fluent", "flashcards", "openmoji", "silhouettes"
-    return tuple(named(name) for name in (*networks, *pictures, *drawings))
+    return tuple(find_weights(name) for name in (*networks, *pictures, *drawings))
 
 
-def named(name: str) -> NamedWeights:
+def find_weights(name: str) -> NamedWeights:
     """Returns the weights of that name. Raises WeightsError that lists all names."""
-    for weights in known():
+    for weights in all_weights():
         if weights.name == name:
             return weights
-    names = ", ".join(weights.name for weights in known())
+    names = ", ".join(weights.name for weights in all_weights())
     raise WeightsError(f"There are no weights named {name!r}; there are {names}.")
 
 

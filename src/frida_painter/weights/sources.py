@@ -474,7 +474,7 @@ def files_of(
     Skips links. Raises WeightsError if the package is damaged.
     """
     try:
-        with package.open("rb") as file, _unpacked(file) as data, tarfile.open(fileobj=data, mode="r|") as archive:
+        with package.open("rb") as file, _unpack(file) as data, tarfile.open(fileobj=data, mode="r|") as archive:
             for member in archive:
                 path = member.name.removeprefix("./")
                 if not member.isreg() or not path.startswith(below) or not path.endswith(suffixes):
@@ -487,7 +487,7 @@ def files_of(
 
 
 @contextmanager
-def _unpacked(file: IO[bytes]) -> Iterator[IO[bytes]]:
+def _unpack(file: IO[bytes]) -> Iterator[IO[bytes]]:
     """Opens the tar of a package's files. Raises ValueError if there is none."""
     if file.read(len(_MAGIC)) != _MAGIC:
         raise ValueError("it is no ar archive")

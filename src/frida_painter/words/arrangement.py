@@ -13,8 +13,8 @@ import torch
 from torch import Tensor
 
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
-from frida_painter.words.compositing import resized
-from frida_painter.words.reading import MOST_THINGS, Reading, Relation, Thing
+from frida_painter.words.compositing import resize
+from frida_painter.words.reading import MAX_THINGS, Reading, Relation, Thing
 
 # Sizes and usual places of things, from known things of similar meaning.
 
@@ -69,7 +69,7 @@ def _likeness(name: str, sentences: SentenceEncoder) -> torch.Tensor:
 
 
 _GROWTH = 0.35  # exponent from the height in the world to the height in a picture
-_LEAST = 0.3  # least height of a thing, relative to the tallest
+_MIN = 0.3  # least height of a thing, relative to the tallest
 _SUBJECT = 0.5  # least height of the first thing of a prompt, relative to the tallest
 _IN_THE_AIR = 0.38  # height of a thing in the sky, beside a thing of height 1
 _SINKS = 0.1  # share of its height by which a thing overlaps the thing below it
@@ -97,7 +97,7 @@ _OF_WORD = {
     "with": "with", "holding": "with", "carrying": "with", "eating": "with", "playing": "playing",
 }  # fmt: skip
 _CROWN = 0.1  # share of a picture's height at its top that counts as the head
-_HAT, _LEAST_HEAD, _LARGEST_HAT, _PULLED_DOWN = 1.25, 0.12, 0.35, 0.3  # of a head's width, and of heights
+_HAT, _MIN_HEAD, _LARGEST_HAT, _PULLED_DOWN = 1.25, 0.12, 0.35, 0.3  # of a head's width, and of heights
 _STOOD_BY = ("on", "in", "under", "over", "behind", "between")  # the objects of these relations are placed first
 _OPPOSITE = {
     "on": "beneath", "in": "around", "around": "in", "under": "over", "over": "under", "behind": "front",
@@ -141,7 +141,7 @@ class Placed:
         return self.height * self.picture.shape[2] / self.picture.shape[1]
 
 
-def arranged(parts: Sequence[ScenePart | None], relations: Sequence[Relation]) -> list[Placed]:
+def arrange_parts(parts: Sequence[ScenePart | None], relations: Sequence[Relation]) -> list[Placed]:
     """Returns the parts at their places, from rear to front.
 
     parts: None for a part without a picture
@@ -215,7 +215,7 @@ def _sizes(parts: Sequence[ScenePart | None], shown: Sequence[int]) -> dict[int,
     sizes = {}
     for number, one in known.items():
         in_the_air = one.where == "air" and any(other.where != "air" for other in known.values())
-        size = _IN_THE_AIR if in_the_air else max(_LEAST, min(1.0, (one.height / max(standing)) ** _GROWTH))
+        size = _IN_THE_AIR if in_the_air else max(_MIN, min(1.0, (one.height / max(standing)) ** _GROWTH))
         sizes[number] = max(size, _SUBJECT if number == shown[0] and not in_the_air else 0.0)
     return sizes
 
@@ -277,7 +277,7 @@ def _put(mine: Placed, other: Placed, kind: str, where: str, other_where: str) -
         return replace(mine, y=other.y + 0.7 * _HAND * other.height, depth=other.depth + 1), other
     if kind == "with" and where == "head":
         middle, wide = _head(other.picture)
-        size = _HAT * max(wide, _LEAST_HEAD) * other.width * mine.height / mine.width
+        size = _HAT * max(wide, _MIN_HEAD) * other.width * mine.height / mine.width
         height = min(size, _LARGEST_HAT * other.height)
         x, y = other.x + middle * other.width, other.y + other.height - _PULLED_DOWN * height
         return replace(mine, height=height, x=x, y=y, depth=other.depth + 1), other
@@ -379,7 +379,7 @@ def copies(pictures: Sequence[Tensor], count: int, where: str, seed: int, *, apa
         return pictures[0]
     generator = torch.Generator().manual_seed(seed)
     high = max(1, round(pictures[0].shape[1] * _SIDE / max(pictures[0].shape[1:])))
-    ones = [resized(picture, high / picture.shape[1]) for picture in pictures[:count]]
+    ones = [resize(picture, high / picture.shape[1]) for picture in pictures[:count]]
     wide = max(one.shape[2] for one in ones)
     spots: list[tuple[float, float, float]] = []  # left, bottom, size
     rows = 1 if count <= 3 else 2 if count <= 7 else 3
@@ -401,7 +401,7 @@ def copies(pictures: Sequence[Tensor], count: int, where: str, seed: int, *, apa
         torch.zeros(1, round(height) + 2, round(right - left) + 2),
     )
     for number, (x, y, size) in sorted(enumerate(spots), key=lambda spot: -spot[1][1]):
-        copy = resized(ones[number % len(ones)], size)
+        copy = resize(ones[number % len(ones)], size)
         copy = copy.flip(2) if number // len(ones) % 2 else copy
         top, start = round(height - y - copy.shape[1]), round(x - copy.shape[2] / 2 - left)
         area = slice(max(0, top), max(0, top) + copy.shape[1]), slice(start, start + copy.shape[2])
@@ -444,7 +444,7 @@ def with_figures(reading: Reading, has_own: Callable[[Thing], bool]) -> Reading:
         figures = [replace(thing, name=f"{adjective} {noun}".strip(), noun=noun, plural="", count=1) for noun in who]
         if not several or len(figures) == 1:
             things[number] = replace(figures[0], count=thing.count)
-        elif len(things) < MOST_THINGS:
+        elif len(things) < MAX_THINGS:
             things[number] = replace(figures[0], count=count - count // 2)
             relations.append(Relation(len(things), "beside", number))
             things.append(replace(figures[1], count=count // 2))

@@ -27,7 +27,7 @@ _AROUND = (81.0, -14.0, -23.0)  # Lab of water, sky and glass in pictograms
 _AROUND_WITHIN, _AROUND_COUNTS = 12.0, 0.1  # Lab distance from that colour, and its weight there
 
 
-def recolored(drawing: Tensor, color: Tensor) -> Tensor:
+def recolor(drawing: Tensor, color: Tensor) -> Tensor:
     """Returns a flat drawing, colour and opacity [4, h, w], with sRGB `color` [3] in [0, 1] as its main colour.
 
     Lighter and darker shades of the main colour change with it. Outlines and parts of another hue stay.
@@ -99,11 +99,11 @@ _FILLS = 0.85  # of the canvas's shorter side
 def lay(drawing: Tensor, ground: Tensor) -> Tensor:
     """Returns the ground [3, H, W] with a drawing [4, h, w], sRGB and opacity in [0, 1], large in its middle."""
     _, rows, columns = ground.shape
-    small = resized(drawing, _FILLS * min(rows, columns) / max(drawing.shape[1:]))
-    return laid(small, ground, (rows - small.shape[1]) // 2, (columns - small.shape[2]) // 2)[0]
+    small = resize(drawing, _FILLS * min(rows, columns) / max(drawing.shape[1:]))
+    return paste(small, ground, (rows - small.shape[1]) // 2, (columns - small.shape[2]) // 2)[0]
 
 
-def laid(drawing: Tensor, picture: Tensor, top: int, left: int) -> tuple[Tensor, Tensor]:
+def paste(drawing: Tensor, picture: Tensor, top: int, left: int) -> tuple[Tensor, Tensor]:
     """Returns the picture [3, H, W] with a drawing [4, h, w] at a place inside it, and the drawing's opacity [H, W]."""
     _, rows, columns = picture.shape
     around = [left, columns - left - drawing.shape[2], top, rows - top - drawing.shape[1]]
@@ -111,7 +111,7 @@ def laid(drawing: Tensor, picture: Tensor, top: int, left: int) -> tuple[Tensor,
     return torch.lerp(picture, over[:3], over[3:]).clamp(0, 1), over[3]
 
 
-def resized(drawing: Tensor, scale: float) -> Tensor:
+def resize(drawing: Tensor, scale: float) -> Tensor:
     """Returns a drawing [4, h, w] scaled by `scale`."""
     size = [max(1, round(drawing.shape[1] * scale)), max(1, round(drawing.shape[2] * scale))]
     # Colours are weighted by opacity in the resampling, because transparent pixels have none.
@@ -120,7 +120,7 @@ def resized(drawing: Tensor, scale: float) -> Tensor:
     return torch.cat((small[:3] / small[3:].clamp(min=1e-4), small[3:])).clamp(0, 1)
 
 
-def softened(picture: Tensor, near: int) -> Tensor:
+def soften(picture: Tensor, near: int) -> Tensor:
     """Returns a picture [c, h, w] without details smaller than `near` pixels.
 
     The filter is two means over squares, with replicated edges.
@@ -152,7 +152,7 @@ class Composited:
     where: Tensor
 
 
-def composited_into_style(drawing: Tensor, picture: Tensor, *, keeps_colors: bool = False) -> Composited:
+def composite_into_style(drawing: Tensor, picture: Tensor, *, keeps_colors: bool = False) -> Composited:
     """Lays a drawing, colour and opacity [4, h, w], into a picture [3, H, W].
 
     keeps_colors: False to give the drawing the picture's colours, from dark to light
@@ -164,13 +164,13 @@ def composited_into_style(drawing: Tensor, picture: Tensor, *, keeps_colors: boo
     small = images.fit(picture, _ROWS, round(_ROWS * columns / rows))
     edges, light = _edges(small), _lightness(small)
     colors = _colors(picture)
-    painted = [drawing] if keeps_colors else [_toned(drawing, colors, *tones) for tones in _TONES]
+    painted = [drawing] if keeps_colors else [_tone(drawing, colors, *tones) for tones in _TONES]
     best, chosen = -float("inf"), (0, _SIZES[-1], 0.5, 0.5)
     for number, size in product(range(len(painted)), _SIZES):
-        thing = _sized(painted[number], size, small)
+        thing = _resize_to(painted[number], size, small)
         own = float(_lightness(thing[:3])[thing[3] > 0.5].median())
         for down, across in product(_PLACES, _PLACES):
-            shown, where = laid(thing, small, *_place(thing, small, down, across))
+            shown, where = paste(thing, small, *_place(thing, small, down, across))
             wider = (
                 functional.max_pool2d(where[None, None], 2 * _STYLE_SCENE_AROUND + 1, 1, _STYLE_SCENE_AROUND)[0, 0]
                 - where
@@ -180,13 +180,13 @@ def composited_into_style(drawing: Tensor, picture: Tensor, *, keeps_colors: boo
             if (worth := _KEEPING * kept + clear + _LARGE * size) > best:
                 best, chosen = worth, (number, size, down, across)
     number, size, down, across = chosen
-    thing = _sized(painted[number], size, picture)
-    return Composited(*laid(thing, picture, *_place(thing, picture, down, across)))
+    thing = _resize_to(painted[number], size, picture)
+    return Composited(*paste(thing, picture, *_place(thing, picture, down, across)))
 
 
-def _sized(drawing: Tensor, size: float, picture: Tensor) -> Tensor:
+def _resize_to(drawing: Tensor, size: float, picture: Tensor) -> Tensor:
     """Returns a drawing whose longer side is `size` of the picture's shorter one."""
-    return resized(drawing, size * min(picture.shape[1:]) / max(drawing.shape[1:]))
+    return resize(drawing, size * min(picture.shape[1:]) / max(drawing.shape[1:]))
 
 
 def _place(thing: Tensor, picture: Tensor, down: float, across: float) -> tuple[int, int]:
@@ -218,7 +218,7 @@ def _colors(picture: Tensor) -> Tensor:
     return torch.cat((ends[0], between, ends[1]))
 
 
-def _toned(drawing: Tensor, colors: Tensor, low: float, high: float) -> Tensor:
+def _tone(drawing: Tensor, colors: Tensor, low: float, high: float) -> Tensor:
     """Returns the drawing in `colors` (Lab, dark to light), restricted to the range from `low` to `high`."""
     light = _lightness(drawing[:3])
     seen = light[drawing[3] > 0.5]

@@ -14,8 +14,8 @@ from frida_painter import images
 from frida_painter.frames import PixelGrid
 from frida_painter.palette import to_lab
 from frida_painter.words.arrangement import Placed
-from frida_painter.words.compositing import laid, resized, softened
-from frida_painter.words.settings import DAY, Setting, with_contrast
+from frida_painter.words.compositing import paste, resize, soften
+from frida_painter.words.places import DAY, Setting, with_contrast
 
 # Simplification for few strokes: areas of one colour, without texture.
 
@@ -23,7 +23,7 @@ _NEAR = 0.027  # share of the height: about the width of a fine brush's mark
 _ALIKE = 28.0  # of 256 steps of sRGB; neighbouring colours within it become one
 
 
-def simplified(picture: Tensor) -> Tensor:
+def simplify(picture: Tensor) -> Tensor:
     """Returns the picture [3, H, W] with flat areas and sharp edges.
 
     Mean shift in position and colour (Comaniciu and Meer 2002). Flat areas keep their colour within 1/256.
@@ -94,7 +94,7 @@ def _mark(shape: torch.Size, row: float, column: float, length: float, width: fl
 _SIDE = 180  # pixels of the shorter side of the examined picture
 _LOOKS, _NOISE = 6, 0.08
 _SALIENCY_NEAR = 0.09  # of the shorter side: width of the smoothing
-_LEAST, _MOST = 0.3, 0.97  # quantiles of saliency that become 0 and 1
+_MIN, _MAX = 0.3, 0.97  # quantiles of saliency that become 0 and 1
 
 
 def saliency(picture: Tensor, distance: Callable[[Tensor], Tensor], seed: int) -> Tensor:
@@ -116,10 +116,10 @@ def saliency(picture: Tensor, distance: Callable[[Tensor], Tensor], seed: int) -
             (slope,) = torch.autograd.grad(distance(noisy), noisy)
         change += slope.abs().sum(0)
     near = max(1, round(_SALIENCY_NEAR * min(small.shape[1:])))
-    change = softened(change[None], near)[0]
+    change = soften(change[None], near)[0]
     if not float(change.max()) > 0:
         return torch.ones(picture.shape[1:])
-    low, high = torch.quantile(change, _LEAST), torch.quantile(change, _MOST)
+    low, high = torch.quantile(change, _MIN), torch.quantile(change, _MAX)
     seen = ((change - low) / (high - low).clamp(min=1e-12)).clamp(0, 1)
     return images.fit(seen[None], *picture.shape[1:])[0]
 
@@ -155,7 +155,7 @@ class ComposedScene:
     is_alone: bool
 
 
-def composed(
+def compose_scene(
     things: Sequence[Placed], setting: Setting, grid: PixelGrid, seed: int, *, in_the_air: bool
 ) -> ComposedScene:
     """Composes the things in their setting.
@@ -165,12 +165,12 @@ def composed(
     if not things:
         nothing = torch.zeros(grid.rows, grid.columns)
         return _under(setting, setting.ground(grid, seed), nothing, seed, is_alone=False)
-    drawn = _fitted(things, setting, grid, seed, in_the_air=in_the_air)
+    drawn = _fit(things, setting, grid, seed, in_the_air=in_the_air)
     where, colors = torch.zeros(grid.rows, grid.columns), torch.zeros(3, grid.rows, grid.columns)
     for picture, top, left in drawn:
-        colors, over = laid(picture, colors, top, left)
+        colors, over = paste(picture, colors, top, left)
         where = where + over - where * over
-    colors = simplified((colors / where.clamp(min=1e-4)).clamp(0, 1))
+    colors = simplify((colors / where.clamp(min=1e-4)).clamp(0, 1))
     if setting.light != DAY:
         shade = torch.tensor(setting.light.shade)[:, None, None].clamp(max=1.0)
         colors = colors * torch.lerp(torch.ones_like(shade), shade, _LIT)
@@ -184,7 +184,7 @@ def composed(
     return _under(setting, torch.lerp(ground, colors, where), where, seed, is_alone=is_alone)
 
 
-def photographed(picture: Tensor, where: Tensor, setting: Setting, grid: PixelGrid, seed: int) -> ComposedScene:
+def compose_photograph(picture: Tensor, where: Tensor, setting: Setting, grid: PixelGrid, seed: int) -> ComposedScene:
     """Composes a picture [3, h, w] with its own ground, which fills the canvas in the setting's light and weather.
 
     where: importance of each place, [h, w] in [0, 1]; the ground elsewhere gets softer, and costs fewer strokes
@@ -196,18 +196,18 @@ def photographed(picture: Tensor, where: Tensor, setting: Setting, grid: PixelGr
     scale = min(max(sides), min(sides) / (1 - _CUT_OFF))
     rows, columns = (math.ceil(scale * side - 1e-6) for side in picture.shape[1:])
     large = images.fit(torch.cat((picture, where[None])), rows, columns)
-    large = _extended(_extended(large, grid.columns).mT, grid.rows).mT
+    large = _extend(_extend(large, grid.columns).mT, grid.rows).mT
     top, left = (_busiest(large[3], side, size) for side, size in enumerate((grid.rows, grid.columns)))
     cut = large[:, top : top + grid.rows, left : left + grid.columns].clamp(0, 1).contiguous()
-    ground = softened(cut[:3], max(1, round(_BROAD * grid.rows)))
-    colors = torch.lerp(simplified(ground), simplified(cut[:3]), (_SHARP * cut[3]).clamp(max=1.0))
+    ground = soften(cut[:3], max(1, round(_BROAD * grid.rows)))
+    colors = torch.lerp(simplify(ground), simplify(cut[:3]), (_SHARP * cut[3]).clamp(max=1.0))
     if setting.light != DAY:
         shade = torch.tensor(setting.light.shade)[:, None, None].clamp(max=1.0)
         colors = colors * torch.lerp(torch.ones_like(shade), shade, _DARKENED)
     return _under(setting, colors, cut[3], seed, is_alone=False)
 
 
-def _extended(picture: Tensor, columns: int) -> Tensor:
+def _extend(picture: Tensor, columns: int) -> Tensor:
     """Returns a picture [c, h, w] with its ground extended to `columns` columns, softer with the distance."""
     missing = max(0, columns - picture.shape[2])
     if missing == 0:
@@ -245,7 +245,7 @@ def _is_lost_on_paper(where: Tensor, colors: Tensor) -> bool:
     return bool(((outline - white).norm(dim=1) < _PALE).float().mean() > _LOST)
 
 
-def _fitted(
+def _fit(
     things: Sequence[Placed], setting: Setting, grid: PixelGrid, seed: int, *, in_the_air: bool
 ) -> list[tuple[Tensor, int, int]]:
     """Returns the pictures scaled to pixels, each with its first row and column; nothing touches the edge."""
@@ -271,7 +271,7 @@ def _fitted(
     start = free / 2 + (1 if seed % 2 else -1) * max(0.0, shift)
     found = []
     for one in things:
-        picture = resized(one.picture, max(1e-3, scale * one.height / one.picture.shape[1]))
+        picture = resize(one.picture, max(1e-3, scale * one.height / one.picture.shape[1]))
         if setting.place.is_water and setting.is_named and not in_the_air and one.y == low:
             dips = max(1, round(_DIPS * picture.shape[1]))
             picture[3, -dips:] *= torch.linspace(1, 0, dips)[:, None]

@@ -33,9 +33,9 @@ from frida_painter.words import svg_process
 # Pictures with opacity from untrusted files: SVG drawings and pixels.
 
 _SIDE = 512  # pixels of the longer side of stored things
-MOST_BYTES = 64 * 2**20
-_MOST_SVG_BYTES = 8 * 2**20
-_MOST_PARTS = 200_000  # of an SVG; a part counts as often as it is used
+MAX_BYTES = 64 * 2**20
+_MAX_SVG_BYTES = 8 * 2**20
+_MAX_PARTS = 200_000  # of an SVG; a part counts as often as it is used
 _PATIENCE = 20.0  # seconds for one SVG
 _SEEN = 0.05  # opacity above which a pixel is part of a thing
 _ALIKE = 14  # of 255, by which the colours of a plain ground may differ
@@ -57,11 +57,11 @@ def read_picture(content: bytes, name: str) -> Tensor:
     Raises ImageError if the file is no picture, damaged or too large, or an SVG that takes too long.
     Raises ConfigError if the package that draws SVG is not installed.
     """
-    if len(content) > MOST_BYTES:
-        raise ImageError(f"{name} has {len(content) >> 20} MB; a picture has at most {MOST_BYTES >> 20} MB.")
+    if len(content) > MAX_BYTES:
+        raise ImageError(f"{name} has {len(content) >> 20} MB; a picture has at most {MAX_BYTES >> 20} MB.")
     start = content[:1024].lstrip(b"\xef\xbb\xbf \t\r\n")
-    pixels = _pixels(_drawn(content, name) if start[:1] == b"<" else content, name)
-    return trimmed(without_ground(torch.from_numpy(pixels).permute(2, 0, 1).float() / 255), name)
+    pixels = _pixels(_draw_svg(content, name) if start[:1] == b"<" else content, name)
+    return trim(without_ground(torch.from_numpy(pixels).permute(2, 0, 1).float() / 255), name)
 
 
 def without_outlines(svg: str, layer: str) -> str:
@@ -72,7 +72,7 @@ def without_outlines(svg: str, layer: str) -> str:
     return ElementTree.tostring(drawing, encoding="unicode")
 
 
-def trimmed(drawing: Tensor, name: str) -> Tensor:
+def trim(drawing: Tensor, name: str) -> Tensor:
     """Returns a drawing without its empty margin. Raises ImageError if it is transparent."""
     seen = drawing[3] > _SEEN
     rows, columns = seen.any(1).nonzero().flatten(), seen.any(0).nonzero().flatten()
@@ -81,7 +81,7 @@ def trimmed(drawing: Tensor, name: str) -> Tensor:
     return drawing[:, int(rows[0]) : int(rows[-1]) + 1, int(columns[0]) : int(columns[-1]) + 1].contiguous()
 
 
-def faded(drawing: Tensor) -> Tensor:
+def fade_edges(drawing: Tensor) -> Tensor:
     """Returns a picture [4, h, w] with fading edges."""
     rows, columns = drawing.shape[1:]
     reach = max(1.0, _FADING * min(rows, columns))
@@ -130,7 +130,7 @@ def _pixels(content: bytes, name: str) -> np.ndarray:
     return np.asarray(layered).copy()
 
 
-def _drawn(svg: bytes, name: str) -> bytes:
+def _draw_svg(svg: bytes, name: str) -> bytes:
     """Returns an SVG as PNG, drawn in a separate process. Raises ImageError."""
     registry.require("words", "resvg_py", "Drawing an SVG")
     plain, width, height = _plain(svg, name)
@@ -150,8 +150,8 @@ def _drawn(svg: bytes, name: str) -> bytes:
 
 def _plain(svg: bytes, name: str) -> tuple[bytes, int, int]:
     """Returns an SVG without scripts and external links, and its size in pixels. Raises ImageError."""
-    if len(svg) > _MOST_SVG_BYTES:
-        raise ImageError(f"{name} has {len(svg) >> 20} MB; an SVG has at most {_MOST_SVG_BYTES >> 20} MB.")
+    if len(svg) > _MAX_SVG_BYTES:
+        raise ImageError(f"{name} has {len(svg) >> 20} MB; an SVG has at most {_MAX_SVG_BYTES >> 20} MB.")
     try:
         drawing = ElementTree.fromstring(svg)  # external entities are never loaded, and expat stops entity bombs
     except (ElementTree.ParseError, ValueError, RecursionError) as cause:
@@ -209,8 +209,8 @@ def _require_few_parts(drawing: ElementTree.Element, name: str) -> None:
         return total
 
     try:
-        if count(drawing) > _MOST_PARTS:
-            raise ImageError(f"{name} is an SVG of more than {_MOST_PARTS} parts.")
+        if count(drawing) > _MAX_PARTS:
+            raise ImageError(f"{name} is an SVG of more than {_MAX_PARTS} parts.")
     except RecursionError as cause:
         raise ImageError(f"{name} is an SVG whose parts lie too deep in each other.") from cause
 
@@ -219,8 +219,8 @@ GROUP = "frida_painter.picture_libraries"
 """Group of entry points for the picture libraries of packages."""
 
 _SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".svg", ".gif", ".bmp", ".tif", ".tiff")
-_MOST_FILES = 20_000  # in the user's folder; their captions are read in about a minute
-_MOST_CAPTION, _MOST_CAPTIONS = 300, 2**20  # bytes of the first line, and of the file
+_MAX_FILES = 20_000  # in the user's folder; their captions are read in about a minute
+_MAX_CAPTION, _MAX_CAPTIONS = 300, 2**20  # bytes of the first line, and of the file
 _LATIN = re.compile("[A-Za-z]{2}")
 _OUTLINES = "line"  # id of a pictogram's layer of outlines
 _PHOTOGRAPH = 0.8  # realism
@@ -264,7 +264,7 @@ class PictureLibrary(Protocol):
     credit: str
     is_own: bool
 
-    def captioned(self) -> Sequence[Captioned]:
+    def list_captioned(self) -> Sequence[Captioned]:
         """Returns all pictures. Raises WeightsError or ConfigError if the library cannot be read."""
         ...
 
@@ -285,7 +285,7 @@ class PictureArchive:
         self.name, self.credit = name, credit
         self._archive, self._drawn = archive, drawn
 
-    def captioned(self) -> Sequence[Captioned]:
+    def list_captioned(self) -> Sequence[Captioned]:
         """Returns the pictures of the archive's own list. Raises WeightsError."""
         try:
             with zipfile.ZipFile(self._archive) as opened:
@@ -311,7 +311,7 @@ class Pictograms:
     def __init__(self, archive: Path) -> None:
         self._archive = archive
 
-    def captioned(self) -> Sequence[Captioned]:
+    def list_captioned(self) -> Sequence[Captioned]:
         """Returns the pictograms of single characters. Raises WeightsError."""
         try:
             with zipfile.ZipFile(self._archive) as opened:
@@ -355,9 +355,9 @@ class PictureFolder:
         if not folder.is_dir():
             raise ConfigError(f"--pictures {folder} is no folder; give a folder with pictures of things.")
 
-    def captioned(self) -> Sequence[Captioned]:
+    def list_captioned(self) -> Sequence[Captioned]:
         """Returns the pictures that have a caption in words. Raises ConfigError for none or too many pictures."""
-        said = {path: _said_of(path) for path in self._files()}
+        said = {path: _read_caption(path) for path in self._files()}
         found = [Captioned(str(path), (words,), 1.0) for path, words in said.items() if words]
         self.unnamed = len(said) - len(found)
         if not found:
@@ -369,7 +369,7 @@ class PictureFolder:
 
     def pictures(self, file: str) -> list[Tensor]:
         """Returns the picture. Raises ImageError."""
-        return [read_picture(storage.read_bytes(Path(file), "a picture", MOST_BYTES, ImageError), Path(file).name)]
+        return [read_picture(storage.read_bytes(Path(file), "a picture", MAX_BYTES, ImageError), Path(file).name)]
 
     def _files(self) -> Iterator[Path]:
         count = 0
@@ -378,9 +378,9 @@ class PictureFolder:
             for file in sorted(files):
                 if file.lower().endswith(_SUFFIXES) and not file.startswith("."):
                     count += 1
-                    if count > _MOST_FILES:
+                    if count > _MAX_FILES:
                         raise ConfigError(
-                            f"--pictures {self._folder} holds more than {_MOST_FILES} pictures, which would take long "
+                            f"--pictures {self._folder} holds more than {_MAX_FILES} pictures, which would take long "
                             "to read; give a folder with those of the things that you want to paint."
                         )
                     yield Path(place) / file
@@ -395,12 +395,12 @@ def _member(archive: Path, file: str, name: str) -> bytes:
         raise WeightsError(f"{archive} is damaged ({cause}); fetch {name} again.") from cause
 
 
-def _said_of(path: Path) -> str:
+def _read_caption(path: Path) -> str:
     """Returns the caption of one of the user's pictures; "" if there is none."""
     said, beside = "", path.with_suffix(".txt")
     if beside.is_file() and not beside.is_symlink():
-        with suppress(ImageError), storage.opened(beside, "a caption", _MOST_CAPTIONS, ImageError) as file:
-            said = " ".join(file.readline(_MOST_CAPTION).decode("utf-8", "replace").split())
+        with suppress(ImageError), storage.open_checked(beside, "a caption", _MAX_CAPTIONS, ImageError) as file:
+            said = " ".join(file.readline(_MAX_CAPTION).decode("utf-8", "replace").split())
     if not _LATIN.search(said):  # the sentence encoder knows English
         said = " ".join(re.sub(r"[^a-zA-Z]+|(?<=[a-z])(?=[A-Z])", " ", path.stem).split()).lower()
         said = re.sub(r"^(img|dsc|dscn|pict?|image|photo|picture|screenshot|scan|untitled|unnamed|copy of)\b", "", said)
@@ -426,7 +426,7 @@ def libraries_at_hand(cache: Path | None = None, own: Path | None = None) -> lis
             ) from error
     for name, drawn in _DRAWN.items():
         if (folder := weights.find(name, cache)) is not None:
-            credit = f"{weights.named(name).credit}, {weights.named(name).licence}"
+            credit = f"{weights.find_weights(name).credit}, {weights.find_weights(name).licence}"
             found.append(PictureArchive(name, credit, folder / FILE, drawn))
     if (folder := weights.find("openmoji", cache)) is not None:
         found.append(Pictograms(folder / "pictograms.zip"))

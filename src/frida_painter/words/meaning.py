@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from frida_painter.devices import Constant, sent
+from frida_painter.devices import Constant, send_to_device
 from frida_painter.objectives.encoders.base import Reader
 from frida_painter.objectives.encoders.classifiers import ConSE
 from frida_painter.objectives.semantic_loss import Views
@@ -41,7 +41,7 @@ class Text:
         self._distances = [
             distance_to(prompt, reader)
             if begun is None or not isinstance(reader, ConSE)
-            else _Kept(prompt, reader, self._seen(number, begun, torch.arange(_VIEWS)))
+            else _Kept(prompt, reader, self._embed_views(number, begun, torch.arange(_VIEWS)))
             for number, reader in enumerate(readers)
         ]
 
@@ -49,10 +49,10 @@ class Text:
         """Returns the distance of a picture [3, H, W] in [0, 1] in two random views; differentiable."""
         reader, self._next = self._next, (self._next + 1) % len(self._distances)
         which = torch.randperm(_VIEWS, generator=self._generator)[:_AT_A_TIME]
-        seen = self._seen(reader, picture, which)
+        seen = self._embed_views(reader, picture, which)
         if torch.rand((), generator=self._generator) < 0.5:
             seen = functional.avg_pool2d(seen, 3, 1, 1, count_include_pad=False)
-        noise = sent(torch.randn(seen.shape, generator=self._generator).to(seen.dtype), seen.device)
+        noise = send_to_device(torch.randn(seen.shape, generator=self._generator).to(seen.dtype), seen.device)
         return _BALANCE * self._distance(reader, seen + _NOISE * noise, which)
 
     def validation(self, picture: Tensor) -> Tensor:
@@ -66,11 +66,12 @@ class Text:
     def _steadily(self, picture: Tensor, views: int) -> Tensor:
         which = torch.arange(views)
         found = [
-            self._distance(reader, self._seen(reader, picture, which), which) for reader in range(len(self._distances))
+            self._distance(reader, self._embed_views(reader, picture, which), which)
+            for reader in range(len(self._distances))
         ]
         return _BALANCE * torch.stack(found).mean()
 
-    def _seen(self, reader: int, picture: Tensor, which: Tensor) -> Tensor:
+    def _embed_views(self, reader: int, picture: Tensor, which: Tensor) -> Tensor:
         """Returns the views numbered `which` [n] of a picture [3, H, W] for a reader: [n, 3, side, side]."""
         return torch.cat(
             [self._views[reader].of(_square(picture, self._places[int(view)]), view[None]) for view in which]
@@ -102,7 +103,7 @@ class _Kept:
         features = self._reader.features(seen)
         total = self._said(features)
         for maps, wanted in zip(features, self._wanted, strict=True):
-            like = functional.cosine_similarity(maps, wanted[sent(which, wanted.device)], dim=1)
+            like = functional.cosine_similarity(maps, wanted[send_to_device(which, wanted.device)], dim=1)
             total = total + _KEPT * (1 - like).mean((1, 2))
         return total
 

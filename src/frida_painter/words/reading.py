@@ -17,7 +17,7 @@ from torch import Tensor
 from frida_painter import registry, weights
 from frida_painter.errors import ConfigError, WeightsError
 from frida_painter.objectives.encoders.classifiers import synonyms
-from frida_painter.objectives.encoders.registry import EncoderRegistry
+from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.palette import from_lab, to_lab
 
 if TYPE_CHECKING:
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
 
 _PLURAL = 3  # number of painted things for a plural without a number
-_MOST = 12
-MOST_THINGS = 12
+_MAX = 12
+MAX_THINGS = 12
 """Greatest number of a prompt's things that are painted, the first ones."""
 _NUMBERS = ["zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve"]
 _MANY = ("many", "several", "some", "few", "both")
@@ -71,7 +71,7 @@ class Thing:
     @property
     def shown(self) -> int:
         """Number of painted copies: 1 to 12."""
-        return _PLURAL if self.count is None else max(1, min(self.count, _MOST))
+        return _PLURAL if self.count is None else max(1, min(self.count, _MAX))
 
     @property
     def label(self) -> str:
@@ -153,7 +153,7 @@ class PromptReader:
         text = prompt[:_LONGEST].strip().rstrip(".!")
         text = text.lower() if text.isupper() else text[:1].lower() + text[1:]
         walk = _Walk(self._words or _Words(frozenset(), frozenset(), frozenset()))
-        for sentence in self._parsed(text).sents if self._language is not None else ():
+        for sentence in self._parse(text).sents if self._language is not None else ():
             walk.sentence(sentence.root)
         if walk.absent and not walk.things:
             raise ConfigError(f"The words {text[:60]!r} say only what must not be seen; say what to paint.")
@@ -161,7 +161,7 @@ class PromptReader:
         things = tuple(walk.things) or (Thing(plain, plain.rpartition(" ")[2]),)
         return Reading(things, tuple(dict.fromkeys(walk.relations)), tuple(dict.fromkeys(walk.absent)), walk.too_many)
 
-    def _parsed(self, text: str) -> Doc:
+    def _parse(self, text: str) -> Doc:
         """Returns the parsed text. Words that are only nouns in the lexicon are never adjectives: a croissant."""
         assert self._language is not None and self._words is not None
         read = self._language(text)
@@ -192,7 +192,7 @@ class _Walk:
     def sentence(self, root: Token) -> None:
         """Starts at the nouns that a depiction shows, at a verb, or at the root itself."""
         actor = self._actor(root)
-        if _is_depiction(root) and (shown := _shown(root)) is not None:
+        if _is_depiction(root) and (shown := _find_depicted(root)) is not None:
             self._hanging(root, self._thing(shown), but=shown.head)
         elif root.pos_ in ("VERB", "AUX") or actor is not None:
             self._clause(root, [] if actor is None else self._thing(actor, root))
@@ -230,13 +230,13 @@ class _Walk:
             return []
         if _is_none(noun):
             self.absent.append(noun.lemma_)
-            present = [at for other in _joined(noun) for at in self._thing(other)]
+            present = [at for other in _join_nouns(noun) for at in self._thing(other)]
             self._hanging(noun, present)
             return present
-        if len(self.things) >= MOST_THINGS:
+        if len(self.things) >= MAX_THINGS:
             self.too_many = True
             return []
-        if _is_depiction(noun) and (shown := _shown(noun)) is not None:
+        if _is_depiction(noun) and (shown := _find_depicted(noun)) is not None:
             return self._thing(shown)
         counted = next((word for word in _children(noun, "prep") if word.lower_ == "of"), None)
         inner = None if counted is None or noun.lemma_ not in _GATHERED else _child(counted, "pobj")
@@ -245,20 +245,20 @@ class _Walk:
             for first in numbers[:1]:
                 self.things[first] = replace(self.things[first], count=_GATHERED[noun.lemma_])
             self._hanging(noun, numbers, but=counted)
-            return [*numbers, *(at for other in _joined(noun) for at in self._thing(other))]
+            return [*numbers, *(at for other in _join_nouns(noun) for at in self._thing(other))]
         number = len(self.things)
         if (doing := _mistaken_clause(noun)) is not None:
             # The parser takes "a farmer feeding chickens" for a kind of chickens; the article "a" shows the mistake.
-            self.things.append(_described(doing.nbor(-1), doing.nbor(-1)))
+            self.things.append(_describe_noun(doing.nbor(-1), doing.nbor(-1)))
             self.things[number] = replace(self.things[number], doing=doing.lower_)
-            self.things.append(_described(noun, noun, after=doing.i))
-            joined = [at for other in _joined(noun) for at in self._thing(other)]
+            self.things.append(_describe_noun(noun, noun, after=doing.i))
+            joined = [at for other in _join_nouns(noun) for at in self._thing(other)]
             self._relate([number], doing.lower_, [number + 1, *joined])
             self._hanging(noun, [number])
             return [number]
-        self.things.append(self._in_one_word(_described(noun, whole or noun)))
+        self.things.append(self._in_one_word(_describe_noun(noun, whole or noun)))
         before = len(self.relations)
-        joined = [at for other in _joined(noun) for at in self._thing(other)]
+        joined = [at for other in _join_nouns(noun) for at in self._thing(other)]
         if joined and not _children(noun, "prep", "acl", "relcl"):
             # "A teapot and three cups on a table": the place of the last noun holds for all.
             no_place = (*_PARTS, self.things[joined[-1]].doing)
@@ -347,7 +347,7 @@ def _last_word(noun: Token) -> Token | None:
     return next((word for word in after if word.pos_ == "NOUN"), None)
 
 
-def _described(noun: Token, whole: Token, after: int = -1) -> Thing:
+def _describe_noun(noun: Token, whole: Token, after: int = -1) -> Thing:
     """Returns the thing of a noun, from the words before it that come after position `after` of the text."""
     before = [word for word in whole.subtree if after < word.i < noun.i and _belongs(word, whole)]
     if (last := _last_word(noun)) is not None:
@@ -410,7 +410,7 @@ def _is_noun(word: Token) -> bool:
     return word.pos_ in ("NOUN", "PROPN", "PRON")
 
 
-def _joined(noun: Token) -> list[Token]:
+def _join_nouns(noun: Token) -> list[Token]:
     """Returns the nouns joined to a noun by "and" or apposition, without proper names and ends of its name."""
     others = [one for one in _children(noun, "conj", "appos") if _is_noun(one) and not _is_called(one)]
     return [one for one in others if one != _last_word(noun)]
@@ -430,7 +430,7 @@ def _is_depiction(noun: Token) -> bool:
     return noun.lemma_.lower() in _DEPICTIONS or (noun.lemma_ == "life" and noun.nbor(-1).lower_ == "still")
 
 
-def _shown(depiction: Token) -> Token | None:
+def _find_depicted(depiction: Token) -> Token | None:
     """Returns the noun that a depiction shows: a portrait of it, a still life with it."""
     shown = {word.lower_: noun for word in _children(depiction, "prep") if (noun := _child(word, "pobj")) is not None}
     return shown.get("of", shown.get("with"))
@@ -478,7 +478,7 @@ _WORD, _ALL_WORDS, _OTHERS = 0.15, 0.4, 0.05  # bonus for the word, bonus for al
 SEVERAL = (None, 2)  # counts of a plural that one picture may show: flowers, or a pair of scissors
 
 
-def cleaned(caption: str) -> str:
+def clean_caption(caption: str) -> str:
     """Returns a caption in small letters without article, numbers, underscores and brackets, except for colours."""
     colors = [word for word in re.findall(r"\((.*?)\)", caption.lower()) if paint_of(word) is not None]
     plain = re.sub(r"\(.*?\)|[^a-zA-Z' -]+", " ", caption)
@@ -491,7 +491,7 @@ def in_small_letters(thing: Thing) -> Thing:
     return replace(thing, name=thing.name.lower(), noun=thing.noun.lower(), plural=thing.plural.lower())
 
 
-def named(title: str) -> list[str]:
+def split_title(title: str) -> list[str]:
     """Returns the words of a title that name its thing; the last one is the noun."""
     return _FURTHER.split(title)[0].split()
 
@@ -502,7 +502,7 @@ def spoken(title: str, thing: Thing) -> float:
     words = plain.split()
     others = max(0, len(words) - len(thing.name.split()) - 1)
     name = thing.name.split()
-    unsaid = set(named(plain)[:-1] + plain.partition(" and ")[2].split()) - {*name, thing.noun}
+    unsaid = set(split_title(plain)[:-1] + plain.partition(" and ")[2].split()) - {*name, thing.noun}
     worth = -_MODIFIES * is_modified(title, thing) - _OTHERS * others - _UNSAID * bool(unsaid)
     worth += _SAID * bool(thing.doing and thing.doing in title.split())
     worth += _SAID * bool(thing.color and title == f"{thing.color} {thing.name}")
@@ -515,7 +515,7 @@ def is_modified(title: str, thing: Thing) -> bool:
 
     The last word of a name is the noun, but a word with a hyphen is a separate name: a jack-o'-lantern.
     """
-    names = named(_plain(title, thing))
+    names = split_title(_plain(title, thing))
     endings = [word.removeprefix(thing.noun) for word in title.split() if word.startswith(thing.noun)]
     is_derived = any(ending not in ("", "s", "es") for ending in endings)
     is_joined = any(word.endswith(f"-{thing.noun}") for word in names)
@@ -528,7 +528,7 @@ def is_called(title: str, thing: Thing) -> bool:
 
     For a washing machine, the title "sewing machine" does not count, but "machine" does.
     """
-    kind, wanted = set(named(title)[:-1]), set(thing.name.split()[:-1])
+    kind, wanted = set(split_title(title)[:-1]), set(thing.name.split()[:-1])
     if kind and wanted and not kind & wanted:
         return False
     words = _plain(title, thing).split()

@@ -12,12 +12,21 @@ from torch.nn import functional
 
 from frida_painter.errors import ImageError
 from frida_painter.objectives.encoders.classifiers import has_class, kin, synonyms
-from frida_painter.objectives.encoders.registry import EncoderRegistry
+from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.palette import to_lab
-from frida_painter.words.compositing import lay, muted_color, recolored, resized
+from frida_painter.words.compositing import lay, muted_color, recolor, resize
 from frida_painter.words.libraries import PictureFolder, PictureLibrary, libraries_at_hand
-from frida_painter.words.reading import SEVERAL, Thing, cleaned, in_small_letters, is_called, is_modified, named, spoken
+from frida_painter.words.reading import (
+    SEVERAL,
+    Thing,
+    clean_caption,
+    in_small_letters,
+    is_called,
+    is_modified,
+    split_title,
+    spoken,
+)
 
 # Appearance of a picture, independent of its thing: its worth as a start of a painting.
 
@@ -64,7 +73,7 @@ def has_ground(picture: Tensor) -> bool:
 
 def _lace(picture: Tensor) -> float:
     """Returns the share of a thing [4, h, w] that is narrower than a brush, such as the bars of an iron fence."""
-    small = resized(picture, _LACE_SIDE / max(picture.shape[1:]))[3]
+    small = resize(picture, _LACE_SIDE / max(picture.shape[1:]))[3]
     seen = functional.pad((small > 0.5).float()[None, None], (_BRUSH,) * 4)
     inner = -functional.max_pool2d(-seen, _BRUSH, 1, _BRUSH // 2)
     wide = functional.max_pool2d(inner, _BRUSH, 1, _BRUSH // 2)
@@ -89,7 +98,7 @@ def _flatness(picture: Tensor) -> float:
     return float((same & pairs).sum()) / max(1, int(pairs.sum()))
 
 
-_LEAST = 0.6  # similarity of a caption to a thing below which it means something else
+_MIN = 0.6  # similarity of a caption to a thing below which it means something else
 _AKIN = 0.42  # the same for substitutes of a thing without a picture
 _PART = 3  # least number of letters of a part of a compound noun
 _FIRST_PART, _LAST_PART = 0.5, 0.65  # of similarity for a first part, and similarity for a last part
@@ -169,19 +178,19 @@ class PictureIndex:
         parts: list[Tensor] = []
         before = 0
         for library in libraries:
-            captioned = library.captioned()
-            said = list(dict.fromkeys(cleaned(caption) for one in captioned for caption in one.captions))
+            captioned = library.list_captioned()
+            said = list(dict.fromkeys(clean_caption(caption) for one in captioned for caption in one.captions))
             at = {caption: before + number for number, caption in enumerate(said)}
             for one in captioned:
-                rows = tuple(at[cleaned(caption)] for caption in one.captions)
-                title, *keywords = map(cleaned, one.captions)
+                rows = tuple(at[clean_caption(caption)] for caption in one.captions)
+                title, *keywords = map(clean_caption, one.captions)
                 self._entries.append(_Entry(library, one.file, title, tuple(keywords), rows, one.realism))
             parts.append(sentences.embed_once(said, keep))
             before += len(said)
         self._meanings = torch.cat(parts)
         longest = max(len(entry.rows) for entry in self._entries)
         self._titles = torch.tensor([entry.rows[0] for entry in self._entries])
-        self._kinds = np.array([" ".join(named(entry.title)[-1:]) for entry in self._entries])
+        self._kinds = np.array([" ".join(split_title(entry.title)[-1:]) for entry in self._entries])
         self._words = torch.tensor(
             [entry.rows + (entry.rows[0],) * (longest - len(entry.rows)) for entry in self._entries]
         )
@@ -209,15 +218,15 @@ class PictureIndex:
         thing = in_small_letters(thing)
         similarity = self._similarity(thing)
         for words in shows:
-            speaks = self._captioned(words)  # a banana alone is no monkey with a banana
+            speaks = self._embed_captions(words)  # a banana alone is no monkey with a banana
             similarity = similarity.masked_fill((speaks < _SPEAKS) | (speaks > similarity), 0)
         own = self._own(thing, similarity, shows)
         akin = None if own or shows else self._akin(thing, similarity)
         similarity = similarity if akin is None else akin
-        exact = bool(own) or float(similarity.max()) >= (least or _LEAST)
+        exact = bool(own) or float(similarity.max()) >= (least or _MIN)
         if (least or (cut_out and akin is None)) and not exact:
             return None
-        least = least or (_LEAST if exact else _AKIN)
+        least = least or (_MIN if exact else _AKIN)
         context = self._similar(prompt)[self._titles]
         order = (similarity + _CONTEXT * context).argsort(descending=True)[: 4 * _LOOKED_AT].tolist()
         near = [at for at in order if similarity[at] >= max(least, float(similarity.max()) - _BAND)]
@@ -231,7 +240,9 @@ class PictureIndex:
         entry = self._entries[at]
         if entry.library.is_own:
             return True
-        another = bool(set(shows) & set(named(entry.title)[:-1]))  # a spider web shows no spider, a desk lamp no desk
+        another = bool(
+            set(shows) & set(split_title(entry.title)[:-1])
+        )  # a spider web shows no spider, a desk lamp no desk
         return not another and not (among and is_modified(entry.title, thing))
 
     def _best(
@@ -248,7 +259,7 @@ class PictureIndex:
                 break
             entry, like = self._entries[at], float(similarity[at])
             tells_color = set(thing.color.split()) <= set(entry.title.split())
-            for picture in self._shown(entry):
+            for picture in self._show(entry):
                 grounded = not entry.library.is_own and has_ground(picture)
                 if among and grounded:
                     continue
@@ -272,31 +283,31 @@ class PictureIndex:
         if found is None:
             return None
         if not found.library.is_own and not thing.color and is_colorless(found.picture):
-            found = replace(found, picture=self._tinted(found.picture, similarity))
+            found = replace(found, picture=self._tint(found.picture, similarity))
         if found.several or thing.shown == 1:
             return found
         return replace(found, others=tuple(self._alike(chosen, thing.shown - 1)))
 
-    def _tinted(self, silhouette: Tensor, similarity: Tensor) -> Tensor:
+    def _tint(self, silhouette: Tensor, similarity: Tensor) -> Tensor:
         """Returns a silhouette in the colour of the most similar coloured picture: a tortoise like a turtle."""
         for at in similarity.argsort(descending=True)[:_LOOKED_AT_FOR_COLOR].tolist():
             entry = self._entries[at]
-            if similarity[at] < _LEAST or entry.realism < _MODELLED:
+            if similarity[at] < _MIN or entry.realism < _MODELLED:
                 continue
-            for picture in self._shown(entry)[:1]:
+            for picture in self._show(entry)[:1]:
                 if not has_ground(picture) and not is_colorless(picture):
-                    return recolored(silhouette, muted_color(picture))
+                    return recolor(silhouette, muted_color(picture))
         return silhouette
 
     def _alike(self, chosen: int, most: int) -> list[Tensor]:
         """Returns other cut-outs of the same library with the same title."""
         kind = self._entries[chosen].kind
         alike = (entry for at, entry in enumerate(self._entries) if at != chosen and entry.kind == kind)
-        shown = (picture for entry in alike for picture in self._shown(entry)[:1])
+        shown = (picture for entry in alike for picture in self._show(entry)[:1])
         others = (picture for picture in shown if not has_ground(picture) and not is_colorless(picture))
         return list(itertools.islice(others, most))
 
-    def _shown(self, entry: _Entry) -> list[Tensor]:
+    def _show(self, entry: _Entry) -> list[Tensor]:
         """Returns the variants of a picture; none if it cannot be read."""
         try:
             return entry.library.pictures(entry.file)
@@ -323,31 +334,31 @@ class PictureIndex:
         found = []
         for at, entry in enumerate(self._entries):
             if entry.library.is_own:
-                words = set(entry.title.split() if shows else named(entry.title))
+                words = set(entry.title.split() if shows else split_title(entry.title))
                 if similarity[at] >= _NAMED or all(words & name for name in names):
                     found.append(at)
         return found
 
     def _similarity(self, thing: Thing) -> Tensor:
         """Returns the similarity of each picture's captions to a thing, [n]."""
-        called = self._captioned(thing.name)
+        called = self._embed_captions(thing.name)
         if thing.color:
-            colored = self._captioned(f"{thing.color} {thing.name}")
+            colored = self._embed_captions(f"{thing.color} {thing.name}")
             said = torch.where(colored >= _SAME, colored + _COLORED, torch.minimum(colored, called + _COLORED))
             called = torch.maximum(called, said)
         if thing.doing:
             for words in (f"{thing.name} {thing.doing}", f"{thing.doing} {thing.name}"):
-                called = torch.maximum(called, self._captioned(words))
+                called = torch.maximum(called, self._embed_captions(words))
         if thing.plural and thing.count in SEVERAL:
-            called = torch.maximum(called, self._captioned(f"{thing.name.removesuffix(thing.noun)}{thing.plural}"))
+            called = torch.maximum(called, self._embed_captions(f"{thing.name.removesuffix(thing.noun)}{thing.plural}"))
         called = self._by_its_parts(called, thing.noun)
         for other in synonyms(thing.name):
-            called = torch.maximum(called, self._captioned(other).masked_fill(called < _AGREES, 0))
+            called = torch.maximum(called, self._embed_captions(other).masked_fill(called < _AGREES, 0))
         if thing.noun == thing.name:
             return called
         # An older man is a man, but a slot machine is no sewing machine.
-        is_one = torch.from_numpy(self._kinds == thing.noun) & (called >= _LEAST)
-        noun = self._captioned(thing.noun).masked_fill(is_one, 1)
+        is_one = torch.from_numpy(self._kinds == thing.noun) & (called >= _MIN)
+        noun = self._embed_captions(thing.noun).masked_fill(is_one, 1)
         return ((1 - _NOUN) * called + _NOUN * noun).masked_fill(noun < _SPEAKS, 0)  # stones are no stone bridge
 
     def _by_its_parts(self, called: Tensor, noun: str) -> Tensor:
@@ -358,7 +369,7 @@ class PictureIndex:
         splits = [(noun[:at], noun[at:]) for at in range(_PART, len(noun) - _PART + 1)]
         for first, last in splits:
             if first in kinds and last in kinds:
-                called = torch.maximum(called, self._captioned(f"{first} {last}"))
+                called = torch.maximum(called, self._embed_captions(f"{first} {last}"))
         is_first = torch.from_numpy(np.isin(self._kinds, [first for first, _ in splits]))
         is_last = torch.from_numpy(np.isin(self._kinds, [last for _, last in splits]))
         called = torch.where(is_first, _FIRST_PART * called, called)
@@ -366,15 +377,15 @@ class PictureIndex:
 
     def _akin(self, thing: Thing, similarity: Tensor) -> Tensor | None:
         """Returns the similarities of related living things if a thing has no picture; None if there are none."""
-        if float(torch.maximum(similarity, self._captioned(thing.noun)).max()) >= _NAMED:
+        if float(torch.maximum(similarity, self._embed_captions(thing.noun)).max()) >= _NAMED:
             return None
         akin = torch.zeros(len(self._entries))
         for number, other in enumerate(kin(thing.name)):
-            like = max(_AKIN, _LEAST - _FARTHER_KIN * (number + 1))
-            akin = torch.maximum(akin, like * (self._captioned(other) >= _SAME))
+            like = max(_AKIN, _MIN - _FARTHER_KIN * (number + 1))
+            akin = torch.maximum(akin, like * (self._embed_captions(other) >= _SAME))
         return akin if float(akin.max()) > 0 else None
 
-    def _captioned(self, words: str) -> Tensor:
+    def _embed_captions(self, words: str) -> Tensor:
         """Returns the similarity of words to each picture: the title's, or a keyword's, weighted by the title's."""
         similar = self._similar(words)
         title, keyword = similar[self._titles], similar[self._words].amax(1) - _KEYWORD

@@ -8,19 +8,17 @@ from torch import Tensor
 
 from frida_painter import images
 from frida_painter.frames import PixelGrid
-from frida_painter.objectives.encoders.registry import EncoderRegistry
+from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
-from frida_painter.objectives.sketch_loss import colored
-from frida_painter.words.arrangement import ScenePart, arranged, copies, is_person, known_like, with_figures
-from frida_painter.words.compositing import composited_into_style, is_colored, recolored
-from frida_painter.words.composition import ComposedScene, composed, photographed, saliency
-from frida_painter.words.libraries import faded
+from frida_painter.objectives.sketch_loss import color_drawing
+from frida_painter.words.arrangement import ScenePart, arrange_parts, copies, is_person, known_like, with_figures
+from frida_painter.words.compositing import composite_into_style, is_colored, recolor
+from frida_painter.words.composition import ComposedScene, compose_photograph, compose_scene, saliency
+from frida_painter.words.libraries import fade_edges
 from frida_painter.words.meaning import Text
-from frida_painter.words.reading import MOST_THINGS, Reading, Relation, Thing, paint_of, prompt_reader
-from frida_painter.words.retrieval import FoundPicture, PictureIndex, has_ground, is_colorless, picture_index
-from frida_painter.words.settings import (
+from frida_painter.words.places import (
     CLEAR,
     DAY,
     FOREST,
@@ -30,12 +28,14 @@ from frida_painter.words.settings import (
     SKY,
     TIMES,
     Setting,
-    implied_place,
+    find_light,
+    find_place,
+    find_weather,
     in_color,
-    named_light,
-    named_place,
-    named_weather,
+    infer_place,
 )
+from frida_painter.words.reading import MAX_THINGS, Reading, Relation, Thing, paint_of, prompt_reader
+from frida_painter.words.retrieval import FoundPicture, PictureIndex, has_ground, is_colorless, picture_index
 
 # Casting: the choice of a picture for each thing, alone or together with others.
 
@@ -72,7 +72,7 @@ class SceneThing:
         named = set(color.split()) <= set(self.found.caption.split())
         if paint is None or " and " in color or named or is_colored(picture, paint):
             return picture
-        return recolored(picture, paint)
+        return recolor(picture, paint)
 
     @property
     def told(self) -> str:
@@ -262,10 +262,12 @@ def scene_of(
     """
     reading, index = prompt_reader(encoders).read(prompt), picture_index(encoders)
     sentences = encoders.sentences()
-    reading = replace(reading, relations=tuple(_laid(one, reading.things, sentences) for one in reading.relations))
+    reading = replace(
+        reading, relations=tuple(_lay_on_table(one, reading.things, sentences) for one in reading.relations)
+    )
     setting, settled = _setting(reading, index, encoders)
     if len(settled) == len(reading.things) and setting.place is not PAPER:
-        reading = _peopled(reading, setting, sentences)
+        reading = _people_place(reading, setting, sentences)
     reading = with_figures(reading, lambda thing: index is not None and index.has_own(thing))
     things, relations = cast(reading, settled, prompt, index, encoders, seed, in_place=setting.place is not PAPER)
     shown = [one for one in things if one is not None and one.found is not None]
@@ -278,7 +280,7 @@ def scene_of(
                 f"That picture has a ground of its own and fills the canvas; {', '.join(left_out)} could not be added."
             )
         picture, words = whole.colored[:3], Text(whole.thing.name, encoders.readers(), seed)
-        return photographed(picture, saliency(picture, words.glance, seed), setting, grid, seed)
+        return compose_photograph(picture, saliency(picture, words.glance, seed), setting, grid, seed)
     if setting.place is PAPER:
         carried = {id(things[one.subject]) for one in relations if one.word in _CARRIED}
         standing = [one for one in shown if id(one) not in carried] or shown
@@ -286,10 +288,10 @@ def scene_of(
         names = names or [thing.name for thing in reading.things[:1]]
         asked = setting.is_named or not shown
         outside = setting.weather != CLEAR
-        place = implied_place(names, sentences, _IMPLIED, outside=outside)
+        place = infer_place(names, sentences, _IMPLIED, outside=outside)
         place = HILLS if place is PAPER and asked else place
         setting = replace(setting, place=place, is_named=asked)
-    things = _dressed(things, relations, sentences)
+    things = _dress(things, relations, sentences)
     among = len(shown) > 1 or setting.is_named
     pasted = [
         one for one in shown if among and one.found and one.found.library.is_own and has_ground(one.found.picture)
@@ -304,14 +306,14 @@ def scene_of(
         if one.thing.doing == "flying" and not is_flown:
             known = known._replace(where="air")
         between = any(relation.object == number and relation.word == "between" for relation in relations)
-        pictures = [faded(one.colored)] if any(one is each for each in pasted) else one.each
+        pictures = [fade_edges(one.colored)] if any(one is each for each in pasted) else one.each
         parts.append(ScenePart(copies(pictures, one.thing.shown, known.where, seed + number, apart=between), known))
     known_parts = [part.known for part in parts if part is not None]
     over = {
         one.subject for one in reading.relations if one.word in ("over", "above", "across") and one.object in settled
     }
     in_the_air = bool(known_parts) and (all(part.where == "air" for part in known_parts) or _subjects(things, over))
-    scene = composed(arranged(parts, relations), setting, grid, seed, in_the_air=in_the_air)
+    scene = compose_scene(arrange_parts(parts, relations), setting, grid, seed, in_the_air=in_the_air)
     _tell(reading, things, setting, encoders, use, index)
     for one in pasted:
         encoders.remark(
@@ -328,7 +330,7 @@ def _fills_the_canvas(one: SceneThing, shown: list[SceneThing]) -> bool:
     return not one.found.library.is_own or (len(shown) == 1 and one.thing.shown == 1)
 
 
-def _laid(relation: Relation, things: Sequence[Thing], sentences: SentenceEncoder) -> Relation:
+def _lay_on_table(relation: Relation, things: Sequence[Thing], sentences: SentenceEncoder) -> Relation:
     """Returns the relation, turned around for a table "with" a small thing: the lamp is on the desk."""
     if relation.word != "with":
         return relation
@@ -340,7 +342,7 @@ def _laid(relation: Relation, things: Sequence[Thing], sentences: SentenceEncode
     return Relation(relation.object, "on", relation.subject) if is_small else relation
 
 
-def _dressed(
+def _dress(
     things: list[SceneThing | None], relations: list[Relation], sentences: SentenceEncoder
 ) -> list[SceneThing | None]:
     """Merges clothes into their wearers, who take the colour of the clothes."""
@@ -355,7 +357,7 @@ def _dressed(
     return dressed
 
 
-def _peopled(reading: Reading, setting: Setting, sentences: SentenceEncoder) -> Reading:
+def _people_place(reading: Reading, setting: Setting, sentences: SentenceEncoder) -> Reading:
     """Adds the usual things to a place that is named alone: boats in a harbour."""
     found = [name for name in setting.place.found if name not in reading.absent]
     if not found:
@@ -378,24 +380,24 @@ def _setting(reading: Reading, index: PictureIndex | None, encoders: EncoderRegi
     sentences, setting, settled = encoders.sentences(), Setting(), set[int]()
     for number, thing in enumerate(reading.things):
         beside = {one.word for one in reading.relations if one.object == number and one.word in _BY_THINGS}
-        under_sky = bool(beside) and beside <= set(_UNDER) and named_place(thing.noun, sentences) is SKY
+        under_sky = bool(beside) and beside <= set(_UNDER) and find_place(thing.noun, sentences) is SKY
         if beside and not under_sky and not beside <= set(_BEFORE):
             continue
         subject_only = len(reading.things) == 1
         # A thing with its own picture stays a thing: a tree is no forest.
         least = 0.0 if index is None else index.nearest(thing) - _ROUNDING
         least = max(least, NAMED_ALONE) if beside <= set(_BEFORE) and beside else least
-        place = named_place(thing.noun, sentences, least)
+        place = find_place(thing.noun, sentences, least)
         if place is None and thing.count is None and thing.plural and number:  # mountains, but not a single mountain
-            place = named_place(thing.plural, sentences, least)
+            place = find_place(thing.plural, sentences, least)
         if place is None and any(one.object == number and one.word in _SUPPORTS for one in reading.relations):
             # A table that carries things is shown by its top.
-            top = named_place(thing.noun, sentences)
+            top = find_place(thing.noun, sentences)
             place = top if top is not None and not top.is_open else None
-        light = named_light(thing.noun, sentences, least)
-        weather = named_weather(thing.noun, sentences, least)
+        light = find_light(thing.noun, sentences, least)
+        weather = find_weather(thing.noun, sentences, least)
         if light is None and weather is None and place is None and thing.name != thing.noun:
-            place = named_place(thing.name, sentences, max(least, _SURE))
+            place = find_place(thing.name, sentences, max(least, _SURE))
         if under_sky:  # the sky is over any place; the words before it tell its light and weather
             setting = replace(setting, is_named=True)
             settled.add(number)
@@ -414,9 +416,9 @@ def _setting(reading: Reading, index: PictureIndex | None, encoders: EncoderRegi
             setting = replace(setting, weather=weather, is_named=True)
             settled.add(number)
         for word in thing.name.split()[:-1]:
-            if setting.light == DAY and (felt := named_light(word, sentences, _SURE)) is not None:
+            if setting.light == DAY and (felt := find_light(word, sentences, _SURE)) is not None:
                 setting = replace(setting, light=felt, is_named=True)
-            if setting.weather == CLEAR and (felt_weather := named_weather(word, sentences, _SURE)) is not None:
+            if setting.weather == CLEAR and (felt_weather := find_weather(word, sentences, _SURE)) is not None:
                 setting = replace(setting, weather=felt_weather, is_named=True)
     if setting.weather.rain and setting.light == DAY:
         setting = replace(setting, light=GREY)
@@ -439,7 +441,7 @@ def _tell(
     place = f", on {setting.words}" if setting.is_named else ""
     encoders.remark(f"{use.capitalize()} {told}{place}{made}.")
     if reading.too_many:
-        encoders.remark(f"The words name more than {MOST_THINGS} things; the first ones are painted.")
+        encoders.remark(f"The words name more than {MAX_THINGS} things; the first ones are painted.")
     missing = [one.thing.label for one in things if one is not None and not (one.found and one.found.exact)]
     if missing:
         encoders.remark(
@@ -475,7 +477,7 @@ def initial_composition(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, 
         if any(term.picture is not None for term in goal.initial):
             return goal
         if styles:
-            return _begun_with_style(goal, styles[0], words, weight, grid, encoders, seed) if words else goal
+            return _start_with_style(goal, styles[0], words, weight, grid, encoders, seed) if words else goal
         if not first:
             return goal
         begun = _term(scene_of(first[0], grid, encoders, seed))
@@ -491,7 +493,7 @@ def initial_composition(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, 
     else:
         drawing = images.fit(drawing, grid.rows, grid.columns)
         like = scene_of(words, grid, encoders, seed, "coloured like").picture if style is None else style
-        begun = _filled(drawing, like, weight * _AMONG)
+        begun = _fill_drawing(drawing, like, weight * _AMONG)
     return Goal((*goal.terms, begun), (replace(begun, weight=1.0),))
 
 
@@ -501,15 +503,15 @@ def _term(scene: ComposedScene, weight: float = 1.0) -> ImageTerm:
     return ImageTerm(scene.picture, weight, matters / matters.mean())
 
 
-def _filled(drawing: Tensor, like: Tensor, weight: float) -> ImageTerm:
+def _fill_drawing(drawing: Tensor, like: Tensor, weight: float) -> ImageTerm:
     """Returns a drawing [3, H, W] in the colours of a picture, as a term: lines and enclosed areas have more weight."""
-    picture = colored(drawing, like)
+    picture = color_drawing(drawing, like)
     matters = 1 + (_SUBJECT - 1) * (picture != picture[:, :1, :1]).any(0).to(picture)
     return ImageTerm(picture, weight, matters / matters.mean())
 
 
 @torch.no_grad()
-def _begun_with_style(
+def _start_with_style(
     goal: Goal, style: Tensor, words: str, weight: float, grid: PixelGrid, encoders: EncoderRegistry, seed: int
 ) -> Goal:
     """Returns the goal that begins with the style picture, with the thing of the words in it, and keeps to it."""
@@ -518,7 +520,7 @@ def _begun_with_style(
         encoders.remark(f"No picture was found for {words[:60]!r}; begun with the style picture alone.")
         return goal
     scene = images.fit(style, grid.rows, grid.columns)
-    shown = composited_into_style(thing.colored, scene, keeps_colors=bool(thing.thing.color))
+    shown = composite_into_style(thing.colored, scene, keeps_colors=bool(thing.thing.color))
     matters = 1 + (_MATTERS - 1) * shown.where
     kept = ImageTerm(shown.picture, _STAGED * weight, matters / matters.mean())
     encoders.remark(f"Begun with {thing.told}, laid into the style picture{thing.credit}.")

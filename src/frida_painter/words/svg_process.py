@@ -7,7 +7,7 @@ import sys
 
 _SECONDS = 10
 _MEMORY = 2 * 2**30  # bytes
-_MOST = 16 * 2**20
+_MAX = 16 * 2**20
 
 
 def main() -> None:
@@ -21,7 +21,7 @@ def main() -> None:
         pass  # not on this system; the caller's time limit remains
     import resvg_py
 
-    size, _, svg = sys.stdin.buffer.read(_MOST).partition(b"\n")
+    size, _, svg = sys.stdin.buffer.read(_MAX).partition(b"\n")
     width, height = map(int, size.split())
     drawn = resvg_py.svg_to_bytes(svg_string=svg.decode("utf-8"), width=width, height=height, skip_system_fonts=True)
     sys.stdout.buffer.write(bytes(drawn))

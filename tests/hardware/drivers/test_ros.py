@@ -21,14 +21,14 @@ HOME = (0.25, -0.1, 0.3)
 class Air:
     """All connections between the driver and the arm."""
 
-    ears: dict[str, list[Callable[[Any], None]]] = field(default_factory=dict)
+    listeners: dict[str, list[Callable[[Any], None]]] = field(default_factory=dict)
     broken: set[str] = field(default_factory=set)
     deaf: bool = False
     opened: int = 0
 
     def tell(self, topic: str, message: dict[str, Any]) -> None:
-        for ear in self.ears.get(topic, []):
-            ear(message)
+        for listener in self.listeners.get(topic, []):
+            listener(message)
 
 
 @dataclass
@@ -47,7 +47,7 @@ class AirConnection:
         self.air.opened += 1
 
     def hear(self, topic: str, kind: str, tell: Callable[[Any], None]) -> None:
-        self.air.ears.setdefault(topic, []).append(tell)
+        self.air.listeners.setdefault(topic, []).append(tell)
 
     def announce(self, topic: str, kind: str) -> None: ...
 
@@ -62,7 +62,7 @@ class AirConnection:
     def close(self) -> None:
         self.air.opened -= self.is_open
         self.is_open = False
-        self.air.ears.clear()
+        self.air.listeners.clear()
 
 
 @pytest.fixture
@@ -123,7 +123,7 @@ def test_whatever_the_arm_does_becomes_a_typed_error_and_it_is_told_to_stop(
 ) -> None:
     monkeypatch.setattr(ros, "PATIENCE", 0.3)
     monkeypatch.setattr(ros, "_SILENCE", 0.3)
-    monkeypatch.setattr(ros, "time_allowed", lambda path, speed: 0.4)
+    monkeypatch.setattr(ros, "motion_timeout", lambda path, speed: 0.4)
     robot.connect()
     arm.misbehave = fault
     with pytest.raises(error, match=says):

@@ -39,7 +39,7 @@ def test_of_a_process_that_is_gone_nothing_is_believed() -> None:
     gone.wait()
     asked = CpuActivity(gone.pid)
     time.sleep(0.6)
-    assert not asked.thinking() and asked.starved() == 0.0
+    assert not asked.thinking() and asked.starved_seconds() == 0.0
 
 
 @pytest.mark.slow
@@ -58,13 +58,13 @@ def test_what_waits_for_a_processor_is_told_from_what_waits_for_nothing() -> Non
         first, _ = start("while True: pass"), start("while True: pass")
         sleeper = start("import time; time.sleep(600)")
         time.sleep(1.0)  # by then it sleeps, on a busy computer too
-        before = first.starved(), sleeper.starved()
+        before = first.starved_seconds(), sleeper.starved_seconds()
         deadline = time.monotonic() + 60
-        while first.starved() - before[0] < 0.5:
-            sleeper.starved()
+        while first.starved_seconds() - before[0] < 0.5:
+            sleeper.starved_seconds()
             assert time.monotonic() < deadline, "nothing was counted"
             time.sleep(0.05)
-        assert sleeper.starved() - before[1] < 0.1
+        assert sleeper.starved_seconds() - before[1] < 0.1
 
 
 def test_a_wait_that_lasts_is_counted_before_the_system_counts_it_and_only_once() -> None:

@@ -48,7 +48,7 @@ class Painter:
     def thinking(self) -> bool:
         return self.busy
 
-    def starved(self) -> float:
+    def starved_seconds(self) -> float:
         return self.counted()
 
 

@@ -10,7 +10,7 @@ from skimage import data
 import frida_painter as fp
 from frida_painter.errors import PlanError, TryFailed
 from frida_painter.lab.sweeps import runner as sweeps
-from frida_painter.lab.sweeps.runner import best_candidate, ranked
+from frida_painter.lab.sweeps.runner import best_candidate, rank_plans
 from frida_painter.runs.settle import ground_of
 from marks import coarse_table
 from sweep_engine import Here
@@ -31,19 +31,19 @@ def test_the_plan_of_the_best_seed_is_chosen(tmp_path: Path, spec: fp.RunSpec, m
     best = best_candidate(spec, 3, tmp_path / "candidates", notify=lambda progress: None)
     expected = {}
     for seed in (7, 8, 9):
-        with fp.PaintingRun(spec.changed(seed=seed)) as run:
+        with fp.PaintingRun(spec.with_values(seed=seed)) as run:
             plan = run.plan()
             expected[seed] = run.planner.forecast(plan, run.planner.bare).expected, plan
     assert best.spec.seed == max(expected, key=lambda seed: expected[seed][0])
     assert torch.equal(best.plan.strokes.position, expected[best.spec.seed][1].strokes.position)
     assert best.comparison.startswith(f"The best of 3 seeds is {best.spec.seed}: expected dB ")
-    assert best.spec == spec.changed(seed=best.spec.seed, ground="white")
+    assert best.spec == spec.with_values(seed=best.spec.seed, ground="white")
 
 
 @pytest.mark.slow
 def test_the_ground_of_the_best_is_that_of_its_plan(tmp_path: Path, spec: fp.RunSpec, monkeypatch) -> None:
     monkeypatch.setattr(sweeps, "open_engine", lambda *limits, **where: Here())
-    best = best_candidate(spec.changed(ground="auto"), 1, tmp_path / "candidates", notify=lambda progress: None)
+    best = best_candidate(spec.with_values(ground="auto"), 1, tmp_path / "candidates", notify=lambda progress: None)
     assert best.spec.ground == ground_of(best.plan) != "white"
 
 
@@ -53,9 +53,9 @@ def test_words_are_judged_by_what_they_say_and_not_by_the_pixels_of_their_beginn
         for decibels, loss in ((20.0, 0.9), (15.0, 0.4))
     )
     words = fp.RunSpec.of(goal=[{"text": "a lemon"}])
-    assert ranked(words, [near, right]) == ("loss of the plan", [right, near])
-    assert ranked(spec, [right, near]) == ("expected dB", [near, right])
-    assert ranked(spec, [near, {"figures": {"loss of the plan": 0.4}}])[0] == "loss of the plan"
+    assert rank_plans(words, [near, right]) == ("loss of the plan", [right, near])
+    assert rank_plans(spec, [right, near]) == ("expected dB", [near, right])
+    assert rank_plans(spec, [near, {"figures": {"loss of the plan": 0.4}}])[0] == "loss of the plan"
 
 
 def test_where_no_seed_makes_a_plan_the_reason_is_told(tmp_path: Path, spec: fp.RunSpec, monkeypatch) -> None:

@@ -18,10 +18,10 @@ from frida_painter.cli import commands
 from frida_painter.errors import ConfigError, StorageError, SweepBusy, TryFailed, WorkerUnfit
 from frida_painter.lab.sweeps import runner
 from frida_painter.lab.sweeps import runner as sweeps
-from frida_painter.lab.sweeps.folder import RunFolder, SweepFolder
 from frida_painter.lab.sweeps.report import SweepProgress, status_of
 from frida_painter.lab.sweeps.runner import Assignment, perform
-from frida_painter.lab.sweeps.spec import SweepRun
+from frida_painter.lab.sweeps.sweep_folder import RunFolder, SweepFolder
+from frida_painter.lab.sweeps.sweep_spec import SweepRun
 from frida_painter.plan import Plan
 from marks import coarse_table
 from sweep_engine import Here
@@ -333,5 +333,5 @@ def test_the_command_line_does_a_sweep_in_processes(tmp_path: Path, photo: Path)
     )  # fmt: skip
     assert said.returncode == 0, said.stderr
     assert said.stdout.startswith("2 runs of 2 done; 2 in ")
-    assert SweepFolder(tmp_path / "out").asked()[0].title == "tiny"
+    assert SweepFolder(tmp_path / "out").read_request()[0].title == "tiny"
     assert status_of(tmp_path / "out").progress.done == 2

@@ -14,7 +14,7 @@ from PIL import Image
 from frida_painter import images
 from frida_painter.errors import WeightsError
 from frida_painter.objectives.encoders.clip import MEAN, SPREAD, Clip
-from tiny_clip import MOST_TOKENS, PATCH, SIDE, write_clip
+from tiny_clip import MAX_TOKENS, PATCH, SIDE, write_clip
 from tiny_weights import Trap, serving
 
 
@@ -76,7 +76,7 @@ def test_slopes_reach_the_pictures(clip: Clip) -> None:
 
 
 def test_words_beyond_what_it_can_read_are_cut_and_it_is_known(clip: Clip) -> None:
-    readable = MOST_TOKENS - 2
+    readable = MAX_TOKENS - 2
     assert clip.reads_all("a" * readable) and not clip.reads_all("a" * (readable + 1))
     assert torch.equal(clip.embed_text("a" * readable + "bcd"), clip.embed_text("a" * readable + "xyz"))
 

@@ -5,8 +5,8 @@ import torch
 
 from downloads import fetched
 from frida_painter.objectives.encoders.classifiers import class_names, kin, synonyms
-from frida_painter.objectives.encoders.registry import EncoderRegistry
-from networks import WordBag, random_reader
+from frida_painter.objectives.encoders.loading import EncoderRegistry
+from support.networks import WordBag, random_reader
 
 
 def views() -> torch.Tensor:
@@ -28,7 +28,7 @@ def test_a_picture_means_a_mixture_of_its_classes() -> None:
 
 @pytest.mark.parametrize(("prompt", "number"), [("a lighthouse", 437), ("a ladybird", 301), ("a strawberry", 949)])
 def test_words_ask_for_the_class_that_has_one_of_their_names(prompt: str, number: int) -> None:
-    wanted = random_reader().wanted(prompt)
+    wanted = random_reader().class_weights(prompt)
     assert float(wanted.sum()) == pytest.approx(1, abs=1e-5)
     assert int(wanted.argmax()) == number and float(wanted[number]) > 0.5
 
@@ -40,7 +40,7 @@ def test_the_distance_is_half_cosine_and_half_cross_entropy_and_has_a_slope_ever
     assert float(pictures.grad.abs().amax((1, 2, 3)).min()) > 0
     cosine = 1 - reader.embed_pictures(views()) @ reader.embed_text("a strawberry")
     seen = reader._classifier.logits(views()).log_softmax(1)
-    surprise = -(seen @ reader.wanted("a strawberry")) / math.log(1000)
+    surprise = -(seen @ reader.class_weights("a strawberry")) / math.log(1000)
     assert torch.allclose(apart, (cosine + surprise) / 2, atol=1e-4)
 
 

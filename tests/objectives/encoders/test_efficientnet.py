@@ -8,7 +8,7 @@ from downloads import fetched
 from frida_painter import weights
 from frida_painter.errors import WeightsError
 from frida_painter.objectives.encoders.classifiers import EfficientNetLite
-from networks import random_lite_tensors
+from support.networks import random_lite_tensors
 
 
 def test_the_folded_stem_is_the_convolution_and_its_normalisation() -> None:

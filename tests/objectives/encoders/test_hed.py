@@ -5,7 +5,7 @@ from downloads import fetched
 from frida_painter import images, weights
 from frida_painter.errors import WeightsError
 from frida_painter.objectives.encoders.vgg import Hed
-from networks import random_hed_tensors
+from support.networks import random_hed_tensors
 
 
 def test_edges_are_the_weighted_sum_of_the_sides() -> None:

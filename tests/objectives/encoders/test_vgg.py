@@ -4,9 +4,9 @@ from torch.nn import functional
 
 from downloads import fetched
 from frida_painter.errors import WeightsError
-from frida_painter.objectives.encoders.registry import EncoderRegistry
+from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.encoders.vgg import Vgg16
-from networks import random_vgg_tensors
+from support.networks import random_vgg_tensors
 
 
 def test_layers_are_what_the_convolutions_make_one_after_the_other() -> None:

@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { between, Drawing, following, MOST_ZOOM, moved, WHOLE, zoomed } from "../../../src/frida_painter/web/static/drawing.js";
+import { between, Drawing, following, MAX_ZOOM, moved, WHOLE, zoomed } from "../../../src/frida_painter/web/static/drawing.js";
 
 const line = (erase = false) => ({ points: [[1, 1, 0.5]], color: "#000", width: 0.1, erase, pen: false });
 
@@ -64,7 +64,7 @@ test("no view leaves a part of the window empty", () => {
   for (let step = 0; step < 500; step += 1) {
     const chance = () => (Math.sin(step * 12.9898 + view.scale) * 43758.5453) % 1;
     view = step % 2 ? zoomed(view, 0.4 + 2 * Math.abs(chance()), [Math.abs(chance()), 0.5]) : moved(view, chance(), -chance());
-    assert.ok(1 <= view.scale && view.scale <= MOST_ZOOM);
+    assert.ok(1 <= view.scale && view.scale <= MAX_ZOOM);
     for (const corner of [view.x, view.y]) assert.ok(corner <= 1e-9 && corner + view.scale >= 1 - 1e-9);
   }
 });

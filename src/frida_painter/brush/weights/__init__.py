@@ -10,7 +10,7 @@ from frida_painter.brush.kinds import BROAD, FINE, MEDIUM, BrushKind, BrushModel
 from frida_painter.brush.param2stroke import Param2Stroke
 from frida_painter.brush.training import ModelFile
 from frida_painter.errors import WeightsError
-from frida_painter.storage import shown
+from frida_painter.storage import abridge
 
 _KINDS_OF_MODEL: dict[str, type[StrokeField] | type[Param2Stroke]] = {
     field.FORMAT: StrokeField,
@@ -28,7 +28,7 @@ def load_stroke_model(brush: str | Path) -> StrokeModel:
     registered = brushes.get(str(brush))
     if registered is None and not Path(brush).suffix:  # not a file: the name is misspelt
         raise WeightsError(
-            f"{shown(brush)} is no brush; give {', '.join(brushes)}, or the path of weights (.safetensors) that you "
+            f"{abridge(brush)} is no brush; give {', '.join(brushes)}, or the path of weights (.safetensors) that you "
             "trained."
         )
     return load_weights(Path(brush)) if registered is None else registered.load(BrushModel).load()
@@ -50,11 +50,11 @@ def load_weights(path: Path) -> StrokeField | Param2Stroke:
             f"{path} holds a stroke model of an unknown kind; give a file that this version of "
             "`frida-painter strokes train` wrote."
         )
-    return _KINDS_OF_MODEL[file.format].restored(file)
+    return _KINDS_OF_MODEL[file.format].restore(file)
 
 
-def _shipped(kind: BrushKind) -> BrushModel:
+def _load_shipped(kind: BrushKind) -> BrushModel:
     return BrushModel(kind, lambda: load_weights(Path(__file__).with_name(f"{kind.name}.safetensors")))
 
 
-FINE_MODEL, MEDIUM_MODEL, BROAD_MODEL = _shipped(FINE), _shipped(MEDIUM), _shipped(BROAD)
+FINE_MODEL, MEDIUM_MODEL, BROAD_MODEL = _load_shipped(FINE), _load_shipped(MEDIUM), _load_shipped(BROAD)

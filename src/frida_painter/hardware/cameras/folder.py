@@ -86,7 +86,7 @@ class FolderCamera:
                 f"{str(path)!r} is no folder, nor a picture in one; give the folder into which your camera's pictures "
                 f"come, or a file that it overwrites ({', '.join(picture_file.SUFFIXES)})."
             )
-        self._shutter.opened()
+        self._shutter.mark_connected()
 
     def capture(self, newer_than: float) -> Frame:
         """Waits for a picture that was taken after `newer_than` (s, monotonic) and was not given before.
@@ -119,7 +119,7 @@ class FolderCamera:
 
     def close(self) -> None:
         """Marks the camera as closed."""
-        self._shutter.closed()
+        self._shutter.mark_disconnected()
 
     def _frame(self, file: _File, captured_at: float, newer_than: float) -> Frame | None:
         """Returns the photograph in a file; None if the file is incomplete, has changed, or holds an old picture."""
@@ -128,7 +128,7 @@ class FolderCamera:
         )  # not at module level: listing the camera kinds must not load the picture libraries
 
         time.sleep(_STILL)
-        if _looked_at(file.path) != file:
+        if _look_at(file.path) != file:
             return None
         try:
             exposed = picture_file.exposure_time(file.path)
@@ -195,7 +195,7 @@ class FolderCamera:
             raise CameraError(
                 f"The folder {str(path)!r} cannot be read any more ({gone.strerror}); look at it."
             ) from gone
-        return [file for file in map(_looked_at, paths) if file and not file.path.name.startswith(".")]
+        return [file for file in map(_look_at, paths) if file and not file.path.name.startswith(".")]
 
     def _nothing_new(self) -> str:
         newest = next(iter(self._files()), None)
@@ -220,12 +220,12 @@ def _moment(when: float | None) -> str:
 
 def _kind(file: _File) -> str:
     """Returns the format of a file according to its first bytes; "" if it cannot be opened."""
-    with suppress(ImageError), storage.opened(file.path, "a picture", storage.MAX_BYTES, ImageError) as content:
+    with suppress(ImageError), storage.open_checked(file.path, "a picture", storage.MAX_BYTES, ImageError) as content:
         return picture_file.format_of(content.read(512))
     return ""
 
 
-def _looked_at(path: Path) -> _File | None:
+def _look_at(path: Path) -> _File | None:
     try:
         facts = path.stat()
     except OSError:

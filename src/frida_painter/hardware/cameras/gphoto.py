@@ -38,23 +38,23 @@ class GphotoCamera:
         camera = gphoto2.Camera()
         self._asking("connect", camera.init, _OPENING)
         self._camera = camera
-        self._shutter.opened()
+        self._shutter.mark_connected()
 
     def capture(self, newer_than: float) -> Frame:
         """Takes and downloads a photograph. Raises CameraError, or StaleFrame if it is not newer than `newer_than`."""
         self._shutter.require_open()
         asked = time.monotonic()
-        image = self._asking("photograph", self._taken, _EXPOSING)
+        image = self._asking("photograph", self._take, _EXPOSING)
         return self._shutter.frame(image, asked, newer_than)
 
     def close(self) -> None:
         """Disconnects the camera. Raises CameraError if the library fails."""
         camera, self._camera = self._camera, None
-        self._shutter.closed()
+        self._shutter.mark_disconnected()
         if camera is not None:
             self._asking("close", camera.exit, _OPENING)
 
-    def _taken(self) -> Any:
+    def _take(self) -> Any:
         """Takes a photograph and returns it upright, in sRGB bytes."""
         from frida_painter import (
             images,

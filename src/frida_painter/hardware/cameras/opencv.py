@@ -40,21 +40,21 @@ class OpencvCamera:
     def connect(self) -> None:
         """Opens the device and takes one test photograph. Raises CameraError."""
         self.close()
-        device = self._shutter.asking("connect", self._opened, _OPENING)
+        device = self._shutter.asking("connect", self._open_device, _OPENING)
         self._device = device
-        self._shutter.opened()
+        self._shutter.mark_connected()
         try:
             self.capture(newer_than=float("-inf"))
         except CameraError:
             self.close()
             raise
-        self._shutter.opened()
+        self._shutter.mark_connected()
 
     def capture(self, newer_than: float) -> Frame:
         """Returns a photograph that was exposed after the call. Raises CameraError, StaleFrame."""
         self._shutter.require_open()
         asked = time.monotonic()
-        image = self._shutter.asking("photograph", self._looked, _LOOKING)
+        image = self._shutter.asking("photograph", self._read_frame, _LOOKING)
         return self._shutter.frame(image, asked, newer_than)
 
     def glance(self) -> NDArray[np.uint8]:
@@ -70,11 +70,11 @@ class OpencvCamera:
     def close(self) -> None:
         """Closes the device. Raises CameraError if the library fails."""
         device, self._device = self._device, None
-        self._shutter.closed()
+        self._shutter.mark_disconnected()
         if device is not None:
             self._shutter.asking("close", device.release, _LOOKING)
 
-    def _opened(self) -> Any:
+    def _open_device(self) -> Any:
         import cv2
 
         device = cv2.VideoCapture(self.settings.device)
@@ -89,7 +89,7 @@ class OpencvCamera:
         device.set(cv2.CAP_PROP_FRAME_HEIGHT, rows)
         return device
 
-    def _looked(self) -> Any:
+    def _read_frame(self) -> Any:
         """Discards the buffered frames and returns the next one, RGB."""
         import cv2
 

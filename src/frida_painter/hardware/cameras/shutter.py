@@ -29,11 +29,11 @@ class Shutter:
         self._known: set[bytes] = set()
         self._open = self._stuck = False
 
-    def opened(self) -> None:
+    def mark_connected(self) -> None:
         """Marks the camera as connected and forgets earlier photographs."""
         self._open, self._stuck, self._known = True, False, set()
 
-    def closed(self) -> None:
+    def mark_disconnected(self) -> None:
         """Marks the camera as disconnected."""
         self._open = False
 

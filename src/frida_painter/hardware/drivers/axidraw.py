@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from frida_painter.errors import ConfigError, FridaError, MotionFailed, RobotDisconnected, RobotError, RobotStopped
 from frida_painter.hardware.drivers.gcode import SerialLine
-from frida_painter.hardware.drivers.interlock import PATIENCE, Interlock, time_allowed
+from frida_painter.hardware.drivers.interlock import PATIENCE, Interlock, motion_timeout
 from frida_painter.hardware.gcode import Servo
 from frida_painter.hardware.kinds import MachineName, Needed, RobotKind, at_port, by_name, require_home
 from frida_painter.hardware.robot import MotionReport, Point, Waypoints, Workspace
@@ -104,7 +104,7 @@ def _steps(place: NDArray[np.float64]) -> tuple[int, int]:
 _NEEDED = Needed("pip install 'frida-painter[plotter]'", "plotink")
 _SLICE = 0.02
 _SERVO_PIN = 4
-_LEAST_VOLTAGE = 250  # reading of QC: about 9 V
+_MIN_VOLTAGE = 250  # reading of QC: about 9 V
 
 
 @dataclass(frozen=True)
@@ -155,19 +155,19 @@ class AxidrawRobot:
         """
         self.close()
         line = SerialLine.open(self._port(), 9600)
-        self._interlock.opened()
+        self._interlock.mark_connected()
         try:
             version = self._ask(line, "V", ends=False)
             if not version.startswith("EBB"):
                 raise RobotDisconnected(f"What answers at {line.name} is no EiBotBoard; it said {version[:60]!r}.")
             voltage = self._ask(line, "QC").partition(",")[2]
-            if voltage.isdigit() and int(voltage) < _LEAST_VOLTAGE:
+            if voltage.isdigit() and int(voltage) < _MIN_VOLTAGE:
                 raise RobotError("The AxiDraw has no power for its motors; plug in its power supply.")
             self._do(line, "EM,1,1", "connect", None, time.monotonic() + PATIENCE)
             self._do(line, "CS", "connect", None, time.monotonic() + PATIENCE)
             self._lift(line, self.settings.servo.high[0], 0.0, "connect", None, time.monotonic() + PATIENCE)
         except FridaError:
-            self._interlock.closed()
+            self._interlock.mark_disconnected()
             line.close()
             raise
         self._line = line
@@ -198,7 +198,7 @@ class AxidrawRobot:
         here = self.pose()
         todo = list(moves(here, waypoints, self.settings.approach, self.settings.acceleration))
         pulses = [round(self.settings.servo.value(move.height)) for move in todo]
-        until = started + time_allowed(sum(move.seconds for move in todo) + self._servo_seconds(todo), 1.0)
+        until = started + motion_timeout(sum(move.seconds for move in todo) + self._servo_seconds(todo), 1.0)
         try:
             for move, pulse in zip(todo, pulses, strict=True):
                 self._make(line, move, pulse, waypoints.label, until)
@@ -219,7 +219,7 @@ class AxidrawRobot:
     def close(self) -> None:
         """Disconnects from the board."""
         line, self._line = self._line, None
-        self._interlock.closed()
+        self._interlock.mark_disconnected()
         if line is not None:
             line.close()
 

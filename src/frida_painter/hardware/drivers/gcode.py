@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frida_painter.errors import FridaError, MotionFailed, RobotDisconnected, RobotError, RobotStopped
-from frida_painter.hardware.drivers.interlock import PATIENCE, Interlock, time_allowed
+from frida_painter.hardware.drivers.interlock import PATIENCE, Interlock, motion_timeout
 from frida_painter.hardware.gcode import PREAMBLE, Gcode, Servo
 from frida_painter.hardware.kinds import MachineName, Needed, RobotKind, at_port, require_home, yes_or_no
 from frida_painter.hardware.robot import MotionReport, Point, Waypoints, Workspace
@@ -109,7 +109,7 @@ def _ports() -> str:
 # The line protocol of Marlin (marlinfw.org, "Host interface"): numbered lines with checksums, resent on request.
 
 _MARLIN_SLICE = 0.05
-_MOST_RESENDS = 3
+_MAX_RESENDS = 3
 _PLACE = re.compile(r"X:\s*(-?[\d.]+)\s+Y:\s*(-?[\d.]+)\s+Z:\s*(-?[\d.]+)")
 
 
@@ -145,12 +145,12 @@ class Marlin:
     def send(self, line: str, label: str, waypoint: int | None, until: float) -> None:
         """Sends a numbered line, at most three times if it arrives damaged."""
         self._number += 1
-        for _ in range(_MOST_RESENDS):
-            self._line.write(_numbered(self._number, line))
-            if self._acknowledged(line, label, waypoint, until):
+        for _ in range(_MAX_RESENDS):
+            self._line.write(_number_line(self._number, line))
+            if self._await_ok(line, label, waypoint, until):
                 return
         raise RobotDisconnected(
-            f"{label}: {self._interlock.name} got {line!r} damaged {_MOST_RESENDS} times; look at the cable."
+            f"{label}: {self._interlock.name} got {line!r} damaged {_MAX_RESENDS} times; look at the cable."
         )
 
     def settle(self, label: str, until: float) -> None:
@@ -178,7 +178,7 @@ class Marlin:
     def forget(self) -> None:
         """Does nothing: the quick stop has emptied the machine's queue."""
 
-    def _acknowledged(self, line: str, label: str, waypoint: int | None, until: float) -> bool:
+    def _await_ok(self, line: str, label: str, waypoint: int | None, until: float) -> bool:
         """Returns True if the line was acknowledged, False if it must be sent again. Raises the errors reported."""
         again = False
         while time.monotonic() <= until:
@@ -200,7 +200,7 @@ class Marlin:
                     )
                 again = True
             elif answer == "start" or (answer.startswith(("Error:", "!!")) and not _is_about_a_line(answer)):
-                raise self._failed(answer, label, waypoint)
+                raise self._report_failure(answer, label, waypoint)
             elif _PLACE.search(answer):
                 self._said = answer
         raise RobotDisconnected(
@@ -208,7 +208,7 @@ class Marlin:
             "Marlin. Look at the cable and the baud rate."
         )
 
-    def _failed(self, answer: str, label: str, waypoint: int | None) -> RobotError:
+    def _report_failure(self, answer: str, label: str, waypoint: int | None) -> RobotError:
         where = "" if waypoint is None else f" at waypoint {waypoint}"
         if answer == "start":
             return MotionFailed(
@@ -228,7 +228,7 @@ def _is_about_a_line(answer: str) -> bool:
     return "checksum" in answer.lower() or "Line Number" in answer
 
 
-def _numbered(number: int, line: str) -> bytes:
+def _number_line(number: int, line: str) -> bytes:
     """Returns the line in Marlin's format: its number before it, and the exclusive or of all bytes behind it."""
     content = f"N{number} {line}".encode("ascii")
     checksum = 0
@@ -243,7 +243,7 @@ _HOLD, _RESET, _STATUS = b"!", b"\x18", b"?"
 _GRBL_SLICE = 0.05
 _ASK_AFTER = 0.5
 _HOMING = 90.0
-_MOST_REPORTS = 40  # At least one report in thirty contains the offset of the work coordinates.
+_MAX_REPORTS = 40  # At least one report in thirty contains the offset of the work coordinates.
 _ALARMS = {
     "1": "a limit switch was hit",
     "2": "the way leads beyond the machine's own limits",
@@ -303,7 +303,7 @@ class Grbl:
             if answer == "ok":
                 return
             if answer is not None and answer.startswith("<"):
-                state = self._parsed(answer).state
+                state = self._parse_report(answer).state
                 self._require_running(state, label, waypoint)
                 idle = idle + 1 if state.startswith("Idle") else 0
             now = time.monotonic()
@@ -330,7 +330,7 @@ class Grbl:
 
     def position(self) -> NDArray[np.float64]:
         """Returns the work coordinates [3] of a fresh report, mm."""
-        for _ in range(_MOST_REPORTS):
+        for _ in range(_MAX_REPORTS):
             numbers = self._ask().numbers
             if "WPos" in numbers:
                 return numbers["WPos"]
@@ -363,7 +363,7 @@ class Grbl:
             for _ in range(10):
                 answer = self._line.read(_GRBL_SLICE)
                 if answer is not None and answer.startswith("<"):
-                    return self._parsed(answer)
+                    return self._parse_report(answer)
         raise RobotDisconnected(
             f"{self._interlock.name} gave no report of its state in {PATIENCE:.0f} s; is this GRBL, and at this baud "
             "rate?"
@@ -426,7 +426,7 @@ class Grbl:
             f"{label}: {self._interlock.name} said {answer[:60]!r}, which is not GRBL's; look at its line."
         )
 
-    def _parsed(self, report: str) -> _Report:
+    def _parse_report(self, report: str) -> _Report:
         """Parses a report: <Idle|MPos:1.000,2.000,3.000|FS:0,0|WCO:0.000,0.000,0.000>. Raises RobotDisconnected."""
         parts = report.strip("<>").split("|")
         numbers: dict[str, NDArray[np.float64]] = {}
@@ -508,14 +508,14 @@ class GcodeRobot:
         line = SerialLine.open(self.settings.port, self.settings.baud)
         kind = Grbl if self.settings.gcode.flavour == "grbl" else Marlin
         firmware: Firmware = kind(line, self._interlock)
-        self._interlock.opened()
+        self._interlock.mark_connected()
         try:
             firmware.greet(self.settings.homing)
             for command in PREAMBLE[: 3 if kind is Grbl else 2]:  # Marlin's feeds are always per minute.
                 firmware.send(command, "connect", None, time.monotonic() + 5)
             firmware.position()
         except FridaError:
-            self._interlock.closed()
+            self._interlock.mark_disconnected()
             line.close()
             raise
         self._line, self._firmware = line, firmware
@@ -547,8 +547,8 @@ class GcodeRobot:
         try:
             here = self._metres(firmware.position())
             way = float(np.linalg.norm(waypoints.position[0] - here))
-            until = started + time_allowed(waypoints.length, waypoints.speed)
-            until += time_allowed(way, self.settings.gcode.approach) + self._servo_time(waypoints)
+            until = started + motion_timeout(waypoints.length, waypoints.speed)
+            until += motion_timeout(way, self.settings.gcode.approach) + self._servo_time(waypoints)
             for index, line in lines:
                 firmware.send(line, waypoints.label, index, until)
             firmware.settle(waypoints.label, until)
@@ -571,7 +571,7 @@ class GcodeRobot:
         """Closes the line. A stopped machine forgets its remaining motions."""
         line, firmware = self._line, self._firmware
         self._line = self._firmware = None
-        self._interlock.closed()
+        self._interlock.mark_disconnected()
         if line is not None and firmware is not None:
             if self._interlock.stopped:
                 self._forget(firmware)

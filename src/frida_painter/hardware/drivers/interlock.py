@@ -45,12 +45,12 @@ class Interlock:
         """True if a stop was requested since the robot was connected."""
         return self._stopped.is_set()
 
-    def opened(self) -> None:
+    def mark_connected(self) -> None:
         """Marks the robot as connected, without fault and not stopped."""
         self._open, self._fault = True, ""
         self._stopped.clear()
 
-    def closed(self) -> None:
+    def mark_disconnected(self) -> None:
         """Marks the robot as disconnected."""
         self._open = False
 
@@ -111,6 +111,6 @@ class Interlock:
             raise
 
 
-def time_allowed(path: float, speed: float) -> float:
+def motion_timeout(path: float, speed: float) -> float:
     """Returns the time limit in seconds of a motion over `path` metres at `speed` m/s: twice its duration plus five."""
     return 2 * path / speed + PATIENCE

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frida_painter.errors import ConfigError, FridaError, MotionFailed, RobotDisconnected, RobotError, RobotStopped
-from frida_painter.hardware.drivers.interlock import PATIENCE, Interlock, time_allowed
+from frida_painter.hardware.drivers.interlock import PATIENCE, Interlock, motion_timeout
 from frida_painter.hardware.kinds import MachineName, require_home
 from frida_painter.hardware.robot import MotionReport, Point, Waypoints, Workspace
 
@@ -116,7 +116,7 @@ class RosRobot:
         except FridaError:
             self.close()
             raise
-        self._interlock.opened()
+        self._interlock.mark_connected()
 
     def home(self) -> MotionReport:
         """Moves to the home position, first vertically."""
@@ -147,7 +147,7 @@ class RosRobot:
             steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
             seconds = np.cumsum(steps / np.r_[self.settings.approach, np.full(len(steps) - 1, waypoints.speed)])
             self._send(waypoints, seconds)
-            self._await_end(waypoints.label, started + time_allowed(float(seconds[-1]), 1.0))
+            self._await_end(waypoints.label, started + motion_timeout(float(seconds[-1]), 1.0))
             reached = self._place_after(waypoints.label, time.monotonic())
         except FridaError as error:
             self._interlock.fault(error)
@@ -164,7 +164,7 @@ class RosRobot:
 
     def close(self) -> None:
         """Closes both connections."""
-        self._interlock.closed()
+        self._interlock.mark_disconnected()
         for connection in (self._connection, self._stopper):
             with suppress(RobotError):  # A connection that does not close in time is abandoned.
                 connection.close()
@@ -204,7 +204,7 @@ class RosRobot:
         ]
         header = {"stamp": self._time(*self._goal), "frame_id": self.settings.frame}
         if self._interlock.stopped:
-            raise self._stopped_here(waypoints.label)
+            raise self._stop_here(waypoints.label)
         self._connection.publish(self._topic(FOLLOW), {"header": header, "joint_names": [TIP], "points": points})
 
     def _time(self, seconds: int, nanoseconds: int) -> dict[str, int]:
@@ -220,7 +220,7 @@ class RosRobot:
                 status = self._status
             self._place(label)
             if self._interlock.stopped:
-                raise self._stopped_here(label)
+                raise self._stop_here(label)
             if status is None:
                 if time.monotonic() > taken:
                     raise RobotDisconnected(
@@ -296,7 +296,7 @@ class RosRobot:
             self._nonsense = repr(message)[:80]
             self._news.notify_all()
 
-    def _stopped_here(self, label: str) -> RobotStopped:
+    def _stop_here(self, label: str) -> RobotStopped:
         return RobotStopped(f"{label}: {self._interlock.name} was stopped; look at it before it is connected anew.")
 
     def _halt(self) -> None:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from frida_painter.errors import ConfigError, FridaError, MotionFailed, RobotDisconnected, RobotError, RobotStopped
 from frida_painter.hardware.deadline import within
-from frida_painter.hardware.drivers.interlock import PATIENCE, Interlock, time_allowed
+from frida_painter.hardware.drivers.interlock import PATIENCE, Interlock, motion_timeout
 from frida_painter.hardware.kinds import MachineName, Needed, RobotKind, at_host, require_home
 from frida_painter.hardware.robot import MotionReport, Point, Waypoints, Workspace
 
@@ -103,10 +103,10 @@ class XarmRobot:
         except ImportError as missing:
             raise RobotError(f"xArms need the package xarm-python-sdk; install it with: {_NEEDED.install}") from missing
         self._require_somebody()
-        self._interlock.opened()
+        self._interlock.mark_connected()
         try:
-            self._stopper = self._connected(XArmAPI)
-            self._arm = self._connected(XArmAPI)
+            self._stopper = self._open_connection(XArmAPI)
+            self._arm = self._open_connection(XArmAPI)
             self.serial_number = str(getattr(self._arm, "sn", None) or "")
             self._require_no_error("connect", None)
             for what, call in (
@@ -152,8 +152,8 @@ class XarmRobot:
         started = time.monotonic()
         try:
             away = float(np.linalg.norm(waypoints.position[0] - self.pose()))
-            until = started + time_allowed(waypoints.length, waypoints.speed)
-            until += time_allowed(away, self.settings.approach)
+            until = started + motion_timeout(waypoints.length, waypoints.speed)
+            until += motion_timeout(away, self.settings.approach)
             for index in range(len(waypoints.position)):
                 self._send(waypoints, index)
             self._wait(waypoints, until)
@@ -172,7 +172,7 @@ class XarmRobot:
     def close(self) -> None:
         """Closes both connections."""
         arm, stopper, self._arm, self._stopper = self._arm, self._stopper, None, None
-        self._interlock.closed()
+        self._interlock.mark_disconnected()
         for connection in (arm, stopper):
             if connection is not None:
                 with suppress(RobotError):  # A connection that does not close in time is abandoned.
@@ -188,13 +188,13 @@ class XarmRobot:
                 "is on and in this computer's network, and whether the address is right."
             ) from cause
 
-    def _connected(self, kind: Callable[..., Any]) -> Any:
+    def _open_connection(self, kind: Callable[..., Any]) -> Any:
         """Returns an open connection."""
         made = self._interlock.asking("connect", lambda: kind(self.settings.address, is_radian=False, do_not_open=True))
         try:
             self._interlock.asking("connect", made.connect, _OPENING)
         except RobotError:
-            self._interlock.closed()
+            self._interlock.mark_disconnected()
             with suppress(RobotError):
                 self._interlock.asking("close", made.disconnect, _CLOSING)
             raise

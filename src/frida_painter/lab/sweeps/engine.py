@@ -141,7 +141,7 @@ class LocalEngine:
             try:
                 while True:
                     for task in islice(rest, 2 * self.slots - len(waiting)):
-                        waiting.add(threads.submit(self._tried, free, work, task))
+                        waiting.add(threads.submit(self._try_task, free, work, task))
                     if not waiting:
                         return
                     done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
@@ -157,7 +157,7 @@ class LocalEngine:
                 for worker in self._workers:
                     worker.kill()
 
-    def _tried(self, free: "SimpleQueue[_Worker]", work: Work, task: Task) -> Ended[Task]:
+    def _try_task(self, free: "SimpleQueue[_Worker]", work: Work, task: Task) -> Ended[Task]:
         worker = free.get()
         try:
             error: Exception = TryFailed("It was not tried.")
@@ -185,7 +185,7 @@ class _Worker:
 
     def call(self, work: Work, task: Any, limits: TaskLimits) -> Any:
         """Returns the value of one try. Raises TryFailed if the process died or hung, and the errors of the try."""
-        pool = self._opened()
+        pool = self._open_pool()
         try:
             future = pool.submit(within_limits, work, task, limits)
             error = future.exception(limits.seconds + _GRACE)
@@ -202,7 +202,7 @@ class _Worker:
             f"than {limits.seconds:g} s (time_limit)."
         ) from error
 
-    def _opened(self) -> ProcessPoolExecutor:
+    def _open_pool(self) -> ProcessPoolExecutor:
         failure: Exception | None = None
         for _ in range(_STARTS):  # a process that is killed while it loads is started again
             if self._pool is not None:
@@ -247,7 +247,7 @@ def _end_with_parent() -> None:
 # A run and its result are small; pictures are in the sweep's folder, which all machines of the cluster must see.
 
 _AHEAD = 2  # tasks per slot that Ray knows before they can start
-_MOST_AHEAD = 10_000
+_MAX_AHEAD = 10_000
 _ANSWERING = 5.0  # seconds
 _SETTINGS = b"\x04"  # type of the first frame in HTTP/2, which Ray uses (RFC 9113, 3.4)
 _HELLO = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + bytes(3) + _SETTINGS + bytes(5)
@@ -305,7 +305,7 @@ class RayEngine:
         """Runs `work` on every task, and yields each when it ends."""
         import ray
 
-        limits, ahead = self._limits, min(_AHEAD * self.slots + 2, _MOST_AHEAD)
+        limits, ahead = self._limits, min(_AHEAD * self.slots + 2, _MAX_AHEAD)
         tried = ray.remote(
             num_cpus=limits.threads,
             memory=limits.memory * _MB,
@@ -321,7 +321,7 @@ class RayEngine:
                     return
                 done, _ = ray.wait(list(waiting))
                 for reference in done:
-                    yield _ended(waiting.pop(reference), reference, limits)
+                    yield _end_task(waiting.pop(reference), reference, limits)
         finally:
             ray.shutdown()
 
@@ -348,7 +348,7 @@ def _room(resources: Mapping[str, float], limits: TaskLimits) -> int:
     return int(min(resources.get("CPU", 0.0) / limits.threads, memory))
 
 
-def _ended(task: Task, reference: Any, limits: TaskLimits) -> Ended[Task]:
+def _end_task(task: Task, reference: Any, limits: TaskLimits) -> Ended[Task]:
     """Returns the ended task of a reference."""
     import ray
 
@@ -358,10 +358,10 @@ def _ended(task: Task, reference: Any, limits: TaskLimits) -> Ended[Task]:
         cause = error.cause
         return Ended(task, error=cause if isinstance(cause, FridaError) else TryFailed(str(cause)[:500]))
     except ray.exceptions.RayError as error:
-        return Ended(task, error=TryFailed(_lost(error, limits)))
+        return Ended(task, error=TryFailed(_describe_loss(error, limits)))
 
 
-def _lost(error: Exception, limits: TaskLimits) -> str:
+def _describe_loss(error: Exception, limits: TaskLimits) -> str:
     said = str(error).strip().split("\n")[0][:200]
     return (
         f"Its process was killed: by the system for want of memory, by a person, or because the try lasted longer than "

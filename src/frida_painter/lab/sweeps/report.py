@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from frida_painter import images, registry, storage
-from frida_painter.lab.sweeps.folder import TABLE, FileHashes, SweepFolder, expanded
-from frida_painter.lab.sweeps.spec import SweepRun, SweepSpec, Value
+from frida_painter.lab.sweeps.sweep_folder import TABLE, FileHashes, SweepFolder, expand_runs
+from frida_painter.lab.sweeps.sweep_spec import SweepRun, SweepSpec, Value
 from frida_painter.report.page import Series, chart, template
 from frida_painter.session.time_left import duration
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 # Progress of a sweep, and the remaining time, estimated from the ended runs and the cost of the others.
 
-_LEAST_BETWEEN = 2.0  # seconds
+_MIN_BETWEEN = 2.0  # seconds
 _SHARE = 0.05  # greatest share of the time for writing
 
 
@@ -50,7 +50,7 @@ class Renewal:
     """Timer of a progress display: rare enough renewals to cost little."""
 
     def __init__(self) -> None:
-        self._next = time.monotonic() + _LEAST_BETWEEN
+        self._next = time.monotonic() + _MIN_BETWEEN
 
     @contextmanager
     def where_due(self) -> Iterator[bool]:
@@ -60,7 +60,7 @@ class Renewal:
         yield due
         if due:
             now = time.monotonic()
-            self._next = now + max(_LEAST_BETWEEN, (now - started) / _SHARE)
+            self._next = now + max(_MIN_BETWEEN, (now - started) / _SHARE)
 
 
 class Tally:
@@ -75,14 +75,14 @@ class Tally:
         self._seconds = self._cost = 0.0
         self._done = self._failed = 0
 
-    def done(self, run: SweepRun, record: Mapping[str, Any]) -> None:
+    def count_done(self, run: SweepRun, record: Mapping[str, Any]) -> None:
         """Counts a finished run."""
         self._done += 1
         self._left -= run.cost
         self._cost += run.cost
         self._seconds += record["times"]["wall_seconds"]
 
-    def failed(self, run: SweepRun) -> None:
+    def count_failed(self, run: SweepRun) -> None:
         """Counts a run that failed for good."""
         self._failed += 1
         self._left -= run.cost
@@ -121,7 +121,7 @@ class SweepStatus:
     def lines(self) -> list[str]:
         """Returns the status as lines for a terminal."""
         told = [f"{self.spec.title or self.folder.name}: {summary(self.progress, working=self.working)}"]
-        told += [f"  {named(failure)}: {failure['error']}" for failure in list(self.failures.values())[:_SHOWN]]
+        told += [f"  {describe_run(failure)}: {failure['error']}" for failure in list(self.failures.values())[:_SHOWN]]
         if len(self.failures) > _SHOWN:
             told.append(f"  and {len(self.failures) - _SHOWN} more that failed")
         return told
@@ -130,18 +130,18 @@ class SweepStatus:
 def status_of(folder: Path) -> SweepStatus:
     """Returns the status of the sweep in a folder. Raises ConfigError if there is none."""
     place = SweepFolder(folder)
-    spec, known, slots = place.asked()
-    runs = expanded(spec, FileHashes(known, reread=False))
+    spec, known, slots = place.read_request()
+    runs = expand_runs(spec, FileHashes(known, reread=False))
     tally, records, failures = Tally(runs, slots), dict[str, Any](), dict[str, Any]()
     for run in runs:
         kept = place.run(run.key)
         record = kept.record()
         if record is not None:
             records[run.key] = {**record, "labels": dict(run.labels)}
-            tally.done(run, record)
+            tally.count_done(run, record)
         elif (failure := kept.failure()) is not None:
             failures[run.key] = failure
-            tally.failed(run)
+            tally.count_failed(run)
     return SweepStatus(place.path, spec, runs, records, failures, tally.progress, place.is_held)
 
 
@@ -159,7 +159,7 @@ def summary(progress: SweepProgress, *, working: bool) -> str:
     return f"{told}, about {duration(progress.seconds_left)} left."
 
 
-def named(failure: Mapping[str, Any]) -> str:
+def describe_run(failure: Mapping[str, Any]) -> str:
     """Returns the name of a failed run: its labels."""
     return ", ".join(f"{name} {value}" for name, value in failure["labels"].items()) or str(failure["key"])
 
@@ -288,9 +288,9 @@ _FIGURES = {
     "evaluation": ("painting dB", "sim2real error"),
 }
 """Figures of a report by the kind of run; the first one that the runs have is used."""
-_MOST_PICTURES = 200
-_MOST_FAILURES = 50
-_MOST_SERIES = 5
+_MAX_PICTURES = 200
+_MAX_FAILURES = 50
+_MAX_SERIES = 5
 _SEED = "seed"
 
 
@@ -340,12 +340,12 @@ def _page(
     status: SweepStatus, pictures: Sequence[_Picture], charts: Sequence[str], tests: Sequence[FieldEffect], figure: str
 ) -> str:
     progress = status.progress
-    failures = [(named(failure), failure["error"]) for failure in status.failures.values()]
+    failures = [(describe_run(failure), failure["error"]) for failure in status.failures.values()]
     seconds = sum(record["times"]["cpu_seconds"] for record in status.records.values())
     facts: list[tuple[str, str]] = [("Kind of run", status.spec.kind)]
     for name in status.spec.axes:
         values = dict.fromkeys(run.labels.get(name) for run in status.runs)
-        facts.append((name, ", ".join(map(_shown, values))))
+        facts.append((name, ", ".join(map(_format_value, values))))
     facts.append(("CPU time", duration(seconds)))
     html = template("sweep.html").render(
         title=status.spec.title or status.folder.name,
@@ -353,8 +353,8 @@ def _page(
         working=status.working,
         share=(progress.done + progress.failed) / max(progress.total, 1),
         facts=[(name, value if len(value) <= 400 else f"{value[:397]}...") for name, value in facts],
-        failures=failures[:_MOST_FAILURES],
-        more_failures=max(0, len(failures) - _MOST_FAILURES),
+        failures=failures[:_MAX_FAILURES],
+        more_failures=max(0, len(failures) - _MAX_FAILURES),
         pictures=pictures,
         left_out=max(0, len(status.records) - len(pictures)) if pictures else 0,
         charts=charts,
@@ -369,7 +369,7 @@ def _contact_sheet(status: SweepStatus, varied: Sequence[str], figure: str | Non
     done = [run for run in status.runs if run.key in status.records]
     name = "plan.png" if status.spec.kind == "plan" else "painting.png"
     found = []
-    for run in done[:: -(-len(done) // _MOST_PICTURES) or 1]:
+    for run in done[:: -(-len(done) // _MAX_PICTURES) or 1]:
         value = status.records[run.key]["figures"].get(figure)
         told = "" if value is None else f": {value:.4g}"
         found.append(_Picture(f"runs/{run.key}/{name}", f"{_words(run, varied)}{told}"))
@@ -387,9 +387,9 @@ def _charts(status: SweepStatus, results: Sequence[Result], varied: Sequence[str
         if len(values) < 2 or not all(isinstance(value, int | float) for value in values):
             continue
         others = [name for name in varied if name not in (field, _SEED)]
-        few = (name for name in others if 2 <= len({one.labels.get(name) for one in results}) <= _MOST_SERIES)
+        few = (name for name in others if 2 <= len({one.labels.get(name) for one in results}) <= _MAX_SERIES)
         found = means(results, field, next(few, None))
-        lines = [_series("all runs" if name is None else _shown(name), points) for name, points in found.items()]
+        lines = [_series("all runs" if name is None else _format_value(name), points) for name, points in found.items()]
         above = all(min(line.low) > 0 for line in lines)
         picture = chart(
             f"{figure} by {field}", field, f"{figure}; bars: 95 % confidence of the mean", lines, logarithmic=above
@@ -409,7 +409,7 @@ def _row(test: FieldEffect) -> tuple[str, ...]:
     change = test.difference
     return (
         test.field,
-        f"{_shown(test.first)} → {_shown(test.second)}",
+        f"{_format_value(test.first)} → {_format_value(test.second)}",
         f"{change.value:+.4g}",
         f"{change.low:+.4g} to {change.high:+.4g}",
         f"{test.more} of {change.count}",
@@ -421,10 +421,13 @@ def _row(test: FieldEffect) -> tuple[str, ...]:
 def _words(run: SweepRun, varied: Sequence[str]) -> str:
     """Returns the labels of a run that distinguish it from the others."""
     told = [(name, run.labels.get(name)) for name in varied]
-    return ", ".join(value if isinstance(value, str) else f"{name} {_shown(value)}" for name, value in told) or run.key
+    return (
+        ", ".join(value if isinstance(value, str) else f"{name} {_format_value(value)}" for name, value in told)
+        or run.key
+    )
 
 
-def _shown(value: Value) -> str:
+def _format_value(value: Value) -> str:
     return f"{value:.4g}" if isinstance(value, float) else "none" if value is None else str(value)
 
 

@@ -18,9 +18,9 @@ from torch import Tensor
 from frida_painter import images, registry
 from frida_painter.errors import ConfigError, PlanError, StorageError, WorkerUnfit
 from frida_painter.lab.sweeps.engine import Engine, LocalEngine, RayEngine, TaskLimits, slots_here
-from frida_painter.lab.sweeps.folder import FileHashes, RunFolder, SweepFolder, expanded
 from frida_painter.lab.sweeps.report import Renewal, SweepProgress, SweepStatus, TableWriter, Tally, write_status_page
-from frida_painter.lab.sweeps.spec import EngineName, SweepRun, SweepSpec
+from frida_painter.lab.sweeps.sweep_folder import FileHashes, RunFolder, SweepFolder, expand_runs
+from frida_painter.lab.sweeps.sweep_spec import EngineName, SweepRun, SweepSpec
 from frida_painter.plan import Plan
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.settle import ground_of
@@ -59,7 +59,7 @@ def perform(assignment: Assignment) -> dict[str, Any]:
             f"{platform.node()} does not see {sweep}; put the sweep into a folder that all machines share (--out)."
         )
     folder = RunFolder(sweep, run.key)
-    with folder.held():
+    with folder.lock():
         known = folder.record()
         if known is not None:
             return known
@@ -90,7 +90,7 @@ def _of_plan(spec: RunSpec, plan: Plan) -> RunSpec:
     """Returns the spec of a painting that paints the plan without changes, on its own canvas."""
     wells = max(end - first for first, end in (layer.paints for layer in plan.layers))
     brushes = ",".join(layer.brush for layer in plan.layers) if len(plan.brushes) > 1 else plan.brushes[0]
-    return spec.changed(
+    return spec.with_values(
         strokes=len(plan),
         layers=None,
         colors=wells,
@@ -194,9 +194,9 @@ def sweep(
     refuse_many(spec, most)
     place = SweepFolder(Path(folder) if folder is not None else default_folder(spec))
     limits = TaskLimits(spec.time_limit, spec.threads, spec.memory, spec.tries)
-    with place.held():
-        hashes = FileHashes(place.asked()[1] if place.is_begun else None)
-        runs = expanded(spec, hashes)
+    with place.lock():
+        hashes = FileHashes(place.read_request()[1] if place.is_begun else None)
+        runs = expand_runs(spec, hashes)
         driver = _Driver(place, spec, runs, hashes, notify)
         opened = None
         if driver.left:
@@ -313,7 +313,7 @@ class _Driver:
     def _take(self, run: SweepRun, record: Record) -> None:
         # Current labels: the run may have been done for another sweep in this folder.
         self._records[run.key] = {**record, "labels": dict(run.labels)}
-        self._tally.done(run, record)
+        self._tally.count_done(run, record)
 
     def _note_failure(self, run: SweepRun, error: Exception) -> None:
         if isinstance(error, WorkerUnfit):
@@ -327,7 +327,7 @@ class _Driver:
         with suppress(StorageError):  # another file is in place of its folder; the other runs go on
             self._place.run(run.key).keep_failure(failure)
         self._failures[run.key] = failure
-        self._tally.failed(run)
+        self._tally.count_failed(run)
 
     def _copies(self, runs: Iterable[SweepRun]) -> dict[str, str]:
         """Returns copies of the pictures by their paths."""
@@ -368,17 +368,17 @@ def best_candidate(spec: RunSpec, count: int, folder: Path, *, jobs: int | None 
     if not outcome.records:
         first = next(iter(outcome.failures.values()))
         raise PlanError(f"None of the {count} seeds made a plan: {first['error']}")
-    figure, found = ranked(spec, list(outcome.records.values()))
+    figure, found = rank_plans(spec, list(outcome.records.values()))
     best, worst = found[0], found[-1]
     seed = best["labels"]["seed"]
     told = f"The best of {len(found)} seeds is {seed}: {figure} {best['figures'][figure]:.4g}"
     if len(found) > 1:
         told += f", the worst {worst['figures'][figure]:.4g}"
     plan = Plan.load(outcome.folder / "runs" / best["key"] / "plan.json")
-    return Candidate(spec.changed(seed=seed, ground=ground_of(plan)), plan, f"{told}.")
+    return Candidate(spec.with_values(seed=seed, ground=ground_of(plan)), plan, f"{told}.")
 
 
-def ranked(spec: RunSpec, records: Sequence[Mapping[str, Any]]) -> tuple[str, list[Mapping[str, Any]]]:
+def rank_plans(spec: RunSpec, records: Sequence[Mapping[str, Any]]) -> tuple[str, list[Mapping[str, Any]]]:
     """Returns the figure by which the records of plans are compared, and the records, best first.
 
     The similarity to a picture counts only if all goals are pictures. Words have an initial picture too, but the

@@ -34,14 +34,14 @@ class Target:
         return cls(path.stem, path, images.load(path))
 
 
-def shipped(names: Sequence[str] = SHIPPED) -> tuple[Target, ...]:
+def load_shipped_targets(names: Sequence[str] = SHIPPED) -> tuple[Target, ...]:
     """Returns the project's own pictures of these names."""
     return tuple(
         Target.read(Path(__file__).with_name(f"{name}.{'png' if name in DRAWINGS else 'jpg'}")) for name in names
     )
 
 
-def given(paths: Sequence[Path]) -> tuple[Target, ...]:
+def load_targets(paths: Sequence[Path]) -> tuple[Target, ...]:
     """Returns the user's pictures, each with its file's name. Raises ImageError; ConfigError if two names are equal."""
     names = [path.stem for path in paths]
     for name in names:

@@ -64,9 +64,9 @@ class EfficientNetLite:
 
     def __init__(self, tensors: Mapping[str, Tensor]) -> None:
         try:
-            self._stem = _folded(tensors, "_conv_stem", "_bn0", 2)
+            self._stem = _fold(tensors, "_conv_stem", "_bn0", 2)
             self._stages = _stages(tensors)
-            self._head = _folded(tensors, "_conv_head", "_bn1")
+            self._head = _fold(tensors, "_conv_head", "_bn1")
             self._classes = tensors["_fc.weight"], tensors["_fc.bias"]
         except KeyError as cause:
             raise WeightsError(
@@ -93,9 +93,9 @@ class EfficientNetLite:
 
     def logits(self, views: Tensor) -> Tensor:
         """Returns logits [n, 1000] of ImageNet's classes for views [n, 3, h, w], sRGB in [0, 1]."""
-        return self.classified(self.features(views)[1])
+        return self.classify(self.features(views)[1])
 
-    def classified(self, deepest: Tensor) -> Tensor:
+    def classify(self, deepest: Tensor) -> Tensor:
         """Converts features of the last layer [n, 1280, h, w] to logits [n, 1000]."""
         weight, bias = self._classes
         return deepest.mean((2, 3)) @ weight.to(deepest).T + bias.to(deepest)
@@ -107,20 +107,20 @@ def _stages(tensors: Mapping[str, Tensor]) -> list[list[_Block]]:
     channels = number = 0
     while f"_blocks.{number}._project_conv.weight" in tensors:
         name = f"_blocks.{number}"
-        project = _folded(tensors, f"{name}._project_conv", f"{name}._bn2")
+        project = _fold(tensors, f"{name}._project_conv", f"{name}._bn2")
         begins = len(project.bias) != channels
         if begins:
             stages.append([])
             channels = len(project.bias)
         stride = _STRIDES[min(len(stages), len(_STRIDES)) - 1] if begins else 1
         widens = f"{name}._expand_conv.weight" in tensors
-        expand = _folded(tensors, f"{name}._expand_conv", f"{name}._bn0") if widens else None
-        stages[-1].append(_Block(expand, _folded(tensors, f"{name}._depthwise_conv", f"{name}._bn1", stride), project))
+        expand = _fold(tensors, f"{name}._expand_conv", f"{name}._bn0") if widens else None
+        stages[-1].append(_Block(expand, _fold(tensors, f"{name}._depthwise_conv", f"{name}._bn1", stride), project))
         number += 1
     return stages
 
 
-def _folded(tensors: Mapping[str, Tensor], convolution: str, norm: str, stride: int = 1) -> _Convolution:
+def _fold(tensors: Mapping[str, Tensor], convolution: str, norm: str, stride: int = 1) -> _Convolution:
     scale = tensors[f"{norm}.weight"] * torch.rsqrt(tensors[f"{norm}.running_var"] + _EPSILON)
     bias = tensors[f"{norm}.bias"] - tensors[f"{norm}.running_mean"] * scale
     return _Convolution(tensors[f"{convolution}.weight"] * scale[:, None, None, None], bias, stride)
@@ -179,9 +179,9 @@ class ConSE:
 
         Each is a mixture of the embeddings of the class names.
         """
-        return self._mixture(self._seen(pictures))
+        return self._mixture(self._class_log_probabilities(pictures))
 
-    def wanted(self, prompt: str) -> Tensor:
+    def class_weights(self, prompt: str) -> Tensor:
         """Returns how strongly a prompt asks for each class: [classes], with sum 1.
 
         The similarity of a class to the words is that of its most similar name.
@@ -207,18 +207,18 @@ class ConSE:
 
     def distance_of(self, prompt: str) -> Callable[[Sequence[Tensor]], Tensor]:
         """Returns the function of `distance_to` for feature maps from `features`."""
-        meaning, wanted = Constant(self.embed_text(prompt)), Constant(self.wanted(prompt))
+        meaning, wanted = Constant(self.embed_text(prompt)), Constant(self.class_weights(prompt))
 
         def apart(features: Sequence[Tensor]) -> Tensor:
-            seen = self._classifier.classified(features[-1]).log_softmax(1)
+            seen = self._classifier.classify(features[-1]).log_softmax(1)
             surprise = -(seen @ wanted.like(seen)) / math.log(self._count)
             return (1 - self._mixture(seen) @ meaning.like(seen) + surprise) / 2
 
         return apart
 
-    def _seen(self, pictures: Tensor) -> Tensor:
+    def _class_log_probabilities(self, pictures: Tensor) -> Tensor:
         """Returns log probabilities of the classes: [n, classes]."""
-        return self._classifier.classified(self.features(pictures)[-1]).log_softmax(1)
+        return self._classifier.classify(self.features(pictures)[-1]).log_softmax(1)
 
     def _mixture(self, seen: Tensor) -> Tensor:
         return functional.normalize(seen.exp() @ self._classes.like(seen), dim=1)

@@ -53,8 +53,8 @@ class _Block:
 
     def __call__(self, x: Tensor) -> Tensor:
         inner = functional.relu(self.look(functional.relu(self.narrow(x))))
-        out = self.widen(_pooled(inner, self.stride))
-        return functional.relu(out + (x if self.beside is None else self.beside(_pooled(x, self.stride))))
+        out = self.widen(_pool(inner, self.stride))
+        return functional.relu(out + (x if self.beside is None else self.beside(_pool(x, self.stride))))
 
 
 class ClipResNet:
@@ -68,7 +68,7 @@ class ClipResNet:
         self._statistics = Constant(torch.tensor((MEAN, SPREAD))[..., None, None])
         mine = {key.removeprefix(_PREFIX): tensor.float() for key, tensor in tensors.items() if key.startswith(_PREFIX)}
         try:
-            self._stem = [_folded(mine, f"conv{number}", f"bn{number}") for number in (1, 2, 3)]
+            self._stem = [_fold(mine, f"conv{number}", f"bn{number}") for number in (1, 2, 3)]
             self._stages = [_stage(mine, number) for number in (1, 2, 3, 4)]
             parts = ("q_proj", "k_proj", "v_proj", "c_proj")
             self._attention = {part: (mine[f"attnpool.{part}.weight"], mine[f"attnpool.{part}.bias"]) for part in parts}
@@ -95,7 +95,7 @@ class ClipResNet:
         with half_precision(views.device):
             for number, convolution in enumerate(self._stem):
                 x = functional.relu(convolution(x, stride=1 if number else 2))
-            x = _pooled(x, 2)
+            x = _pool(x, 2)
             seen = []
             for stage in self._stages:
                 for block in stage:
@@ -109,13 +109,13 @@ class ClipResNet:
         seen = self.features(functional.interpolate(pictures, size, mode="bicubic", antialias=True).clamp(0, 1))[1]
         cells = seen.flatten(2).transpose(1, 2)  # [n, cells, c]
         cells = torch.cat((cells.mean(1, keepdim=True), cells), 1) + self._places.to(cells)
-        query, key, value = (self._projected(part, cells) for part in ("q_proj", "k_proj", "v_proj"))
+        query, key, value = (self._project(part, cells) for part in ("q_proj", "k_proj", "v_proj"))
         heads = cells.shape[2] // _HEAD
         query, key, value = (x.reshape(*x.shape[:2], heads, _HEAD).transpose(1, 2) for x in (query[:, :1], key, value))
         summed = functional.scaled_dot_product_attention(query, key, value)  # [n, heads, 1, channels of a head]
-        return functional.normalize(self._projected("c_proj", summed.flatten(1)), dim=1)
+        return functional.normalize(self._project("c_proj", summed.flatten(1)), dim=1)
 
-    def _projected(self, part: str, x: Tensor) -> Tensor:
+    def _project(self, part: str, x: Tensor) -> Tensor:
         weight, bias = self._attention[part]
         return functional.linear(x, weight.to(x), bias.to(x))
 
@@ -125,26 +125,26 @@ def _stage(tensors: Mapping[str, Tensor], number: int) -> list[_Block]:
     blocks: list[_Block] = []
     while not blocks or f"layer{number}.{len(blocks)}.conv1.weight" in tensors:
         name = f"layer{number}.{len(blocks)}"
-        narrow, look, widen = (_folded(tensors, f"{name}.conv{part}", f"{name}.bn{part}") for part in (1, 2, 3))
+        narrow, look, widen = (_fold(tensors, f"{name}.conv{part}", f"{name}.bn{part}") for part in (1, 2, 3))
         if len(widen.bias) != _EXPANSION * len(narrow.bias):
             raise WeightsError(f"Block {name} widens to {len(widen.bias)} channels, which is not CLIP's ResNet kind.")
         has_beside = f"{name}.downsample.0.weight" in tensors
-        beside = _folded(tensors, f"{name}.downsample.0", f"{name}.downsample.1") if has_beside else None
+        beside = _fold(tensors, f"{name}.downsample.0", f"{name}.downsample.1") if has_beside else None
         blocks.append(_Block(narrow, look, widen, beside, stride=2 if number > 1 and not blocks else 1))
     return blocks
 
 
-def _folded(tensors: Mapping[str, Tensor], convolution: str, norm: str) -> _Convolution:
+def _fold(tensors: Mapping[str, Tensor], convolution: str, norm: str) -> _Convolution:
     scale = tensors[f"{norm}.weight"] * torch.rsqrt(tensors[f"{norm}.running_var"] + _EPSILON)
     bias = tensors[f"{norm}.bias"] - tensors[f"{norm}.running_mean"] * scale
     return _Convolution(tensors[f"{convolution}.weight"] * scale[:, None, None, None], bias)
 
 
-def _pooled(x: Tensor, stride: int) -> Tensor:
+def _pool(x: Tensor, stride: int) -> Tensor:
     return functional.avg_pool2d(x, stride) if stride > 1 else x
 
 
-_MOST_BYTES = 2**20  # size of a settings file
+_MAX_BYTES = 2**20  # size of a settings file
 _FILES = "config.json, model.safetensors and tokenizer.json"
 
 
@@ -265,7 +265,7 @@ def _statistics(folder: Path) -> tuple[tuple[float, ...], tuple[float, ...]]:
     if not path.is_file():
         return MEAN, SPREAD
     try:
-        record = json.loads(storage.read_bytes(path, "the settings of CLIP's pictures", _MOST_BYTES, WeightsError))
+        record = json.loads(storage.read_bytes(path, "the settings of CLIP's pictures", _MAX_BYTES, WeightsError))
         mean, spread = (tuple(float(part) for part in record[key]) for key in ("image_mean", "image_std"))
         if len(mean) != 3 or len(spread) != 3 or not all(0 < part < 10 for part in spread):
             raise ValueError(f"{mean}, {spread}")

@@ -46,7 +46,7 @@ export class Drawing {
   }
 }
 
-export const MOST_ZOOM = 8;
+export const MAX_ZOOM = 8;
 
 /**
  * What a zoomed sheet shows: `scale`, and where its top-left corner lies, in shares of the window's sides.
@@ -64,7 +64,7 @@ const within = (low, value, high) => Math.min(high, Math.max(low, value));
  * @returns {View}
  */
 export function zoomed(view, factor, [x, y]) {
-  const scale = within(1, view.scale * factor, MOST_ZOOM);
+  const scale = within(1, view.scale * factor, MAX_ZOOM);
   const grown = scale / view.scale;
   return kept({ scale, x: x - (x - view.x) * grown, y: y - (y - view.y) * grown });
 }

@@ -32,21 +32,21 @@ _CANVAS: CanvasSize = RunSpec.model_fields["canvas"].default
 _LARGEST, _SMALLEST = 2000.0, 60.0  # mm
 
 
-def _as_described(name: str) -> Any:
+def _field_like_spec(name: str) -> Any:
     """Returns a field with the default and the limits of RunSpec."""
     field = RunSpec.model_fields[name]
     bounds = {bound: getattr(part, bound) for part in field.metadata for bound in ("ge", "le") if hasattr(part, bound)}
     return Field(field.default, allow_inf_nan=False, **bounds)
 
 
-def _known(kind: str) -> str:
+def _find_known(kind: str) -> str:
     known = goal_kinds().by_name
     if kind not in known:
         raise ValueError(f"There is no such kind of goal; there are {', '.join(known)}.")
     return kind
 
 
-Kind = Annotated[str, AfterValidator(_known)]
+Kind = Annotated[str, AfterValidator(_find_known)]
 
 
 def _shares(text: str) -> str:
@@ -100,22 +100,22 @@ class PaintingRequest(_Checked):
     title: Annotated[str, StringConstraints(strip_whitespace=True, max_length=80)] = ""
     terms: tuple[GoalRequest, ...] = Field(max_length=8)
     initial: tuple[GoalRequest, ...] = Field((), max_length=2)
-    strokes: int = _as_described("strokes")
-    colors: int = _as_described("colors")
+    strokes: int = _field_like_spec("strokes")
+    colors: int = _field_like_spec("colors")
     width: float = Field(_CANVAS.width * 1000, ge=_SMALLEST, le=_LARGEST, allow_inf_nan=False)
     height: float = Field(_CANVAS.height * 1000, ge=_SMALLEST, le=_LARGEST, allow_inf_nan=False)
     brushes: Brushes = ""
     """Brushes of the layers; "" for the default ones."""
-    replans: int = _as_described("replans")
+    replans: int = _field_like_spec("replans")
     ground: Ground = None
     """Ground; None for the default one."""
     on_canvas: bool = False
     focus: Focus = RunSpec.model_fields["focus"].default
-    sharpness: float = _as_described("sharpness")
-    drying: float = _as_described("drying")
-    minutes: float | None = _as_described("minutes")
-    effort: float = _as_described("effort")
-    seed: int = _as_described("seed")
+    sharpness: float = _field_like_spec("sharpness")
+    drying: float = _field_like_spec("drying")
+    minutes: float | None = _field_like_spec("minutes")
+    effort: float = _field_like_spec("effort")
+    seed: int = _field_like_spec("seed")
 
     @model_validator(mode="before")
     @classmethod
@@ -151,7 +151,7 @@ class PaintingRequest(_Checked):
 
 
 _SHOWN = re.compile(r"[a-z][a-z0-9-]{0,60}\.(png|jpg|mp4|json|svg|csv|gcode|html)")
-_MOST_PLANS = 24
+_MAX_PLANS = 24
 _A_MOMENT = 1.0  # seconds
 
 
@@ -274,13 +274,13 @@ class PaintingFolder:
     def begin_plan(self, request: PaintingRequest, pictures: Path) -> PlanFolder:
         """Makes the folder of a new plan, with its request and copies of its `pictures`. Raises StorageError."""
         number = max((folder.number for folder in self.plans()), default=0) + 1
-        if number > _MOST_PLANS:
-            raise StorageError(f"There are {_MOST_PLANS} plans already; choose one of them, or begin a new painting.")
+        if number > _MAX_PLANS:
+            raise StorageError(f"There are {_MAX_PLANS} plans already; choose one of them, or begin a new painting.")
         plan = self.plan(number)
         _fill(plan, request, pictures)
         return plan
 
-    def shown(self, place: str, name: str) -> Path | None:
+    def find_shown(self, place: str, name: str) -> Path | None:
         """Returns the file `name` of a place ("live", "painting", or a plan's number); None if it may not be shown."""
         if not (place in ("live", "painting") or re.fullmatch(r"[1-9]\d?", place)) or not _SHOWN.fullmatch(name):
             return None
@@ -400,7 +400,7 @@ class CalibrationRequest(BaseModel):
         storage.write_json(folder.path / _FILE, {"asked": self.model_dump(mode="json")})
 
     @classmethod
-    def kept(cls, folder: PaintingFolder) -> Self:
+    def load(cls, folder: PaintingFolder) -> Self:
         """Returns the request from the folder. Raises StorageError."""
         record = storage.read_json(folder.path / _FILE, "what is to be calibrated")
         try:

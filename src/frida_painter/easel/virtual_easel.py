@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from frida_painter import registry
-from frida_painter.easel.kinds import DIARY, EaselKind, OpenEasel
+from frida_painter.easel.kinds import SIMULATION_LOG, EaselKind, OpenEasel
 
 if TYPE_CHECKING:
     from frida_painter.calibration import Calibration, Matrix
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from frida_painter.virtual.studio import StudioSettings, VirtualStudio
 
 
-def furnished(order: "EaselOrder", arm: str, **furniture: Any) -> "tuple[VirtualStudio, Easel]":
+def assemble_easel(order: "EaselOrder", arm: str, **furniture: Any) -> "tuple[VirtualStudio, Easel]":
     """Opens the studio with one of its arms; returns it with its easel, which has the order's brush names.
 
     furniture: fields of StudioSettings that replace those of the order or the defaults
@@ -40,11 +40,11 @@ def furnished(order: "EaselOrder", arm: str, **furniture: Any) -> "tuple[Virtual
         own,
         seed=order.seed,
         settings=settings,
-        state=None if order.folder is None else order.folder / DIARY,
+        state=None if order.folder is None else order.folder / SIMULATION_LOG,
     )
     easel = replace(studio.easel, calibration=replace(studio.easel.calibration, color=_true_colors_of(settings.camera)))
     if order.canvas_picture is not None:
-        easel = replace(easel, calibration=_having_seen_it_bare(easel.calibration, order, own, settings))
+        easel = replace(easel, calibration=_with_bare_canvas(easel.calibration, order, own, settings))
     return studio, easel
 
 
@@ -60,7 +60,7 @@ def _true_colors_of(camera: "CameraSpec") -> "Matrix":
     return tuple((*map(float, row), 0.0) for row in unmixed)
 
 
-def _having_seen_it_bare(
+def _with_bare_canvas(
     known: "Calibration", order: "EaselOrder", brushes: Mapping[str, str], settings: "StudioSettings"
 ) -> "Calibration":
     """Returns the calibration with the bare canvas as the same camera sees it."""
@@ -89,7 +89,7 @@ def with_brush(easel: "Easel", name: str) -> "Easel":
 def _open_virtual(order: "EaselOrder") -> OpenEasel:
     from frida_painter.virtual.studio import FREE
 
-    studio, easel = furnished(order, FREE)
+    studio, easel = assemble_easel(order, FREE)
     return OpenEasel(easel, studio.close)
 
 

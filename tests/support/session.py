@@ -6,7 +6,6 @@ from dataclasses import dataclass, field, replace
 import torch
 from torch import Tensor
 
-from easels import NotingRobot, PatientCamera, stub_easel
 from frida_painter.brush.kinds import BrushKind
 from frida_painter.calibration import BrushRecord
 from frida_painter.hardware.robot import BrushRack
@@ -17,15 +16,16 @@ from frida_painter.planning.optimize import Step
 from frida_painter.planning.placement import Placement
 from frida_painter.planning.problem import Region
 from frida_painter.session.events import Event, Paused
-from frida_painter.session.hand import Brushwork
+from frida_painter.session.hand import Hand
 from frida_painter.session.journal import Journal
 from frida_painter.session.loop import PaintingSession
 from frida_painter.session.observer import CanvasObserver, Timelapse
-from frida_painter.session.painting import Painting, ResumeState
+from frida_painter.session.progress import Painting, ResumeState
 from frida_painter.session.replan_policy import EvenlySpaced, ReplanPolicy
 from marks import SMALL
-from plans import in_layers
-from scenes import CANVAS, some_strokes
+from support.easel import NotingRobot, PatientCamera, stub_easel
+from support.planning import CANVAS, some_strokes
+from support.plans import in_layers
 
 BRUSH = BrushKind("small", SMALL.limits, SMALL.width)
 
@@ -51,7 +51,7 @@ class NotingPlanner:
     def plan(self, canvas: Tensor, strokes: int, colors: int, notify: Callable[[Step], None]) -> Plan:
         notify(Step(1, 2, 0.5))
         notify(Step(2, 2, 0.4))
-        palette = Palette.ordered(torch.rand(colors, 3, generator=torch.Generator().manual_seed(1)))
+        palette = Palette.sort_light_to_dark(torch.rand(colors, 3, generator=torch.Generator().manual_seed(1)))
         paint = torch.arange(strokes) * colors // strokes
         if self.layers:
             paint = torch.cat([torch.arange(count) * colors // count for count in self.layers])
@@ -101,7 +101,7 @@ class NotingPlanner:
 
 
 @dataclass
-class Evening:
+class SessionSetup:
     """One painting on the stub easel, and everything that was heard of it."""
 
     strokes: int
@@ -136,12 +136,10 @@ class Evening:
             simulated=self.simulated,
         )
         self.observer = CanvasObserver(self.easel)
-        self.brushwork = Brushwork(
-            self.easel, BRUSH, others=tuple(BrushKind(name, SMALL.limits, SMALL.width) for name in others)
-        )
+        self.hand = Hand(self.easel, BRUSH, others=tuple(BrushKind(name, SMALL.limits, SMALL.width) for name in others))
         self.session = PaintingSession(
             self.planner,  # type: ignore[arg-type]
-            self.brushwork,
+            self.hand,
             self.observer,
             self.policy or EvenlySpaced(self.replans),
             stop_asked=lambda: self.stopping,

@@ -7,8 +7,8 @@ from torch.nn import functional
 from frida_painter.frames import PixelGrid
 from frida_painter.palette import to_lab
 from frida_painter.words.arrangement import Placed, known_like, known_things
-from frida_painter.words.composition import composed
-from frida_painter.words.settings import (
+from frida_painter.words.composition import compose_scene
+from frida_painter.words.places import (
     CLEAR,
     DAY,
     LIGHTS,
@@ -16,14 +16,14 @@ from frida_painter.words.settings import (
     PLACES,
     WEATHERS,
     Setting,
-    implied_place,
-    named_light,
-    named_place,
-    named_weather,
+    find_light,
+    find_place,
+    find_weather,
+    infer_place,
     with_contrast,
 )
-from networks import WordBag
-from scenes import CANVAS
+from support.networks import WordBag
+from support.planning import CANVAS
 
 GRID = PixelGrid.of_height(CANVAS, 48)
 
@@ -55,12 +55,12 @@ def test_most_of_a_ground_has_one_colour_which_a_canvas_can_have(light) -> None:
 
 def test_words_name_places_lights_and_weathers_or_imply_them() -> None:
     bag = WordBag()
-    assert named_place("the sea", bag) is PLACES[0] and named_place("teapot", bag) is None
-    assert named_place("the sea", bag, 1.1) is None, "there is a picture that is called so"
-    assert named_light("dawn", bag) is LIGHTS[0] and named_light("dog", bag) is None
-    assert named_weather("rain", bag) is WEATHERS[0] and named_weather("dog", bag) is None
-    assert named_weather("rain mobile", bag) is None and named_light("dawn chorus", bag) is LIGHTS[0]
-    assert implied_place(["a whale"], bag, 0.4) is PLACES[0] and implied_place(["zygote"], bag, 0.4) is PAPER
+    assert find_place("the sea", bag) is PLACES[0] and find_place("teapot", bag) is None
+    assert find_place("the sea", bag, 1.1) is None, "there is a picture that is called so"
+    assert find_light("dawn", bag) is LIGHTS[0] and find_light("dog", bag) is None
+    assert find_weather("rain", bag) is WEATHERS[0] and find_weather("dog", bag) is None
+    assert find_weather("rain mobile", bag) is None and find_light("dawn chorus", bag) is LIGHTS[0]
+    assert infer_place(["a whale"], bag, 0.4) is PLACES[0] and infer_place(["zygote"], bag, 0.4) is PAPER
 
 
 def test_sizes_come_from_what_is_similar() -> None:
@@ -99,7 +99,7 @@ def test_things_never_touch_the_edge(shape: tuple[int, int], named: bool, in_the
     drawing[3], drawing[0] = 1, 1
     things = [Placed(drawing, 0, 0, 1), Placed(drawing, 1.5, 0.5, 0.6, 1)]
     for some in (things, things[:1]):
-        scene = composed(some, Setting(PLACES[0], is_named=named), GRID, 1, in_the_air=in_the_air)
+        scene = compose_scene(some, Setting(PLACES[0], is_named=named), GRID, 1, in_the_air=in_the_air)
         assert float(scene.where.max()) == 1 and scene.picture.shape == (3, GRID.rows, GRID.columns)
         edges = torch.cat((scene.where[0], scene.where[-1], scene.where[:, 0], scene.where[:, -1]))
         assert float(edges.max()) < 0.5
@@ -109,10 +109,10 @@ def test_where_no_place_is_named_there_is_paper() -> None:
     drawing = torch.zeros(4, 30, 40)
     drawing[3], drawing[0] = 1, 1
     meadow = next(place for place in PLACES if place.name == "a meadow")
-    standing = composed([Placed(drawing, 0, 0, 1)], Setting(meadow), GRID, 0, in_the_air=False)
+    standing = compose_scene([Placed(drawing, 0, 0, 1)], Setting(meadow), GRID, 0, in_the_air=False)
     assert float(standing.picture[:, standing.where < 0.01].min()) == 1
     drawing[:3] = 0.97
-    pale = composed([Placed(drawing, 0, 0, 1)], Setting(meadow), GRID, 0, in_the_air=False)
+    pale = compose_scene([Placed(drawing, 0, 0, 1)], Setting(meadow), GRID, 0, in_the_air=False)
     around = functional.max_pool2d(pale.where[None, None], 3, 1, 1)[0, 0] > 0.5
     rim = pale.picture[:, around & (pale.where < 0.5)]
     assert float((1 - rim).amax(0).min()) > 0.05, "what is pale is seen against a tone"

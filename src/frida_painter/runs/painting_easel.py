@@ -18,7 +18,7 @@ from frida_painter.easel.kinds import VIRTUAL, easel_kind, state_folder
 from frida_painter.easel.operator import PersonAsOperator
 from frida_painter.easel.order import EaselOrder
 from frida_painter.easel.parent import EaselProcess
-from frida_painter.easel.studio import studio_brush, with_brush
+from frida_painter.easel.virtual_easel import studio_brush, with_brush
 from frida_painter.errors import CalibrationError, ConfigError
 from frida_painter.hardware.easel import Easel
 from frida_painter.procedures.brush import brush as brush_procedure
@@ -31,7 +31,7 @@ from frida_painter.runs.spec import RunSpec, millimetres_and_degrees
 from frida_painter.session.human import ByHand
 from frida_painter.session.opening import NEEDED
 from frida_painter.virtual.studio import open_studio
-from frida_painter.virtual.table import PlacementError
+from frida_painter.virtual.tabletop import PlacementError
 
 # Easel of a run: the one that its description names, and the person beside it.
 
@@ -219,5 +219,5 @@ def record_to_renew(path: Path, default: Calibration, *, anew: bool) -> Calibrat
             return default
         raise
     if anew and known.easel == default.easel:
-        return known.begun_anew(default)
+        return known.start_anew(default)
     return known.of_brush(default.brush) if default.brush in known.others else known

@@ -85,7 +85,7 @@ class ResultTable:
         lines = [
             _line(self.columns),
             _line(["---:" if numeric[name] else "---" for name in self.columns]),
-            *(_line([_shown(row[name]) for name in self.columns]) for row in self.rows),
+            *(_line([_format_value(row[name]) for name in self.columns]) for row in self.rows),
         ]
         return f"**{self.title}**\n\n" + "\n".join(lines) + "\n"
 
@@ -114,7 +114,7 @@ class Outcome:
         parts = [f"# {self.title}\n", *(f"{note}\n" for note in self.notes)]
         parts += [f"![{name.replace('-', ' ')}]({name}.png)\n" for name in self.pictures]
         parts += [table.markdown() for table in self.tables]
-        parts.append("Settings: " + "; ".join(f"{name} {_listed(value)}" for name, value in self.settings.items()))
+        parts.append("Settings: " + "; ".join(f"{name} {_list_names(value)}" for name, value in self.settings.items()))
         return "\n".join(parts) + "\n"
 
     def record(self) -> dict[str, object]:
@@ -148,7 +148,7 @@ def _is_number(value: Value) -> bool:
     return value is None or (isinstance(value, int | float) and not isinstance(value, bool))
 
 
-def _shown(value: Value) -> str:
+def _format_value(value: Value) -> str:
     """Returns a value as people read it."""
     if value is None or (isinstance(value, float) and not math.isfinite(value)):
         return "-"
@@ -157,8 +157,8 @@ def _shown(value: Value) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value).replace("|", r"\|")
 
 
-def _listed(value: Value | Sequence[Value]) -> str:
-    return _shown(value) if _plain(value) else ", ".join(_shown(part) for part in value)  # type: ignore[union-attr, arg-type]
+def _list_names(value: Value | Sequence[Value]) -> str:
+    return _format_value(value) if _plain(value) else ", ".join(_format_value(part) for part in value)  # type: ignore[union-attr, arg-type]
 
 
 def _plain(value: Value | Sequence[Value]) -> bool:
@@ -274,7 +274,7 @@ class Experiment(Generic[AnyTrial]):
         """
         found = []
         for trial, telling in each(self.trials, notify):
-            found.append((trial.labels, self.measured(trial, keep, telling)))
+            found.append((trial.labels, self.measure_or_load(trial, keep, telling)))
         return self.report(Results(tuple(found)))
 
     def shares(self, keep: Path) -> list[tuple[int, ...]]:
@@ -286,7 +286,7 @@ class Experiment(Generic[AnyTrial]):
                 found.setdefault(json.dumps(rest), []).append(number)
         return [tuple(numbers) for numbers in found.values()]
 
-    def measured(self, trial: AnyTrial, keep: Path | None, notify: Notify) -> Measurement:
+    def measure_or_load(self, trial: AnyTrial, keep: Path | None, notify: Notify) -> Measurement:
         """Returns the measurement of a trial, from `keep` if it is stored there.
 
         Raises StorageError and the errors of `measure`.

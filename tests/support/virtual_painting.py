@@ -20,16 +20,16 @@ from frida_painter.planning.layers import Effort
 from frida_painter.planning.planner import Planner
 from frida_painter.session import resuming
 from frida_painter.session.events import Event
-from frida_painter.session.hand import Brushwork
+from frida_painter.session.hand import Hand
 from frida_painter.session.journal import History, Journal
 from frida_painter.session.loop import PaintingSession
 from frida_painter.session.observer import CanvasObserver
-from frida_painter.session.painting import Painting, ResumeState
+from frida_painter.session.progress import Painting, ResumeState
 from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.faults import NO_FAULTS, Faults
 from frida_painter.virtual.studio import StudioSettings, VirtualStudio, open_studio
-from scenes import plain
+from support.planning import plain
 
 CANVAS = CanvasSize(0.12, 0.09)
 STROKES, REPLANS = 12, 2
@@ -38,19 +38,19 @@ RESTS_ON = {"goal": "coffee"}
 
 
 @dataclass
-class World:
+class VirtualPainting:
     """Everything that a painting in a folder needs; what was planned once is remembered."""
 
     planner: Planner
     known: dict[bytes, Plan] = field(default_factory=dict)
 
     @classmethod
-    def made(cls, seed: int = 0) -> "World":
+    def made(cls, seed: int = 0) -> "VirtualPainting":
         torch.set_num_threads(1)
         model = StrokeTable.of(load_stroke_model("fine"), detail=TableDetail((2, 2, 2), 8))
         coffee = torch.from_numpy(data.coffee().copy()).permute(2, 0, 1).float() / 255
         planner = Planner(
-            Goal((ImageTerm(coffee),)), plain(CANVAS, model, rows=64, effort=Effort().scaled(0.05), seed=seed)
+            Goal((ImageTerm(coffee),)), plain(CANVAS, model, rows=64, effort=Effort().scale(0.05), seed=seed)
         )
         world = cls(planner)
         plan = planner.plan
@@ -78,14 +78,14 @@ class World:
         easel = studio.easel
         easel.robot.connect()
         easel.camera.connect()
-        kept = history and resuming.kept_plan(folder, history)
+        kept = history and resuming.load_kept_plan(folder, history)
         # Short dips, so that it matters little that a brush was cleaned and dipped anew after a crash.
-        brushwork = Brushwork(easel, replace(brush_kind("fine"), known_dip=Dip(2.6e-4)))
+        hand = Hand(easel, replace(brush_kind("fine"), known_dip=Dip(2.6e-4)))
         if kept:
-            brushwork.learn(kept.planning.placement)
+            hand.learn(kept.planning.placement)
         session = PaintingSession(
             self.planner,
-            brushwork,
+            hand,
             CanvasObserver(easel, None, history and resuming.light(history), wait=lambda seconds: None),
             EvenlySpaced(REPLANS),
             stop_asked=lambda: False,
@@ -106,12 +106,12 @@ class World:
         journal, history = Journal.reopen(folder)
         session, studio = self.session(folder, journal, history)
         now = session.look()
-        journal.resumed(history, repaint=repaint)
-        kept = resuming.kept_plan(folder, history)
+        journal.record_resume(history, repaint=repaint)
+        kept = resuming.load_kept_plan(folder, history)
         if kept is None:
             painting = session.run(STROKES, 3)
         else:
-            before = resuming.seen_before(folder, kept, session.observer)
+            before = resuming.load_seen_canvas(folder, kept, session.observer)
             painting = session.resume(ResumeState(kept.plan, history.painted, kept.planning.done, before, now))
         journal.close()
         studio.close()

@@ -37,7 +37,7 @@ def in_layers(plan: Plan, *sizes: int) -> Plan:
 def made_up_plan(count: int = 40, colors: int = 5, seed: int = 0, paint: list[int] | None = None) -> Plan:
     """`paint` gives the paint of every stroke; without it the paints follow each other from light to dark."""
     generator = torch.Generator().manual_seed(seed + 1)
-    palette = Palette.ordered(torch.rand(colors, 3, generator=generator))
+    palette = Palette.sort_light_to_dark(torch.rand(colors, 3, generator=generator))
     chosen = torch.tensor(paint) if paint else torch.arange(count) * colors // max(1, count)
     strokes = made_up_strokes(len(chosen), seed)
     return Plan.of(strokes, palette, chosen, canvas=CANVAS, brush="medium", limits=LIMITS, about=(("seed", str(seed)),))

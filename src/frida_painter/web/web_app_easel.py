@@ -35,7 +35,7 @@ LOCAL = "127.0.0.1"
 
 
 @dataclass(frozen=True)
-class StudioEasel:
+class WebAppEasel:
     """Easel that the terminal command of the studio chose; no page can change it.
 
     record: file of the calibration record, which need not exist yet.
@@ -67,7 +67,7 @@ class StudioEasel:
         """File of the record; None if it does not exist."""
         return self.record if self.record.is_file() else None
 
-    def validated(self) -> Self:
+    def validate(self) -> Self:
         """Returns the checked easel, with the canvas of its workspace file.
 
         Raises ConfigError for an unknown robot, for a missing workspace file or camera, or for a wrong workspace

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError
 from frida_painter.hardware.robot import Point, Workspace
-from frida_painter.palette import MOST_COLORS
+from frida_painter.palette import MAX_COLORS
 from frida_painter.virtual.bristles import BristleBrush, Tuft
 from frida_painter.virtual.canvas import Canvas
 from frida_painter.virtual.faults import Bump, Faults
 from frida_painter.virtual.paint import to_linear
-from frida_painter.virtual.simulation_log import Note, unnoted
+from frida_painter.virtual.simulation_log import Note, ignore_entry
 
 # Colour checker of the studio: a card of 24 patches at any place on the table.
 
@@ -69,14 +69,14 @@ class Checker:
             )
 
     @classmethod
-    def drawn_from(cls, random: np.random.Generator, width: float, height: float) -> Self:
+    def sample(cls, random: np.random.Generator, width: float, height: float) -> Self:
         """Returns a random card for a canvas of that size (mm), roughly in its middle."""
         size = float(np.clip(0.62 * min(width, 1.4 * height), 30, _CLASSIC))
         x, y = random.uniform(-0.04, 0.04, 2)
         center = (float(width * (0.5 + x)), float(height * (0.5 + y)))
-        return cls(center, float(random.uniform(-0.2, 0.2)), size, _printed(random))
+        return cls(center, float(random.uniform(-0.2, 0.2)), size, _print_card(random))
 
-    def laid(self, center: tuple[float, float], turn: float, width: float | None) -> Self:
+    def place_at(self, center: tuple[float, float], turn: float, width: float | None) -> Self:
         """Returns the same card at another place, or with another width."""
         return replace(self, center=center, turn=turn, width=width or self.width)
 
@@ -89,7 +89,7 @@ class Checker:
         return np.c_[turned, middle - turned @ self.center]
 
 
-def _printed(random: np.random.Generator) -> NDArray[np.float32]:
+def _print_card(random: np.random.Generator) -> NDArray[np.float32]:
     """Returns the looks of one card, [rows, columns, 3], with random printing differences."""
     side, pitch, rim = _CELLS_PER_PATCH, round(_PITCH * _CELLS_PER_PATCH), round(_RIM * _CELLS_PER_PATCH)
     looks = np.empty(((_DOWN - 1) * pitch + side + 2 * rim, (_ACROSS - 1) * pitch + side + 2 * rim, 3), np.float32)
@@ -127,13 +127,13 @@ class PlacementError:
     turn: float
 
     @classmethod
-    def drawn_from(cls, random: np.random.Generator) -> "PlacementError":
+    def sample(cls, random: np.random.Generator) -> "PlacementError":
         """Returns a usual error: about 2 mm in a random direction, and a turn of about 0.4 degrees."""
         direction, size = random.uniform(0, 2 * math.pi), random.uniform(0.0015, 0.0025)
         turn = math.radians(random.uniform(0.3, 0.5)) * random.choice((-1, 1))
         return cls((size * math.cos(direction), size * math.sin(direction)), float(turn))
 
-    def moved(self, position: NDArray[np.float64], center: NDArray[np.float64]) -> NDArray[np.float64]:
+    def displace(self, position: NDArray[np.float64], center: NDArray[np.float64]) -> NDArray[np.float64]:
         """Returns canvas positions [k, 2] with the error."""
         return (position - center) @ self._rotation() + center + self.shift
 
@@ -176,7 +176,7 @@ class Table:
         self.touches = self.dips = 0
         self.knock = PlacementError((0.0, 0.0), 0.0)
         self.checker: Checker | None = None
-        self.note: Note = unnoted
+        self.note: Note = ignore_entry
         self._felt: list[Bump] = []
         self._workspace, self._touch_height = workspace, touch_height
         self._error, self._noise, self._random = error, noise, random
@@ -200,7 +200,7 @@ class Table:
         if (near[1:] | near[:-1]).any():
             self._over_canvas(on_canvas, now, faults)
         if len(path) > 1:
-            self._among_vessels(_resampled(path, _LOOK), faults)
+            self._among_vessels(_resample(path, _LOOK), faults)
         # A stroke survives a power cut, as on a real canvas; travel through the air need not.
         self.note(
             {"did": "move", "path": path.tolist(), "now": now, "brush": self.tuft.volume}, flush=self.touches > touches
@@ -219,13 +219,13 @@ class Table:
         cos, sin = math.cos(workspace.canvas_angle), math.sin(workspace.canvas_angle)
         meant = (path[:, :2] - workspace.canvas_origin[:2]) @ np.array([[cos, -sin], [sin, cos]])
         # A knocked canvas moves under the brush: the mark moves the other way.
-        place = self.knock.undone(self._error.moved(meant, self._center), self._center) * _MM
+        place = self.knock.undone(self._error.displace(meant, self._center), self._center) * _MM
         depth = (self._touch_height - path[:, 2]) * _MM / self.tuft.brush.press_depth
         return np.c_[place, np.minimum(depth, 1.25)]
 
     def _over_canvas(self, path: NDArray[np.float64], now: float, faults: Faults) -> None:
         millimetres = np.array([1, 1, _FINER_LIFT * self.tuft.brush.press_depth])
-        fine = _resampled(path * millimetres, _CELLS_PER_STEP * self.canvas.cell) / millimetres
+        fine = _resample(path * millimetres, _CELLS_PER_STEP * self.canvas.cell) / millimetres
         margin = 2 * self.tuft.brush.hard_radius
         size = np.array([self.canvas.width, self.canvas.height])
         reaches = (fine[:, 2] > -0.08) & (fine[:, :2] > -margin).all(1) & (fine[:, :2] < size + margin).all(1)
@@ -271,7 +271,7 @@ def _length_within(path: NDArray[np.float64], inside: NDArray[np.bool_]) -> floa
     return float(piece[inside[1:] & inside[:-1]].sum())
 
 
-def _resampled(path: NDArray[np.float64], step: float) -> NDArray[np.float64]:
+def _resample(path: NDArray[np.float64], step: float) -> NDArray[np.float64]:
     """Returns a polyline [k, d] as points at most `step` apart, with its corners."""
     piece = np.linalg.norm(np.diff(path, axis=0), axis=1)
     count = np.maximum(1, np.ceil(piece / step).astype(int))
@@ -316,8 +316,7 @@ def free_layout(canvas: CanvasSize, brush: BristleBrush) -> StudioLayout:
     corners = _around(canvas, _FREE_ORIGIN, _FREE_ANGLE)
     left = float(corners[:, 0].min()) - _WELL_PITCH
     wells = tuple(
-        (left - _WELL_PITCH * (i % _FREE_COLUMNS), y + _WELL_PITCH * (i // _FREE_COLUMNS), z)
-        for i in range(MOST_COLORS)
+        (left - _WELL_PITCH * (i % _FREE_COLUMNS), y + _WELL_PITCH * (i // _FREE_COLUMNS), z) for i in range(MAX_COLORS)
     )
     water: Point = (left, y - 0.08, z)
     rag: Point = (left - 0.11, y - 0.08, z)
@@ -341,7 +340,7 @@ def sawyer_layout(canvas: CanvasSize, brush: BristleBrush) -> StudioLayout:
     z = _SAWYER_HEIGHT
     wells = tuple(
         (_SAWYER_FIRST_WELL + _WELL_PITCH * (i % _SAWYER_ROWS), right - _WELL_PITCH * (i // _SAWYER_ROWS), z)
-        for i in range(MOST_COLORS)
+        for i in range(MAX_COLORS)
     )
     water: Point = (0.42, left, z)
     rag: Point = (0.58, left, z)

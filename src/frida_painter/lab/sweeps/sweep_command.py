@@ -11,7 +11,7 @@ import typer
 from typer.core import TyperGroup
 
 from frida_painter.errors import Interrupted, TryFailed
-from frida_painter.lab.sweeps.spec import EngineName
+from frida_painter.lab.sweeps.sweep_spec import EngineName
 from frida_painter.options import out_folder, whole_number_within
 from frida_painter.storage import count_of
 
@@ -97,7 +97,7 @@ def run(
 
     from frida_painter.cli.leading import confirm
     from frida_painter.lab.sweeps.runner import MANY, default_folder, sweep
-    from frida_painter.lab.sweeps.spec import SweepSpec
+    from frida_painter.lab.sweeps.sweep_spec import SweepSpec
     from frida_painter.session.time_left import duration
 
     spec = SweepSpec.from_toml(file)

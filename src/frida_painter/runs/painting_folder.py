@@ -26,7 +26,7 @@ from torch import Tensor
 
 from frida_painter import storage
 from frida_painter.calibration import Calibration
-from frida_painter.easel.kinds import DIARY
+from frida_painter.easel.kinds import SIMULATION_LOG
 from frida_painter.errors import ConfigError, StorageError
 from frida_painter.event_log import missing
 from frida_painter.perception.frame_check import FrameCheck
@@ -35,11 +35,11 @@ from frida_painter.planning.planner import Planner
 from frida_painter.report.film import SKETCHBOOK
 from frida_painter.report.sheets import doubt
 from frida_painter.runs.goal_item import read_goal_file
-from frida_painter.runs.spec import SETTLED, RunSpec, upgraded
+from frida_painter.runs.spec import SETTLED, RunSpec, upgrade_record
 from frida_painter.session import resuming
 from frida_painter.session.events import DRYING
 from frida_painter.session.journal import History, Journal
-from frida_painter.session.painting import Painting
+from frida_painter.session.progress import Painting
 from frida_painter.session.resuming import KeptPlan
 
 # Placement and touch heights that a painting learned are kept in the calibration record, for the next painting.
@@ -56,7 +56,7 @@ def keep_learned(spec: RunSpec, begun: Calibration | None, learned: Placement, p
     record, finished = spec.calibration, painting.rest is not None and len(painting.rest) == 0
     if record is None or begun is None or spec.by_hand or not finished or Calibration.load(record) != begun:
         return None
-    learned.corrected(begun, spec.canvas).save(record)
+    learned.correct(begun, spec.canvas).save(record)
     return record
 
 
@@ -114,7 +114,7 @@ def keep_goal(spec: RunSpec, folder: Path) -> None:
             copy = Path(str(number), item.path.name)
             _copy(item.path, folder / GOAL / copy)
             value = copy.as_posix()
-        lines += [f"[[{table}]]", f"{item.kind} = {_quoted(value)}", f"weight = {item.weight!r}", ""]
+        lines += [f"[[{table}]]", f"{item.kind} = {_quote_toml(value)}", f"weight = {item.weight!r}", ""]
     storage.write_text(folder / GOAL / "goal.toml", "\n".join(lines))
 
 
@@ -152,7 +152,7 @@ def are_there(folder: Path, strokes: int) -> bool:
     return is_done and filmed and all((folder / name).exists() for name in names)
 
 
-def _quoted(text: str) -> str:
+def _quote_toml(text: str) -> str:
     """Returns the text as a TOML string."""
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
@@ -173,7 +173,7 @@ def content_hash(path: Path) -> str:
         for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
             if file.is_file():
                 content.update(str(file.relative_to(path)).encode() + b"\0")
-                with storage.opened(file, "what decides how the painting goes on", storage.MAX_BYTES) as opened:
+                with storage.open_checked(file, "what decides how the painting goes on", storage.MAX_BYTES) as opened:
                     while piece := opened.read(2**20):
                         content.update(piece)
     except OSError as error:
@@ -210,7 +210,7 @@ class ReopenedPainting:
         good: features of a good photograph. None: no check.
         """
         if self.plan is not None and good is not None:
-            good.require_explained(now, resuming.as_left(self.plan, self.history, planner, before))
+            good.require_explained(now, resuming.expect_canvas(self.plan, self.history, planner, before))
 
     def stroke_in_doubt(self, planner: Planner, now: Tensor) -> Tensor | None:
         """Returns a picture of the stroke in doubt on the canvas `now`; None if there is no such stroke."""
@@ -228,19 +228,19 @@ def reopen(folder: Path, *, accept_changes: bool, pace: float) -> ReopenedPainti
     """
     journal, history = Journal.reopen(folder)
     try:
-        spec = read_spec(folder) if not history.finished else RunSpec.of(**upgraded(history.settings))
-        plan = resuming.kept_plan(folder, history)
+        spec = read_spec(folder) if not history.finished else RunSpec.of(**upgrade_record(history.settings))
+        plan = resuming.load_kept_plan(folder, history)
         if not history.finished:
             _require_unchanged(spec, folder, history, plan, accept_changes=accept_changes)
-        placement = None if plan is None or _recalibrated(spec, folder, history) else plan.planning.placement
-        spec = spec.changed(pace=pace, **read_goal(folder / history.goal))
+        placement = None if plan is None or _is_recalibrated(spec, folder, history) else plan.planning.placement
+        spec = spec.with_values(pace=pace, **read_goal(folder / history.goal))
     except BaseException:
         journal.close()
         raise
     return ReopenedPainting(spec, journal, history, plan, placement, accept_changes)
 
 
-def _recalibrated(spec: RunSpec, folder: Path, history: History) -> bool:
+def _is_recalibrated(spec: RunSpec, folder: Path, history: History) -> bool:
     """Returns True if the calibration record has changed since the painting began."""
     return not history.finished and input_hashes(spec, folder)[CALIBRATION_RECORD] != history.rests_on.get(
         CALIBRATION_RECORD
@@ -258,9 +258,9 @@ def _require_unchanged(
     spec: RunSpec, folder: Path, history: History, plan: KeptPlan | None, *, accept_changes: bool
 ) -> None:
     """Raises ConfigError, with all changes, if there are changes that are not accepted or not possible."""
-    begun = RunSpec.of(**upgraded(history.settings)).record()
+    begun = RunSpec.of(**upgrade_record(history.settings)).record()
     history.settings = begun
-    diary = missing(folder / DIARY, "the diary of a virtual studio") if spec.simulated else 0
+    diary = missing(folder / SIMULATION_LOG, "the diary of a virtual studio") if spec.simulated else 0
     rests_on = input_hashes(spec, folder)
     if CALIBRATION not in history.rests_on:  # earlier versions did not record it
         del rests_on[CALIBRATION]

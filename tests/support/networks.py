@@ -13,7 +13,7 @@ from torch.nn.functional import avg_pool2d
 
 from frida_painter.objectives.encoders.base import Reader
 from frida_painter.objectives.encoders.classifiers import ConSE, EfficientNetLite, class_names
-from frida_painter.objectives.encoders.registry import Choice, EncoderRegistry
+from frida_painter.objectives.encoders.loading import Choice, EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.objectives.encoders.vgg import Hed, Vgg16
 from frida_painter.words.libraries import Pictograms

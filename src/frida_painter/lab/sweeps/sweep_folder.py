@@ -20,12 +20,12 @@ from filelock import FileLock, Timeout
 
 from frida_painter import storage
 from frida_painter.errors import ConfigError, FridaError, StorageError, SweepBusy
-from frida_painter.lab.sweeps.spec import Fields, SweepRun, SweepSpec, Value, label
-from frida_painter.runs.folder import content_hash
+from frida_painter.lab.sweeps.sweep_spec import Fields, SweepRun, SweepSpec, Value, label
+from frida_painter.runs.painting_folder import content_hash
 
 # Expansion of a sweep to its runs, each once, identified by the content of its files.
 
-_MOST_FAULTS = 5
+_MAX_FAULTS = 5
 
 
 class FileHashes:
@@ -50,11 +50,11 @@ class FileHashes:
                 self.vanished.append(path.name)
                 self.by_path[name] = self._known[name]
             else:
-                raise ConfigError(f"{storage.shown(path)} does not exist; a run of the sweep needs it.")
+                raise ConfigError(f"{storage.abridge(path)} does not exist; a run of the sweep needs it.")
         return self.by_path[name]
 
 
-def expanded(spec: SweepSpec, hashes: FileHashes) -> tuple[SweepRun, ...]:
+def expand_runs(spec: SweepSpec, hashes: FileHashes) -> tuple[SweepRun, ...]:
     """Returns the runs in order, each once. Raises ConfigError, which names the first few faults."""
     runs, faults = dict[str, SweepRun](), list[str]()
     told = _Labels(spec)
@@ -64,7 +64,7 @@ def expanded(spec: SweepSpec, hashes: FileHashes) -> tuple[SweepRun, ...]:
         except FridaError as error:
             if str(error) not in faults:
                 faults.append(str(error))
-            if len(faults) == _MOST_FAULTS:
+            if len(faults) == _MAX_FAULTS:
                 break
             continue
         runs.setdefault(run.key, replace(run, labels=told.of(differing)))
@@ -114,7 +114,7 @@ class RunFolder:
         self.path = sweep / "runs" / key
 
     @contextlib.contextmanager
-    def held(self) -> Iterator[None]:
+    def lock(self) -> Iterator[None]:
         """Locks the folder for one process at a time; others wait. Raises StorageError if it cannot be written."""
         try:
             self.path.mkdir(parents=True, exist_ok=True)
@@ -165,7 +165,7 @@ class SweepFolder:
         return RunFolder(self.path, key)
 
     @contextlib.contextmanager
-    def held(self) -> Iterator[None]:
+    def lock(self) -> Iterator[None]:
         """Locks the folder for one driver.
 
         Raises SweepBusy if another process has it, StorageError if it cannot be used.
@@ -176,14 +176,14 @@ class SweepFolder:
             known = {_LOCK, *(one.name for one in self.path.glob(_CUT_OFF))}
             if not self.is_begun and any(one.name not in known for one in self.path.iterdir()):
                 raise StorageError(
-                    f"{storage.shown(self.path)} holds something that is no sweep; choose a new folder with --out."
+                    f"{storage.abridge(self.path)} holds something that is no sweep; choose a new folder with --out."
                 )
             lock = self._lock()
             lock.acquire(blocking=False)
         except Timeout as held:
             raise SweepBusy(
-                f"Another process works on {storage.shown(self.path)}; wait until it is done, or look how far it is: "
-                f"frida-painter sweep status {storage.shown(self.path)}"
+                f"Another process works on {storage.abridge(self.path)}; wait until it is done, or look how far it is: "
+                f"frida-painter sweep status {storage.abridge(self.path)}"
             ) from held
         except OSError as error:
             raise storage.cannot_write(self.path, error) from error
@@ -219,16 +219,16 @@ class SweepFolder:
             {"format": _FORMAT, "sweep": spec.model_dump(mode="json"), "files": dict(hashes), "slots": slots},
         )
 
-    def asked(self) -> tuple[SweepSpec, dict[str, str], int]:
+    def read_request(self) -> tuple[SweepSpec, dict[str, str], int]:
         """Returns the latest request, the hashes of files by their paths, and the slots. Raises ConfigError."""
         path = self.path / SWEEP
         if not self.is_begun:
             raise ConfigError(
-                f"{storage.shown(self.path)} holds no sweep; give the folder of one, such as sweeps/NAME."
+                f"{storage.abridge(self.path)} holds no sweep; give the folder of one, such as sweeps/NAME."
             )
         kept = storage.read_json(path, "a sweep", ConfigError)
         if kept.get("format") != _FORMAT:
-            raise ConfigError(f"{storage.shown(path)} is no sweep of this program; give the folder of one.")
+            raise ConfigError(f"{storage.abridge(path)} is no sweep of this program; give the folder of one.")
         return SweepSpec.of(**kept["sweep"]), kept["files"], kept["slots"]
 
     def copy_of(self, path: Path, content: str) -> Path:
@@ -241,7 +241,7 @@ class SweepFolder:
             storage.copy(path, copy, "a picture of the sweep", storage.MAX_BYTES, ConfigError)
             if content_hash(copy) != content:
                 copy.unlink()
-                raise ConfigError(f"{storage.shown(path)} has changed while the sweep began; call it once more.")
+                raise ConfigError(f"{storage.abridge(path)} has changed while the sweep began; call it once more.")
         return copy
 
     def require_space(self) -> None:

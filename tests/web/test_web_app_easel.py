@@ -7,13 +7,13 @@ import pytest
 from frida_painter.easel.kinds import state_folder
 from frida_painter.errors import ConfigError
 from frida_painter.hardware.workcell import example
-from frida_painter.runs.easel import order
-from frida_painter.web import easel as workspace_canvas
+from frida_painter.runs.painting_easel import order
+from frida_painter.web import web_app_easel as workspace_canvas
 from frida_painter.web import workspace_reader
-from frida_painter.web.easel import StudioEasel
-from frida_painter.web.folder import Feed, PaintingFolder, PaintingRequest
 from frida_painter.web.painter import Asker
 from frida_painter.web.stop import StopWatch
+from frida_painter.web.studio_folder import Feed, PaintingFolder, PaintingRequest
+from frida_painter.web.web_app_easel import WebAppEasel
 from frida_painter.web.worker import Job
 
 
@@ -22,7 +22,7 @@ from frida_painter.web.worker import Job
 )
 def test_what_cannot_paint_is_refused_before_the_page_opens(tmp_path: Path, robot: str, says: str) -> None:
     with pytest.raises(ConfigError, match=says):
-        StudioEasel(tmp_path / "record.json", robot).validated()
+        WebAppEasel(tmp_path / "record.json", robot).validate()
 
 
 @pytest.mark.parametrize(
@@ -30,9 +30,9 @@ def test_what_cannot_paint_is_refused_before_the_page_opens(tmp_path: Path, robo
     [("virtual", True, False), ("sawyer-sim", True, False), ("human", False, False), ("axidraw", False, True)],
 )
 def test_whose_stops_hold_where(tmp_path: Path, robot: str, simulated: bool, dangerous: bool) -> None:
-    easel = StudioEasel(tmp_path / "record.json", robot, "opencv:0", tmp_path / "easel.toml", 0.5)
+    easel = WebAppEasel(tmp_path / "record.json", robot, "opencv:0", tmp_path / "easel.toml", 0.5)
     assert (easel.simulated, easel.drives_machine) == (simulated, dangerous)
-    assert StudioEasel.take(json.loads(json.dumps(easel.plain()))) == easel
+    assert WebAppEasel.take(json.loads(json.dumps(easel.plain()))) == easel
     folder = PaintingFolder(tmp_path)
     feed, stop = Feed(folder), StopWatch(folder.stop, folder.path.parent)
     plan = folder.begin_plan(PaintingRequest.model_validate({"terms": [{"kind": "text", "words": "a sea"}]}), tmp_path)
@@ -48,7 +48,7 @@ def test_the_canvas_is_the_one_of_the_workspace_file(
 ) -> None:
     file = tmp_path / "easel.toml"
     file.write_text(example().replace("width = 0.3556", "width = 0.3"))
-    easel = StudioEasel(tmp_path / "record.json", "xarm:10.0.0.1", "opencv:0", file).validated()
+    easel = WebAppEasel(tmp_path / "record.json", "xarm:10.0.0.1", "opencv:0", file).validate()
     assert easel.canvas == pytest.approx((300, 279.4))
     file.write_text("canvas = 3")
     monkeypatch.setattr("sys.argv", ["workspace_reader", str(file)])
@@ -56,11 +56,11 @@ def test_the_canvas_is_the_one_of_the_workspace_file(
     printed = capsys.readouterr().out
     monkeypatch.setattr(workspace_canvas.subprocess, "run", lambda *_, **__: SimpleNamespace(stdout=printed))
     with pytest.raises(ConfigError, match="is no workspace"):
-        easel.validated()
+        easel.validate()
 
 
 def test_a_record_counts_once_it_is_there(tmp_path: Path) -> None:
-    easel = StudioEasel(tmp_path / "record.json")
+    easel = WebAppEasel(tmp_path / "record.json")
     assert easel.known is None and easel.canvas is None
     easel.record.write_text("{}")
     assert easel.known == easel.record

@@ -11,12 +11,12 @@ import torch
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import WeightsError
 from frida_painter.frames import PixelGrid
-from frida_painter.objectives.encoders import registry
-from frida_painter.objectives.encoders.registry import Choice, EncoderRegistry
+from frida_painter.objectives.encoders import loading
+from frida_painter.objectives.encoders.loading import Choice, EncoderRegistry
 from frida_painter.objectives.interpretation import prepare
 from frida_painter.objectives.objective import Goal
 from frida_painter.words.text import TextTerm
-from scenes import picture
+from support.planning import picture
 
 
 class Seeing:
@@ -57,9 +57,9 @@ def bring(monkeypatch: pytest.MonkeyPatch) -> Callable[[Any], None]:
                 return encoder
 
         def points(group: str, name: str) -> list[EntryPoint]:
-            return [Point("own", "package:encoder", group)] if (group, name) == (registry.GROUP, "own") else []
+            return [Point("own", "package:encoder", group)] if (group, name) == (loading.GROUP, "own") else []
 
-        monkeypatch.setattr(registry, "entry_points", points)
+        monkeypatch.setattr(loading, "entry_points", points)
 
     return bringing
 

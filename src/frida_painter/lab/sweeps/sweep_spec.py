@@ -25,7 +25,7 @@ from frida_painter.runs.spec import FILES, RunSpec
 KINDS = ("plan", "painting", "evaluation")
 PLAN = "plan"
 """Field of evaluations only: the file of the plan to paint."""
-_MOST_BYTES = 2**22
+_MAX_BYTES = 2**22
 _EXAMPLE = 'write lines such as kind = "plan", and under [grid] lines such as seed = [0, 1, 2]'
 _SECONDS, _CORES, _MEMORY, _TRIES = 30 * 86400, 256, 2**20, 20  # upper limits
 _ALLOWED = {
@@ -85,7 +85,7 @@ class SweepSpec(BaseModel):
     @classmethod
     def from_toml(cls, path: Path) -> Self:
         """Returns a description from a TOML file; its paths are relative to that file. Raises ConfigError."""
-        values = storage.read_toml(path, "a sweep (TOML)", _MOST_BYTES, _EXAMPLE)
+        values = storage.read_toml(path, "a sweep (TOML)", _MAX_BYTES, _EXAMPLE)
         made = cls.of_files(values, path.absolute().parent)
         return made if made.title else made.model_copy(update={"title": path.stem.replace("_", " ").replace("-", " ")})
 
@@ -95,10 +95,12 @@ class SweepSpec(BaseModel):
         values = dict(values)
         for name in ("settings", "grid"):
             if isinstance(values.get(name), dict):
-                values[name] = {field: _found(field, value, base) for field, value in values[name].items()}
+                values[name] = {field: _resolve_paths(field, value, base) for field, value in values[name].items()}
         if isinstance(values.get("runs"), list):
             values["runs"] = [
-                {field: _found(field, value, base) for field, value in run.items()} if isinstance(run, dict) else run
+                {field: _resolve_paths(field, value, base) for field, value in run.items()}
+                if isinstance(run, dict)
+                else run
                 for run in values["runs"]
             ]
         return cls.of(**values)
@@ -153,14 +155,14 @@ def run_spec(fields: Fields) -> RunSpec:
     return RunSpec.of(**rest, goal=goal)
 
 
-def _found(field: str, value: Any, base: Path) -> Any:
+def _resolve_paths(field: str, value: Any, base: Path) -> Any:
     """Returns a field with its paths relative to the sweep's folder; "*" in a picture's name stands for many files."""
     known = goal_kinds().by_name
     is_path = field in (*FILES, PLAN) or (field in known and known[field].gives is Gives.PICTURE)
     if isinstance(value, list) and field in ("goal", "initial"):
-        return [_found(field, one, base) for one in value]
+        return [_resolve_paths(field, one, base) for one in value]
     if isinstance(value, dict):
-        return {name: _found(name, one, base) for name, one in value.items()}
+        return {name: _resolve_paths(name, one, base) for name, one in value.items()}
     if isinstance(value, list) and is_path:
         return [path for one in value for path in _each(one, base)]
     if is_path or (field in ("brush", "brushes") and isinstance(value, str) and Path(value).suffix):
@@ -177,7 +179,9 @@ def _each(value: Any, base: Path) -> list[Any]:
     path = Path(value)
     found = sorted(str(one) for one in (base / path.parent).glob(path.name))
     if not found:
-        raise ConfigError(f"No file is called {value[:80]} (in {storage.shown(base)}); the sweep has nothing to paint.")
+        raise ConfigError(
+            f"No file is called {value[:80]} (in {storage.abridge(base)}); the sweep has nothing to paint."
+        )
     return found
 
 

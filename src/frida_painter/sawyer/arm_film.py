@@ -30,7 +30,7 @@ from frida_painter.sawyer.surroundings import CANVAS, CANVAS_PIXELS, Surrounding
 from frida_painter.video import RATE, VideoEncoder
 from frida_painter.virtual.paint import BANDS, to_srgb
 from frida_painter.virtual.robot import Course
-from frida_painter.virtual.table import Table
+from frida_painter.virtual.tabletop import Table
 
 # OpenGL without a screen: the available kind, and what to install if there is none.
 
@@ -60,7 +60,7 @@ def headless_opengl() -> str | None:
 Picture = NDArray[np.uint8]
 Color = NDArray[np.float64]
 
-_MOST_THINGS = 1000
+_MAX_THINGS = 1000
 _DISTANCE, _ELEVATION, _AZIMUTH, _OPENING = 1.80, -31.0, 161.0, 37.0
 
 
@@ -99,7 +99,7 @@ class ArmView:
             stack.callback(self._drawing.free)
             mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._drawing)
             self._open = stack.pop_all()
-        self._scene = mujoco.MjvScene(model, maxgeom=_MOST_THINGS)
+        self._scene = mujoco.MjvScene(model, maxgeom=_MAX_THINGS)
         self._scene.flags[mujoco.mjtRndFlag.mjRND_FOG] = True
         self._camera = mujoco.MjvCamera()
         self._camera.lookat[:] = (0.40, 0.19, 0.235)

@@ -79,16 +79,16 @@ def studio(
     registry.require("web", "fastapi", "The studio")
     registry.require("web", "uvicorn", "The studio")
     from frida_painter.web.commands import Role
-    from frida_painter.web.easel import StudioEasel
     from frida_painter.web.network import Certificate
     from frida_painter.web.server import listen, serve
     from frida_painter.web.store import PaintingStore
+    from frida_painter.web.web_app_easel import WebAppEasel
 
     store = PaintingStore(folder.absolute())
     record = calibration or store.calibration.path / "calibration.json"
-    easel = StudioEasel(record.absolute(), robot, camera, workspace, pace).validated()
+    easel = WebAppEasel(record.absolute(), robot, camera, workspace, pace).validate()
 
-    certified = Certificate.given(certificate, key)
+    certified = Certificate.from_files(certificate, key)
 
     def tell(links: "Links") -> None:
         print(f"The studio is open: {links.roles[Role.operate]}", flush=True)

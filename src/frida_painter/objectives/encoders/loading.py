@@ -134,7 +134,7 @@ class EncoderRegistry:
 
         if self._clip is None:
             if self._clip_source is not None:
-                self._clip = _given_clip(self._clip_source, self.device)
+                self._clip = _load_clip(self._clip_source, self.device)
             elif (folder := weights.find(_CLIP, self.cache)) is not None:
                 self._clip = Clip.load(folder, "CLIP ViT-B/32")
         return self._clip
@@ -255,7 +255,7 @@ class EncoderRegistry:
         return ConSE(classifier, names, meanings, self.sentences(), f"EfficientNet-Lite{number}")
 
 
-def _given_clip(source: str, device: torch.device) -> Encoder:
+def _load_clip(source: str, device: torch.device) -> Encoder:
     """Returns the encoder of an installed package, or the CLIP of a safetensors file, a folder or a name on the hub.
 
     Raises WeightsError.
@@ -263,7 +263,7 @@ def _given_clip(source: str, device: torch.device) -> Encoder:
     from frida_painter.objectives.encoders.clip import Clip, ClipResNet
 
     for point in entry_points(group=GROUP, name=source):
-        return _brought(point, device)
+        return _load_plugin(point, device)
     path = Path(source)
     if path.is_file():
         tensors, _ = tensor_file.read_tensors(path, "the weights of a CLIP", WeightsError)
@@ -271,7 +271,7 @@ def _given_clip(source: str, device: torch.device) -> Encoder:
     return Clip.load(source)
 
 
-def _brought(point: EntryPoint, device: torch.device) -> Encoder:
+def _load_plugin(point: EntryPoint, device: torch.device) -> Encoder:
     """Returns an encoder of another package. Raises WeightsError if it cannot be used."""
     package = f" of {point.dist.name}" if point.dist is not None else ""
     try:

@@ -215,25 +215,25 @@ class Setting:
         return ((height - top[None]) / _EDGE + 0.5).clamp(0, 1)[None]
 
 
-def named_place(name: str, sentences: SentenceEncoder, least: float = 0.0) -> Place | None:
+def find_place(name: str, sentences: SentenceEncoder, least: float = 0.0) -> Place | None:
     """Returns the most similar place; None if its similarity is less than `least` or the threshold."""
     place, similarity = _nearest(name, PLACES, sentences)
     return place if similarity >= max(least, _CALLED) else None
 
 
-def named_light(name: str, sentences: SentenceEncoder, least: float = 0.0) -> Light | None:
+def find_light(name: str, sentences: SentenceEncoder, least: float = 0.0) -> Light | None:
     """Returns the light that words such as "dawn" or "gloomy" mean; None below the threshold or `least`."""
     light, similarity = _nearest(name, LIGHTS, sentences)
     return light if similarity >= max(least, _FELT) else None
 
 
-def named_weather(name: str, sentences: SentenceEncoder, least: float = 0.0) -> Weather | None:
+def find_weather(name: str, sentences: SentenceEncoder, least: float = 0.0) -> Weather | None:
     """Returns the weather that words such as "rain" mean; None below the threshold or `least`."""
     weather, similarity = _nearest(name, WEATHERS, sentences)
     return weather if similarity >= max(least, _FELT_WEATHER) else None
 
 
-def implied_place(names: Sequence[str], sentences: SentenceEncoder, least: float, *, outside: bool = False) -> Place:
+def infer_place(names: Sequence[str], sentences: SentenceEncoder, least: float, *, outside: bool = False) -> Place:
     """Returns the usual place of things; bare paper if the similarity is below `least`.
 
     outside: True to consider only places under the sky

@@ -11,10 +11,10 @@ from httpx import Response
 from starlette.testclient import TestClient
 
 from frida_painter.web.commands import Role
-from frida_painter.web.easel import StudioEasel
 from frida_painter.web.security import Keys, Presence
-from frida_painter.web.server import application, guarded
+from frida_painter.web.server import add_middleware, application
 from frida_painter.web.store import PaintingStore
+from frida_painter.web.web_app_easel import WebAppEasel
 
 HOST = "127.0.0.1:8350"
 ORIGIN = f"http://{HOST}"
@@ -43,13 +43,13 @@ def order() -> dict[str, str]:
 class Studio:
     """The whole application as it is served, without a socket."""
 
-    def __init__(self, root: Path, easel: StudioEasel | None = None) -> None:
+    def __init__(self, root: Path, easel: WebAppEasel | None = None) -> None:
         self.store = PaintingStore(root)
         self.keys = Keys()
         self.presence = Presence()
-        self.easel = easel or StudioEasel(self.store.calibration.path / "calibration.json")
+        self.easel = easel or WebAppEasel(self.store.calibration.path / "calibration.json")
         self.app = application(self.store, self.easel, self.presence)
-        self.served = guarded(self.app, self.keys, frozenset({HOST, "localhost:8350"}), "studio-8350")
+        self.served = add_middleware(self.app, self.keys, frozenset({HOST, "localhost:8350"}), "studio-8350")
 
     def client(self) -> TestClient:
         return TestClient(self.served, base_url=ORIGIN, follow_redirects=False, raise_server_exceptions=False)

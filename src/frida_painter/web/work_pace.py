@@ -44,7 +44,7 @@ Told = tuple[Written, datetime]
 
 
 @dataclass
-class StudioPace:
+class WorkPace:
     """Pace of a studio, in seconds.
 
     loading: loading a planner.
@@ -69,19 +69,19 @@ class PaceMemory:
     def __init__(self) -> None:
         self._mark: object = None
         self._at = -math.inf
-        self._pace: StudioPace | None = None
+        self._pace: WorkPace | None = None
 
-    def pace(self, store: PaintingStore, *, real_time: bool) -> StudioPace:
+    def pace(self, store: PaintingStore, *, real_time: bool) -> WorkPace:
         """Returns the pace, at most some seconds old."""
         if self._pace is None or time.monotonic() - self._at > _GOOD_FOR:
-            mark = [_changed(entry.folder.feed) for entry in store.all()[:_LAST]]
+            mark = [_modification_mark(entry.folder.feed) for entry in store.all()[:_LAST]]
             self._at = time.monotonic()
             if self._pace is None or mark != self._mark:
                 self._mark, self._pace = mark, pace(store, real_time=real_time)
         return self._pace
 
 
-def _changed(feed: Path) -> tuple[str, int, int]:
+def _modification_mark(feed: Path) -> tuple[str, int, int]:
     try:
         found = feed.stat()
     except OSError:
@@ -89,7 +89,7 @@ def _changed(feed: Path) -> tuple[str, int, int]:
     return str(feed), found.st_mtime_ns, found.st_size
 
 
-def pace(store: PaintingStore, *, real_time: bool) -> StudioPace:
+def pace(store: PaintingStore, *, real_time: bool) -> WorkPace:
     """Returns the expected pace: the median over the last paintings.
 
     real_time: True if the robot moves in real time, False if it is simulated at the computer's speed.
@@ -110,7 +110,7 @@ def pace(store: PaintingStore, *, real_time: bool) -> StudioPace:
         except (KeyError, TypeError, ValueError):
             continue  # another program wrote it
     per_stroke = median(planning) if planning else 0.1
-    return StudioPace(
+    return WorkPace(
         loading=_LOADING,
         planning=per_stroke,
         opening=median(opening) if opening else _OPENING,

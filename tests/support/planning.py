@@ -16,7 +16,7 @@ from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.interpretation import prepare
 from frida_painter.objectives.objective import Goal
 from frida_painter.palette import to_lab
-from frida_painter.planning.problem import Scene
+from frida_painter.planning.problem import PlanningProblem
 from frida_painter.planning.settings import PlannerSettings
 from frida_painter.strokes import Strokes
 from marks import SMALL, ribbon
@@ -53,14 +53,14 @@ def goal() -> Goal:
     return Goal((ImageTerm(picture(120, 160)),))
 
 
-def scene(rows: int = 48, dtype: torch.dtype = torch.float32) -> Scene:
+def problem(rows: int = 48, dtype: torch.dtype = torch.float32) -> PlanningProblem:
     """A white canvas on which `goal` is to be painted with the small brush."""
     grid = PixelGrid.of_height(CANVAS, rows)
     model = small_table() if dtype == torch.float32 else ribbon().to(dtype)
-    return Scene(torch.ones(3, grid.rows, grid.columns, dtype=dtype), CANVAS, model, prepare(goal(), grid))
+    return PlanningProblem(torch.ones(3, grid.rows, grid.columns, dtype=dtype), CANVAS, model, prepare(goal(), grid))
 
 
-def target(of: Scene) -> Tensor:
+def target(of: PlanningProblem) -> Tensor:
     """What the scene's objective compares with, at its resolution."""
 
     return images.fit(goal().terms[0].image, *of.canvas.shape[1:])

@@ -5,9 +5,9 @@ from typing import Any
 import pytest
 
 from frida_painter.event_log import FEED, EventLog
-from frida_painter.web import studio_pace
+from frida_painter.web import work_pace
 from frida_painter.web.store import PaintingStore
-from frida_painter.web.studio_pace import PaceMemory, StudioPace, pace
+from frida_painter.web.work_pace import PaceMemory, WorkPace, pace
 
 MADE = {"nearer": 0.5, "prefix": "", "frames": [0, 20], "palette": [], "mixtures": []}
 PLANNED: list[dict[str, Any]] = [
@@ -48,7 +48,7 @@ def test_the_pace_is_that_of_the_last_painting(store: PaintingStore) -> None:
     begun = {"kind": "begun", "at": 100.0, "plan": 1, "of": 20}
     write(store, *PLANNED, begun, *strokes(1, 10, 107.0, 2.0), *look(130.0, 10, 140.0), *strokes(11, 20, 140.0, 2.0))
     found = pace(store, real_time=False)
-    assert found == StudioPace(loading=4.0, planning=3.0, opening=9.0, painting=2.0, replanning=2.0, known=True)
+    assert found == WorkPace(loading=4.0, planning=3.0, opening=9.0, painting=2.0, replanning=2.0, known=True)
     write(store, {"kind": "plan_made", "at": "yesterday"})
     assert pace(store, real_time=False) == found
 
@@ -73,9 +73,7 @@ def test_the_pace_is_kept_in_memory_and_read_again_where_a_painting_has_gone_on(
     store: PaintingStore, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     memory, read = PaceMemory(), list[int]()
-    monkeypatch.setattr(
-        studio_pace, "pace", lambda store, real_time: read.append(1) or pace(store, real_time=real_time)
-    )
+    monkeypatch.setattr(work_pace, "pace", lambda store, real_time: read.append(1) or pace(store, real_time=real_time))
     first = memory.pace(store, real_time=False)
     assert memory.pace(store, real_time=False) is first and len(read) == 1
     begun = {"kind": "begun", "at": 100.0, "plan": 1, "of": 20}

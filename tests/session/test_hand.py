@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 import torch
 
-from easels import CALIBRATION, CANVAS, WORKSPACE, NotingRobot, PatientCamera, stub_easel
 from frida_painter.brush.kinds import BrushKind, Dip, brush_kind
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.calibration import Calibration, LearnedFile
@@ -18,11 +17,12 @@ from frida_painter.planning.placement import Placement
 from frida_painter.sawyer.arm import SAWYER
 from frida_painter.session.choreography import Choreography
 from frida_painter.session.events import Dipped, StrokePainted
-from frida_painter.session.hand import STROKES_PER_DIP, Brushwork, refilled
+from frida_painter.session.hand import STROKES_PER_DIP, Hand, with_measured_dip
 from frida_painter.strokes import StrokeLimits, Strokes
 from frida_painter.virtual.studio import StudioSettings, open_studio
 from marks import SMALL, small_library
-from plans import made_up_strokes
+from support.easel import CALIBRATION, CANVAS, WORKSPACE, NotingRobot, PatientCamera, stub_easel
+from support.plans import made_up_strokes
 
 LIMITS = StrokeLimits((0.01, 0.03), (-0.008, 0.008))
 BRUSH = BrushKind("small", LIMITS, 0.008)
@@ -42,15 +42,15 @@ def plan(paint: list[int], length: float = 0.02, thickness: float = 0.5) -> Plan
     return Plan.of(strokes, palette, torch.tensor(paint), canvas=CANVAS, brush="small", limits=LIMITS)
 
 
-def painted(brushwork: Brushwork, which: Plan, done: int = 0) -> list[str]:
+def painted(hand: Hand, which: Plan, done: int = 0) -> list[str]:
     """What the robot was told, after the plan has been painted."""
-    for action in brushwork.prepare(which, done, done + len(which)):
-        brushwork.perform(action)
-    return brushwork.easel.robot.labels()
+    for action in hand.prepare(which, done, done + len(which)):
+        hand.perform(action)
+    return hand.easel.robot.labels()
 
 
-def dipped(brushwork: Brushwork, which: Plan) -> list[Dipped]:
-    actions = brushwork.prepare(which, 0, len(which))
+def dipped(hand: Hand, which: Plan) -> list[Dipped]:
+    actions = hand.prepare(which, 0, len(which))
     return [action.done for action in actions if isinstance(action.done, Dipped)]
 
 
@@ -60,44 +60,44 @@ def test_a_brush_that_touches_lower_is_sent_lower_unless_the_workspace_ends_ther
     touches_lower = replace(touches_lower, touch=touches_lower.touch.after("small", 0.001, 0.00001))
     for floor, lowest in ((CALIBRATION.press_height - 0.002, 0.091), (CALIBRATION.press_height, 0.092)):
         low = replace(WORKSPACE, lower=(*WORKSPACE.lower[:2], floor))
-        brushwork = Brushwork(replace(stub_easel(), workspace=low), BRUSH)
-        brushwork.learn(touches_lower)
-        painted(brushwork, hard)
-        robot = brushwork.easel.robot
+        hand = Hand(replace(stub_easel(), workspace=low), BRUSH)
+        hand.learn(touches_lower)
+        painted(hand, hard)
+        robot = hand.easel.robot
         assert isinstance(robot, NotingRobot)
         stroke = next(motion for motion in robot.motions if motion.label == "stroke 1")
         assert stroke.position[:, 2].min() == pytest.approx(lowest, abs=1e-4)
 
 
 def test_a_clean_brush_dips_before_the_first_stroke_and_is_not_cleaned() -> None:
-    told = painted(Brushwork(stub_easel(), BRUSH), plan([1]))
+    told = painted(Hand(stub_easel(), BRUSH), plan([1]))
     assert told == ["dip into well 2", "stroke 1"]
 
 
 def test_the_brush_is_rinsed_wiped_and_dipped_where_the_colour_changes() -> None:
-    brushwork = Brushwork(stub_easel(), BRUSH)
-    told = painted(brushwork, plan([0, 1, 1, 2], length=0.01, thickness=0.0))
+    hand = Hand(stub_easel(), BRUSH)
+    told = painted(hand, plan([0, 1, 1, 2], length=0.01, thickness=0.0))
     clean = ["rinse", "wipe"]
     assert told == [
         *("dip into well 1", "stroke 1"),
         *(*clean, "dip into well 2", "stroke 2", "stroke 3"),
         *(*clean, "dip into well 3", "stroke 4"),
     ]
-    cleaned = [done.cleaned for done in dipped(Brushwork(stub_easel(), BRUSH), plan([0, 1, 1, 2]))]
+    cleaned = [done.cleaned for done in dipped(Hand(stub_easel(), BRUSH), plan([0, 1, 1, 2]))]
     assert cleaned[0] is False and cleaned.count(True) == 2
 
 
 def test_a_batch_goes_on_with_what_the_batch_before_left_on_the_brush() -> None:
-    brushwork = Brushwork(stub_easel(), BRUSH)
-    painted(brushwork, plan([0], length=0.01, thickness=0.0))
-    told = painted(brushwork, plan([0, 1], length=0.01, thickness=0.0), done=1)
+    hand = Hand(stub_easel(), BRUSH)
+    painted(hand, plan([0], length=0.01, thickness=0.0))
+    told = painted(hand, plan([0, 1], length=0.01, thickness=0.0), done=1)
     assert told[2] == "stroke 2"
     assert told[3:] == ["rinse", "wipe", "dip into well 2", "stroke 3"]
 
 
 def test_a_brush_that_held_a_darker_or_an_unknown_paint_is_cleaned_twice() -> None:
     wells = plan([2, 0, 1], length=0.01, thickness=0.0)
-    told = painted(Brushwork(stub_easel(), BRUSH), wells)
+    told = painted(Hand(stub_easel(), BRUSH), wells)
     assert told[2:7] == [*2 * ["rinse", "wipe"], "dip into well 1"]
     assert told[8:11] == ["rinse", "wipe", "dip into well 2"]
     by = Choreography(Motion(WORKSPACE, CALIBRATION), BRUSH)
@@ -106,7 +106,7 @@ def test_a_brush_that_held_a_darker_or_an_unknown_paint_is_cleaned_twice() -> No
 
 def test_the_brush_is_refilled_by_the_area_it_has_painted() -> None:
     def dips(length: float, thickness: float) -> int:
-        return len(dipped(Brushwork(stub_easel(), BRUSH), plan(12 * [0], length, thickness)))
+        return len(dipped(Hand(stub_easel(), BRUSH), plan(12 * [0], length, thickness)))
 
     assert dips(0.03, 1.0) == 12, "the largest mark takes a dip of its own"
     assert dips(0.01, 0.0) < dips(0.012, 0.3) < dips(0.03, 1.0)
@@ -114,41 +114,41 @@ def test_the_brush_is_refilled_by_the_area_it_has_painted() -> None:
 
 
 def test_strokes_are_told_by_their_number_and_colour() -> None:
-    done = [action.done for action in Brushwork(stub_easel(), BRUSH).prepare(plan([0, 2]), 7, 20)]
+    done = [action.done for action in Hand(stub_easel(), BRUSH).prepare(plan([0, 2]), 7, 20)]
     strokes = [one for one in done if isinstance(one, StrokePainted)]
     assert [(one.done, one.of) for one in strokes] == [(8, 20), (9, 20)]
     assert strokes[1].color == pytest.approx((0.1, 0.1, 0.1))
 
 
 def test_cleaning_leaves_no_paint_on_the_brush() -> None:
-    brushwork = Brushwork(stub_easel(), BRUSH)
-    painted(brushwork, plan([0], length=0.01))
-    brushwork.clean()
-    told = painted(brushwork, plan([0], length=0.01))
+    hand = Hand(stub_easel(), BRUSH)
+    painted(hand, plan([0], length=0.01))
+    hand.clean()
+    told = painted(hand, plan([0], length=0.01))
     assert told == ["dip into well 1", "stroke 1", *2 * ["rinse", "wipe"], "dip into well 1", "stroke 1"]
 
 
 def test_a_robot_that_is_not_where_it_was_sent_stops_the_painting() -> None:
     robot = NotingRobot(astray=0.005)
-    brushwork = Brushwork(stub_easel(robot), BRUSH)
-    actions = brushwork.prepare(plan([0, 1]), 0, 2)
+    hand = Hand(stub_easel(robot), BRUSH)
+    actions = hand.prepare(plan([0, 1]), 0, 2)
     with pytest.raises(PoseMismatch, match=r"dip into well 1: .* 5\.0 mm from where it was sent; allowed are 2 mm"):
-        brushwork.perform(actions[0])
+        hand.perform(actions[0])
     assert len(robot.motions) == 1
     robot.astray = float("nan")
     with pytest.raises(PoseMismatch):
-        brushwork.perform(actions[1])
+        hand.perform(actions[1])
 
 
 def test_a_hair_s_breadth_is_forgiven() -> None:
-    painted(Brushwork(stub_easel(NotingRobot(astray=0.0015)), BRUSH), plan([0, 1]))
+    painted(Hand(stub_easel(NotingRobot(astray=0.0015)), BRUSH), plan([0, 1]))
 
 
 def test_nothing_of_a_batch_is_sent_where_one_waypoint_lies_outside() -> None:
     astray = replace(CALIBRATION, placement=((1.0, 0.0, 0.0), (0.0, 1.0, 0.9), (0.0, 0.0, 1.0)))
     easel = replace(stub_easel(), calibration=astray)
     with pytest.raises(WorkspaceViolation, match=r"stroke 1: y = .*Nothing was sent"):
-        Brushwork(easel, BRUSH).prepare(plan([0, 1, 2]), 0, 3)
+        Hand(easel, BRUSH).prepare(plan([0, 1, 2]), 0, 3)
     assert easel.robot.motions == []
 
 
@@ -156,16 +156,16 @@ def test_a_paint_without_a_well_is_refused_before_anything_moves() -> None:
     easel = stub_easel()
     fewer = replace(easel, workspace=replace(easel.workspace, wells=easel.workspace.wells[:2]))
     with pytest.raises(WorkspaceViolation, match="2 wells"):
-        Brushwork(fewer, BRUSH).prepare(plan([0, 1, 2]), 0, 3)
+        Hand(fewer, BRUSH).prepare(plan([0, 1, 2]), 0, 3)
     assert fewer.robot.motions == []
 
 
 def test_the_time_of_the_last_motion_is_the_robot_s() -> None:
-    brushwork = Brushwork(stub_easel(NotingRobot(now=100.0), PatientCamera()), BRUSH)
-    brushwork.step_aside()
-    assert brushwork.last_motion == 101.0
-    painted(brushwork, plan([0]))
-    assert brushwork.last_motion == 105.0, "a dip, above the stroke, the stroke, and up"
+    hand = Hand(stub_easel(NotingRobot(now=100.0), PatientCamera()), BRUSH)
+    hand.step_aside()
+    assert hand.last_motion == 101.0
+    painted(hand, plan([0]))
+    assert hand.last_motion == 105.0, "a dip, above the stroke, the stroke, and up"
 
 
 def test_a_batch_that_the_simulated_sawyer_does_not_reach_is_refused_before_anything_moves() -> None:
@@ -178,7 +178,7 @@ def test_a_batch_that_the_simulated_sawyer_does_not_reach_is_refused_before_anyt
         limits=StrokeLimits((0.01, 0.06), (-0.016, 0.016)),
     )  # fmt: skip
     with pytest.raises(WorkspaceViolation, match=r"stroke \d: the arm does not reach .* Nothing was sent to the robot"):
-        Brushwork(studio.easel, brush_kind("broad")).prepare(which, 0, 6)
+        Hand(studio.easel, brush_kind("broad")).prepare(which, 0, 6)
     assert studio.robot.motions == 0
 
 
@@ -194,20 +194,22 @@ def test_a_library_with_fewer_dips_than_strokes_tells_what_a_dip_paints(tmp_path
     since = np.where(np.arange(40) % 2 == 0, 0, 1e-4).astype(np.float32)
     known = record_of(replace(library, since_dip=since, flaws=np.zeros(40, np.uint8)), tmp_path)
     for simulated in (False, True):
-        dip = refilled(SMALL, known, simulated=simulated).dip
+        dip = with_measured_dip(SMALL, known, simulated=simulated).dip
         assert 1e-4 < dip.holds < 4e-4 and not dip.by_strokes
     other = replace(SMALL, name="other")
-    assert refilled(other, known, simulated=False).dip == Dip.of_strokes(STROKES_PER_DIP), "it is of another brush"
+    assert with_measured_dip(other, known, simulated=False).dip == Dip.of_strokes(STROKES_PER_DIP), (
+        "it is of another brush"
+    )
 
 
 def test_where_nothing_shows_it_strokes_are_counted_but_the_projects_own_brushes_are_known(tmp_path: Path) -> None:
     for record in (CALIBRATION, record_of(small_library(4), tmp_path)):
-        assert refilled(SMALL, record, simulated=False).dip == Dip.of_strokes(4)
-        assert refilled(SMALL, record, simulated=True) is SMALL
+        assert with_measured_dip(SMALL, record, simulated=False).dip == Dip.of_strokes(4)
+        assert with_measured_dip(SMALL, record, simulated=True) is SMALL
 
 
 def test_a_damaged_library_is_told(tmp_path: Path) -> None:
     record = record_of(small_library(4), tmp_path)
     (tmp_path / "strokes.npz").write_bytes(b"PK")
     with pytest.raises(LibraryError, match=r"strokes\.npz"):
-        refilled(SMALL, record, simulated=False)
+        with_measured_dip(SMALL, record, simulated=False)

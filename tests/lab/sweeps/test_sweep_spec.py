@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from frida_painter.errors import ConfigError
-from frida_painter.lab.sweeps.spec import SweepRun, SweepSpec, label, run_spec
+from frida_painter.lab.sweeps.sweep_spec import SweepRun, SweepSpec, label, run_spec
 from frida_painter.runs.spec import FILES
 
 GRID = {"image": ["a.jpg", "b.jpg"], "seed": [0, 1, 2]}
