@@ -1,4 +1,4 @@
-// What the studio's server tells the page: web/state.py, web/goals.py; and what views get from main.js.
+// What the studio's server tells the page: web/state.py, web/studio_folder.py; and what views get from main.js.
 
 interface Term { kind: string; picture?: string | null; words?: string | null; weight: number }
 interface Wish {
