@@ -7,7 +7,9 @@ PHOTO ?= examples/photographs/coffee.jpg
 PINS := pyproject.toml constraints.txt
 ADD := $(BIN)/python tools/install.py
 
-.PHONY: paint studio test quick lint docs size benchmarks benchmarks-gpu install browser downloads clean reference
+PROGRAM ?= storm stop attack hostile_commands kills busy
+
+.PHONY: paint studio test quick stress lint docs size benchmarks benchmarks-gpu install browser downloads clean reference
 
 install: $(VENV)/dev
 
@@ -73,6 +75,12 @@ test: lint browser downloads
 
 quick: install downloads
 	$(BIN)/pytest -n 2 --dist worksteal -m "not slow" --hypothesis-profile quick
+
+# Programs that attack, storm, stop, kill and starve the painter: hours with their defaults, so a nightly job runs them.
+# One of them, with options: make stress PROGRAM=kills OPTIONS="--kills 20"
+stress: install browser downloads
+	@for program in $(PROGRAM); do \
+		PYTHONPATH=benchmarks $(BIN)/python tests/stress/$$program.py $(OPTIONS) || exit 1; done
 
 size:
 	@$(PYTHON) tools/size.py $(if $(SINCE),--since $(SINCE))

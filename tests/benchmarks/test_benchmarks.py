@@ -105,27 +105,6 @@ def test_paintings_of_two_checkouts_lie_side_by_side_on_a_sheet(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_few_hostile_command_lines_are_refused_in_order(tmp_path):
-    outcomes = list(program("hostile_commands").tried(tmp_path, 8, seed=1, seconds=60))
-    assert [one.wrong for one in outcomes] == [""] * 8
-    assert any(one.status == 2 for one in outcomes)
-
-
-@pytest.mark.slow
-def test_every_command_but_two_is_tried_with_all_that_it_takes():
-    known = {one.path: one for one in program("hostile_commands").commands()}
-    assert {("paint",), ("resume",), ("strokes", "train"), ("experiments", "replanning")} <= set(known)
-    takes = {one.name: one.takes for one in known["paint",].parameters}
-    assert takes["--brushes"] is str and takes["--settings"] is Path and takes["--strokes"] is int and takes[""] is Path
-
-
-@pytest.mark.slow
-def test_a_painting_that_is_killed_while_it_finishes_is_resumed_whole(tmp_path):
-    (kill,) = program("kills").killed(tmp_path, 4, [0.85])
-    assert (kill.wrong, kill.painted) == ("", 4)
-
-
-@pytest.mark.slow
 @pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU here")
 def test_without_a_gpu_its_benchmark_says_what_to_do():
     done = subprocess.run([sys.executable, str(BENCHMARKS / "gpu.py")], capture_output=True, text=True, timeout=120)

@@ -4,6 +4,7 @@ import importlib.util
 import random
 import sys
 import threading
+import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -21,8 +22,8 @@ COUNT, EACH = 300, 4
 
 @pytest.fixture(scope="module")
 def storm() -> ModuleType:
-    """benchmarks/storm.py, which throws ten thousand and more at a studio that is really served."""
-    path = Path(__file__).parents[2] / "benchmarks" / "storm.py"
+    """tests/stress/storm.py, which throws ten thousand and more at a studio that is really served."""
+    path = Path(__file__).parents[1] / "stress" / "storm.py"
     specification = importlib.util.spec_from_file_location("storm", path)
     module = importlib.util.module_from_spec(specification)
     specification.loader.exec_module(module)
@@ -69,10 +70,11 @@ class Guard:
 
 
 def loading() -> bool:
-    """Whether a library is just being loaded, which may make classes of texts."""
+    """True while a library is loaded, which may make classes of texts, or a traceback parses the line that it shows."""
     frame: FrameType | None = sys._getframe()
     while frame is not None:
-        if frame.f_code.co_filename.startswith("<frozen importlib"):
+        file = frame.f_code.co_filename
+        if file.startswith("<frozen importlib") or file == traceback.__file__:
             return True
         frame = frame.f_back
     return False

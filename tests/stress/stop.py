@@ -1,6 +1,6 @@
 """Presses stop while everything else that a studio can be asked for is asked of it, all at once.
 
-    python benchmarks/stop.py [--stops 1000] [--busy 10] [--json FILE]
+    make stress PROGRAM=stop OPTIONS="--stops 1000 --busy 10 --json FILE"
 
 At once, from the first stop to the last: 20 streams and 28 requests a second; 16 pictures of 49 megapixels given; 80
 ZIPs that nobody reads; a database that is locked for three seconds of every six while 120 reads wait; 1300 half-open

@@ -1,6 +1,6 @@
 """Throws senseless requests at a studio, as somebody would who means harm, and looks whether anything comes of it.
 
-    python benchmarks/storm.py [--requests 10000] [--seed 1]
+    make stress PROGRAM=storm OPTIONS="--requests 10000 --seed 1"
 
 Half are what schemathesis makes of the studio's own description (OpenAPI): what it allows, and what it does not. Most
 others are made from its routes with something wrong in them; the rest are malformed multipart bodies, paths that climb

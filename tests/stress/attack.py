@@ -1,6 +1,6 @@
 """Attacks a studio in the ways in which others have got into pages that command machines, and tells which of them held.
 
-    python benchmarks/attack.py [--quick] [--json FILE]
+    make stress PROGRAM=attack OPTIONS="--quick --json FILE"
 
 By a second origin in a real browser (Chromium, by way of Playwright; left out where there is none), by another server
 on another port of the same host that gets the browser's cookies, by other names for this machine (DNS rebinding), by
@@ -26,9 +26,10 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
+from stop import Studio, Worker, begun, press
+
 from frida_painter.web.store import PaintingStore
 from measure import Table, arguments, publish
-from stop import Studio, Worker, begun, press
 
 Answer = tuple[int, dict[str, str], bytes]
 

@@ -1,6 +1,6 @@
 """Kills paintings at random moments, has them resumed, and looks whether anything of them is lost.
 
-    python benchmarks/kills.py [--kills 200] [--strokes 60] [--seed 1]
+    make stress PROGRAM=kills OPTIONS="--kills 200 --strokes 60 --seed 1"
 
 A small painting is painted once without any interruption, by the command line, in processes of its own. Then others,
 with the same seed, are killed (SIGKILL, the painting process; the easel's process sees that for itself): three of four

@@ -1,6 +1,6 @@
 """Paints in the virtual studio beside programs that keep every core busy, and counts the paintings that finish.
 
-    python benchmarks/busy.py [--paintings 20] [--loops 40] [--strokes 12] [--seconds 3600] [--at-once 1]
+    make stress PROGRAM=busy OPTIONS="--paintings 20 --loops 40 --strokes 12 --seconds 3600 --at-once 1"
 
 One painting after another, or several at once, each by the command line in processes of its own, beside so many
 endless loops. A painting

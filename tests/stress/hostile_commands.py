@@ -1,6 +1,6 @@
 """Gives the command line senseless and hostile words, as somebody would who means harm, and looks what comes of it.
 
-    python benchmarks/hostile_commands.py [--lines 1000] [--seed 1] [--seconds 5]
+    make stress PROGRAM=hostile_commands OPTIONS="--lines 1000 --seed 1 --seconds 5"
 
 The lines are made from the commands' own description: every command, every option and argument, filled with what is
 good, and at least once with what is not: devices, pipes, sockets, links to them, files that are empty, damaged, too
