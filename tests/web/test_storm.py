@@ -5,6 +5,7 @@ import random
 import sys
 import threading
 import traceback
+import typing
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -70,11 +71,11 @@ class Guard:
 
 
 def loading() -> bool:
-    """True while a library is loaded, which may make classes of texts, or a traceback parses the line that it shows."""
+    """True while a library makes classes of texts, a traceback parses its line, or an annotation is evaluated."""
     frame: FrameType | None = sys._getframe()
     while frame is not None:
         file = frame.f_code.co_filename
-        if file.startswith("<frozen importlib") or file == traceback.__file__:
+        if file.startswith("<frozen importlib") or file in (traceback.__file__, typing.__file__):
             return True
         frame = frame.f_back
     return False
