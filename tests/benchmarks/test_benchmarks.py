@@ -1,6 +1,5 @@
 """The benchmarks still run, and the comparator of the planner's iteration still draws what the renderer draws."""
 
-import importlib.util
 import json
 import subprocess
 import sys
@@ -15,16 +14,13 @@ from frida_painter.brush.weights import load_stroke_model
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.planning.initialize import uniform
 from frida_painter.render import render
+from support.programs import load_program
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 
 
 def program(name):
-    specification = importlib.util.spec_from_file_location(name, BENCHMARKS / f"{name}.py")
-    module = importlib.util.module_from_spec(specification)
-    sys.modules[name] = module  # where dataclasses look for their module
-    specification.loader.exec_module(module)
-    return module
+    return load_program(BENCHMARKS / f"{name}.py")
 
 
 def original():

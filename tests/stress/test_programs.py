@@ -1,20 +1,15 @@
 """The programs that stress the painter still run, and find nothing in little time."""
 
-import importlib.util
-import sys
 from pathlib import Path
 from types import ModuleType
 
 import pytest
 
+from support.programs import load_program
+
 
 def program(name: str) -> ModuleType:
-    specification = importlib.util.spec_from_file_location(name, Path(__file__).parent / f"{name}.py")
-    assert specification is not None and specification.loader is not None
-    module = importlib.util.module_from_spec(specification)
-    sys.modules[name] = module  # where dataclasses look for their module
-    specification.loader.exec_module(module)
-    return module
+    return load_program(Path(__file__).parent / f"{name}.py")
 
 
 @pytest.mark.slow

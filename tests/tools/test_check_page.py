@@ -1,22 +1,19 @@
 """The page is checked with the system's Node.js or that of PyPI; where neither can be had, the reason is told."""
 
-import importlib.util
 import sys
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
 import pytest
 
+from support.programs import load_program
+
 ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture
 def check_page() -> ModuleType:
-    specification = importlib.util.spec_from_file_location("check_page", ROOT / "tools/check_page.py")
-    assert specification is not None and specification.loader is not None
-    module = importlib.util.module_from_spec(specification)
-    specification.loader.exec_module(module)
-    return module
+    return load_program(ROOT / "tools" / "check_page.py")
 
 
 @pytest.mark.parametrize(

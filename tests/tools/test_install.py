@@ -1,6 +1,5 @@
 """`make` installs from where pip is told to, whether uv does it or pip."""
 
-import importlib.util
 import subprocess
 import sys
 from pathlib import Path
@@ -8,17 +7,15 @@ from types import ModuleType, SimpleNamespace
 
 import pytest
 
+from support.programs import load_program
+
 ROOT = Path(__file__).parents[2]
 UV = "/somewhere/uv"
 
 
 @pytest.fixture
 def install() -> ModuleType:
-    specification = importlib.util.spec_from_file_location("install", ROOT / "tools/install.py")
-    assert specification is not None and specification.loader is not None
-    module = importlib.util.module_from_spec(specification)
-    specification.loader.exec_module(module)
-    return module
+    return load_program(ROOT / "tools" / "install.py")
 
 
 class Commands:

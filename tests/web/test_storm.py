@@ -1,6 +1,5 @@
 """Requests of all kinds, most of them senseless: none does any harm, learns a path, or has something run or fetched."""
 
-import importlib.util
 import random
 import sys
 import threading
@@ -16,6 +15,7 @@ import pytest
 
 from frida_painter.web import network
 from frida_painter.web.workers import WorkerSlot
+from support.programs import load_program
 from support.studio import Studio, Visitor, order
 
 COUNT, EACH = 300, 4
@@ -24,11 +24,7 @@ COUNT, EACH = 300, 4
 @pytest.fixture(scope="module")
 def storm() -> ModuleType:
     """tests/stress/storm.py, which throws ten thousand and more at a studio that is really served."""
-    path = Path(__file__).parents[1] / "stress" / "storm.py"
-    specification = importlib.util.spec_from_file_location("storm", path)
-    module = importlib.util.module_from_spec(specification)
-    specification.loader.exec_module(module)
-    return module
+    return load_program(Path(__file__).parents[1] / "stress" / "storm.py")
 
 
 class Guard:

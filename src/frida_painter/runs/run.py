@@ -172,7 +172,6 @@ class PaintingRun:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._stack.__exit__(kind, error, trace)
-        gc.collect()  # session and studio refer to themselves: of many paintings, each would keep 60 MB
 
     @property
     def history(self) -> History | None:
@@ -283,7 +282,13 @@ class PaintingRun:
                 f"Only a new painting on a simulated easel is painted without a folder, and this one is for "
                 f"{self.spec.robot!r}; use start, or resume."
             )
-        opened = (opener or open_easel)(order(self.spec, tuple(self.planner.models), None, self._state))
+        try:
+            return self._simulate(plan, opener or open_easel)
+        finally:
+            gc.collect()  # the session and the studio refer to themselves: of many paintings, each would keep 60 MB
+
+    def _simulate(self, plan: Plan | None, opener: Callable[[EaselOrder], OpenEasel]) -> Painting:
+        opened = opener(order(self.spec, tuple(self.planner.models), None, self._state))
         try:
             easel = self._on_record(opened.easel)
             easel.robot.connect()
