@@ -7,9 +7,9 @@ PHOTO ?= examples/photographs/coffee.jpg
 PINS := pyproject.toml constraints.txt
 ADD := $(BIN)/python tools/install.py
 
-PROGRAM ?= storm stop attack hostile_commands kills busy
+PROGRAM ?= storm stop attack hostile_commands kills busy franka so101
 
-.PHONY: paint studio test quick stress lint docs size benchmarks benchmarks-gpu install browser downloads clean reference
+.PHONY: paint studio test quick stress views lint docs size benchmarks benchmarks-gpu install browser downloads clean reference
 
 install: $(VENV)/dev
 
@@ -74,13 +74,16 @@ test: lint browser downloads
 	$(BIN)/python tools/run_tests.py
 
 quick: install downloads
-	$(BIN)/pytest -n 2 --dist worksteal -m "not slow" --hypothesis-profile quick
+	$(BIN)/python tools/run_tests.py --quick
 
 # Programs that attack, storm, stop, kill and starve the painter: hours with their defaults, so a nightly job runs them.
 # One of them, with options: make stress PROGRAM=kills OPTIONS="--kills 20"
 stress: install browser downloads
 	@for program in $(PROGRAM); do \
 		PYTHONPATH=benchmarks $(BIN)/python tests/stress/$$program.py $(OPTIONS) || exit 1; done
+
+views: install browser
+	EVERY_VIEW=1 $(BIN)/python -m pytest tests/web/test_views.py
 
 size:
 	@$(PYTHON) tools/size.py $(if $(SINCE),--since $(SINCE))

@@ -116,10 +116,11 @@ SECTIONS = (
         ("--workers", "2"),
     ),
     Section(
-        "quality",
+        "compare",
         "Decibels per CPU second",
         "The default plan with less and more effort. With `--against CHECKOUT` another checkout of this repository\n"
         "plans in turns, and all plans are judged by the same renderer.",
+        ("plans",),
     ),
     Section(
         "replanning",
@@ -143,7 +144,7 @@ SECTIONS = (
         "`make benchmarks-gpu` measures this on a machine with an NVIDIA GPU, and writes this section alone. First\n"
         "the renderer of the device is compared with the reference, picture and gradients. Then the planner is\n"
         "timed. A wait is a synchronisation, as PyTorch counts them (`set_sync_debug_mode`).\n"
-        "[Renderer](explanation/renderer.md#tiles) and [planner](explanation/planner.md#on-a-gpu) explain\n"
+        "[Renderer](lab/rendering.md#tiles) and [planner](lab/planning.md#on-a-gpu) explain\n"
         "how it works there.",
         elsewhere=True,
     ),

@@ -1,5 +1,6 @@
 """A studio in a process of its own, and windows on it in a real Chromium."""
 
+import contextlib
 import faulthandler
 import os
 import re
@@ -14,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -65,6 +67,14 @@ class OpenStudio:
         self.kill()
         self._start()
 
+    def press_enter(self) -> None:
+        """Confirms, in the studio's terminal, that somebody stands beside the machine."""
+        self._terminal.write("\n")
+        self._terminal.flush()
+        assert select.select([self._said], [], [], 60)[0]
+        while "Pressed." not in self._said.readline():
+            pass
+
     def close(self) -> None:
         """Ends it as a person does, and whatever a test that failed has left at work."""
         for painting in self.folder.glob("*/feed.jsonl"):
@@ -115,3 +125,28 @@ def window(browser: Browser, studio: OpenStudio, width: int, height: int, **more
     opened.goto("about:blank")  # it says that it is left, and leads no longer
     context.close()
     assert complaints == []
+
+
+def kill_worker(folder: Path) -> None:
+    """Kills the process that paints in a folder."""
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        with contextlib.suppress(OSError):
+            if b"web.worker_process" in path.read_bytes() and str(folder).encode() in path.read_bytes():
+                os.kill(int(path.parent.name), signal.SIGKILL)
+
+
+def drag(page: Page, *places: tuple[float, float]) -> None:
+    """Paints through these places, shares of the pad."""
+    box = page.locator(".stroke-pad canvas").bounding_box()
+    assert box is not None
+    for number, (x, y) in enumerate(places):
+        page.mouse.move(box["x"] + x * box["width"], box["y"] + y * box["height"], steps=1 if number == 0 else 6)
+        if number == 0:
+            page.mouse.down()
+    page.mouse.up()
+
+
+def complaints(page: Page) -> list[str]:
+    """The faults that axe finds, with the places in the page."""
+    found = Axe().run(page).response["violations"]
+    return [f"{each['id']}: {each['help']}: {[node['target'] for node in each['nodes']][:4]}" for each in found]

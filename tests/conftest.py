@@ -1,4 +1,5 @@
 import ctypes
+import functools
 import gc
 import os
 import resource
@@ -7,6 +8,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
@@ -28,14 +30,18 @@ _MB = 2**20
 MAX_MEMORY = 1536 * _MB  # of a test process, at any moment
 _MAX_GROWTH = 128 * _MB  # since what is free went back to the system; then it does again
 _M_ARENA_MAX = -8  # malloc.h
-_MAX_UNTRIMMED = 1024 * _MB  # in use, before free pages between blocks go back to the system during a test too
+_MAX_UNTRIMMED = 640 * _MB  # in use, before free pages between blocks go back to the system during a test too
 _MAX_KEPT = 64 * _MB  # of what a painting frees, while it is tested
 _LEFT = pytest.StashKey[int]()  # bytes in use after that
+SLOW_TESTS = Path(__file__).with_name("slow_tests.txt")  # written by `tools/run_tests.py --quick --renew`
+MAX_PROCESSOR_TIME = 1.0  # seconds of a test that is not marked slow, with its fixtures and whatever it starts
+_LONG = pytest.StashKey[list[tuple[float, str]]]()  # tests that took more, though they are not marked
 _PEAKS = pytest.StashKey[dict[str, int]]()  # bytes, by the name of the test process
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--renew-snapshots", action="store_true", help="write tests/snapshots/*.png anew; look at them!")
+    parser.addoption("--times", type=Path, help="append each test's seconds, of a processor and of a clock, to a file")
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -55,16 +61,31 @@ def pytest_configure(config: pytest.Config) -> None:
     torch.set_num_threads(1)
     cv2.setNumThreads(1)
     config.stash[_PEAKS] = {}
+    config.stash[_LONG] = []
     config.pluginmanager.register(downloads)  # tells what was skipped, and why
     if (library := _glibc()) is not None:  # else each thread's arena keeps what was freed in it
         library.mallopt(_M_ARENA_MAX, 1)
         threading.Thread(target=_trim_again_and_again, args=(library,), daemon=True).start()
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """What was measured to take long is slow, as if it was marked so."""
+    measured = frozenset(SLOW_TESTS.read_text().splitlines())
+    for item in items:
+        if item.nodeid.split("[")[0] in measured:
+            item.add_marker(pytest.mark.slow)
+
+
+def pytest_collection_finish() -> None:
+    """What is loaded by now stays, and is not looked through again whenever garbage is collected."""
+    gc.collect()
+    gc.freeze()
+
+
 def _trim_again_and_again(library: ctypes.CDLL) -> None:
-    """Returns free memory to the system each second; a test that paints fifteen pictures leaves half its heap free."""
+    """Returns free memory to the system again and again; a test of fifteen paintings leaves half its heap free."""
     while True:
-        time.sleep(1)
+        time.sleep(0.2)
         if _memory() > _MAX_UNTRIMMED:
             library.malloc_trim(0)
 
@@ -83,7 +104,14 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
     """
     if (devices := sys.modules.get("frida_painter.devices")) is not None:
         devices._KEPT = _MAX_KEPT
+    began, clock = _processor_time(), time.monotonic()
     done = yield
+    took = _processor_time() - began
+    if (times := item.config.getoption("--times")) is not None:
+        with times.open("a") as file:
+            file.write(f"{took:.3f} {time.monotonic() - clock:.3f} {item.nodeid}\n")
+    if took > MAX_PROCESSOR_TIME and item.get_closest_marker("slow") is None:
+        item.config.stash[_LONG].append((took, item.nodeid))
     module = getattr(item, "module", None)  # what is no function of Python has none
     if module is not None and (nextitem is None or nextitem.path != item.path):
         for thing in vars(module).values():
@@ -97,6 +125,11 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
     return done
 
 
+def _processor_time() -> float:
+    """Seconds that this process and those that it waited for have taken: as many, however busy the machine is."""
+    return sum(os.times()[:4])
+
+
 def _memory() -> int:
     """Bytes that this process has in use; for Linux."""
     return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
@@ -104,8 +137,10 @@ def _memory() -> int:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_testnodedown(node: Any) -> None:
-    """Hears, if xdist is used, how much memory each worker took."""
-    node.config.stash[_PEAKS][node.gateway.id] = getattr(node, "workeroutput", {}).get("peak", 0)
+    """Hears, if xdist is used, how much memory each worker took, and which tests took long."""
+    told = getattr(node, "workeroutput", {})
+    node.config.stash[_PEAKS][node.gateway.id] = told.get("peak", 0)
+    node.config.stash[_LONG] += [(took, name) for took, name in told.get("long", [])]
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
@@ -113,6 +148,7 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
     if hasattr(session.config, "workeroutput"):  # xdist, which has it told by the process that asked for tests
         session.config.workeroutput["peak"] = peak
+        session.config.workeroutput["long"] = session.config.stash[_LONG]
         return
     peaks = session.config.stash[_PEAKS]
     peaks["the test process"] = peak
@@ -124,6 +160,11 @@ def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> Non
     peaks = config.stash[_PEAKS]
     took = ", ".join(f"{name} {peak / _MB:.0f} MB" for name, peak in sorted(peaks.items()))
     terminalreporter.write_line(f"Memory at most: {took}")
+    terminalreporter.write_line(f"Processor time: {_processor_time():.0f} s")
+    if long := sorted(config.stash[_LONG], reverse=True):
+        terminalreporter.write_line(f"Not marked slow, and more than {MAX_PROCESSOR_TIME:g} s of a processor:")
+        for took, name in long:
+            terminalreporter.write_line(f"  {took:5.1f} s  {name}")
     if max(peaks.values(), default=0) > MAX_MEMORY:
         terminalreporter.write_line(f"FAILED: a test process may take {MAX_MEMORY / _MB:.0f} MB", red=True)
 
@@ -139,6 +180,35 @@ def _forked_easels() -> Iterator[None]:
 def fresh_easel() -> Iterator[None]:
     """Easels' processes are started as people have them, by an interpreter of their own."""
     with fresh_easels():
+        yield
+
+
+@pytest.fixture(scope="module")
+def small_world() -> Iterator[None]:
+    """Paintings of a module's tests are cheap: what they say holds for a camera of few pixels as well."""
+    from support import small_world  # loads the planner, which most modules of tests do without
+
+    with small_world.small_world():
+        yield
+
+
+@pytest.fixture
+def in_small_world() -> Iterator[None]:
+    """As `small_world`, for one test."""
+    from support import small_world
+
+    with small_world.small_world():
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _installed_once() -> Iterator[None]:
+    """What is installed is looked up once for each search path, not anew whenever a part is asked for by its name."""
+    from frida_painter import registry
+
+    look_up = functools.cache(lambda group, places: entry_points(group=group))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(registry, "entry_points", lambda group: look_up(group, tuple(sys.path)))
         yield
 
 

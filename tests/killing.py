@@ -1,5 +1,6 @@
 """Processes that tests fork, so that nothing is loaded again, and processes that die in a moment that tests choose."""
 
+import contextlib
 import gc
 import os
 import signal
@@ -156,12 +157,12 @@ class ForkedProcess:
             nothing = os.open(os.devnull, os.O_RDWR)
             for stream, file in ((0, None), (1, stdout), (2, stderr)):
                 os.dup2(nothing if file is None else file.fileno(), stream)
-            first = 3
-            for kept in sorted(pass_fds):
-                os.closerange(first, kept)
-                first = kept + 1
-            limit = os.sysconf("SC_OPEN_MAX")
-            os.closerange(first, limit if 0 < limit < 2**20 else 2**20)
+            # Loggers that were made before still write to files of the tests: such a number must not become a socket's.
+            there = {int(entry.name) for entry in Path("/dev/fd").iterdir()}
+            for number in there - {0, 1, 2, nothing, *pass_fds}:
+                with contextlib.suppress(OSError):  # that of the listing itself is closed again
+                    os.fstat(number)
+                    os.dup2(nothing, number, inheritable=False)
             sys.stdin = os.fdopen(0, "r", closefd=False)
             sys.stdout = os.fdopen(1, "w", closefd=False)
             sys.stderr = os.fdopen(2, "w", closefd=False)

@@ -1,5 +1,8 @@
 """Small brushes, stroke models and libraries for tests."""
 
+from collections.abc import Hashable
+from functools import cache
+
 import numpy as np
 import torch
 
@@ -8,6 +11,7 @@ from frida_painter.brush.kinds import BrushKind, StrokeModel
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.brush.table import StrokeTable, TableDetail
 from frida_painter.frames import MapFrame
+from frida_painter.stroke_family import StrokeFamily, spline_matrix
 from frida_painter.strokes import StrokeLimits
 
 SMALL = BrushKind("small", StrokeLimits((0.010, 0.030), (-0.008, 0.008)), 0.008)
@@ -25,8 +29,21 @@ def ribbon(rows: int = 24, columns: int = 42) -> BezierStroke:
 
 
 def coarse_table(model: StrokeModel) -> StrokeTable:
-    """In the place of a painter's own table: it is quickly made and quickly looked up in."""
-    return StrokeTable.of(model, detail=TableDetail((2, 2, 2), 8))
+    """In the place of a painter's own table: it is quickly made, once for each model, and quickly looked up in."""
+    detail = TableDetail((2, 2, 2), 8)
+    if not isinstance(model, torch.nn.Module):
+        return StrokeTable.of(model, detail=detail)
+    weights = b"".join(tensor.numpy().tobytes() for tensor in model.state_dict().values())
+    decides = type(model), model.brush, model.frame, model.limits, weights
+    if decides not in _coarse_tables():
+        _coarse_tables()[decides] = StrokeTable.of(model, detail=detail)
+    return _coarse_tables()[decides]
+
+
+@cache
+def _coarse_tables() -> dict[Hashable, StrokeTable]:
+    """What `coarse_table` made in this process, by what decides it."""
+    return {}
 
 
 def shapes(count: int, seed: int = 0, dtype: torch.dtype = torch.float32) -> tuple[torch.Tensor, ...]:
@@ -52,3 +69,14 @@ def small_library(count: int = 12, seed: int = 0) -> StrokeLibrary:
         origin_px=(finer.top / pitch - 0.5, -finer.left / pitch - 0.5),
         recorded_index=np.arange(count, dtype=np.int32),
     )
+
+
+def wave_family(name: str = "wave") -> StrokeFamily:
+    """A family that is quickly made: a wave of 20 to 50 mm, with one code for its height."""
+    u = torch.linspace(-0.06, 1.06, 20)
+    mean = torch.stack((u, 0.15 * torch.sin(6 * u), 0.3 + 0.6 * torch.sin(3 * u).clamp(0, 1)), -1)
+    modes = torch.stack((0 * u, 0.04 * torch.sin(6 * u), 0 * u), -1)[None]
+    start = spline_matrix(torch.zeros(1), 20)
+    mean[:, :2] -= (start @ mean)[:, :2]
+    modes[..., :2] -= (start @ modes)[..., :2]
+    return StrokeFamily(name, mean, modes, (0.020, 0.050))

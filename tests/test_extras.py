@@ -9,12 +9,13 @@ import pytest
 
 from frida_painter import registry
 from frida_painter.cli import commands
+from frida_painter.env import make_env
 from frida_painter.errors import CameraError, ConfigError, FridaError, RobotError, WeightsError
 from frida_painter.hardware.cameras.gphoto import GphotoCamera
-from frida_painter.hardware.drivers.gcode import SerialLine
+from frida_painter.hardware.drivers.serial_line import SerialLine
 from frida_painter.objectives.encoders.clip import Clip
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
-from frida_painter.web.routes import abilities
+from frida_painter.web.web_studio import abilities
 from frida_painter.weights import catalogue
 from frida_painter.words.libraries import read_picture
 from frida_painter.words.reading import PromptReader
@@ -45,6 +46,7 @@ def test_the_studio_names_its_extra(
         ("transformers", "words", ConfigError, lambda folder: Clip.load(folder)),
         ("resvg_py", "words", ConfigError, lambda folder: read_picture(b"<svg/>", "drawing.svg")),
         ("spacy", "words", ConfigError, PromptReader),
+        ("gymnasium", "env", ConfigError, lambda folder: make_env("renderer/strokes-v1")),
         ("h5py", "sketch", WeightsError, lambda folder: catalogue.holistic_edges(folder / "hed.h5")),
         ("serial", "plotter", RobotError, lambda folder: SerialLine.open("/dev/null", 115200)),
         ("gphoto2", "gphoto", CameraError, lambda folder: GphotoCamera().connect()),

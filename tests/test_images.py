@@ -336,6 +336,20 @@ def test_fit_crops_the_middle_and_keeps_proportions() -> None:
     assert torch.equal(fitted[0, 11:19, 11:19], torch.ones(8, 8)) and fitted[0, :8].max() == 0
 
 
+@given(st.lists(st.floats(0, 1), min_size=4, max_size=4), st.integers(1, 40), st.integers(1, 40))
+def test_a_crop_lies_inside_and_crops_that_tile_a_picture_cover_it_once(
+    shares: list[float], rows: int, columns: int
+) -> None:
+    image = torch.rand(3, rows, columns)
+    left, top, width, height = shares
+    part = images.crop(image, (left, top, min(width, 1 - left), min(height, 1 - top)))
+    assert 1 <= part.shape[1] <= rows and 1 <= part.shape[2] <= columns
+    assert torch.equal(images.crop(image, (0, 0, 1, 1)), image)
+    if columns >= 2:
+        halves = [images.crop(image, (start, 0, 0.5, 1)) for start in (0, 0.5)]
+        assert torch.equal(torch.cat(halves, 2), image)
+
+
 def test_fit_averages_over_area_when_it_makes_smaller() -> None:
     checks = (torch.arange(400)[:, None] + torch.arange(400)).remainder(2).float().expand(3, -1, -1)
     assert (images.fit(checks, 50, 50) - 0.5).abs().max() < 0.01

@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
+import pytest
+
 import frida_painter
 
 SRC = Path(frida_painter.__file__).parent
@@ -40,6 +42,7 @@ def doubles(places: dict[str, list[str]]) -> set[str]:
     return {name for name, found in places.items() if len(found) > 1}
 
 
+@pytest.mark.slow
 def test_limits_are_called_max_and_min() -> None:
     files = [
         path for folder in ("src", "tests", "benchmarks", "examples", "tools") for path in (ROOT / folder).rglob("*.py")
@@ -75,8 +78,6 @@ VERBS = {"count", "find", "have", "is", "keep", "list", "load", "mark", "open", 
 PARTICIPLES = {
     "connection_made", "data_received",  # callbacks of asyncio, called so there
     "expected",  # of `Planner`: the canvas as it would look after a plan
-    "pause_asked",  # a condition that a session is given by this name
-    "strokes_needed",  # a command, called as its experiment
 }  # fmt: skip
 
 

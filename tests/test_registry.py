@@ -30,7 +30,7 @@ def test_what_ships_is_registered_as_that_of_others_is_and_all_of_it_can_be_load
 def test_a_part_of_another_package_is_found_and_loaded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     install(tmp_path, monkeypatch, "peep-hole", {registry.CAMERAS: {"peep": "peep_hole:KIND"}}, {"peep_hole": FINE})
     known = registry.parts(registry.CAMERAS)
-    assert list(known) == ["opencv", "gphoto", "folder", "peep"]
+    assert list(known) == ["opencv", "gphoto", "folder", "none", "peep"]
     assert known["peep"].packages == ("peep-hole",) and known["folder"].is_ours and not known["peep"].is_ours
     assert "peep_hole" not in sys.modules
     assert known["peep"].load(CameraKind).form == "peep:HOLE"
@@ -67,7 +67,7 @@ def test_a_package_with_damaged_metadata_is_passed_over(
     install(tmp_path / "damaged", monkeypatch, "damaged", {})
     install(tmp_path / "whole", monkeypatch, "whole", {registry.CAMERAS: {"peep": "peep_hole:KIND"}})
     (tmp_path / "damaged" / "damaged-1.0.dist-info" / "entry_points.txt").write_bytes(metadata)
-    assert list(registry.parts(registry.CAMERAS)) == ["opencv", "gphoto", "folder", "peep"]
+    assert list(registry.parts(registry.CAMERAS)) == ["opencv", "gphoto", "folder", "none", "peep"]
 
 
 def test_a_name_of_ours_stays_ours_and_two_others_that_share_one_are_both_named(

@@ -125,9 +125,9 @@ def test_missing_folder_and_too_large(tmp_path: Path) -> None:
 
 
 def test_space_is_asked_for_before_work_begins(tmp_path: Path) -> None:
-    storage.require_space(tmp_path / "not" / "yet", 1000)
-    with pytest.raises(StorageError, match=r"MB free; this painting needs 1099511627776 MB"):
-        storage.require_space(tmp_path / "not" / "yet", 2**60)
+    storage.require_space(tmp_path / "not" / "yet", 1000, "this painting")
+    with pytest.raises(StorageError, match=r"MB free; this sweep needs 1099511627776 MB"):
+        storage.require_space(tmp_path / "not" / "yet", 2**60, "this sweep")
     assert names(tmp_path) == []
 
 

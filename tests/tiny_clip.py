@@ -4,14 +4,15 @@ import json
 from pathlib import Path
 
 import torch
-from tokenizers import Tokenizer, models, pre_tokenizers, processors
-from transformers import CLIPConfig, CLIPModel
 
 SIDE, PATCH, MAX_TOKENS = 32, 8, 12
 
 
 def write_clip(folder: Path) -> Path:
     """A folder with config.json, model.safetensors and a tokenizer of letters."""
+    from tokenizers import Tokenizer, models, pre_tokenizers, processors  # some seconds to load
+    from transformers import CLIPConfig, CLIPModel
+
     text = {"hidden_size": 16, "intermediate_size": 32, "num_hidden_layers": 2, "num_attention_heads": 2,
             "vocab_size": 64, "max_position_embeddings": MAX_TOKENS, "eos_token_id": 1, "bos_token_id": 0}  # fmt: skip
     vision = {"hidden_size": 16, "intermediate_size": 32, "num_hidden_layers": 2, "num_attention_heads": 2,

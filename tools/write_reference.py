@@ -6,6 +6,7 @@ tests/docs fails if one of them is not what this program writes.
 """
 
 import inspect
+import json
 import re
 import sys
 from collections.abc import Iterator
@@ -17,11 +18,17 @@ from annotated_types import Ge, Le, MaxLen
 
 import frida_painter
 from frida_painter import registry, weights
+from frida_painter.brush.families import FamilyPart
 from frida_painter.brush.kinds import BrushModel
 from frida_painter.cli.commands import all_commands
 from frida_painter.easel.kinds import EaselKind
+from frida_painter.exporter import ExporterKind
 from frida_painter.hardware.kinds import CameraKind, RobotKind
+from frida_painter.mixing.recipe import MixerKind
 from frida_painter.objectives.objective import GoalKind
+from frida_painter.planning.initialisers import InitialiserKind
+from frida_painter.planning.planner import PlannerKind
+from frida_painter.runs.event_file import ListenerKind
 from frida_painter.runs.spec import RunSpec
 from frida_painter.storage import megabytes
 
@@ -41,9 +48,49 @@ GROUPS = (
     (registry.EASELS, EaselKind, "Whole easels (`--robot`)", "an `EaselKind`"),
     (registry.CAMERAS, CameraKind, "Cameras (`--camera`)", "a `CameraKind`"),
     (registry.STROKE_MODELS, BrushModel, "Stroke models (`--brush`)", "a `BrushModel`"),
+    (registry.STROKE_FAMILIES, FamilyPart, "Stroke families (`--strokes-of`)", "a `FamilyPart`"),
     (registry.OBJECTIVES, GoalKind, "Kinds of goals", "a `GoalKind`"),
     (registry.REPLAN_POLICIES, object, "Replan policies (`--replan-policy`)", "a function of the text after the colon"),
+    (registry.PLANNERS, PlannerKind, "Planners (`--planner`)", "a `PlannerKind`"),
+    (registry.INITIALISERS, InitialiserKind, "Initialisers (`--initialiser`)", "an `InitialiserKind`"),
+    (registry.MIXERS, MixerKind, 'Mixers (`mixer = "NAME"` in a file of paints)', "a `MixerKind`"),
+    (registry.EXPORTERS, ExporterKind, "Exporters (`export --to`)", "an `ExporterKind`"),
+    (registry.LISTENERS, ListenerKind, "Listeners (`--listener`)", "a `ListenerKind`"),
 )
+# Groups of which the project has no part of its own, or whose parts are fetched.
+OTHER_GROUPS = (
+    (
+        registry.ENCODERS,
+        "Encoders (`--clip`)",
+        "The object is a function of a `torch.device` that returns an `Encoder`: a network that sees pictures and, as "
+        "CLIP does, words. A goal chooses it by `--clip NAME`.",
+    ),
+    (
+        registry.PICTURE_LIBRARIES,
+        "Picture libraries (`--text`)",
+        "The object is a function without arguments that returns a library of pictures of things, from which words "
+        "are composed: see `Library` in `frida_painter/words/libraries.py`.",
+    ),
+)
+PROMISE = """Import what a part needs from one module:
+
+```python
+from frida_painter.plugins import GoalKind, Gives, ObjectiveTerm, Term
+```
+
+What `frida_painter.plugins` names is a promise. Versions are semantic: a name, its arguments and what it returns \
+change only in a major version, and before 1.0 only in a minor one. What is to change or to go works on, with a \
+`DeprecationWarning`, for two minor versions before it does. Other modules may change at any time.
+
+Try the parts of a package as the program would use them, without any device:
+
+```sh
+frida-painter parts own-parts --example mirror=left-right --example trace=sheet.csv
+```
+
+In Python: `fp.plugins.check("own-parts", examples={"mirror": "left-right"})`. A part that raises at import, is of \
+another kind, hangs, or returns what the program cannot use is told in one sentence. \
+[`own_parts`](../../examples/own_parts) has a part of each kind."""
 
 
 def command_line() -> str:
@@ -94,6 +141,8 @@ def parts() -> str:
         "# Parts and entry points",
         "These parts ship with the project. A package of your own adds to each group with one line of its "
         "`pyproject.toml`, and the same names appear in `--help`, in `doctor` and in error messages.",
+        "## What packages may rely on",
+        PROMISE,
     ]
     for group, kind, title, given in GROUPS:
         rows = []
@@ -104,8 +153,28 @@ def parts() -> str:
                 needed = getattr(loaded, "needed", None)
                 rows.append(f"| `{form}` | {_about(loaded)} | {f'`{needed.install}`' if needed else ''} |")
         head = "| written as | what it is | needs |\n|---|---|---|"
-        found += [f"## {title}", f"Group `{group}`; the object is {given}.", f"{head}\n" + "\n".join(rows)]
+        found += [f"## {title}", f"Group `{group}`; the object is {given}.", *_members(kind)]
+        found.append(f"{head}\n" + "\n".join(rows))
+    for group, title, about in OTHER_GROUPS:
+        found += [f"## {title}", f"Group `{group}`.", about]
     return "\n\n".join(found) + "\n"
+
+
+def _members(kind: type) -> list[str]:
+    """Fields of a kind, from its docstring: one line for each."""
+    lines = inspect.cleandoc(kind.__doc__ or "").splitlines() if kind is not object else []
+    told: list[str] = []
+    for line in lines[1:]:
+        if re.match(r"\w+(, \w+)*: ", line):
+            name, _, about = line.partition(": ")
+            told.append(f"- {', '.join(f'`{one}`' for one in name.split(', '))}: {_escape(about)}")
+        elif (told and line.startswith(" ")) or (
+            told and line and not line.startswith(("Raises", "The module", "With "))
+        ):
+            told[-1] += f" {_escape(line.strip())}"
+        elif told and line:
+            break
+    return ["\n".join(told)] if told else []
 
 
 def networks() -> str:
@@ -256,9 +325,9 @@ def _plain(value: Any) -> str:
 
 
 def main() -> None:
-    """Writes the pages, or with --show NAME prints one of them."""
+    """Writes the pages, or with --show prints them by their names, as JSON."""
     if sys.argv[1:2] == ["--show"]:
-        sys.stdout.write(PAGES[sys.argv[2]]())
+        json.dump({name: made() for name, made in PAGES.items()}, sys.stdout)
         return
     for name, made in PAGES.items():
         (FOLDER / name).write_text(made(), encoding="utf-8")

@@ -8,25 +8,32 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from frida_painter import plugins
     from frida_painter.brush.kinds import StrokeModel
+    from frida_painter.brush.library import StrokeLibrary
     from frida_painter.brush.weights import load_stroke_model
+    from frida_painter.env import make_env
     from frida_painter.errors import FridaError
+    from frida_painter.exporter import export_plan
     from frida_painter.hardware.robot import Camera, Robot
     from frida_painter.images import load as load_picture
     from frida_painter.images import save as save_picture
+    from frida_painter.lab.records import record
     from frida_painter.lab.sweeps.runner import sweep
     from frida_painter.objectives.objective import Objective
     from frida_painter.palette import Palette
     from frida_painter.plan import Plan
     from frida_painter.planning.planner import Planner
     from frida_painter.planning.settings import PlannerSettings
-    from frida_painter.render.painting import render as render_strokes
-    from frida_painter.render.painting import render_plan
+    from frida_painter.render.painting import render_batch, render_plan, render_strokes
     from frida_painter.runs.run import PaintingRun, paint
     from frida_painter.runs.settle import make_goal, make_planner
     from frida_painter.runs.spec import RunSpec
+    from frida_painter.session import events
     from frida_painter.strokes import Strokes
     from frida_painter.virtual.studio import open_studio as open_virtual_studio
+
+    __version__: str
 
 
 __all__ = [
@@ -40,21 +47,28 @@ __all__ = [
     "PlannerSettings",
     "Robot",
     "RunSpec",
+    "StrokeLibrary",
     "StrokeModel",
     "Strokes",
+    "events",
+    "export_plan",
     "load_picture",
     "load_stroke_model",
+    "make_env",
     "make_goal",
     "make_planner",
     "open_virtual_studio",
     "paint",
+    "plugins",
+    "record",
+    "render_batch",
     "render_plan",
     "render_strokes",
     "save_picture",
     "sweep",
 ]
 
-# Module and name inside it for each public name
+# Module and name inside it for each public name; "" for the module itself
 _HOMES = {
     "Camera": ("hardware.robot", "Camera"),
     "FridaError": ("errors", "FridaError"),
@@ -66,29 +80,48 @@ _HOMES = {
     "PlannerSettings": ("planning.settings", "PlannerSettings"),
     "Robot": ("hardware.robot", "Robot"),
     "RunSpec": ("runs.spec", "RunSpec"),
+    "StrokeLibrary": ("brush.library", "StrokeLibrary"),
     "StrokeModel": ("brush.kinds", "StrokeModel"),
     "Strokes": ("strokes", "Strokes"),
+    "events": ("session.events", ""),
+    "export_plan": ("exporter", "export_plan"),
     "load_picture": ("images", "load"),
     "load_stroke_model": ("brush.weights", "load_stroke_model"),
+    "make_env": ("env", "make_env"),
     "make_goal": ("runs.settle", "make_goal"),
     "make_planner": ("runs.settle", "make_planner"),
     "open_virtual_studio": ("virtual.studio", "open_studio"),
     "paint": ("runs.run", "paint"),
+    "plugins": ("plugins", ""),
+    "record": ("lab.records", "record"),
+    "render_batch": ("render.painting", "render_batch"),
     "render_plan": ("render.painting", "render_plan"),
-    "render_strokes": ("render.painting", "render"),
+    "render_strokes": ("render.painting", "render_strokes"),
     "save_picture": ("images", "save"),
     "sweep": ("lab.sweeps.runner", "sweep"),
 }
 
 
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}; it offers {', '.join(__all__)}")
-    module, inside = _HOMES[name]
-    found = getattr(import_module(f"{__name__}.{module}"), inside)
-    globals()[name] = found  # the next access does not come here
-    return found
+if not TYPE_CHECKING:  # a type checker would take any name, and a typo, for one of the package
+
+    def __getattr__(name: str) -> Any:
+        if name == "__version__":
+            from importlib.metadata import version
+
+            found = version("frida-painter")
+        elif name in _HOMES:
+            module, inside = _HOMES[name]
+            home = import_module(f"{__name__}.{module}")
+            found = getattr(home, inside) if inside else home
+        else:
+            from difflib import get_close_matches
+
+            near = get_close_matches(name, __all__, 1)
+            meant = f"did you mean {near[0]}? It" if near else "it"
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}; {meant} offers {', '.join(__all__)}")
+        globals()[name] = found  # the next access does not come here
+        return found
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return sorted({*globals(), *__all__, "__version__"})

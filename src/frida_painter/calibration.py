@@ -15,6 +15,7 @@ from frida_painter import storage
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import CalibrationError
 from frida_painter.frames import Lens
+from frida_painter.surface_map import SurfaceMap
 
 VERSION = 2
 PROCEDURES = ("canvas", "robot", "color", "brush", "strokes")
@@ -109,6 +110,7 @@ class Calibration:
     protrusion: length of the brush outside its holder in metres
     library, weights: stroke library of the painted strokes, and the stroke model learned from it
     bare: measurements of a bare canvas; None if there are none
+    surface: height map of an uneven canvas; None if it is flat
     done: finished procedures by name
     others: calibrations of other brushes by name
 
@@ -132,6 +134,7 @@ class Calibration:
     library: LearnedFile | None = None
     weights: LearnedFile | None = None
     bare: BareCanvas | None = None
+    surface: SurfaceMap | None = None
     done: Mapping[str, Done] = field(default_factory=dict)
     others: Mapping[str, BrushRecord] = field(default_factory=dict)
 
@@ -161,6 +164,8 @@ class Calibration:
                 f"A brush that protrudes by {self.protrusion} m cannot be true; it is from 0 to 1 m; "
                 "repeat the brush calibration."
             )
+        if self.surface is not None and self.canvas is not None:
+            self.surface.require_covers(self.canvas)
         for name, done in self.done.items():
             if name not in PROCEDURES or not 0 <= done.residual < np.inf:
                 raise CalibrationError(f"The record's entry on {name!r} ({done}) cannot be true; {_REPEAT_ALL}")
@@ -173,6 +178,19 @@ class Calibration:
     def height(self, thickness: NDArray[np.float64]) -> NDArray[np.float64]:
         """Returns robot z [n] in metres for thickness [n]: 0 is the lightest touch, 1 the hardest press."""
         return self.touch_height + thickness * (self.press_height - self.touch_height)
+
+    def unevenness(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Returns the offsets [n] of the surface in metres at positions [n, 2] in canvas metres; 0 if it is flat."""
+        return np.zeros(len(position)) if self.surface is None else self.surface.at(position)
+
+    @property
+    def highest_touch(self) -> float:
+        """Robot z of the lightest touch at the highest point of the canvas, metres."""
+        return self.touch_height + (0.0 if self.surface is None else max(self.surface.highest, 0.0))
+
+    def with_surface(self, surface: SurfaceMap | None) -> Self:
+        """Returns the record with a height map; None for a flat canvas. Raises CalibrationError if it is too small."""
+        return replace(self, surface=surface)
 
     @property
     def depths(self) -> dict[str, float]:
@@ -229,7 +247,8 @@ class Calibration:
                 others[self.brush] = self._of_holder
             if default.brush in others:
                 done |= others.pop(default.brush).done
-        return replace(default, done=done, others=others)
+        surface = self.surface if self.canvas == default.canvas else None
+        return replace(default, done=done, others=others, surface=surface)
 
     def with_canvas(
         self,
@@ -246,9 +265,11 @@ class Calibration:
 
         residual: deviation of the canvas edges from straight lines, in pixels
         """
+        surface = self.surface if canvas == self.canvas else None
         found = replace(
-            self, corners=corners, photograph=photograph, camera=camera, canvas=canvas, lens=lens, bare=bare
-        )
+            self, corners=corners, photograph=photograph, camera=camera, canvas=canvas, lens=lens, bare=bare,
+            surface=surface,
+        )  # fmt: skip
         return found._with_done("canvas", residual)
 
     def with_robot(self, placement: Matrix, *, residual: float) -> Self:

@@ -78,9 +78,13 @@ class CanvasSize:
         return cls(width, height)
 
     @classmethod
-    def of(cls, size: "CanvasSize | str") -> "CanvasSize":
+    def of(cls, size: "AnyCanvas") -> "CanvasSize":
         """Returns the size itself, or the size that a text like "14x11in" names. Raises ConfigError."""
-        return cls.parse(size) if isinstance(size, str) else size
+        if isinstance(size, CanvasSize):
+            return size
+        if not isinstance(size, str):
+            raise ConfigError(f"A canvas was given as {type(size).__name__}; give its size as a text, {_EXAMPLES}.")
+        return cls.parse(size)
 
     def orient_like(self, rows: int, columns: int) -> "CanvasSize":
         """Returns the canvas in portrait or landscape format, to match a picture of `rows` x `columns`."""
@@ -123,6 +127,10 @@ class CanvasSize:
 
     def __str__(self) -> str:
         return f"{self.width * 1000:.0f} x {self.height * 1000:.0f} mm"
+
+
+AnyCanvas = CanvasSize | str
+"""Canvas as public functions take it: a size, or its text, such as "14x11in" or "A4"."""
 
 
 def _plain(text: str) -> str:

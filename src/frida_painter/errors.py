@@ -2,7 +2,17 @@
 
 
 class FridaError(Exception):
-    """Base of all errors that a user can fix. The command line prints the message and exits with status 2."""
+    """Base of all errors that a user can fix. The command line prints the message and exits with status 2.
+
+    One `except` catches them all:
+
+        >>> import frida_painter as fp
+        >>> try:
+        ...     fp.load_picture("no-such-picture.jpg")
+        ... except fp.FridaError as error:
+        ...     print(type(error).__name__)
+        ImageError
+    """
 
 
 class ConfigError(FridaError):
@@ -25,12 +35,24 @@ class PlanError(FridaError):
     """Plan that is damaged, edited or of a newer version, or whose strokes break their limits."""
 
 
+class HandInError(FridaError):
+    """Strokes of another system that cannot be painted as they are; the message names the stroke or the line."""
+
+
+class StepRefused(FridaError):
+    """Step of an environment that was refused: an action outside its space, or no reset before; nothing is painted."""
+
+
 class PlanningDiverged(FridaError):
     """Repeated losses or gradients that are not finite; the best plan so far is kept."""
 
 
 class WeightsError(FridaError):
     """Network weights that are missing, altered, of the wrong shape or not finite."""
+
+
+class FamilyError(FridaError):
+    """Marks that no stroke family can be learned from, or a damaged or foreign file of a stroke family."""
 
 
 class LibraryError(FridaError):
@@ -73,6 +95,10 @@ class RobotBusy(RobotError):
     def __init__(self, message: str, pid: int | None = None) -> None:
         super().__init__(message)
         self.pid = pid
+
+
+class ZeroUnknown(RobotError):
+    """Machine that does not know where it stands; it does not paint until its zero is found again."""
 
 
 class MotionFailed(RobotError):

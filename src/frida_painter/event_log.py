@@ -40,7 +40,7 @@ class LogPolicy:
     owned: one process holds the log while it is open, and each record is flushed at once. Otherwise several
     processes may add records in turn; records are flushed on request.
     precious: a reserve file and a tally file lie beside the log
-    forgiving: damaged lines are skipped, a missing file is made, and bare JSON lines of earlier versions are read
+    forgiving: damaged lines are skipped, and a missing file is made
     """
 
     what: str
@@ -66,15 +66,13 @@ class EventLog:
         self._descriptor = -1
         make = os.O_CREAT if policy.forgiving else 0
         try:
-            if policy.forgiving:
-                _convert_bare_lines(path)
             if path.exists():
                 with storage.open_checked(path, policy.what, MAX_BYTES):  # refuses files that block, such as pipes
                     pass
             self._descriptor = os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC | make, 0o644)
             with self._lock():
                 content = storage.read_bytes(path, policy.what, MAX_BYTES)
-                read = _forgiving(content) if policy.forgiving else _strict(content, path, policy.what)
+                read = _forgiving(content, path) if policy.forgiving else _strict(content, path, policy.what)
                 self.found, self._last, self._length = read.records, read.last, read.length
                 self._count = len(read.records)
                 self.missing = _missing(path, content, self._count)
@@ -112,7 +110,7 @@ class EventLog:
     def read(cls, path: Path, policy: LogPolicy = JOURNAL) -> list[dict[str, Any]]:
         """Returns the intact records of a file without changing it; others may write it. Raises StorageError."""
         content = storage.read_bytes(path, policy.what, MAX_BYTES)
-        return (_forgiving(content) if policy.forgiving else _strict(content, path, policy.what)).records
+        return (_forgiving(content, path) if policy.forgiving else _strict(content, path, policy.what)).records
 
     def append(self, record: Mapping[str, Any], *, flush: bool = False) -> None:
         """Adds a record of plain, finite values.
@@ -139,14 +137,6 @@ class EventLog:
     def flush(self) -> None:
         """Flushes all records to the disk. Raises OSError."""
         os.fsync(self._descriptor)
-
-    def replace_all(self, records: Iterable[Mapping[str, Any]]) -> None:
-        """Replaces the log by these records and continues with it. Raises StorageError."""
-        _tally_path(self.path).unlink(missing_ok=True)
-        self.write(self.path, records)
-        renewed = type(self)(self.path, self.policy)
-        os.close(self._descriptor)
-        self.__dict__.update(renewed.__dict__)
 
     def close(self) -> None:
         """Closes the file and removes its reserve. A second call does nothing."""
@@ -299,7 +289,7 @@ def _tally_path(path: Path) -> Path:
 class LogReader:
     """Reader of the new records of a forgiving log, while others write it.
 
-    The file may be missing at first. No record is returned twice, even if the file is converted from bare JSON lines.
+    The file may be missing at first. No record is returned twice, even if another file takes its place.
     """
 
     def __init__(self, path: Path) -> None:
@@ -308,7 +298,10 @@ class LogReader:
         self._last, self._offset, self._read = _START, 0, 0
 
     def read(self) -> list[dict[str, Any]]:
-        """Returns new records in order. Waits for incomplete lines and skips damaged ones."""
+        """Returns new records in order. Waits for incomplete lines and skips damaged ones.
+
+        Raises StorageError if the file is of the first version.
+        """
         try:
             with storage.open_checked(self._path, FEED.what, MAX_BYTES) as file:
                 stat, again = os.fstat(file.fileno()), 0
@@ -319,7 +312,7 @@ class LogReader:
                 content = file.read()
         except (OSError, StorageError):
             return []
-        found = _forgiving(content, self._last)
+        found = _forgiving(content, self._path, self._last)
         self._last, self._offset = found.last, self._offset + found.length
         self._read += len(found.records)
         return found.records[again:]
@@ -387,33 +380,24 @@ def _may_be_torn(tail: bytes) -> bool:
     return b"\n" not in tail[:-1] and (length is None or len(tail) <= length.end() + int(length[1]) + 1)
 
 
-def _forgiving(content: bytes, last: bytes = _START) -> _Parsed:
-    """Returns all intact records, also those of bare JSON lines."""
+def _forgiving(content: bytes, path: Path, last: bytes = _START) -> _Parsed:
+    """Returns all intact records. Raises StorageError if the first line is a bare record of the first version."""
     records: list[dict[str, Any]] = []
     length = content.rfind(b"\n") + 1
-    for line in content[:length].split(b"\n")[:-1]:
-        record = _bare(line) if line.startswith(b"{") else _record(line + b"\n", last)
+    lines = content[:length].split(b"\n")[:-1]
+    if last == _START and lines and _is_bare(lines[0]):
+        raise StorageError(storage.refuse_first_version(str(path)))
+    for line in lines:
+        record = _record(line + b"\n", last)
         last = line[:_CHECKSUM]
         if record is not None:
             records.append(record)
     return _Parsed(records, last, length)
 
 
-def _bare(line: bytes) -> dict[str, Any] | None:
+def _is_bare(line: bytes) -> bool:
+    """Returns True if the line is a JSON object without a checksum."""
     try:
-        record = json.loads(line)
+        return isinstance(json.loads(line), dict)
     except (ValueError, RecursionError):
-        return None
-    return record if isinstance(record, dict) else None
-
-
-def _convert_bare_lines(path: Path) -> None:
-    """Converts a file of bare JSON lines of earlier versions to a log. Raises StorageError or OSError."""
-    if not path.exists():
-        return
-    with storage.open_checked(path, FEED.what, MAX_BYTES) as file:
-        fcntl.flock(file, fcntl.LOCK_EX)
-        content = file.read()
-        bare = content[:1] not in b"0123456789abcdef"
-        if bare and os.path.samestat(os.fstat(file.fileno()), path.stat()):  # no other process has converted it
-            EventLog.write(path, _forgiving(content).records)
+        return False

@@ -13,6 +13,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
+from torch.nn import functional
 
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.compiled import compiles_for
@@ -149,6 +150,11 @@ class MapFrame:
         y = self.top - (torch.arange(self.rows, dtype=dtype, device=device) + 0.5) * down
         return torch.stack(torch.meshgrid(x, y, indexing="xy"), -1)
 
+    def scale(self, growth: float) -> "MapFrame":
+        """Returns the rectangle with all distances from the start of the stroke multiplied by `growth`."""
+        left, right, bottom, top = (growth * side for side in (self.left, self.right, self.bottom, self.top))
+        return MapFrame(left, right, bottom, top, self.rows, self.columns)
+
     def resize(self, rows: int, columns: int) -> "MapFrame":
         """Returns the same rectangle with another number of cells."""
         return MapFrame(self.left, self.right, self.bottom, self.top, rows, columns)
@@ -167,6 +173,14 @@ def pixel_to_map(position: Tensor, angle: Tensor, grid: PixelGrid, frame: MapFra
         affine: Tensor = _PixelToMap.apply(position, angle, grid, frame, rows)  # type: ignore[no-untyped-call]
         return affine
     return pixel_to_map_plainly(position, angle, grid, frame, rows)
+
+
+def scale_maps(affine: Tensor, frame: MapFrame, growth: Tensor) -> Tensor:
+    """Returns the affine maps [n, 2, 3] of `pixel_to_map` for frames scaled by `growth` [n]. Differentiable."""
+    across, down = frame.pitch
+    origin = affine.new_tensor([0.5 + frame.left / across, 0.5 - frame.top / down])  # minus the cell of the start
+    shift = functional.pad(origin[:, None], (2, 0))  # [2, 3]
+    return (affine + shift) / growth[:, None, None] - shift
 
 
 def pixel_to_map_plainly(position: Tensor, angle: Tensor, grid: PixelGrid, frame: MapFrame, rows: Rows) -> Tensor:

@@ -1,6 +1,7 @@
 """Input and output of pictures: any picture file to sRGB in [0, 1], and back to PNG or JPEG."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -19,16 +20,67 @@ _JPEG_QUALITY = 92
 def load(
     path: str | Path, *, most_pixels: int = picture_file.MAX_PIXELS, longest: int = picture_file.LONGEST
 ) -> Tensor:
-    """Reads a picture file as sRGB [3, H, W] float32 in [0, 1]; picture_file.py decodes it. Raises ImageError."""
+    """Reads a picture file as sRGB [3, H, W] float32 in [0, 1]; picture_file.py decodes it. Raises ImageError.
+
+    `longest` limits the longer side:
+
+        >>> import frida_painter as fp
+        >>> picture = fp.load_picture("photo.jpg", longest=50)
+        >>> max(picture.shape), picture.dtype
+        (50, torch.float32)
+    """
     pixels = picture_file.decode(Path(path), most_pixels=most_pixels, longest=longest)
     planes = torch.from_numpy(pixels).permute(2, 0, 1).contiguous()
     return planes.float() / 255 if planes.dtype == torch.uint8 else planes.clamp_(0, 1)
 
 
-def save(image: Tensor, path: str | Path) -> None:
-    """Writes sRGB [3, H, W] in [0, 1] to `path` atomically: .jpg as JPEG, else lossless PNG. Raises StorageError."""
+AnyPicture = str | Path | Tensor | NDArray[Any] | Image.Image
+"""Picture as public functions take it.
+
+It is a file, sRGB [3, H, W] in [0, 1] of PyTorch or NumPy, bytes [H, W, 3] of NumPy, or a picture of Pillow.
+"""
+_ROUNDING = 1e-3  # beyond [0, 1], of pictures that were computed
+
+
+def as_picture(given: AnyPicture) -> Tensor:
+    """Returns a picture in any of its forms as sRGB [3, H, W], floating point, in [0, 1]. Raises ImageError."""
+    if isinstance(given, str | Path):
+        return load(given)
+    if isinstance(given, Image.Image):
+        paper = Image.new("RGBA", given.size, "white")
+        paper.alpha_composite(given.convert("RGBA"))
+        return from_uint8(np.asarray(paper.convert("RGB")))
+    if isinstance(given, np.ndarray):
+        if given.dtype == np.uint8 and given.ndim == 3 and given.shape[2] == 3:
+            return from_uint8(given)
+        given = torch.from_numpy(np.ascontiguousarray(given))
+    if not isinstance(given, Tensor):
+        raise ImageError(f"A picture was given as {type(given).__name__}; give a file, or a tensor [3, height, width].")
+    shape = tuple(given.shape)
+    if len(shape) != 3 or shape[0] != 3:
+        turned = "; turn it: picture.permute(2, 0, 1)" if len(shape) == 3 and shape[2] == 3 else ""
+        raise ImageError(f"A picture of shape {shape} was given; it is [3, height, width]{turned}.")
+    if 0 in shape or not given.is_floating_point():
+        kind = str(given.dtype).removeprefix("torch.")
+        raise ImageError(f"A picture of shape {shape} in {kind} was given; it is floating point in [0, 1], not empty.")
+    low, high = (float(edge) for edge in given.detach().aminmax())
+    if not (low >= -_ROUNDING and high <= 1 + _ROUNDING):
+        raise ImageError(f"A picture with values from {low:g} to {high:g} was given; it is sRGB in [0, 1].")
+    return given
+
+
+def save(image: AnyPicture, path: str | Path) -> None:
+    """Writes a picture to `path` atomically: .jpg as JPEG, else lossless PNG. Raises StorageError and ImageError.
+
+    Any picture will do:
+
+        >>> import frida_painter as fp, torch
+        >>> fp.save_picture(torch.rand(3, 48, 64), "noise.png")
+        >>> fp.load_picture("noise.png").shape
+        torch.Size([3, 48, 64])
+    """
     path = Path(path)
-    picture = Image.fromarray(to_uint8(image))
+    picture = Image.fromarray(to_uint8(as_picture(image)))
     with storage.replacing(path) as temporary:
         if path.suffix.lower() in (".jpg", ".jpeg"):
             picture.save(temporary, format="JPEG", quality=_JPEG_QUALITY, subsampling=0, optimize=True)
@@ -96,6 +148,25 @@ def resize_by_area(image: Tensor, rows: int, columns: int) -> Tensor:
     pixels = np.ascontiguousarray(middle.detach().permute(1, 2, 0).cpu().numpy())
     shrunk = cv2.resize(pixels, (columns, rows), interpolation=cv2.INTER_AREA)
     return torch.from_numpy(shrunk).permute(2, 0, 1).contiguous().to(image)
+
+
+def crop(image: Tensor, box: tuple[float, float, float, float]) -> Tensor:
+    """Returns a part of a picture [3, H, W], in whole pixels and at least one.
+
+    box: left, top, width and height as shares of the picture's sides; the part lies inside the picture.
+    """
+    left, top, width, height = box
+    (x, columns), (y, rows) = (
+        _span(start, length, pixels)
+        for start, length, pixels in ((left, width, image.shape[2]), (top, height, image.shape[1]))
+    )
+    return image[:, y : y + rows, x : x + columns].contiguous()
+
+
+def _span(start: float, length: float, pixels: int) -> tuple[int, int]:
+    """Returns the first pixel and the number of pixels of a part of a side."""
+    first = min(pixels - 1, round(start * pixels))
+    return first, max(1, min(pixels, round((start + length) * pixels)) - first)
 
 
 def _middle(image: Tensor, rows: int, columns: int) -> Tensor:

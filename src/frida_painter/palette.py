@@ -2,6 +2,7 @@
 
 import json
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -74,18 +75,52 @@ def from_hex(text: str) -> Tensor:
     return torch.tensor([int(text[at : at + 2], 16) / 255 for at in (1, 3, 5)])
 
 
+AnyColor = str | Sequence[float] | Tensor
+"""Colour as public functions take it: "#c8a878", "white", or sRGB [3] in [0, 1]."""
+
+
+def as_color(given: AnyColor) -> tuple[float, float, float]:
+    """Returns a colour in any of its forms as sRGB in [0, 1]. Raises ConfigError."""
+    if isinstance(given, str):
+        given = (1.0, 1.0, 1.0) if given.strip().lower() == "white" else from_hex(given.strip())
+    try:
+        parts = torch.as_tensor(given, dtype=torch.float64).detach().flatten().tolist()
+    except (TypeError, ValueError, RuntimeError):
+        parts = []
+    if len(parts) != 3 or not all(0 <= part <= 1 for part in parts):
+        raise ConfigError(f"A colour {str(given)[:40]} was given; write it like #b97f2c, or as 3 numbers in [0, 1].")
+    red, green, blue = parts
+    return red, green, blue
+
+
+def as_colors(given: Sequence[AnyColor] | Tensor) -> Tensor:
+    """Returns colours in any of their forms as sRGB [k, 3]; a tensor stays as it is. Raises ConfigError."""
+    if isinstance(given, Tensor):
+        return given
+    if isinstance(given, str):
+        raise ConfigError(f"Colours were given as the text {given[:40]!r}; give a list of them.")
+    return torch.tensor([as_color(one) for one in given]).reshape(-1, 3)
+
+
 @dataclass(frozen=True)
 class Palette:
     """Palette of k paints. Paint i belongs in well i.
 
-    color [k, 3]: sRGB in [0, 1]. A planner orders it from light to dark; a measured palette keeps the order of
-    its wells.
+    color [k, 3]: sRGB in [0, 1], or a list of colours such as "#f2e9dc". A planner orders it from light to dark; a
+    measured palette keeps the order of its wells.
     Raises ConfigError if the shape or a value is out of range.
+
+        >>> import frida_painter as fp, torch
+        >>> palette = fp.Palette(torch.tensor([[1.0, 0.9, 0.6], [0.1, 0.2, 0.4]]))
+        >>> palette.save("palette.json")
+        >>> len(fp.Palette.load("palette.json"))
+        2
     """
 
     color: Tensor
 
-    def __post_init__(self) -> None:
+    def __init__(self, color: Sequence[AnyColor] | Tensor) -> None:
+        object.__setattr__(self, "color", as_colors(color))
         if self.color.dim() != 2 or self.color.shape[1] != 3 or not 1 <= len(self.color) <= MAX_COLORS:
             raise ConfigError(
                 f"A palette of shape {tuple(self.color.shape)} was given; it has 1 to {MAX_COLORS} colours of 3 parts."
@@ -95,6 +130,9 @@ class Palette:
 
     def __len__(self) -> int:
         return len(self.color)
+
+    def __repr__(self) -> str:
+        return f"Palette({', '.join(map(to_hex, self.color))})"
 
     @classmethod
     def sort_light_to_dark(cls, color: Tensor) -> "Palette":

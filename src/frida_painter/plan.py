@@ -3,20 +3,25 @@
 import hashlib
 import itertools
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import torch
+from numpy.typing import ArrayLike
 from torch import Tensor
 
-from frida_painter import storage, tensor_file
-from frida_painter.canvas_size import CanvasSize
-from frida_painter.errors import ConfigError, PlanError
-from frida_painter.palette import Palette
+from frida_painter import registry, storage, tensor_file
+from frida_painter.canvas_size import AnyCanvas, CanvasSize
+from frida_painter.errors import ConfigError, FamilyError, FridaError, PlanError
+from frida_painter.palette import AnyColor, Palette, as_color
+from frida_painter.storage import count_of
+from frida_painter.stroke_family import StrokeFamily, Taught, describe_kind
 from frida_painter.strokes import GROUPS, StrokeLimits, Strokes
 
-VERSION = 3
+VERSION = 4
+_WITHOUT_FAMILIES = 3  # version of a plan without stroke families
 WHITE = (1.0, 1.0, 1.0)
 """sRGB of an untoned canvas."""
 MAX_STROKES = 100_000
@@ -28,7 +33,7 @@ class Layer:
 
     strokes: number of strokes
     brush: name of the brush
-    limits: limits of the brush
+    limits: limits of the brush, with the family of the strokes
     paints: range (first, end) of the palette's paints that are in the wells. Paint i is in well i - first.
     """
 
@@ -36,6 +41,11 @@ class Layer:
     brush: str
     limits: StrokeLimits
     paints: tuple[int, int]
+
+    @property
+    def kind(self) -> str:
+        """Kind of the strokes, by which their stroke model is found: the brush, or brush and family ("fine+comma")."""
+        return describe_kind(self.brush, self.limits.family)
 
 
 @dataclass(frozen=True)
@@ -51,6 +61,11 @@ class Plan:
     about: free facts (seed, name of the photograph) that are saved with the plan
 
     Raises PlanError if the parts do not fit together.
+
+        >>> import frida_painter as fp
+        >>> fp.make_planner("photo.jpg", strokes=10, colors=3, render_height=64).plan().save("plan.json")
+        >>> len(fp.Plan.load("plan.json"))
+        10
     """
 
     strokes: Strokes
@@ -62,6 +77,8 @@ class Plan:
     about: tuple[tuple[str, str], ...] = ()
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "canvas", CanvasSize.of(self.canvas))
+        object.__setattr__(self, "ground", as_color(self.ground))
         counts = self.layer_sizes
         if not counts or sum(counts) != len(self.strokes) or min(counts) < 0:
             raise PlanError(
@@ -93,15 +110,94 @@ class Plan:
 
     @classmethod
     def of(
-        cls, strokes: Strokes, palette: Palette, paint: Tensor, *, brush: str, limits: StrokeLimits, **rest: Any
+        cls,
+        strokes: Strokes,
+        palette: Palette,
+        paint: Tensor,
+        *,
+        brush: str,
+        limits: StrokeLimits,
+        canvas: AnyCanvas,
+        ground: AnyColor = WHITE,
+        about: tuple[tuple[str, str], ...] = (),
     ) -> "Plan":
         """Returns a plan with one layer, in which each stroke has exactly the colour of its paint."""
         colored = strokes.with_groups(color=palette.color[paint].to(strokes.color))
         layer = Layer(len(strokes), brush, limits, (0, len(palette)))
-        return cls(colored, palette, paint, layers=(layer,), **rest)
+        return cls(colored, palette, paint, CanvasSize.of(canvas), (layer,), as_color(ground), about)
 
     def __len__(self) -> int:
         return len(self.strokes)
+
+    def __repr__(self) -> str:
+        layers = "" if len(self.layers) == 1 else f" in {len(self.layers)} layers"
+        paints, brushes = count_of(len(self.palette), "paint"), ", ".join(self.kinds)
+        return f"Plan({count_of(len(self), 'stroke')} in {paints}{layers}, {brushes}, on {self.canvas})"
+
+    def _repr_png_(self) -> bytes | None:
+        """Returns the plan as a picture, which a notebook shows; None if its brush has no stroke model here."""
+        with suppress(FridaError):
+            drawn: Any = registry.parts(registry.EXPORTERS)["png"].load(object)  # what draws it lies above this module
+            content = drawn.export(self)
+            return content if isinstance(content, bytes) else None
+        return None
+
+    def edit(
+        self,
+        *,
+        position: ArrayLike | Tensor | None = None,
+        angle: ArrayLike | Tensor | None = None,
+        length: ArrayLike | Tensor | None = None,
+        bend: ArrayLike | Tensor | None = None,
+        thickness: ArrayLike | Tensor | None = None,
+        color: ArrayLike | Tensor | None = None,
+        palette: Palette | Sequence[AnyColor] | Tensor | None = None,
+    ) -> "Plan":
+        """Returns the plan with other numbers in its strokes, projected to the limits of brush and canvas.
+
+        position [n, 2], angle, length, bend, thickness [n]: new values, or one for all strokes, as in `Strokes`
+        color [n, 3]: wanted colours; each stroke gets the nearest paint of its wells
+        palette: other paints, as many as before, for the same strokes
+        Raises PlanError if an array has another shape or a number that is not finite.
+
+            >>> import frida_painter as fp
+            >>> plan = fp.make_planner("photo.jpg", strokes=5, colors=3, render_height=64).plan()
+            >>> longer = plan.edit(length=plan.strokes.length * 1.05)
+            >>> bool((longer.strokes.length >= plan.strokes.length).all())
+            True
+        """
+        given = {
+            "position": position, "angle": angle, "length": length, "bend": bend, "thickness": thickness, "color": color
+        }  # fmt: skip
+        groups: dict[str, Any] = {name: self._edited(name, value) for name, value in given.items() if value is not None}
+        paints = self.palette if palette is None else palette if isinstance(palette, Palette) else Palette(palette)
+        if len(paints) != len(self.palette):
+            raise PlanError(f"A palette of {len(paints)} paints was given; this plan has {len(self.palette)}.")
+        wanted = groups.pop("color", None)
+        paint, strokes = self.paint.clone(), self.strokes.with_groups(**groups)
+        found = []
+        for layer, where in zip(self.layers, self._slices, strict=True):
+            first, end = layer.paints
+            if wanted is not None and layer.strokes:
+                paint[where] = first + Palette(paints.color[first:end]).nearest(wanted[where])
+            found.append(strokes[where].project(layer.limits, self.canvas))
+        colored = Strokes.join(*found).with_groups(color=paints.color[paint].to(strokes.color))
+        return replace(self, strokes=colored, palette=paints, paint=paint)
+
+    def _edited(self, name: str, value: ArrayLike | Tensor) -> Tensor:
+        """Returns new values of an array of the strokes. Raises PlanError."""
+        before: Tensor = getattr(self.strokes, name)
+        try:
+            given = torch.as_tensor(value).detach().to(before)
+            after = given.expand(before.shape).clone()
+        except (RuntimeError, TypeError, ValueError) as cause:
+            shape = tuple(getattr(value, "shape", ()))
+            raise PlanError(
+                f"{name} was given in the shape {shape}; {len(self)} strokes need {tuple(before.shape)}."
+            ) from cause
+        if not bool(after.isfinite().all()):
+            raise PlanError(f"{name} was given a number that is not finite; give finite numbers.")
+        return after
 
     @property
     def layer_sizes(self) -> tuple[int, ...]:
@@ -117,6 +213,16 @@ class Plan:
     def brushes(self) -> tuple[str, ...]:
         """Brushes of the plan, each once, in the order of use."""
         return tuple(dict.fromkeys(layer.brush for layer in self.layers))
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Kinds of strokes of the plan, each once, in the order of use; see `Layer.kind`."""
+        return tuple(dict.fromkeys(layer.kind for layer in self.layers))
+
+    @property
+    def families(self) -> tuple[StrokeFamily, ...]:
+        """Stroke families of the layers, each once, in the order of use."""
+        return tuple(dict.fromkeys(layer.limits.family for layer in self.layers if layer.limits.family is not None))
 
     @property
     def well(self) -> Tensor:
@@ -155,9 +261,9 @@ class Plan:
             for layer, where in zip(self.layers, self._slices, strict=True)
         ]
 
-    def by_brush(self) -> list[tuple[str, Strokes]]:
-        """Returns the brushes in the order of use, each with all strokes until the next change of the brush."""
-        runs = itertools.groupby(self.filled_layers(), lambda part: part.layers[0].brush)
+    def by_kind(self) -> list[tuple[str, Strokes]]:
+        """Returns the kinds of strokes in the order of use, each with all strokes until the next change of kind."""
+        runs = itertools.groupby(self.filled_layers(), lambda part: part.layers[0].kind)
         return [(brush, Strokes.join(*(part.strokes for part in run))) for brush, run in runs]
 
     def by_wells(self) -> list[tuple[int, "Plan"]]:
@@ -252,14 +358,16 @@ class Plan:
         """Returns a plan of these strokes, followed by the strokes of `rest`.
 
         rest: a plan with the same canvas and the same number of layers. A layer with strokes in both plans
-        continues in `rest`. A layer without strokes in this plan takes its paints from `rest`.
+        continues in `rest`. A layer without strokes in this plan takes its paints from `rest`. Facts of both plans
+        are kept, the later ones if they have one name.
         Raises PlanError if the layers do not fit together.
         """
         if len(self.layers) != len(rest.layers):
             raise PlanError(
                 f"A plan of {len(self.layers)} layers was to be followed by one of {len(rest.layers)}; give it as many."
             )
-        return self._of_layers(
+        facts = dict(self.about) | dict(rest.about)
+        return replace(self, about=tuple(facts.items()))._of_layers(
             [
                 replace(
                     mine if len(mine) else more,
@@ -278,6 +386,12 @@ class Plan:
         )
 
     @property
+    def _codes(self) -> dict[str, Tensor]:
+        """Families and codes of the strokes by name; empty for a plan without families."""
+        taught = self.strokes.taught
+        return {} if taught is None else {"family": taught.number, "code": taught.code}
+
+    @property
     def digest(self) -> str:
         """sha256 of all facts that decide how the painting looks."""
         first, counts = self.layers[0], self.layer_sizes
@@ -287,7 +401,9 @@ class Plan:
         else:
             facts = (self.canvas, self.layers, self.ground)
         content = hashlib.sha256(repr(facts).encode())
-        for tensor in (*self.strokes.arrays().values(), self.palette.color, self.paint):
+        for layer in self.layers if self.families else ():
+            content.update(b"" if layer.limits.family is None else layer.limits.family.digest.encode())
+        for tensor in (*self.strokes.arrays().values(), *self._codes.values(), self.palette.color, self.paint):
             content.update(tensor.detach().cpu().contiguous().numpy().tobytes())
         return content.hexdigest()
 
@@ -298,14 +414,17 @@ class Plan:
         between the two writes. Raises StorageError.
         """
         path = Path(path)
-        tensors = {**self.strokes.arrays(), "palette": self.palette.color, "paint": self.paint}
+        tensors = {**self.strokes.arrays(), **self._codes, "palette": self.palette.color, "paint": self.paint}
+        families = self.families
+        for number, family in enumerate(families):
+            tensors |= {f"family_{number}_mean": family.mean, f"family_{number}_modes": family.modes}
         beside = path.with_name(f"{path.stem}-{self.digest[:12]}.safetensors")
         sha256 = tensor_file.write_tensors(beside, tensors)
         storage.write_json(
             path,
             {
                 "format": "frida-painter plan",
-                "version": VERSION,
+                "version": VERSION if families else _WITHOUT_FAMILIES,
                 "canvas_m": [self.canvas.width, self.canvas.height],
                 "strokes": len(self),
                 "layers": [
@@ -315,12 +434,16 @@ class Plan:
                         "length_m": list(layer.limits.length),
                         "bend_m": list(layer.limits.bend),
                         "paints": list(layer.paints),
+                        **({} if layer.limits.family is None else {"family": families.index(layer.limits.family)}),
                     }
                     for layer in self.layers
                 ],
                 "palette_srgb": [[round(part, 6) for part in color] for color in self.palette.color.tolist()],
                 "ground_srgb": list(self.ground),
                 "about": dict(self.about),
+                **(
+                    {"families": [{"name": one.name, "size_m": list(one.size)} for one in families]} if families else {}
+                ),
                 "tensors": beside.name,
                 "tensors_sha256": sha256,
                 "digest": self.digest,
@@ -349,25 +472,40 @@ class Plan:
             if record["strokes"] > MAX_STROKES:
                 raise PlanError(f"{path} has {record['strokes']} strokes; a plan has at most {MAX_STROKES}.")
             tensors, _ = tensor_file.read_tensors(beside, f"the plan {path.name}", PlanError, record["tensors_sha256"])
+            families = [
+                StrokeFamily(
+                    str(entry["name"]),
+                    tensors[f"family_{number}_mean"],
+                    tensors[f"family_{number}_modes"],
+                    tuple(map(float, entry["size_m"])),  # type: ignore[arg-type]
+                )
+                for number, entry in enumerate(record.get("families", ()))
+            ]
+            layers = _layers(record, len(tensors["palette"]), families)
+            taught = None
+            if "code" in tensors:
+                used = dict.fromkeys(one.limits.family for one in layers if one.limits.family and one.strokes)
+                taught = Taught(tuple(used), tensors["family"], tensors["code"])
             plan = cls(
-                strokes=Strokes(**{name: tensors[name] for name in GROUPS}),
+                strokes=Strokes(**{name: tensors[name] for name in GROUPS}, taught=taught),
                 palette=Palette(tensors["palette"]),
                 paint=tensors["paint"],
                 canvas=CanvasSize(*record["canvas_m"]),
                 ground=tuple(record["ground_srgb"]),
                 about=tuple(record["about"].items()),
-                layers=_layers(record, len(tensors["palette"])),
+                layers=layers,
             )
-        except (KeyError, TypeError, ValueError, AttributeError, IndexError, ConfigError) as cause:
+        except (KeyError, TypeError, ValueError, AttributeError, IndexError, ConfigError, FamilyError) as cause:
             raise PlanError(f"{path} is a plan with a part missing or out of range ({cause}); make it anew.") from cause
         if plan.digest != record["digest"]:
             raise PlanError(f"{path} does not belong to the strokes beside it; take the whole folder of one painting.")
         return plan
 
 
-def _layers(record: dict[str, Any], paints: int) -> tuple[Layer, ...]:
+def _layers(record: dict[str, Any], paints: int, families: Sequence[StrokeFamily]) -> tuple[Layer, ...]:
     """Returns the layers of a plan file. Raises ValueError if they are invalid.
 
+    families: stroke families of the file
     Before version 3 all layers shared one brush and palette; before version 2 a plan had one layer.
     """
     entries: list[Any] = [record["strokes"]] if record["version"] == 1 else list(record["layers"])
@@ -378,7 +516,11 @@ def _layers(record: dict[str, Any], paints: int) -> tuple[Layer, ...]:
         Layer(
             entry["strokes"],
             entry["brush"],
-            StrokeLimits(tuple(entry["length_m"]), tuple(entry["bend_m"])),
+            StrokeLimits(
+                tuple(entry["length_m"]),
+                tuple(entry["bend_m"]),
+                families[entry["family"]] if "family" in entry else None,
+            ),
             tuple(entry["paints"]),
         )
         for entry in entries

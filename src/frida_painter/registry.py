@@ -15,6 +15,7 @@ import sys
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cache
 from importlib.metadata import EntryPoint, distributions, entry_points
 from importlib.util import find_spec
 from pathlib import Path
@@ -31,11 +32,21 @@ EASELS = "frida_painter.easels"
 CAMERAS = "frida_painter.cameras"
 STUDIO_ARMS = "frida_painter.studio_arms"
 STROKE_MODELS = "frida_painter.stroke_models"
+STROKE_FAMILIES = "frida_painter.stroke_families"
 OBJECTIVES = "frida_painter.objectives"
 COMMANDS = "frida_painter.commands"
 PLAN_CHOOSERS = "frida_painter.plan_choosers"
 REPLAN_POLICIES = "frida_painter.replan_policies"
+TURN_POLICIES = "frida_painter.turn_policies"
+EXPORTERS = "frida_painter.exporters"
+PLANNERS = "frida_painter.planners"
+INITIALISERS = "frida_painter.initialisers"
+MIXERS = "frida_painter.mixers"
+LISTENERS = "frida_painter.listeners"
+ENCODERS = "frida_painter.encoders"
+PICTURE_LIBRARIES = "frida_painter.picture_libraries"
 
+_GROUPS = "frida_painter."
 OURS = "frida-painter"
 OUR_PARTS: Mapping[str, Mapping[str, str]] = {
     EASELS: {
@@ -45,6 +56,8 @@ OUR_PARTS: Mapping[str, Mapping[str, str]] = {
     },
     ROBOTS: {
         "xarm": "frida_painter.hardware.drivers.xarm:KIND",
+        "franka": "frida_painter.hardware.drivers.franka:KIND",
+        "so101": "frida_painter.hardware.drivers.so101:KIND",
         "gcode": "frida_painter.hardware.drivers.gcode:GRBL",
         "marlin": "frida_painter.hardware.drivers.gcode:MARLIN",
         "axidraw": "frida_painter.hardware.drivers.axidraw:KIND",
@@ -55,6 +68,7 @@ OUR_PARTS: Mapping[str, Mapping[str, str]] = {
         "opencv": "frida_painter.hardware.cameras.opencv:KIND",
         "gphoto": "frida_painter.hardware.cameras.gphoto:KIND",
         "folder": "frida_painter.hardware.cameras.folder:KIND",
+        "none": "frida_painter.hardware.cameras.none:KIND",
     },
     STUDIO_ARMS: {
         "sawyer": "frida_painter.sawyer.arm:SAWYER_ARM",
@@ -64,6 +78,11 @@ OUR_PARTS: Mapping[str, Mapping[str, str]] = {
         "fine": "frida_painter.brush.weights:FINE_MODEL",
         "medium": "frida_painter.brush.weights:MEDIUM_MODEL",
         "broad": "frida_painter.brush.weights:BROAD_MODEL",
+    },
+    STROKE_FAMILIES: {
+        "comma": "frida_painter.brush.families:COMMA",
+        "zigzag": "frida_painter.brush.families:ZIGZAG",
+        "flourish": "frida_painter.brush.families:FLOURISH",
     },
     OBJECTIVES: {
         "image": "frida_painter.objectives.image:KIND",
@@ -75,6 +94,8 @@ OUR_PARTS: Mapping[str, Mapping[str, str]] = {
     COMMANDS: {
         "sweep": "frida_painter.lab:SWEEP",
         "experiments": "frida_painter.lab:EXPERIMENTS",
+        "verify": "frida_painter.lab.verify_command:VERIFY",
+        "benchmark": "frida_painter.lab:BENCHMARK",
     },
     PLAN_CHOOSERS: {
         "candidates": "frida_painter.lab.sweeps.sweep_command:choose_candidate",
@@ -84,6 +105,31 @@ OUR_PARTS: Mapping[str, Mapping[str, str]] = {
         "every": "frida_painter.session.replan_policy:EveryNth.parse",
         "when-off-by": "frida_painter.session.replan_policy:WhenOffBy.parse",
         "when-it-pays": "frida_painter.session.replan_policy:WhenItPays.parse",
+    },
+    PLANNERS: {
+        "layers": "frida_painter.planning.planner:LAYERS_KIND",
+    },
+    INITIALISERS: {
+        "growth": "frida_painter.planning.initialisers:GROWTH",
+        "uniform": "frida_painter.planning.initialisers:UNIFORM",
+    },
+    MIXERS: {
+        "kubelka-munk": "frida_painter.mixing.recipe:KUBELKA_MUNK",
+    },
+    LISTENERS: {
+        "events": "frida_painter.runs.event_file:EVENTS",
+    },
+    EXPORTERS: {
+        "svg": "frida_painter.cli.plan_output:SVG",
+        "gcode": "frida_painter.cli.plan_output:GCODE",
+        "csv": "frida_painter.cli.plan_output:CSV",
+        "png": "frida_painter.render.painting:PNG",
+    },
+    TURN_POLICIES: {
+        "alternate": "frida_painter.session.turn_policy:ALTERNATE",
+        "continue": "frida_painter.session.turn_policy:CONTINUE",
+        "fill": "frida_painter.session.turn_policy:FILL",
+        "side": "frida_painter.session.turn_policy:SIDE",
     },
 }
 """Parts of this project: "module:object" by group and name, as in pyproject.toml."""
@@ -133,6 +179,31 @@ class Part:
         return found
 
 
+def names_of_others(group: str) -> tuple[str, ...]:
+    """Returns the names that other packages register in a group, without those of this project; imports nothing."""
+    ours = OUR_PARTS.get(group, {})
+    return tuple(sorted({point.name for point in _points_of_others(tuple(sys.path)) if point.group == group} - {*ours}))
+
+
+def modules_of_others() -> Mapping[str, tuple[str, ...]]:
+    """Returns the top-level modules that other packages register in any of our groups, by the package's name."""
+    found: dict[str, set[str]] = {}
+    for point in _points_of_others(tuple(sys.path)):
+        package = point.dist.name if point.dist is not None else "unknown"
+        found.setdefault(package, set()).add(point.value.partition(":")[0].partition(".")[0])
+    return {package: tuple(sorted(names)) for package, names in sorted(found.items())}
+
+
+@cache  # reading the metadata of all packages takes a tenth of a second; they change with the path
+def _points_of_others(path: tuple[str, ...]) -> tuple[EntryPoint, ...]:
+    found: list[EntryPoint] = []
+    for package in distributions(path=list(path)):
+        with suppress(*_DAMAGES):
+            if package.name != OURS:
+                found += [point for point in package.entry_points if point.group.startswith(_GROUPS)]
+    return tuple(found)
+
+
 def parts(group: str) -> Mapping[str, Part]:
     """Returns the parts of a group by name: first those of this project, then those of other packages by name.
 
@@ -150,15 +221,18 @@ def parts(group: str) -> Mapping[str, Part]:
     return ours | dict(sorted(others.items()))
 
 
+_DAMAGES = (TypeError, ValueError, OSError)
+"""Errors of damaged metadata."""
+
+
 def _points(group: str) -> list[EntryPoint]:
     """Returns the entry points of a group; skips packages with damaged metadata."""
-    damages = (TypeError, ValueError, OSError)
     try:
         return list(entry_points(group=group))
-    except damages:  # one damaged package stops the read of all
+    except _DAMAGES:  # one damaged package stops the read of all
         found: dict[str, list[EntryPoint]] = {}
         for package in distributions():
-            with suppress(*damages):
+            with suppress(*_DAMAGES):
                 found.setdefault(package.name, list(package.entry_points.select(group=group)))
         return [point for points in found.values() for point in points]
 

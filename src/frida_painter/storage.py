@@ -206,8 +206,11 @@ def _kind(mode: int) -> str:
     return "a socket" if stat.S_ISSOCK(mode) else "a device"
 
 
-def require_space(folder: Path, needed: int) -> None:
-    """Raises StorageError unless the disk of `folder` has `needed` bytes free; the folder need not exist."""
+def require_space(folder: Path, needed: int, what: str) -> None:
+    """Raises StorageError unless the disk of `folder` has `needed` bytes free; the folder need not exist.
+
+    what: user of the space in the message, such as "this painting"
+    """
     existing = folder
     try:
         while not existing.exists():
@@ -217,7 +220,7 @@ def require_space(folder: Path, needed: int) -> None:
         raise cannot_write(folder, error) from error
     if free < needed:
         raise StorageError(
-            f"{abridge(folder)} is on a disk with {free // 2**20} MB free; this painting needs {needed // 2**20} MB; "
+            f"{abridge(folder)} is on a disk with {free // 2**20} MB free; {what} needs {needed // 2**20} MB; "
             "free some space or choose another folder with --out."
         )
 
@@ -326,3 +329,11 @@ def count_of(number: int, what: str) -> str:
 def megabytes(size: int) -> str:
     """Returns bytes as "12 MB"."""
     return f"{size / 1e6:.0f} MB"
+
+
+def refuse_first_version(what: str) -> str:
+    """Returns the sentence for a file that only version 0.1 wrote."""
+    return (
+        f"{what} was written by frida-painter 0.1, and this version does not read it; use version 0.2.0 (commit "
+        "1499ab8), which does. Nothing was changed."
+    )

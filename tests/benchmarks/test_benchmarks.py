@@ -1,6 +1,7 @@
 """The benchmarks still run, and the comparator of the planner's iteration still draws what the renderer draws."""
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -50,27 +51,69 @@ def test_an_iteration_of_the_comparator_lowers_the_loss():
     assert losses[-1] < losses[0]
 
 
+@pytest.fixture
+def run(monkeypatch):
+    """run(name, word, ...): runs a benchmark in this process, which has loaded already what it needs."""
+    monkeypatch.syspath_prepend(str(BENCHMARKS))
+
+    def running(name, *words):
+        monkeypatch.setattr("sys.argv", [f"{name}.py", *map(str, words)])
+        assert not program(name).main()
+
+    return running
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["iteration", "planning", "quality", "replanning", "looks", "goals", "sweep", "gpu"])
-def test_a_quick_run_prints_and_writes_tables(name, tmp_path):
+@pytest.mark.parametrize(
+    ("name", "more"),
+    [
+        ("planning", ()),
+        ("replanning", ()),
+        ("looks", ()),
+        ("goals", ("--goals", "photograph", "sketch")),  # tests/planning plans towards all kinds
+        ("gpu", ("--device", "cpu")),
+    ],
+)
+def test_a_quick_run_prints_and_writes_tables(name, more, tmp_path, run, in_small_world, capsys):
+    figures = tmp_path / "figures.json"
+    run(name, "--quick", "--json", figures, *more)
+    require_tables(figures)
+    assert len(capsys.readouterr().out.splitlines()) > 5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["iteration", "sweep"])
+def test_so_does_one_that_measures_in_processes_of_its_own(name, tmp_path):
     figures = tmp_path / "figures.json"
     command = [sys.executable, str(BENCHMARKS / f"{name}.py"), "--quick", "--json", str(figures)]
-    command += ["--device", "cpu"] if name == "gpu" else []
     subprocess.run(command, check=True, capture_output=True, timeout=300)
+    require_tables(figures)
+
+
+@pytest.mark.slow
+def test_the_painter_of_most_pixels_is_found(tmp_path, run, capsys):
+    run("painters", "--quick", "--keep", tmp_path)
+    mean = capsys.readouterr().out.splitlines()[-1]
+    of_all, of_painted, of_person = (float(share) for share in re.findall(r"([\d.]+)%", mean))
+    assert of_all > 80 and of_painted > 80 and of_person > 70
+    record = json.loads((tmp_path / "painting-0/painters.json").read_text())
+    assert {stroke["painter"] for stroke in record["strokes"]} == {"robot", "person"}
+    assert sum(record["shares"].values()) == pytest.approx(1, abs=1e-3)
+
+
+def require_tables(figures):
     record = json.loads(figures.read_text())
     assert record["figures"] and record["tables"]
     assert all(len(row) == len(table["columns"]) for table in record["tables"] for row in table["rows"])
 
 
 @pytest.mark.slow
-def test_forecasts_stand_beside_what_was_painted(tmp_path):
+def test_forecasts_stand_beside_what_was_painted(tmp_path, run):
     pictures, kept = tmp_path / "pictures", tmp_path / "kept"
     pictures.mkdir()
     down, across = np.mgrid[40:232:2, 40:232:2].astype(np.uint8)
     Image.fromarray(np.stack((down, across[:, ::-1], np.full_like(down, 90)), -1)).save(pictures / "ramp.png")
-    command = [sys.executable, str(BENCHMARKS / "forecasts.py"), str(pictures), "--quick", "--kept", str(kept)]
-    command += ["--json", str(tmp_path / "figures.json")]
-    subprocess.run(command, check=True, capture_output=True, timeout=300)
+    run("forecasts", pictures, "--quick", "--kept", kept, "--json", tmp_path / "figures.json")
     (found,) = json.loads((tmp_path / "figures.json").read_text())["figures"]
     assert found == json.loads((kept / "ramp-31.json").read_text())
     assert found["picture"] == "ramp" and abs(found["by_camera"] - found["in_truth"]) < 2
@@ -89,15 +132,39 @@ def test_no_canvas_that_lies_still_is_said_to_have_moved_and_those_that_moved_ar
     assert len(found["missed"]) <= 1 and all(one.startswith("unsure") for one in found["missed"])
 
 
+# What two checkouts of one code have in common: everything but the time that they take.
+ALIKE = {"plans": ("drawn", "expected"), "paintings": ("planned", "decibels"), "dips": ("dips", "minutes", "decibels")}
+
+
 @pytest.mark.slow
-def test_paintings_of_two_checkouts_lie_side_by_side_on_a_sheet(tmp_path):
-    command = [sys.executable, str(BENCHMARKS / "side_by_side.py"), "--quick", "--against", str(BENCHMARKS.parent)]
-    command += ["--folder", str(tmp_path), "--json", str(tmp_path / "figures.json")]
-    subprocess.run(command, check=True, capture_output=True, timeout=300)
-    before, after = json.loads((tmp_path / "figures.json").read_text())["figures"]
-    assert before["decibels"] == after["decibels"] > 3  # six strokes; one code, one seed: one painting
-    with Image.open(tmp_path / "coffee-0.jpg") as sheet:
-        assert sheet.width > 4 * 384
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize("what", ALIKE)
+def test_a_checkout_compared_with_itself_is_as_good_as_itself(tmp_path, what):
+    figures = tmp_path / "figures.json"
+    command = [sys.executable, str(BENCHMARKS / "compare.py"), what, "--quick", "--against", str(BENCHMARKS.parent)]
+    command += ["--folder", str(tmp_path), "--json", str(figures)]
+    subprocess.run(command, check=True, capture_output=True, timeout=600)
+    record = json.loads(figures.read_text())
+    found = {code: [one for one in record["figures"] if one["code"] == code] for code in ("this", "the other")}
+    assert len(found["this"]) == len(found["the other"]) >= 1
+    for here, there in zip(*found.values(), strict=True):
+        assert all(here[name] == there[name] for name in ALIKE[what])
+        assert all(here[name] > 3 for name in ALIKE[what] if name not in ("dips", "minutes")), "dB of six strokes"
+    assert all(len(row) == len(table["columns"]) for table in record["tables"] for row in table["rows"])
+    if what == "paintings":
+        with Image.open(tmp_path / "coffee-0.jpg") as sheet:
+            assert sheet.width > 4 * 384
+
+
+def test_decibels_are_interpolated_between_efforts_and_not_beyond(monkeypatch):
+    monkeypatch.syspath_prepend(str(BENCHMARKS))
+    compare = program("compare")
+    made = [compare.PlanFigures("this", "a", 0, 1.0, seconds, 0.0, dB) for seconds, dB in ((1, 10), (4, 9), (100, 30))]
+    assert compare.decibels_after(1.0, made) == 10 and compare.decibels_after(4.0, made) == 10, "the best until then"
+    assert 10 < compare.decibels_after(20.0, made) < 30
+    assert np.isnan(compare.decibels_after(0.5, made)) and np.isnan(compare.decibels_after(101.0, made))
+    assert compare.seconds_until(compare.decibels_after(20.0, made), made) == pytest.approx(20.0)
+    assert compare.mean([1.0, float("nan"), 3.0], "{:.1f}") == "2.0" and compare.mean([], "{:.1f}") == "not reached"
 
 
 @pytest.mark.slow

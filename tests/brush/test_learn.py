@@ -13,6 +13,7 @@ from frida_painter.errors import ConfigError, LibraryError
 from marks import SMALL, small_library
 
 
+@pytest.mark.slow
 def test_the_papers_network_can_be_chosen_and_another_is_the_default():
     kinds = {name: type(learn(name, small_library(6), SMALL, hasty=True).model) for name in MODELS}
     assert kinds == {"field": StrokeField, "param2stroke": Param2Stroke}

@@ -44,7 +44,7 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 @pytest.fixture
 def refuse(
-    coarse_brush: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    in_small_world: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> Callable[..., str]:
     """refuse(word, ...): the one sentence that the command answers with; fails if anything was made or changed."""
     monkeypatch.chdir(tmp_path)
@@ -256,8 +256,8 @@ def another_s(path: Path) -> None:
     [
         (half, "cut off or not JSON"),
         (one_digit, "was changed after it was written"),
-        (lambda path: mended(path, version=4), "of version 4; this program reads versions up to 3"),
-        (lambda path: mended(path, version="1"), "of version '1'; this program reads versions up to 3"),
+        (lambda path: mended(path, version=5), "of version 5; this program reads versions up to 4"),
+        (lambda path: mended(path, version="1"), "of version '1'; this program reads versions up to 4"),
         (lambda path: mended(path, strokes=10_000_000), "at most 100000"),
         (lambda path: half(next(path.parent.glob("*.safetensors"))), "sha256 differs"),
         (another_s, "sha256 differs"),
@@ -287,10 +287,10 @@ def test_plans_that_are_damaged_edited_or_of_the_future(
         (("render", "kept", "--out", "picture.gif"), "ends in .png or .jpg"),
         (("render", "kept", "--height", "32", "--out", "kept/plan.json/p.png"), "cannot be written"),
         (("render", "kept", "--height", "32", "--out", "/proc/p.png"), "cannot be written"),
-        (("export", "kept", "--to", "pdf"), "'pdf' is not one of"),
+        (("export", "kept", "--to", "pdf"), "exported as 'pdf'; there are svg, gcode, csv, png"),
         (("export", "kept", "--to", "gcode", "--press", "-1"), "press of -1 mm"),
         (("export", "kept", "--to", "gcode", "--lift", "nan"), "lift of nan mm"),
-        (("export", "kept", "--to", "gcode", "--flavour", "fanuc"), "'fanuc' is not one of"),
+        (("export", "kept", "--to", "gcode", "--flavour", "fanuc"), "'fanuc'; it is one of grbl, marlin"),
         (("export", "kept", "--to", "gcode", "--calibration", "none.json"), "without --workspace"),
         (("export", "kept", "--to", "gcode", "--workspace", "none.toml"), "none.toml does not exist"),
         (("export", "kept", "--to", "gcode", "--workspace", "none.toml", "--press", "1"), "leave them out"),

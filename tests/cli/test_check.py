@@ -5,8 +5,14 @@ import pytest
 
 from frida_painter import images
 from frida_painter.cli import commands
+from frida_painter.hardware.gcode import Gcode
 from frida_painter.hardware.workcell import WorkcellConfig, example
+from machines import grbl, marlin
+from machines.bench import tell_zero
+from machines.simulated_time import SimulatedTime, simulated_time
 from support.plans import made_up_plan
+
+__all__ = ["simulated_time"]  # a fixture
 
 
 def run(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
@@ -131,3 +137,65 @@ def test_the_example_can_be_redirected_and_drawn(monkeypatch, tmp_path, capsys) 
     assert "my easel: 12 wells, canvas of 356 x 279 mm" in capsys.readouterr().out
     drawing = images.load(Path("workspace.png"))
     assert drawing.shape[2] > 1000 and float(drawing.std()) > 0.03
+
+
+def test_a_controller_that_does_not_answer_is_told(monkeypatch, plan, capsys) -> None:
+    assert run(monkeypatch, "check", plan, "--robot", "gcode:/dev/nobody", "--workspace", workspace()) == 0
+    told = capsys.readouterr().out
+    assert "Its controller could not be asked, so its own limits are not checked: " in told
+    assert "all of it can be painted" in told
+
+
+def _seconds(told: str) -> int:
+    found = re.search(r"The robot takes (?:(\d+) h )?(\d+) min (?:(\d+) s)?", told)
+    assert found is not None, told
+    hours, minutes, seconds = (int(part or 0) for part in found.groups())
+    return 3600 * hours + 60 * minutes + seconds
+
+
+def test_a_slow_controller_is_asked_for_its_speeds(simulated_time: SimulatedTime, monkeypatch, plan, capsys) -> None:
+    machine = grbl.GrblController(grbl.GRBL)  # 500 mm/min and 10 mm/s2, as it comes
+    cable = simulated_time.attach(machine)
+    assert run(monkeypatch, "check", plan, "--robot", f"gcode:{cable.name}", "--workspace", workspace()) == 0
+    slow = capsys.readouterr().out
+    assert "Warning: The machine cannot do the painting speed of 60 mm/s: its controller allows 8.33 mm/s" in slow
+    assert run(monkeypatch, "check", plan, "--workspace", "my.toml") == 0
+    assert _seconds(slow) > 3 * _seconds(capsys.readouterr().out)
+    assert not machine.moved
+
+
+def test_what_is_beyond_a_machines_own_limits_is_told(simulated_time: SimulatedTime, monkeypatch, plan, capsys) -> None:
+    build = marlin.Build(lowest=(-1000, -1000, -135), highest=(1000, 1000, 400))
+    machine = marlin.MarlinController(build)
+    cable = simulated_time.attach(machine)
+    place = workspace()
+    words = ("check", plan, "--robot", f"marlin:{cable.name}", "--workspace", place)
+    assert run(monkeypatch, *words) == 0, "its zero is not known: only its travel counts"
+    tell_zero(Gcode("marlin"), cable.name, (0.0, 0.0, 0.25))  # it ends 135 mm below; the hardest press is at 108 mm
+    capsys.readouterr()
+    assert run(monkeypatch, *words) == 1
+    told = capsys.readouterr().err
+    assert re.search(r"stroke \d+: z = 0\.1\d* m at waypoint \d+; the machine's own limits are 115\.0 to", told), told
+    assert "What to do: move the canvas into its travel, or change its limits if they are wrong" in told
+    assert Path("check.png").exists() and not machine.moved
+
+
+def test_a_machine_with_too_little_travel_is_told_before_its_zero_is_found(
+    simulated_time: SimulatedTime, monkeypatch, plan, capsys
+) -> None:
+    small = {**grbl.QUICK, "20": 1, "130": 200.0, "131": 900.0, "132": 300.0}
+    machine = grbl.GrblController(grbl.GRBL, small)
+    cable = simulated_time.attach(machine)
+    assert run(monkeypatch, "check", plan, "--robot", f"gcode:{cable.name}", "--workspace", workspace()) == 1
+    told = capsys.readouterr().err
+    assert re.search(r"needs \d+\.\d mm along x, and the machine's own limits leave 200\.0 mm of travel", told), told
+    assert not machine.moved
+
+
+def test_a_machine_that_cannot_paint_like_this_is_told(
+    simulated_time: SimulatedTime, monkeypatch, plan, capsys
+) -> None:
+    cable = simulated_time.attach(grbl.GrblController(grbl.GRBL))
+    name = f"gcode:{cable.name},sinks=yes"
+    assert run(monkeypatch, "check", plan, "--robot", name, "--workspace", workspace()) == 1
+    assert "the brush would sink" in capsys.readouterr().err

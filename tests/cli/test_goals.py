@@ -143,7 +143,7 @@ def test_nothing_and_too_much(photo: Path, waves: Path) -> None:
 
 @pytest.mark.slow
 def test_a_styled_painting_says_what_it_was_and_through_what_it_was_seen(
-    coarse_brush: None,
+    in_small_world: None,
     photo: Path,
     waves: Path,
     tmp_path: Path,
@@ -191,7 +191,7 @@ def test_a_sketch_and_a_blank_sheet(photo: Path) -> None:
 
 @pytest.mark.slow
 def test_words_are_painted_without_any_photograph(
-    coarse_brush: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    in_small_world: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for name in ("readers", "reader_aside", "sentences", "keep", "own"):
         monkeypatch.setattr(EncoderRegistry, name, getattr(QuickEncoders, name), raising=False)

@@ -16,7 +16,7 @@ from frida_painter.event_log import EventLog
 from killing import ForkedCommand, kill_when
 from session.easel_errands import until
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("small_world")]
 
 SMALL = (
     *("--strokes", "8", "--brushes", "broad:50%,medium:50%", "--colors", "2", "--replans", "1", "--no-film"),

@@ -1,10 +1,9 @@
+import contextlib
 import csv
 import json
 import os
 import re
 import signal
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -19,6 +18,7 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.cli import commands
 from frida_painter.hardware.workcell import example
 from frida_painter.plan import Plan
+from killing import ForkedCommand
 
 Run = Callable[..., str]
 SMALL = ("--canvas", "120x90mm", "--fit", "crop", "--render-height", "64", "--effort", "0.05", "--brush", "fine")
@@ -53,7 +53,7 @@ def test_a_plan_becomes_pictures_of_any_size_and_files_for_machines(run: Run, ph
     plan = Plan.load(tmp_path / "planned")
     assert len(plan) == 14 and len(plan.palette) == 3 and plan.canvas == CanvasSize(0.12, 0.09)
     names = {path.name for path in (tmp_path / "planned").iterdir()}
-    assert {"plan.json", "plan.png", "palette.png"} < names and len(names) == 4
+    assert {"plan.json", "plan.png", "palette.png", "record.json", "goal"} < names and len(names) == 6
     assert all(str(Path("planned") / name) in out for name in ("plan.json", "plan.png", "palette.png"))
 
     pictures = []
@@ -87,7 +87,7 @@ def test_a_plan_becomes_pictures_of_any_size_and_files_for_machines(run: Run, ph
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("coarse_brush")
+@pytest.mark.usefixtures("in_small_world")
 def test_the_same_seed_makes_the_same_plan(run: Run, photo: Path, tmp_path: Path) -> None:
     for name, seed in (("one", 4), ("same", 4), ("other", 5)):
         run("plan", photo, "--strokes", 5, "--colors", 2, *SMALL, "--seed", seed, "--out", name)
@@ -96,7 +96,7 @@ def test_the_same_seed_makes_the_same_plan(run: Run, photo: Path, tmp_path: Path
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("coarse_brush")
+@pytest.mark.usefixtures("in_small_world")
 def test_settings_come_from_a_file_and_the_canvas_turns_with_the_picture(run: Run, photo: Path, tmp_path: Path) -> None:
     (tmp_path / "my.toml").write_text(
         'strokes = 4\ncolors = 2\nseed = 1\neffort = 0.05\nrender_height = 64\nbrush = "fine"\n'
@@ -111,6 +111,7 @@ def test_settings_come_from_a_file_and_the_canvas_turns_with_the_picture(run: Ru
     assert "paintings/upright-" in out
 
 
+@pytest.mark.slow
 def test_a_painting_from_the_command_line_leaves_everything_in_its_folder(
     run: Run, photo: Path, tmp_path: Path
 ) -> None:
@@ -138,29 +139,38 @@ def test_help_is_written_for_painters(run: Run) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("in_small_world")
 @pytest.mark.skipif(os.name == "nt", reason="signals are sent otherwise there")
 def test_ctrl_c_stops_after_the_stroke_and_keeps_what_was_made(photo: Path, tmp_path: Path) -> None:
     folder = tmp_path / "painted"
-    words = ("paint", str(photo), "--strokes", "150", "--replans", "1", *SMALL, "--out", str(folder), "--no-film")
-    painter = subprocess.Popen(
-        [sys.executable, "-m", "frida_painter", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    words = (
+        "paint",
+        str(photo),
+        "--pace",
+        "0.3",
+        "--strokes",
+        "30",
+        "--replans",
+        "1",
+        *SMALL,
+        "--out",
+        str(folder),
+        "--no-film",
     )
-    try:
+    with contextlib.closing(ForkedCommand(tmp_path, *words)) as painter:
         deadline = time.monotonic() + 120
         while not (folder / "plan.json").exists():  # from then on it paints
             assert painter.poll() is None and time.monotonic() < deadline
             time.sleep(0.05)
         painter.send_signal(signal.SIGINT)
         out, err = painter.communicate(timeout=60)
-    finally:
-        painter.kill()
     assert painter.returncode == 130, err
     result = json.loads((folder / "result.json").read_text())
     painted = result["strokes_painted"]
-    assert result["stopped"] is True and 0 < painted < 150 and result["strokes_planned"] == 150
-    assert f"Stopped after {painted} of 150 strokes; what was made is kept" in out
+    assert result["stopped"] is True and 0 < painted < 30 and result["strokes_planned"] == 30
+    assert f"Stopped after {painted} of 30 strokes; what was made is kept" in out
     assert "Stopping after this stroke" in err and "Traceback" not in err
     assert all((folder / name).exists() for name in ("painting.png", "index.html", "plan.json", "strokes.svg"))
-    assert len(Plan.load(folder)) == 150
+    assert len(Plan.load(folder)) == 30
     with (folder / "strokes.csv").open() as file:
         assert len(list(csv.reader(file))) == painted + 1

@@ -1,4 +1,6 @@
 import io
+import itertools
+import math
 
 import pytest
 import torch
@@ -20,7 +22,7 @@ from frida_painter.session.events import (
     Timetable,
 )
 from frida_painter.session.replan_policy import EvenlySpaced
-from frida_painter.session.time_left import RemainingTime, duration
+from frida_painter.session.time_left import Pace, RemainingTime, duration, remaining_seconds, share_of_plan
 from support.plans import made_up_plan
 
 STROKES, REPLANS, PLANNING, REPLANNING = 60, 3, 40, 10
@@ -99,6 +101,31 @@ def test_a_slower_machine_takes_longer_as_soon_as_it_is_known() -> None:
         quick.hear(event, now)
         slow.hear(event, 10 * now)
     assert slow.remaining > 1.5 * quick.remaining
+
+
+def test_a_pace_is_guessed_by_earlier_work_until_it_is_measured() -> None:
+    pace = Pace.of_earlier_work([1.0, 60.0, 2.0], guess=5.0)
+    assert (pace.seconds, Pace.of_earlier_work([], guess=5.0).seconds) == (2.0, 5.0)
+    pace.measure(30.0, 10.0)
+    assert pace.time_for(4.0) == 12.0 and pace.time_for(0.0) == 0.0
+    assert Pace().time_for(1.0) == math.inf and Pace().time_for(0.0) == 0.0
+
+
+def test_work_of_known_share_takes_as_long_again_as_its_share_says() -> None:
+    assert remaining_seconds(30.0, 0.25) == pytest.approx(90.0)
+    assert remaining_seconds(30.0, 1.0) == 0.0 and remaining_seconds(30.0, 0.0) == math.inf
+    shares = [share_of_plan(iteration, 8) for iteration in range(1, 9)]
+    later = [after - before for before, after in itertools.pairwise([0.0, *shares])]
+    assert shares[-1] == 1.0 and later == sorted(later), "later iterations count for more"
+
+
+def test_a_plan_that_takes_longer_per_iteration_as_it_grows_is_foreseen() -> None:
+    """The line of a painting reckons like that of a plan alone: half of the iterations are less than half the work."""
+    expecting = RemainingTime(STROKES, EvenlySpaced(0), 0.0, planning=PLANNING, replanning=0)
+    for iteration in range(1, PLANNING // 2 + 1):
+        expecting.hear(PlanningStep("plan", iteration, PLANNING, 0.1), 10 * share_of_plan(iteration, PLANNING))
+    left = expecting.remaining - 0.1 * STROKES  # a guess of painting
+    assert left == pytest.approx(10 * (1 - 0.5**1.4), rel=0.01)
 
 
 @pytest.mark.parametrize(

@@ -20,10 +20,12 @@ from frida_painter.cli import commands
 from frida_painter.easel.open import open_easel
 from frida_painter.easel.order import EaselOrder
 from frida_painter.event_log import EventLog
+from frida_painter.hardware.drivers.gcode import GcodeRobot, GcodeSettings
 from frida_painter.hardware.workcell import WorkcellConfig, example
 from frida_painter.session.journal import History
 from killing import kill_when
-from machines.fake_grbl import FakeGrbl
+from machines.grbl import GRBL, GRBLHAL, QUICK, GrblController
+from machines.simulated_time import Living
 
 SIZE = (120, 160)  # rows, columns of a photograph
 SMALL = ("--render-height", 64, "--effort", 0.05, "--brush", "fine", "--colors", 1, "--strokes", 4, "--replans", 0)
@@ -109,12 +111,41 @@ def on(port: str) -> tuple[object, ...]:
     return ("--robot", f"gcode:{port}", "--workspace", "easel.toml", *seen)
 
 
+STANDS = np.array([100.0, -250.0, 250.0])
+FAST = {**QUICK, "112": 8000.0, "120": 3000.0, "121": 3000.0, "122": 3000.0}
+
+
+class Grbl(Living):
+    """A machine that somebody has set up, and whose zero was found; its tip stands at `STANDS` in mm."""
+
+    def __init__(self) -> None:
+        self.machine = GrblController(GRBLHAL, FAST)
+        self.machine.slip = STANDS.copy()
+        super().__init__(self.machine, pace=60)
+
+    def __enter__(self) -> "Grbl":
+        super().__enter__()
+        robot = GcodeRobot(GcodeSettings(self.name, (0.0, 0.0, 0.25)))
+        robot.connect()
+        robot.set_zero(STANDS / 1000)
+        robot.close()
+        return self
+
+    @property
+    def moved(self) -> list[np.ndarray]:
+        return self.machine.moved
+
+    @property
+    def received(self) -> list[str]:
+        return self.machine.received
+
+
 def told(folder: Path) -> History:
     return History.of(EventLog.read(folder / "journal"), folder)
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("coarse_brush")
+@pytest.mark.usefixtures("in_small_world")
 def test_a_person_paints_as_they_are_asked_and_is_asked_for_everything(run: Run, easel: Path) -> None:
     shots = f"folder:{easel / 'shots'}"
     size = CanvasSize(0.14, 0.1)
@@ -141,10 +172,9 @@ def test_a_person_paints_as_they_are_asked_and_is_asked_for_everything(run: Run,
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("coarse_brush")
+@pytest.mark.usefixtures("in_small_world")
 def test_a_painting_on_a_real_easel_waits_for_the_wells_and_is_resumed_on_the_same_robot(run: Run, easel: Path) -> None:
-    with FakeGrbl(pace=400) as grbl:
-        grbl.place = np.array([100.0, -250.0, 250.0])
+    with Grbl() as grbl:
         status, said = run("paint", "coffee.png", *SMALL, *on(grbl.name), "--no-film", "--out", "it", typing=["n"])
         assert status == 2 and "paints were not there" in said.replace("\n", " ")
         assert told(easel / "it").painted == 0 and not any("Z118" in line for line in grbl.received)
@@ -181,29 +211,28 @@ def held(folder: Path) -> list[str | None]:
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("coarse_brush")
+@pytest.mark.usefixtures("in_small_world")
 def test_a_robot_with_a_rack_changes_its_brush_by_itself(run: Run, racked: Path) -> None:
-    with FakeGrbl(pace=400) as grbl:
-        grbl.place = np.array([100.0, -250.0, 250.0])
+    with Grbl() as grbl:
         status, said = run("paint", "coffee.png", *SMALL, *TWO, *on(grbl.name), "--out", "it", typing=["y"])
         assert status == 0, said
     assert held(racked / "it") == [None, "fine", None, "", None, "medium", None, ""]
     assert told(racked / "it").finished and "put it, clean" not in said
-    low = [tuple(place[:2]) for place in grbl.moved if abs(place[2] - 118) < 0.01]
-    assert low.count((120.0, 260.0)) == 2 == low.count((200.0, 260.0)), "each was taken and put back"
-    assert low.count((120.0, 210.0)) == 2 == low.count((200.0, 210.0)), "through the open side of its fork"
+    sent = [line.split("F")[0] for line in grbl.received if "Z118.000" in line]
+    for x in (120, 200):
+        assert sent.count(f"G1X{x}.000Y260.000Z118.000") == 2, "each was taken and put back"
+        assert sent.count(f"G1X{x}.000Y210.000Z118.000") == 2, "through the open side of its fork"
     status, said = run("check", "it", "--workspace", "easel.toml")
     assert status == 0 and "changing brushes" in said
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("coarse_brush")
+@pytest.mark.usefixtures("in_small_world")
 def test_killed_while_it_changes_brushes_a_person_is_asked_which_is_in_the_hand(
     run: Run, racked: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Fault F1: the painting process is killed."""
-    with FakeGrbl(pace=400) as grbl:
-        grbl.place = np.array([100.0, -250.0, 250.0])
+    with Grbl() as grbl:
         words = ("paint", "coffee.png", *SMALL, *TWO, *on(grbl.name), "--out", racked / "it", "--yes")
 
         def back(record: dict[str, Any]) -> bool:
@@ -224,12 +253,32 @@ def test_killed_while_it_changes_brushes_a_person_is_asked_which_is_in_the_hand(
     assert told(racked / "it").finished and told(racked / "it").painted == 4
 
 
-@pytest.mark.usefixtures("coarse_brush")
+@pytest.mark.usefixtures("in_small_world")
 def test_a_brush_that_is_not_in_the_rack_is_refused_before_anything_moves(run: Run, racked: Path) -> None:
     text = (racked / "easel.toml").read_text().replace("fine = [", "broad = [")
     (racked / "easel.toml").write_text(text)
-    with FakeGrbl(pace=400) as grbl:
-        grbl.place = np.array([100.0, -250.0, 250.0])
+    with Grbl() as grbl:
         status, said = run("paint", "coffee.png", *SMALL, *on(grbl.name), "--no-film", "--out", "it", "--yes")
         assert status == 2 and "holds broad, medium, and this painting needs fine" in " ".join(said.split())
         assert grbl.moved == []
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("in_small_world")
+def test_a_board_that_restarts_is_not_painted_with_until_a_person_has_found_its_zero(run: Run, easel: Path) -> None:
+    """Its counters are 0 wherever it stands: it is asked for, and then the strokes are where they belong."""
+    workcell = WorkcellConfig.load(easel / "easel.toml")
+    corner = np.array([*workcell.workspace.canvas_origin[:2], workcell.touch_height]) * 1000
+    machine = GrblController(GRBL, FAST)
+    machine.slip = corner + np.array([30.0, 20.0, 0.0])
+    with Living(machine, pace=60) as line:
+        words = ("paint", "coffee.png", *SMALL, *on(line.name), "--no-film", "--out", "it")
+        status, said = run(*words, "--yes")
+        assert status == 2 and "does not know where its brush is" in " ".join(said.split()), said
+        assert machine.moved == []
+        jogs = ["u", "ok", "-30", "ok", "-20", "ok", "d", "ok"]
+        status, said = run(*words, typing=["n", *jogs, "y", "y", "y"])
+        assert status == 0, said
+    assert told(easel / "it").finished
+    pressed = [place for place in machine.moved if corner[2] - 11 < place[2] < corner[2] and place[0] > 300]
+    assert pressed and min(place[2] for place in machine.moved) >= 107.9

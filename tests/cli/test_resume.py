@@ -18,7 +18,6 @@ from frida_painter.event_log import EventLog
 from frida_painter.plan import Plan
 from frida_painter.session.journal import History
 from killing import began, kill_when
-from marks import coarse_table
 
 STROKES = 10
 SMALL = (
@@ -39,10 +38,9 @@ Resume = Callable[..., tuple[int, str]]
 
 
 @pytest.fixture(scope="module", autouse=True)
-def _coarse_brush(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+def _own_state_of_the_module(small_world: None, tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
-        patch.setattr("frida_painter.runs.settle.cached_table", coarse_table)
         yield
 
 

@@ -1,10 +1,7 @@
-"""Stopping a painting from outside, in every state: real processes, real signals."""
+"""Stopping a painting from outside, in every state: processes of their own, and real signals."""
 
 import json
-import os
 import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -14,9 +11,10 @@ from skimage import data
 
 from frida_painter.easel.kinds import STOP_FILE
 from frida_painter.hardware.latch import latches
+from killing import ForkedCommand
 from session.easel_errands import moves, until
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("small_world")]
 
 SMALL = (
     "--canvas",
@@ -41,15 +39,7 @@ class Painter:
         photo = place / "cup.png"
         if not photo.exists():
             Image.fromarray(data.coffee()).resize((300, 200)).save(photo)
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "frida_painter", *words],
-            cwd=place,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            env={**os.environ, "XDG_STATE_HOME": str(self.state)},
-        )
+        self.process = ForkedCommand(place, *words, env={"XDG_STATE_HOME": str(self.state)})
 
     def wait_for(self, name: str, strokes: int = 0) -> None:
         """Until it has written that file, and has begun that many motions at its pace."""
@@ -58,7 +48,11 @@ class Painter:
         assert self.process.poll() is None, self.process.communicate()
 
     def end(self, within: float = 300) -> tuple[int, str, str]:
-        out, err = self.process.communicate(timeout=within)
+        try:
+            out, err = self.process.communicate(timeout=within)
+        finally:
+            self.process.close()
+        assert self.process.returncode is not None
         return self.process.returncode, out, err
 
 

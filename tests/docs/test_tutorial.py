@@ -2,18 +2,31 @@
 
 Three things are stood in for, so that it needs no internet: `make` only says what it would do, `pip` only looks
 whether there are such extras, and words are judged by small random networks in the place of those that are fetched.
+Commands are forked from the test, and their photographs are small, so that it takes little time.
 """
 
+import contextlib
+import json
 import os
 import re
+import runpy
 import shutil
+import socket
 import subprocess
 import sys
 import tomllib
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import Self
 
 import pytest
+
+from frida_painter import weights
+from frida_painter.objectives.encoders.loading import EncoderRegistry
+from killing import ForkedCommand, ForkedProcess
+from support.networks import QuickEncoders
+from support.small_world import small_world
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "tutorial" / "first-painting.md"
@@ -21,23 +34,15 @@ BLOCK = re.compile(
     r"^```(\w+)(?: title=\"([^\"]+)\")?\n(.*?)^```$|^You now have: ([^\n]*)\.$", re.DOTALL | re.MULTILINE
 )
 RUN = ("sh", "python", "toml")
-# In the place of networks that have to be fetched; tests of words use the same ones.
-COMMAND = """#!{python}
-import sys
-from unittest.mock import patch
-from frida_painter.__main__ import main
-words = sys.argv[1:]
-if words[:2] == ["models", "fetch"]:
-    from frida_painter import weights
-    sys.exit(0 if set(words[2:]) <= {{"words", *(each.name for each in weights.all_weights())}} else f"no: {{words}}")
-elif "--text" in words:
-    from frida_painter.objectives.encoders.loading import EncoderRegistry
-    from support.networks import QuickEncoders
-    for name in ("readers", "reader_aside", "sentences", "keep", "own"):
-        setattr(EncoderRegistry, name, getattr(QuickEncoders, name))
-    main()
-else:
-    main()
+# Stands for `frida-painter`: whoever runs the page forks the command, so that nothing is loaded again.
+COMMAND = """#!{python} -IS
+import json, os, socket, sys
+with socket.create_connection(("127.0.0.1", {port})) as line:
+    line.sendall(json.dumps([os.getcwd(), sys.argv[1:]]).encode() + b"\\n")
+    status, out, err = json.load(line.makefile())
+sys.stdout.write(out)
+sys.stderr.write(err)
+sys.exit(status)
 """
 PIP = """#!{python}
 import re, sys, tomllib
@@ -64,7 +69,48 @@ def blocks(page: str) -> list[Block]:
     return found
 
 
-def run(block: Block, folder: Path, number: int) -> None:
+class CommandServer:
+    """Runs the commands of a page in processes that are forked from this one."""
+
+    def __init__(self) -> None:
+        self._listening = socket.create_server(("127.0.0.1", 0))
+        self._listening.settimeout(0.02)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._listening.close()
+
+    @property
+    def port(self) -> int:
+        return int(self._listening.getsockname()[1])
+
+    def serve(self, script: "subprocess.Popen[str]") -> None:
+        """Runs what a script asks for, until the script has ended."""
+        while script.poll() is None:
+            with contextlib.suppress(TimeoutError):
+                line, _ = self._listening.accept()
+                with line, line.makefile() as asked:
+                    folder, words = json.loads(asked.readline())
+                    line.sendall(json.dumps(answer(Path(folder), words)).encode())
+
+
+def answer(folder: Path, words: list[str]) -> tuple[int, str, str]:
+    """Exit status, standard output and standard error of `frida-painter` with these words."""
+    if words[:2] == ["models", "fetch"]:
+        lost = set(words[2:]) - {"words", *(each.name for each in weights.all_weights())}
+        return (1, "", f"no: {lost}") if lost else (0, "", "")
+    with pytest.MonkeyPatch.context() as patch:
+        if "--text" in words:  # in the place of networks that have to be fetched; tests of words use the same ones
+            for name in ("readers", "reader_aside", "sentences", "keep", "own"):
+                patch.setattr(EncoderRegistry, name, getattr(QuickEncoders, name), raising=False)
+        with contextlib.closing(ForkedCommand(folder, *words)) as command:
+            out, err = command.communicate(timeout=600)
+    return command.wait(), out, err
+
+
+def run(block: Block, folder: Path, number: int, commands: CommandServer | None = None) -> None:
     if block.kind == "files":
         lost = [name for name in re.findall("`([^`]+)`", block.text) if not (folder / name).is_file()]
         assert lost == []
@@ -74,9 +120,18 @@ def run(block: Block, folder: Path, number: int) -> None:
     else:
         script = folder / f"block-{number}"
         script.write_text(block.text, encoding="utf-8")
-        with_what = ["bash", "-euo", "pipefail"] if block.kind == "sh" else [sys.executable]
-        done = subprocess.run([*with_what, script.name], cwd=folder, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, f"{block.text}\n{done.stdout[-1000:]}\n{done.stderr[-3000:]}"
+        said = folder / f"said-{number}"
+        with said.open("w") as file:
+            if block.kind == "sh":
+                command = ["bash", "-euo", "pipefail", script.name]
+                process = subprocess.Popen(command, cwd=folder, stdout=file, stderr=file, text=True)
+                if commands is not None:
+                    commands.serve(process)
+                status = process.wait()
+            else:
+                work = partial(runpy.run_path, script.name, run_name="__main__")
+                status = ForkedProcess(work, stdout=file, stderr=file, cwd=folder).wait()
+        assert status == 0, f"{block.text}\n{said.read_text()[-3000:]}"
 
 
 def test_only_what_is_run_or_shown_stands_in_a_block() -> None:
@@ -104,15 +159,14 @@ def test_a_page_that_promises_too_much_is_found_out(tmp_path: Path) -> None:
 def test_every_step_works_as_it_stands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     programs = tmp_path / ".venv" / "bin"
     programs.mkdir(parents=True)
-    for name, text in (("frida-painter", COMMAND), ("pip", PIP)):
-        (programs / name).write_text(text.format(python=sys.executable))
-        (programs / name).chmod(0o755)
     (programs / "activate").write_text(f'export PATH="{programs}:$PATH"\n')
     for name in ("examples", "Makefile", "pyproject.toml", "constraints.txt", "tools"):
         (tmp_path / name).symlink_to(ROOT / name)
     monkeypatch.setenv("MAKEFLAGS", "n")
     monkeypatch.setenv("PATH", f"{programs}{os.pathsep}{os.environ['PATH']}")  # as activated in every later block
-    known = os.pathsep.join(filter(None, (str(ROOT / "src"), str(ROOT / "tests"), os.environ.get("PYTHONPATH"))))
-    monkeypatch.setenv("PYTHONPATH", known)
-    for number, block in enumerate(blocks(PAGE.read_text(encoding="utf-8"))):
-        run(block, tmp_path, number)
+    with CommandServer() as commands, small_world((480, 640)):
+        for name, text in (("frida-painter", COMMAND), ("pip", PIP)):
+            (programs / name).write_text(text.format(python=sys.executable, port=commands.port))
+            (programs / name).chmod(0o755)
+        for number, block in enumerate(blocks(PAGE.read_text(encoding="utf-8"))):
+            run(block, tmp_path, number, commands)

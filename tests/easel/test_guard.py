@@ -47,7 +47,9 @@ NONSENSE = {
 
 
 def guarded(robot: Robot, folder: Path, **patiently: float) -> GuardedRobot:
-    quick = {"patience": 0.01, "grace": 0.05, "connecting": 0.05, **patiently}
+    hangs = isinstance(getattr(robot, "action", None), Hang)  # only then is a deadline waited for
+    seconds = 0.5 if hangs else 30.0
+    quick = {"patience": seconds, "grace": seconds, "connecting": seconds, **patiently}
     return GuardedRobot(robot, WORKSPACE, Latch(folder / "stopped.json", "the arm"), **quick)
 
 
@@ -437,3 +439,44 @@ def test_a_camera_that_goes_wrong_has_a_sentence_for_it(method: str, way: str, h
             except FridaError:
                 assert time.monotonic() < deadline
         guard.close()
+
+
+class Feeling(MisbehavingRobot):
+    """One that feels a table at 0.15 m, and says where its tip is."""
+
+    sense = "force"
+
+    def __init__(self, start: float = 0.2) -> None:
+        super().__init__("", fine)
+        self.tip = np.array([0.0, 0.0, start])
+        self.asked: list[float] = []
+
+    def pose(self) -> np.ndarray:
+        return self.tip.copy()
+
+    def touch(self, lowest: float, speed: float) -> MotionReport:
+        self.asked.append(lowest)
+        self.tip[2] = max(lowest, 0.15)
+        return MotionReport("touch", 0.0, 1.0, self.tip.copy())
+
+
+def test_a_touch_is_felt_within_the_workspace_and_nowhere_else(tmp_path: Path) -> None:
+    robot = Feeling()
+    guard = guarded(robot, tmp_path)
+    guard.connect()
+    assert guard.feels() == "force"
+    assert guard.touch(0.12, 0.01).reached[2] == 0.15
+    for lowest in (-5.0, float("nan")):
+        with pytest.raises(WorkspaceViolation):
+            guard.touch(lowest, 0.01)
+    with pytest.raises(WorkspaceViolation, match="raise the brush first"):
+        guard.touch(0.19, 0.01)
+    assert robot.asked == [0.12] and guard.stopped is None
+
+
+def test_a_robot_that_cannot_feel_says_so_and_is_not_stopped(tmp_path: Path) -> None:
+    guard = guarded(MisbehavingRobot("", fine), tmp_path)
+    guard.connect()
+    with pytest.raises(RobotError, match="cannot feel a touch"):
+        guard.touch(0.15, 0.01)
+    assert guard.stopped is None

@@ -12,8 +12,6 @@ import pytest
 import torch
 
 import frida_painter as fp
-from frida_painter.brush.table import StrokeTable
-from marks import coarse_table
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PHOTO = str(EXAMPLES / "photographs" / "cat.jpg")
@@ -31,23 +29,7 @@ TINY = {"strokes": 6, "render_height": 64, "effort": 0.05}
 MAX_LINES = 15
 
 
-@pytest.fixture(scope="module")
-def tables() -> dict[str, StrokeTable]:
-    """The tables of brushes, made once."""
-    return {}
-
-
-@pytest.fixture(autouse=True)
-def coarse_brush(monkeypatch: pytest.MonkeyPatch, tables: dict[str, StrokeTable]) -> None:
-    """Plans with coarsely tabulated brushes, which are there sooner."""
-
-    def table(model: fp.StrokeModel) -> StrokeTable:
-        if model.brush not in tables:
-            tables[model.brush] = coarse_table(model)
-        return tables[model.brush]
-
-    for room in ("planning.planner", "runs.settle"):
-        monkeypatch.setattr(f"frida_painter.{room}.cached_table", table)
+pytestmark = pytest.mark.usefixtures("small_world")
 
 
 def script(name: str) -> Callable[..., None]:
@@ -129,7 +111,6 @@ def test_a_stroke_model_of_ones_own_draws_the_plan(tmp_path: Path) -> None:
 def test_a_photograph_is_painted_in_the_virtual_studio(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("frida_painter.runs.settle.cached_table", coarse_table)
     folder = tmp_path / "painting"
     script("paint_photograph")(PHOTO, str(folder), strokes=4, replans=1, render_height=64, effort=0.05)
     assert {"index.html", "painting.png", "plan.json"} <= {path.name for path in folder.iterdir()}
@@ -140,7 +121,6 @@ def test_a_photograph_is_painted_in_the_virtual_studio(
 def test_a_listener_is_told_of_every_look(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("frida_painter.runs.settle.cached_table", coarse_table)
     settings = {"strokes": 4, "replans": 1, "render_height": 64, "effort": 0.05}
     script("watch_painting")(PHOTO, str(tmp_path / "painting"), str(tmp_path), **settings)
     half, whole = (fp.load_picture(tmp_path / f"after-{done}.png") for done in (2, 4))

@@ -20,7 +20,6 @@ from frida_painter.registry import OBJECTIVES
 from frida_painter.runs.goal_item import GoalItem, read_goal_file
 from frida_painter.runs.settle import open_goal, picture_of
 from frida_painter.runs.spec import RunSpec
-from marks import coarse_table
 from support.planning import CANVAS, plain, small_table
 
 ROOT = Path(__file__).parents[2]
@@ -65,9 +64,12 @@ def test_it_is_planned_for_alone_from_a_goal_file(mirror: None, tmp_path: Path) 
 
 @pytest.mark.slow
 def test_the_command_line_paints_it(
-    mirror: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    mirror: None,
+    in_small_world: None,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr("frida_painter.runs.settle.cached_table", coarse_table)
     words = ["plan", "--mirror", "top-bottom", "--mirror-weight", "0.5", "--strokes", "5", "--colors", "2"]
     words += ["--effort", "0.05", "--render-height", "64", "--out", str(tmp_path / "out")]
     monkeypatch.setattr("sys.argv", ["frida-painter", *words])

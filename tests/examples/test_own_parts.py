@@ -28,7 +28,6 @@ from frida_painter.objectives.objective import goal_kinds
 from frida_painter.plan import Plan
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.replan_policy import looks_on_the_way, parse_replan_policy
-from marks import coarse_table
 from plugins import install_own_parts
 from session.easel_errands import easel_of, stroke
 
@@ -48,7 +47,7 @@ Run = Callable[..., tuple[int, str]]
 
 
 @pytest.fixture(autouse=True)
-def table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+def table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, in_small_world: None) -> Iterator[Path]:
     """A folder with a workspace and a photo to paint; the package is installed, and so is the program of its camera."""
     install_own_parts(tmp_path / "installed", monkeypatch)
     (tmp_path / "bin").mkdir()
@@ -60,7 +59,6 @@ def table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     text = example().replace("width = 0.3556", "width = 0.14").replace("height = 0.2794", "height = 0.1")
     (tmp_path / "easel.toml").write_text(text)
     Image.fromarray(data.coffee()).resize((140, 100)).save(tmp_path / "coffee.png")
-    monkeypatch.setattr("frida_painter.runs.settle.cached_table", coarse_table)
     goal_kinds.cache_clear()
     yield tmp_path
     goal_kinds.cache_clear()
@@ -91,7 +89,7 @@ def test_help_doctor_and_errors_list_it(run: Run, monkeypatch: pytest.MonkeyPatc
     goal_kinds.cache_clear()
     _, said = run("paint", "--help")
     assert "--mirror" in said and "Make the painting its own mirror image" in said
-    assert re.search(r", rosbridge,[\s│]*trace\.", said) and re.search(r"folder,[\s│]*rpicam\.", said)
+    assert re.search(r", rosbridge,[\s│]*trace\.", said) and re.search(r"none,[\s│]*rpicam\.", said)
     status, said = run("doctor")
     assert status == 0 and "trace:FILE[,append=yes] a sheet of what" in said and "rpicam[:NUMBER] the camera of" in said
     assert "marker of own-parts" in said and "--mirror of own-parts" in said and "late of own-parts" in said

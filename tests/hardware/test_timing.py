@@ -4,7 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from frida_painter.hardware.robot import Timing
+from frida_painter.errors import ConfigError
+from frida_painter.hardware.timing import AxisTiming, Timing
 
 TIMING = Timing(acceleration=0.8, smoothing=0.06, period=0.01)
 METRES = st.floats(-0.3, 0.3)
@@ -53,3 +54,71 @@ def test_a_sharp_corner_is_a_stop_and_a_gentle_bend_is_not():
 
 def test_no_way_to_go_is_one_place():
     assert TIMING.places(np.zeros((3, 3)), np.full(2, 0.1)).shape == (1, 3)
+
+
+# A machine with limits per axis, as a controller states them.
+
+SLOW = AxisTiming(speed=(500 / 60_000,) * 3, acceleration=(0.01,) * 3, deviation=1e-5)
+
+
+def walked(timing: AxisTiming, path: np.ndarray, speed: float, steps: int = 4000) -> float:
+    """Plain twin: integrates the fastest motion in small steps of the way, without corners' speeds of its own."""
+    vector = np.diff(path, axis=0)
+    length = np.linalg.norm(vector, axis=1)
+    unit = vector / length[:, None]
+    corners = timing._corners(unit)
+    fine = np.concatenate([np.full(steps, way / steps) for way in length])
+    of = np.repeat(np.arange(len(length)), steps)
+    fastest = np.minimum(speed, (np.array(timing.speed) / np.maximum(np.abs(unit), 1e-12)).min(1))[of]
+    gain = (np.array(timing.acceleration) / np.maximum(np.abs(unit), 1e-12)).min(1)[of]
+    at = np.r_[0.0, np.minimum(fastest[1:], fastest[:-1]), 0.0]
+    for k, corner in enumerate(corners, 1):
+        at[k * steps] = min(at[k * steps], corner)
+    for k in range(len(fine)):
+        at[k + 1] = min(at[k + 1], np.sqrt(at[k] ** 2 + 2 * gain[k] * fine[k]))
+    for k in reversed(range(len(fine))):
+        at[k] = min(at[k], np.sqrt(at[k + 1] ** 2 + 2 * gain[k] * fine[k]))
+    return float((2 * fine / (at[1:] + at[:-1])).sum())
+
+
+def test_a_straight_way_takes_its_length_over_the_axis_rate_and_one_ramp():
+    path = np.array([[0, 0, 0], [0.081, 0, 0]])
+    assert SLOW.seconds(path, np.array([0.1])) == pytest.approx(0.081 / (0.5 / 60) + 0.5 / 60 / 0.01, rel=1e-4)
+    diagonal = np.array([[0, 0, 0], [0.081, 0.081, 0]])
+    assert SLOW.seconds(diagonal, np.array([0.1])) == pytest.approx(SLOW.seconds(path, np.array([0.1])), rel=1e-4)
+    assert SLOW.limit_speeds(np.diff(diagonal, axis=0), np.array([0.1])) == pytest.approx([np.sqrt(2) * 0.5 / 60])
+
+
+@given(
+    polyline(6).filter(lambda path: np.linalg.norm(np.diff(path, axis=0), axis=1).min() > 1e-3), st.floats(0.004, 0.3)
+)
+def test_the_duration_is_that_of_its_plain_twin(path, speed):
+    for timing in (SLOW, AxisTiming((0.3, 0.2, 0.01), (2.0, 1.0, 0.1), jerk=(0.01, 0.01, 0.0004))):
+        reckoned = timing.seconds(path, np.full(len(path) - 1, speed))
+        assert reckoned == pytest.approx(walked(timing, path, speed, 300), rel=0.02)
+
+
+def test_a_corner_costs_a_stop_only_if_the_machine_cannot_round_it():
+    bent = np.array([[0, 0, 0], [0.05, 0, 0], [0.05, 0.05, 0]])
+    back = np.array([[0, 0, 0], [0.05, 0, 0], [0, 0, 0]])
+    gentle, hard = AxisTiming((0.1,) * 3, (0.5,) * 3, deviation=1e-3), AxisTiming((0.1,) * 3, (0.5,) * 3)
+    speed = np.full(2, 0.1)
+    assert gentle.seconds(bent, speed) < hard.seconds(bent, speed) - 0.05
+    assert hard.seconds(bent, speed) == pytest.approx(2 * hard.seconds(bent[:2], speed[:1]))
+    assert gentle.seconds(back, speed) == pytest.approx(2 * gentle.seconds(back[:2], speed[:1]))
+
+
+def test_motors_that_pull_along_the_diagonals_limit_the_sum_of_both_axes():
+    """An H-bot: motors along x + y and x - y, 25,000 steps/s at 80 steps a millimetre."""
+    machine = AxisTiming((0.3125, 0.3125), (np.inf, np.inf), axes=((1.0, 1.0, 0.0), (1.0, -1.0, 0.0)))
+    ways = np.array([[1.0, 0, 0], [1.0, 1.0, 0], [0, 0, 1.0]])
+    assert machine.limit_speeds(ways, np.full(3, 0.5)) == pytest.approx([0.3125, 0.3125 / np.sqrt(2), 0.5])
+    assert machine.seconds(np.array([[0, 0, 0], [0.1, 0, 0.0]]), np.array([0.2])) == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize(
+    "numbers", [((0.1, 0.0, 0.1), (1.0,) * 3), ((0.1,) * 2, (1.0,) * 2), ((np.nan,) * 3, (1.0,) * 3)]
+)
+def test_limits_that_no_machine_has_are_refused(numbers):
+    with pytest.raises(ConfigError):
+        AxisTiming(*numbers)

@@ -1,23 +1,28 @@
 import json
 from collections.abc import Callable
+from importlib import import_module
+from inspect import signature
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from frida_painter.cli import commands
-from frida_painter.lab import conduct, targets
-from frida_painter.runs import settle
-from marks import coarse_table, small_library
+from frida_painter.lab import conduct, paintings, targets
+from frida_painter.lab.commands import ROWS, ExperimentRow
+from frida_painter.lab.targets import Target
+from marks import small_library
 
 Said = tuple[int, str, str]
 Run = Callable[..., Said]
 
 
 @pytest.fixture
-def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+def run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], in_small_world: None
+) -> Run:
     """run(word, ...): the exit status, and what was said on both channels."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(settle, "cached_table", coarse_table)  # which holds in this process only:
     monkeypatch.setattr(conduct, "slots_here", lambda limits, most=None: most or 1)
 
     def running(*words: object) -> Said:
@@ -33,22 +38,40 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureF
 def test_all_experiments_are_listed_with_what_they_are_for(run: Run) -> None:
     status, out, _ = run("list")
     assert status == 0
-    names = (
-        "continuous-strokes",
-        "stroke-model",
-        "strokes-needed",
-        "real-strokes",
-        "sim2real",
-        "ladder",
-        "replanning",
-        "robustness",
-        "style",
-        "semantic",
-        "sketch",
-    )
-    for name in names:
-        (line,) = (line for line in out.splitlines() if line.startswith(name))
-        assert len(line.split()) > 5
+    lines = {line.split()[0]: line for line in out.splitlines()}
+    assert lines.keys() == {row.name for row in ROWS} and len(lines) >= 14
+    assert all(len(line.split()) > 5 for line in lines.values())
+
+
+@pytest.mark.parametrize("row", ROWS, ids=[row.name for row in ROWS])
+@pytest.mark.parametrize("quick", [False, True])
+def test_a_row_calls_its_function_with_what_it_needs(
+    row: ExperimentRow, quick: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Every argument without a default is given, and none that the function does not know."""
+    module = import_module(f"frida_painter.lab.{row.module or row.name.replace('-', '_')}")
+    name = "experiment" if "jobs" in row.takes else "run"
+    asked = signature(getattr(module, name))
+    bound: list[dict[str, Any]] = []
+
+    def called(*arguments: Any, **named: Any) -> str:
+        bound.append(asked.bind(*arguments, **named).arguments)
+        return "outcome"
+
+    called.__signature__ = asked  # type: ignore[attr-defined]
+    monkeypatch.setattr(module, name, called)
+    monkeypatch.setattr(conduct, "run_in_processes", lambda make, keep, notify, jobs: (make(), jobs)[0])
+    monkeypatch.setattr(paintings, "library_of", lambda path, *rest: ("library", "its name", rest[-1]))
+    options = signature(row.command()).parameters
+    given = {each.name: each.default for each in options.values()} | {"brush": "fine", "quick": quick}
+    assert row.run({**given, "seed": 7, "seeds": (4, 5)}, tmp_path, lambda progress: None) == "outcome"
+    (found,) = bound
+    assert found.get("seed", 7) == 7 and found.get("seeds", (4, 5)) == (4, 5)
+    assert "fine" in (found.get("brush"), getattr(found["scale"], "brushes", None)) or "library" in found
+    scales = module if hasattr(module, "QUICK") else paintings
+    assert found["scale"].strokes == (scales.QUICK if quick else scales.FULL).strokes
+    pictures = [part for part in found.values() if isinstance(part, tuple) and part and isinstance(part[0], Target)]
+    assert len(pictures) == sum(option in ("photos", "drawings", "styles") for option in row.takes)
 
 
 @pytest.mark.slow
@@ -63,7 +86,11 @@ def test_an_experiment_leaves_its_table_and_pictures(run: Run, tmp_path: Path) -
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["sim2real", "replanning"])
-def test_paintings_of_ones_own_picture_and_nothing_unfinished_is_left(run: Run, tmp_path: Path, name: str) -> None:
+def test_paintings_of_ones_own_picture_and_nothing_unfinished_is_left(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    module = import_module(f"frida_painter.lab.{name}")
+    monkeypatch.setattr(module, "QUICK", module.QUICK.with_values(canvas="120x90mm"))
     photo = Path(targets.__file__).with_name("cat.jpg")
     status, _, _ = run(name, "--target", photo, "--seeds", "5", "--quick", "--brush", "fine", "--out", "found")
     assert status == 0

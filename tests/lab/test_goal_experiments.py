@@ -12,15 +12,10 @@ from frida_painter.lab import composition, paintings, semantic, sketch, style
 from frida_painter.lab.paintings import QUICK
 from frida_painter.lab.targets import DRAWINGS, PHOTOGRAPHS, STYLES, Target, load_shipped_targets
 from frida_painter.lab.text import PROMPTS
-from frida_painter.runs import settle
-from marks import coarse_table
 from support.networks import QuickEncoders
 from support.planning import picture
 
-
-@pytest.fixture(autouse=True)
-def coarse_brush(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(settle, "cached_table", coarse_table)
+pytestmark = pytest.mark.usefixtures("small_world")
 
 
 @pytest.fixture
@@ -44,23 +39,20 @@ def how(**rest):
 
 
 @pytest.mark.slow
-def test_meaning_against_pixels(photo: Target) -> None:
-    outcome = semantic.experiment([photo], **how(judge=QuickEncoders().meaning())).run()
+def test_meaning_against_pixels_and_only_a_changed_picture_is_painted_again(
+    photo: Target, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def experiment():
+        return semantic.experiment([photo], **how(judge=QuickEncoders().meaning()))
+
+    outcome = experiment().run(tmp_path / "kept")
     summary, every = (table.rows for table in outcome.tables)
     assert [row["painted"] for row in summary] == list(semantic.WAYS)
     assert all(0 <= row["edge F-score"] <= 1 and row["feature distance"] > 0 for row in every)
     assert len(outcome.notes) == 4 and all("of 1 times" in note for note in outcome.notes)
     assert outcome.pictures["semantic"].shape[0] == 3
-
-
-@pytest.mark.slow
-def test_only_a_changed_picture_is_painted_again(photo: Target, tmp_path, monkeypatch) -> None:
-    def experiment():
-        return semantic.experiment([photo], **how(judge=QuickEncoders().meaning()))
-
-    one = experiment().run(tmp_path / "kept")
     monkeypatch.setattr(paintings, "PaintingRun", lambda *args, **kwargs: pytest.fail("painted again"))
-    assert experiment().run(tmp_path / "kept").tables == one.tables
+    assert experiment().run(tmp_path / "kept").tables == outcome.tables
     images.save(1 - picture(), photo.path)
     with pytest.raises(pytest.fail.Exception, match="painted again"):
         experiment().run(tmp_path / "kept")
@@ -109,7 +101,10 @@ def test_what_ships_to_be_painted() -> None:
 
 
 @pytest.mark.slow
-def test_the_experiment_in_the_documentation_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_experiment_in_the_documentation_runs(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(paintings, "QUICK", QUICK.with_values(brush="fine", canvas="120x90mm"))
     page = (Path(__file__).parents[2] / "docs" / "how-to" / "experiments.md").read_text(encoding="utf-8")
     script = tmp_path / "gap.py"
     script.write_text(page.partition("```python\n")[2].partition("```")[0])

@@ -2,10 +2,11 @@ import pytest
 
 from frida_painter.lab import ladder
 from frida_painter.lab.ladder import BLIND, KNOWN, KNOWN_MAX, MARKS, PLANNED, RUNGS
+from frida_painter.lab.paintings import CAMERA
 from frida_painter.lab.targets import load_shipped_targets
-from frida_painter.runs import settle
 from frida_painter.runs.spec import RunSpec
-from marks import coarse_table
+from frida_painter.virtual.camera import CameraSpec
+from support.small_world import PHOTOGRAPH
 
 pytestmark = pytest.mark.slow
 
@@ -18,9 +19,9 @@ def heard():
 
 
 @pytest.fixture(scope="module")
-def outcome(heard):
+def outcome(small_world, heard):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(settle, "cached_table", coarse_table)
+        patch.setitem(CAMERA.furniture, "camera", CameraSpec.ideal(*PHOTOGRAPH))
         return ladder.experiment(load_shipped_targets(["coffee"]), seeds=(4,), scale=SCALE).run(notify=heard.append)
 
 

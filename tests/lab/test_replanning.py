@@ -3,9 +3,7 @@ import pytest
 from frida_painter.lab import replanning
 from frida_painter.lab.replanning import BLIND, KNOWN_BLIND, KNOWN_LOOKING, LOOKING
 from frida_painter.lab.targets import load_shipped_targets
-from frida_painter.runs import settle
 from frida_painter.runs.spec import RunSpec
-from marks import coarse_table
 
 pytestmark = pytest.mark.slow
 
@@ -18,12 +16,8 @@ def heard():
 
 
 @pytest.fixture(scope="module")
-def outcome(heard):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(settle, "cached_table", coarse_table)
-        return replanning.experiment(load_shipped_targets(["coffee"])[0], seeds=(4,), scale=SCALE).run(
-            notify=heard.append
-        )
+def outcome(small_world, heard):
+    return replanning.experiment(load_shipped_targets(["coffee"])[0], seeds=(4,), scale=SCALE).run(notify=heard.append)
 
 
 def points(outcome, way: str) -> list[dict]:

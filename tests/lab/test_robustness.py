@@ -1,8 +1,11 @@
 import json
+from unittest.mock import MagicMock
 
 import pytest
+import torch
 
 from frida_painter import images
+from frida_painter.errors import CalibrationError
 from frida_painter.lab import robustness
 from frida_painter.lab.robustness import Case, robustness_sheet
 
@@ -38,6 +41,20 @@ def case(**changes):
 def test_a_silently_wrong_case_stands_out_on_the_sheet():
     fine, wrong = (robustness_sheet("Weather", [case(harmless=harmless)]) for harmless in (True, False))
     assert fine.shape == wrong.shape and (fine - wrong).abs().max() > 0.3
+
+
+def test_a_refusal_without_the_fault_is_told_from_one_with_it(monkeypatch):
+    """The second is what was hoped for; after the first, nothing is known of the fault."""
+    finding = type("Finding", (), {"held_out": torch.ones(2), "photographed": torch.ones(2), "sentence": "Found."})
+    refusal = CalibrationError("No checker.")
+    monkeypatch.setattr(robustness, "_studio", lambda *easel: MagicMock())
+    for outcomes, undisturbed, harmless in (([refusal], None, False), ([finding, refusal], 1.0, True)):
+        left = iter(outcomes)
+        monkeypatch.setattr(robustness, "_attempt", lambda calibrate, left=left: next(left))
+        found = robustness._checker("broad", 0)
+        assert (found.outcome, found.undisturbed, found.disturbed) == ("refused", undisturbed, None)
+        assert found.harmless == harmless and ("without the fault" in found.said) != harmless
+        assert "No checker." in found.said and robustness_sheet("Weather", [found, case()]).shape[0] == 3
 
 
 def test_a_case_without_figures_is_drawn_too():

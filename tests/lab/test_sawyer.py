@@ -4,10 +4,8 @@ import torch
 
 from frida_painter.lab import sawyer
 from frida_painter.lab.targets import load_shipped_targets
-from frida_painter.runs import settle
-from marks import coarse_table
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("small_world")]
 
 
 def step(edge: float) -> torch.Tensor:
@@ -27,9 +25,8 @@ def test_where_there_is_no_paint_there_are_no_edges():
 
 
 @pytest.mark.slow
-def test_the_sawyer_paints_what_the_kinematic_arm_paints_but_for_its_small_errors(monkeypatch):
+def test_the_sawyer_paints_what_the_kinematic_arm_paints_but_for_its_small_errors():
     pytest.importorskip("mink")
-    monkeypatch.setattr(settle, "cached_table", coarse_table)
     (target,) = load_shipped_targets(["coffee"])
     outcome = sawyer.run(target, scale=sawyer.QUICK)
     errors, apart, took = (table.rows for table in outcome.tables)

@@ -6,10 +6,8 @@ from frida_painter.errors import ConfigError
 from frida_painter.lab import paintings, sim2real
 from frida_painter.lab.sim2real import FULL, PLANNERS, QUICK
 from frida_painter.lab.targets import SHIPPED, load_shipped_targets, load_targets
-from frida_painter.runs import settle
-from marks import coarse_table
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("small_world")]
 
 SCALE = QUICK.with_values(brush="fine", canvas="120x90mm")
 
@@ -17,14 +15,6 @@ SCALE = QUICK.with_values(brush="fine", canvas="120x90mm")
 @pytest.fixture(scope="module")
 def kept(tmp_path_factory):
     return tmp_path_factory.mktemp("kept")
-
-
-@pytest.fixture(scope="module", autouse=True)
-def coarse_brush():
-    """Plans with a coarsely tabulated brush, which is there sooner."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(settle, "cached_table", coarse_table)
-        yield
 
 
 @pytest.fixture(scope="module")

@@ -6,24 +6,14 @@ import torch
 from frida_painter.lab import paintings, text
 from frida_painter.lab.text import PROMPTS, QUICK, WAYS, Unjudged
 from frida_painter.objectives.encoders.classifiers import EfficientNetLite, class_names
-from frida_painter.runs import settle
-from marks import coarse_table
 from support.networks import QuickEncoders, random_lite_tensors
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("small_world")]
 
 
 @pytest.fixture(scope="module")
 def kept(tmp_path_factory):
     return tmp_path_factory.mktemp("kept")
-
-
-@pytest.fixture(scope="module", autouse=True)
-def coarse_brush():
-    """Plans with a coarsely tabulated brush, which is there sooner."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(settle, "cached_table", coarse_table)
-        yield
 
 
 def run(kept):

@@ -12,7 +12,7 @@ from std_msgs.msg import Empty
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from machines.fake_ros_arm import FakeArm
+from machines.ros_arm import RosArm
 
 
 def as_mapping(message: Any) -> Any:
@@ -37,9 +37,10 @@ def tell(topic: str, message: dict[str, Any]) -> None:
         topics[topic].publish(made)
 
 
-arm = FakeArm(tell, pace=20.0)
+arm = RosArm(tell, pace=20.0, ros=1)
 arm.misbehave = sys.argv[1]
 rospy.Subscriber("/brush/follow", MultiDOFJointTrajectory, lambda said: arm.hear("/brush/follow", as_mapping(said)))
+rospy.Subscriber("/brush/alive", Empty, lambda said: arm.hear("/brush/alive", {}))
 rospy.Subscriber("/brush/stop", Empty, lambda said: arm.hear("/brush/stop", {}))
 arm.start()
 rospy.spin()

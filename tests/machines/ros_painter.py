@@ -13,7 +13,7 @@ from frida_painter.hardware.drivers.ros import RosRobot, RosSettings
 from frida_painter.hardware.drivers.ros_connections import RospyConnection
 from machines.paths import a_stroke
 
-robot = RosRobot(RosSettings((0.25, -0.1, 0.3)), RospyConnection(sys.argv[1]), RospyConnection(sys.argv[1]))
+robot = RosRobot(RosSettings((0.25, -0.1, 0.3), ros=1), RospyConnection(sys.argv[1]), RospyConnection(sys.argv[1]))
 try:
     robot.connect()
     if sys.argv[2] == "stop":

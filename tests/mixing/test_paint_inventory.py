@@ -4,8 +4,17 @@ import pytest
 import torch
 
 from frida_painter.errors import ConfigError
+from frida_painter.mixing.finish import Finish
 from frida_painter.mixing.kubelka_munk import inside
-from frida_painter.mixing.paint import MAX_PAINTS, SIX, PaintDataSource, find_acrylic, read_paints, usual_paints
+from frida_painter.mixing.paint import (
+    MAX_PAINTS,
+    SIX,
+    PaintDataSource,
+    find_acrylic,
+    read_finish,
+    read_paints,
+    usual_paints,
+)
 from frida_painter.palette import to_hex
 
 WHOLE = """
@@ -34,6 +43,14 @@ def test_paints_are_known_by_name_by_colour_and_by_tint(tmp_path: Path) -> None:
     assert torch.equal(white.scattering, find_acrylic("titanium white").scattering)
     assert (to_hex(ochre.color), ochre.source) == ("#b97f2c", PaintDataSource.color)
     assert rose.source is PaintDataSource.tint and 0.005 < float(rose.scattering.mean()) < 0.3
+
+
+def test_the_finish_of_paints_is_gloss_or_what_their_file_says(tmp_path: Path) -> None:
+    assert read_finish(file(tmp_path, WHOLE)) is Finish.gloss
+    assert read_finish(file(tmp_path, f"finish = 'matte'\n{WHOLE}")) is Finish.matte
+    assert len(read_paints(tmp_path / "paints.toml")) == 3
+    with pytest.raises(ConfigError, match="finish 'satin'; it is matte or gloss"):
+        read_finish(file(tmp_path, f"finish = 'satin'\n{WHOLE}"))
 
 
 def test_films_over_white_and_black_are_measured_against_the_white_of_the_file(tmp_path: Path) -> None:

@@ -17,8 +17,9 @@ from frida_painter.cli.options import free_goal_options, goal_options, tell_left
 from frida_painter.errors import ConfigError
 from frida_painter.objectives.objective import Gives, GoalKind, KnownKinds, goal_kinds
 from frida_painter.registry import OBJECTIVES
-from frida_painter.web.routes import abilities
+from frida_painter.runs.goal_item import GoalItem
 from frida_painter.web.studio_folder import GoalRequest
+from frida_painter.web.web_studio import abilities
 from frida_painter.words.text import TextTerm
 
 OURS = ["image", "semantic", "sketch", "text", "style"]
@@ -100,7 +101,7 @@ def test_the_page_knows_them_too(install: Install, tmp_path: Path, monkeypatch: 
     with pytest.raises(ValidationError, match="no such kind of goal; there are image"):
         GoalRequest(kind="mood", words="calm")
     install(mood=kind(networks=(("large-net", "small-net"),)))
-    assert tomllib.loads(GoalRequest(kind="mood", words="calm").toml) == {"mood": "calm", "weight": 1.0}
+    assert GoalRequest(kind="mood", words="calm").item(tmp_path) == GoalItem(kind="mood", value="calm")
     with pytest.raises(ValidationError, match="either words or a picture"):
         GoalRequest(kind="mood", picture="0" * 32)
     assert abilities()["mood"]["missing"] == ["small-net"] and abilities()["image"]["ready"]

@@ -40,6 +40,7 @@ def test_a_leaf_without_a_gradient_stays_where_it_is() -> None:
     assert torch.equal(still.detach(), torch.ones(2)) and bool((moved < 1).all())
 
 
+@pytest.mark.slow
 def test_planning_does_not_load_the_compiler() -> None:
     code = (
         "import sys, torch; from frida_painter.planning.optimize import Adam\n"

@@ -263,6 +263,7 @@ def test_losses_that_are_not_finite_are_noticed_late_on_a_device_and_do_no_harm(
     assert all(step.iteration not in (6, 7, 8) and math.isfinite(step.loss) for step in heard)
 
 
+@pytest.mark.slow
 @torch.no_grad()
 def test_networks_in_half_precision_see_nearly_the_same_in_full_precision(tmp_path, monkeypatch) -> None:
     clip, tower = Clip.load(write_clip(tmp_path)), ClipResNet(resnet_tensors())

@@ -59,6 +59,7 @@ def test_only_many_strokes_towards_a_picture_get_layers_of_themselves() -> None:
     assert planner(3).layer_sizes(40) == (24, 8, 8)
 
 
+@pytest.mark.slow
 def test_where_a_layer_begins_its_strokes_go_where_the_canvas_needs_them_and_light_over_dark(plan: Plan) -> None:
     by, (first, _) = planner(effort=Effort().scale(0.5)), plan.by_layer()
     rest = plan.part(slice(len(first), None))
@@ -178,10 +179,10 @@ def test_what_was_mixed_for_a_layer_binds_only_what_is_painted_from_these_wells(
 
 
 def test_of_themselves_only_many_strokes_towards_a_picture_get_a_second_brush() -> None:
-    assert two_brushes().layer_brushes(200) == ("small", "finer")
+    assert two_brushes().layer_kinds(200) == ("small", "finer")
     assert two_brushes(shares=(0.5, 0.5)).layer_sizes(200) == (100, 100)
-    assert two_brushes().layer_brushes(40) == ("small",) and two_brushes().layer_sizes(40) == (40,)
-    assert planner(3).layer_brushes(40) == ("small",) * 3
+    assert two_brushes().layer_kinds(40) == ("small",) and two_brushes().layer_sizes(40) == (40,)
+    assert planner(3).layer_kinds(40) == ("small",) * 3
 
 
 def test_brushes_that_do_not_fit_are_refused() -> None:

@@ -87,6 +87,7 @@ def test_every_default_of_a_planner_is_that_of_a_description() -> None:
     ), "whatever is new is described"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("strokes", [20, 120, 300])
 @pytest.mark.parametrize("more", [{}, {"canvas": "A4", "fit": "crop", "seed": 4, "focus": "none", "new_paints": False}])
 def test_a_notebook_and_the_command_line_tell_a_planner_the_same(
@@ -126,6 +127,7 @@ def test_a_notebook_and_the_command_line_make_the_same_plan_to_the_last_bit(
         assert part.numpy().tobytes() == theirs.strokes.arrays()[name].numpy().tobytes(), name
 
 
+@pytest.mark.slow
 def test_what_is_usual_depends_on_the_kinds_of_a_goal_that_has_no_description(coarse_brushes: None) -> None:
     pictured, shown = Goal((ImageTerm(picture()),)), picture()
     assert make_planner(pictured, strokes=99, **QUICK).brushes == ("broad",)

@@ -132,6 +132,7 @@ class Plain(Variables):
     _compiled = False
 
 
+@pytest.mark.slow
 @given(st.integers(1, 20), st.integers(0, 2**31), st.sampled_from((F64, torch.float32)), st.booleans())
 def test_compiled_strokes_and_their_slopes_are_the_plain_ones(
     count: int, seed: int, dtype: torch.dtype, with_paints: bool

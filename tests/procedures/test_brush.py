@@ -37,6 +37,7 @@ def found(name="broad", seed=0, faults=None, **settings):
     return finding, finding.touch_height - studio.touch_height, finding.press_height - press
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["fine", "medium", "broad"])
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))])
 def test_by_looking_the_lightest_touch_is_found_to_a_third_of_a_millimetre(name, seed):
@@ -47,6 +48,7 @@ def test_by_looking_the_lightest_touch_is_found_to_a_third_of_a_millimetre(name,
     assert finding.ended == "where the workspace ends"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("rise", "name"), [(0.004, "medium"), (-0.001, "broad"), pytest.param(0.012, "fine", marks=pytest.mark.slow)]
 )

@@ -12,6 +12,7 @@ from frida_painter.errors import CalibrationError, FrameRejected
 from frida_painter.palette import difference
 from frida_painter.perception.color import EDITIONS
 from frida_painter.procedures.color import WORST_MEAN, color
+from frida_painter.procedures.robot import robot
 from frida_painter.session.observer import CanvasObserver
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.faults import Bump, Faults, LightChange, LostFocus
@@ -38,6 +39,7 @@ def found(**studio):
     return lead(color(studio_with(**studio).easel), proposal)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3))])
 def test_on_the_usual_studio_patches_never_seen_come_out_right(seed):
     finding = found(seed=seed, camera=CameraSpec())
@@ -48,6 +50,13 @@ def test_on_the_usual_studio_patches_never_seen_come_out_right(seed):
     assert float(finding.held_out.max()) < 3
     assert finding.edition == EDITIONS[0]
     assert finding.change < 0.01
+
+
+@pytest.mark.slow
+def test_after_the_robot_procedure_a_small_canvas_is_bare_again():
+    studio = studio_with(canvas=CanvasSize(0.16, 0.12))
+    lead(robot(studio.easel), proposal)
+    assert float(lead(color(studio.easel), proposal).held_out.mean()) < 2.5
 
 
 @pytest.mark.slow
@@ -143,6 +152,7 @@ def test_another_light_than_on_the_bare_canvas_is_noticed_and_taken_out(change):
     assert np.abs(np.array(after.affine) - np.array(before.affine)).max() < 0.04
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("blur", [0.004, 0.006, 0.008, 0.02])
 @pytest.mark.parametrize("first", [0, 1])
 def test_out_of_focus_the_map_is_right_or_refused(blur, first):
@@ -215,6 +225,9 @@ class Person:
 
     def __init__(self, studio):
         self.studio, self.asked = studio, []
+
+    def lay_paper(self):
+        return False
 
     def lay_checker(self):
         return False

@@ -29,6 +29,7 @@ def moved(affine: Tensor, columns: int, rows: int) -> Tensor:
     return torch.cat((affine[:, :, :2], (affine[:, :, 2] + shift)[:, :, None]), 2)
 
 
+@pytest.mark.slow
 @given(
     n=st.integers(0, 12),
     cells=st.tuples(st.integers(1, 9), st.integers(1, 9)),

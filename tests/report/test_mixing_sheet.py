@@ -6,7 +6,8 @@ import torch
 from frida_painter.mixing.paint import usual_paints
 from frida_painter.mixing.recipe import recipes
 from frida_painter.palette import from_hex
-from frida_painter.report.sheets import COLUMNS, mixing_sheet
+from frida_painter.report.sheets import mixing_sheet
+from frida_painter.sheet import A4
 from snapshots import shrunk
 
 COLORS = torch.stack([from_hex(text) for text in ("#e9dccb", "#c9a27e", "#7d9a57", "#3a5f8a", "#802828", "#101010")])
@@ -32,4 +33,4 @@ def test_the_colours_wanted_stand_beside_those_predicted(found: list) -> None:
 
 def test_a_long_palette_makes_a_long_page(found: list) -> None:
     assert mixing_sheet(found * 8, None, "Mixing").shape[1] > 1754
-    assert mixing_sheet(found[:1], None, "Mixing").shape[1:] == (1754, COLUMNS)
+    assert mixing_sheet(found[:1], None, "Mixing").shape[1:] == (1754, A4[0])

@@ -3,7 +3,8 @@ from collections.abc import Callable
 import pytest
 import torch
 
-from frida_painter.report.sheets import PALETTE_SHEET_COLUMNS, ROWS, palette_sheet
+from frida_painter.report.sheets import palette_sheet
+from frida_painter.sheet import A4
 from snapshots import shrunk
 from support.plans import made_up_plan
 
@@ -13,13 +14,13 @@ from support.plans import made_up_plan
 def test_every_paint_has_a_swatch_and_nothing_leaves_the_page(colors: int) -> None:
     plan = made_up_plan(max(40, colors), colors)
     sheet = palette_sheet(plan)
-    assert sheet.shape == (3, ROWS, PALETTE_SHEET_COLUMNS)
+    assert sheet.shape == (3, *reversed(A4))
     pixels = (sheet * 255).round().long().reshape(3, -1)
     codes = pixels[0] * 65536 + pixels[1] * 256 + pixels[2]
     for color in (plan.palette.color * 255).round().long().tolist():
         red, green, blue = color
         assert int((codes == red * 65536 + green * 256 + blue).sum()) > 2000
-    margin = torch.ones(3, ROWS, PALETTE_SHEET_COLUMNS, dtype=torch.bool)
+    margin = torch.ones(3, *reversed(A4), dtype=torch.bool)
     margin[:, 60:-40, 90:-90] = False
     assert bool((sheet[margin] == 1).all())
 

@@ -6,7 +6,7 @@ import torch
 
 from frida_painter.errors import StorageError
 from frida_painter.mixing.paint import usual_paints
-from frida_painter.mixing.recipe import recipes
+from frida_painter.mixing.recipe import PaintSet
 from frida_painter.palette import Palette
 from frida_painter.report.sheets import RecipeSheets
 from support.plans import made_up_plan
@@ -20,7 +20,7 @@ def test_sheets_and_recipes_are_there_when_it_has_finished(tmp_path: Path) -> No
     sheets.renew(PLAN)
     found, left_out = sheets.finish()
     assert {path.name for path in tmp_path.iterdir()} == {"palette.png", "mixing.png"} and left_out == 0
-    plain = recipes(PLAN.palette.color, usual_paints())
+    plain = PaintSet(usual_paints()).mix(PLAN.palette.color)
     assert [recipe.words for recipe in found] == [recipe.words for recipe in plain]
     assert sheets.finish() == (found, 0), "finishing again changes nothing"
 

@@ -9,6 +9,7 @@ from torch import Tensor
 
 from frida_painter.plan import Plan
 from frida_painter.planning.forecast import SimilarityForecast
+from frida_painter.planning.mixable import MIXED_PAINTS
 from frida_painter.report.recorder import Recorder
 from frida_painter.session.events import (
     Dipped,
@@ -105,6 +106,18 @@ def test_everything_that_was_promised_is_in_the_folder_and_the_page_names_only_w
     assert "12 strokes in 3 paints" in page.read_text() and "1 look in between" in page.read_text()
     assert "A cup &lt;of&gt; coffee" in page.read_text() and "300 x 200 mm" in page.read_text()
     assert all(path.stat().st_size > 50 for path in tmp_path.iterdir() if path.name != "plan.json")
+
+
+@pytest.mark.slow
+def test_colors_that_were_changed_so_that_they_can_be_mixed_are_told(tmp_path: Path) -> None:
+    told = (f"{MIXED_PAINTS}, layer 1", "#ff00ff (15.2 off) became #b04090")
+    changed = replace(SECOND, about=(told,))
+    events = [
+        replace(event, plan=changed) if isinstance(event, Planned) and event.done == 6 else event
+        for event in an_evening()
+    ]
+    page, _ = recorded(tmp_path, events, whole())
+    assert page is not None and all(words in page.read_text() for words in told)
 
 
 def test_the_figures_are_those_of_the_evening(tmp_path: Path) -> None:

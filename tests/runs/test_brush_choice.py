@@ -47,7 +47,7 @@ def test_with_many_strokes_layers_are_chosen_among_and_a_plan_tells_its_brushes(
         assert run.spec.brushes in IN_LAYERS
     again = spec(photo, strokes=100, brushes=brushes_of(plan))
     with PaintingRun(again) as other:
-        assert other.planner.layer_sizes(100) == plan.layer_sizes and other.planner.layer_brushes(100) == plan.brushes
+        assert other.planner.layer_sizes(100) == plan.layer_sizes and other.planner.layer_kinds(100) == plan.brushes
 
 
 def test_where_time_is_short_there_is_one_layer(photo: Path) -> None:

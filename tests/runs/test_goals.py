@@ -12,7 +12,9 @@ from frida_painter.objectives.semantic import SemanticTerm
 from frida_painter.objectives.sketch import SketchTerm
 from frida_painter.objectives.style import StyleTerm
 from frida_painter.runs.goal_item import name_of, read_prompt, title_of
-from frida_painter.runs.settle import make_goal
+from frida_painter.runs.painting_folder import keep_goal, read_goal
+from frida_painter.runs.settle import make_goal, open_goal
+from frida_painter.runs.spec import RunSpec
 from frida_painter.words.text import TextTerm
 from support.planning import picture
 
@@ -99,6 +101,28 @@ def test_every_kind_with_its_weight(photo: Path) -> None:
     ]  # fmt: skip
 
 
+def test_a_crop_is_kept_with_the_goal_and_is_what_is_planned(tmp_path: Path) -> None:
+    """As a painting is resumed: from what was kept beside it."""
+    photo = tmp_path / "photo.png"
+    images.save(picture(60, 80), photo)
+    whole = images.load(photo)
+    spec = RunSpec.of(goal=[{"image": str(photo), "crop": (0.25, 0.5, 0.5, 0.5)}, {"image": str(photo)}])
+    keep_goal(spec, tmp_path)
+    again = RunSpec.of(**read_goal(tmp_path))
+    assert [item.crop for item in again.goal] == [(0.25, 0.5, 0.5, 0.5), None]
+    part = whole[:, 30:, 20:60]
+    for kept in (spec, again):
+        cropped, other = open_goal(kept).terms
+        assert cropped.picture is not None and torch.equal(cropped.picture, part)
+        assert other.picture is not None and torch.equal(other.picture, whole)
+    assert again.goal[0].described.endswith("cropped")
+    for wrong in ([0.6, 0, 0.5, 1], ["a", 0, 1, 1], [float("nan"), 0, 1, 1], 1):
+        with pytest.raises(ConfigError, match=r"crop|number|tuple"):
+            RunSpec.of(goal=[{"image": str(photo), "crop": wrong}])
+    with pytest.raises(ConfigError, match="only pictures are cropped"):
+        RunSpec.of(goal=[{"text": "a ship", "crop": [0, 0, 1, 1]}])
+
+
 def test_words_alone() -> None:
     assert make_goal(text="a lemon").terms == (TextTerm("a lemon"),)
 
@@ -110,7 +134,7 @@ def test_what_makes_no_goal_is_refused(photo: Path, tmp_path: Path) -> None:
         make_goal(photo, weights={"pixels": 1})
     with pytest.raises(ConfigError, match="above 0"):
         make_goal(photo, weights={"image": 0})
-    with pytest.raises(ConfigError, match=r"shape \(64, 86\) was given to image"):
+    with pytest.raises(ImageError, match=r"shape \(64, 86\) was given; it is \[3, height, width\]"):
         make_goal(picture()[0])
     with pytest.raises(ImageError, match="does not exist"):
         make_goal(tmp_path / "nothing.png")

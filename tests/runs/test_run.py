@@ -21,17 +21,18 @@ from frida_painter.runs.run import PaintingRun, paint
 from frida_painter.runs.settle import Controls
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import Event, Finishing, GroundWanted, Planned, Stopped, StrokePainted
-from marks import coarse_table
+from frida_painter.session.loop import PaintingSession
+from frida_painter.session.progress import Painting, PaintingProgress, ResumeState
+from killing import began, kill_when
 from support.networks import QuickEncoders
 
 SMALL = {"canvas": "120x90mm", "render_height": 64, "effort": 0.05, "brush": "fine", "colors": 2}
 
 
 @pytest.fixture(scope="module", autouse=True)
-def _coarse_brush(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+def _own_state_of_the_module(small_world: None, tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
-        patch.setattr("frida_painter.runs.settle.cached_table", coarse_table)
         yield
 
 
@@ -78,7 +79,6 @@ def test_a_plan_is_made_without_an_easel_or_a_folder(photo: Path) -> None:
     assert len(plan) == 4 and len(plan.palette) == 2
 
 
-@pytest.mark.slow
 def test_the_same_seed_gives_the_same_strokes_planned_and_painted(photo: Path) -> None:
     heard: list[Event] = []
     spec = RunSpec.of(goal=[{"image": str(photo)}], strokes=6, replans=0, seed=3, **SMALL)
@@ -160,6 +160,32 @@ def test_a_stopped_painting_is_gone_on_with_to_its_last_stroke(stopped: Path) ->
     assert outcome.painting is not None and outcome.painting.painted == 6
     result = json.loads((stopped / "result.json").read_text())
     assert result["strokes_painted"] == 6 and result["sittings"] == 2 and history_of(stopped).finished
+
+
+@pytest.mark.slow
+def test_only_a_look_tells_how_much_of_a_stroke_that_was_given_up_is_on_the_canvas(
+    photo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    killed = tmp_path / "killed"
+    spec = RunSpec.of(goal=[{"image": str(photo)}], strokes=3, replans=0, **SMALL)
+    kill_when(killed / "journal", began(2), PaintingRun(spec, killed).start)
+    states: list[ResumeState] = []
+
+    def keep(session: PaintingSession, where: ResumeState) -> Painting:
+        states.append(where)
+        raise Interrupted("Enough.")
+
+    monkeypatch.setattr(PaintingSession, "resume", keep)
+    for number, repaint in enumerate((True, False)):
+        with PaintingRun.reopen(shutil.copytree(killed, tmp_path / str(number))) as run:
+            run.controls = Controls(repaint=lambda number, picture, repaint=repaint: repaint)  # type: ignore[misc]
+            run.resume()
+    again, given_up = states
+    assert (again.painted, given_up.painted, given_up.left_out) == (1, 2, frozenset({1}))
+    assert again.before is not None and given_up.before is None
+    memory = PaintingProgress()
+    memory.go_on_from(given_up)
+    assert torch.equal(memory.canvas.last_seen, given_up.now) and not len(memory.canvas.batch(given_up.plan, 2))
 
 
 @pytest.mark.slow

@@ -64,6 +64,7 @@ def test_the_studio_shows_what_is_on_its_canvas(painted: VirtualStudio) -> None:
     assert float((painted.truth(150) - old_painting()).abs().mean()) < 0.01
 
 
+@pytest.mark.slow
 def test_an_old_painting_is_seen_in_its_true_colors_by_the_margin(painted: VirtualStudio, bare: BareCanvas) -> None:
     observer = CanvasObserver(known(painted.easel, bare), CanvasStart(on_canvas=True))
     seen = observer.look(0.0, ROWS)
@@ -73,6 +74,7 @@ def test_an_old_painting_is_seen_in_its_true_colors_by_the_margin(painted: Virtu
         unaware.look(0.0, ROWS)
 
 
+@pytest.mark.slow
 def test_a_lamp_that_moved_since_the_canvas_was_bare_is_accounted_for(painted: VirtualStudio, bare: BareCanvas) -> None:
     observer = CanvasObserver(known(painted.easel, bare), CanvasStart(on_canvas=True))
     before = error(painted, observer.look(0.0, ROWS))

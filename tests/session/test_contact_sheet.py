@@ -31,6 +31,7 @@ def test_every_dirty_stroke_is_marked():
     assert none < 0.001 < one < two
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [1, 3, 60])
 def test_any_number_of_strokes_fits(count):
     picture = contact_sheet(judged(count, {}), "A title that is much longer than what the page is wide " * 4)

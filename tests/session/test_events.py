@@ -1,56 +1,45 @@
-"""The one language of events: everything written is read again, also in the words of earlier versions."""
+"""The one language of events: everything written is read again."""
 
 import json
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from frida_painter.errors import ConfigError
 from frida_painter.session.events import (
     KINDS,
     Dipped,
     Failed,
     Finished,
-    GoalChanged,
     Looked,
     MotionBegan,
     PaintingBegun,
-    PaintingKept,
-    PaintingStarted,
     Paused,
-    Photographed,
-    PlanAdopted,
-    PlanningProgress,
-    PlanPreview,
     PlanRequested,
-    RegionProtected,
     SessionResumed,
-    Stopped,
     StrokeLeftOut,
     StrokePainted,
-    TimeLeft,
-    WentOn,
     Written,
     events_of,
     record,
     time_of,
 )
-from frida_painter.session.journal import History, upgrade_journal
-from frida_painter.web.commands import Kind, PaintingCommand, command
+from frida_painter.session.journal import History
+from frida_painter.session.person_events import GoalChanged, RegionProtected
 
 AT = "2026-01-02T03:04:05.678+00:00"
 VALUES: dict[str, Any] = {
     "int": 3, "float": 0.25, "str": "words", "bool": True, "int | None": 3, "str | None": "a.jpg",
     "dict[str, Any]": {"a": [1]}, "dict[str, str]": {"a": "b"}, "dict[str, float]": {"a": 0.5},
     "tuple[float, ...]": (0.5,), "list[int]": [0, 2], "list[str]": ["canvas"],
-    "list[dict[str, Any]]": [{"hex": "#000"}], "list[list[float]] | None": [[0.5]], "tuple[str, ...]": ("home",),
-    "tuple[float, float, float]": (0.1, 0.2, 0.3), "tuple[tuple[float, ...], ...]": ((1.0, 0.0),),
+    "list[dict[str, Any]]": [{"hex": "#000"}], "list[dict[str, str]]": [{"name": "grbl"}],
+    "list[list[float]] | None": [[0.5]], "tuple[str, ...]": ("home",),
+    "PauseCause": "turn", "tuple[float, float, float]": (0.1, 0.2, 0.3), "tuple[tuple[float, ...], ...]": ((1.0, 0.0),),
 }  # fmt: skip
 
 
@@ -73,45 +62,23 @@ def test_pixels_are_never_written() -> None:
         record(Looked(torch.zeros(3, 2, 2), torch.zeros(3, 2, 2), 1))  # type: ignore[arg-type]
 
 
-OLD: list[tuple[dict[str, Any], list[Written]]] = [
-    ({"kind": "begun", "settings": {"strokes": 6}, "rests_on": {}, "by": "a", "process": 1, "program": "0"},
-     [PaintingBegun({"strokes": 6}, {}, "a", 1, "0")]),
-    ({"kind": "begun", "plan": 1, "of": 4}, [PaintingStarted(1, 4)]),
-    ({"kind": "resumed", "painted": 3, "in_doubt": 4, "decision": "skip", "by": "a", "process": 1, "program": "0"},
-     [SessionResumed(3, 4, "skip", "a", 1, "0")]),
-    ({"kind": "resumed"}, [WentOn()]),
-    ({"kind": "planned", "plan": "f", "done": 2, "photograph": None,
-      "placement": {"error": [0.0, 0.0, 0.1], "information": [[1.0]]}},
-     [PlanAdopted("f", 2, None, (0.0, 0.0, 0.1), ((1.0,),))]),
-    ({"kind": "looked", "photograph": "p.png", "captured_at": 1.5, "sequence": 2, "light": None},
-     [Photographed("p.png", 1.5, 2, None)]),
-    ({"kind": "began", "what": ["stroke 1"], "stroke": 1, "plan": "f"}, [MotionBegan(("stroke 1",), 1, "f")]),
-    ({"kind": "ended", "stroke": 1}, [StrokePainted(1)]),
-    ({"kind": "ended", "stroke": 2, "left_out": True}, [StrokeLeftOut(2)]),
-    ({"kind": "ended", "paint": 2, "cleaned": True}, [Dipped(2, True)]),
-    ({"kind": "paused", "reason": "Why.", "painted": 3}, [Paused("Why.", 3)]),
-    ({"kind": "paused", "reason": "Why.", "turn": True}, [Paused("Why.", 0, True)]),
-    ({"kind": "broken off", "reason": "Why."}, [Failed("Why.")]),
-    ({"kind": "failed", "sentence": "Why."}, [Failed("Why.")]),
-    ({"kind": "stopped", "painted": 3}, [Stopped(3)]),
-    ({"kind": "stopped"}, [Stopped()]),
-    ({"kind": "finished", "painted": 6}, [Finished(6)]),
-    ({"kind": "finished", "film": True, "arm": False}, [PaintingKept(True)]),
-    ({"kind": "protected", "region": "regions/1.png", "only": True}, [RegionProtected("regions/1.png", True)]),
-    ({"kind": "redirected", "goal": "changes/1"}, [GoalChanged("changes/1", {})]),
-    ({"kind": "wished", "plan": 1, "wish": {"seed": 2}}, [PlanRequested(1, {"seed": 2})]),
-    ({"kind": "plan_wished", "plan": 1, "wish": {}}, [PlanRequested(1, {})]),
-    ({"kind": "sprouting", "plan": 2, "picture": "a.jpg"}, [PlanPreview("a.jpg", 2)]),
-    ({"kind": "growing", "picture": "a.jpg"}, [PlanPreview("a.jpg")]),
-    ({"kind": "replanning", "share": 0.5, "left": 2.0}, [PlanningProgress(0.5, 2.0)]),
-    ({"kind": "stroke", "done": 1, "of": 4, "left": 9.0}, [StrokePainted(1, 4), TimeLeft(9.0)]),
-    ({"kind": "what nobody knows"}, []),
-]  # fmt: skip
+def test_an_unknown_kind_says_nothing_and_a_former_name_says_the_same() -> None:
+    assert events_of({"at": AT, "kind": "what nobody knows"}) == events_of({"at": AT}) == []
+    assert events_of({"at": AT, "kind": "plan_wished", "plan": 1, "wish": {}}) == [PlanRequested(1, {})]
 
 
-@pytest.mark.parametrize(("old", "means"), OLD)
-def test_what_earlier_versions_wrote_means_the_same(old: dict[str, Any], means: list[Written]) -> None:
-    assert events_of({"at": AT, **old}) == means
+@pytest.mark.parametrize(
+    ("fields", "cause"),
+    [
+        ({}, "trouble"),
+        ({"turn": True}, "turn"),
+        ({"turn": False, "asked": True}, "person"),
+        ({"asked": False}, "trouble"),
+    ],
+)
+def test_a_pause_of_an_earlier_version_has_its_cause(fields: dict[str, bool], cause: str) -> None:
+    written = {"at": AT, "kind": "paused", "reason": "Why.", "done": 2, **fields}
+    assert events_of(written) == [Paused("Why.", 2, cause)]  # type: ignore[arg-type]
 
 
 @given(st.sampled_from(sorted(KINDS)), st.dictionaries(st.sampled_from(["done", "plan", "what", "stroke"]), st.text()))
@@ -123,34 +90,25 @@ def test_what_lacks_something_is_refused_and_never_half_understood(kind: str, fa
     assert [type(event) for event in found] == [KINDS[kind]]
 
 
-def test_an_old_journal_tells_the_same_history_before_and_after_it_is_renewed() -> None:
-    lines: list[dict[str, Any]] = [
-        {**OLD[0][0], "format": "frida-painter journal", "version": 1},
-        *({"kind": "ended", "stroke": stroke} for stroke in (1, 2, 3)),
-        {"kind": "ended", "paint": 1, "cleaned": True},
-        {"kind": "began", "what": ["stroke 4"], "stroke": 4, "plan": "f"},
-        {"kind": "broken off", "reason": "The robot is gone."},
-        {"kind": "resumed", "painted": 3, "in_doubt": 4, "decision": "skip", "by": "a", "process": 1, "program": "0"},
-        {"kind": "ended", "stroke": 5, "left_out": True},
-        {"kind": "protected", "region": "regions/1.png", "only": True},
-        {"kind": "redirected", "goal": "changes/1"},
-        {"kind": "ended", "stroke": 6},
-        {"kind": "finished", "painted": 6},
+def test_a_journal_tells_the_history_of_its_painting() -> None:
+    begun = PaintingBegun({"strokes": 6}, {}, "a", 1, "0")
+    events: list[Written] = [
+        *(StrokePainted(stroke) for stroke in (1, 2, 3)),
+        Dipped(1, cleaned=True),
+        MotionBegan(("stroke 4",), 4, "f"),
+        Failed("The robot is gone."),
+        SessionResumed(3, 4, "skip", "a", 1, "0"),
+        StrokeLeftOut(5),
+        RegionProtected("regions/1.png", only=True),
+        GoalChanged("changes/1", {}),
+        StrokePainted(6),
+        Finished(6, 4.5),
     ]
-    lines = [{"at": AT, **line} for line in lines]
-    before, after = (History.of(each, Path()) for each in (lines, upgrade_journal(lines)))
-    assert before == after
-    assert (before.painted, before.given_up, before.dips, before.cleanings, before.runs) == (6, [4, 5], 1, 1, 2)
-    assert (before.region, before.goal, before.finished) == (("regions/1.png", True), "changes/1", True)
-    assert upgrade_journal(lines)[0]["version"] == 2
-    assert not {line["kind"] for line in upgrade_journal(lines)} - set(KINDS)
-
-
-@pytest.mark.parametrize("kind", get_args(Kind))
-def test_every_command_has_a_meaning(kind: str) -> None:
-    assert isinstance(command(kind, count=3, record=2), get_args(PaintingCommand))
-    with pytest.raises(ConfigError, match="there are pause"):
-        command(f"{kind}!")
+    first = {"format": "frida-painter journal", "version": 2, **record(begun)}
+    told = History.of([first, *map(record, events)], Path())
+    assert (told.painted, told.given_up, told.dips, told.cleanings, told.runs) == (6, [4, 5], 1, 1, 2)
+    assert (told.region, told.goal) == (("regions/1.png", True), "changes/1")
+    assert (told.finished, told.robot_seconds) == (True, 4.5)
 
 
 def test_the_language_is_read_without_torch() -> None:

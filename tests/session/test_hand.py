@@ -18,28 +18,13 @@ from frida_painter.sawyer.arm import SAWYER
 from frida_painter.session.choreography import Choreography
 from frida_painter.session.events import Dipped, StrokePainted
 from frida_painter.session.hand import STROKES_PER_DIP, Hand, with_measured_dip
-from frida_painter.strokes import StrokeLimits, Strokes
+from frida_painter.strokes import StrokeLimits
 from frida_painter.virtual.studio import StudioSettings, open_studio
 from marks import SMALL, small_library
-from support.easel import CALIBRATION, CANVAS, WORKSPACE, NotingRobot, PatientCamera, stub_easel
-from support.plans import made_up_strokes
+from support.easel import CALIBRATION, WORKSPACE, NotingRobot, PatientCamera, stub_easel
+from support.plans import SMALL_LIMITS, made_up_strokes, plan_of_paints
 
-LIMITS = StrokeLimits((0.01, 0.03), (-0.008, 0.008))
-BRUSH = BrushKind("small", LIMITS, 0.008)
-
-
-def plan(paint: list[int], length: float = 0.02, thickness: float = 0.5) -> Plan:
-    n = len(paint)
-    strokes = Strokes(
-        torch.tensor([[0.03, 0.04]]).expand(n, 2),
-        torch.zeros(n),
-        torch.full((n,), length),
-        torch.zeros(n),
-        torch.full((n,), thickness),
-        torch.zeros(n, 3),
-    )
-    palette = Palette(torch.tensor([[0.9, 0.9, 0.9], [0.5, 0.5, 0.5], [0.1, 0.1, 0.1]]))
-    return Plan.of(strokes, palette, torch.tensor(paint), canvas=CANVAS, brush="small", limits=LIMITS)
+BRUSH = BrushKind("small", SMALL_LIMITS, 0.008)
 
 
 def painted(hand: Hand, which: Plan, done: int = 0) -> list[str]:
@@ -55,7 +40,7 @@ def dipped(hand: Hand, which: Plan) -> list[Dipped]:
 
 
 def test_a_brush_that_touches_lower_is_sent_lower_unless_the_workspace_ends_there() -> None:
-    hard = plan([1], thickness=1.0)
+    hard = plan_of_paints([1], thickness=1.0)
     touches_lower = Placement.unknown({"small": 0.01})
     touches_lower = replace(touches_lower, touch=touches_lower.touch.after("small", 0.001, 0.00001))
     for floor, lowest in ((CALIBRATION.press_height - 0.002, 0.091), (CALIBRATION.press_height, 0.092)):
@@ -70,33 +55,33 @@ def test_a_brush_that_touches_lower_is_sent_lower_unless_the_workspace_ends_ther
 
 
 def test_a_clean_brush_dips_before_the_first_stroke_and_is_not_cleaned() -> None:
-    told = painted(Hand(stub_easel(), BRUSH), plan([1]))
+    told = painted(Hand(stub_easel(), BRUSH), plan_of_paints([1]))
     assert told == ["dip into well 2", "stroke 1"]
 
 
 def test_the_brush_is_rinsed_wiped_and_dipped_where_the_colour_changes() -> None:
     hand = Hand(stub_easel(), BRUSH)
-    told = painted(hand, plan([0, 1, 1, 2], length=0.01, thickness=0.0))
+    told = painted(hand, plan_of_paints([0, 1, 1, 2], length=0.01, thickness=0.0))
     clean = ["rinse", "wipe"]
     assert told == [
         *("dip into well 1", "stroke 1"),
         *(*clean, "dip into well 2", "stroke 2", "stroke 3"),
         *(*clean, "dip into well 3", "stroke 4"),
     ]
-    cleaned = [done.cleaned for done in dipped(Hand(stub_easel(), BRUSH), plan([0, 1, 1, 2]))]
+    cleaned = [done.cleaned for done in dipped(Hand(stub_easel(), BRUSH), plan_of_paints([0, 1, 1, 2]))]
     assert cleaned[0] is False and cleaned.count(True) == 2
 
 
 def test_a_batch_goes_on_with_what_the_batch_before_left_on_the_brush() -> None:
     hand = Hand(stub_easel(), BRUSH)
-    painted(hand, plan([0], length=0.01, thickness=0.0))
-    told = painted(hand, plan([0, 1], length=0.01, thickness=0.0), done=1)
+    painted(hand, plan_of_paints([0], length=0.01, thickness=0.0))
+    told = painted(hand, plan_of_paints([0, 1], length=0.01, thickness=0.0), done=1)
     assert told[2] == "stroke 2"
     assert told[3:] == ["rinse", "wipe", "dip into well 2", "stroke 3"]
 
 
 def test_a_brush_that_held_a_darker_or_an_unknown_paint_is_cleaned_twice() -> None:
-    wells = plan([2, 0, 1], length=0.01, thickness=0.0)
+    wells = plan_of_paints([2, 0, 1], length=0.01, thickness=0.0)
     told = painted(Hand(stub_easel(), BRUSH), wells)
     assert told[2:7] == [*2 * ["rinse", "wipe"], "dip into well 1"]
     assert told[8:11] == ["rinse", "wipe", "dip into well 2"]
@@ -106,7 +91,7 @@ def test_a_brush_that_held_a_darker_or_an_unknown_paint_is_cleaned_twice() -> No
 
 def test_the_brush_is_refilled_by_the_area_it_has_painted() -> None:
     def dips(length: float, thickness: float) -> int:
-        return len(dipped(Hand(stub_easel(), BRUSH), plan(12 * [0], length, thickness)))
+        return len(dipped(Hand(stub_easel(), BRUSH), plan_of_paints(12 * [0], length, thickness)))
 
     assert dips(0.03, 1.0) == 12, "the largest mark takes a dip of its own"
     assert dips(0.01, 0.0) < dips(0.012, 0.3) < dips(0.03, 1.0)
@@ -114,7 +99,7 @@ def test_the_brush_is_refilled_by_the_area_it_has_painted() -> None:
 
 
 def test_strokes_are_told_by_their_number_and_colour() -> None:
-    done = [action.done for action in Hand(stub_easel(), BRUSH).prepare(plan([0, 2]), 7, 20)]
+    done = [action.done for action in Hand(stub_easel(), BRUSH).prepare(plan_of_paints([0, 2]), 7, 20)]
     strokes = [one for one in done if isinstance(one, StrokePainted)]
     assert [(one.done, one.of) for one in strokes] == [(8, 20), (9, 20)]
     assert strokes[1].color == pytest.approx((0.1, 0.1, 0.1))
@@ -122,16 +107,16 @@ def test_strokes_are_told_by_their_number_and_colour() -> None:
 
 def test_cleaning_leaves_no_paint_on_the_brush() -> None:
     hand = Hand(stub_easel(), BRUSH)
-    painted(hand, plan([0], length=0.01))
+    painted(hand, plan_of_paints([0], length=0.01))
     hand.clean()
-    told = painted(hand, plan([0], length=0.01))
+    told = painted(hand, plan_of_paints([0], length=0.01))
     assert told == ["dip into well 1", "stroke 1", *2 * ["rinse", "wipe"], "dip into well 1", "stroke 1"]
 
 
 def test_a_robot_that_is_not_where_it_was_sent_stops_the_painting() -> None:
     robot = NotingRobot(astray=0.005)
     hand = Hand(stub_easel(robot), BRUSH)
-    actions = hand.prepare(plan([0, 1]), 0, 2)
+    actions = hand.prepare(plan_of_paints([0, 1]), 0, 2)
     with pytest.raises(PoseMismatch, match=r"dip into well 1: .* 5\.0 mm from where it was sent; allowed are 2 mm"):
         hand.perform(actions[0])
     assert len(robot.motions) == 1
@@ -141,14 +126,14 @@ def test_a_robot_that_is_not_where_it_was_sent_stops_the_painting() -> None:
 
 
 def test_a_hair_s_breadth_is_forgiven() -> None:
-    painted(Hand(stub_easel(NotingRobot(astray=0.0015)), BRUSH), plan([0, 1]))
+    painted(Hand(stub_easel(NotingRobot(astray=0.0015)), BRUSH), plan_of_paints([0, 1]))
 
 
 def test_nothing_of_a_batch_is_sent_where_one_waypoint_lies_outside() -> None:
     astray = replace(CALIBRATION, placement=((1.0, 0.0, 0.0), (0.0, 1.0, 0.9), (0.0, 0.0, 1.0)))
     easel = replace(stub_easel(), calibration=astray)
     with pytest.raises(WorkspaceViolation, match=r"stroke 1: y = .*Nothing was sent"):
-        Hand(easel, BRUSH).prepare(plan([0, 1, 2]), 0, 3)
+        Hand(easel, BRUSH).prepare(plan_of_paints([0, 1, 2]), 0, 3)
     assert easel.robot.motions == []
 
 
@@ -156,7 +141,7 @@ def test_a_paint_without_a_well_is_refused_before_anything_moves() -> None:
     easel = stub_easel()
     fewer = replace(easel, workspace=replace(easel.workspace, wells=easel.workspace.wells[:2]))
     with pytest.raises(WorkspaceViolation, match="2 wells"):
-        Hand(fewer, BRUSH).prepare(plan([0, 1, 2]), 0, 3)
+        Hand(fewer, BRUSH).prepare(plan_of_paints([0, 1, 2]), 0, 3)
     assert fewer.robot.motions == []
 
 
@@ -164,10 +149,11 @@ def test_the_time_of_the_last_motion_is_the_robot_s() -> None:
     hand = Hand(stub_easel(NotingRobot(now=100.0), PatientCamera()), BRUSH)
     hand.step_aside()
     assert hand.last_motion == 101.0
-    painted(hand, plan([0]))
+    painted(hand, plan_of_paints([0]))
     assert hand.last_motion == 105.0, "a dip, above the stroke, the stroke, and up"
 
 
+@pytest.mark.slow
 def test_a_batch_that_the_simulated_sawyer_does_not_reach_is_refused_before_anything_moves() -> None:
     pytest.importorskip("mink")
     wide = CanvasSize(0.9, 0.9)

@@ -148,7 +148,7 @@ def test_a_folder_without_a_journal_is_no_painting(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        ({"version": 3}, "version 3; this program reads versions up to 2"),
+        ({"version": 3}, "version 3; this program reads version 2"),
         ({"format": "a diary"}, "not a painting's"),
         ({"settings": None, "rests_on": 3, "at": "yesterday"}, "undamaged copy"),
     ],
@@ -187,31 +187,3 @@ def test_the_journal_can_be_read_by_people(tmp_path: Path) -> None:
     begun(tmp_path).close()
     line = (tmp_path / "journal").read_text().splitlines()[0]
     assert json.loads(line.split(" ", 2)[2])["settings"] == {"strokes": 6}
-
-
-def test_a_journal_of_an_earlier_version_is_gone_on_with_in_the_words_of_today(tmp_path: Path) -> None:
-    at = {"at": "2026-01-02T03:04:05.678+00:00"}
-    begun = {"settings": {"strokes": 6}, "rests_on": {}, "by": "a@b", "process": 1, "program": "0.1.0"}
-    old: list[dict[str, object]] = [
-        {"kind": "began", "what": ["stroke 1"], "stroke": 1, "plan": "f"},
-        {"kind": "ended", "stroke": 1},
-        {"kind": "began", "what": ["stroke 2"], "stroke": 2, "plan": "f"},
-    ]
-    first = {"kind": "begun", **at, "format": "frida-painter journal", "version": 1, **begun}
-    with EventLog.begin(tmp_path / "journal", first) as book:
-        for record in old:
-            book.append({**record, **at})
-    assert (read(tmp_path).painted, read(tmp_path).in_doubt) == (1, 2)
-    journal, history = Journal.reopen(tmp_path)
-    assert (history.painted, history.in_doubt) == (1, 2)
-    journal.record_resume(history, repaint=True)
-    journal.tell(StrokePainted(2, 6))
-    with pytest.raises(StorageError, match="another process"):
-        Journal.reopen(tmp_path)
-    journal.close()
-    records = EventLog.read(tmp_path / "journal")
-    assert records[0]["version"] == 2 and records[0]["settings"] == {"strokes": 6}
-    assert [record["kind"] for record in records] == [
-        "painting_begun", "motion_began", "stroke_painted", "motion_began", "session_resumed", "stroke_painted",
-    ]  # fmt: skip
-    assert (read(tmp_path).painted, read(tmp_path).in_doubt, read(tmp_path).runs) == (2, None, 2)

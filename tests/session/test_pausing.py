@@ -3,17 +3,20 @@
 import errno
 import os
 import shutil
+import time
 from pathlib import Path
 
 import pytest
 
 from frida_painter.errors import CameraError, PaintingPaused, StorageError
 from frida_painter.event_log import EventLog
-from frida_painter.hardware.robot import Frame
+from frida_painter.hardware.robot import Frame, MotionReport, Waypoints
 from frida_painter.session.events import Event, Paused, PlanningStep, StrokePainted
 from frida_painter.session.journal import History, Journal
 from support.easel import NotingRobot, PatientCamera
 from support.session import SessionSetup
+
+pytestmark = pytest.mark.usefixtures("small_world")
 
 WASHED = 2 * ["rinse", "wipe"]
 
@@ -225,3 +228,47 @@ def test_an_old_frame_is_asked_for_again_and_then_it_pauses() -> None:
     setup = SessionSetup(4, replans=1, camera=camera, robot=NotingRobot(now=50.0), go_on=lambda paused: True)
     assert setup.run().painted == 4
     assert len(pauses(setup)) == 1 and "no new photograph" in pauses(setup)[0].reason
+
+
+class ButtonRobot(NotingRobot):
+    """A robot whose board has a pause button, which somebody presses during some motions."""
+
+    def __init__(self, *pressed_in: str) -> None:
+        super().__init__()
+        self.pressed_in, self.pressed, self.asked = list(pressed_in), False, 0
+
+    def follow(self, waypoints: Waypoints) -> MotionReport:
+        self.pressed = self.pressed or (bool(self.pressed_in) and waypoints.label == self.pressed_in[0])
+        if self.pressed and self.pressed_in:
+            self.pressed_in.pop(0)
+        return super().follow(waypoints)
+
+    def wants_pause(self) -> bool:
+        self.asked += 1
+        pressed, self.pressed = self.pressed, False
+        return pressed
+
+
+def test_the_pause_button_of_a_machine_pauses_after_the_stroke_and_ends_the_pause(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("frida_painter.session.executor._BETWEEN_PRESSES", 0.0)
+    robot = ButtonRobot("stroke 3")
+
+    def answer(paused: Paused) -> bool:
+        assert setup.robot.labels()[-6:] == ["stroke 3", *WASHED, "home"] and not setup.session.is_button_pressed()
+        robot.pressed = True
+        return setup.session.is_button_pressed()
+
+    setup = SessionSetup(5, replans=0, go_on=answer, robot=robot)
+    assert setup.run().painted == 5 and setup.painted() == [1, 2, 3, 4, 5]
+    (paused,) = pauses(setup)
+    assert (paused.done, paused.cause) == (3, "button") and "pressed the pause button of the machine" in paused.reason
+
+
+def test_a_machine_is_asked_about_its_button_a_few_times_a_second_at_most() -> None:
+    robot = ButtonRobot()
+    setup = SessionSetup(30, replans=0, robot=robot)
+    began = time.monotonic()
+    setup.run()
+    assert 1 <= robot.asked <= 2 + (time.monotonic() - began) / 0.2

@@ -22,6 +22,8 @@ from frida_painter.session.rehearsal import rehearse
 from support.easel import CALIBRATION, WORKSPACE
 from support.session import BRUSH, NotingPlanner, SessionSetup
 
+pytestmark = pytest.mark.usefixtures("small_world")
+
 RACK = BrushRack({"small": (0.4, -0.2, 0.1), "large": (0.45, -0.2, 0.1)}, (0.0, 0.06), 0.05)
 SMALL_TAKEN, SMALL_BACK = "take the small brush", "put the small brush back"
 LARGE_TAKEN, LARGE_BACK = "take the large brush", "put the large brush back"
@@ -51,6 +53,15 @@ def test_a_brush_is_drawn_out_of_its_fork_and_put_back_on_the_same_way() -> None
     assert np.allclose(motion.put_back("small").position, way[::-1])
     assert [each.label for each in motion.change("small", "large")] == [SMALL_BACK, LARGE_TAKEN]
     assert [each.label for each in motion.change("", "large")] == [LARGE_TAKEN]
+
+
+@pytest.mark.parametrize("change", [("", "broad"), ("broad", "small")])
+def test_a_brush_that_the_rack_lacks_is_named_and_so_are_those_that_it_has(change: tuple[str, str]) -> None:
+    motion = Motion(replace(WORKSPACE, rack=RACK), CALIBRATION)
+    with pytest.raises(ConfigError, match=r"no brush 'broad'; it has small, large: add it to \[rack\]"):
+        motion.change(*change)
+    with pytest.raises(ConfigError, match="it has no brush: add it"):
+        Motion(replace(WORKSPACE, rack=replace(RACK, places={})), CALIBRATION).take("small")
 
 
 @pytest.mark.slow

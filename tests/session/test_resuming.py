@@ -1,7 +1,7 @@
 """Paintings in the virtual studio that are killed and resumed: what is on the canvas in the end."""
 
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -10,14 +10,19 @@ import pytest
 import torch
 from torch import Tensor
 
+from frida_painter.brush.weights import load_models_of
 from frida_painter.errors import PlanError
 from frida_painter.event_log import EventLog
 from frida_painter.plan import Plan
+from frida_painter.planning.placement import Placement
 from frida_painter.session import resuming
 from frida_painter.session.choreography import Action
 from frida_painter.session.events import Dipped, PlanAdopted, StrokeLeftOut, StrokePainted
-from frida_painter.session.journal import History, Journal
+from frida_painter.session.journal import History, Journal, Planning
+from frida_painter.session.open_loop import bare_paper, paint_on_paper
+from frida_painter.session.progress import PaintingProgress, ResumeState
 from killing import began, ended, kill_when
+from support.plans import made_up_plan
 from support.virtual_painting import CANVAS, RESTS_ON, STROKES, VirtualPainting
 
 CLEANED = 0.001
@@ -25,12 +30,9 @@ CLEANED = 0.001
 
 
 @pytest.fixture(scope="module")
-def world() -> Iterator[VirtualPainting]:
-    with pytest.MonkeyPatch.context() as patch:  # photographs are looked at more coarsely, which is sooner done
-        patch.setattr("frida_painter.session.plan_keeper.PHOTOGRAPH_ROWS", 216)
-        patch.setattr("frida_painter.session.resuming.PHOTOGRAPH_ROWS", 216)
-        # With this seed no replan is a near tie, which the little that a cleaned brush changes would decide otherwise.
-        yield VirtualPainting.made(seed=7)
+def world(small_world: None) -> VirtualPainting:
+    # With this seed no replan is a near tie, which the little that a cleaned brush changes would decide otherwise.
+    return VirtualPainting.made(seed=7)
 
 
 @dataclass(frozen=True)
@@ -88,6 +90,20 @@ def off(canvas: Tensor, undisturbed: Undisturbed, but_for: int | None = None) ->
         away = torch.cdist(place.reshape(-1, 2), pixels).amin(1).reshape(rows, columns)
         difference = difference[away > 0.012 / CANVAS.height * rows]
     return float(difference.mean())
+
+
+def test_strokes_that_were_given_up_are_not_on_the_expected_canvas(tmp_path: Path) -> None:
+    plan = made_up_plan(6)
+    models = load_models_of(plan)
+    kept = resuming.KeptPlan(plan, Planning(plan.digest, 3, None, Placement.unknown()), foreign=False)
+    history = History({}, {}, painted=6, given_up=[2, 5])
+    before, now = resuming.resume_open_loop(tmp_path, kept, 6, history.left_out, models)
+    bare = bare_paper(plan.canvas, plan.ground)
+    assert torch.equal(before, paint_on_paper(plan.part([0, 2]), models, bare))
+    assert torch.equal(now, paint_on_paper(plan.part([3, 5]), models, before))
+    memory = PaintingProgress()
+    memory.go_on_from(ResumeState(plan, 6, 3, before, now, None, history.left_out))
+    assert len(memory.canvas.batch(plan, 6)) == 2
 
 
 @pytest.mark.slow

@@ -113,5 +113,5 @@ def test_2000_strokes_and_40_replans_leave_memory_and_handles_as_they_are(
     # What is taken for a moment and given back comes and goes; what stays is the least of each quarter.
     growth = min(gauge.memory[last:]) - min(gauge.memory[half:last])
     assert growth < 16, f"{growth:.1f} MB more over the last {STROKES // 4} strokes"
-    assert max(gauge.handles[half:]) <= gauge.handles[half]
+    assert min(gauge.handles[last:]) <= min(gauge.handles[half:last]), "handles stay open"
     assert len(list(tmp_path.glob("plan-*.safetensors"))) == 1

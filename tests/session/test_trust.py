@@ -12,7 +12,10 @@ from frida_painter.plan import Plan
 from frida_painter.session.events import Event, LastLookDoubted, Paused
 from frida_painter.session.journal import Journal
 from frida_painter.virtual.faults import Bump, Faults, InSight, LightChange, LostFocus
+from support.small_world import fine_registration
 from support.virtual_painting import STROKES, VirtualPainting
+
+pytestmark = pytest.mark.usefixtures("small_world")
 
 
 @pytest.fixture(scope="module")
@@ -71,6 +74,7 @@ def test_what_goes_away_by_itself_is_waited_for(world: VirtualPainting, tmp_path
     assert paint(world, tmp_path, faults) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("faults", "reason"),
     [
@@ -95,6 +99,7 @@ def test_a_painting_whose_strokes_are_all_painted_is_finished_whatever_its_last_
     assert not [event for event in heard if isinstance(event, Paused)]
 
 
+@pytest.mark.slow
 def test_what_is_doubtful_is_looked_at_again_in_the_studio_and_asked_about_once_at_a_real_easel(
     world: VirtualPainting, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -126,8 +131,9 @@ def test_what_is_doubtful_is_looked_at_again_in_the_studio_and_asked_about_once_
 
 @pytest.mark.slow
 def test_no_photograph_of_a_normal_painting_is_refused(world: VirtualPainting, tmp_path: Path) -> None:
-    """Two dozen studios, with their own light, grain, hand and error of place."""
+    """A dozen studios, with their own light, grain, hand and error of place."""
     paint(world, tmp_path / "first", Faults())
     plan = next(iter(world.known.values()))
-    refused = {seed: paint(world, tmp_path / str(seed), Faults(), seed, plan) for seed in range(24)}
+    with fine_registration():
+        refused = {seed: paint(world, tmp_path / str(seed), Faults(), seed, plan) for seed in range(24)}
     assert {seed: pauses for seed, pauses in refused.items() if pauses} == {}

@@ -34,6 +34,7 @@ from frida_painter.web.security import Presence
 from frida_painter.web.server import application
 from frida_painter.web.store import PaintingStore
 from frida_painter.web.web_app_easel import WebAppEasel
+from frida_painter.web.web_studio import Studio
 
 Request = tuple[str, str, dict[str, str], bytes]
 """Method, path, headers, body."""
@@ -177,7 +178,7 @@ RAW = [
 
 def description(folder: Path) -> dict[str, Any]:
     """What a studio says of its own routes (OpenAPI), but for those that never end or destroy."""
-    told = application(PaintingStore(folder), WebAppEasel(folder / "record.json"), Presence()).openapi()
+    told = application(Studio(PaintingStore(folder), WebAppEasel(folder / "record.json"), Presence())).openapi()
     return {**told, "paths": {path: own for path, own in told["paths"].items() if not path.endswith(_LEFT_OUT)}}
 
 

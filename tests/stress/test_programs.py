@@ -9,6 +9,7 @@ from types import ModuleType
 import pytest
 
 from support.programs import load_program
+from support.virtual_painting import VirtualPainting
 
 PROGRAMS = Path(__file__).parent
 
@@ -32,6 +33,25 @@ def test_every_command_but_two_is_tried_with_all_that_it_takes():
     assert {("paint",), ("resume",), ("strokes", "train"), ("experiments", "replanning")} <= set(known)
     takes = {one.name: one.takes for one in known["paint",].parameters}
     assert takes["--brushes"] is str and takes["--settings"] is Path and takes["--strokes"] is int and takes[""] is Path
+
+
+@pytest.mark.slow
+def test_a_franka_paints_in_the_closed_loop(tmp_path: Path) -> None:
+    pytest.importorskip("franky_sim")
+    painting = program("franka").closed_loop(tmp_path, 2, 1, colors=1)
+    assert painting.strokes == 2 and painting.looks == 2 and painting.rms < 3e-4
+    assert float(painting.canvas.min()) < 0.9, "there is paint on the canvas"
+
+
+@pytest.mark.slow
+def test_an_so101_paints_in_the_closed_loop_as_exactly_as_it_was_told() -> None:
+    pytest.importorskip("mink")
+    pytest.importorskip("scservo_sdk")
+    so101 = program("so101")
+    one = so101.judged(VirtualPainting.made(), 2, 1, so101.PLAY, colors=1)
+    assert one.painting.strokes == 2 and one.painting.looks == 2
+    assert one.told / 4 < one.painting.rms < one.told
+    assert float(one.painting.canvas.min()) < 0.9, "there is paint on the canvas"
 
 
 @pytest.mark.slow

@@ -41,3 +41,23 @@ def made_up_plan(count: int = 40, colors: int = 5, seed: int = 0, paint: list[in
     chosen = torch.tensor(paint) if paint else torch.arange(count) * colors // max(1, count)
     strokes = made_up_strokes(len(chosen), seed)
     return Plan.of(strokes, palette, chosen, canvas=CANVAS, brush="medium", limits=LIMITS, about=(("seed", str(seed)),))
+
+
+SMALL_LIMITS = StrokeLimits((0.01, 0.03), (-0.008, 0.008))
+"""Limits of the brush "small" of `plan_of_paints`."""
+
+
+def plan_of_paints(paint: list[int], length: float = 0.02, thickness: float = 0.5) -> Plan:
+    """Equal strokes at one place of the stub easel's canvas, each in one of three paints, from light to dark."""
+    n = len(paint)
+    strokes = Strokes(
+        torch.tensor([[0.03, 0.04]]).expand(n, 2),
+        torch.zeros(n),
+        torch.full((n,), length),
+        torch.zeros(n),
+        torch.full((n,), thickness),
+        torch.zeros(n, 3),
+    )
+    palette = Palette(torch.tensor([[0.9, 0.9, 0.9], [0.5, 0.5, 0.5], [0.1, 0.1, 0.1]]))
+    canvas = CanvasSize(0.12, 0.09)
+    return Plan.of(strokes, palette, torch.tensor(paint), canvas=canvas, brush="small", limits=SMALL_LIMITS)

@@ -35,6 +35,7 @@ class NotingPlanner:
     """Plans random strokes in two steps, plans again by turning them, and notes how many it was given."""
 
     ground = (1.0, 1.0, 1.0)
+    region = None
     layers: tuple[int, ...] = ()
     brushes: tuple[str, ...] = ()
     fresh: list[bool] = field(default_factory=list)
@@ -145,7 +146,7 @@ class SessionSetup:
             stop_asked=lambda: self.stopping,
             notify=self._hear,
             journal=self.journal,
-            pause_asked=lambda: self.pausing,
+            pause_cause=lambda: "person" if self.pausing else None,
             go_on=self._answer,
             mixed=self.mixed,
             timelapse=Timelapse(self.timelapse_frames),

@@ -10,6 +10,7 @@ from typing import Any
 from httpx import Response
 from starlette.testclient import TestClient
 
+from frida_painter.web import web_studio
 from frida_painter.web.commands import Role
 from frida_painter.web.security import Keys, Presence
 from frida_painter.web.server import add_middleware, application
@@ -48,7 +49,8 @@ class Studio:
         self.keys = Keys()
         self.presence = Presence()
         self.easel = easel or WebAppEasel(self.store.calibration.path / "calibration.json")
-        self.app = application(self.store, self.easel, self.presence)
+        self.web = web_studio.Studio(self.store, self.easel, self.presence)
+        self.app = application(self.web)
         self.served = add_middleware(self.app, self.keys, frozenset({HOST, "localhost:8350"}), "studio-8350")
 
     def client(self) -> TestClient:

@@ -73,6 +73,7 @@ class VirtualPainting:
         seed: int = 0,
         faults: Faults = NO_FAULTS,
         notify: Callable[[Event], None] = lambda event: None,
+        **more: Any,
     ) -> tuple[PaintingSession, VirtualStudio]:
         studio = open_studio(CANVAS, "fine", seed=seed, settings=SETTINGS, faults=faults, state=folder / "studio.diary")
         easel = studio.easel
@@ -91,6 +92,7 @@ class VirtualPainting:
             stop_asked=lambda: False,
             notify=notify,
             journal=journal,
+            **more,
         )
         return session, studio
 

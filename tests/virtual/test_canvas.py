@@ -7,6 +7,7 @@ import pytest
 
 from .hand import Hand
 
+pytestmark = pytest.mark.usefixtures("small_world")  # nobody looks at the canvas
 WHITE, YELLOW, BLUE, BLACK = [1.0, 1, 1], [0.98, 0.85, 0.1], [0.1, 0.3, 0.72], [0.08, 0.08, 0.08]
 
 

@@ -85,6 +85,7 @@ def photograph_of(seed):
     return hand.studio.table.checker.looks
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("center", "turn", "width"), [((0, 0), 0, 0.01), ((math.nan, 0), 0, 0.1), ((0, 0), 0, math.nan)]
 )

@@ -8,6 +8,8 @@ from frida_painter.hardware.robot import Waypoints
 
 from .hand import Hand
 
+pytestmark = pytest.mark.usefixtures("small_world")  # nobody looks at the canvas
+
 
 @pytest.fixture
 def hand():

@@ -88,6 +88,7 @@ def test_the_calibration_is_that_of_the_studio():
     assert 850 < height < 1150
 
 
+@pytest.mark.slow
 def test_as_many_paints_as_a_palette_may_have_fit_into_the_wells():
     hand = Hand(*np.linspace(1, 0, 64 * 3).reshape(64, 3).tolist())
     hand.dip(63)
@@ -161,6 +162,7 @@ def test_a_fresh_canvas_is_bare_and_lies_where_the_first_one_did():
     assert hand.studio.truth(60).min() < 0.3
 
 
+@pytest.mark.slow
 def test_the_first_brush_paints_as_if_it_were_alone_and_another_one_paints_otherwise():
     alone, two = (
         Hand(BLACK, brush=brush, error=None, seed=3) for brush in ("broad", {"broad": "broad", "thin": "fine"})
@@ -188,6 +190,7 @@ def test_the_first_brush_paints_as_if_it_were_alone_and_another_one_paints_other
         two.easel.operator.change_brush("medium")
 
 
+@pytest.mark.slow
 def test_the_workspace_holds_the_deepest_of_its_brushes():
     fine, both, broad = (Hand(brush=brush) for brush in ("fine", {"fine": "fine", "broad": "broad"}, "broad"))
     assert both.easel.workspace.lower == broad.easel.workspace.lower != fine.easel.workspace.lower

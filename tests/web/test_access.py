@@ -1,9 +1,11 @@
+import re
 import time
 from pathlib import Path
 
 import pytest
 from starlette.websockets import WebSocketDisconnect
 
+from frida_painter import web
 from frida_painter.web import security
 from frida_painter.web.commands import Role
 from frida_painter.web.security import Keys
@@ -46,6 +48,23 @@ def test_without_the_token_nothing_is_had(
     answer = studio.client().request(method, path, headers=headers)  # type: ignore[arg-type]
     assert answer.status_code == 401
     assert "set-cookie" not in answer.headers
+
+
+def test_a_stranger_is_told_how_to_come_in_and_gets_no_file_but_those_of_that_page(studio: Studio) -> None:
+    client = studio.client()
+    for path in ("/", "/?token=guess"):
+        closed = client.get(path, headers={"Accept": "text/html"})
+        assert closed.status_code == 401 and "frida-painter studio --link" in closed.text
+        assert str(studio.store.root) not in closed.text and "set-cookie" not in closed.headers
+    static, needed = Path(web.__file__).parent / "static", {"/static/session.js"}  # stop.js imports it
+    needed |= set(re.findall(r'(?:src|href)="(/static/[^"]+)"', closed.text))
+    needed |= {f"/static/{name}" for name in re.findall(r'from "./([^"]+)"', (static / "closed.js").read_text())}
+    given = {
+        f"/static/{file.name}" for file in static.iterdir() if client.get(f"/static/{file.name}").status_code == 200
+    }
+    assert given == needed
+    for path in needed:
+        assert client.get(path, headers={"Sec-Fetch-Site": "cross-site"}).status_code == 403
 
 
 def test_the_token_is_taken_out_of_the_address_and_becomes_a_cookie_that_no_script_reads(studio: Studio) -> None:

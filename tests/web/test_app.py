@@ -1,6 +1,8 @@
 import hashlib
 import io
 import os
+import re
+import shutil
 import sqlite3
 import time
 import zipfile
@@ -11,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from fastapi.testclient import TestClient
 from PIL import Image
 
 from frida_painter import web
@@ -18,7 +21,7 @@ from frida_painter.hardware.latch import Latch, latch_path
 from frida_painter.registry import VARIABLE
 from frida_painter.session.events import PaintingKept, Stopped, TakenUp
 from frida_painter.web.commands import Role
-from frida_painter.web.routes import zip_folder
+from frida_painter.web.routes import SentFile, zip_folder
 from frida_painter.web.store import Entry
 from frida_painter.web.studio_folder import Feed, WorkerLock
 from frida_painter.web.web_app_easel import WebAppEasel
@@ -89,7 +92,7 @@ def test_the_page_and_all_that_it_needs_come_from_here(visitor: Visitor) -> None
     for file in static.iterdir():
         late = (
             file.suffix == ".js"
-            and file.name not in ("sw.js", "stream-worker.js")
+            and file.name not in ("sw.js", "stream-worker.js", "closed.js")
             and f"/static/{file.name}" not in page.text
         )
         assert not late, f"{file.name} is fetched late"
@@ -101,9 +104,20 @@ def test_the_page_and_all_that_it_needs_come_from_here(visitor: Visitor) -> None
 def test_the_page_weighs_little(visitor: Visitor) -> None:
     names = [file.name for file in (Path(web.__file__).parent / "static").iterdir()]
     sent = {name: int(visitor.get(f"/static/{name}").headers["content-length"]) for name in names}
-    assert sum(sent.values()) <= 90_000, sent
+    assert sum(sent.values()) <= 110_000, sent
     plain = visitor.get("/static/main.js", headers={"Accept-Encoding": "identity"})
     assert "content-encoding" not in plain.headers and plain.text == visitor.get("/static/main.js").text
+
+
+def test_the_examples_of_an_empty_gallery_are_small_and_each_comes_with_its_goal(visitor: Visitor) -> None:
+    folder = Path(web.__file__).parent / "examples"
+    named = re.findall(r'name: "([a-z]+)"', (folder.parent / "static/examples.js").read_text())
+    assert len(named) == 3
+    for name in (f"{name}{part}.jpg" for name in named for part in ("", "-goal")):
+        picture = visitor.get(f"/examples/{name}")
+        assert picture.headers["content-type"] == "image/jpeg" and len(picture.content) < 60_000
+        assert f"`{name}`" in (folder / "README.md").read_text() or "-goal" not in name, "its licence is told"
+    assert visitor.get("/examples/README.md").status_code == 404
 
 
 def test_what_the_page_takes_from_others_is_as_they_published_it() -> None:
@@ -120,7 +134,7 @@ def test_the_page_can_be_installed(visitor: Visitor) -> None:
     for icon in manifest.json()["icons"]:
         assert visitor.get(icon["src"]).headers["content-type"].startswith(icon["type"])
     assert visitor.get("/sw.js").headers["content-type"].startswith("text/javascript")
-    assert visitor.get("/static/offline.html").status_code == 200
+    assert visitor.get("/static/closed.html").status_code == 200
 
 
 def test_a_picture_is_taken_and_given_back(visitor: Visitor) -> None:
@@ -195,15 +209,16 @@ def test_who_asked_for_what_and_when_is_kept_for_good(studio: Studio, visitor: V
     lock = WorkerLock(entry.folder)
     assert lock.take()
     assert visitor.post(f"{path}/say", json={"kind": "pause"}).status_code == 200
-    region = {"picture": give(visitor), "only": True}
-    assert visitor.post(f"{path}/region", json=region).status_code == 200
+    region = {"kind": "protect", "picture": give(visitor), "only": True}
+    assert visitor.post(f"{path}/say", json=region).status_code == 200
+    assert visitor.post(f"{path}/say", json={**region, "picture": "f" * 32}).status_code == 422
     for place in (path, "/api/calibration"):
         moved = {"question": "f" * 16, "step": -0.001}
         assert visitor.post(f"{place}/answer", json=moved).status_code == 409, "nobody asks"
     assert visitor.post("/api/stop").status_code == visitor.post("/api/lead").status_code == 200
     lock.release()
     moved = "answer: moved by -1.0 mm"
-    told = ["start plan 1", "pause 0", "region 1", moved, moved, "lead", "stop"]
+    told = ["start plan 1", "pause", f"paint only in region {region['picture'][:8]}", moved, moved, "lead", "stop"]
     wait_for(lambda: sorted(audit_records(studio)) == sorted(told))  # a stop is put down after it was done
     with closing(sqlite3.connect(studio.store.root / "studio.sqlite")) as base:
         whose = {(by, datetime.fromisoformat(at).date()) for at, by in base.execute("SELECT at, by FROM deed")}
@@ -218,7 +233,13 @@ def test_networks_are_fetched_by_a_command_and_never_by_the_page(
 ) -> None:
     monkeypatch.setenv(VARIABLE, str(tmp_path / "no models"))
     told = visitor.get("/api/studio").json()["abilities"]
-    assert told["image"] == {"ready": True, "missing": [], "fetch": [], "advice": ""}
+    ready = {"ready": True, "missing": [], "fetch": [], "advice": ""}
+    assert told["image"] == {
+        **ready,
+        "label": "Picture",
+        "verb": "Another picture to reproduce, pixel by pixel",
+        "words": False,
+    }
     assert told["text"]["missing"] == ["minilm", "efficientnet-lite0"] and not told["text"]["ready"]
     answer = visitor.post("/api/paintings", json={"terms": [{"kind": "text", "words": "a ship"}]})
     assert answer.status_code == 422 and "frida-painter models fetch words" in answer.json()["sentence"]
@@ -268,8 +289,9 @@ def test_paintings_that_are_not_there_are_not_found(visitor: Visitor, identifier
 )  # fmt: skip
 def test_what_is_not_understood_is_refused_in_a_sentence(visitor: Visitor, body: bytes, says: str) -> None:
     answer = visitor.post("/api/paintings", content=body, headers={"Content-Type": "application/json"})
-    assert 400 <= answer.status_code < 500 and says in answer.json()["sentence"]
-    assert "script" not in answer.text and "Traceback" not in answer.text
+    told = answer.json()
+    assert 400 <= answer.status_code < 500 and says in told["sentence"] + told.get("fault", "")
+    assert "script" not in answer.text and "Traceback" not in answer.text and "body." not in answer.text
 
 
 def test_what_nobody_foresaw_gets_a_number_and_nothing_else(
@@ -330,9 +352,105 @@ def test_a_painting_that_was_stopped_is_gone_on_with(studio: Studio, visitor: Vi
     assert started[-1] == ("resume", 1)
     assert not entry.folder.stop.exists() and not entry.folder.robot_stop.exists()
     feed.tell(TakenUp(2))
+    lock = WorkerLock(entry.folder)
+    assert lock.take()
     assert visitor.get(path).json()["painting"]["status"] == "preparing"
     feed.tell(PaintingKept(film=False))
+    lock.release()
     assert "finished" in visitor.post(f"{path}/resume").json()["sentence"]
+
+
+def said_of(visitor: Visitor, entry: Entry) -> dict[str, tuple[str, bool]]:
+    """What each view says of a painting: its stage, and if somebody is at work on it."""
+    card = next(each for each in visitor.get("/api/paintings").json() if each["id"] == entry.id)
+    page = visitor.get(f"/api/paintings/{entry.id}").json()
+    work = visitor.get("/api/work").json()["working"]
+    return {
+        "gallery": (card["stage"], card["working"]),
+        "page": (page["stage"], page["working"]),
+        "work": (page["stage"], entry.id in work),
+    }
+
+
+def started_painting(studio: Studio, visitor: Visitor) -> Entry:
+    entry = begun(studio, visitor)
+    finish_plan(entry)
+    assert visitor.post(f"/api/paintings/{entry.id}/start", json={"plan": 1, "ready": True}).status_code == 200
+    entry.folder.painting.mkdir()
+    (entry.folder.painting / "journal").write_text("")
+    return entry
+
+
+def test_a_killed_painter_is_told_everywhere_and_its_painting_is_continued(
+    studio: Studio, visitor: Visitor, started: list[tuple[str, int]]
+) -> None:
+    entry = started_painting(studio, visitor)
+    lock = WorkerLock(entry.folder)
+    assert lock.take()
+    assert set(said_of(visitor, entry).values()) == {("preparing", True)}
+    assert "at work" in visitor.post(f"/api/paintings/{entry.id}/resume").json()["sentence"]
+    lock.release()  # the system releases it when a process is killed
+    for _ in range(2):  # a reload
+        assert set(said_of(visitor, entry).values()) == {("failed", False)}
+        shown = visitor.get(f"/api/paintings/{entry.id}").json()
+        assert shown["resumable"] and "without saying why" in shown["trouble"]
+        assert shown["painting"]["status"] == "failed" and shown["painting"]["left"] is None
+    assert visitor.post(f"/api/paintings/{entry.id}/resume").status_code == 200
+    assert started[-1] == ("resume", 1)
+
+
+def test_a_folder_that_is_deleted_while_it_is_painted_is_told_the_same_everywhere(
+    studio: Studio, visitor: Visitor, started: list[tuple[str, int]]
+) -> None:
+    entry = started_painting(studio, visitor)
+    lock = WorkerLock(entry.folder)
+    assert lock.take()
+    shutil.rmtree(entry.folder.path)
+    again = Studio(studio.store.root).visitor()  # a studio that is opened again knows it as well
+    for each in (visitor, again):
+        assert set(said_of(each, entry).values()) == {("lost", True)}
+        assert "press Stop" in each.get(f"/api/paintings/{entry.id}").json()["trouble"]
+    assert visitor.post("/api/stop").json()["stopped"] == 1
+    assert visitor.post(f"/api/paintings/{entry.id}/delete").status_code == 409
+    lock.release()
+    for each in (visitor, again):
+        assert set(said_of(each, entry).values()) == {("lost", False)}
+    assert visitor.post(f"/api/paintings/{entry.id}/resume").status_code == 409
+    entry.folder.painting.mkdir(parents=True)  # the last that the painter wrote
+    assert set(said_of(visitor, entry).values()) == {("lost", False)}
+    assert visitor.post(f"/api/paintings/{entry.id}/delete").status_code == 200
+    assert visitor.get("/api/paintings").json() == []
+
+
+def test_a_stopped_plan_is_told_as_stopped(studio: Studio, visitor: Visitor, started: Any) -> None:
+    entry = begun(studio, visitor)
+    Feed(entry.folder).tell(Stopped())
+    assert set(said_of(visitor, entry).values()) == {("plan stopped", False)}
+    assert visitor.post(f"/api/paintings/{entry.id}/plans", json=painting_request(give(visitor))).status_code == 200
+    assert visitor.get(f"/api/paintings/{entry.id}").json()["plans"][0]["status"] == "stopped"
+
+
+def test_one_browser_leads_only_while_something_may_move(studio: Studio, started: Any) -> None:
+    first, second = studio.visitor(), studio.visitor()
+    entry = started_painting(studio, first)
+    say, pause = f"/api/paintings/{entry.id}/say", {"kind": "pause"}
+    lock = WorkerLock(entry.folder)
+    assert lock.take()
+    assert first.post(say, json=pause).status_code == 200
+    refused = second.post(say, json=pause)
+    assert refused.status_code == 409 and refused.json()["led"]
+    lock.sign("plan")  # a planner moves nothing
+    assert second.post(say, json=pause).status_code == 200
+    lock.sign("paint")
+    assert first.post(say, json=pause).json()["led"]
+    lock.release()
+    assert "Nothing is being painted" in first.post(say, json=pause).json()["sentence"], "it leads, and is told why not"
+
+
+def test_a_link_says_what_it_is_for(studio: Studio) -> None:
+    for role, says in ((Role.plan, "you may plan here, and not move the robot"), (Role.watch, "you may watch here")):
+        refused = studio.visitor(role).post("/api/lead")
+        assert refused.status_code == 403 and says in refused.json()["sentence"]
 
 
 @pytest.fixture
@@ -365,12 +483,12 @@ def test_what_is_asked_of_a_busy_painter_waits_in_order_and_is_begun_by_itself(
     assert visitor.post(f"/api/queue/{second.id}/first").status_code == 200
     queue = visitor.get("/api/work").json()["queue"]
     assert [each["painting"] for each in queue] == [second.id, first.id]
-    studio.app.state.queue.advance()
+    studio.web.queue.advance()
     assert started == []
     free(monkeypatch)
-    again = PaintingQueue(studio.store, studio.app.state.workers)  # it is kept where the studio is started anew
+    again = PaintingQueue(studio.store, studio.web.workers)  # it is kept where the studio is started anew
     assert again.to_plain()["queue"] == [{key: each[key] for key in ("painting", "plan", "job")} for each in queue]
-    studio.app.state.queue.advance()
+    studio.web.queue.advance()
     assert started == [("plan", 1)] * 2 and waiting(visitor) == []
     assert visitor.get(f"/api/paintings/{first.id}").json()["queued"] == ""
 
@@ -383,13 +501,13 @@ def test_a_stop_holds_the_queue_until_a_person_lets_it_go_on(
     assert not visitor.get("/api/work").json()["held"]
     assert visitor.post("/api/stop").json()["stopped"] >= 1
     free(monkeypatch)
-    studio.app.state.queue.advance()
+    studio.web.queue.advance()
     assert started == [] and visitor.get("/api/work").json()["held"]
     assert begun(studio, visitor).id != entry.id and started == []  # who comes later does not overtake
     watcher = studio.visitor(Role.plan)
     assert watcher.post("/api/queue/go-on").status_code == 403
     assert visitor.post("/api/queue/go-on").status_code == 200
-    studio.app.state.queue.advance()
+    studio.web.queue.advance()
     assert started == [("plan", 1)] * 2
 
 
@@ -402,7 +520,7 @@ def test_a_painting_waits_for_others_and_is_painted_where_the_robot_is_simulated
     assert visitor.post(f"/api/paintings/{entry.id}/start", json=order).status_code == 200
     assert visitor.post(f"/api/paintings/{entry.id}/start", json=order).status_code == 409  # once
     assert waiting(visitor) == [("Tea", "paint")]
-    studio.app.state.queue.advance()
+    studio.web.queue.advance()
     assert started == [("plan", 1), ("paint", 1)] and waiting(visitor) == []
     assert stage(visitor, entry) != "planned"
     assert "start plan 1" in audit_records(studio)
@@ -414,7 +532,7 @@ def test_a_real_robot_paints_nothing_by_itself(tmp_path: Path, started: list[tup
     entry = begun(studio, visitor)
     finish_plan(entry)
     visitor.post(f"/api/paintings/{entry.id}/start", json={"plan": 1, "ready": False, "wait": True})
-    studio.app.state.queue.advance()
+    studio.web.queue.advance()
     assert started == [("plan", 1)] and waiting(visitor) == [("Tea", "paint")]
     assert visitor.post(f"/api/paintings/{entry.id}/start", json={"plan": 1, "ready": True}).status_code == 200
     assert started[-1] == ("paint", 1) and waiting(visitor) == []
@@ -435,7 +553,7 @@ def test_what_waits_is_taken_out_by_hand_or_with_its_painting(
 def test_a_damaged_queue_is_begun_anew(studio: Studio, visitor: Visitor, busy: None) -> None:
     begun(studio, visitor)
     (studio.store.root / "queue/queue.json").write_text("{")
-    assert PaintingQueue(studio.store, studio.app.state.workers).to_plain() == {"held": False, "queue": []}
+    assert PaintingQueue(studio.store, studio.web.workers).to_plain() == {"held": False, "queue": []}
 
 
 def test_what_the_camera_sees_is_shown_while_it_is_new(
@@ -483,3 +601,97 @@ def test_a_locked_database_is_told_in_a_sentence(
         answer = visitor.get("/api/paintings")
         assert answer.status_code == 422 and "try again" in answer.json()["sentence"]
         assert visitor.post("/api/stop").json() == {"stopped": 0, "heard": 0}
+
+
+def test_a_file_that_is_deleted_while_it_is_sent_is_told_in_a_sentence_and_a_zip_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "film.mp4"
+    path.write_bytes(b"film")
+    found = os.stat
+
+    def deleted_after(name: Any, *more: Any, **known: Any) -> os.stat_result:
+        told = found(name, *more, **known)
+        if name == path:
+            path.unlink()
+        return told
+
+    async def films(scope: Any, receive: Any, send: Any) -> None:
+        with monkeypatch.context() as patch:
+            patch.setattr(os, "stat", deleted_after)
+            await SentFile(path)(scope, receive, send)
+
+    client = TestClient(films)
+    for _ in range(2):  # deleted between two looks at it; and before the first
+        answer = client.get("/")
+        assert (answer.status_code, answer.json()) == (404, {"sentence": "This file was deleted."})
+    for name in "ab":
+        (tmp_path / name).write_bytes(b"x" * 300_000)
+    archive = zip_folder(tmp_path)
+    pieces = [next(archive)]
+    (tmp_path / "a").unlink()
+    (tmp_path / "b").unlink()
+    assert zipfile.ZipFile(io.BytesIO(b"".join([*pieces, *archive]))).namelist() == ["painting/a"]
+
+
+def marks_of(count: int = 10, points: int = 8) -> list[list[list[float]]]:
+    return [[[float(mark + 4 * at), 10.0, 0.5, 0.1 * at] for at in range(points)] for mark in range(count)]
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"marks": marks_of(9)},
+        {"marks": marks_of(61)},
+        {"marks": [*marks_of(9), []]},
+        {"marks": marks_of(10, 401)},
+        {"marks": [*marks_of(9), [[0.0, 0.0, 1.5, 0.0]] * 5]},
+        {"marks": [*marks_of(9), [[0.0, 5000.0, 0.5, 0.0]] * 5]},
+        {"marks": [*marks_of(9), [[0.0, 0.0, 0.5]] * 5]},
+        {"name": "../hook"},
+        {"name": "Hook"},
+        {"name": "comma"},
+        {"name": "taken"},
+        {"brush": "mop"},
+        {"count": 10_000},
+    ],
+)
+def test_marks_that_make_no_stroke_are_refused_with_a_sentence(
+    studio: Studio, visitor: Visitor, started: list[tuple[str, int]], wrong: dict[str, Any]
+) -> None:
+    (studio.store.root / "families").mkdir()
+    (studio.store.root / "families/taken.safetensors").write_bytes(b"")
+    answer = visitor.post("/api/teaching/start", json={"name": "hook", "marks": marks_of(), **wrong})
+    assert answer.status_code == 422 and answer.json()["sentence"].endswith((".", "?")) and started == []
+
+
+def test_a_taught_stroke_can_be_chosen_and_another_one_is_refused(
+    studio: Studio, visitor: Visitor, started: list[tuple[str, int]]
+) -> None:
+    assert visitor.post("/api/teaching/start", json={"name": "hook", "marks": marks_of()}).status_code == 200
+    assert started == [("teach", 1)] and visitor.get("/api/teaching").json()["name"] == "hook"
+    assert studio.visitor(Role.watch).post("/api/teaching/start", json={}).status_code == 403
+    (studio.store.root / "families").mkdir()
+    (studio.store.root / "families/hook.safetensors").write_bytes(b"")
+    assert "hook" in visitor.get("/api/studio").json()["families"]
+    wish = painting_request(give(visitor), brushes="fine")
+    assert visitor.post("/api/paintings", json={**wish, "strokes_of": "hook:40%"}).status_code == 200
+    refused = visitor.post("/api/paintings", json={**wish, "strokes_of": "crook"})
+    assert refused.status_code == 422 and "no stroke family 'crook'" in refused.json()["sentence"]
+
+
+@pytest.mark.parametrize(
+    ("more", "sentence"),
+    [
+        ({"brushes": "fine,medium"}, "name one brush"),
+        ({"minutes": 20}, "neither"),
+        ({"strokes_of": "comma"}, "stroke family"),
+        ({"terms": [{"kind": "text", "words": "a cup"}]}, "cannot be one without"),
+    ],
+)
+def test_a_drawing_without_a_goal_takes_nothing_that_only_a_goal_can_use(
+    visitor: Visitor, started: list[tuple[str, int]], more: dict[str, Any], sentence: str
+) -> None:
+    assert visitor.post("/api/paintings", json={"together": True}).status_code == 200
+    refused = visitor.post("/api/paintings", json={"together": True, **more})
+    assert refused.status_code == 422 and sentence in refused.json()["sentence"]

@@ -7,14 +7,15 @@ import pytest
 import torch
 
 from frida_painter.easel.dialogue import Answer, Confirm, Jog, JogMove, Measure, PointCorners, Question
-from frida_painter.errors import ConfigError
+from frida_painter.errors import ConfigError, Interrupted
 from frida_painter.event_log import LogReader
 from frida_painter.session.events import Answered, Asked
-from frida_painter.web import commands
+from frida_painter.web import commands, painter
 from frida_painter.web.commands import LEAD_GOOD_FOR, Reply, parse_answer, reply
-from frida_painter.web.painter import Asker, describe_question
+from frida_painter.web.painter import MAX_ABSENCE, Asker, describe_question
 from frida_painter.web.stop import StopPressed, StopWatch
 from frida_painter.web.studio_folder import Feed, FeedReader, PaintingFolder
+from frida_painter.web.web_studio import Followed
 
 PICTURE = torch.zeros(3, 20, 30)
 CORNERS = ((1.25, 1.0), (25.0, 1.0), (25.0, 15.0), (1.0, 15.0))
@@ -88,6 +89,48 @@ def test_stop_ends_a_question(folder: PaintingFolder) -> None:
     folder.stop.touch()
     waiting.join(20)
     assert len(caught) == 1
+
+
+class FollowedClock:
+    """Time that passes while a question waits; a page follows it until `until`."""
+
+    def __init__(self, path: Path, until: float) -> None:
+        self.now, self.until, self.sign = 0.0, until, Followed(path)
+
+    def monotonic(self) -> float:
+        return self.now
+
+    def sleep(self, seconds: float) -> None:
+        self.now += 20.0
+        if self.now <= self.until:
+            self.sign._renewed = -1e9
+            self.sign.renew()
+
+
+@pytest.mark.parametrize("followed", [0.0, 2000.0])
+def test_a_dialogue_that_no_page_follows_is_left_so_that_the_machine_is_free(
+    folder: PaintingFolder, monkeypatch: pytest.MonkeyPatch, followed: float
+) -> None:
+    clock = FollowedClock(folder.followed, followed)
+    monkeypatch.setattr(painter, "time", clock)
+    asker = Asker(folder, Feed(folder), StopWatch(folder.stop, folder.path.parent), may_leave=True)
+    with pytest.raises(Interrupted, match=r"No page was open for 10 minutes; what was done before is kept"):
+        asker.answer(Confirm("Is it so?"))
+    assert followed + MAX_ABSENCE <= clock.now <= followed + MAX_ABSENCE + 60
+    assert FeedReader(folder.feed).read()[-1] == Answered(), "nothing is asked any more"
+
+
+def test_a_question_of_a_painting_waits_for_days(folder: PaintingFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = FollowedClock(folder.followed, 0.0)
+    monkeypatch.setattr(painter, "time", clock)
+    stop = StopWatch(folder.stop, folder.path.parent)
+    monkeypatch.setattr(clock, "sleep", lambda seconds: folder.stop.touch() if clock.now > 1e5 else advance())
+
+    def advance() -> None:
+        clock.now += 1e4
+
+    with pytest.raises(StopPressed):
+        Asker(folder, Feed(folder), stop).answer(Confirm("Are the wells filled?"))
 
 
 @pytest.mark.parametrize(

@@ -1,20 +1,39 @@
-import json
+import math
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import pytest
+from pydantic import TypeAdapter, ValidationError
 
 from frida_painter.event_log import FEED, EventLog
 from frida_painter.web import commands
-from frida_painter.web.commands import LEAD_GOOD_FOR, Command, CommandReader, Pause, TakeTurns, tell_painter
-from frida_painter.web.studio_folder import PaintingFolder
+from frida_painter.web.commands import (
+    LEAD_GOOD_FOR,
+    MAX_POINTS,
+    ChangeGoal,
+    Command,
+    CommandReader,
+    FinishDrawing,
+    Free,
+    GivePicture,
+    GoOn,
+    LeaveOut,
+    LookAgain,
+    PaintStroke,
+    Pause,
+    Protect,
+    SentCommand,
+    TakeTurns,
+    tell_painter,
+)
+from frida_painter.web.studio_folder import PaintingFolder, PaintingRequest
 
 
 def test_each_command_is_heard_once(tmp_path: Path) -> None:
     folder = PaintingFolder(tmp_path)
     listener = CommandReader(folder, 0.0)
-    tell_painter(folder, "pause", "browser")
-    tell_painter(folder, "turns", "browser", count=5)
+    tell_painter(folder, Pause(), "browser")
+    tell_painter(folder, TakeTurns(5), "browser")
     assert listener.listen() == [Pause(), TakeTurns(5)]
     assert listener.listen() == []
     with EventLog(folder.commands, FEED) as log:
@@ -27,7 +46,7 @@ def test_what_was_asked_while_nobody_could_hear_is_not_done_later(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = PaintingFolder(tmp_path)
-    tell_painter(folder, "go on", "browser")
+    tell_painter(folder, GoOn(), "browser")
     now = commands.time.time()
     monkeypatch.setattr(commands.time, "time", lambda: now + LEAD_GOOD_FOR + 1)
     assert CommandReader(folder, 0.0).listen() == []
@@ -38,26 +57,85 @@ def test_what_was_asked_while_nobody_could_hear_is_not_done_later(
 def test_what_was_said_to_a_painter_is_not_done_again_by_the_next_one(tmp_path: Path) -> None:
     folder = PaintingFolder(tmp_path)
     first = CommandReader(folder, commands.time.time())
-    tell_painter(folder, "pause", "browser")
-    tell_painter(folder, "go on", "browser")
+    tell_painter(folder, Pause(), "browser")
+    tell_painter(folder, GoOn(), "browser")
     assert len(first.listen()) == 2
     following = CommandReader(folder, commands.time.time())
     assert following.listen() == []
-    tell_painter(folder, "pause", "browser")
+    tell_painter(folder, Pause(), "browser")
     assert following.listen() == [Pause()]
+
+
+POINT = (0.5, 0.5, 1.0, 0.0, 0.0, 0.0)
+REQUEST = {"terms": [{"kind": "image", "picture": "a" * 32}, {"kind": "text", "words": "sea"}], "strokes": 7}
+EACH: dict[str, tuple[dict[str, Any], Command]] = {
+    "pause": ({}, Pause()),
+    "go on": ({}, GoOn()),
+    "finish": ({}, FinishDrawing()),
+    "look": ({}, LookAgain()),
+    "leave out": ({"count": 3}, LeaveOut(3)),
+    "turns": ({"count": 0}, TakeTurns(0)),
+    "protect": ({"picture": "b" * 32, "only": True}, Protect("b" * 32, only=True)),
+    "picture": ({"picture": "c" * 32}, GivePicture("c" * 32)),
+    "free": ({}, Free()),
+    "paint": ({"brush": "fine", "paint": 1, "points": [[0.5, 0.5, 1, 0, 0, 0]]}, PaintStroke("fine", 1, (POINT,))),
+    "goal": ({"request": REQUEST}, ChangeGoal(PaintingRequest.model_validate(REQUEST))),
+}
+
+
+@pytest.mark.parametrize("kind", EACH)
+def test_a_command_is_the_same_at_the_page_in_the_file_and_at_the_painter(tmp_path: Path, kind: str) -> None:
+    more, means = EACH[kind]
+    command: Command = TypeAdapter(Command).validate_python({"kind": kind, **more})
+    assert command == means
+    tell_painter(PaintingFolder(tmp_path), command, "browser")
+    assert CommandReader(PaintingFolder(tmp_path), 0.0).listen() == [means]
+
+
+def test_every_kind_of_command_is_tested() -> None:
+    assert {each.kind for each in get_args(get_args(Command)[0])} == set(EACH)
 
 
 @pytest.mark.parametrize(
     "changes",
     [
-        {"kind": "home"}, {"kind": None}, {"nonce": "short"}, {"nonce": 5}, {"until": float("1e999")}, {"until": "1"},
-        {"count": -1}, {"count": 1.5}, {"count": True}, {"record": "../x"}, {"speed": 3},
+        {"command": {"kind": "home"}}, {"command": {"kind": None}}, {"command": None}, {"command": {"count": 3}},
+        {"nonce": "short"}, {"nonce": 5}, {"until": 1e300}, {"until": "1"}, {"by": 3}, {"speed": 3},
+        *({"command": {"kind": "turns", "count": count}} for count in (-1, 1.5, True, "3", None, 20_001)),
+        {"command": {"kind": "turns"}}, {"command": {"kind": "pause", "count": 3}},
+        {"command": {"kind": "protect", "picture": "../x", "only": True}},
+        {"command": {"kind": "protect", "picture": "a" * 32, "only": 1}},
+        {"command": {"kind": "goal", "request": {"terms": []}}},
     ],
 )  # fmt: skip
 def test_what_is_no_command_is_left_out(tmp_path: Path, changes: dict[str, Any]) -> None:
     folder = PaintingFolder(tmp_path)
-    tell_painter(folder, "look", "browser")
+    tell_painter(folder, LookAgain(), "browser")
     (record,) = EventLog.read(folder.commands, FEED)
-    assert isinstance(Command.model_validate(record), Command)
-    folder.commands.write_text(json.dumps({**record, **changes}) + "\n")
+    assert SentCommand.model_validate(record).command == LookAgain()
+    folder.commands.unlink()
+    with EventLog(folder.commands, FEED) as log:
+        log.append({**record, **changes})
     assert CommandReader(folder, 0.0).listen() == []
+
+
+@pytest.mark.parametrize(
+    ("points", "sentence"),
+    [
+        ([], "0 points, and a stroke has 1 to"),
+        ([list(POINT)] * (MAX_POINTS + 1), f"{MAX_POINTS + 1} points"),
+        ([[0.5, 0.5, math.nan, 0, 0, 0]], "Point 1 of the stroke has a press of nan"),
+        ([list(POINT), [0.5, 0.5, 1.5, 0, 0, 0]], "Point 2 of the stroke has a press of 1.5"),
+        ([[0.5, math.inf, 1, 0, 0, 0]], "place from the top of inf"),
+        ([[0.5, 0.5, 1, 2, 0, 0]], "tilt of 2"),
+        ([[0.5, 0.5, 1, 0, 0]], "not made of 6 numbers"),
+        ([[0.5, 0.5, True, 0, 0, 0]], "not made of 6 numbers"),
+        ("scribble", "no points"),
+    ],
+)
+def test_a_stroke_that_cannot_be_painted_is_refused_with_one_sentence(points: Any, sentence: str) -> None:
+    with pytest.raises(ValidationError) as refused:
+        TypeAdapter(Command).validate_python({"kind": "paint", "brush": "fine", "paint": 0, "points": points})
+    (fault,) = refused.value.errors()
+    assert fault["type"] == "value_error" and sentence in fault["msg"]
+    assert fault["msg"].count("\n") == 0

@@ -1,8 +1,7 @@
 """The page as people use it: with a mouse, on a phone, by keyboard alone; on paintings of which it is told here."""
 
-import contextlib
-import json
 import re
+import shutil
 from collections.abc import Iterator
 from typing import Any
 
@@ -11,46 +10,13 @@ from PIL import Image
 from playwright.sync_api import Browser, Page, Route, expect
 
 from browsing import SCREENSHOTS, WITH_CHROMIUM, OpenStudio, chromium, deadline, opened_studio, window
-from frida_painter.event_log import FEED, EventLog
-from frida_painter.web.store import PaintingStore
-from frida_painter.web.studio_folder import PaintingFolder, WorkerLock
+from frida_painter.web.commands import CommandReader, Pause, Protect
+from frida_painter.web.studio_folder import PaintingFolder
+from support.told import CHANGED, FINISHED, PAINTED, PAUSED, PICTURES, PLANNED, PROTECTED, REQUEST, Told
 
 pytestmark = [pytest.mark.slow, WITH_CHROMIUM]
 
 PHONE: dict[str, Any] = {"has_touch": True, "is_mobile": True}
-PICTURES = {"a" * 32: (200, 90, 40), "b" * 32: (40, 90, 200)}
-REQUEST = {
-    "title": "Cup", "terms": [{"kind": "image", "picture": "a" * 32, "weight": 1}], "initial": [], "strokes": 40,
-    "colors": 2, "width": 120, "height": 90, "brushes": "broad", "replans": 2, "effort": 1, "seed": 0,
-}  # fmt: skip
-CHANGED = {**REQUEST, "terms": [*REQUEST["terms"], {"kind": "sketch", "picture": "b" * 32, "weight": 2}]}  # type: ignore[misc]
-PALETTE = [
-    {"number": 1, "hex": "#c06030", "strokes": 20, "share": 0.5},
-    {"number": 2, "hex": "#203050", "strokes": 20, "share": 0.5},
-]
-MIXTURES = [{"recipe": "1 red", "millilitres": 3.0, "near": True}] * 2
-MADE = {"prefix": "", "frames": [0, 40], "strokes": 40, "palette": PALETTE}
-PLANNED: list[dict[str, Any]] = [
-    {"kind": "plan_requested", "plan": 1, "wish": REQUEST},
-    {"kind": "plan_made", "plan": 1, "nearer": 0.5, "seconds": 10.0, "mixtures": MIXTURES, **MADE},
-]
-PAINTED: list[dict[str, Any]] = [
-    {"kind": "painting_started", "plan": 1, "of": 40},
-    {"kind": "dipped", "paint": 1},
-    *({"kind": "stroke_painted", "done": done, "of": 40} for done in (1, 2, 3)),
-    {"kind": "photograph_shown", "picture": "photograph-00000.jpg", "done": 3},
-]
-PAUSED = {"kind": "paused", "reason": "It has paused.", "done": 3, "turn": False}
-PROTECTED: list[dict[str, Any]] = [
-    {"kind": "considering"},
-    {"kind": "region_protected", "region": "regions/1.png", "only": False, "picture": "region-1.png"},
-    {"kind": "look_shown", "done": 3, "seen": "look.jpg", "expected": "look.jpg", "difference": "look.jpg"},
-    {"kind": "rest_replanned", "done": 3, "gain": -0.2, **MADE, "strokes": 37, "prefix": "plan-1-"},
-]
-FINISHED: list[dict[str, Any]] = [
-    *({"kind": "stroke_painted", "done": done, "of": 40} for done in range(4, 41)),
-    {"kind": "finishing"}, {"kind": "painting_kept", "film": True}, {"kind": "rests"},
-]  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -77,48 +43,6 @@ def desk(browser: Browser, studio: OpenStudio) -> Iterator[Page]:
 def phone(browser: Browser, studio: OpenStudio) -> Iterator[Page]:
     with window(browser, studio, 390, 844, color_scheme="dark", **PHONE) as opened:
         yield opened
-
-
-class Told:
-    """A painting of which the page is told, although nobody paints."""
-
-    def __init__(self, studio: OpenStudio, *lines: dict[str, Any]) -> None:
-        entry = PaintingStore(studio.folder).begin("Cup")
-        self.id, self.folder = entry.id, entry.folder
-        plan, live, painting = self.folder.path / "plans/1", self.folder.live, self.folder.painting
-        for folder in (plan, live):
-            folder.mkdir(parents=True)
-        (plan / "plan.json").write_text("{}")
-        for name in ("photograph-00000", "look", "plan-1-plan"):
-            Image.new("RGB", (120, 90), (250, 250, 250)).save(live / f"{name}.jpg")
-        for name in ("plan", "after-0", "after-40"):
-            Image.new("RGB", (120, 90), (30, 200, 90)).save(plan / f"{name}.jpg")
-        if any(line["kind"] == "painting_started" for line in lines):
-            painting.mkdir()
-            Image.new("RGB", (120, 90), (250, 0, 250)).save(painting / "painting.png")
-        Image.new("L", (120, 90), 255).save(live / "region-1.png")
-        paths = {"height": 750, "paths": [[[100, 100], [300, 300]]] * 40, "widths": [40] * 40, "paint": [0, 1] * 20}
-        for strokes in (plan / "strokes.json", live / "plan-1-strokes.json"):
-            strokes.write_text(json.dumps(paths))
-        self._log = EventLog(self.folder.feed, FEED)
-        self.tell(*lines)
-
-    def tell(self, *lines: dict[str, Any]) -> None:
-        for line in lines:
-            self._log.append(line)
-
-    def show(self, page: Page) -> None:
-        page.evaluate("id => { location.hash = `#/p/${id}`; }", self.id)
-
-    @contextlib.contextmanager
-    def at_work(self) -> Iterator[None]:
-        """Somebody holds what a worker holds."""
-        lock = WorkerLock(self.folder)
-        assert lock.take()
-        try:
-            yield
-        finally:
-            lock.release()
 
 
 def go(page: Page, place: str) -> None:
@@ -160,6 +84,31 @@ def test_on_a_phone_the_header_is_low_and_nothing_is_wider_than_the_screen(phone
     keep(phone, "phone")
 
 
+def test_on_a_phone_the_main_action_is_in_reach_and_lies_over_nothing_for_good(phone: Page, studio: OpenStudio) -> None:
+    planned, painted = Told(studio, *PLANNED), Told(studio, *PLANNED, *PAINTED)
+    with painted.at_work():
+        for place, name in (
+            ("#/new", "Make a plan"),
+            (planned.id, "Use plan 1"),
+            (painted.id, "Pause after this stroke"),
+        ):
+            go(phone, place if place.startswith("#") else f"#/p/{place}")
+            expect(phone.get_by_role("button", name=name)).to_be_visible()
+            assert in_sight(phone, ".main-action .button"), "without any scrolling"
+            phone.evaluate("scrollTo(0, document.documentElement.scrollHeight)")
+            assert in_sight(phone, ".main-action .button")
+            below = """() => {
+              const bar = document.querySelector(".main-action");
+              const others = [...document.querySelectorAll("#view :is(a, button, input, summary, p)")];
+              const shown = others.filter((each) => !bar.contains(each) && each.checkVisibility());
+              const lowest = Math.max(...shown.map((each) => each.getBoundingClientRect().bottom));
+              return lowest <= bar.getBoundingClientRect().top;
+            }"""
+            assert phone.evaluate(below), f"{name}: the end of the page is free"
+            middle = "document.elementFromPoint(340, document.querySelector('.bar').offsetHeight / 2).id"
+            assert phone.evaluate(middle) == "stop"
+
+
 def test_a_tap_on_the_empty_canvas_chooses_a_picture(phone: Page) -> None:
     go(phone, "#/new")
     with phone.expect_file_chooser():
@@ -194,6 +143,27 @@ def test_a_pasted_picture_becomes_a_goal_and_a_draft_stays_until_it_is_dropped(d
     desk.get_by_role("button", name="Start over").click()
     expect(desk.get_by_role("button", name="Choose a picture")).to_be_visible()
     expect(desk.locator(".terms li")).to_have_count(0)
+
+
+def test_an_empty_gallery_shows_examples_and_one_of_them_becomes_the_goal(phone: Page) -> None:
+    phone.route("**/api/paintings", lambda route: route.fulfill(json=[]))
+    go(phone, "/calibrate")
+    go(phone, "/")
+    phone.get_by_role("button", name="Paint this one: Chelsea the cat").click()
+    expect(phone.get_by_label("Title")).to_have_value("Chelsea the cat")
+    expect(phone.get_by_alt_text("The picture to paint")).to_have_js_property("naturalWidth", 451)
+    picture = phone.get_by_role("application", name="The picture on the canvas")
+    picture.press("+")
+    picture.press("ArrowLeft")
+    expect(phone.get_by_text("125 %")).to_be_visible()
+    with phone.expect_request("**/api/paintings") as asked:
+        phone.get_by_role("button", name="Make a plan").click()  # (the route above answers it)
+    left, top, width, height = asked.value.post_data_json["terms"][0]["crop"]
+    assert top > 0 and left < (1 - width) / 2 and width == pytest.approx(0.8, abs=1e-3) == height
+    keep(phone, "example-taken")
+    phone.wait_for_url("**/#/p/undefined")
+    go(phone, "/")
+    phone.unroute("**/api/paintings")
 
 
 def test_pasted_text_is_a_goal_or_it_is_said_what_is_missing(desk: Page) -> None:
@@ -234,7 +204,7 @@ def test_the_plan_step_shows_the_goal_too(desk: Page, studio: OpenStudio) -> Non
     fade.fill("0.5")
     assert plan.evaluate("image => getComputedStyle(image).opacity") == "0.5"
     expect(desk.get_by_role("list", name="The goal").get_by_text("Paint this picture")).to_be_visible()
-    expect(desk.get_by_text("Painting it takes about")).to_be_visible()
+    expect(desk.get_by_text("Painting it takes")).to_be_visible()
     keep(desk, "plan")
 
 
@@ -276,6 +246,25 @@ def test_a_drawing_added_midway_is_part_of_the_goal_from_then_on(desk: Page, stu
     expect(goal.get_by_alt_text("Drawing")).to_be_visible()
 
 
+def test_a_finished_painting_leaves_a_card_and_a_line_between_before_and_after(desk: Page, studio: OpenStudio) -> None:
+    told = Told(studio, *PLANNED, *PAINTED, *FINISHED)
+    told.show(desk)
+    line = desk.get_by_role("slider", name="Before and after")
+    line.press("ArrowLeft")
+    expect(line).to_have_attribute("aria-valuetext", "49 % goal, 51 % painting")
+    with desk.expect_download() as saved:
+        desk.get_by_role("button", name="Save the card").click()
+    assert saved.value.suggested_filename == "Cup-card.png"
+    card = Image.open(saved.value.path())
+    assert card.width == 1500 and card.getpixel((750, 400)) == (250, 0, 250, 255), "the painting itself"
+    expect(desk.locator(".card-facts")).to_have_text(re.compile(r"^40 strokes, 2 paints · .*20\d\d"))
+    desk.emulate_media(media="print")
+    for hidden in (".bar", ".panel", ".compare"):
+        expect(desk.locator(hidden)).to_be_hidden()
+    expect(desk.locator(".card")).to_be_visible()
+    desk.emulate_media(media="screen")
+
+
 def test_the_film_opens_on_the_painting(desk: Page, studio: OpenStudio) -> None:
     painting = Told(studio, *PLANNED, *PAINTED, *FINISHED)
     painting.show(desk)
@@ -303,11 +292,11 @@ def test_on_a_phone_the_drawing_pad_opens_where_it_is_seen(phone: Page, paused: 
 
 def marked(folder: PaintingFolder) -> Image.Image:
     """The region that was handed in last, light where it was drawn."""
-    return Image.open(folder.region(1)).convert("L")
+    handed_in = [each for each in CommandReader(folder, 0.0).listen() if isinstance(each, Protect)]
+    return Image.open(folder.pictures / f"{handed_in[-1].picture}.png").convert("L")
 
 
 def test_a_part_is_protected_by_keyboard_alone(browser: Browser, studio: OpenStudio, paused: Told) -> None:
-    paused.folder.region(1).unlink()
     with window(browser, studio, 1440, 900) as page:
         lead(page)
         paused.show(page)
@@ -356,6 +345,20 @@ def test_the_pad_undoes_redoes_and_zooms(desk: Page, paused: Told) -> None:
     assert inked(desk, 0.3, 0.5)
     desk.get_by_role("button", name="Clear").click()
     assert not inked(desk, 0.3, 0.5)
+    stroke(desk, (0.3, 0.3), (0.7, 0.3), (0.7, 0.7), (0.3, 0.7), (0.3, 0.32))
+    assert not inked(desk, 0.5, 0.5)
+    keep(desk, "lasso")
+    desk.get_by_role("button", name="Mark the inside too").click()
+    assert inked(desk, 0.5, 0.5) and not inked(desk, 0.1, 0.1)
+    expect(surface).to_be_focused()
+    undo.click()
+    assert not inked(desk, 0.5, 0.5) and inked(desk, 0.3, 0.5)
+    desk.get_by_role("button", name="Clear").click()
+    surface.hover()
+    surface.focus()
+    desk.mouse.wheel(0, -200)
+    expect(desk.get_by_role("button", name="Show the whole sheet")).to_have_text("140 %")
+    surface.press("0")
     desk.get_by_role("button", name="Zoom in").click()
     desk.get_by_role("button", name="Zoom in").click()
     expect(desk.get_by_role("button", name="Show the whole sheet")).to_have_text("225 %")
@@ -365,15 +368,16 @@ def test_the_pad_undoes_redoes_and_zooms(desk: Page, paused: Told) -> None:
     desk.get_by_role("button", name="Cancel").click()
 
 
-def stroke(page: Page, begin: tuple[float, float], end: tuple[float, float]) -> None:
-    """A line with the mouse, in shares of the pad's window."""
+def stroke(page: Page, *through: tuple[float, float]) -> None:
+    """A line through these places with the mouse, in shares of the pad's window."""
     page.locator(".pad").scroll_into_view_if_needed()
     box = page.locator(".pad").bounding_box()
     assert box is not None
-    places = [(box["x"] + x * box["width"], box["y"] + y * box["height"]) for x, y in (begin, end)]
+    places = [(box["x"] + x * box["width"], box["y"] + y * box["height"]) for x, y in through]
     page.mouse.move(*places[0])
     page.mouse.down()
-    page.mouse.move(*places[1], steps=5)
+    for place in places[1:]:
+        page.mouse.move(*place, steps=5)
     page.mouse.up()
 
 
@@ -452,7 +456,7 @@ def test_somebody_who_looks_elsewhere_is_told_that_they_are_needed(browser: Brow
         painting.show(page)
         expect(page.get_by_role("heading", name="Paint together")).to_be_visible()
         assert page.title() == "Cup · The studio"
-        painting.tell({**PAUSED, "turn": True})
+        painting.tell({**PAUSED, "cause": "turn"})
         expect(page).to_have_title("● Cup · The studio")
         assert page.evaluate("window.told") == ["Cup: it is your turn to paint."]
         page.evaluate("() => { window.away = false; window.dispatchEvent(new Event('focus')); }")
@@ -536,3 +540,186 @@ def test_a_drawing_is_made_by_keyboard_alone(browser: Browser, studio: OpenStudi
         expect(page.get_by_role("button", name="Make a plan")).to_be_enabled()
         keep(page, "drawn")
         page.unroute_all(behavior="wait")
+
+
+STOPPED_PLAN: list[dict[str, Any]] = [
+    {"kind": "plan_requested", "plan": 1, "wish": REQUEST},
+    {"kind": "planning_progress", "plan": 1, "share": 0.3, "left": 20.0},
+    {"kind": "stopped"},
+]
+
+
+def stage_in_gallery(page: Page, painting: Told) -> str:
+    go(page, "#/")
+    card = page.locator(f".shelf a[href='#/p/{painting.id}']")
+    expect(card).to_be_visible()
+    return card.inner_text()
+
+
+def test_a_painter_that_was_killed_is_told_as_such_and_continued(desk: Page, phone: Page, studio: OpenStudio) -> None:
+    painting = Told(studio, *PLANNED, *PAINTED, {"kind": "time_left", "seconds": 20.0})
+    (painting.folder.painting / "journal").write_text("")
+    with painting.at_work():
+        for page in (desk, phone):
+            painting.show(page)
+            expect(page.get_by_role("button", name="Pause after this stroke")).to_be_visible()
+            expect(page.get_by_text("about 20 s left")).to_be_visible()
+    for page in (desk, phone):
+        for again in (False, True):
+            if again:
+                page.reload()
+            expect(page.get_by_text("The painter's process ended in the middle of its work")).to_be_visible()
+            expect(page.get_by_role("button", name="Continue this painting")).to_be_enabled()
+            expect(page.get_by_role("button", name="Pause after this stroke")).to_have_count(0)
+            expect(page.get_by_text("s left")).to_have_count(0)
+        keep(page, f"killed-{'desk' if page is desk else 'phone'}")
+    assert "failed" in stage_in_gallery(desk, painting)
+
+
+def test_a_stopped_plan_is_no_finished_one(desk: Page, phone: Page, studio: OpenStudio) -> None:
+    painting = Told(studio, *STOPPED_PLAN)
+    for page in (desk, phone):
+        painting.show(page)
+        expect(page.get_by_role("heading", name="You stopped the planning")).to_be_visible()
+        expect(page.get_by_role("button", name="Plan again")).to_be_enabled()
+        expect(page.get_by_text("This is what the robot will paint")).to_have_count(0)
+        keep(page, f"plan-stopped-{'desk' if page is desk else 'phone'}")
+    assert "planning stopped" in stage_in_gallery(desk, painting)
+
+
+def test_a_painting_whose_folder_was_deleted_is_told_as_such(desk: Page, phone: Page, studio: OpenStudio) -> None:
+    painting = Told(studio, *PLANNED, *PAINTED)
+    with painting.at_work():
+        for page in (desk, phone):
+            painting.show(page)
+            expect(page.get_by_alt_text("The canvas after 3 strokes")).to_be_visible()
+        shutil.rmtree(painting.folder.path)
+        for page in (desk, phone):
+            expect(page.get_by_text("Its painter still works")).to_be_visible()
+            expect(page.locator("#stop")).to_have_class(re.compile("live"))
+            keep(page, f"lost-{'desk' if page is desk else 'phone'}")
+        assert "but it is being painted" in stage_in_gallery(desk, painting)
+        painting.show(desk)
+    expect(desk.get_by_text("Nothing of it is left")).to_be_visible()
+    desk.once("dialog", lambda dialog: dialog.accept())
+    lead(desk)
+    desk.get_by_role("button", name="Remove it from the gallery").click()
+    expect(desk.get_by_text("What do you want to paint?")).to_be_visible()
+    expect(desk.locator(f".shelf a[href='#/p/{painting.id}']")).to_have_count(0)
+
+
+def test_planning_waits_for_a_drawing_that_is_still_on_its_way(desk: Page, studio: OpenStudio) -> None:
+    painting = Told(studio, *PLANNED)
+    asked: list[dict[str, Any]] = []
+    uploads: list[Route] = []
+
+    def begin(route: Route) -> None:
+        if route.request.method != "POST":
+            route.continue_()
+            return
+        asked.append(route.request.post_data_json)
+        route.fulfill(json={"id": painting.id})
+
+    desk.route("**/api/paintings", begin)
+    desk.route("**/api/pictures", lambda route: uploads.append(route))  # it does not end until we say so
+    try:
+        go(desk, "#/")
+        go(desk, "#/new")
+        desk.get_by_role("button", name="+ Drawing").click()
+        sheet = desk.locator(".pad canvas").bounding_box()
+        assert sheet is not None
+        desk.mouse.move(sheet["x"] + 50, sheet["y"] + 50)
+        desk.mouse.down()
+        desk.mouse.move(sheet["x"] + 200, sheet["y"] + 120, steps=4)
+        desk.mouse.up()
+        desk.get_by_role("button", name="Use this drawing").click()
+        expect(desk.get_by_text("The picture is on its way to the studio.")).to_be_visible()
+        desk.get_by_role("button", name="Make a plan").click()
+        expect(desk.get_by_role("button", name="Taking in the picture …")).to_be_disabled()
+        keep(desk, "plan-waits")
+        assert asked == [] and len(uploads) == 1
+        uploads[0].abort()
+        expect(desk.get_by_text("The studio does not answer")).to_be_visible()
+        expect(desk.locator(".pad canvas")).to_be_visible()  # nothing is lost
+        desk.get_by_role("button", name="Use this drawing").click()
+        expect(desk.get_by_text("The picture is on its way to the studio.")).to_be_visible()
+        desk.get_by_role("button", name="Make a plan").click()
+        assert asked == [] and len(uploads) == 2
+        uploads[1].fulfill(json={"id": "b" * 32})
+        expect(desk.get_by_role("heading", name="Review the plan")).to_be_visible()
+    finally:
+        desk.unroute("**/api/paintings")
+        desk.unroute("**/api/pictures")
+    assert [term["picture"] for term in asked[0]["terms"]] == ["b" * 32]
+    assert asked[0]["terms"][0]["kind"] == "sketch" and len(asked) == 1
+
+
+def hidden_from(page: Page) -> set[str]:
+    """What of these a role does not see."""
+    names = ["Use plan 1", "Make another plan", "Plan with these changes", "New painting", "Calibrate", "Stop"]
+    return {
+        name
+        for name in names
+        if not page.get_by_role("button", name=name).or_(page.get_by_role("link", name=name)).first.is_visible()
+    }
+
+
+@pytest.mark.parametrize("size", [(1440, 900), (390, 844)])
+@pytest.mark.parametrize("role", ["watch", "plan", "operate"])
+def test_a_role_sees_what_it_is_and_no_form_that_it_may_not_use(
+    browser: Browser, studio: OpenStudio, role: str, size: tuple[int, int]
+) -> None:
+    plan = {"Make another plan", "Plan with these changes", "New painting"}
+    hidden = {"watch": plan | {"Use plan 1", "Calibrate"}, "plan": {"Use plan 1", "Calibrate"}, "operate": set[str]()}
+    painting, stopped = Told(studio, *PLANNED), Told(studio, *PLANNED, *PAINTED, {"kind": "stopped", "done": 3})
+    (stopped.folder.painting / "journal").write_text("")
+    context = browser.new_context(viewport={"width": size[0], "height": size[1]})
+    context.route("**/api/studio", lambda route: route.fulfill(json={**route.fetch().json(), "role": role}))
+    page = context.new_page()
+    page.goto(studio.address)
+    page.wait_for_url("**/#/")
+    name = f"{role}-{size[0]}"
+    expect(page.get_by_text("What do you want to paint?")).to_be_visible()
+    expect(page.locator("#role")).to_have_text({"watch": "You watch", "plan": "You plan", "operate": ""}[role])
+    expect(page.get_by_role("link", name="Start a painting")).to_have_count(0 if role == "watch" else 1)
+    keep(page, f"role-gallery-{name}")
+    painting.show(page)
+    expect(page.get_by_role("heading", name="Review the plan")).to_be_visible()
+    if role != "watch":
+        page.get_by_text("Change the goal").click()
+    assert hidden_from(page) == hidden[role]
+    assert page.evaluate("document.documentElement.scrollWidth") <= size[0]
+    keep(page, f"role-plan-{name}")
+    stopped.show(page)
+    expect(page.get_by_text("You stopped after 3 strokes")).to_be_visible()
+    expect(page.get_by_role("button", name="Continue this painting")).to_have_count(1 if role == "operate" else 0)
+    keep(page, f"role-stopped-{name}")
+    context.close()
+
+
+def test_control_is_taken_and_the_order_done_with_one_button(browser: Browser, studio: OpenStudio) -> None:
+    painting = Told(studio, *PLANNED, *PAINTED)
+    with (
+        painting.at_work(),
+        window(browser, studio, 390, 844, **PHONE) as page,
+        window(browser, studio, 800, 600) as two,
+    ):
+        for each in (page, two):
+            painting.show(each)
+            expect(each.get_by_role("button", name="Pause after this stroke")).to_be_visible()
+        lead(two)
+        page.get_by_role("button", name="Pause after this stroke").tap()
+        take = page.get_by_role("button", name="Take control and continue")
+        expect(take).to_be_visible()
+        overlap = """() => {
+            const [words, button] = ["#notice p", "#notice button"].map(
+                (each) => document.querySelector(each).getBoundingClientRect());
+            return button.top < words.bottom && button.left < words.right;
+        }"""
+        assert not page.evaluate(overlap), "the button lies over the words"
+        keep(page, "take-control")
+        take.tap()
+        expect(page.locator("#notice")).to_be_empty()
+        expect(page.get_by_role("button", name="It will pause after this stroke")).to_be_visible()
+    said = [each for each in CommandReader(painting.folder, 0.0).listen() if isinstance(each, Pause)]
+    assert len(said) == 1

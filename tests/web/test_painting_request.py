@@ -1,4 +1,4 @@
-import tomllib
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -6,6 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from frida_painter.runs.goal_item import GoalItem
+from frida_painter.runs.spec import RunSpec
 from frida_painter.web.studio_folder import GoalRequest, PaintingRequest
 
 PICTURE = "0" * 32
@@ -15,15 +17,18 @@ def request_of(**more: Any) -> PaintingRequest:
     return PaintingRequest.model_validate({"terms": [{"kind": "image", "picture": PICTURE}], **more})
 
 
-def test_a_request_is_told_to_the_command_line_in_its_own_terms() -> None:
+def test_the_goals_of_a_request_are_goal_items_with_the_files_of_their_pictures() -> None:
     asked = request_of(
         strokes=5, colors=12, replans=9, width=297, height=210, initial=[{"kind": "text", "words": 'a "sea"'}]
     )
-    assert tomllib.loads(asked.toml) == {
-        "goal": [{"image": f"{PICTURE}.png", "weight": 1.0}],
-        "initial": [{"text": 'a "sea"', "weight": 1.0}],
+    assert asked.goals(Path("here")) == {
+        "goal": (GoalItem(kind="image", value=f"here/{PICTURE}.png", weight=1.0),),
+        "initial": (GoalItem(kind="text", value='a "sea"', weight=1.0),),
     }
     assert asked.pictures == {PICTURE}
+    cropped = request_of(terms=[{"kind": "image", "picture": PICTURE, "crop": [0, 0.25, 1, 0.5]}])
+    assert PaintingRequest.model_validate_json(cropped.model_dump_json()) == cropped, "as the studio keeps it"
+    assert cropped.goals(Path("here"))["goal"][0].crop == (0, 0.25, 1, 0.5)
 
 
 def test_what_matters_most_in_a_picture_is_asked_for_as_on_the_command_line() -> None:
@@ -39,6 +44,12 @@ def test_how_sharp_a_plan_is_is_asked_for_as_on_the_command_line() -> None:
             request_of(sharpness=wrong)
 
 
+def test_people_who_do_not_mix_say_so() -> None:
+    assert request_of().paints == RunSpec.model_fields["paints"].default and request_of(paints="any").paints == "any"
+    with pytest.raises(ValidationError, match="paints"):
+        request_of(paints="/etc/passwd")
+
+
 @given(st.text(max_size=300))
 def test_all_words_arrive_as_they_were_said_or_are_refused(words: str) -> None:
     try:
@@ -46,7 +57,7 @@ def test_all_words_arrive_as_they_were_said_or_are_refused(words: str) -> None:
     except ValidationError:
         assert not words.strip() or not words.isprintable()
     else:
-        assert tomllib.loads(term.toml) == {"text": term.words, "weight": 1.0} and term.words in words
+        assert term.item(Path()).value == term.words and term.words in words
 
 
 @pytest.mark.parametrize(
@@ -63,6 +74,19 @@ def test_all_words_arrive_as_they_were_said_or_are_refused(words: str) -> None:
         ({"terms": [{"kind": "image", "picture": PICTURE, "weight": float("nan")}]}, "finite"),
         ({"terms": [{"kind": "image", "picture": PICTURE, "weight": 0}]}, "greater"),
         ({"terms": [{"kind": "image", "picture": PICTURE}] * 9}, "at most 8"),
+        *(
+            ({"terms": [{"kind": "image", "picture": PICTURE, "crop": crop}]}, says)
+            for crop, says in (
+                ([float("nan"), 0, 0.5, 0.5], "finite"),
+                ([0, 0, float("inf"), 0.5], "finite"),
+                ([-0.1, 0, 0.5, 0.5], "inside"),
+                ([0.6, 0, 0.5, 0.5], "inside"),
+                ([0, 0.2, 1, 0.9], "inside"),
+                ([0, 0, 0, 0.5], "at least 0.01"),
+                ([0, 0, 1], "missing|4 items|required"),
+            )
+        ),
+        ({"terms": [{"kind": "text", "words": "a", "crop": [0, 0, 1, 1]}]}, "cannot be cropped"),
         ({"strokes": 0}, "greater"),
         ({"strokes": 20_001}, "less"),
         ({"width": float("inf")}, "finite"),

@@ -1,43 +1,65 @@
+import shutil
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
 import pytest
 import torch
 
 from frida_painter import images
+from frida_painter.errors import FrameRejected
+from frida_painter.hardware.easel import PersonStroke
+from frida_painter.plan import Plan
 from frida_painter.planning.layers import Effort
 from frida_painter.planning.planner import Planner
 from frida_painter.runs.painting_folder import read_goal
 from frida_painter.session import resuming
 from frida_painter.session.events import (
     Event,
-    GoalChanged,
+    PauseCause,
     Paused,
     Planned,
-    RegionProtected,
     Remark,
     StrokePainted,
+    Turns,
     WentOn,
+    Written,
 )
 from frida_painter.session.journal import Journal
-from frida_painter.web.commands import tell_painter
+from frida_painter.session.person_events import GoalChanged, PersonPaintShown, RegionProtected
+from frida_painter.web.commands import (
+    ChangeGoal,
+    Command,
+    GivePicture,
+    GoOn,
+    LeaveOut,
+    LookAgain,
+    Pause,
+    Protect,
+    TakeTurns,
+    tell_painter,
+)
 from frida_painter.web.painter import PauseController
 from frida_painter.web.stop import StopPressed, StopWatch
 from frida_painter.web.studio_folder import Feed, FeedReader, PaintingFolder, PaintingRequest
 from support.planning import CANVAS, goal, picture, plain, small_table
 from support.session import SessionSetup
+from support.virtual_painting import RESTS_ON, STROKES, VirtualPainting
 
-PICTURE = "a" * 32
+PICTURE, DRAWING = "a" * 32, "b" * 32
 Told = TypeVar("Told")
 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> PaintingFolder:
-    (tmp_path / "live").mkdir()
-    return PaintingFolder(tmp_path)
+    folder = PaintingFolder(tmp_path / "cup")
+    folder.live.mkdir(parents=True)
+    folder.pictures.mkdir()
+    return folder
 
 
 class Table:
@@ -57,10 +79,10 @@ class Table:
             go_on=self._go_on,
             journal=journal or Journal.nowhere(),
         )
-        self.setup.session.interruptions.pause_asked = self._pause_asked
+        self.setup.session.interruptions.pause_cause = self._pause_cause
         self.controller.opened = lambda: self.setup.session
-        self.says: list[tuple[str, dict[str, int]]] = []
-        deadline = threading.Timer(30, folder.stop.touch)  # a pause that nobody ends is not waited for
+        self.says: list[Command] = []
+        deadline = threading.Timer(180, folder.stop.touch)  # a pause that nobody ends is not waited for
         deadline.daemon = True
         deadline.start()
 
@@ -74,13 +96,13 @@ class Table:
 
         return pause_at
 
-    def _pause_asked(self) -> bool:
-        return self.controller.pause_asked() or self.setup.pausing
+    def _pause_cause(self) -> PauseCause | None:
+        return self.controller.pause_cause() or ("person" if self.setup.pausing else None)
 
     def _go_on(self, paused: Paused) -> bool:
         def answer() -> None:
-            for kind, more in self.says:
-                tell_painter(self.folder, kind, "browser", **more)  # type: ignore[arg-type]
+            for command in self.says:
+                tell_painter(self.folder, command, "browser")
 
         threading.Timer(0.05, answer).start()
         return self.controller.go_on(paused)
@@ -89,7 +111,7 @@ class Table:
 @pytest.mark.slow
 def test_in_a_pause_strokes_are_left_out_and_the_painting_goes_on(folder: PaintingFolder) -> None:
     table = Table(folder, 8)
-    table.says = [("look", {}), ("leave out", {"count": 3}), ("pause", {}), ("go on", {})]
+    table.says = [LookAgain(), LeaveOut(3), Pause(), GoOn()]
     assert table.setup.run().painted == 5
     assert len(table.told(Paused)) == 4 and len(table.told(WentOn)) == 1
     assert "let it look" in table.told(Paused)[0].reason
@@ -98,9 +120,9 @@ def test_in_a_pause_strokes_are_left_out_and_the_painting_goes_on(folder: Painti
 @pytest.mark.slow
 def test_turns_are_taken(folder: PaintingFolder) -> None:
     table = Table(folder, 7)
-    table.says = [("turns", {"count": 2}), ("go on", {})]
+    table.says = [TakeTurns(2), GoOn()]
     assert table.setup.run().painted == 7
-    turns = [event for event in table.told(Paused) if event.turn]
+    turns = [event for event in table.told(Paused) if event.cause == "turn"]
     assert len(turns) >= 2 and "your turn" in turns[0].reason
 
 
@@ -108,8 +130,9 @@ def test_turns_are_taken(folder: PaintingFolder) -> None:
 def test_what_cannot_be_done_is_told_and_nothing_goes_on(folder: PaintingFolder) -> None:
     table = Table(folder, 4)
     table.setup.planner.size = CANVAS  # type: ignore[attr-defined]
-    images.save(torch.zeros(3, 40, 50), folder.region(1))
-    table.says = [("spare", {"record": 1}), ("spare", {"record": 2}), ("goal", {"record": 9}), ("go on", {})]
+    images.save(torch.zeros(3, 40, 50), folder.pictures / f"{DRAWING}.png")
+    request = PaintingRequest.model_validate({"terms": [{"kind": "image", "picture": PICTURE}]})
+    table.says = [Protect(DRAWING, only=False), Protect(PICTURE, only=False), ChangeGoal(request), GoOn()]
     assert table.setup.run().painted == 4
     sentences = [event.sentence for event in table.told(Remark)]
     assert "Nothing was drawn" in sentences[0] and len(sentences) == 3
@@ -119,7 +142,7 @@ def test_what_cannot_be_done_is_told_and_nothing_goes_on(folder: PaintingFolder)
 def test_why_it_has_paused_is_told_without_a_path(folder: PaintingFolder) -> None:
     feed = Feed(folder)
     controller = PauseController(folder, feed, StopWatch(folder.stop, folder.path.parent), 0.0)
-    tell_painter(folder, "go on", "browser")
+    tell_painter(folder, GoOn(), "browser")
     assert controller.go_on(Paused(f"{folder.painting}/journal cannot be written; make room.", 3))
     reasons = [event.reason for event in FeedReader(folder.feed).read() if isinstance(event, Paused)]
     assert reasons == ["its folder/painting/journal cannot be written; make room."]
@@ -127,16 +150,17 @@ def test_why_it_has_paused_is_told_without_a_path(folder: PaintingFolder) -> Non
 
 def test_what_was_asked_after_a_pause_is_done_in_that_pause(folder: PaintingFolder) -> None:
     controller = PauseController(folder, Feed(folder), StopWatch(folder.stop, folder.path.parent), 0.0)
-    for name, about in (("turns", {"count": 5}), ("pause", {}), ("go on", {})):
-        tell_painter(folder, name, "browser", **about)
-    while not controller.pause_asked():
+    for command in (TakeTurns(5), Pause(), GoOn()):
+        tell_painter(folder, command, "browser")
+    while (cause := controller.pause_cause()) is None:
         time.sleep(0.01)
-    assert not controller.pause_asked()  # there is one pause, and nothing is lost: it goes on
-    assert controller.go_on(Paused("You asked for a pause.", 3, asked=True))
+    assert cause == "person"
+    assert controller.pause_cause() is None  # there is one pause, and nothing is lost: it goes on
+    assert controller.go_on(Paused("You asked for a pause.", 3, "person"))
 
 
 @pytest.mark.slow
-def test_a_region_and_another_goal_reach_the_planner(folder: PaintingFolder, tmp_path: Path) -> None:
+def test_a_region_and_another_goal_reach_the_planner(folder: PaintingFolder) -> None:
     folder.painting.mkdir()
     table = Table(folder, 4, journal=Journal.begin(folder.painting, {}, {}))
     planner = Planner(goal(), plain(CANVAS, small_table(), rows=64, effort=Effort().scale(0.02), seed=1))
@@ -145,18 +169,18 @@ def test_a_region_and_another_goal_reach_the_planner(folder: PaintingFolder, tmp
     table.setup.session.planner = planner
     drawn = torch.zeros(3, 60, 80)
     drawn[:, :, :30] = 1
-    images.save(drawn, folder.region(1))
-    (tmp_path / "pictures").mkdir()
-    images.save(picture(60, 80), tmp_path / "pictures" / f"{PICTURE}.png")
+    images.save(drawn, folder.pictures / f"{DRAWING}.png")
+    images.save(picture(60, 80), folder.pictures / f"{PICTURE}.png")
     request = PaintingRequest.model_validate({"terms": [{"kind": "image", "picture": PICTURE, "weight": 2}]})
-    assert folder.begin_change(request, tmp_path / "pictures") == 1
-    table.says = [("spare", {"record": 1}), ("goal", {"record": 1}), ("go on", {})]
+    table.says = [Protect(DRAWING, only=False), ChangeGoal(request), GoOn()]
     table.setup.session.run(4, 1, made)
     table.setup.session.journal.close()
     after = table.setup.session.planner
     assert after is not planner and after.region is not None and planner.region is None
     assert after.goal.terms[0].weight == 2
-    assert table.told(RegionProtected) == [RegionProtected("regions/1.png", False, "region-1.png")]
+    (told,) = table.told(RegionProtected)
+    assert (told.region, told.only) == ("regions/1.png", False)
+    assert told.picture is not None and folder.find_shown("live", told.picture) is not None
     history = Journal.reopen(folder.painting)[1]
     kept_region = resuming.region(folder.painting, history)
     assert kept_region is not None and torch.equal(kept_region.forbidden, after.region.forbidden)
@@ -180,6 +204,105 @@ def test_stop_ends_a_pause_and_whatever_heeds_it(folder: PaintingFolder, stopped
     with pytest.raises(StopPressed):
         stopped.heed()
     assert (
-        PauseController(folder, Feed(folder), stopped, 0.0).go_on(Paused("You asked for a pause.", 3, asked=True))
+        PauseController(folder, Feed(folder), stopped, 0.0).go_on(Paused("You asked for a pause.", 3, "person"))
         is False
     )
+
+
+def test_a_person_s_picture_is_taken_in_the_pause_and_a_refusal_is_told(folder: PaintingFolder) -> None:
+    table, taken = Table(folder, 5), []
+
+    def look_at(path: Path) -> None:
+        taken.append(path)
+        if len(taken) == 1:
+            raise FrameRejected("The picture does not show this canvas.")
+
+    table.controller.look_at = look_at
+    table.says = [GivePicture(DRAWING), GivePicture(PICTURE), GoOn()]
+    table.setup.run()
+    assert taken == [folder.pictures / f"{name}.png" for name in (DRAWING, PICTURE)]
+    assert [remark.sentence for remark in table.told(Remark)] == ["The picture does not show this canvas."]
+
+
+class AtRealEasel(Feed):
+    """Paints with a real brush when it is told that the robot has paused: only photographs show that."""
+
+    def __init__(self, folder: PaintingFolder, paint: Callable[[], None]) -> None:
+        super().__init__(folder)
+        self._paint = paint
+
+    def tell(self, event: Written) -> None:
+        super().tell(event)
+        if isinstance(event, Paused):
+            self._paint()
+            tell_painter(self.folder, GoOn(), "browser")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("where", ["in the way", "aside"])
+def test_at_a_real_easel_paint_is_found_and_asked_about_only_if_it_matters(folder: PaintingFolder, where: str) -> None:
+    world = VirtualPainting.made(seed=7)
+    folder.painting.mkdir()
+    asked: list[Any] = []
+
+    def answer(question: Any) -> bool:
+        asked.append(question)
+        return True
+
+    def paint() -> None:
+        planned = session.rest.strokes.path(torch.linspace(0, 1, 9)).numpy()
+        place = planned[np.argmax(session.rest.strokes.length.numpy())]
+        if where == "aside":
+            spots = np.mgrid[0.01:0.11:21j, 0.01:0.08:15j].reshape(2, -1).T
+            far = np.linalg.norm(spots[:, None] - planned.reshape(-1, 2), axis=-1).min(1)
+            place = spots[[far.argmax()]] + np.array([[0.0, 0.0], [0.001, 0.0]])
+        press = np.full(len(place), 0.5)
+        studio.easel.operator.paint_stroke(PersonStroke(1, "fine", 0, place, press, 0 * press, 0 * press))  # type: ignore[attr-defined]
+
+    controller = PauseController(
+        folder, AtRealEasel(folder, paint), StopWatch(folder.stop, folder.path.parent), 0.0, ask=answer
+    )
+    journal = Journal.begin(folder.painting, {"strokes": STROKES}, RESTS_ON)
+    due = iter([True])
+    session, studio = world.session(
+        folder.painting,
+        journal,
+        pause_cause=lambda: "person" if session._progress.painted == 4 and next(due, False) else None,
+        go_on=controller.go_on,
+        notify=controller.hear,
+    )
+    session.hand.easel = replace(session.hand.easel, person_brushes=())
+    controller.opened = lambda: session
+    assert session.run(STROKES, 3).painted == STROKES
+    told = FeedReader(folder.feed).read()
+    (shown,) = [event for event in told if isinstance(event, PersonPaintShown)]
+    assert (folder.live / shown.picture).is_file() and 0 < shown.share < 0.1
+    shutil.copy(folder.live / shown.picture, folder.path.parent / f"found-{where}.jpg")
+    regions = [event for event in told if isinstance(event, RegionProtected)]
+    (remark,) = [event.sentence for event in told if isinstance(event, Remark)]
+    if where == "aside":
+        assert asked == [] and regions == [] and "goes on from it" in remark
+    else:
+        (question,) = asked
+        assert "outlined" in question.text and question.picture.shape[0] == 3 and "still planned" in question.text
+        assert len(regions) == 1 and "paints around it" in remark and session.planner.region is not None
+        rest = Plan.load(folder.painting).part(slice(4, None))
+        forbidden = session.planner.region.forbidden.numpy()
+        assert not near(rest, forbidden), "no later stroke paints over what the person protects"
+    studio.close()
+
+
+def near(rest: Plan, forbidden: np.ndarray) -> bool:
+    """True if the middle of a stroke lies on a forbidden place."""
+    path = rest.strokes.path(torch.linspace(0, 1, 33)).numpy().reshape(-1, 2)
+    rows, columns = forbidden.shape
+    column = np.clip(path[:, 0] / rest.canvas.width * columns, 0, columns - 1).astype(int)
+    row = np.clip((1 - path[:, 1] / rest.canvas.height) * rows, 0, rows - 1).astype(int)
+    return bool(forbidden[row, column].any())
+
+
+def test_what_was_agreed_on_about_turns_is_known_after_the_painter_was_killed(folder: PaintingFolder) -> None:
+    feed = Feed(folder)
+    feed.tell(Turns(7, 0.0, "continue", "protect"))
+    controller = PauseController(folder, feed, StopWatch(folder.stop, folder.path.parent), 0.0)
+    assert controller._game == TakeTurns(7, 0.0, "continue", "protect")

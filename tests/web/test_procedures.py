@@ -19,6 +19,7 @@ from frida_painter.session.events import (
     record,
 )
 from frida_painter.web import studio_folder
+from frida_painter.web.painting_state import Truth
 from frida_painter.web.state import CalibrationState
 from frida_painter.web.studio_folder import CalibrationRequest, Feed, WorkerLock
 from frida_painter.web.web_app_easel import WebAppEasel
@@ -63,6 +64,7 @@ def test_calibrating_begins_and_its_questions_are_answered(tmp_path: Path, start
     lock.release()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "asked", [{"what": []}, {"what": ["robot", "canvas"]}, {"what": ["canvas", "canvas"]}, {"what": ["all"]},
              {"what": ["canvas"], "width": 1e9}, {"what": ["strokes"], "count": 3}, {"what": ["canvas"], "robot": "x"}]
@@ -90,8 +92,14 @@ def test_an_order_without_its_number_or_from_a_second_browser_is_not_done(tmp_pa
     same = order()
     assert first.post("/api/calibration/start", json=asked, headers=same).status_code == 200
     assert "already" in first.post("/api/calibration/start", json=asked, headers=same).json()["sentence"]
+    lock = WorkerLock(studio.store.calibration)
+    assert lock.take()
     led = second.post("/api/calibration/start", json=asked)
+    lock.release()
     assert led.status_code == 409 and led.json()["led"] is True
+    studio.web.lead.under_way += 1
+    assert second.post("/api/calibration/start", json=asked).status_code == 409, "an order is not done yet"
+    studio.web.lead.under_way -= 1
     assert second.post("/api/stop").status_code == 200, "whoever may look may stop"
     assert second.post("/api/lead").status_code == 200
     assert second.post("/api/calibration/start", json=asked).status_code == 200
@@ -106,27 +114,14 @@ def told_of(stands: list[dict[str, Any]]) -> list[Written]:
     ]  # fmt: skip
 
 
-OLD: list[dict[str, Any]] = [
-    {"kind": "begun", "what": ["canvas", "robot"]},
-    {"kind": "standing", "easel": "e", "procedures": [{"name": "robot", "dated": "d", "fault": "f", "old": True}]},
-    {"kind": "procedure", "name": "canvas"},
-    {"kind": "asked", "question": QUESTION},
-    {"kind": "answered"},
-    {"kind": "found", "name": "canvas", "sentence": "It is there.", "picture": "found-canvas.png"},
-    {"kind": "procedure", "name": "robot"},
-    {"kind": "progress", "words": "dot 3"},
-]  # as earlier versions told it
-
-
-@pytest.mark.parametrize("old", [False, True])
-def test_what_is_found_is_followed(old: bool) -> None:
+def test_what_is_found_is_followed() -> None:
     state = CalibrationState()
     stands = [{"name": "robot", "dated": "d", "fault": "f", "old": True}]
-    for told in OLD if old else [record(event) for event in told_of(stands)]:
+    for told in map(record, told_of(stands)):
         for event in events_of(told):
             state.hear(event)
     state.hear(ProcedureFound("?", "Not one of ours."))
-    shown = state.to_plain(working=True)
+    shown = state.to_plain(Truth(working=True))
     canvas, robot = shown["procedures"][:2]
     assert (canvas["status"], canvas["sentence"], robot["status"], robot["fault"]) == (
         "done",
@@ -135,6 +130,6 @@ def test_what_is_found_is_followed(old: bool) -> None:
         "f",
     )
     assert shown["progress"] == "dot 3" and shown["question"] is None
-    assert "without saying why" in state.to_plain(working=False)["trouble"]
+    assert "without saying why" in state.to_plain(Truth(working=False))["trouble"]
     state.hear(Failed("No dots."))
-    assert state.to_plain(working=False)["procedures"][1]["status"] == "failed"
+    assert state.to_plain(Truth(working=False))["procedures"][1]["status"] == "failed"

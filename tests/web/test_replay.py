@@ -25,9 +25,9 @@ from frida_painter.session.progress import ResumeState
 from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.session.resuming import load_kept_plan
 from frida_painter.session.time_left import RemainingTime
-from frida_painter.web.commands import tell_painter
+from frida_painter.web.commands import GoOn, LookAgain, tell_painter
 from frida_painter.web.painter import PauseController
-from frida_painter.web.state import PaintingState
+from frida_painter.web.painting_state import PaintingState, Truth
 from frida_painter.web.stop import StopWatch
 from frida_painter.web.studio_folder import Feed, FeedReader, PaintingFolder
 from frida_painter.web.telling import Reporter
@@ -52,7 +52,7 @@ class Page:
     def look(self) -> None:
         for event in self._reader.read():
             self.state.hear(event)
-        self.shown.append((self.folder.feed.stat().st_size, self.state.to_plain(working=True)))
+        self.shown.append((self.folder.feed.stat().st_size, self.state.to_plain(Truth(working=True))))
 
 
 class Sitting(SessionSetup):
@@ -74,8 +74,8 @@ class Sitting(SessionSetup):
 
     def _answer(self, paused: Paused) -> bool:
         super()._answer(paused)
-        for kind in ("look", "go on"):
-            tell_painter(self.controller.folder, kind, "browser")  # type: ignore[arg-type]
+        for command in (LookAgain(), GoOn()):
+            tell_painter(self.controller.folder, command, "browser")
         return self.controller.go_on(paused)
 
 
@@ -108,7 +108,7 @@ def test_a_replayed_feed_shows_what_the_page_showed_at_every_moment(tmp_path: Pa
     first.session.run(STROKES, 1, made)
     journal.close()
     page.look()
-    assert page.state.to_plain(working=False)["painting"]["status"] == "stopped"
+    assert page.state.to_plain(Truth(working=False))["painting"]["status"] == "stopped"
 
     journal, history = Journal.reopen(folder.painting)
     feed.tell(TakenUp(history.painted))
@@ -134,7 +134,7 @@ def test_a_replayed_feed_shows_what_the_page_showed_at_every_moment(tmp_path: Pa
         again = PaintingState()
         for event in FeedReader(tmp_path / "prefix").read():
             again.hear(event)
-        assert again.to_plain(working=True) == shown
+        assert again.to_plain(Truth(working=True)) == shown
     assert page.shown[-1][1]["painting"]["done"] == STROKES
     history = Journal.reopen(folder.painting)[1]
     assert isinstance(history, History) and history.finished and history.painted == STROKES

@@ -5,11 +5,13 @@ import signal
 import socket
 import subprocess
 import sys
+import webbrowser
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from frida_painter.cli import commands
 from frida_painter.errors import ConfigError
 from frida_painter.web.server import hosts, listen
 
@@ -49,6 +51,34 @@ def test_the_studio_closes_in_peace_while_somebody_watches_and_keeps_no_token(
     assert "Traceback" not in said and "ERROR" not in said, said
     assert token not in said
     assert not any(token.encode() in file.read_bytes() for file in tmp_path.rglob("*") if file.is_file())
+
+
+def link_again(folder: Path, monkeypatch: pytest.MonkeyPatch) -> int:
+    monkeypatch.setattr(sys, "argv", ["frida-painter", "studio", "--folder", str(folder), "--link"])
+    with pytest.raises(SystemExit) as end:
+        commands.main()
+    return int(end.value.code or 0)
+
+
+@pytest.mark.slow
+def test_the_link_of_an_open_studio_is_told_and_opened_again(
+    studio: subprocess.Popen[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    opened: list[str] = []
+    monkeypatch.setattr(webbrowser, "open", opened.append)
+    assert studio.stdout is not None
+    first = [studio.stdout.readline() for _ in range(3)]
+    assert link_again(tmp_path, monkeypatch) == 0
+    assert capsys.readouterr().out == "".join(first)
+    link = first[0].split()[-1]
+    page = Path(opened[0].removeprefix("file://"))
+    assert f'url={link}"' in page.read_text() and link not in opened[0], "others can read a command line"
+    for file in (page, tmp_path / ".links.json"):
+        assert file.stat().st_mode & 0o777 == 0o600
+    studio.kill()
+    studio.wait(10)
+    assert link_again(tmp_path, monkeypatch) == 2
+    assert "No studio is open in" in capsys.readouterr().err and len(opened) == 1
 
 
 # What the page's process does, but for the socket: opened, asked by a browser, given a picture.

@@ -1,29 +1,32 @@
 import json
-from typing import Any
+from typing import Any, get_args
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from frida_painter.session.events import TouchCorrected, Written, events_of
-from frida_painter.web.state import PaintingState
+from frida_painter.web.painting_state import PaintingState, Stage, Truth, tell_status
+
+AT_WORK, AT_REST = Truth(working=True), Truth(working=False)
 
 MADE = {"prefix": "", "frames": [0, 2, 4], "strokes": 4, "palette": []}
 PLANNED: list[dict[str, Any]] = [
-    {"kind": "wished", "plan": 1, "wish": {"strokes": 4}},
-    {"kind": "planning", "plan": 1, "share": 0.5, "left": 3.0},
-    {"kind": "sprouting", "plan": 1, "picture": "growing-0000.jpg"},
-    {"kind": "planned", "plan": 1, "nearer": 0.8, "seconds": 6.0, "mixtures": [], **MADE},
+    {"kind": "plan_requested", "plan": 1, "wish": {"strokes": 4}},
+    {"kind": "planning_progress", "plan": 1, "share": 0.5, "left": 3.0},
+    {"kind": "plan_preview", "plan": 1, "picture": "growing-0000.jpg"},
+    {"kind": "plan_made", "plan": 1, "nearer": 0.8, "seconds": 6.0, "mixtures": [], **MADE},
 ]
 PAINTED: list[dict[str, Any]] = [
-    {"kind": "begun", "plan": 1, "of": 4},
+    {"kind": "painting_started", "plan": 1, "of": 4},
     {"kind": "mixing"},
     {"kind": "dipped", "paint": 2},
-    {"kind": "stroke", "done": 1, "of": 4, "left": 9.0},
-    {"kind": "photograph", "picture": "photograph-00000.jpg", "done": 1},
-    {"kind": "looked", "done": 2, "seen": "a.jpg", "expected": "b.jpg", "difference": "c.jpg"},
-    {"kind": "replanning", "share": 0.1, "left": 8.0},
-    {"kind": "replanned", "done": 2, "gain": 0.25, **MADE, "prefix": "plan-2-"},
-    {"kind": "stroke", "done": 3, "of": 4, "left": 2.0},
+    {"kind": "stroke_painted", "done": 1, "of": 4},
+    {"kind": "photograph_shown", "picture": "photograph-00000.jpg", "done": 1},
+    {"kind": "look_shown", "done": 2, "seen": "a.jpg", "expected": "b.jpg", "difference": "c.jpg"},
+    {"kind": "planning_progress", "share": 0.1, "left": 8.0},
+    {"kind": "rest_replanned", "done": 2, "gain": 0.25, **MADE, "prefix": "plan-2-"},
+    {"kind": "stroke_painted", "done": 3, "of": 4},
 ]
 
 
@@ -43,15 +46,15 @@ def understood(line: dict[str, Any]) -> list[Written]:
 
 
 def test_a_plan_grows_until_it_is_ready() -> None:
-    growing = told(*PLANNED[:3]).to_plain(working=True)["plans"][0]
+    growing = told(*PLANNED[:3]).to_plain(AT_WORK)["plans"][0]
     assert (growing["status"], growing["share"], growing["growing"]) == ("planning", 0.5, "growing-0000.jpg")
-    ready = told(*PLANNED).to_plain(working=False)
+    ready = told(*PLANNED).to_plain(AT_REST)
     assert ready["plans"][0]["status"] == "ready" and ready["plans"][0]["made"]["frames"] == [0, 2, 4]
     assert ready["trouble"] == "" and ready["painting"] is None
 
 
 def test_a_painting_is_followed_stroke_by_stroke() -> None:
-    painting = told(*PLANNED, *PAINTED).to_plain(working=True)["painting"]
+    painting = told(*PLANNED, *PAINTED).to_plain(AT_WORK)["painting"]
     assert (painting["status"], painting["done"], painting["of"], painting["paint"]) == ("painting", 3, 4, 2)
     assert painting["looks"] == [
         {
@@ -64,44 +67,110 @@ def test_a_painting_is_followed_stroke_by_stroke() -> None:
 
 def test_how_long_the_paint_still_dries_is_shown() -> None:
     drying = {"kind": "drying", "done": 3, "seconds": 1200.0, "left": 660.0}
-    painting = told(*PLANNED, *PAINTED, drying).to_plain(working=True)["painting"]
+    painting = told(*PLANNED, *PAINTED, drying).to_plain(AT_WORK)["painting"]
     assert (painting["status"], painting["dries"]) == ("drying", 660.0)
 
 
 def test_while_the_rest_is_planned_again_it_is_said_so() -> None:
-    assert told(*PLANNED, *PAINTED[:7]).to_plain(working=True)["painting"]["status"] == "planning"
+    assert told(*PLANNED, *PAINTED[:7]).to_plain(AT_WORK)["painting"]["status"] == "planning"
 
 
 def test_a_pause_holds_while_it_does_what_was_asked_for_in_it() -> None:
-    paused = {"kind": "paused", "reason": "You asked for a pause.", "turn": False}
+    paused = {"kind": "paused", "reason": "You asked for a pause.", "cause": "person"}
     asked = [*PLANNED, *PAINTED, paused, {"kind": "considering"}, PAINTED[5], PAINTED[7]]
-    assert told(*PLANNED, *PAINTED).to_plain(working=True)["painting"]["held"] is False
+    assert told(*PLANNED, *PAINTED).to_plain(AT_WORK)["painting"]["held"] is False
     for lines in ([*PLANNED, *PAINTED, paused], asked, [*asked, paused]):
-        assert told(*lines).to_plain(working=True)["painting"]["held"] is True
-    assert told(*asked, {"kind": "resumed"}).to_plain(working=True)["painting"]["held"] is False
+        assert told(*lines).to_plain(AT_WORK)["painting"]["held"] is True
+    assert told(*asked, {"kind": "went_on"}).to_plain(AT_WORK)["painting"]["held"] is False
 
 
 def test_how_a_painting_ends_is_kept() -> None:
-    stopped = told(*PLANNED, *PAINTED, {"kind": "stopped", "done": 3}).to_plain(working=False)
+    stopped = told(*PLANNED, *PAINTED, {"kind": "stopped", "done": 3}).to_plain(AT_REST)
     assert stopped["painting"]["status"] == "stopped" and stopped["stopped"] and not stopped["trouble"]
-    failed = told(*PLANNED, *PAINTED, {"kind": "failed", "sentence": "The robot is gone."}).to_plain(working=False)
+    failed = told(*PLANNED, *PAINTED, {"kind": "failed", "reason": "The robot is gone."}).to_plain(AT_REST)
     assert failed["painting"]["status"] == "failed" and failed["trouble"] == "The robot is gone."
-    kept = told(*PLANNED, *PAINTED, {"kind": "stopped"}, {"kind": "finishing"}, {"kind": "finished", "film": True})
-    assert kept.stage == "stopped" and kept.to_plain(working=False)["painting"]["kept"]
-    finished = told(*PLANNED, *PAINTED, {"kind": "finished", "film": True}, {"kind": "stopped"})
-    assert finished.stage == "finished"
+    kept = told(*PLANNED, *PAINTED, {"kind": "stopped"}, {"kind": "finishing"}, {"kind": "painting_kept", "film": True})
+    assert tell_status(kept, AT_REST).stage == "stopped" and kept.to_plain(AT_REST)["painting"]["kept"]
+    finished = told(*PLANNED, *PAINTED, {"kind": "painting_kept", "film": True}, {"kind": "stopped"})
+    assert tell_status(finished, AT_REST).stage == "finished"
+
+
+STOPPED, FAILED = {"kind": "stopped"}, {"kind": "failed", "reason": "The robot is gone."}
+KEPT = {"kind": "painting_kept", "film": True}
+QUEUED = {"kind": "queued", "plan": 1, "job": "plan"}
+AGAIN = {"kind": "plan_requested", "plan": 2, "wish": {}}
+NO_STROKE = Truth(working=False, begun=False)
+STATUSES: list[tuple[list[dict[str, Any]], Truth, str, bool, str]] = [
+    # events, what is true, stage, can it be continued, a word of its trouble
+    ([], AT_WORK, "plan failed", False, ""),
+    (PLANNED[:2], AT_WORK, "planning", False, ""),
+    (PLANNED[:2], AT_REST, "plan failed", False, "planner's process ended"),
+    ([*PLANNED[:2], STOPPED], AT_WORK, "plan stopped", False, ""),
+    ([*PLANNED[:2], STOPPED], AT_REST, "plan stopped", False, ""),
+    ([*PLANNED[:2], FAILED], AT_REST, "plan failed", False, "robot is gone"),
+    ([PLANNED[0], QUEUED], AT_REST, "waiting", False, ""),
+    (PLANNED, AT_REST, "planned", False, ""),
+    ([*PLANNED, {**QUEUED, "job": "paint"}], AT_REST, "queued", False, ""),
+    ([*PLANNED, AGAIN], AT_WORK, "planning", False, ""),
+    ([*PLANNED, AGAIN], AT_REST, "planned", False, "planner's process ended"),
+    ([*PLANNED, AGAIN, STOPPED], AT_REST, "planned", False, ""),
+    ([*PLANNED, PAINTED[0]], AT_WORK, "preparing", False, ""),
+    ([*PLANNED, PAINTED[0]], NO_STROKE, "failed", False, "Nothing was painted yet"),
+    ([*PLANNED, *PAINTED], AT_WORK, "painting", False, ""),
+    ([*PLANNED, *PAINTED[:7]], AT_WORK, "replanning", False, ""),
+    ([*PLANNED, *PAINTED], AT_REST, "failed", True, "painter's process ended"),
+    ([*PLANNED, *PAINTED], Truth(working=False, room=False), "failed", True, "disk is full"),
+    ([*PLANNED, *PAINTED, STOPPED], AT_WORK, "stopped", False, ""),
+    ([*PLANNED, *PAINTED, STOPPED], AT_REST, "stopped", True, ""),
+    ([*PLANNED, *PAINTED, STOPPED, {"kind": "finishing"}, KEPT], AT_REST, "stopped", True, ""),
+    ([*PLANNED, *PAINTED, FAILED], AT_REST, "failed", True, "robot is gone"),
+    ([*PLANNED, *PAINTED, FAILED, {"kind": "taken_up", "done": 3}], AT_WORK, "preparing", False, ""),
+    ([*PLANNED, *PAINTED, FAILED, {"kind": "taken_up", "done": 3}], AT_REST, "failed", True, "painter's process"),
+    ([*PLANNED, *PAINTED, KEPT], AT_REST, "finished", False, ""),
+    ([*PLANNED, *PAINTED], Truth(working=True, here=False), "lost", False, "press Stop"),
+    ([*PLANNED, *PAINTED], Truth(working=False, here=False), "lost", False, "Nothing of it is left"),
+    ([], Truth(working=False, here=False), "lost", False, "was deleted"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("lines", "truth", "stage", "resumable", "says"), STATUSES)
+def test_a_status_is_told_from_the_events_and_from_what_is_true(
+    lines: list[dict[str, Any]], truth: Truth, stage: str, resumable: bool, says: str
+) -> None:
+    status = tell_status(told(*lines), truth)
+    assert (status.stage, status.resumable, status.working) == (stage, resumable, truth.working)
+    assert says in status.trouble if says else status.trouble == ""
+
+
+def test_every_stage_is_tested() -> None:
+    untested = {"mixing", "drying", "paused", "finishing"}  # as the events call them
+    assert {stage for _, _, stage, *_ in STATUSES} | untested == set(get_args(Stage))
+
+
+BUSY = {"planning", "preparing", "mixing", "painting", "drying", "replanning", "paused", "finishing"}
+
+
+@given(st.lists(st.sampled_from([*PLANNED, *PAINTED, STOPPED, FAILED, KEPT, QUEUED, AGAIN]), max_size=12))
+def test_nothing_is_called_busy_where_nobody_works_and_nothing_is_continued_where_somebody_does(lines: Any) -> None:
+    state = told(*lines)
+    for begun in (True, False):
+        rests, works = (tell_status(state, Truth(working, begun=begun)) for working in (False, True))
+        assert rests.stage not in BUSY and not works.resumable
+        shown = state.to_plain(Truth(working=False, begun=begun))
+        statuses = [each["status"] for each in (*shown["plans"], *([shown["painting"]] if shown["painting"] else []))]
+        assert not set(statuses) & BUSY
 
 
 def test_a_worker_that_vanished_is_noticed() -> None:
     state = told(*PLANNED, *PAINTED)
-    assert state.to_plain(working=True)["trouble"] == ""
-    assert "without saying why" in state.to_plain(working=False)["trouble"]
-    assert "without saying why" in told(*PLANNED[:2]).to_plain(working=False)["trouble"]
+    assert state.to_plain(AT_WORK)["trouble"] == ""
+    assert "without saying why" in state.to_plain(AT_REST)["trouble"]
+    assert "without saying why" in told(*PLANNED[:2]).to_plain(AT_REST)["trouble"]
 
 
 def test_trouble_is_forgotten_when_something_else_is_begun() -> None:
-    state = told(PLANNED[0], {"kind": "failed", "sentence": "No."}, {"kind": "wished", "plan": 2, "wish": {}})
-    shown = state.to_plain(working=True)
+    state = told(PLANNED[0], {"kind": "failed", "reason": "No."}, {"kind": "plan_requested", "plan": 2, "wish": {}})
+    shown = state.to_plain(AT_WORK)
     assert shown["trouble"] == "" and [plan["status"] for plan in shown["plans"]] == ["failed", "planning"]
 
 
@@ -117,8 +186,8 @@ keys = st.sampled_from(["plan", "done", "of", "share", "picture", "made", "sente
 @given(st.lists(st.tuples(kinds, st.dictionaries(keys, json_values, max_size=5)), max_size=8))
 def test_whatever_stands_in_the_feed_something_can_be_shown(lines: list[tuple[str, dict[str, Any]]]) -> None:
     state = told(*PLANNED, *({"kind": kind, **facts} for kind, facts in lines))
-    assert json.loads(json.dumps(state.to_plain(working=True)))["version"] >= len(PLANNED)
-    assert isinstance(state.stage, str)
+    assert json.loads(json.dumps(state.to_plain(AT_WORK)))["version"] >= len(PLANNED)
+    assert all(tell_status(state, truth).stage in get_args(Stage) for truth in (AT_WORK, AT_REST))
 
 
 def test_a_look_tells_what_a_person_had_asked_for_before_it() -> None:
@@ -133,14 +202,14 @@ def test_a_look_tells_what_a_person_had_asked_for_before_it() -> None:
         "asked": [considering],
     }
     for why, lines in asked.items():
-        shown = told(*PLANNED, *PAINTED, *lines, look, went_on, look).to_plain(working=True)["painting"]
+        shown = told(*PLANNED, *PAINTED, *lines, look, went_on, look).to_plain(AT_WORK)["painting"]
         assert [each["why"] for each in shown["looks"][-2:]] == [why, ""], why
 
 
 def test_a_look_tells_that_a_brush_is_sent_lower_or_higher_from_then_on() -> None:
     look = {"kind": "look_shown", "done": 3, "seen": "a.jpg", "expected": "b.jpg", "difference": "c.jpg"}
     corrected = [{"kind": "touch_corrected", "brush": "fine", "lower": lower, "done": 3} for lower in (0.0008, -0.0011)]
-    looks = told(*PLANNED, *PAINTED, look, *corrected, look).to_plain(working=True)["painting"]["looks"]
+    looks = told(*PLANNED, *PAINTED, look, *corrected, look).to_plain(AT_WORK)["painting"]["looks"]
     assert "touch" not in looks[-1]
     lower, higher = looks[-2]["touch"]
     assert "as it was calibrated again" in TouchCorrected("fine", -0.00001, 3).sentence
@@ -150,7 +219,7 @@ def test_a_look_tells_that_a_brush_is_sent_lower_or_higher_from_then_on() -> Non
 def test_dips_into_each_well_are_counted_and_strokes_since_the_last() -> None:
     first, third = {"kind": "dipped", "paint": 0}, {"kind": "dipped", "paint": 2}
     strokes = [{"kind": "stroke_painted", "done": done, "of": 9} for done in (1, 2, 3, 4)]
-    begun = {"kind": "begun", "plan": 1, "of": 9}
+    begun = {"kind": "painting_started", "plan": 1, "of": 9}
     lines = [begun, first, strokes[0], third, strokes[1], strokes[2], third, strokes[3]]
-    painting = told(*PLANNED, *lines).to_plain(working=True)["painting"]
+    painting = told(*PLANNED, *lines).to_plain(AT_WORK)["painting"]
     assert (painting["paint"], painting["dips"], painting["since_dip"]) == (2, {0: 1, 2: 2}, 1)

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from PIL import Image
 
 from frida_painter.web.commands import Role
 from frida_painter.web.stop import StopKey, StopWatch
@@ -73,6 +74,25 @@ def test_a_stop_is_heard_by_line_and_leaves_files_and_a_record(studio: Served, w
             break
         assert time.monotonic() < deadline
         time.sleep(0.05)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("after", [0.0, 1.0, 3.0])
+def test_a_planner_ends_at_once_at_every_moment_of_its_loading(studio: Served, after: float) -> None:
+    Image.new("RGB", (64, 48), (200, 120, 60)).save(studio.folder / "pictures" / f"{'a' * 32}.png")
+    request = {"terms": [{"kind": "image", "picture": "a" * 32}], "strokes": 300}
+    identifier = studio.ask("/api/paintings", request)["id"]
+    assert studio.ask("/api/work")["working"] == [identifier] and not studio.ask("/api/work")["moves"]
+    time.sleep(after)
+    began = time.monotonic()
+    told = press_way(studio.host, studio.way)
+    assert told == {"stopped": 1, "heard": 1}, "no alarm for what cannot move"
+    while studio.ask("/api/work")["working"]:
+        assert time.monotonic() - began < PATIENCE
+        time.sleep(0.02)
+    print(f"ended {time.monotonic() - began:.2f} s after the stop")
+    shown = studio.ask(f"/api/paintings/{identifier}")
+    assert (shown["stage"], shown["trouble"], shown["resumable"]) == ("plan stopped", "", False)
 
 
 @pytest.mark.slow

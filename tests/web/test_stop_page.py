@@ -110,10 +110,15 @@ def test_seven_pages_of_one_painting_have_one_stream_and_each_of_them_stops(
         require_arrived(page)
 
 
-def test_where_a_stop_cannot_arrive_the_page_says_so_within_two_seconds(
-    context: BrowserContext, studio: Served, work: Work
+@pytest.mark.parametrize("phone", [False, True])
+def test_where_a_stop_cannot_arrive_the_page_says_so_within_two_seconds_and_stop_stays_in_reach(
+    context: BrowserContext, studio: Served, work: Work, phone: bool
 ) -> None:
+    says = "The stop has not arrived yet" if phone else "emergency stop at the robot"
+    if not phone:  # a machine that can hurt somebody
+        context.route("**/api/studio", lambda route: route.fulfill(json={**route.fetch().json(), "dangerous": True}))
     page = enter(context, studio)
+    page.set_viewport_size({"width": 390, "height": 844} if phone else {"width": 1440, "height": 900})
     page.route("**/stop", lambda route: None)  # it is never answered
     page.clock.install()  # the page's own time, whatever else the machine does
     page.clock.pause_at(datetime.now() + timedelta(hours=1))
@@ -121,14 +126,64 @@ def test_where_a_stop_cannot_arrive_the_page_says_so_within_two_seconds(
     page.clock.run_for(1000)
     assert page.locator(".stop-alarm").is_hidden()
     page.clock.run_for(1000)
-    expect(page.locator(".stop-alarm")).to_contain_text("emergency stop at the robot")
-    page.screenshot(path=SCREENSHOTS / "stop-did-not-arrive.png")
+    expect(page.locator(".stop-alarm")).to_contain_text(says)
+    page.screenshot(path=SCREENSHOTS / f"stop-did-not-arrive-{'phone' if phone else 'desk'}.png")
+    for view in ("#/", "#/new", "#/calibrate"):
+        page.evaluate("view => { location.hash = view; }", view)
+        assert_stop_is_on_top(page)
     page.unroute("**/stop")
     page.clock.resume()
     assert work.told.wait(WAIT / 1000), "it is sent again"
     expect(page.locator(".stop-alarm")).to_contain_text("The stop arrived after", timeout=WAIT)
-    page.get_by_role("button", name="I have looked at the robot").click()
+    page.get_by_role("button", name="Close" if phone else "I have looked at the robot", exact=True).last.click()
     expect(page.locator(".stop-alarm")).to_be_hidden()
+
+
+def assert_stop_is_on_top(page: Page) -> None:
+    """Nothing lies over Stop, at any of its corners."""
+    box = page.locator("#stop").bounding_box()
+    assert box is not None
+    for across in (0.15, 0.5, 0.85):
+        for down in (0.15, 0.5, 0.85):
+            place = [box["x"] + across * box["width"], box["y"] + down * box["height"]]
+            assert page.evaluate("([x, y]) => document.elementFromPoint(x, y)?.id", place) == "stop"
+
+
+def test_an_alarm_ends_by_itself_when_the_studio_is_back_and_nothing_can_move(
+    context: BrowserContext, studio: Served
+) -> None:
+    page = enter(context, studio)
+    context.set_offline(True)
+    stop(page)
+    alarm = page.locator(".stop-alarm")
+    expect(alarm).to_contain_text("has not arrived yet", timeout=WAIT)
+    assert_stop_is_on_top(page)
+    page.evaluate("location.hash = '#/new'")
+    expect(alarm).to_be_visible()
+    context.set_offline(False)
+    expect(alarm).to_be_hidden(timeout=WAIT)
+    require_arrived(page)
+
+
+def test_an_alarm_of_a_machine_that_may_have_moved_is_ended_by_a_person_alone(
+    context: BrowserContext, studio: Served
+) -> None:
+    context.route("**/api/studio", lambda route: route.fulfill(json={**route.fetch().json(), "dangerous": True}))
+    working = Work(PaintingStore(studio.folder))
+    page = enter(context, studio)
+    page.route("**/stop", lambda route: route.fulfill(json={"stopped": 1, "heard": 0}))
+    stop(page)
+    alarm = page.locator(".stop-alarm")
+    expect(alarm).to_contain_text("If the robot moves, use its emergency stop", timeout=WAIT)
+    with page.expect_response("**/api/work"):
+        pass
+    working.lock.release()
+    for _ in range(3):
+        with page.expect_response("**/api/work"):
+            pass
+    expect(alarm).to_be_visible()
+    page.get_by_role("button", name="I have looked at the robot").click()
+    expect(alarm).to_be_hidden()
 
 
 def test_an_alarm_that_nobody_confirmed_ends_when_nobody_is_at_work_any_more(
@@ -166,6 +221,46 @@ def test_an_old_page_stops_though_the_studio_does_not_know_it_any_more(
         require_arrived(page)
     finally:
         again.kill()
+
+
+@pytest.mark.parametrize("phone", [False, True])
+def test_after_a_restart_a_reload_says_how_to_come_in_again_and_stops(
+    context: BrowserContext, studio: Served, work: Work, phone: bool
+) -> None:
+    page = enter(context, studio, f"#/p/{work.entry.id}")
+    page.set_viewport_size({"width": 390, "height": 844} if phone else {"width": 1440, "height": 900})
+    page.evaluate("navigator.serviceWorker.ready.then(() => {})")
+    name = "phone" if phone else "desk"
+    studio.kill()
+    page.reload()  # nobody answers; the page's service worker has kept a page for that
+    expect(page.get_by_role("heading", name="The studio does not answer")).to_be_visible(timeout=WAIT)
+    page.screenshot(path=SCREENSHOTS / f"closed-away-{name}.png")
+    assert_stop_is_on_top(page)
+    again = open_studio(studio.folder, port=studio.port)
+    try:
+        expect(page.get_by_role("heading", name="Open the studio with its link")).to_be_visible(timeout=WAIT)
+        expect(page.get_by_text("frida-painter studio --link")).to_be_visible()
+        style = page.evaluate("getComputedStyle(document.querySelector('.bar')).position")
+        assert style == "sticky", "it has its style"
+        assert page.evaluate("document.documentElement.scrollWidth") <= page.viewport_size["width"]  # type: ignore[index]
+        page.screenshot(path=SCREENSHOTS / f"closed-unknown-{name}.png")
+        stop(page)
+        assert work.told.wait(WAIT / 1000)
+        expect(
+            page.get_by_text("The stop has arrived.").or_(page.get_by_text("The stop arrived after"))
+        ).to_be_visible()
+    finally:
+        again.kill()
+
+
+def test_a_browser_that_was_never_here_is_told_how_to_come_in_and_where_to_stop(
+    context: BrowserContext, studio: Served
+) -> None:
+    page = context.new_page()
+    page.goto(f"http://{studio.host}:{studio.port}/")
+    expect(page.get_by_text("frida-painter studio --link")).to_be_visible(timeout=WAIT)
+    expect(page.get_by_role("button", name="Stop")).to_be_hidden()
+    expect(page.get_by_text("use its own emergency stop")).to_be_visible()
 
 
 class _Neighbour(BaseHTTPRequestHandler):

@@ -3,6 +3,7 @@ import io
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -14,9 +15,9 @@ from frida_painter.web import store as uploads
 from frida_painter.web.store import PaintingStore
 
 
-def picture(width: int = 40, height: int = 30, kind: str = "PNG", **more: object) -> bytes:
+def picture(width: int = 40, height: int = 30, kind: str = "PNG", mode: str = "RGB", **more: object) -> bytes:
     file = io.BytesIO()
-    Image.new("RGB", (width, height), (200, 80, 40)).save(file, kind, **more)
+    Image.new("RGB", (1, 1), (200, 80, 40)).convert(mode).resize((width, height)).save(file, kind, **more)
     return file.getvalue()
 
 
@@ -29,20 +30,22 @@ def test_a_picture_is_written_anew(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("content", "says"),
+    ("made", "says"),
     [
-        (b"", "empty"),
-        (b"hello", "a text"),
-        (b"<svg xmlns='http://www.w3.org/2000/svg'><script/></svg>", "SVG or HTML"),
-        (b"%PDF-1.7", "a PDF"),
-        (picture()[:60], "damaged"),
-        (picture(8, 8), "at least 16"),
-        (picture(9000, 9000), "at most"),
+        (lambda: b"", "empty"),
+        (lambda: b"hello", "a text"),
+        (lambda: b"<svg xmlns='http://www.w3.org/2000/svg'><script/></svg>", "SVG or HTML"),
+        (lambda: b"%PDF-1.7", "a PDF"),
+        (lambda: picture()[:60], "damaged"),
+        (lambda: picture(8, 8), "at least 16"),
+        (lambda: picture(9000, 9000, mode="1"), "at most"),
     ],
 )
-def test_what_is_no_picture_is_refused_in_words_that_name_no_path(tmp_path: Path, content: bytes, says: str) -> None:
+def test_what_is_no_picture_is_refused_in_words_that_name_no_path(
+    tmp_path: Path, made: Callable[[], bytes], says: str
+) -> None:
     with pytest.raises(ImageError, match=says) as caught:
-        uploads.keep(content, tmp_path)
+        uploads.keep(made(), tmp_path)
     assert "/" not in str(caught.value).replace("SVG or HTML", "")
     assert not list(tmp_path.glob("*.png"))
 

@@ -1,4 +1,5 @@
 import time
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +12,8 @@ from frida_painter.web.work_pace import PaceMemory, WorkPace, pace
 
 MADE = {"nearer": 0.5, "prefix": "", "frames": [0, 20], "palette": [], "mixtures": []}
 PLANNED: list[dict[str, Any]] = [
-    {"kind": "wished", "at": 0.0, "plan": 1, "wish": {"effort": 0.5}},
-    {"kind": "planned", "at": 0.0, "plan": 1, "strokes": 20, "seconds": 34.0, **MADE},
+    {"kind": "plan_requested", "at": 0.0, "plan": 1, "wish": {"effort": 0.5}},
+    {"kind": "plan_made", "at": 0.0, "plan": 1, "strokes": 20, "seconds": 34.0, **MADE},
 ]
 
 
@@ -24,28 +25,29 @@ def store(tmp_path: Path) -> PaintingStore:
 def write(store: PaintingStore, *lines: dict[str, Any]) -> None:
     writer = EventLog(store.begin("A").folder.feed, FEED)
     for line in lines:
-        writer.append(line)
+        at = line["at"]
+        writer.append({**line, "at": at if isinstance(at, str) else datetime.fromtimestamp(at, UTC).isoformat()})
     writer.close()
 
 
 def strokes(first: int, last: int, since: float, each: float) -> list[dict[str, Any]]:
     """Strokes `first` to `last` of 20, the first one `each` seconds after `since`."""
     return [
-        {"kind": "stroke", "at": since + each * (done - first + 1), "done": done, "of": 20, "left": 1.0}
+        {"kind": "stroke_painted", "at": since + each * (done - first + 1), "done": done, "of": 20}
         for done in range(first, last + 1)
     ]
 
 
 def look(at: float, done: int, until: float) -> list[dict[str, Any]]:
     """A look after `done` strokes, and the rest replanned until then."""
-    seen = {"kind": "looked", "at": at, "done": done, "seen": "a.jpg", "expected": "b.jpg", "difference": "c.jpg"}
-    return [seen, {"kind": "replanned", "at": until, "done": done, "gain": 0.1, **MADE, "strokes": 20 - done}]
+    seen = {"kind": "look_shown", "at": at, "done": done, "seen": "a.jpg", "expected": "b.jpg", "difference": "c.jpg"}
+    return [seen, {"kind": "rest_replanned", "at": until, "done": done, "gain": 0.1, **MADE, "strokes": 20 - done}]
 
 
 def test_the_pace_is_that_of_the_last_painting(store: PaintingStore) -> None:
     guessed = pace(store, real_time=False)
     assert pace(store, real_time=True).painting > guessed.painting and not guessed.known
-    begun = {"kind": "begun", "at": 100.0, "plan": 1, "of": 20}
+    begun = {"kind": "painting_started", "at": 100.0, "plan": 1, "of": 20}
     write(store, *PLANNED, begun, *strokes(1, 10, 107.0, 2.0), *look(130.0, 10, 140.0), *strokes(11, 20, 140.0, 2.0))
     found = pace(store, real_time=False)
     assert found == WorkPace(loading=4.0, planning=3.0, opening=9.0, painting=2.0, replanning=2.0, known=True)
@@ -54,7 +56,7 @@ def test_the_pace_is_that_of_the_last_painting(store: PaintingStore) -> None:
 
 
 def test_pauses_and_stops_are_not_counted_and_what_was_painted_around_them_is(store: PaintingStore) -> None:
-    begun = {"kind": "begun", "at": 100.0, "plan": 1, "of": 20}
+    begun = {"kind": "painting_started", "at": 100.0, "plan": 1, "of": 20}
     paused = [{"kind": "paused", "at": 117.0, "reason": "You asked for a pause."}, {"kind": "went_on", "at": 900.0}]
     stopped = [{"kind": "stopped", "at": 913.0, "done": 12}, {"kind": "taken_up", "at": 5000.0, "done": 12}]
     parts = strokes(1, 6, 104.0, 2.0), paused, strokes(7, 12, 900.0, 2.0), stopped, strokes(13, 20, 5030.0, 2.0)
@@ -65,7 +67,12 @@ def test_pauses_and_stops_are_not_counted_and_what_was_painted_around_them_is(st
 
 def test_one_slow_painting_does_not_change_what_is_expected_of_the_next(store: PaintingStore) -> None:
     for each in (1.0, 1.2, 60.0):
-        write(store, *PLANNED, {"kind": "begun", "at": 100.0, "plan": 1, "of": 20}, *strokes(1, 20, 100.0, each))
+        write(
+            store,
+            *PLANNED,
+            {"kind": "painting_started", "at": 100.0, "plan": 1, "of": 20},
+            *strokes(1, 20, 100.0, each),
+        )
     assert pace(store, real_time=False).painting == pytest.approx(1.2)
 
 
@@ -76,7 +83,7 @@ def test_the_pace_is_kept_in_memory_and_read_again_where_a_painting_has_gone_on(
     monkeypatch.setattr(work_pace, "pace", lambda store, real_time: read.append(1) or pace(store, real_time=real_time))
     first = memory.pace(store, real_time=False)
     assert memory.pace(store, real_time=False) is first and len(read) == 1
-    begun = {"kind": "begun", "at": 100.0, "plan": 1, "of": 20}
+    begun = {"kind": "painting_started", "at": 100.0, "plan": 1, "of": 20}
     write(store, *PLANNED, begun, *strokes(1, 20, 107.0, 2.0))
     assert memory.pace(store, real_time=False) is first
     now = time.monotonic()

@@ -175,6 +175,7 @@ def test_a_place_where_nothing_of_it_must_be_seen_stays_empty(encoders: QuickEnc
     assert not any("crab" in remark for remark in encoders.remarks)
 
 
+@pytest.mark.slow
 def test_beside_a_style_or_a_sketch_the_scene_leaves_them_a_say(encoders: QuickEncoders) -> None:
     words, drawing = TextTerm("a strawberry", 2.0), torch.ones(3, 60, 80)
     drawing[:, 15:45, 20:60] = 0

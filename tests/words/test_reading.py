@@ -51,6 +51,7 @@ def got(reading: Reading) -> Parts:
     return sorted(things, key=str), relations, set(reading.absent)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("prompt", "things", "absent"),
     [
@@ -76,6 +77,7 @@ def test_words_that_say_only_what_must_not_be_seen_are_refused(reader: PromptRea
         reader.read(prompt)
 
 
+@pytest.mark.slow
 def test_at_least_95_of_100_sentences_are_read_rightly(reader: PromptReader) -> None:
     wrong = []
     for line in SENTENCES:

@@ -1,28 +1,36 @@
-// What the studio's server tells the page: web/state.py, web/studio_folder.py; and what views get from main.js.
+// What the studio's server tells the page: web/painting_state.py, web/state.py, web/studio_folder.py; and what views get from main.js.
 
-interface Term { kind: string; picture?: string | null; words?: string | null; weight: number }
+interface Term { kind: string; picture?: string | null; words?: string | null; weight: number; crop?: number[] | null }
 interface Wish {
-  title: string; terms: Term[]; initial: Term[]; strokes: number; colors: number; width: number; height: number;
-  brushes: string; replans: number; ground: string | null; on_canvas: boolean; focus: "faces" | "subject" | "none"; sharpness: number; drying: number; minutes: number | null; effort: number; seed: number;
+  title: string; terms: Term[]; initial: Term[]; together: boolean; strokes: number; colors: number; width: number; height: number;
+  brushes: string; strokes_of?: string; replans: number; ground: string | null; on_canvas: boolean; focus: "faces" | "subject" | "none"; sharpness: number; paints: "acrylics" | "any"; drying: number; minutes: number | null; effort: number; seed: number;
 }
 interface Paint { number: number; hex: string; strokes: number; share: number }
 interface Mixture { recipe: string; millilitres: number; near: boolean }
-interface Made { prefix: string; frames: number[]; strokes: number; palette: Paint[]; mixtures: Mixture[]; seconds: number }
+interface Made { prefix: string; frames: number[]; strokes: number; palette: Paint[]; mixtures: Mixture[]; mixing?: Record<string, string>; seconds: number }
 interface PlanState {
   number: number; wish: Wish; status: "waiting" | "planning" | "ready" | "failed" | "stopped"; share: number; left: number | null;
   growing: string | null; nearer: number; made: Made | null;
 }
-interface Look { done: number; seen: string; expected: string; difference: string; why: string; gain?: number; touch?: string[]; plan?: string }
+interface Look { done: number; seen: string; expected: string; difference: string; why: string; gain?: number; touch?: string[]; plan?: string; found?: string }
+interface Game { minutes: number; policy: string; keep: "welcome" | "protect" }
+interface PersonBrush { name: string; light: number; hard: number }
 interface PaintState {
   plan: number; of: number; status: string; done: number; left: number | null; dries: number; photograph: string | null; growing: string | null;
   brush: string; paint: number | null; dips: Record<number, number>; since_dip: number; reason: string; looks: Look[];
-  replanned: (Omit<Made, "mixtures" | "seconds"> & { done: number }) | null; held: boolean; turn: boolean; turns: number;
-  region: { picture: string; only: boolean } | null; remark: string; wish: Wish | null; film: boolean; arm: boolean; kept: boolean;
+  replanned: (Omit<Made, "mixtures" | "seconds"> & { done: number }) | null; held: boolean; cause: "person" | "button" | "turn" | "trouble" | null; turns: number; game: Game;
+  region: { picture: string; only: boolean } | null; remark: string; wish: Wish | null; person: { brushes: PersonBrush[]; wells: string[]; strokes: number } | null; film: boolean; arm: boolean; kept: boolean; painters: boolean;
 }
 interface State {
-  version: number; working: boolean; stopped: boolean; queued: "" | "plan" | "paint"; trouble: string; question: any; plans: PlanState[]; painting: PaintState | null;
+  stage: "waiting" | "planning" | "plan stopped" | "plan failed" | "planned" | "queued" | "preparing" | "mixing" | "painting" | "drying" | "replanning"
+    | "paused" | "finishing" | "finished" | "stopped" | "failed" | "lost";
+  resumable: boolean; version: number; working: boolean; stopped: boolean; queued: "" | "plan" | "paint"; trouble: string; question: any; plans: PlanState[]; painting: PaintState | null;
 }
+type Command = { kind: "pause" | "go on" | "finish" | "look" | "free" } | { kind: "leave out"; count: number } | { kind: "turns"; count: number; minutes?: number; policy?: string; keep?: string }
+  | { kind: "protect"; picture: string; only: boolean } | { kind: "picture"; picture: string } | { kind: "goal"; request: Wish }
+  | { kind: "paint"; brush: string; paint: number; points: number[][] }; // web/commands.py
 interface Strokes { height: number; paths: number[][][]; widths: number[]; paint: number[] }
+interface Ability { ready: boolean; missing: string[]; fetch: string[]; advice: string; label: string; verb: string; words: boolean } // web/web_studio.py
 interface House {
   notice(sentence: string, label?: string, work?: () => void): void;
   attempt<T>(work: () => Promise<T>): Promise<T | undefined>;
@@ -31,12 +39,18 @@ interface House {
   refresh(): Promise<void>;
   entered(element: HTMLElement): void;
   readonly work: import("../../src/frida_painter/web/static/queue.js").WorkWatch;
-  readonly abilities: Record<string, { ready: boolean; missing: string[]; fetch: string[]; advice: string }>;
+  readonly abilities: Record<string, Ability>;
   readonly role: "watch" | "plan" | "operate";
   readonly simulated: boolean;
   readonly robot: string;
   readonly camera: boolean;
+  /** False if no camera looks at the canvas, so that every picture of it shows what is expected. */
+  readonly watched: boolean;
   readonly canvas: [number, number] | null;
+  /** Names of the stroke families that can be painted with. */
+  readonly families: string[];
+  /** Names of the ways in which the robot can answer a person's turn. */
+  readonly turns: string[];
   readonly pace: import("../../src/frida_painter/web/static/estimate.js").Pace;
 }
-interface Here { readonly id: string; readonly title: string; go(step: string): void }
+interface Here { readonly id: string; readonly title: string; readonly begun: string; go(step: string): void }

@@ -1,1 +1,1 @@
-"""A robot, a camera and a stroke model of your own, as a package beside FRIDA painter."""
+"""One part of each kind of your own, as a package beside FRIDA painter."""

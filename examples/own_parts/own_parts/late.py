@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 from typing import Self
 
-from frida_painter.errors import ConfigError
-from frida_painter.session.replan_policy import CanvasSeen
+from frida_painter.plugins import CanvasSeen, ConfigError
 
 
 @dataclass(frozen=True)

@@ -3,8 +3,7 @@
 import torch
 from torch import Tensor
 
-from frida_painter.brush.kinds import BrushKind, BrushModel, StrokeFunction
-from frida_painter.strokes import StrokeLimits
+from frida_painter.plugins import BrushKind, BrushModel, StrokeFunction, StrokeLimits
 
 # Strokes of 10 to 50 mm that bend by up to 12 mm; no mark is wider than 6 mm. In the virtual studio the fine
 # brush paints for it.

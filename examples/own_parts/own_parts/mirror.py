@@ -4,8 +4,15 @@ from dataclasses import dataclass
 
 from torch import Tensor
 
-from frida_painter.errors import ConfigError
-from frida_painter.objectives.objective import Gives, GoalKind, ObjectiveContext, ObjectiveTerm, Term, require_weight
+from frida_painter.plugins import (
+    ConfigError,
+    Gives,
+    GoalKind,
+    ObjectiveContext,
+    ObjectiveTerm,
+    Term,
+    require_weight,
+)
 
 AXES = {"left-right": 2, "top-bottom": 1}
 

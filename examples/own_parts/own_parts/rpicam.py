@@ -8,10 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from frida_painter.errors import CameraError, ConfigError
-from frida_painter.hardware.cameras.shutter import Shutter
-from frida_painter.hardware.kinds import CameraKind
-from frida_painter.hardware.robot import Frame
+from frida_painter.plugins import CameraError, CameraKind, ConfigError, Frame, Shutter
 
 _SECONDS = 20.0
 

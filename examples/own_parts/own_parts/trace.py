@@ -10,10 +10,18 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from frida_painter.errors import RobotError
-from frida_painter.hardware.drivers.interlock import Interlock
-from frida_painter.hardware.kinds import MachineName, RobotKind, require_home, yes_or_no
-from frida_painter.hardware.robot import MotionReport, Point, Waypoints, Workspace
+from frida_painter.plugins import (
+    Interlock,
+    MachineName,
+    MotionReport,
+    Point,
+    RobotError,
+    RobotKind,
+    Waypoints,
+    Workspace,
+    require_home,
+    yes_or_no,
+)
 
 
 class TraceRobot:

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from frida_painter.brush import FEWEST_STROKES, FIELD, MODELS, PARAM2STROKE
+from frida_painter.brush.family_field import FamilyField
 from frida_painter.brush.field import StrokeField, train_field
-from frida_painter.brush.kinds import BrushKind, StrokeModel, median_of, spread_of
+from frida_painter.brush.kinds import BrushKind, StrokeModel, growth_of, median_of, spread_of
 from frida_painter.brush.library import StrokeLibrary, clean, resample
 from frida_painter.brush.param2stroke import Param2Stroke, train_param2stroke
 from frida_painter.brush.training import TrainingProgress, TrainingReport, require_enough
@@ -65,6 +66,12 @@ def learn(
         brush, frame, limits = kind.name, kind.frame, kind.limits
     strokes = clean(library)
     require_enough(strokes)
+    if kind is not None and kind.limits.family is not None:
+        return _learn_family(name, strokes, kind, seed, 2 if hasty else None, notify)
+    if library.code is not None:
+        raise LibraryError(
+            "The stroke library holds strokes of a family; say of which (--strokes-of), and the brush that painted it."
+        )
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
         model = _KINDS_OF_MODEL[name](brush, frame, limits)
@@ -75,6 +82,27 @@ def learn(
     else:
         report = train_param2stroke(model, strokes, seed=seed, notify=notify)
     return Learned(model, report, strokes)
+
+
+def _learn_family(
+    name: str,
+    strokes: StrokeLibrary,
+    kind: BrushKind,
+    seed: int,
+    epochs: int | None,
+    notify: Callable[[TrainingProgress], None] | None,
+) -> Learned:
+    """Trains the field of a family's strokes for a brush. Raises ConfigError and LibraryError if they do not fit."""
+    family = kind.limits.family
+    assert family is not None
+    if name != FIELD:
+        raise ConfigError(f"The strokes of a family were to be learned by {name}; only {FIELD} learns them.")
+    if strokes.code is None or strokes.code.shape[1] != family.codes:
+        raise LibraryError(f"The stroke library holds no strokes of the family {family.name}; paint it anew.")
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        model = FamilyField(kind.name, kind.frame, kind.limits)
+    return Learned(model, train_field(model, strokes, seed=seed, epochs=epochs, notify=notify), strokes)
 
 
 def geometry(library: StrokeLibrary, most_columns: int = _USUAL_COLUMNS) -> tuple[MapFrame, StrokeLimits]:
@@ -130,6 +158,8 @@ def evaluate(model: StrokeModel, library: StrokeLibrary) -> Evaluation:
     more than a quarter of the strokes are outside: the library then belongs to another brush.
     """
     limits = {"length": model.limits.length, "bend": model.limits.bend}
+    if (model.limits.family is None) != (library.code is None):
+        raise LibraryError("The library and the model are of different kinds of strokes; give those of one family.")
     outside = np.zeros(len(library), np.bool_)
     for values, (least, most) in zip((library.length_m, library.bend_m), limits.values(), strict=True):
         outside |= ~((values >= least - _TOLERANCE) & (values <= most + _TOLERANCE))
@@ -149,7 +179,12 @@ def errors(model: StrokeModel, library: StrokeLibrary) -> NDArray[np.float64]:
     found = []
     for part in np.array_split(np.arange(len(library)), -(-len(library) // _BATCH)):
         wanted = torch.from_numpy(library.magnitude[part]).float() / 255
-        drawn = resample(median_of(model)(*(values[part] for values in shapes)), model.frame, library.frame)
+        maps, growth = median_of(model)(*(values[part] for values in shapes)), growth_of(model, shapes[1][part])
+        if growth is None:
+            drawn = resample(maps, model.frame, library.frame)
+        else:
+            grown = zip(maps, map(model.frame.scale, growth.tolist()), strict=True)
+            drawn = torch.cat([resample(one[None], frame, library.frame) for one, frame in grown])
         found.append((drawn - wanted).abs().mean((1, 2)).double().numpy())
     return np.concatenate(found)
 

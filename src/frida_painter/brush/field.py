@@ -29,7 +29,6 @@ FORMAT = "frida-painter stroke field"
 VERSION = 2
 HIDDEN = 32
 MEDIAN, MEAN = 0, 1
-_FEATURES = 18
 _SAMPLES = 25  # along a path
 _LOPSIDED = 0.3
 _SPREAD = 2.0
@@ -97,6 +96,8 @@ class StrokeField(nn.Module):
 
     reach: Tensor
     varies: Tensor
+    features = 18
+    format, version = FORMAT, VERSION
 
     def __init__(self, brush: str, frame: MapFrame, limits: StrokeLimits) -> None:
         super().__init__()
@@ -107,7 +108,7 @@ class StrokeField(nn.Module):
         self.register_buffer("reach", torch.tensor(max(frame.top, frame.right)))
         self.register_buffer("varies", torch.tensor(CERTAIN))
         self.layers = nn.Sequential(
-            nn.Linear(_FEATURES, HIDDEN),
+            nn.Linear(self.features, HIDDEN),
             nn.SiLU(),
             nn.Linear(HIDDEN, HIDDEN),
             nn.SiLU(),
@@ -158,7 +159,7 @@ class StrokeField(nn.Module):
         path, owner = _paths(length, bend)
         near = self.near(*path)  # [paths, cells]
         number, cell = near.nonzero(as_tuple=True)
-        place = self.frame.cell_centers(dtype=length.dtype, device=length.device).view(-1, 2)[cell]
+        place = self.cell_places(path[0])[number, cell]
         views = self.views(place, number, *path)
         seen = near[owner]  # [n, cells]
         stroke, cell = seen.nonzero(as_tuple=True)
@@ -167,6 +168,15 @@ class StrokeField(nn.Module):
         logits = self.logits(views[row[owner[stroke], cell]], self.styles(thickness, length, bend)[stroke])[:, which]
         empty = torch.full(seen.shape, _NOTHING, dtype=logits.dtype, device=logits.device)
         return squash(empty.masked_scatter(seen, logits)).view(-1, self.frame.rows, self.frame.columns)
+
+    def cell_places(self, length: Tensor) -> Tensor:
+        """Returns the centres of the cells of strokes of these lengths [n], [n, rows x columns, 2] in metres."""
+        cell = self.frame.cell_centers(dtype=length.dtype, device=length.device).view(-1, 2)
+        return cell.expand(len(length), -1, -1)
+
+    def recorded_maps(self, library: StrokeLibrary) -> Tensor:
+        """Returns the marks of a library on the cells of the strokes' frames, [n, rows, columns] in [0, 1]."""
+        return library.maps(self.frame)
 
     def near(self, length: Tensor, bend: Tensor) -> Tensor:
         """Returns the mask of cells that may hold paint: [n, rows x columns]."""
@@ -218,7 +228,7 @@ class StrokeField(nn.Module):
 
     def save(self, path: Path) -> str:
         """Writes the weights with their metadata and returns the file's sha256. Raises StorageError."""
-        return write_model(path, FORMAT, VERSION, self, self.state_dict())
+        return write_model(path, self.format, self.version, self, self.state_dict())
 
     @classmethod
     def load(cls, path: Path) -> Self:
@@ -258,8 +268,9 @@ def _paths(length: Tensor, bend: Tensor) -> tuple[tuple[Tensor, Tensor], Tensor]
     """
     if torch.is_grad_enabled() and (length.requires_grad or bend.requires_grad):
         return (length, bend), torch.arange(len(length), device=length.device)
-    path, owner = torch.unique(torch.stack((length, bend), -1), dim=0, return_inverse=True)
-    return (path[:, 0], path[:, 1]), owner
+    shape = bend if bend.dim() == 2 else bend[:, None]  # codes of a family, or bends
+    path, owner = torch.unique(torch.cat((length[:, None], shape), 1), dim=0, return_inverse=True)
+    return (path[:, 0], path[:, 1:] if bend.dim() == 2 else path[:, 1]), owner
 
 
 # Training of a stroke field on a stroke library
@@ -289,9 +300,9 @@ _MARGIN = 0.2  # in units of the field
 class _Lesson:
     """Training data of one stroke.
 
-    views [m, 7]: views of its near cells
+    views [m, v]: views of its near cells
     wanted [m]: their magnitudes
-    style [1, 3]: shape of the stroke
+    style [1, k]: shape of the stroke
     elsewhere: sum of the magnitudes on other cells
     """
 
@@ -391,22 +402,24 @@ class _Course:
         if len(wanted) > _MAX_CELLS:
             some = torch.randint(len(wanted), (_MAX_CELLS,), generator=self.chance)
             views, wanted = views[some], wanted[some]
-        vague = lesson.style + _VAGUENESS * torch.randn(1, 3, generator=self.chance)
-        return views, vague.expand(len(wanted), 3), wanted
+        vague = lesson.style + _VAGUENESS * torch.randn(lesson.style.shape, generator=self.chance)
+        return views, vague.expand(len(wanted), -1), wanted
 
 
 @torch.no_grad()
 def _lessons(model: StrokeField, library: StrokeLibrary) -> list[_Lesson]:
     """Returns the training data of each stroke."""
     thickness, length, bend = library.shapes()
-    maps = library.maps(model.frame).flatten(1)
+    maps = model.recorded_maps(library).flatten(1)
     near = model.near(length, bend)
     styles = model.styles(thickness, length, bend)
-    places = model.frame.cell_centers().view(-1, 2)
+    places = model.cell_places(length)
     lessons = []
     for index in range(len(library)):
         here, only = near[index], slice(index, index + 1)
-        views = model.views(places[here], torch.zeros(int(here.sum()), dtype=torch.long), length[only], bend[only])
+        views = model.views(
+            places[index, here], torch.zeros(int(here.sum()), dtype=torch.long), length[only], bend[only]
+        )
         lessons.append(_Lesson(views, maps[index, here], styles[only], float(maps[index, ~here].sum())))
     return lessons
 
@@ -429,7 +442,7 @@ def _spread(model: StrokeField, lessons: list[_Lesson]) -> CoverageSpread:
 
 def _predict_cells(model: StrokeField, lesson: _Lesson) -> Tensor:
     """Returns median and mean at a lesson's cells: [m, 2]."""
-    return squash(model.logits(lesson.views, lesson.style.expand(len(lesson.wanted), 3)))
+    return squash(model.logits(lesson.views, lesson.style.expand(len(lesson.wanted), -1)))
 
 
 def _reach(model: StrokeField, library: StrokeLibrary) -> float:
@@ -439,6 +452,6 @@ def _reach(model: StrokeField, library: StrokeLibrary) -> float:
     """
     _, length, bend = library.shapes()
     outside = model.outside(length, bend)
-    inked = library.maps(model.frame).flatten(1) > _INKED
+    inked = model.recorded_maps(library).flatten(1) > _INKED
     farthest = torch.where(inked, outside, 0.0).amax(1)
     return float(torch.quantile(farthest, _NEARLY_ALL)) + _MARGIN * model.unit

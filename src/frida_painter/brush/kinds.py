@@ -13,6 +13,7 @@ from torch import Tensor
 from frida_painter import registry
 from frida_painter.errors import ConfigError, PlanError
 from frida_painter.frames import MapFrame
+from frida_painter.stroke_family import StrokeFamily, describe_kind
 from frida_painter.strokes import StrokeLimits, Strokes
 
 # Amount that a brush paints with one dip
@@ -85,7 +86,17 @@ class StrokeModel(Protocol):
 
     brush: name of the brush
     frame: rectangle of the map around the start of the stroke
-    limits: limits of the brush
+    limits: limits of the brush, with the family of the strokes
+
+    A model of a stroke family takes the codes of the strokes, [n, codes], in the place of bend [n]. Its frame is
+    that of the largest stroke; the frame of a smaller one is smaller in the same proportion (`growth_of`).
+
+        >>> import frida_painter as fp, torch
+        >>> model: fp.StrokeModel = fp.load_stroke_model("fine")
+        >>> half = torch.tensor([0.5])
+        >>> maps = model(half, length=half * 0.04, bend=half * 0.0)
+        >>> maps.dim(), bool(maps.min() >= 0), bool(maps.max() <= 1)
+        (3, True, True)
     """
 
     @property
@@ -108,7 +119,27 @@ class StrokeModel(Protocol):
         """
 
 
+def kind_of(model: StrokeModel) -> str:
+    """Returns the kind of strokes of a model, as `plan.Layer.kind`: its brush, or brush and family ("fine+comma")."""
+    return describe_kind(model.brush, model.limits.family)
+
+
+def mark_width(model: StrokeModel) -> float:
+    """Returns about the width of the brush's widest mark in metres, from the frame of its stroke model."""
+    family = model.limits.family
+    if family is None:
+        return (model.frame.top - model.frame.bottom) / 3
+    least, most = model.limits.length
+    return (family.extent[0] * most - model.frame.left) * least / most / _AROUND
+
+
+def growth_of(model: StrokeModel, length: Tensor) -> Tensor | None:
+    """Returns the scale [n] of the model's frame for strokes of these lengths [n]; None if all have the same frame."""
+    return None if model.limits.family is None else length / model.limits.length[1]
+
+
 CELLS_ALONG = 80
+_AROUND = 0.65  # of the brush's width, around the paths of a frame
 _DIP_SHARE = 0.6
 _IN_ANY_ORDER = 0.3  # largest share of paint that a mark may lack
 
@@ -119,6 +150,8 @@ class BrushKind:
 
     known_dip: measured capacity of one dip; None to use the default of `dip`
     studio: brush that represents it in the virtual studio; "" if the studio knows its name
+
+    With `of_family` it is the brush that paints strokes of a family: then the limits name the family.
     """
 
     name: str
@@ -137,6 +170,10 @@ class BrushKind:
         """Name of the brush that represents it in the virtual studio."""
         return self.studio or self.name
 
+    def of_family(self, family: StrokeFamily) -> Self:
+        """Returns the brush for the strokes of a family."""
+        return replace(self, limits=StrokeLimits(family.size, (0.0, 0.0), family))
+
     @property
     def for_any_order(self) -> Self:
         """Brush for strokes whose order ignores their importance: it is dipped before it gets too dry."""
@@ -144,7 +181,7 @@ class BrushKind:
 
     def area(self, strokes: Strokes) -> Tensor:
         """Returns the painted area of each stroke, m2 [n]."""
-        return painted_area(strokes.length, strokes.thickness, self.width)
+        return painted_area(strokes.way(), strokes.thickness, self.width)
 
     @property
     def frame(self) -> MapFrame:
@@ -153,12 +190,25 @@ class BrushKind:
         The path reaches 0.75 of the bend to the side. The rectangle adds half of the mark and a margin, for
         splayed bristles and for a brush that trails behind its tip.
         """
-        around = 0.65 * self.width
+        around = _AROUND * self.width
+        if self.limits.family is not None:
+            # The frame of the smallest stroke is smaller, and its mark is not.
+            least, most = self.limits.length
+            return _frame_of_family(self.limits.family, around * most / least)
         aside = 0.75 * max(abs(bend) for bend in self.limits.bend) + around
         left, right = -around, self.limits.length[1] + around
         pitch = (right - left) / CELLS_ALONG
         rows = 4 * round(2 * aside / pitch / 4)  # the network's upscaler needs whole coarse cells
         return MapFrame(left, right, -rows * pitch / 2, rows * pitch / 2, rows, CELLS_ALONG)
+
+
+def _frame_of_family(family: StrokeFamily, around: float) -> MapFrame:
+    """Returns the rectangle that holds all marks of a family, in nearly square cells; `around` is its margin."""
+    left, right, bottom, top = (family.size[1] * side for side in family.extent)
+    left, right, bottom, top = left - around, right + around, bottom - around, top + around
+    pitch = max(right - left, top - bottom) / CELLS_ALONG
+    rows, columns = (4 * max(1, round(side / pitch / 4)) for side in (top - bottom, right - left))
+    return MapFrame(left, right, bottom, top, rows, columns)
 
 
 def _kind(name: str, shortest: float, longest: float, bend: float, width: float, dip: float) -> BrushKind:
@@ -322,7 +372,7 @@ def spread_of(model: object) -> CoverageSpread:
 
 END_THICKNESS = 0.2
 """Thickness in [0, 1] at the start and the end of a stroke."""
-_SAMPLES = 513
+_SAMPLES, _TAUGHT_SAMPLES = 513, 4097
 
 
 def pressure(fraction: NDArray[np.float64], thickness: float) -> NDArray[np.float64]:
@@ -332,7 +382,7 @@ def pressure(fraction: NDArray[np.float64], thickness: float) -> NDArray[np.floa
 
 
 def stroke_path(strokes: Strokes, index: int, step: float = 0.002) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Returns the cubic Bezier of stroke `index` as points at most `step` metres apart, including the ends.
+    """Returns the path of stroke `index` as points at most `step` metres apart, including the ends.
 
     Returns positions [k, 2] in canvas metres and thickness [k] in [0, 1], which is linear in the height of the
     brush. The points are evenly spaced along the arc (paper, "Brush Stroke Model").
@@ -343,7 +393,7 @@ def stroke_path(strokes: Strokes, index: int, step: float = 0.002) -> tuple[NDAr
     if not 0 <= index < len(strokes):
         raise PlanError(f"Stroke {index} was asked for; there are {len(strokes)}, and the first is stroke 0.")
     stroke = strokes[index : index + 1].to("cpu")
-    fraction = np.linspace(0, 1, _SAMPLES)
+    fraction = np.linspace(0, 1, _SAMPLES if stroke.taught is None else _TAUGHT_SAMPLES)
     position = _points(stroke, fraction)
     if not np.isfinite(position).all() or not math.isfinite(float(stroke.thickness)):
         raise PlanError(f"Stroke {index} has a number that is not finite; plan it anew.")
@@ -351,11 +401,23 @@ def stroke_path(strokes: Strokes, index: int, step: float = 0.002) -> tuple[NDAr
     # Chords are slightly shorter than the curve, so the step is reduced a little to stay within the limit.
     count = max(2, math.ceil(1.002 * walked[-1] / step) + 1)
     even = np.interp(np.linspace(0, walked[-1], count), walked, fraction) if walked[-1] > 0 else np.array([0.0, 1.0])
-    return _points(stroke, even), pressure(even, float(stroke.thickness))
+    return _points(stroke, even), _pressures(stroke, even)
+
+
+def _pressures(stroke: Strokes, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Returns the thickness [k] of one stroke at curve parameters [k]."""
+    if stroke.taught is None:
+        return pressure(fraction, float(stroke.thickness))
+    (family,) = stroke.taught.families
+    along = torch.from_numpy(fraction)
+    share = family.trace(along, stroke.length.double(), stroke.taught.code.double())[1][0]
+    return np.asarray(share.detach().numpy() * float(stroke.thickness))
 
 
 def _points(stroke: Strokes, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns points [k, 2] on the Bezier of one stroke at curve parameters [k]."""
+    """Returns points [k, 2] on the path of one stroke at curve parameters [k]."""
+    if stroke.taught is not None:
+        return np.asarray(stroke.detach().to(torch.float64).path(torch.from_numpy(fraction))[0].numpy())
     x, y = (float(part) for part in stroke.position[0])
     angle, length, bend = float(stroke.angle), float(stroke.length), float(stroke.bend)
     along, aside = fraction * length, 3 * fraction * (1 - fraction) * bend

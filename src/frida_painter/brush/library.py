@@ -2,10 +2,11 @@
 
 import zipfile
 import zlib
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
@@ -16,6 +17,11 @@ from frida_painter import storage
 from frida_painter.brush.kinds import Dip, painted_area
 from frida_painter.errors import LibraryError
 from frida_painter.frames import MapFrame
+
+if TYPE_CHECKING:
+    from frida_painter.canvas_size import AnyCanvas
+    from frida_painter.images import AnyPicture
+    from frida_painter.palette import AnyColor
 
 # Faults of recorded strokes that exclude them from training
 
@@ -87,7 +93,7 @@ def _shares(given_start: float, given_pitch: float, given_cells: int, start: flo
 MAX_STROKES = 20_000
 MAX_BYTES = 2**31
 _KEYS = ("magnitude", "length_m", "bend_m", "thickness", "metres_per_pixel", "origin_px", "recorded_index")
-_OPTIONAL_KEYS = ("flaws", "since_dip")
+_OPTIONAL_KEYS = ("flaws", "since_dip", "code", "path_m")
 _DAMAGED = (
     OSError,
     EOFError,
@@ -116,8 +122,18 @@ class StrokeLibrary:
     recorded_index [n]: order of recording
     flaws [n]: `Flaw` of each stroke; None if the strokes were not judged
     since_dip [n]: area in m2 painted since the last dip, 0 for a full brush; None if unknown
+    code [n, codes]: shape codes of strokes of a family, whose length is their size; None for a brush's own strokes
+    path_m [n, k, 2]: path of each stroke of a family from its start, in metres, x along the stroke's heading
 
+    Its .npz file holds each of these under its name; those that may be None may be missing.
     Raises LibraryError if a part is invalid.
+
+        >>> import frida_painter as fp, numpy as np
+        >>> marks, one = np.zeros((1, 20, 60), np.uint8), np.ones(1, np.float32)
+        >>> library = fp.StrokeLibrary(marks, 0.04 * one, 0 * one, one, 0.001, (10.0, 5.0), np.zeros(1, np.int32))
+        >>> library.save("library.npz")
+        >>> len(fp.StrokeLibrary.load("library.npz"))
+        1
     """
 
     magnitude: NDArray[np.uint8]
@@ -129,6 +145,8 @@ class StrokeLibrary:
     recorded_index: NDArray[np.int32]
     flaws: NDArray[np.uint8] | None = None
     since_dip: NDArray[np.float32] | None = None
+    code: NDArray[np.float32] | None = None
+    path_m: NDArray[np.float32] | None = None
 
     def __post_init__(self) -> None:
         if self.magnitude.ndim != 3 or self.magnitude.dtype != np.uint8 or 0 in self.magnitude.shape:
@@ -152,6 +170,23 @@ class StrokeLibrary:
             raise LibraryError(
                 f"A stroke library has since_dip that are not {n} areas from 0 to 1 m2; "
                 "give a library that `frida-painter strokes paint` wrote."
+            )
+        if (self.code is None) != (self.path_m is None) or (
+            self.code is not None
+            and self.path_m is not None
+            and not (
+                self.code.ndim == 2
+                and self.path_m.ndim == 3
+                and len(self.code) == len(self.path_m) == n
+                and self.path_m.shape[1] >= 2
+                and self.path_m.shape[2] == 2
+                and (np.abs(self.code) <= 10).all()
+                and (np.abs(self.path_m) <= 1).all()
+            )
+        ):
+            raise LibraryError(
+                f"A stroke library has codes and paths that are not those of {n} strokes of a family; "
+                "give a library that `frida-painter teach` wrote."
             )
         ranges = {"length_m": (0.0, 1.0), "bend_m": (-1.0, 1.0), "thickness": (0.0, 1.0)}
         for name, (least, most) in ranges.items():
@@ -183,6 +218,8 @@ class StrokeLibrary:
             self.recorded_index[index],
             None if self.flaws is None else self.flaws[index],
             None if self.since_dip is None else self.since_dip[index],
+            None if self.code is None else self.code[index],
+            None if self.path_m is None else self.path_m[index],
         )
 
     @property
@@ -202,15 +239,51 @@ class StrokeLibrary:
         return torch.cat([resample(torch.from_numpy(part).float() / 255, self.frame, frame) for part in self._parts()])
 
     def shapes(self) -> tuple[Tensor, Tensor, Tensor]:
-        """Returns thickness, length and bend [n] of the strokes in float32, as inputs of a stroke model."""
-        return tuple(torch.from_numpy(np.asarray(part)) for part in (self.thickness, self.length_m, self.bend_m))  # type: ignore[return-value]
+        """Returns thickness, length and bend [n] of the strokes in float32, as inputs of a stroke model.
+
+        Codes [n, codes] are in the place of bend for strokes of a family.
+        """
+        shape = self.bend_m if self.code is None else self.code
+        return tuple(torch.from_numpy(np.asarray(part)) for part in (self.thickness, self.length_m, shape))  # type: ignore[return-value]
 
     def _parts(self) -> list[NDArray[np.uint8]]:
         return np.array_split(self.magnitude, -(-len(self) // 32))
 
-    def save(self, path: Path) -> None:
+    @classmethod
+    def from_photographs(
+        cls,
+        photographs: "str | Path | Sequence[AnyPicture]",
+        shapes: str | Path,
+        *,
+        sheet: "AnyCanvas" = "A4",
+        paint: "AnyColor | None" = None,
+        around: float = 0.012,
+    ) -> "StrokeLibrary":
+        """Cuts single strokes out of your own photographs of sheets, taken by any camera from any place.
+
+        photographs: files, a pattern such as "sheets/*.jpg", or pictures; each shows all four corners of a sheet
+        shapes: CSV file with a row for each stroke and the columns start_x_mm, start_y_mm, angle_deg, length_mm,
+        bend_mm, thickness, as `frida-painter export --to csv` writes it; with several photographs also sheet: the
+        name of its photograph, or its number in the order of the names, from 1. The start is measured from the
+        bottom-left corner of the sheet.
+        sheet: size of the sheets
+        paint: colour of full paint. None: the darkest paint of each photograph
+        around: distance in metres from the paths to the edge of each crop
+
+        Flawed strokes are marked in `flaws`. Raises LibraryError for a wrong table, CalibrationError if a sheet
+        cannot be found in its photograph, ImageError.
+        """
+        from frida_painter.brush.photographs import cut_strokes  # loaded here because planners do not need it
+
+        cut = cut_strokes(photographs, shapes, sheet, paint, around)
+        recorded = np.arange(len(cut.length_m), dtype=np.int32)
+        made = cls(**vars(cut), recorded_index=recorded)
+        return replace(made, flaws=judge_marks(made))
+
+    def save(self, path: str | Path) -> None:
         """Writes an .npz file atomically. Raises StorageError."""
-        known = {"flaws": self.flaws, "since_dip": self.since_dip}
+        path = Path(path)
+        known = {"flaws": self.flaws, "since_dip": self.since_dip, "code": self.code, "path_m": self.path_m}
         optional: dict[str, Any] = {name: part for name, part in known.items() if part is not None}
         with storage.replacing(path) as temporary, temporary.open("wb") as file:
             np.savez_compressed(
@@ -226,8 +299,9 @@ class StrokeLibrary:
             )
 
     @classmethod
-    def load(cls, path: Path) -> "StrokeLibrary":
+    def load(cls, path: str | Path) -> "StrokeLibrary":
         """Reads and checks an .npz file; never runs a pickle. Raises LibraryError."""
+        path = Path(path)
         arrays = _read(path)
         kinds = {name: array.dtype.kind for name, array in arrays.items()}
         whole = {kinds.get(name, "u") for name in ("recorded_index", "flaws")}
@@ -249,6 +323,8 @@ class StrokeLibrary:
                 recorded_index=arrays["recorded_index"].astype(np.int32),
                 flaws=arrays["flaws"].astype(np.uint8) if "flaws" in arrays else None,
                 since_dip=arrays["since_dip"].astype(np.float32) if "since_dip" in arrays else None,
+                code=arrays["code"].astype(np.float32) if "code" in arrays else None,
+                path_m=arrays["path_m"].astype(np.float32) if "path_m" in arrays else None,
             )
         except LibraryError as cause:
             raise LibraryError(f"{path}: {cause}") from cause
@@ -341,11 +417,13 @@ class _Mark:
     paint [rows, columns]: in [0, 1]
     away [rows, columns]: distance from the path in pixels
     path [k, 2]: (column, row)
+    turns: True if the path may turn back and cross itself, as those of families do
     """
 
     paint: NDArray[np.float32]
     away: NDArray[np.float32]
     path: NDArray[np.float64]
+    turns: bool = False
 
     @classmethod
     def of(cls, library: StrokeLibrary, index: int) -> "_Mark":
@@ -353,13 +431,15 @@ class _Mark:
         pitch = library.metres_per_pixel
         fraction = np.linspace(0, 1, _PATH_POINTS)
         along, aside = library.length_m[index] * fraction, 3 * fraction * (1 - fraction) * library.bend_m[index]
+        if library.path_m is not None:
+            along, aside = library.path_m[index].astype(np.float64).T
         path = np.stack((column + along / pitch, row - aside / pitch), -1)
         bare = np.full(library.magnitude.shape[1:], 255, np.uint8)
         import cv2  # loaded here because planners do not need it
 
         cv2.polylines(bare, [np.rint(16 * path).astype(np.int32)], False, 0, 1, cv2.LINE_8, 4)
         away = np.asarray(cv2.distanceTransform(bare, cv2.DIST_L2, 5), np.float32)
-        return cls(library.magnitude[index].astype(np.float32) / 255, away, path)
+        return cls(library.magnitude[index].astype(np.float32) / 255, away, path, library.path_m is not None)
 
     def extent(self) -> float:
         """Returns the distance from the path in pixels that contains nearly all paint."""
@@ -379,6 +459,7 @@ class _Look:
     covered: share of the way with paint
     width: pixels across
     offset: (column, row) from the centre of the path to that of the paint
+    turns: True if the path may turn back, so that gaps across it mean nothing
     """
 
     inked: NDArray[np.bool_]
@@ -388,6 +469,7 @@ class _Look:
     covered: float
     width: float
     offset: tuple[float, float]
+    turns: bool = False
 
     @classmethod
     def at(cls, mark: _Mark, reach: float) -> "_Look":
@@ -401,6 +483,8 @@ class _Look:
         paint = np.where(belongs, mark.paint, 0)
         own = float(paint.sum())
         inked = paint > _INKED
+        if mark.turns:
+            return cls._along(mark, inked, paint, own)
         first, last = mark.path[0, 0], mark.path[-1, 0]
         margin = 0.1 * (last - first)
         across = inked[:, round(first + margin) : round(last - margin) + 1].sum(0)
@@ -414,6 +498,28 @@ class _Look:
         covered = float((across > 0).mean()) if len(across) else 0.0
         width = float(np.median(across[across > 0])) if across.any() else 0.0
         return cls(inked, own, foreign, last - first, covered, width, offset)
+
+    @classmethod
+    def _along(cls, mark: _Mark, inked: NDArray[np.bool_], paint: NDArray[np.float32], own: float) -> "_Look":
+        """Returns the measurements of a mark whose path turns: along the path, instead of column by column."""
+        import cv2  # loaded here because planners do not need it
+
+        rows, columns = np.indices(paint.shape)
+        weight = paint / max(own, 1e-6)
+        way = float(np.linalg.norm(np.diff(mark.path, axis=0), axis=1).sum())
+        at = np.rint(mark.path).astype(int)
+        inside = (at >= 0).all(1) & (at[:, 0] < paint.shape[1]) & (at[:, 1] < paint.shape[0])
+        inner = cv2.distanceTransform(inked.astype(np.uint8), cv2.DIST_L2, 5)
+        # Twice the distance to the edge, on the path; a brush that trails behind leaves the path a little.
+        near = cv2.dilate(inner, np.ones((5, 5), np.uint8))
+        wide = 2 * near[at[inside, 1], at[inside, 0]]
+        covered = float((wide > 0).sum() / len(at))
+        width = float(np.median(wide[wide > 0])) if (wide > 0).any() else 0.0
+        drawn_path = np.where(mark.away <= max(1.0, width / 2), 1.0, 0.0)
+        middle = drawn_path / max(drawn_path.sum(), 1e-6)
+        offset = tuple(float((weight * axis).sum() - (middle * axis).sum()) for axis in (columns, rows))
+        foreign = float(mark.paint.sum()) - own
+        return cls(inked, own, foreign, way, covered, width, offset, turns=True)  # type: ignore[arg-type]
 
     def porous(self, radius: int) -> float:
         """Returns the share of the mark that is bare in spots smaller than `radius` pixels, as from a dry brush."""
@@ -430,7 +536,7 @@ class _Look:
         A path never turns back, so each column crosses it once.
         """
         painted = int(self.inked.sum())
-        if painted == 0:
+        if painted == 0 or self.turns:
             return 0.0
         bare = 0
         for column in np.flatnonzero(self.inked.any(0)):

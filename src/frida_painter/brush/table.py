@@ -25,6 +25,7 @@ from frida_painter.brush.kinds import CoverageSpread, StrokeModel, spread_of
 from frida_painter.compiled import array, compiles_for
 from frida_painter.errors import StorageError
 from frida_painter.frames import MapFrame
+from frida_painter.stroke_family import CODE_REACH
 from frida_painter.strokes import StrokeLimits
 
 # Squash: conversion of smooth logits to magnitudes
@@ -76,20 +77,24 @@ def weights(place: Tensor, spans: int) -> tuple[Tensor, Tensor]:
 
 
 def rows(first: Sequence[Tensor], knots: Sequence[int]) -> Tensor:
-    """Returns the indices of the 64 rows around each point: [n, 64].
+    """Returns the indices of the 4^axes rows around each point: [n, 64] for three axes.
 
-    first: first coefficient along each axis, 3 x [n]
+    first: first coefficient along each axis, axes x [n]
     knots: size of the cube of coefficients along each axis
     """
     step = torch.arange(4, device=first[0].device)
-    outer, middle, inner = (axis[:, None] + step for axis in first)  # [n, 4]
-    row = (outer[:, :, None] * knots[1] + middle[:, None, :])[..., None] * knots[2]
-    return (row + inner[:, None, None, :]).flatten(1)
+    row = first[0][:, None] + step  # [n, 4]
+    for axis, size in zip(first[1:], knots[1:], strict=True):
+        row = (row[:, :, None] * size + (axis[:, None] + step)[:, None, :]).flatten(1)
+    return row
 
 
-def outer(first: Tensor, second: Tensor, third: Tensor) -> Tensor:
-    """Returns the products of the weights of three axes: 3 x [n, 4] -> [n, 64]."""
-    return (first[:, :, None, None] * second[:, None, :, None] * third[:, None, None, :]).flatten(1)
+def outer(*axes: Tensor) -> Tensor:
+    """Returns the products of the weights of the axes: axes x [n, 4] -> [n, 4^axes]."""
+    product = axes[0]
+    for axis in axes[1:]:
+        product = (product[:, :, None] * axis[:, None, :]).flatten(1)
+    return product
 
 
 def sample_grid(spans: int) -> Tensor:
@@ -107,22 +112,29 @@ def fit_matrix(grid: Tensor, spans: int) -> Tensor:
 
 _BATCH = 256
 _DEEPER = 0.5
+_FAMILY_SPANS = {1: (4, 4, 8), 2: (3, 3, 4, 4)}  # by the number of codes
 
 
 @dataclass(frozen=True)
 class TableDetail:
     """Resolution of a table.
 
-    spans: spans of the splines along thickness, length and bend
+    spans: spans of the splines along thickness, length and bend, or along thickness, length and each code of a family
     rank: number of maps in each basis
     faint: cells with no magnitude above this stay empty
-    parts: number of parts of lengths and of bends, each with a separate basis
+    parts: number of parts of lengths and of bends (or first codes), each with a separate basis
     """
 
-    spans: tuple[int, int, int] = (5, 12, 12)
+    spans: tuple[int, ...] = (5, 12, 12)
     rank: int = 32
     faint: float = 0.01
     parts: tuple[int, int] = (4, 3)
+
+    @classmethod
+    def of(cls, model: StrokeModel) -> Self:
+        """Returns the usual resolution for a model."""
+        family = model.limits.family
+        return cls() if family is None else cls(_FAMILY_SPANS[family.codes], parts=(3, 2))
 
 
 class StrokeTable(nn.Module):
@@ -136,13 +148,13 @@ class StrokeTable(nn.Module):
     position of the window in the frame. Renderers draw windows, because a frame is mostly empty.
     """
 
-    coefficients: Tensor  # [parts, knots of thickness, of length, of bend, rank]
+    coefficients: Tensor  # [parts, knots of thickness, of length, of bend (or of each code), rank]
     basis: Tensor  # [parts, rank, most]: maps of logits over the cells that strokes of the part touch
     mean: Tensor  # [parts, most], mean of the logits
     cells: Tensor  # [parts, most], index of these cells in rows x columns; padded with rows x columns
     counts: Tensor  # [parts], number of these cells
-    part_of: Tensor  # [3, spans], contribution of each span of each axis to the number of the part
-    first_of: Tensor  # [3, spans], first knot of each span inside its part
+    part_of: Tensor  # [axes, spans], contribution of each span of each axis to the number of the part
+    first_of: Tensor  # [axes, spans], first knot of each span inside its part
     corners: Tensor  # [parts, 2], column and row of each part's window in the frame
     inside: Tensor  # [parts, most], `cells` as indices into the window; padded with the window's size
 
@@ -166,7 +178,7 @@ class StrokeTable(nn.Module):
 
         like: a tensor with the precision and the device of the model; default float32, CPU
         """
-        detail = detail or TableDetail()
+        detail = detail or TableDetail.of(model)
         return cls.from_samples(model, detail, sample(model, detail, torch.zeros(()) if like is None else like))
 
     @classmethod
@@ -184,11 +196,11 @@ class StrokeTable(nn.Module):
         for lengths in _edges(detail, 0):
             for bends in _edges(detail, 1):
                 rows, columns = _between(grids[1], detail.spans[1], lengths), _between(grids[2], detail.spans[2], bends)
-                mine = (marks[:, rows][:, :, columns].amax((0, 1, 2)) > detail.faint).nonzero()[:, 0]
-                near = logits[:, rows][:, :, columns][..., mine].flatten(0, 2)
+                mine = (marks[:, rows][:, :, columns].flatten(0, -2).amax(0) > detail.faint).nonzero()[:, 0]
+                near = logits[:, rows][:, :, columns][..., mine].flatten(0, -2)
                 mean = near.mean(0)
                 basis = _best_basis(near - mean, detail.rank)
-                block = knots[:, lengths[0] : lengths[1] + 3, bends[0] : bends[1] + 3, mine]
+                block = knots[:, lengths[0] : lengths[1] + 3, bends[0] : bends[1] + 3][..., mine]
                 found.append(((block - mean) @ basis.T, basis, mean, touched[mine]))
         parts, sizes, rank = _sizes(detail)
         most = max(1, *(len(cells) for *_, cells in found))
@@ -200,8 +212,8 @@ class StrokeTable(nn.Module):
             "counts": torch.tensor([len(cells) for *_, cells in found], device=samples.device),
         }
         for part, (coefficients, basis, mean, cells) in enumerate(found):
-            _, along, aside, used = coefficients.shape
-            kept["coefficients"][part, :, :along, :aside, :used] = coefficients
+            _, along, aside, *_, used = coefficients.shape
+            kept["coefficients"][part, :, :along, :aside, ..., :used] = coefficients
             kept["basis"][part, :used, : len(cells)] = basis
             kept["mean"][part, : len(cells)] = mean
             kept["cells"][part, : len(cells)] = cells
@@ -233,7 +245,7 @@ class StrokeTable(nn.Module):
         """Returns magnitudes [n, rows, columns] in [0, 1].
 
         thickness [n]: in [0, 1]
-        length [n], bend [n]: in metres
+        length [n], bend [n]: in metres; codes [n, k] of a family in the place of bend
         """
         maps, shift = self.windows(thickness, length, bend)
         left, top = shift[:, :, 2].long().unbind(1)
@@ -248,26 +260,30 @@ class StrokeTable(nn.Module):
         The affine maps of the windows are those of `frames.pixel_to_map` for the frame, minus the shifts.
         """
         at = thickness, length, bend
-        if compiles_for(length) and length.dtype == self.basis.dtype == torch.float32:
+        three_axes = len(self.detail.spans) == 3
+        if three_axes and compiles_for(length) and length.dtype == self.basis.dtype == torch.float32:
             found: tuple[Tensor, Tensor] = _Lookup.apply(*at, self)  # type: ignore[no-untyped-call]
             return found
         return self.plainly(self.places(*at).clamp(0, 1))
 
     def places(self, thickness: Tensor, length: Tensor, bend: Tensor) -> Tensor:
-        """Returns the coordinates of strokes in the table: [3, n], in [0, 1] inside the limits."""
+        """Returns the coordinates of strokes in the table: [axes, n], in [0, 1] inside the limits."""
         (shortest, longest), (least, most) = self.limits.length, self.limits.bend
+        if self.limits.family is not None:
+            codes = (bend / CODE_REACH + 1) / 2  # [n, k]
+            return torch.stack((thickness, (length - shortest) / (longest - shortest), *codes.unbind(1)))
         return torch.stack((thickness, (length - shortest) / (longest - shortest), (bend - least) / (most - least)))
 
     def plainly(self, place: Tensor) -> tuple[Tensor, Tensor]:
-        """Returns the windows and shifts at coordinates [3, n] in [0, 1], by PyTorch on any device in any precision."""
+        """Returns the windows and shifts at coordinates [axes, n] in [0, 1], by PyTorch on any device."""
         looked = [weights(axis, pieces) for axis, pieces in zip(place, self.detail.spans, strict=True)]
         part = self.part_of[1, looked[1][0]] + self.part_of[2, looked[2][0]]
         first = [self.first_of[axis, span] for axis, (span, _) in enumerate(looked)]
-        knots = self.coefficients.shape[1:4]
+        knots = self.coefficients.shape[1:-1]
         row = rows(first, knots) + part[:, None] * math.prod(knots)
         share = outer(*(weight for _, weight in looked))
         coordinates = nn.functional.embedding_bag(
-            row, self.coefficients.flatten(0, 3), per_sample_weights=share, mode="sum"
+            row, self.coefficients.flatten(0, -2), per_sample_weights=share, mode="sum"
         )
         logits = torch.baddbmm(self.mean[part][:, None], coordinates[:, None], self.basis[part])[:, 0]
         maps = logits.new_zeros(len(part), math.prod(self.window) + 1)
@@ -302,7 +318,7 @@ class _Lookup(torch.autograd.Function):
         table_kernels.look_up(place.numpy(), table.detail.spans, arrays, flat.numpy(), shift.numpy())
         context.save_for_backward(place, flat, asked == place)
         context.mark_non_differentiable(shift)
-        context.table, context.arrays = table, arrays
+        context.table, context.arrays, context.shape = table, arrays, bend.shape
         return maps, shift
 
     @staticmethod
@@ -316,7 +332,8 @@ class _Lookup(torch.autograd.Function):
         table_kernels.pull_back(place.numpy(), table.detail.spans, context.arrays, *arrays)
         to_thickness, to_length, to_bend = (to_place * inside).unbind()
         (shortest, longest), (least, most) = table.limits.length, table.limits.bend
-        return to_thickness, to_length / (longest - shortest), to_bend / (most - least), None
+        extent = most - least if table.limits.family is None else 2 * CODE_REACH
+        return to_thickness, to_length / (longest - shortest), (to_bend / extent).view(context.shape), None
 
 
 def _edges(detail: TableDetail, axis: int) -> list[tuple[int, int]]:
@@ -331,7 +348,8 @@ def _sizes(detail: TableDetail) -> tuple[int, tuple[int, ...], int]:
     The rank is rounded up to a multiple of four for the loops.
     """
     edges = [_edges(detail, axis) for axis in (0, 1)]
-    knots = (detail.spans[0] + 3, *(max(last - first for first, last in axis) + 3 for axis in edges))
+    divided = (max(last - first for first, last in axis) + 3 for axis in edges)
+    knots = (detail.spans[0] + 3, *divided, *(spans + 3 for spans in detail.spans[3:]))
     return len(edges[0]) * len(edges[1]), knots, -(-detail.rank // 4) * 4
 
 
@@ -349,9 +367,9 @@ def _windows(cells: Tensor, counts: Tensor, frame: MapFrame) -> tuple[tuple[int,
 
 
 def _places_of_spans(detail: TableDetail) -> tuple[Tensor, Tensor]:
-    """Returns each span's contribution to the number of the part, and its first knot there, both [3, most spans]."""
-    part_of, first_of = torch.zeros(2, 3, max(detail.spans), dtype=torch.long)
-    first_of[0] = torch.arange(max(detail.spans))
+    """Returns each span's contribution to the number of the part, and its first knot there, both [axes, most spans]."""
+    part_of, first_of = torch.zeros(2, len(detail.spans), max(detail.spans), dtype=torch.long)
+    first_of[:] = torch.arange(max(detail.spans))  # axes of bend and length are overwritten
     for axis, step in ((0, len(_edges(detail, 1))), (1, 1)):
         for number, (first, last) in enumerate(_edges(detail, axis)):
             part_of[axis + 1, first:last] = number * step
@@ -369,10 +387,15 @@ def sample(model: StrokeModel, detail: TableDetail, like: Tensor) -> Tensor:
     """Returns the model's maps on the table's grid, [grid, rows x columns], in the precision of `like`."""
     grids = [sample_grid(spans).to(like) for spans in detail.spans]
     (shortest, longest), (least, most) = model.limits.length, model.limits.bend
-    thickness, length, bend = (part.flatten() for part in torch.meshgrid(*grids, indexing="ij"))
-    length, bend = shortest + length * (longest - shortest), least + bend * (most - least)
+    thickness, length, *shape = (part.flatten() for part in torch.meshgrid(*grids, indexing="ij"))
+    length = shortest + length * (longest - shortest)
+    if model.limits.family is None:
+        bend = least + shape[0] * (most - least)
+    else:
+        bend = CODE_REACH * (2 * torch.stack(shape, 1) - 1)
     # Strokes with equal paths are sampled together, because some models compute each path only once.
-    order = torch.arange(len(length), device=like.device).view([len(grid) for grid in grids]).permute(1, 2, 0).flatten()
+    sides = [len(grid) for grid in grids]
+    order = torch.arange(len(length), device=like.device).view(sides).movedim(0, -1).flatten()
     samples = like.new_empty(len(order), model.frame.rows * model.frame.columns)
     with torch.no_grad():
         for part in torch.split(order, _BATCH):
@@ -380,11 +403,13 @@ def sample(model: StrokeModel, detail: TableDetail, like: Tensor) -> Tensor:
     return samples
 
 
-def _fit(samples: Tensor, grids: list[Tensor], spans: tuple[int, int, int]) -> Tensor:
-    """Returns the coefficients [knots, knots, knots, cells] of the best splines for samples [grid, cells]."""
+def _fit(samples: Tensor, grids: list[Tensor], spans: tuple[int, ...]) -> Tensor:
+    """Returns the coefficients [knots, knots, ..., cells] of the best splines for samples [grid, cells]."""
     fits = [fit_matrix(grid, pieces) for grid, pieces in zip(grids, spans, strict=True)]
     cube = samples.view(*(len(grid) for grid in grids), -1)
-    return torch.einsum("ai,bj,ck,ijkr->abcr", *fits, cube)
+    # One axis of knots for each axis of samples: "ai,bj,ck,ijkr->abcr" for three axes.
+    knots, sides = "abcd"[: len(fits)], "ijkl"[: len(fits)]
+    return torch.einsum(f"{','.join(map(''.join, zip(knots, sides, strict=True)))},{sides}r->{knots}r", *fits, cube)
 
 
 def _best_basis(samples: Tensor, rank: int) -> Tensor:
@@ -417,7 +442,7 @@ def cached_table(model: StrokeModel, detail: TableDetail | None = None, folder: 
     folder: folder of tables; by default in the system's cache folder. If it cannot be written, tables are made
     each time.
     """
-    detail = detail or TableDetail()
+    detail = detail or TableDetail.of(model)
     folder = folder or platformdirs.user_cache_path("frida-painter", appauthor=False) / "tables"
     samples = None if isinstance(model, nn.Module) and _is_ours(model) else sample(model, detail, torch.zeros(()))
     path = folder / f"{_identity(model, detail, samples)}.safetensors"
@@ -441,8 +466,10 @@ def _is_ours(model: nn.Module) -> bool:
 
 def _identity(model: StrokeModel, detail: TableDetail, samples: Tensor | None) -> str:
     """Returns a hash of model and detail, which includes the samples, or else the weights."""
-    about = (VERSION, type(model).__name__, torch.__version__, model.brush, astuple(model.frame), astuple(model.limits))
+    limits, family = (model.limits.length, model.limits.bend), model.limits.family
+    about = (VERSION, type(model).__name__, torch.__version__, model.brush, astuple(model.frame), limits)
     told = hashlib.sha256(repr((*about, astuple(detail))).encode())
+    told.update(b"" if family is None else family.digest.encode())
     weights = model.state_dict() if samples is None and isinstance(model, nn.Module) else {"samples": samples}
     for name, tensor in sorted(weights.items()):
         told.update(f"{name} {tensor.dtype} {tuple(tensor.shape)}".encode())

@@ -35,6 +35,7 @@ class ModelFile:
     version: version of that format
     brush, frame, limits: as in StrokeModel
     tensors: weights by name
+    family: name of the stroke family; "" for a brush's own strokes
     """
 
     path: Path
@@ -44,6 +45,7 @@ class ModelFile:
     frame: MapFrame
     limits: StrokeLimits
     tensors: dict[str, Tensor]
+    family: str = ""
 
     @classmethod
     def read(cls, path: Path) -> "ModelFile":
@@ -53,7 +55,8 @@ class ModelFile:
         if not isinstance(about.get("format"), str) or not isinstance(about.get("version"), int):
             raise WeightsError(_foreign(path))
         try:
-            return cls(path, about["format"], about["version"], str(about["brush"]), *_geometry(about), tensors)
+            family = str(about.get("family", ""))
+            return cls(path, about["format"], about["version"], str(about["brush"]), *_geometry(about), tensors, family)
         except (KeyError, TypeError, ValueError, OverflowError) as cause:
             raise _misfit(path, cause) from cause
 
@@ -85,6 +88,7 @@ def write_model(path: Path, format: str, version: int, model: StrokeModel, tenso
         "frame": [frame.left, frame.right, frame.bottom, frame.top],
         "cells": [frame.rows, frame.columns],
         "limits": [*limits.length, *limits.bend],
+        **({} if limits.family is None else {"family": limits.family.name}),
     }
     # A single entry, because the order of several entries would change from run to run.
     return tensor_file.write_tensors(path, tensors, {_ABOUT: json.dumps(about)})
@@ -121,7 +125,8 @@ def _geometry(about: dict[str, Any]) -> tuple[MapFrame, StrokeLimits]:
     metres = (left, right, bottom, top, shortest, longest, least, most)
     if not all(math.isfinite(number) and abs(number) < _FARTHEST for number in metres):
         raise ValueError(f"a measure that is not finite or above {_FARTHEST:g} m")
-    if not (left < 0 < right and bottom < 0 < top and 0 < shortest < longest and least < most):
+    bends = least < most or "family" in about  # a stroke of a family has codes and no bend
+    if not (left < 0 < right and bottom < 0 < top and 0 < shortest < longest and bends):
         raise ValueError("a rectangle or limits without extent")
     if not (isinstance(rows, int) and isinstance(columns, int)):
         raise TypeError("a map with broken cells")

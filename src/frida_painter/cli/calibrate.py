@@ -1,4 +1,4 @@
-"""Commands for an easel: calibrate, doctor and arm."""
+"""Commands for an easel: calibrate, doctor, parts and arm."""
 
 import sys
 from enum import StrEnum
@@ -9,7 +9,7 @@ import typer
 
 from frida_painter.brush import FEWEST_STROKES, MAX_BETWEEN_REFILLS, MAX_STROKES
 from frida_painter.easel.kinds import state_folder
-from frida_painter.errors import Interrupted, RobotStopped
+from frida_painter.errors import ConfigError, Interrupted, RobotStopped
 from frida_painter.hardware.latch import latches
 from frida_painter.options import (
     BrushOption,
@@ -22,13 +22,14 @@ from frida_painter.options import (
 
 
 class What(StrEnum):
-    """Names of the calibration procedures, and all of them."""
+    """Names of the calibration procedures, and all of them; `all` leaves the surface out."""
 
     canvas = "canvas"
     robot = "robot"
     color = "color"
     brush = "brush"
     strokes = "strokes"
+    surface = "surface"
     all = "all"
 
 
@@ -58,7 +59,9 @@ RecordOption = Annotated[
 
 
 def calibrate(
-    what: Annotated[What, typer.Argument(metavar="canvas|robot|color|brush|strokes|all", help="The procedure to run.")],
+    what: Annotated[
+        What, typer.Argument(metavar="canvas|robot|color|brush|strokes|surface|all", help="The procedure to run.")
+    ],
     robot: RobotOption = "virtual",
     camera: CameraOption = "",
     workspace: WorkspaceOption = None,
@@ -86,16 +89,35 @@ def calibrate(
         bool,
         typer.Option("--ask", help="Ask you the questions of a real easel. Without it, the virtual studio answers."),
     ] = False,
+    points: Annotated[
+        int,
+        typer.Option(
+            parser=whole_number_within(2, 9), metavar="N", help="Points of the surface procedure along each side."
+        ),
+    ] = 3,
+    heights: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Read the height map of the surface from a TOML file, and measure nothing."),
+    ] = None,
+    marks: Annotated[
+        bool,
+        typer.Option("--marks", help="Learn the surface from painted marks: a picture tells their widths."),
+    ] = False,
+    picture: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Your picture of the canvas with the marks. Nothing is painted."),
+    ] = None,
     record: RecordOption = None,
 ) -> None:
     """Calibrate an easel: the position of the canvas, the robot, the camera's colours, the brush and its strokes.
 
     Each procedure saves its result in the easel's calibration record, with a picture beside it. `all`
-    runs the five procedures in order.
+    runs the five procedures in order. surface is for an uneven canvas: the heights of five or nine points, by touch,
+    by your eye or from marks, make a map that every stroke follows.
     """
     from frida_painter.brush.kinds import brush_kind
     from frida_painter.calibration import PROCEDURES
-    from frida_painter.cli.calibration import easel_spec, lead_all
+    from frida_painter.cli.calibration import easel_spec, enter_heights, lead_all, learn_from_marks
     from frida_painter.devices import prepare_process
     from frida_painter.runs.painting_easel import CalibrationSetup, default_record, easel_of
 
@@ -104,7 +126,13 @@ def calibrate(
     names = PROCEDURES if what is What.all else (what.value,)
     with easel_of(spec) as here:
         path = (record or default_record(here.calibration.easel)).absolute()
-        setup = CalibrationSetup(here, brush_kind(brush), path, seed, count, print, refill_every)
+        setup = CalibrationSetup(here, brush_kind(brush), path, seed, count, print, refill_every, points)
+        if heights is not None:
+            enter_heights(heights, setup, what.value)
+            return
+        if marks or picture is not None:
+            learn_from_marks(setup, what.value, picture, ask=ask or not here.simulated)
+            return
         lead_all(names, setup, anew=what is What.all, ask=ask or not here.simulated)
 
 
@@ -117,11 +145,19 @@ def doctor(
     seed: SeedOption = 0,
     record: RecordOption = None,
 ) -> None:
-    """Show the state of the calibration and what to repeat, and the robots, cameras and stroke models there are.
+    """Show what the robot's controller tells, the state of the calibration, and the parts there are.
 
-    The exit status is 1 if painting with this record would be refused.
+    A named robot is asked for its settings, without motion, in ten seconds: what they mean, what to change, and
+    what cannot work. --workspace and --camera show the calibration as well. The exit status is 1 if painting
+    would be refused.
     """
-    from frida_painter.cli.calibration import easel_spec, examine
+    from frida_painter.cli.controller import examine, examine_machine, is_machine
+
+    if is_machine(robot):
+        fit = examine_machine(robot, workspace)
+        if workspace is None or not camera:
+            raise typer.Exit(0 if fit else 1)
+    from frida_painter.cli.calibration import easel_spec
     from frida_painter.runs.painting_easel import default_record, easel_of
 
     with easel_of(easel_spec(robot, camera, workspace, canvas, brush, seed, None)) as easel:
@@ -176,8 +212,41 @@ def _confirm() -> bool:
         raise Interrupted("Nothing was changed; the robot stays stopped.") from end
 
 
+def parts(
+    package: Annotated[str, typer.Argument(metavar="PACKAGE", help="The name of an installed package.")],
+    example: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=TEXT",
+            help="The text with which a part is tried, such as mirror=left-right. May be repeated.",
+            show_default=False,
+        ),
+    ] = None,
+) -> None:
+    """Try every part that a package registers, as the program would use it, and say what is wrong with each.
+
+    No device is connected to. The exit status is 1 if a part does not conform.
+    """
+    from frida_painter.devices import prepare_process
+    from frida_painter.plugins.conformance import check
+
+    examples = {}
+    for given in example or ():
+        name, equals, text = given.partition("=")
+        if not equals or not name:
+            raise ConfigError(f"--example was given {given[:40]!r}; write NAME=TEXT.")
+        examples[name] = text
+    prepare_process()
+    found = check(package, examples=examples)
+    for finding in found:
+        typer.echo(str(finding))
+    if not all(finding.passed for finding in found):
+        raise typer.Exit(1)
+
+
 def register(app: typer.Typer) -> None:
     """Adds the commands."""
     app.command("calibrate")(calibrate)
     app.command("doctor")(doctor)
+    app.command("parts")(parts)
     app.command("arm")(arm)

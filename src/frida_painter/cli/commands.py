@@ -83,7 +83,15 @@ COMMANDS = (
         "render", f"{_CLI}.painting", "Render a plan as a picture of any size, with the stroke models of its brushes."
     ),
     Deferred("resume", f"{_CLI}.painting", "Continue a painting that was stopped, paused or killed, from its folder."),
+    Deferred(
+        "look", f"{_CLI}.painting", "Give a picture of the canvas to a painting without a camera. It counts as a look."
+    ),
     Deferred("export", f"{_CLI}.plans", "Export the strokes of a plan as SVG, G-code or CSV, in millimetres."),
+    Deferred(
+        "setup",
+        f"{_CLI}.setup",
+        "Set up a machine: find its port, guide its tip to the canvas, the wells and the lightest touch, and test it.",
+    ),
     Deferred(
         "calibrate",
         f"{_CLI}.calibrate",
@@ -92,7 +100,12 @@ COMMANDS = (
     Deferred(
         "doctor",
         f"{_CLI}.calibrate",
-        "Show the state of the calibration and what to repeat, and the robots, cameras and stroke models there are.",
+        "Show what the robot's controller tells, the state of the calibration, and the parts there are.",
+    ),
+    Deferred(
+        "parts",
+        f"{_CLI}.calibrate",
+        "Try every part that a package registers, as the program would use it, and say what is wrong with each.",
     ),
     Deferred("arm", f"{_CLI}.calibrate", "Allow a robot to move again after a stop. Look at the robot first."),
     Deferred(
@@ -100,6 +113,7 @@ COMMANDS = (
         f"{_CLI}.plans",
         "Check whether a robot can paint a whole plan on an easel, and how long it takes. Nothing moves.",
     ),
+    Deferred("trace", f"{_CLI}.plans", "Trace the outline of the canvas and of a plan in the air, without paint."),
     Deferred(
         "mix",
         f"{_CLI}.plans",
@@ -114,6 +128,11 @@ COMMANDS = (
         "workspace",
         f"{_CLI}.plans",
         "Describe the workspace of a robot: where canvas, wells, water and rag stand, in metres.",
+    ),
+    Deferred(
+        "teach",
+        f"{_CLI}.teach",
+        "Teach a stroke: ten or more marks of one kind become a family of strokes for the planner.",
     ),
     Deferred("strokes", f"{_CLI}.commands", "Collect a library of strokes, and train and test stroke models on it."),
     Deferred(

@@ -1,5 +1,6 @@
 """Control of a painting from the terminal: progress, pauses, questions and the final report."""
 
+import select
 import sys
 import time
 from collections.abc import Callable
@@ -15,7 +16,7 @@ from torch import Tensor
 from frida_painter import storage
 from frida_painter.cli.options import Wells
 from frida_painter.cli.stop_signal import StopSignal
-from frida_painter.cli.terminal import PaintingLine, Terminal
+from frida_painter.cli.terminal import PaintingLine, terminal_at
 from frida_painter.easel.dialogue import Answer, Question
 from frida_painter.easel.kinds import ARM_FILM, easel_kind
 from frida_painter.errors import Interrupted, RobotStopped
@@ -59,7 +60,7 @@ class Leader:
         run.controls = replace(
             run.controls,
             stop_asked=lambda: stop.asked,
-            pause_asked=lambda: self._pause_file.exists(),
+            pause_cause=lambda: "person" if self._pause_file.exists() else None,
             go_on=self._go_on,
             mixed=wells.fill,
             answer=self._answer if asked else None,
@@ -79,7 +80,8 @@ class Leader:
 
     def conclude(self, outcome: RunOutcome) -> None:
         """Reports the result; then exits with the stop's exit status, or raises the error that ended the run."""
-        tell(outcome, self._run.spec.strokes, time.monotonic() - self._started)
+        spec = self._run.spec
+        tell(outcome, spec.strokes, time.monotonic() - self._started, watched=spec.has_camera)
         if self._stop.asked and (outcome.trouble is None or isinstance(outcome.trouble, RobotStopped)):
             sys.exit(self._stop.exit_status)
         if outcome.trouble is not None:
@@ -96,18 +98,31 @@ class Leader:
             while self._pause_file.exists() and not self._stop.asked:
                 time.sleep(_GLANCE)
             return not self._stop.asked
+        if paused.cause == "button":
+            return self._await_button(paused)
         if not sys.stdin.isatty():
             return False
         return confirm(f"Paused after {paused.done} strokes. {paused.reason}\nGo on?", default=True)
 
+    def _await_button(self, paused: Paused) -> bool:
+        """Waits until the machine's button is pressed again, or Enter at a terminal; returns False after a stop."""
+        session, at_terminal = self._run.session, sys.stdin.isatty()
+        assert session is not None
+        enter = ", or press Enter here" if at_terminal else ""
+        self._console.print(f"Paused after {paused.done} strokes. {paused.reason.rstrip('.')}{enter}.", markup=False)
+        while not self._stop.asked:
+            if session.is_button_pressed():
+                return True
+            if at_terminal and select.select([sys.stdin], [], [], _GLANCE)[0]:
+                if sys.stdin.readline():
+                    return True
+                at_terminal = False  # it was closed, and nobody pressed Enter
+            time.sleep(0 if at_terminal else _GLANCE)
+        return False
+
     def _answer(self, question: Question) -> Answer:
-        terminal = Terminal(
-            lambda prompt: self._console.input(prompt, markup=False),
-            lambda line: self._console.print(line, markup=False),
-            self._run.folder,
-        )
         with self._bar.aside():
-            return terminal.answer(question)
+            return terminal_at(self._run.folder, self._console).answer(question)
 
     def _paint_on(self, sentence: str, canvas: Tensor) -> bool:
         if not self._asked or not sys.stdin.isatty():
@@ -122,6 +137,11 @@ class Leader:
         return confirm(f"Look at {self._run.folder / 'now.png'}: paint stroke {number} again?", default=False)
 
 
+def answer_early(run: PaintingRun) -> Callable[[Question], Answer]:
+    """Returns a function that asks the person at the terminal before the painting begins."""
+    return lambda question: terminal_at(run.folder).answer(question)
+
+
 def ready_planner(run: PaintingRun, stop: StopSignal, out: Path | None = None) -> None:
     """Opens the planner, and prints the choices, the networks in use and remarks.
 
@@ -129,7 +149,7 @@ def ready_planner(run: PaintingRun, stop: StopSignal, out: Path | None = None) -
     Raises StorageError if the folder cannot be made, Interrupted after a stop during quick plans.
     """
     if out is not None:
-        storage.require_space(out, PLAN_ROOM)
+        storage.require_space(out, PLAN_ROOM, "this plan")
         storage.require_unused(out)
     said: set[str] = set()
 
@@ -187,14 +207,15 @@ def _time_left(run: PaintingRun, started: float) -> RemainingTime:
     )
 
 
-def tell(outcome: RunOutcome, of: int, seconds: float) -> None:
-    """Prints the result and the files of a run."""
+def tell(outcome: RunOutcome, of: int, seconds: float, *, watched: bool = True) -> None:
+    """Prints the result and the files of a run; without a camera it is not `watched`, and shows what is expected."""
     folder, painting = outcome.folder, outcome.painting
     if outcome.page is None or painting is None:
         say(f"Stopped before there was a plan; nothing was painted. ({folder})")
         return
     painted = painting.painted
     finished = painted == of or (outcome.trouble is None and painting.rest is not None and len(painting.rest) == 0)
+    expected = "" if watched else ", as expected: nobody looked"
     begun = f"{painted} strokes" if finished else f"Stopped after {painted} of {of} strokes; what was made is kept"
     say(
         f"{begun} in {duration(seconds)}.",
@@ -203,8 +224,8 @@ def tell(outcome: RunOutcome, of: int, seconds: float) -> None:
             if finished and painted < of
             else []
         ),
-        f"  The painting  {folder / 'painting.png'}",
-        *([f"  The film      {folder / 'film.mp4'}"] if (folder / "film.mp4").exists() else []),
+        f"  The painting  {folder / 'painting.png'}{expected}",
+        *([f"  The film      {folder / 'film.mp4'}{expected}"] if (folder / "film.mp4").exists() else []),
         *([f"  The arm       {folder / ARM_FILM}"] if (folder / ARM_FILM).exists() else []),
         f"  The page      {outcome.page}",
         *([f"  The easel     {outcome.calibration}, with what was learned of it"] if outcome.calibration else []),

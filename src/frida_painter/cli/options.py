@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args
 import typer
 from pydantic.fields import FieldInfo
 
+from frida_painter import registry
 from frida_painter.errors import ConfigError, FridaError, Interrupted, PlanError
 from frida_painter.objectives.objective import Gives, GoalKind, goal_kinds
 from frida_painter.options import (
@@ -228,10 +229,10 @@ TAKEN = frozenset(RunSpec.model_fields) - {"goal", "clip", "pictures"} | {
 }
 """Names of options that no kind of goal can have."""
 _PLAN = (
-    *("strokes", "layers", "colors", "canvas", "fit", "ground", "brushes", "new_paints", "darkest", "focus"),
-    *("sharpness", "render_height", "effort", "seed"),
+    *("strokes", "layers", "colors", "canvas", "fit", "ground", "brushes", "strokes_of", "new_paints", "paints"),
+    *("darkest", "focus", "sharpness", "render_height", "effort", "planner", "initialiser", "seed"),
 )
-_PAINT = ("minutes", "replans", "replan_policy", "drying", "timelapse_frames")
+_PAINT = ("together", "minutes", "replans", "replan_policy", "drying", "timelapse_frames", "listener")
 
 Photo = Annotated[
     Path | None,
@@ -358,7 +359,9 @@ def _option(field: FieldInfo) -> Any:
     """Returns the command-line option of a field of RunSpec; without it, the field's own default holds."""
     more = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
     default = more.get("default", field.default)
-    text = f"{field.description} [dim]{default}[/]"
+    added = registry.names_of_others(str(more["group"])) if "group" in more else ()
+    others = f" Installed packages add {', '.join(added)}." if added else ""
+    text = f"{field.description}{others} [dim]{default}[/]"
     if field.annotation in (int, int | None):
         return Annotated[int | None, typer.Option(parser=whole_number, metavar="N", help=text)]
     if field.annotation in (float, float | None):

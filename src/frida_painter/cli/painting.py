@@ -73,6 +73,7 @@ def paint(
     started = time.monotonic()
     spec = spec_of(photo, given)
     require_person(spec, asked=not yes)
+    _require_canvas_for_two(spec, candidates, asked=not yes)
     with LoopCompiler():
         spec, chosen = (spec, None) if candidates == 1 else _best_of(candidates, spec)
         _paint(spec, chosen, started, given["out"], asked=not yes, asks_for_paints=ask)
@@ -83,7 +84,7 @@ def _paint(
 ) -> None:
     """Paints a description; with `chosen`, by that plan."""
     with EaselLaunch(spec.robot) as launch:  # loads in parallel with this process
-        from frida_painter.cli.leading import Leader, ready_planner, say_films
+        from frida_painter.cli.leading import Leader, answer_early, ready_planner, say_films
         from frida_painter.cli.stop_signal import stop_on_signals
         from frida_painter.devices import prepare_process
         from frida_painter.runs.run import PaintingRun
@@ -93,10 +94,24 @@ def _paint(
             say_films(run.spec)
             run.load_easel(launch)
             ready_planner(run, stop, out)
-            stop.at_once = run.open_easel(hear_signals=True).robot.stop
+            stop.at_once = run.open_easel(hear_signals=True, answer=answer_early(run) if asked else None).robot.stop
             with Leader(run, stop, asked=asked, asks_for_paints=asks_for_paints, started=started) as leader:
                 outcome = run.start(chosen)
     leader.conclude(outcome)
+
+
+def _require_canvas_for_two(spec: "RunSpec", candidates: int, *, asked: bool) -> None:
+    """Raises ConfigError if a painting without a goal has nobody who can begin it."""
+    if not spec.together:
+        return
+    if spec.simulated:
+        raise ConfigError(
+            "--together waits for your strokes, and in the virtual studio you paint them on the page: run "
+            "frida-painter studio and choose No goal there, or name a robot with --robot."
+        )
+    if candidates != 1 or not asked:
+        option = "--candidates" if candidates != 1 else "--yes"
+        raise ConfigError(f"--together answers a person, and {option} is for paintings without one; leave out one.")
 
 
 def _best_of(candidates: int, spec: "RunSpec") -> "tuple[RunSpec, Plan]":
@@ -122,6 +137,7 @@ def _plan(spec: "RunSpec", out: Path | None) -> None:
     from frida_painter.cli.terminal import PlanningLine
     from frida_painter.devices import prepare_process
     from frida_painter.errors import Interrupted
+    from frida_painter.planning.mixable import mixing_changes
     from frida_painter.planning.optimize import Step
     from frida_painter.report.sheets import palette_sheet, sheet_file
     from frida_painter.runs.painting_folder import new_folder
@@ -142,7 +158,7 @@ def _plan(spec: "RunSpec", out: Path | None) -> None:
 
             made = run.plan(hear)
         bare = run.planner.bare
-        made.save(folder / "plan.json")
+        run.plan_into(folder, made)
         images.save(run.planner.expected(made, bare), folder / "plan.png")
         forecast = run.planner.forecast(made, bare)
         for layer, part in made.by_wells():
@@ -152,6 +168,7 @@ def _plan(spec: "RunSpec", out: Path | None) -> None:
         f"As picture:  {folder / 'plan.png'}",
         f"Palette:     {folder / 'palette.png'}",
         *([f"Similarity:  {forecast}"] if forecast else []),
+        *(f"{what}: {words}" for what, words in mixing_changes(made).items()),
     )
 
 
@@ -205,10 +222,10 @@ def resume(
 ) -> None:
     """Continue a painting that was stopped, paused or killed, from its folder.
 
-    Shows the progress, photographs the canvas, asks about a stroke in doubt if there is one, cleans the
-    brush and paints the rest. Nothing moves before you confirm, or give --yes.
+    Shows the progress, photographs the canvas if there is a camera, asks about a stroke in doubt if there is
+    one, cleans the brush and paints the rest. Nothing moves before you confirm, or give --yes.
     """
-    from frida_painter.cli.leading import Leader, confirm, ready_planner, say, tell
+    from frida_painter.cli.leading import Leader, answer_early, confirm, ready_planner, say, tell
     from frida_painter.cli.options import require_person
     from frida_painter.cli.stop_signal import stop_on_signals
     from frida_painter.devices import prepare_process
@@ -223,7 +240,7 @@ def resume(
         say(f"This painting is finished: {history.painted} strokes. Its page and pictures are made again.")
         prepare_process()
         with PaintingRun.reopen(folder) as run:
-            tell(run.resume(), history.painted, history.seconds)
+            tell(run.resume(), history.painted, history.seconds, watched=run.spec.has_camera or history.is_pictured)
         return
     started = time.monotonic()
     prepare_process()
@@ -232,17 +249,63 @@ def resume(
         run = stack.enter_context(PaintingRun.reopen(folder, accept_changes=accept_changes, pace=pace))
         require_person(run.spec, asked=not yes)
         _show(run)
-        first = "The canvas" if run.spec.by_hand else "The arm will lift and move aside, and the canvas"
-        if not (yes or confirm(f"{first} will be photographed. Go on?", default=True)):
+        if not (yes or confirm(f"{_next_motion(run.spec)} Go on?", default=True)):
             raise Interrupted("Nothing was moved; the painting stays as it is.")
         stop = stack.enter_context(stop_on_signals())
         run.load_easel()  # loads in parallel with the planner
         ready_planner(run, stop)
-        stop.at_once = run.open_easel(hear_signals=True).robot.stop
+        asks = None if yes else answer_early(run)
+        stop.at_once = run.open_easel(hear_signals=True, answer=asks).robot.stop
         leader = stack.enter_context(Leader(run, stop, asked=not yes, repaint=repaint, started=started))
         run.listeners.append(_show_canvas(run))
         outcome = run.resume()
     leader.conclude(outcome)
+
+
+def look(
+    folder: Folder,
+    picture: Annotated[
+        Path, typer.Argument(metavar="PICTURE", help="A picture of the whole canvas, also HEIC.", show_default=False)
+    ],
+    corners: Annotated[
+        str | None,
+        typer.Option(
+            "--corners",
+            metavar="X,Y ...",
+            help="The four corners of the canvas in the picture, in pixels, clockwise: column,row of each.",
+        ),
+    ] = None,
+    yes: Annotated[bool, typer.Option("--yes", "-y", help="Do not ask whether the corners were found right.")] = False,
+) -> None:
+    """Give a picture of the canvas to a painting without a camera. It counts as a look.
+
+    Pause the painting, or take the picture while paint dries, so that the arm is aside. All four corners must be in
+    it. The painter takes the picture between two strokes and plans the rest again. Of a finished painting, the page
+    is made again with the picture. A picture of another canvas is refused.
+    """
+    from frida_painter.cli.terminal import parse_corners
+    from frida_painter.cli.without_camera import give_picture
+    from frida_painter.devices import prepare_process
+
+    pointed = None if corners is None else parse_corners(corners)
+    if corners is not None and pointed is None:
+        raise ConfigError(
+            f"--corners was given {corners[:60]!r}; it is column and row of four corners, like "
+            "'120,80 1400,95 1420,1010 100,1000'."
+        )
+    prepare_process()
+    give_picture(folder, picture, pointed, ask=not yes and sys.stdin.isatty())
+
+
+def _next_motion(spec: "RunSpec") -> str:
+    """Returns a sentence about what happens first when a painting is resumed."""
+    if not spec.has_camera:
+        return (
+            "Nobody looks at the canvas (--camera none): put it exactly where it was. The arm will lift, clean its "
+            "brush and paint on."
+        )
+    first = "The canvas" if spec.by_hand else "The arm will lift and move aside, and the canvas"
+    return f"{first} will be photographed."
 
 
 def _show_canvas(run: "PaintingRun") -> "Callable[[Event], None]":
@@ -253,7 +316,8 @@ def _show_canvas(run: "PaintingRun") -> "Callable[[Event], None]":
 
     def hear(event: "Event") -> None:
         if isinstance(event, Resumed):
-            say(f"The canvas as it was found: {run.folder / NOW}")
+            found = "as it was found" if run.spec.has_camera else "as it should be"
+            say(f"The canvas {found}: {run.folder / NOW}")
 
     return hear
 
@@ -285,3 +349,4 @@ def register(app: typer.Typer) -> None:
     app.command("plan")(taking(planning_options(), plan))
     app.command("render")(render)
     app.command("resume")(resume)
+    app.command("look")(look)

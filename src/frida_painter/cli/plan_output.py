@@ -2,89 +2,102 @@
 
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 
-from frida_painter import images, storage
-from frida_painter.brush.weights import load_stroke_models
+import numpy as np
+
+from frida_painter import images
+from frida_painter.brush.weights import load_models_of
 from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.devices import prepare_process
-from frida_painter.easel.kinds import MACHINES, SIMULATED, VIRTUAL, easel_kind, require_known, state_folder
-from frida_painter.easel.open import make_robot, open_easel
+from frida_painter.easel.connecting import examine_robot
+from frida_painter.easel.kinds import MACHINES, NO_CAMERA, SIMULATED, VIRTUAL, easel_kind, require_known, state_folder
+from frida_painter.easel.open import find_reach, make_robot, open_easel
 from frida_painter.easel.order import EaselOrder
-from frida_painter.errors import ConfigError, WorkspaceViolation
+from frida_painter.errors import ConfigError, RobotError, WorkspaceViolation
 from frida_painter.export.gcode import gcode
 from frida_painter.export.vector import plan_widths, svg, table
+from frida_painter.exporter import ExporterKind, ExportOptions
 from frida_painter.hardware.gcode import Gcode
-from frida_painter.hardware.robot import Reach, Timing, Waypoints, Workspace
+from frida_painter.hardware.own_gcode import read_own
+from frida_painter.hardware.robot import (
+    Examination,
+    LooseRobot,
+    Reach,
+    Robot,
+    TimedRobot,
+    Waypoints,
+    Workspace,
+)
+from frida_painter.hardware.timing import AxisTiming, Timing
+from frida_painter.hardware.travel import TravelLimits
 from frida_painter.hardware.workcell import WorkcellConfig
 from frida_painter.plan import Plan
 from frida_painter.render.painting import render_plan
 from frida_painter.report.sheets import offending_strokes
-from frida_painter.runs.painting_folder import drying_of
+from frida_painter.runs.painting_folder import camera_of, drying_of
 from frida_painter.session.choreography import Action, BrushLoad, Choreography, reckon
-from frida_painter.session.events import Dipped, StrokePainted, Timetable
+from frida_painter.session.events import DRYING, Dipped, StrokePainted, Timetable
 from frida_painter.session.hand import choreography_at
+from frida_painter.session.open_loop import NOBODY_LOOKS
 from frida_painter.session.opening import load_record
 from frida_painter.session.rehearsal import FlatbedWorkspace, Rehearsal, rehearse
 from frida_painter.session.time_left import duration
 from frida_painter.storage import count_of
 
-# Output of `export`: a plan as SVG, G-code or a table.
+# Exporters of plans: SVG, G-code and a table.
 
 
-def write_svg(plan: Path, out: Path, *, keep_order: bool, dips: bool) -> Plan:
-    """Writes the plan as an SVG with a layer per paint; with `dips`, a pause at each dip of the brush."""
-    loaded = Plan.load(plan)
-    widths = plan_widths(loaded, load_stroke_models(loaded.brushes))
-    marks = set(_find_dips(_actions(loaded, FlatbedWorkspace()))) if dips else set()
-    storage.write_text(out, svg(loaded, widths, keep_order=keep_order, dips=marks))
-    return loaded
+def _make_svg(plan: Plan, options: ExportOptions) -> str:
+    """Returns the plan as an SVG with a layer per paint; with `dips`, a pause at each dip of the brush."""
+    widths = plan_widths(plan, load_models_of(plan))
+    marks = set(_find_dips(_actions(plan, FlatbedWorkspace()))) if options.dips else set()
+    return svg(plan, widths, keep_order=not options.regroup, dips=marks)
 
 
-def write_gcode(
-    plan: Path,
-    out: Path,
-    dialect: str,
-    press: float | None,
-    lift: float | None,
-    workspace: Path | None,
-    calibration: Path | None,
-    drying: float | None,
-) -> Plan:
-    """Writes the plan as a G-code program in that dialect.
+def _make_gcode(plan: Plan, options: ExportOptions) -> str:
+    """Returns the plan as a G-code program.
 
     press, lift: millimetres, only without a workspace.
+    own: file of a person's own G-code.
     drying: drying time of a layer in minutes. None: that of the painting.
     Raises ConfigError, and WorkspaceViolation if the plan cannot be painted in that workspace.
     """
-    loaded = Plan.load(plan)
-    dries = drying_of(plan) if drying is None else 60 * drying
-    if workspace is None and calibration is None:
+    dialect, press, lift = options.flavour or DIALECTS[0], options.press, options.lift
+    if dialect not in DIALECTS:
+        raise ConfigError(f"--flavour was given {dialect[:40]!r}; it is one of {', '.join(DIALECTS)}.")
+    settled = DRYING if options.source is None else drying_of(options.source)
+    dries = settled if options.drying is None else 60 * options.drying
+    if options.workspace is None and options.calibration is None:
         flatbed = FlatbedWorkspace(
             FlatbedWorkspace.press if press is None else press / 1000,
             FlatbedWorkspace.lift if lift is None else lift / 1000,
         )
-        language = Gcode(dialect, flatbed.travel_speed)
-        program = gcode(loaded, _actions(loaded, flatbed), language, pauses=True, drying=dries)
-    else:
-        if press is not None or lift is not None:
-            raise ConfigError("--press and --lift are the workspace's to say; leave them out with --workspace.")
-        program = _program(loaded, workspace, calibration, dialect, dries)
-    storage.write_text(out, program)
-    return loaded
+        place = flatbed.motion(plan.canvas).workspace
+        language = Gcode(dialect, flatbed.travel_speed, own=read_own(options.own, place))
+        return gcode(plan, _actions(plan, flatbed), language, pauses=True, drying=dries)
+    if press is not None or lift is not None:
+        raise ConfigError("--press and --lift are the workspace's to say; leave them out with --workspace.")
+    return _program(plan, options.workspace, options.calibration, dialect, dries, options.own)
 
 
-def write_table(plan: Path, out: Path) -> Plan:
-    """Writes the plan as CSV, one row per stroke."""
-    loaded = Plan.load(plan)
-    storage.write_text(out, table(loaded))
-    return loaded
+DIALECTS = ("grbl", "marlin")
+SVG = ExporterKind("svg", "Paths in millimetres, for Inkscape and plotters.", _make_svg, ("regroup", "dips"))
+GCODE = ExporterKind(
+    "gcode",
+    "A program for GRBL and Marlin machines.",
+    _make_gcode,
+    ("flavour", "press", "lift", "workspace", "calibration", "drying", "own"),
+)
+CSV = ExporterKind("csv", "A table with one row per stroke.", lambda plan, options: table(plan))
 
 
-def _program(plan: Plan, workspace: Path | None, calibration: Path | None, dialect: str, drying: float) -> str:
+def _program(
+    plan: Plan, workspace: Path | None, calibration: Path | None, dialect: str, drying: float, own: Path | None
+) -> str:
     """Returns the program for a machine with wells.
 
     Raises WorkspaceViolation if a part of the plan cannot be painted.
@@ -104,7 +117,7 @@ def _program(plan: Plan, workspace: Path | None, calibration: Path | None, diale
         )
     choreography = choreography_at(workcell.workspace, known, plan.brushes, simulated=False)
     actions = choreography.actions(plan, BrushLoad(), 0, len(plan))
-    language = Gcode(dialect, workcell.workspace.travel_speed)
+    language = Gcode(dialect, workcell.workspace.travel_speed, own=read_own(own, workcell.workspace))
     motion, cleaning = choreography.motion, choreography.cleaning()
     if workcell.workspace.rack is None:
         return gcode(plan, actions, language, pauses=False, ending=cleaning, drying=drying)
@@ -135,17 +148,24 @@ _ROWS = 900
 _SOME_CAMERA = "opencv:0"  # a person's easel needs one; nothing is photographed here
 
 
-def check_plan(plan: Path, robot: str | None, workspace: Path | None, calibration: Path | None, out: Path) -> bool:
+def check_plan(
+    plan: Path, robot: str | None, workspace: Path | None, calibration: Path | None, out: Path, camera: str = ""
+) -> bool:
     """Returns True if all of the plan can be painted.
 
     Otherwise prints the faults and draws their strokes into `out`.
+    camera: name of the easel's camera. "": that of the painting that the plan belongs to.
     """
     prepare_process()
     loaded = Plan.load(plan)
     there = _place(loaded, robot, workspace)
     place = there.workspace
-    known = _load_record(calibration, there.calibration)
-    found = rehearse(loaded, place, there.canvas, known, there.reach)
+    watched = (camera or camera_of(plan)) != NO_CAMERA
+    known = _load_record(calibration, there.calibration, watched=watched)
+    if not watched:
+        print(NOBODY_LOOKS)
+    found = rehearse(loaded, place, there.canvas, known, there.reach, there.travel)
+    found = replace(found, mismatches=(*there.refusals, *found.mismatches))
     if found.passed:
         print(
             f"{count_of(len(loaded), 'stroke')} in {count_of(len(loaded.palette), 'paint')}: all of it can be painted."
@@ -164,14 +184,45 @@ def check_plan(plan: Path, robot: str | None, workspace: Path | None, calibratio
 
 @dataclass(frozen=True)
 class _Place:
-    """Data of an easel for a check; no device is opened."""
+    """Data of an easel for a check; nothing moves.
+
+    refusals: sentences of a controller that cannot paint like this
+    """
 
     workspace: Workspace
     canvas: CanvasSize
     calibration: Calibration
     reach: Reach | None
-    timing: Timing | None
+    timing: Timing | AxisTiming | None
     simulated: bool
+    travel: TravelLimits | None = None
+    refusals: tuple[str, ...] = ()
+
+
+def _examine(robot: str, workspace: Workspace) -> Examination | None:
+    """Returns what the controller of a real robot tells, and prints its warnings; None if it cannot be asked."""
+    try:
+        found = examine_robot(robot, workspace)
+    except RobotError as silent:
+        print(f"Its controller could not be asked, so its own limits are not checked: {silent}")
+        return None
+    for fact in () if found is None else found.facts:
+        if fact.weight == "warning":
+            print(f"Warning: {fact.text}")
+    return found
+
+
+def _tell_play(driver: Robot, workcell: WorkcellConfig) -> None:
+    """Prints how far the play of a robot's gears lets its tip be off over the canvas."""
+    if isinstance(driver, LooseRobot):
+        size = workcell.canvas
+        corners = np.array([(0, 0), (size.width, 0), (size.width, size.height), (0, size.height)], np.float64)
+        play = driver.play(workcell.workspace.to_robot(corners, np.full(4, workcell.touch_height)))
+        if np.isfinite(play).any():
+            print(
+                f"The play of its gears lets the tip be up to {1000 * np.nanmax(play):.1f} mm off on this canvas; fine "
+                "strokes waver by as much."
+            )
 
 
 def _place(plan: Plan, robot: str | None, workspace: Path | None) -> _Place:
@@ -179,15 +230,23 @@ def _place(plan: Plan, robot: str | None, workspace: Path | None) -> _Place:
     first, *others = plan.brushes
     if workspace is not None:
         workcell = WorkcellConfig.load(workspace)
-        if robot is not None and require_known(robot) in MACHINES:
-            make_robot(robot, workcell.workspace)  # only to raise its errors
         reach: Reach | None = workcell.reach
-        timing: Timing | None = None
+        timing: Timing | AxisTiming | None = None
+        told: Examination | None = None
+        if robot is not None and require_known(robot) in MACHINES:
+            driver = make_robot(robot, workcell.workspace)
+            reach = find_reach(workcell, driver)
+            timing = driver.timing() if isinstance(driver, TimedRobot) else None
+            _tell_play(driver, workcell)
+            told = _examine(robot, workcell.workspace)
+            timing = timing if told is None or told.timing is None else told.timing
         kind = None if robot is None else easel_kind(robot)
         if kind is not None and kind.reach_from is not None:  # its base is the workspace's origin
             reach, timing = kind.reach_from(workcell.workspace, workcell.canvas)
         known, simulated = workcell.calibration(first, others=others), robot in SIMULATED
-        return _Place(workcell.workspace, workcell.canvas, known, reach, timing, simulated)
+        travel, facts = (None, ()) if told is None else (told.travel, told.facts)
+        refusals = tuple(fact.text for fact in facts if fact.weight == "refusal")
+        return _Place(workcell.workspace, workcell.canvas, known, reach, timing, simulated, travel, refusals)
     if robot is not None and require_known(robot) in MACHINES:
         raise ConfigError(f"Where things stand around {robot[:60]!r} is not known; say it with --workspace FILE.")
     order = EaselOrder(robot or VIRTUAL, plan.canvas, plan.brushes, 0, state_folder(), camera=_SOME_CAMERA)
@@ -195,11 +254,11 @@ def _place(plan: Plan, robot: str | None, workspace: Path | None) -> _Place:
     return _Place(easel.workspace, easel.canvas, easel.calibration, easel.reach, easel.timing, easel.simulated)
 
 
-def _load_record(record: Path | None, default: Calibration) -> Calibration:
+def _load_record(record: Path | None, default: Calibration, *, watched: bool) -> Calibration:
     """Returns the easel's record. Raises CalibrationError if it is of another easel, brush or canvas."""
     if record is None:
         return default
-    return load_record(record, default, simulated=False)
+    return load_record(record, default, simulated=False, has_camera=watched)
 
 
 def _tell(found: Rehearsal, strokes: int) -> None:

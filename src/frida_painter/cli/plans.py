@@ -1,6 +1,5 @@
 """Commands for plans and workspaces: mix, export, check, and workspace example and draw."""
 
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,7 +10,15 @@ from rich.table import Table
 from frida_painter import storage
 from frida_painter.errors import ConfigError
 from frida_painter.mixing.finish import Finish
-from frida_painter.options import any_number, number_within, out_file, whole_number_within
+from frida_painter.options import (
+    CameraOption,
+    RobotOption,
+    WorkspaceOption,
+    any_number,
+    number_within,
+    out_file,
+    whole_number_within,
+)
 from frida_painter.storage import count_of
 
 if TYPE_CHECKING:
@@ -40,8 +47,14 @@ def mix(
         typer.Option(parser=whole_number_within(1, 4), metavar="N", help="Maximum number of paints in one mixture."),
     ] = 4,
     finish: Annotated[
-        Finish, typer.Option(metavar="NAME", help="The finish of the dry paint: matte, or gloss, which looks darker.")
-    ] = Finish.matte,
+        Finish | None,
+        typer.Option(
+            metavar="NAME",
+            help="The finish of the dry paint: matte, or gloss, which looks darker. [dim]that of the file of paints, "
+            "else gloss[/]",
+            show_default=False,
+        ),
+    ] = None,
     out: Annotated[
         Path, typer.Option(parser=out_file, metavar="FILE", help="The sheet to write, .png or .jpg.")
     ] = Path("mixing.png"),
@@ -56,15 +69,15 @@ def mix(
         raise ConfigError(f"--out was given {str(out)!r}; the picture ends in .png or .jpg.")
     from frida_painter import images
     from frida_painter.devices import prepare_process
-    from frida_painter.mixing.paint import read_paints, usual_paints
-    from frida_painter.mixing.recipe import recipes
+    from frida_painter.mixing.paint import usual_paints
+    from frida_painter.mixing.recipe import PaintSet, recipes
     from frida_painter.report.sheets import mixing_sheet, sheet_file
 
     prepare_process()
-    owned = read_paints(paints) if paints else usual_paints()
+    owned = (PaintSet.of(paints) if paints else None) or PaintSet(usual_paints())
     for layer, palette, wanted in _list_fillings(what):
         of, sheet = ("", out) if layer == 1 else (f", layer {layer}", out.with_name(sheet_file(out.name, layer)))
-        found = recipes(palette.color, owned, most, finish)
+        found = recipes(palette.color, owned.paints, most, finish or owned.finish, owned.darkest)
         images.save(mixing_sheet(found, wanted, f"Mixing{of}"), sheet)
         if of:
             print(f"\nFill the wells anew before layer {layer}:")
@@ -116,21 +129,6 @@ def _show(found: list["Recipe"], wanted: list[float] | None) -> None:
 # Command that writes plans for other programs and for machines: export.
 
 
-class ExportFormat(StrEnum):
-    """File formats of an exported plan."""
-
-    svg = "svg"
-    gcode = "gcode"
-    csv = "csv"
-
-
-class Flavour(StrEnum):
-    """Dialects of G-code."""
-
-    grbl = "grbl"
-    marlin = "marlin"
-
-
 PlanFile = Annotated[
     Path, typer.Argument(metavar="PLAN", help="A plan.json, or the folder of a painting.", show_default=False)
 ]
@@ -139,16 +137,17 @@ PlanFile = Annotated[
 def export(
     plan: PlanFile,
     to: Annotated[
-        ExportFormat,
+        str,
         typer.Option(
             "--to",
             metavar="KIND",
-            help="svg is for Inkscape and plotters, gcode for GRBL and Marlin machines, csv is a table.",
+            help="svg is for Inkscape and plotters, gcode for GRBL and Marlin machines, csv is a table, png a picture. "
+            "Your own packages can add kinds.",
         ),
-    ] = ExportFormat.svg,
+    ] = "svg",
     out: Annotated[
         Path | None,
-        typer.Option(parser=out_file, metavar="FILE", help="The file to write. [dim]strokes.svg, .gcode or .csv[/]"),
+        typer.Option(parser=out_file, metavar="FILE", help="The file to write. [dim]strokes.KIND[/]"),
     ] = None,
     regroup: Annotated[
         bool,
@@ -161,7 +160,7 @@ def export(
         bool, typer.Option(help="svg: add a layer with a pause for every dip of the brush (AxiDraw).")
     ] = False,
     flavour: Annotated[
-        Flavour | None,
+        str | None,
         typer.Option(metavar="NAME", help="gcode: the dialect, grbl or marlin. [dim]grbl[/]", show_default=False),
     ] = None,
     press: Annotated[
@@ -189,6 +188,10 @@ def export(
             help="gcode: how long a layer dries before the next one. [dim]as the painting's settings say, else 20[/]",
         ),
     ] = None,
+    own: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="gcode: lines of your own at start, end, lift, dips and changes (TOML)."),
+    ] = None,
 ) -> None:
     """Export the strokes of a plan as SVG, G-code or CSV, in millimetres.
 
@@ -197,31 +200,17 @@ def export(
     pauses (M0) at every dip of the brush. With --workspace, the zero is that of the workspace, and the machine
     dips, rinses and wipes by itself.
     """
-    from frida_painter.cli.plan_output import write_gcode, write_svg, write_table
+    from frida_painter.exporter import ExportOptions, export_plan, find_exporter
+    from frida_painter.plan import Plan
 
-    path = out or Path(f"strokes.{to.value}")
-    if path.suffix.lower() != f".{to.value}":
-        raise ConfigError(f"--out was given {str(path)!r}; with --to {to.value} the file ends in .{to.value}.")
-    _refuse_strangers(to, {"svg": {"--regroup": regroup, "--dips": dips}, "gcode": {"--flavour": flavour is not None,
-                      "--press": press is not None, "--lift": lift is not None, "--workspace": workspace is not None,
-                      "--calibration": calibration is not None, "--drying": drying is not None}})  # fmt: skip
-    match to:
-        case ExportFormat.svg:
-            written = write_svg(plan, path, keep_order=not regroup, dips=dips)
-        case ExportFormat.gcode:
-            dialect = (flavour or Flavour.grbl).value
-            written = write_gcode(plan, path, dialect, press, lift, workspace, calibration, drying)
-        case ExportFormat.csv:
-            written = write_table(plan, path)
-    typer.echo(f"{len(written)} strokes in {len(written.palette)} paints: {path}")
-
-
-def _refuse_strangers(to: ExportFormat, given: dict[str, dict[str, bool]]) -> None:
-    """Raises ConfigError if an option does not belong to this file format."""
-    for kind, options in given.items():
-        for option, is_given in options.items():
-            if is_given and kind != to.value:
-                raise ConfigError(f"{option} was given with --to {to.value}; it is for --to {kind}; leave it out.")
+    kind = find_exporter(to)
+    path = out or Path(f"strokes.{kind.name}")
+    if path.suffix.lower() != f".{kind.name}":
+        raise ConfigError(f"--out was given {str(path)!r}; with --to {kind.name} the file ends in .{kind.name}.")
+    options = ExportOptions(regroup, dips, flavour, press, lift, workspace, calibration, drying, own, source=plan)
+    loaded = Plan.load(plan)
+    export_plan(loaded, path, kind.name, options)
+    typer.echo(f"{len(loaded)} strokes in {len(loaded.palette)} paints: {path}")
 
 
 PictureOut = Annotated[Path, typer.Option(parser=out_file, metavar="FILE", help="The picture to write, .png or .jpg.")]
@@ -246,17 +235,46 @@ def check(
         Path | None,
         typer.Option(metavar="FILE", help="The easel's calibration record. [dim]the heights of the workspace[/]"),
     ] = None,
+    camera: CameraOption = "",
     out: PictureOut = Path("check.png"),
 ) -> None:
     """Check whether a robot can paint a whole plan on an easel, and how long it takes. Nothing moves.
 
-    Every motion is asked for: strokes, dips, rinses, wipes. Where something cannot be done, it is
-    told, a picture shows the strokes in red, and the exit status is 1.
+    Every motion is checked: strokes, dips, rinses, wipes. A controller that answers is asked for its
+    speeds, accelerations and travel. If something cannot be done, it is told, a picture shows the
+    strokes in red, and the exit status is 1.
     """
     from frida_painter.cli.plan_output import check_plan
 
     _require_picture(out)
-    if not check_plan(plan, robot, workspace, calibration, out):
+    if not check_plan(plan, robot, workspace, calibration, out, camera):
+        raise typer.Exit(1)
+
+
+def trace(
+    robot: RobotOption,
+    plan: Annotated[
+        Path | None,
+        typer.Argument(metavar="[PLAN]", help="A plan.json, or the folder of a painting.", show_default=False),
+    ] = None,
+    workspace: WorkspaceOption = None,
+    calibration: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="The easel's calibration record. [dim]the heights of the workspace[/]"),
+    ] = None,
+    yes: Annotated[bool, typer.Option("--yes", "-y", help="Do not ask before the robot moves. For scripts.")] = False,
+) -> None:
+    """Trace the outline of the canvas and of a plan in the air, without paint.
+
+    The tip goes round the canvas, from its bottom-left corner, and then round all strokes of the plan, at the
+    hover height of the workspace above the canvas. Watch whether it follows the edges. Every motion is checked
+    before anything moves. Ctrl-C ends it after the present side, and a second Ctrl-C stops the robot at once.
+    """
+    from frida_painter.cli.without_camera import trace_plan
+    from frida_painter.devices import prepare_process
+
+    prepare_process()
+    if not trace_plan(plan, robot, workspace, calibration, ask=not yes):
         raise typer.Exit(1)
 
 
@@ -292,6 +310,7 @@ def register(app: typer.Typer) -> None:
     app.command("mix")(mix)
     app.command("export")(export)
     app.command("check")(check)
+    app.command("trace")(trace)
     group = typer.Typer(
         no_args_is_help=True,
         help="Describe the workspace of a robot: where canvas, wells, water and rag stand, in metres.",

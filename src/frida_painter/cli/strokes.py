@@ -193,7 +193,7 @@ def train(
     strokes = StrokeLibrary.load(library)
     prepare_process()  # one thread: as fast as several here, and the same weights for any number of cores
     # The output file is opened first, so that an unwritable one fails before minutes of training.
-    with storage.replacing(out) as unfinished, _bar() as bar:
+    with storage.replacing(out) as unfinished, training_bar() as bar:
         if folds:
             task = bar.add_task("cross-validation", total=folds)
 
@@ -237,7 +237,8 @@ def _curve(learned: "Learned") -> str:
     return text.getvalue()
 
 
-def _bar() -> Progress:
+def training_bar() -> Progress:
+    """Returns the progress bar of a training, which goes when it is done."""
     return Progress(
         TextColumn("{task.description}"),
         BarColumn(),

@@ -2,6 +2,7 @@
 
 import math
 import re
+import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -27,7 +28,21 @@ from rich.text import Text
 from torch import Tensor
 
 from frida_painter import images, weights
-from frida_painter.easel.dialogue import Answer, Confirm, Corners, Jog, JogMove, Measure, PointCorners, Question
+from frida_painter.easel.dialogue import (
+    JOG_STEPS,
+    Answer,
+    Choose,
+    Confirm,
+    Corners,
+    EnterAddress,
+    Guide,
+    GuideMove,
+    Jog,
+    JogMove,
+    Measure,
+    PointCorners,
+    SetupQuestion,
+)
 from frida_painter.errors import Interrupted
 from frida_painter.palette import to_hex
 from frida_painter.planning.optimize import Step
@@ -42,18 +57,17 @@ from frida_painter.session.events import (
     Paused,
     Planned,
     PlanningStep,
+    Remark,
     Resumed,
     Scheduled,
     StrokeLeftOut,
     StrokePainted,
     TouchCorrected,
 )
-from frida_painter.session.time_left import RemainingTime, duration
+from frida_painter.session.time_left import RemainingTime, duration, remaining_seconds, share_of_plan
 from frida_painter.storage import megabytes
 
 # Progress with a forecast of the time left, from measured durations of each kind of work.
-
-_GROWING_COST = 1.4
 
 
 def progress_bar(console: Console) -> Progress:
@@ -93,8 +107,8 @@ class PaintingLine(Line):
             self._bar.stop()
         else:
             self._bar.start()
-        if isinstance(event, TouchCorrected):
-            self._bar.console.print(event.sentence)
+        if isinstance(event, TouchCorrected | Remark):
+            self._bar.console.print(event.sentence, markup=False)
         self._time_left.hear(event, now)
         passed, left = now - self._started, self._time_left.remaining
         self._bar.update(
@@ -126,8 +140,8 @@ class PlanningLine(Line):
 
     def hear(self, step: Step) -> None:
         """Shows a step; later steps, with all strokes placed, take longer than the first."""
-        share = (step.iteration / step.of) ** _GROWING_COST
-        left = (time.monotonic() - self._started) * (1 - share) / share
+        share = share_of_plan(step.iteration, step.of)
+        left = remaining_seconds(time.monotonic() - self._started, share)
         self._bar.update(self._task, description=f"planning {100 * share:3.0f} %", completed=share, left=left)
 
 
@@ -163,6 +177,8 @@ def _words(event: Event) -> str:
             return "looking at the canvas"
         case Resumed(done=done):
             return f"going on after stroke {done}"
+        case Paused(cause="button"):
+            return "paused by the machine's button"
         case Paused():
             return "paused"
         case Finishing():
@@ -210,6 +226,10 @@ class FetchProgress(Line):
         self._console.print(escape(words), soft_wrap=True)
 
 
+_LEFT = "You left, or nobody is there to answer; what was done before is kept."
+
+# Dialogues: questions are printed, and answers typed.
+
 _STEPS = {"u": 0.001, "d": -0.001, "uu": 0.005, "dd": -0.005, "+": 0.0002, "-": -0.0002}
 
 
@@ -220,23 +240,34 @@ class Terminal:
     ask: shows a prompt and returns the typed line; raises EOFError if there are no more lines.
     tell: shows a line.
     pictures: folder for pictures of questions.
+    keys: answers a `Guide` by single keys; None if there is no keyboard to read them from.
     """
 
     ask: Callable[[str], str]
     tell: Callable[[str], None]
     pictures: Path
+    keys: "GuidingKeys | None" = None
 
-    def answer(self, question: Question) -> Answer:
+    def answer(self, question: SetupQuestion) -> Answer:
         """Returns the typed answer; asks again until it is valid. Raises Interrupted if the person leaves."""
-        self.tell(question.text)
-        if not isinstance(question, Measure):
+        if question.text and not getattr(question, "again", False):
+            self.tell(question.text)
+        if remark := getattr(question, "remark", ""):
+            self.tell(remark)
+        if isinstance(question, Confirm | PointCorners | Jog):
             self._show(question.picture)
+        if isinstance(question, Choose):
+            for number, thing in enumerate(question.things, 1):
+                note = f" ({question.notes[number - 1]})" if question.notes else ""
+                self.tell(f"  {number:2d}  {thing}{note}")
+        if isinstance(question, Guide) and self.keys is not None:
+            return self.keys.answer(question, self.tell)
         while True:
             try:
-                line = self.ask(_prompt(question)).strip().lower()
+                line = self.ask(_prompt(question)).strip()
             except (EOFError, KeyboardInterrupt) as end:
-                raise Interrupted("You left, or nobody is there to answer; what was done before is kept.") from end
-            understood = _parse_line(question, line)
+                raise Interrupted(_LEFT) from end
+            understood = _parse_line(question, line if isinstance(question, EnterAddress) else line.lower())
             if understood is not None:
                 return understood
             self.tell(_list_allowed(question))
@@ -248,7 +279,23 @@ class Terminal:
             self.tell(f"  Look at {path}")
 
 
-def _prompt(question: Question) -> str:
+def terminal_at(pictures: Path, console: Console | None = None, keys: "GuidingKeys | None" = None) -> Terminal:
+    """Returns the dialogue at this terminal.
+
+    pictures: folder for pictures of questions
+    console: None for one on the error output, which stays readable when the output is sent to a file
+    keys: as in `Terminal`
+    """
+    shown = console or Console(stderr=True, highlight=False)
+    return Terminal(
+        lambda prompt: shown.input(prompt, markup=False),
+        lambda line: shown.print(line, markup=False, soft_wrap=True),
+        pictures,
+        keys,
+    )
+
+
+def _prompt(question: SetupQuestion) -> str:
     match question:
         case Confirm(proposal=proposal):
             return "[Y/n] " if proposal else "[y/N] "
@@ -263,23 +310,37 @@ def _prompt(question: Question) -> str:
             return "mm: "
         case Measure(proposal=proposal):
             return f"mm [{(proposal or 0) * 1000:g}]: "
+        case Guide(position=position):
+            return f"{_millimetres(position)} mm> "
+        case Choose(things=things, proposal=proposal):
+            return f"1 to {len(things)}: " if proposal is None else f"1 to {len(things)} [{proposal + 1}]: "
+        case EnterAddress():
+            return "> "
 
 
-def _parse_line(question: Question, line: str) -> Answer | None:
+def _parse_line(question: SetupQuestion, line: str) -> Answer | None:
     """Returns the answer that a line means; None if it is not valid."""
     match question:
         case Confirm(proposal=proposal):
             return proposal if not line else {"y": True, "yes": True, "n": False, "no": False}.get(line)
         case PointCorners(proposal=proposal):
-            return _corners(line) if line else proposal
+            return parse_corners(line) if line else proposal
         case Jog():
             return _move(question, line)
         case Measure(lowest=lowest, highest=highest, proposal=proposal):
             length = _length(line) if line else proposal
             return length if length is not None and lowest <= length <= highest else None
+        case Guide(proposal=proposal):
+            return _guide_by_words(line) if line else proposal
+        case Choose(things=things, proposal=proposal):
+            chosen = int(line) - 1 if line.isdecimal() and len(line) < 4 else proposal if not line else None
+            return chosen if chosen is not None and 0 <= chosen < len(things) else None
+        case EnterAddress():
+            return line if question.allows(line) else None
 
 
-def _corners(line: str) -> Corners | None:
+def parse_corners(line: str) -> Corners | None:
+    """Returns four corners from a line of eight numbers; None if it is not valid."""
     numbers = [float(word) for word in re.findall(r"-?\d+(?:\.\d+)?", line)]
     if len(numbers) != 8 or re.search(r"[a-z]", line):
         return None
@@ -297,6 +358,87 @@ def _move(question: Jog, line: str) -> JogMove | None:
     return JogMove(step)
 
 
+_WORD = re.compile(r"([xyz])\s*([+-]\s*\d+(?:\.\d+)?)")
+
+
+def _guide_by_words(line: str) -> GuideMove | None:
+    """Returns the move that "x+5 y-2.5" or "ok" means, in millimetres; None if it is not valid."""
+    if line == "ok":
+        return GuideMove(settled=True)
+    steps = {axis: float(number.replace(" ", "")) / 1000 for axis, number in _WORD.findall(line)}
+    if not steps or _WORD.sub("", line).strip(" ,") or not all(abs(step) <= _FARTHEST_JOG for step in steps.values()):
+        return None
+    return GuideMove((steps.get("x", 0.0), steps.get("y", 0.0), steps.get("z", 0.0)))
+
+
+def _millimetres(position: tuple[float, float, float]) -> str:
+    return " ".join(f"{axis} {metres * 1000:.1f}" for axis, metres in zip("xyz", position, strict=True))
+
+
+_FARTHEST_JOG = 0.5  # metres
+_FIRST_STEP = 1
+
+
+class GuidingKeys:
+    """Guiding by keys: arrows for x and y, page up and down for z; the step shrinks each time a direction reverses.
+
+    read: waits for a key and returns it under the names of readchar.
+    """
+
+    def __init__(self, read: Callable[[], str]) -> None:
+        from readchar import key
+
+        self._read = read
+        self._axes = {
+            key.RIGHT: (0, 1), key.LEFT: (0, -1), key.UP: (1, 1), key.DOWN: (1, -1), key.PAGE_UP: (2, 1),
+            key.PAGE_DOWN: (2, -1), "w": (2, 1), "s": (2, -1),
+        }  # fmt: skip
+        self._ends = {key.ENTER, key.CR, key.LF}
+        self._leaves = {key.CTRL_C, key.CTRL_D, key.ESC, "q"}
+        self._step, self._last = _FIRST_STEP, dict[int, int]()
+
+    @classmethod
+    def of_this_terminal(cls) -> Self | None:
+        """Returns the keys of this terminal; None if nobody sits at it."""
+        if not sys.stdin.isatty():
+            return None
+        from readchar import readkey
+
+        return cls(readkey)
+
+    def answer(self, question: Guide, tell: Callable[[str], None]) -> GuideMove:
+        """Returns the move of the next key that means one. Raises Interrupted if the person leaves."""
+        if not question.again:
+            self._step, self._last = _FIRST_STEP, {}
+            tell(
+                "  Arrows: left, right, away, near. Page up and down (or w, s): up, down. + and -: step. Enter: there."
+            )
+        tell(f"  {_millimetres(question.position)} mm, step {JOG_STEPS[self._step] * 1000:g} mm")
+        while True:
+            try:
+                pressed = self._read()
+            except (EOFError, KeyboardInterrupt) as end:
+                raise Interrupted(_LEFT) from end
+            if pressed in self._leaves:
+                raise Interrupted(_LEFT)
+            if pressed in self._ends:
+                return GuideMove(settled=True)
+            if pressed in self._axes:
+                return self._move(*self._axes[pressed])
+            if pressed in "+-":
+                change = -1 if pressed == "+" else 1
+                self._step = min(max(self._step + change, 0), len(JOG_STEPS) - 1)
+                tell(f"  step {JOG_STEPS[self._step] * 1000:g} mm")
+
+    def _move(self, axis: int, direction: int) -> GuideMove:
+        if self._last.get(axis, direction) != direction:
+            self._step = min(self._step + 1, len(JOG_STEPS) - 1)
+        self._last[axis] = direction
+        step = [0.0, 0.0, 0.0]
+        step[axis] = direction * JOG_STEPS[self._step]
+        return GuideMove((step[0], step[1], step[2]))
+
+
 def _length(line: str) -> float | None:
     """Returns a length such as "31", "31mm" or "3.1 cm" in metres; None if it is not valid."""
     match = re.fullmatch(r"([+-]?\d+(?:\.\d+)?)\s*(mm|cm|m)?", line)
@@ -306,7 +448,7 @@ def _length(line: str) -> float | None:
     return metres if math.isfinite(metres) else None
 
 
-def _list_allowed(question: Question) -> str:
+def _list_allowed(question: SetupQuestion) -> str:
     match question:
         case Confirm():
             return "Type y or n."
@@ -323,3 +465,11 @@ def _list_allowed(question: Question) -> str:
             )
         case Measure(lowest=lowest, highest=highest):
             return f"Type millimetres, from {lowest * 1000:g} to {highest * 1000:g}."
+        case Guide():
+            return (
+                f"Type a move in mm, like x+5 or y-2.5 z+1, at most {_FARTHEST_JOG * 1000:g} mm; or ok if it is there."
+            )
+        case Choose(things=things):
+            return f"Type a number from 1 to {len(things)}."
+        case EnterAddress():
+            return f"Type it like {question.example}."

@@ -1,5 +1,6 @@
 """Dialogues of calibration: a procedure asks questions, a caller answers, and the procedure returns a finding."""
 
+import re
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol, TypeVar
@@ -11,6 +12,7 @@ if TYPE_CHECKING:
 
 
 Found = TypeVar("Found")
+Asked = TypeVar("Asked")
 Corners = tuple[tuple[float, float], ...]
 
 
@@ -48,6 +50,8 @@ class Jog:
     height: current robot z in metres
     lowest, highest: limits of the workspace
     proposal: move that the procedure suggests; None if only a person can tell
+    remark: the reason why the last move was not made, or ""
+    again: True after the first move: the text was shown before
     """
 
     text: str
@@ -56,6 +60,8 @@ class Jog:
     highest: float
     picture: "Tensor | None" = None
     proposal: "JogMove | None" = None
+    remark: str = ""
+    again: bool = False
 
 
 @dataclass(frozen=True)
@@ -83,9 +89,86 @@ class Measure:
     proposal: float | None = None
 
 
+@dataclass(frozen=True)
+class Guide:
+    """Question for a place, answered with one `GuideMove` after another until the tip stands there.
+
+    position: of the tip now, robot frame (x, y, z) in metres
+    lower, upper: corners of the box in which it may be guided
+    proposal: move that the procedure suggests; None if only a person can tell
+    remark, again: as in `Jog`
+    """
+
+    text: str
+    position: tuple[float, float, float]
+    lower: tuple[float, float, float]
+    upper: tuple[float, float, float]
+    proposal: "GuideMove | None" = None
+    remark: str = ""
+    again: bool = False
+
+
+@dataclass(frozen=True)
+class GuideMove:
+    """Press of a guiding key.
+
+    step: metres along x, y and z
+    settled: True if the tip stands at the place
+    """
+
+    step: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    settled: bool = False
+
+
+@dataclass(frozen=True)
+class Choose:
+    """Question for one of several things, answered with its index.
+
+    things: in plain words
+    proposal: index that the procedure suggests, or None
+    notes: a line about each thing, or empty
+    drawings: name of a small drawing of each thing, or empty
+    """
+
+    text: str
+    things: tuple[str, ...]
+    proposal: int | None = None
+    notes: tuple[str, ...] = ()
+    drawings: tuple[str, ...] = ()
+
+
+_ADDRESS = re.compile(r"[A-Za-z0-9][A-Za-z0-9._:\[\]-]{0,98}")
+_PORT = re.compile(r"(?!.*\.\.)/dev/(tty|cu\.|pts/|serial/)[A-Za-z0-9._:/+-]{1,120}|COM\d{1,3}")
+
+
+@dataclass(frozen=True)
+class EnterAddress:
+    """Question for an address on the network, or for the name of a serial port, answered with a text.
+
+    port: True for a serial port
+    """
+
+    text: str
+    port: bool = False
+
+    @property
+    def example(self) -> str:
+        """Answer of the right form."""
+        return "/dev/ttyUSB0" if self.port else "192.168.1.10"
+
+    def allows(self, answer: str) -> bool:
+        """Returns True if the answer has the form of a host, with or without a port, or of a serial port."""
+        return (_PORT if self.port else _ADDRESS).fullmatch(answer) is not None
+
+
+JOG_STEPS = (0.02, 0.01, 0.005, 0.002, 0.001, 0.0005, 0.0002, 0.0001)
+"""Steps of a guided tip in metres; the next smaller one is taken when the direction is reversed."""
+
 Question = Confirm | PointCorners | Jog | Measure
-Answer = bool | Corners | JogMove | float
+SetupQuestion = Question | Guide | Choose | EnterAddress
+Answer = bool | Corners | JogMove | float | GuideMove | str
 Procedure = Generator[Question, Answer, Found]
+SetupStep = Generator[SetupQuestion, Answer, Found]
 
 
 class Finding(Protocol):
@@ -103,7 +186,7 @@ class Finding(Protocol):
         """Returns the calibration with this part replaced, through `record.with_<procedure>(...)`."""
 
 
-def lead(procedure: Procedure[Found], answer: Callable[[Question], Answer]) -> Found:
+def lead(procedure: Generator[Asked, Answer, Found], answer: Callable[[Asked], Answer]) -> Found:
     """Runs a procedure to its end with the answers of `answer`, and returns its finding.
 
     Raises the errors of the procedure and of `answer`; the procedure is closed then.

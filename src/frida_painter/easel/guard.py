@@ -25,21 +25,43 @@ from frida_painter.errors import (
     RobotStopped,
     StorageError,
     WorkspaceViolation,
+    ZeroUnknown,
 )
 from frida_painter.hardware import gateway
 from frida_painter.hardware.deadline import Caller, in_our_errors, steady
 from frida_painter.hardware.latch import Latch, StopRecord, Unlatched
-from frida_painter.hardware.robot import Camera, Frame, LiveCamera, MotionReport, Robot, Waypoints, Workspace
+from frida_painter.hardware.robot import (
+    Camera,
+    Frame,
+    LimitedRobot,
+    LiveCamera,
+    MotionReport,
+    PausableRobot,
+    Robot,
+    Sense,
+    TimedRobot,
+    TouchProbe,
+    Waypoints,
+    Workspace,
+    Zero,
+    ZeroedRobot,
+)
+from frida_painter.hardware.timing import AxisTiming
+from frida_painter.hardware.travel import TravelLimits
 
 T = TypeVar("T")
 
 # Seconds that a driver may take to end its motion after a stop and to send the stop, and a disk to store it.
 _WIND_DOWN, _SENDING, _WRITING = 1.0, 1.0, 10.0
 _TOLERANCE, _ARRIVED = 1e-6, 0.002
+_HOMING, _JOGGING = 300.0, 60.0  # seconds
+
+MAX_JOG = 0.05
+"""Longest step of a jog, metres."""
 
 
 class GuardedRobot:
-    """Robot under guard: wraps another robot. Implements hardware.robot.Robot.
+    """Robot under guard: wraps another robot. Implements hardware.robot.Robot, ZeroedRobot, TimedRobot, PausableRobot.
 
     latch: keeps a stop over restarts (Latch); for a simulated robot it does not (Unlatched)
     claim: reserves the robot for this process by the serial number that it states once connected; raises RobotBusy
@@ -47,7 +69,9 @@ class GuardedRobot:
     patience, grace: time limit of a motion: `patience` times the duration of its way, plus `grace` seconds
     connecting: seconds that the connection may take
 
-    Every motion raises RobotStopped if a person must re-arm the robot first.
+    Every motion raises RobotStopped if a person must re-arm the robot first, and ZeroUnknown while the machine does not
+    know where it is. The time limits follow the speeds that its controller told. A motion is not overdue while the
+    controller shows that it goes on.
     """
 
     def __init__(
@@ -73,6 +97,8 @@ class GuardedRobot:
         self._tip: NDArray[np.float64] | None = None
         self._moving = threading.Event()
         self._lifted = False
+        self._zero = Zero()
+        self._timing: AxisTiming | None = None
 
     @property
     def moving(self) -> bool:
@@ -93,6 +119,14 @@ class GuardedRobot:
         self._require_armed("connect")
         self._call("connect", self.robot.connect, self._connecting)
         self._recognise()
+        if isinstance(self.robot, TimedRobot):
+            self._timing = self._call("connect", self.robot.timing, self._grace)
+        self._zero = self.zero()
+        if self._zero.known:
+            self._enter_workspace()
+
+    def _enter_workspace(self) -> None:
+        """Reads the position. Raises WorkspaceViolation if it is outside the workspace; the robot is closed then."""
         tip = self.pose()
         lower, upper = np.array(self.workspace.lower), np.array(self.workspace.upper)
         if not ((tip >= lower - _TOLERANCE) & (tip <= upper + _TOLERANCE)).all():
@@ -103,6 +137,93 @@ class GuardedRobot:
                 "again."
             )
         self._tip, self._lifted = tip, False
+
+    def zero(self) -> Zero:
+        """Returns what the machine knows of its zero; a robot that is no ZeroedRobot knows it. Raises RobotError."""
+        if not isinstance(self.robot, ZeroedRobot):
+            return Zero()
+        told = self._call("zero", self.robot.zero, self._grace)
+        if not (isinstance(told, Zero) and isinstance(told.lost, str)):
+            raise RobotError(
+                f"The robot answered {_shortly(told)} when asked if it knows where it is; look at it before going on."
+            )
+        return told
+
+    def find_zero(self) -> None:
+        """Drives to the limit switches. Raises RobotError and its subclasses, RobotStopped if it is stopped."""
+        robot = self._zeroed("homing")
+        self._act("homing", robot.find_zero, _HOMING)
+        self._take_zero()
+
+    def jog(self, step: NDArray[np.float64]) -> None:
+        """Moves the tip by `step` [3] metres.
+
+        Raises WorkspaceViolation if a step is longer than `MAX_JOG`, or, if the zero is known, leaves the workspace.
+        Raises RobotError and its subclasses.
+        """
+        robot = self._zeroed("jog")
+        if step.shape != (3,) or not float(np.linalg.norm(step)) <= MAX_JOG:
+            raise WorkspaceViolation(
+                f"A jog by {_millimetres(np.ravel(step))} mm was wanted; one step is at most {MAX_JOG * 1000:g} mm. "
+                "Nothing was sent."
+            )
+        if self._zero.known and self._tip is not None:
+            gateway.check([Waypoints("jog", (self._tip + step)[None], self.workspace.travel_speed)], self.workspace)
+        self._act("jog", lambda: robot.jog(step), _JOGGING)
+        self._tip = self.pose() if self._zero.known else None
+
+    def set_zero(self, tip: NDArray[np.float64]) -> None:
+        """Declares that the tip stands at `tip` [3] (m).
+
+        Raises WorkspaceViolation if that is outside the workspace, RobotError and its subclasses.
+        """
+        robot = self._zeroed("set zero")
+        gateway.check([Waypoints("set zero", np.atleast_2d(tip), self.workspace.travel_speed)], self.workspace)
+        self._require_armed("set zero")
+        self._call("set zero", lambda: robot.set_zero(tip), self._grace)
+        self._take_zero()
+
+    def timing(self) -> AxisTiming | None:
+        """Returns the limits that the controller told at connection; None if it told none."""
+        return self._timing
+
+    def travel_limits(self) -> TravelLimits | None:
+        """Returns the limits of its travel that the controller tells; None without. Raises RobotError."""
+        if not isinstance(self.robot, LimitedRobot):
+            return None
+        return self._call("limits", self.robot.travel_limits, self._grace)
+
+    def alive_at(self) -> float:
+        """Returns the time when the controller last showed that it moves or waits; -inf if it does not show it."""
+        told = self.robot.alive_at() if isinstance(self.robot, TimedRobot) else -math.inf
+        return told if isinstance(told, int | float) else -math.inf
+
+    def wants_pause(self) -> bool:
+        """Returns True, once, if the board's pause button was pressed. Raises RobotError."""
+        if not isinstance(self.robot, PausableRobot):
+            return False
+        return self._call("pause button", self.robot.wants_pause, self._grace) is True
+
+    def _zeroed(self, label: str) -> ZeroedRobot:
+        if not isinstance(self.robot, ZeroedRobot):
+            raise RobotError(
+                f"{label}: this robot always knows where it is, and its zero cannot be set from here; make the "
+                "workspace true, or repeat the robot calibration."
+            )
+        return self.robot
+
+    def _take_zero(self) -> None:
+        """Reads again if the zero is known, and where the tip is then."""
+        self._zero = self.zero()
+        self._require_zero("zero")
+        self._enter_workspace()
+
+    def _require_zero(self, label: str) -> None:
+        if not self._zero.known:
+            raise ZeroUnknown(
+                f"{label}: nothing moves, because the robot does not know where its brush is ({self._zero.lost}); find "
+                "its zero again: paint, resume or calibrate in a terminal or in the studio ask for it."
+            )
 
     def _recognise(self) -> None:
         """Checks by the robot's serial number if it was stopped, or is in use, under another name."""
@@ -121,9 +242,13 @@ class GuardedRobot:
 
     def home(self) -> MotionReport:
         """Moves to the home position. Raises RobotError and its subclasses."""
+        self._require_zero("home")
         self._lift_first()
-        reach = float(np.linalg.norm(np.subtract(self.workspace.upper, self.workspace.lower)))
-        return self._move("home", self.robot.home, reach / self.workspace.travel_speed)
+        here = self.workspace
+        across = np.stack(
+            (here.lower, (*here.lower[:2], here.upper[2]), here.upper)
+        )  # the longest way: up, then across
+        return self._move("home", self.robot.home, self._seconds(across, here.travel_speed, None))
 
     def pose(self) -> NDArray[np.float64]:
         """Returns the position of the tip, [3] metres. Raises RobotError if the robot does not know it."""
@@ -142,9 +267,36 @@ class GuardedRobot:
         subclasses.
         """
         gateway.check([waypoints], self.workspace)
+        self._require_zero(waypoints.label)
         self._lift_first()
-        way = waypoints.length + self._away_from(waypoints.position[0])
-        return self._move(waypoints.label, lambda: self.robot.follow(waypoints), way / waypoints.speed)
+        seconds = self._seconds(waypoints.position, waypoints.speed, self._tip)
+        return self._move(waypoints.label, lambda: self.robot.follow(waypoints), seconds)
+
+    def feels(self) -> Sense | None:
+        """Returns how the robot feels a touch; None if it does not."""
+        return self.robot.sense if isinstance(self.robot, TouchProbe) else None
+
+    def touch(self, lowest: float, speed: float) -> MotionReport:
+        """Moves straight down inside the workspace until the brush touches something.
+
+        lowest: robot z in metres at which the motion ends
+        speed: m/s
+
+        Raises WorkspaceViolation before anything moves, RobotError if the robot cannot feel, and the errors of
+        `follow`.
+        """
+        tip, robot = self.pose(), self.robot
+        if not isinstance(robot, TouchProbe):
+            raise RobotError("This robot cannot feel a touch; lower the brush step by step until it touches.")
+        down = Waypoints("touch", np.stack((tip, [*tip[:2], lowest])), speed)
+        gateway.check([down], self.workspace)
+        self._require_zero(down.label)
+        if not lowest <= tip[2]:
+            raise WorkspaceViolation(
+                f"touch: the tip stands at {tip[2]:.4f} m, below {lowest:.4f} m; nothing was sent to the robot; "
+                "raise the brush first."
+            )
+        return self._move(down.label, lambda: robot.touch(lowest, speed), self._seconds(down.position, speed, None))
 
     def stop(self, reason: str = "it was asked for", *, asked: bool = False) -> None:
         """Stops at once and latches; may be called from any thread, repeatedly. The first reason stays.
@@ -188,17 +340,36 @@ class GuardedRobot:
             self._lifted = True
             return
         up = Waypoints("lift", np.array([[*self._tip[:2], clear]]), self.workspace.travel_speed)
-        way = clear - float(self._tip[2])
-        self._move(up.label, lambda: self.robot.follow(up), way / up.speed)
+        self._move(up.label, lambda: self.robot.follow(up), self._seconds(up.position, up.speed, self._tip))
         self._lifted = True
 
+    def _seconds(self, path: NDArray[np.float64], speed: float, start: NDArray[np.float64] | None) -> float:
+        """Returns the duration of a way from `start` through `path` at the speeds that the robot can do."""
+        whole = path if start is None else np.concatenate([start[None], path])
+        if self._timing is None:
+            return float(np.linalg.norm(np.diff(whole, axis=0), axis=1).sum()) / speed
+        return self._timing.seconds(whole, np.full(len(whole) - 1, speed)) + self._timing.between
+
     def _move(self, label: str, act: Callable[[], MotionReport], seconds: float) -> MotionReport:
+        report = self._act(label, act, seconds * self._patience + self._grace, self._require_sense)
+        self._tip = np.asarray(report.reached, np.float64)
+        self._require_there(label, self.pose())
+        return report
+
+    def _act(
+        self,
+        label: str,
+        act: Callable[[], T],
+        within: float,
+        require: Callable[[str, object], None] = lambda label, result: None,
+    ) -> T:
+        """Returns the result of a motion that passed `require`. Stops and latches the robot after a fault."""
         self._require_armed(label)
         self._moving.set()
         try:
-            report = self._call(label, act, seconds * self._patience + self._grace)
-            self._require_sense(label, report)
-        except (WorkspaceViolation, RobotBusy):
+            result = self._call(label, act, within)
+            require(label, result)
+        except (WorkspaceViolation, RobotBusy, ZeroUnknown):
             raise  # refused before anything moved
         except FridaError as fault:
             by_person = self._stop
@@ -208,16 +379,18 @@ class GuardedRobot:
             raise
         finally:
             self._moving.clear()
-        self._tip = np.asarray(report.reached, np.float64)
-        self._require_there(label, self.pose())
-        return report
+        return result
 
     def _call(self, label: str, act: Callable[[], T], within: float) -> T:
         """Returns the driver's result; an exception or a delay becomes a FridaError."""
         began = steady()
 
         def until() -> float:
-            return min(began + within, self._stopped_at + _WIND_DOWN if self._moving_and_stopped else began + within)
+            if self._moving_and_stopped:
+                return min(began + within, self._stopped_at + _WIND_DOWN)
+            if self._moving.is_set():  # a machine that moves, or that a person holds, is not lost
+                return max(began + within, self.alive_at() + self._grace)
+            return began + within
 
         return in_our_errors(
             lambda: self._caller.call(act, until),

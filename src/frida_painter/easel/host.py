@@ -36,9 +36,24 @@ from frida_painter.easel.order import EaselOrder
 from frida_painter.easel.watchdog import MACHINE, SIMULATED, CpuActivity, StopFile, Watch
 from frida_painter.easel.wire import Wire
 from frida_painter.errors import FridaError, MotionFailed, RobotBusy, RobotDisconnected, RobotError, RobotStopped
-from frida_painter.hardware.easel import Easel, Operator
+from frida_painter.hardware.easel import Easel, Operator, PersonBrush, PersonCanvas, PersonStroke
 from frida_painter.hardware.latch import HOW_TO_ARM, Latch, Unlatched, latch_path
-from frida_painter.hardware.robot import Camera, LiveCamera, MotionReport, Reach, Robot, Timing, Waypoints, Workspace
+from frida_painter.hardware.robot import (
+    Camera,
+    LimitedRobot,
+    LiveCamera,
+    MotionReport,
+    PausableRobot,
+    Reach,
+    Robot,
+    TimedRobot,
+    Waypoints,
+    Workspace,
+    Zero,
+    ZeroedRobot,
+)
+from frida_painter.hardware.timing import AxisTiming, Timing
+from frida_painter.hardware.travel import TravelLimits
 from frida_painter.palette import Palette
 
 # One robot, one process: a lock that the system releases when its process ends for any reason.
@@ -131,12 +146,32 @@ class Host:
         match words.get("do"):
             case "robot.connect":
                 robot.connect()
+                return self._told(), {}
+            case "robot.zero":
+                return _zero(robot), {}
+            case "robot.find_zero" if isinstance(robot, ZeroedRobot):
+                robot.find_zero()
+            case "robot.jog" if isinstance(robot, ZeroedRobot):
+                robot.jog(arrays["step"])
+            case "robot.set_zero" if isinstance(robot, ZeroedRobot):
+                robot.set_zero(arrays["tip"])
+            case "robot.travel_limits":
+                told = robot.travel_limits() if isinstance(robot, LimitedRobot) else None
+                return {"limits": TypeAdapter(TravelLimits | None).dump_python(told)}, {}
+            case "robot.wants_pause":
+                return {"wanted": isinstance(robot, PausableRobot) and robot.wants_pause()}, {}
             case "robot.home":
                 return _report(robot.home())
             case "robot.pose":
                 return {}, {"pose": robot.pose()}
             case "robot.follow":
-                return _report(robot.follow(Waypoints(str(words["label"]), arrays["position"], float(words["speed"]))))
+                cue = None if words.get("cue") is None else (str(words["cue"][0]), str(words["cue"][1]))
+                way = Waypoints(str(words["label"]), arrays["position"], float(words["speed"]), cue)
+                return _report(robot.follow(way))
+            case "robot.feels":
+                return {"feels": robot.feels() if isinstance(robot, GuardedRobot) else None}, {}
+            case "robot.touch" if isinstance(robot, GuardedRobot):
+                return _report(robot.touch(float(words["lowest"]), float(words["speed"])))
             case "robot.close":
                 robot.close()
             case "robot.reaches" if self.reach is not None:
@@ -157,6 +192,8 @@ class Host:
                 operator.change_brush(str(words["brush"]))
             case "operator.let_dry":
                 operator.let_dry(words["seconds"])
+            case "operator.paint_stroke" if isinstance(operator, PersonCanvas):
+                operator.paint_stroke(PersonStroke.of(words["stroke"]))
             case "operator.lay_paper":
                 return {"done": operator.lay_paper()}, {}
             case "operator.lay_checker":
@@ -166,6 +203,16 @@ class Host:
             case unknown:
                 raise RobotError(f"The easel's process was asked for {unknown!r}, which it does not know.")
         return {}, {}
+
+    def _told(self) -> dict[str, Any]:
+        """Returns what a connected robot's controller told, as plain values."""
+        timing = self.robot.timing() if isinstance(self.robot, TimedRobot) else None
+        return {"timing": TypeAdapter(AxisTiming | None).dump_python(timing, mode="json")}
+
+
+def _zero(robot: Robot) -> dict[str, Any]:
+    zero = robot.zero() if isinstance(robot, ZeroedRobot) else Zero()
+    return {"lost": zero.lost, "homes": zero.homes}
 
 
 def encode_error(error: FridaError) -> dict[str, Any]:
@@ -338,8 +385,10 @@ def _about(easel: Easel) -> dict[str, Any]:
         "calibration": TypeAdapter(Calibration).dump_python(easel.calibration, mode="json"),
         "canvas": TypeAdapter(CanvasSize).dump_python(easel.canvas, mode="json"),
         "knows_reach": easel.reach is not None,
+        "has_camera": easel.has_camera,
+        "person_brushes": TypeAdapter(tuple[PersonBrush, ...]).dump_python(easel.person_brushes, mode="json"),
         "pace": easel.pace,
-        "timing": TypeAdapter(Timing | None).dump_python(easel.timing, mode="json"),
+        "timing": TypeAdapter(Timing | AxisTiming | None).dump_python(easel.timing, mode="json"),
     }
 
 

@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from frida_painter.canvas_size import CanvasSize
     from frida_painter.easel.order import EaselOrder
     from frida_painter.hardware.easel import Easel
-    from frida_painter.hardware.robot import Reach, Timing, Workspace
+    from frida_painter.hardware.robot import Reach, Workspace
+    from frida_painter.hardware.timing import Timing
 
 
 @dataclass(frozen=True)
@@ -76,6 +77,8 @@ ARM_FILM = "arm.mp4"
 LIVE_PICTURE = ".camera.jpg"  # hidden: it exists only during a painting
 
 HUMAN, VIRTUAL, SAWYER_SIM = "human", "virtual", "sawyer-sim"
+NO_CAMERA = "none"
+"""Name of the camera of an easel that nobody watches."""
 
 
 def _form_of_robot(name: str) -> str:

@@ -6,11 +6,16 @@ through entry points (registry.py). Process, stop, latch and lock are the same f
 
 import hashlib
 from contextlib import suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 from frida_painter import registry
 from frida_painter.easel.kinds import (
     MACHINES,
+    NO_CAMERA,
     SIMULATED,
     EaselKind,
     OpenEasel,
@@ -23,7 +28,7 @@ from frida_painter.easel.order import EaselOrder
 from frida_painter.errors import ConfigError, FridaError
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.kinds import CameraKind, MachineName, RobotKind, by_name
-from frida_painter.hardware.robot import Camera, Robot, Workspace
+from frida_painter.hardware.robot import Camera, Reach, Robot, Workspace
 from frida_painter.hardware.workcell import WorkcellConfig
 
 
@@ -31,8 +36,15 @@ def open_easel(order: EaselOrder) -> OpenEasel:
     """Opens an ordered easel; its robot and camera are not connected yet. Raises ConfigError and StorageError."""
     kind = require_known(order.robot)
     if kind in MACHINES:
-        return _open_real(order)
-    return registry.parts(registry.EASELS)[kind].load(EaselKind).open(order)
+        opened = _open_real(order)
+    else:
+        opened = registry.parts(registry.EASELS)[kind].load(EaselKind).open(order)
+    return opened if order.camera != NO_CAMERA else replace(opened, easel=_without_camera(opened.easel))
+
+
+def _without_camera(easel: Easel) -> Easel:
+    """Returns the easel as one that nobody watches."""
+    return replace(easel, has_camera=False, calibration=replace(easel.calibration, camera=NO_CAMERA))
 
 
 def load_easel(robot: str) -> None:
@@ -70,7 +82,8 @@ def _open_real(order: EaselOrder) -> OpenEasel:
     if order.workspace is None or not order.camera:
         raise ConfigError(
             f"The robot {order.robot[:60]!r} needs a workspace file (--workspace) and a camera (--camera "
-            f"{'|'.join(camera_forms())}); `frida-painter workspace example` prints a whole one."
+            f"{'|'.join(camera_forms())}). Without a camera, say --camera {NO_CAMERA}: the plan is then painted as it "
+            "is. `frida-painter workspace example` prints a whole workspace."
         )
     workcell = WorkcellConfig.load(order.workspace)
     if max(abs(order.canvas.width - workcell.canvas.width), abs(order.canvas.height - workcell.canvas.height)) > 0.001:
@@ -78,16 +91,37 @@ def _open_real(order: EaselOrder) -> OpenEasel:
             f"The painting is for a canvas of {order.canvas}, and the one in {str(order.workspace)!r} is "
             f"{workcell.canvas}; leave out --canvas, or put up the other canvas and make the workspace true."
         )
+    robot = make_robot(order.robot, workcell.workspace)
     easel = Easel(
-        robot=make_robot(order.robot, workcell.workspace),
+        robot=robot,
         camera=make_camera(order.camera),
         operator=AbsentOperator(),
         workspace=workcell.workspace,
         calibration=workcell.calibration(order.brushes[0], camera=order.camera, others=order.brushes[1:]),
         canvas=workcell.canvas,
-        reach=workcell.reach,
+        reach=find_reach(workcell, robot),
     )
     return OpenEasel(easel, lambda: None)
+
+
+@dataclass(frozen=True)
+class _BothReach:
+    """Reach by two judgements: a position counts as reached if both agree."""
+
+    one: Reach
+    other: Reach
+
+    def reachable(self, position: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Returns True for each position [k, 3] that both reach: [k]."""
+        return self.one.reachable(position) & self.other.reachable(position)
+
+
+def find_reach(workcell: WorkcellConfig, robot: Robot) -> Reach | None:
+    """Returns the reach of a real robot: the workspace's [arm] and the driver's own kinematics, as far as known."""
+    own = robot if isinstance(robot, Reach) else None
+    if own is None or workcell.reach is None:
+        return own or workcell.reach
+    return _BothReach(workcell.reach, own)
 
 
 def make_robot(text: str, workspace: Workspace) -> Robot:

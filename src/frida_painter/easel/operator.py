@@ -10,7 +10,7 @@ from frida_painter.errors import Interrupted
 from frida_painter.mixing.paint import usual_paints
 from frida_painter.mixing.recipe import recipes
 from frida_painter.palette import Palette, to_hex
-from frida_painter.sheet import CREAM, INK, Sheet, to_bytes
+from frida_painter.sheet import CREAM, INK, Grid, Sheet, to_bytes
 
 _SWATCH = 150  # pixels
 
@@ -139,12 +139,10 @@ def _even(color: tuple[float, float, float]) -> Tensor:
 
 def _swatches(palette: Palette) -> Tensor:
     """Returns the numbered paints in rows of eight, [3, 150 rows, 150 columns]."""
-    across = min(len(palette), 8)
-    sheet = Sheet(_SWATCH * across, _SWATCH * -(-len(palette) // across), CREAM)
-    for index, color in enumerate(palette.color):
-        row, column = divmod(index, across)
-        x, y = _SWATCH * column, _SWATCH * row
-        sheet.draw.rectangle((x, y, x + _SWATCH - 1, y + _SWATCH - 1), fill=to_bytes(color))
+    grid = Grid(0, 0, min(len(palette), 8), _SWATCH, _SWATCH)
+    sheet = Sheet(grid.right, grid.bottom(len(palette)), CREAM)
+    for index, (color, (x, y)) in enumerate(zip(palette.color, grid.corners(len(palette)), strict=True)):
+        sheet.swatch((x, y), _SWATCH, _SWATCH, to_bytes(color))
         sheet.draw.ellipse((x + 12, y + 12, x + 52, y + 52), fill=CREAM)
         sheet.text((x + 32, y + 32), str(index + 1), 24, INK, "mm")
     return sheet.tensor()

@@ -24,8 +24,10 @@ from frida_painter.easel.order import EaselOrder
 from frida_painter.easel.watchdog import Pulse
 from frida_painter.easel.wire import Arrays, Wire
 from frida_painter.errors import FridaError, MotionFailed, RobotBusy, RobotDisconnected, RobotError, RobotStopped
-from frida_painter.hardware.easel import Easel
-from frida_painter.hardware.robot import Frame, MotionReport, Timing, Waypoints, Workspace
+from frida_painter.hardware.easel import Easel, PersonBrush, PersonStroke
+from frida_painter.hardware.robot import Frame, MotionReport, Sense, Waypoints, Workspace, Zero
+from frida_painter.hardware.timing import AxisTiming, Timing
+from frida_painter.hardware.travel import TravelLimits
 from frida_painter.palette import Palette
 
 # The link: robot, camera and operator of another process.
@@ -33,6 +35,8 @@ from frida_painter.palette import Palette
 # For a process that hangs as a whole; the guard in the easel's process gives up a driver earlier.
 _MARGIN = 10.0
 _CALL = 60.0
+_HELD = 3600.0  # the longest time for which a person may hold a machine whose controller tells so, seconds
+_HOMING = 300.0
 # Seconds without a heartbeat after which the process counts as hung or frozen.
 _MAX_SILENCE = 10.0
 _LOOK_EVERY = 0.25
@@ -113,23 +117,60 @@ class Link:
 
 
 class RemoteRobot:
-    """Robot in the easel's process. Implements hardware.robot.Robot.
+    """Robot in the easel's process. Implements hardware.robot.Robot, ZeroedRobot, TimedRobot and PausableRobot.
 
     patience, grace: see easel.guard.GuardedRobot
     """
 
     def __init__(self, link: Link, workspace: Workspace, *, patience: float, grace: float) -> None:
         self._link, self._patience, self._grace = link, patience, grace
-        self._reach = float(np.linalg.norm(np.subtract(workspace.upper, workspace.lower)))
+        self._across = np.array([workspace.lower, (*workspace.lower[:2], workspace.upper[2]), workspace.upper])
         self._travel_speed = workspace.travel_speed
+        self._timing: AxisTiming | None = None
+        self._held = 0.0
 
     def connect(self) -> None:
         """Connects to the robot. Raises RobotError and its subclasses."""
-        self._link.ask("robot.connect")
+        told, _ = self._link.ask("robot.connect")
+        self._timing = TypeAdapter(AxisTiming | None).validate_python(told.get("timing"))
+        self._held = 0.0 if self._timing is None else _HELD
+
+    def timing(self) -> AxisTiming | None:
+        """Returns the limits that the controller told at connection; None if it told none."""
+        return self._timing
+
+    def travel_limits(self) -> TravelLimits | None:
+        """Returns the limits of its travel that the controller tells; None without. Raises RobotError."""
+        return TypeAdapter(TravelLimits | None).validate_python(self._link.ask("robot.travel_limits")[0]["limits"])
+
+    def alive_at(self) -> float:
+        """Returns -inf: the easel's process watches the controller."""
+        return -math.inf
+
+    def zero(self) -> Zero:
+        """Returns what the machine knows of its zero. Raises RobotError and its subclasses."""
+        told, _ = self._link.ask("robot.zero")
+        return Zero(str(told["lost"]), told["homes"] is True)
+
+    def find_zero(self) -> None:
+        """Drives to the limit switches. Raises RobotError and its subclasses."""
+        self._link.ask("robot.find_zero", within=_HOMING + self._held + _MARGIN)
+
+    def jog(self, step: NDArray[np.float64]) -> None:
+        """Moves the tip by `step` [3] metres. Raises RobotError and its subclasses."""
+        self._link.ask("robot.jog", {"step": np.asarray(step, np.float64)}, within=_CALL + self._held + _MARGIN)
+
+    def set_zero(self, tip: NDArray[np.float64]) -> None:
+        """Declares that the tip stands at `tip` [3] (m). Raises RobotError and its subclasses."""
+        self._link.ask("robot.set_zero", {"tip": np.asarray(tip, np.float64)})
+
+    def wants_pause(self) -> bool:
+        """Returns True, once, if the board's pause button was pressed. Raises RobotError and its subclasses."""
+        return self._link.ask("robot.wants_pause")[0]["wanted"] is True
 
     def home(self) -> MotionReport:
         """Moves to the home position. Raises RobotError and its subclasses."""
-        return self._report("robot.home", self._reach / self._travel_speed)
+        return self._report("robot.home", self._seconds(self._across, self._travel_speed))
 
     def pose(self) -> NDArray[np.float64]:
         """Returns the position of the tip, [3] metres. Raises RobotError and its subclasses."""
@@ -138,10 +179,22 @@ class RemoteRobot:
     def follow(self, waypoints: Waypoints) -> MotionReport:
         """Moves along the waypoints. Raises RobotError and its subclasses."""
         position = np.asarray(waypoints.position, np.float64)
-        seconds = (waypoints.length + self._reach) / waypoints.speed if waypoints.speed > 0 else 0.0
-        return self._report(
-            "robot.follow", seconds, {"position": position}, label=waypoints.label, speed=float(waypoints.speed)
+        path = (
+            np.concatenate([self._across, position]) if position.ndim == 2 and position.shape[1] == 3 else self._across
         )
+        seconds = self._seconds(path, waypoints.speed) if waypoints.speed > 0 else 0.0
+        words = {"label": waypoints.label, "speed": float(waypoints.speed), "cue": waypoints.cue}
+        return self._report("robot.follow", seconds, {"position": position}, **words)
+
+    def feels(self) -> Sense | None:
+        """Returns how the robot feels a touch; None if it does not. Raises RobotError and its subclasses."""
+        sense: Sense | None = self._link.ask("robot.feels")[0]["feels"]
+        return sense
+
+    def touch(self, lowest: float, speed: float) -> MotionReport:
+        """Moves straight down until the brush touches something. Raises RobotError and its subclasses."""
+        seconds = self._seconds(self._across, speed) if speed > 0 else 0.0
+        return self._report("robot.touch", seconds, lowest=float(lowest), speed=float(speed))
 
     def stop(self) -> None:
         """Stops at once, over the separate line."""
@@ -151,8 +204,14 @@ class RemoteRobot:
         """Disconnects from the robot. Raises RobotError and its subclasses."""
         self._link.ask("robot.close")
 
+    def _seconds(self, path: NDArray[np.float64], speed: float) -> float:
+        """Returns the duration of a way, at most, from any place of the workspace."""
+        if self._timing is None:
+            return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()) / speed
+        return self._timing.seconds(path, np.full(len(path) - 1, speed)) + self._timing.between
+
     def _report(self, do: str, seconds: float, arrays: Arrays | None = None, **words: object) -> MotionReport:
-        within = seconds * self._patience + self._grace + _MARGIN
+        within = seconds * self._patience + self._grace + self._held + _MARGIN
         answer, result = self._link.ask(do, arrays, within=within, **words)
         return MotionReport(answer["label"], answer["started_at"], answer["finished_at"], result["reached"])
 
@@ -210,6 +269,10 @@ class RemoteOperator:
     def let_dry(self, seconds: float) -> None:
         """Returns when the paint has dried for `seconds`."""
         self._link.ask("operator.let_dry", seconds=seconds)
+
+    def paint_stroke(self, stroke: PersonStroke) -> None:
+        """Returns when a person's stroke is on the canvas of a simulated easel. Raises ConfigError."""
+        self._link.ask("operator.paint_stroke", stroke=stroke.record())
 
     def lay_paper(self) -> bool:
         """Returns True if a fresh canvas is on the easel now."""
@@ -339,7 +402,9 @@ def _easel(about: dict[str, Any], link: Link) -> Easel:
         calibration=TypeAdapter(Calibration).validate_python(about["calibration"]),
         canvas=TypeAdapter(CanvasSize).validate_python(about["canvas"]),
         reach=RemoteReach(link) if about["knows_reach"] else None,
-        timing=TypeAdapter(Timing | None).validate_python(about["timing"]),
+        timing=TypeAdapter(Timing | AxisTiming | None).validate_python(about["timing"]),
         simulated=about["simulated"],
+        has_camera=about["has_camera"],
+        person_brushes=TypeAdapter(tuple[PersonBrush, ...]).validate_python(about["person_brushes"]),
         pace=about["pace"],
     )

@@ -313,10 +313,10 @@ class Pulse:
         while not self._ended.wait(BEAT_EVERY):
             self._send(BEAT)
             now = steady()
-            self._silent = 0.0 if self._heard() else self._silent + min(now - looked, 2 * BEAT_EVERY)
+            self._silent = 0.0 if self._hears_something() else self._silent + min(now - looked, 2 * BEAT_EVERY)
             looked = now
 
-    def _heard(self) -> bool:
+    def _hears_something(self) -> bool:
         """Returns True if anything came since the last call."""
         try:
             content = self._line.recv(4096)
@@ -343,7 +343,7 @@ class CpuActivity:
 
     def __init__(self, pid: int) -> None:
         self._place = Path(f"/proc/{pid}")
-        self._at, self._used = steady(), self._taken()
+        self._at, self._used = steady(), self._processor_seconds()
         self._busy = False
         self._counted_at, self._starved = steady(), 0.0
         self._threads: dict[str, _Thread] = {}
@@ -352,7 +352,7 @@ class CpuActivity:
         """Returns True if it was busy in the last second; must be called often."""
         now = steady()
         if now - self._at >= _LOOK_EVERY:
-            used = self._taken()
+            used = self._processor_seconds()
             self._busy = used - self._used >= _BUSY * (now - self._at)
             self._at, self._used = now, used
         return self._busy
@@ -364,12 +364,12 @@ class CpuActivity:
         """
         now = steady()
         if now - self._counted_at >= _COUNT_EVERY:
-            waited = self._waited(now)
+            waited = self._longest_wait(now)
             self._starved += min(waited, now - self._counted_at)
             self._counted_at = now
         return self._starved
 
-    def _waited(self, now: float) -> float:
+    def _longest_wait(self, now: float) -> float:
         """Returns the seconds of the longest wait of a thread since the last call."""
         threads: dict[str, _Thread] = {}
         longest = 0.0
@@ -390,7 +390,7 @@ class CpuActivity:
         self._threads = threads
         return longest
 
-    def _taken(self) -> float:
+    def _processor_seconds(self) -> float:
         """Returns the total processor seconds of the process."""
         try:
             return _state_and_ticks(self._place / "stat")[1] / os.sysconf("SC_CLK_TCK")

@@ -11,14 +11,13 @@ from collections.abc import Callable, Iterable, Iterator
 import torch
 
 from frida_painter.hardware.gcode import PREAMBLE, Gcode
+from frida_painter.hardware.own_gcode import MAX_LINE
 from frida_painter.hardware.robot import Waypoints
 from frida_painter.palette import Palette, to_hex
 from frida_painter.plan import WHITE, Layer, Plan
 from frida_painter.session.choreography import Action
 from frida_painter.session.events import DRYING, Dipped, StrokePainted
 
-MAX_LINE = 70
-"""Greatest number of characters in a line."""
 _SHOWN = 20  # characters of a brush's name on the machine's display
 _OBEYED = str.maketrans("!?~;()", "...,::")
 """Characters that GRBL takes out of the stream as commands (!?~), and those that begin or end a comment."""
@@ -47,6 +46,8 @@ def gcode(
 
     A plan of several brushes waits (M0) for the first of them, unless `change` takes it. After each layer but the
     last, the machine waits until a person finds it dry.
+    Lines of a person's own (`language.own`) come at the start and the end. If there are lines for dips or for changes
+    of the brush, they replace the pauses for these.
     Raises ConfigError if a servo does not reach a height.
     """
     head = (
@@ -57,10 +58,19 @@ def gcode(
         *PREAMBLE[: 3 if language.flavour == "grbl" else 2],
     )
     todo = list(actions)
-    start = language.rise(float(todo[0].motions[0].position[0, 2])) if todo else ()
+    start: Iterable[str] = ()
+    if todo:
+        x, y, z = todo[0].motions[0].position[0].tolist()
+        start = language.rise(z, (x, y))
     body = _body(plan, todo, language, pauses, drying, change)
     last = _motions(ending, language)
-    return "\n".join((*head, *start, *body, *last, "; the end", ""))
+    before, after = _own(language, "start"), _own(language, "end")
+    return "\n".join((*head, *before, *start, *body, *last, *after, "; the end", ""))
+
+
+def _own(language: Gcode, event: str, **fields: str) -> list[str]:
+    """Returns the lines of a person's own at an event; none if there are none."""
+    return [] if language.own is None else list(language.own.at(event, **fields))
 
 
 def _canvas(plan: Plan) -> Iterator[str]:
@@ -93,7 +103,7 @@ def _body(
     if change is not None and numbers:
         yield from _motions(change("", plan.layers[numbers[0]].brush), language)
     elif len(plan.brushes) > 1 and numbers:
-        yield from _wait([_take(plan.layers[numbers[0]])], language)
+        yield from _change_by_person(plan.layers[numbers[0]], language)
     for action in actions:
         if isinstance(action.done, Dipped) and pauses:
             yield from _dip(plan.wells(plan.layers[numbers[painted]]), action.done, language)
@@ -109,7 +119,9 @@ def _body(
             changed = change is not None and before != after
             if change is not None and changed:
                 yield from _motions(change(before, after), language)
-            yield from _wait(_between(plan, painted, drying, changed), language)
+            own = [] if changed or before == after else _own(language, "change", brush=after)
+            yield from own
+            yield from _wait(_between(plan, painted, drying, changed or bool(own)), language)
 
 
 def _between(plan: Plan, done: int, drying: float, changed: bool) -> list[str]:
@@ -132,6 +144,11 @@ def _between(plan: Plan, done: int, drying: float, changed: bool) -> list[str]:
     return todo
 
 
+def _change_by_person(layer: Layer, language: Gcode) -> Iterator[str]:
+    """Yields the pause for a person's change of the brush, or the lines that stand for it."""
+    yield from _own(language, "change", brush=layer.brush) or _wait([_take(layer)], language)
+
+
 def _take(layer: Layer) -> str:
     name = _printable(layer.brush)
     return f"take the {name if len(name) <= _SHOWN else f'{name[: _SHOWN - 3]}...'} brush"
@@ -147,6 +164,8 @@ def _motion(motion: Waypoints, language: Gcode) -> Iterator[str]:
 
 
 def _dip(wells: Palette, dip: Dipped, language: Gcode) -> Iterator[str]:
+    if own := _own(language, "dip", well=str(dip.paint + 1)):
+        return iter(own)
     clean = "clean the brush, then " if dip.cleaned else ""
     return _wait([f"{clean}dip into paint {dip.paint + 1} {to_hex(wells.color[dip.paint])}"], language)
 

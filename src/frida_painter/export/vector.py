@@ -10,11 +10,12 @@ from xml.sax.saxutils import escape, quoteattr
 import torch
 from torch import Tensor
 
-from frida_painter.brush.kinds import StrokeModel
+from frida_painter.brush.kinds import StrokeModel, growth_of
 from frida_painter.errors import PlanError
 from frida_painter.frames import wrap_angles
 from frida_painter.palette import to_hex
 from frida_painter.plan import Plan
+from frida_painter.stroke_family import MAX_CODES
 from frida_painter.strokes import Strokes
 
 # Strokes for other programs: the control points of each path, and one width that approximates its mark.
@@ -33,12 +34,30 @@ def control_points(strokes: Strokes) -> Tensor:
     return torch.stack((x, y), -1)
 
 
+def bezier_paths(strokes: Strokes) -> list[Tensor]:
+    """Returns the path of each stroke as cubic Bezier curves, canvas metres: n x [curves, 4, 2].
+
+    A brush's own stroke is one curve; a stroke of a family is one curve for each span of its spline.
+    """
+    found = list(control_points(strokes)[:, None])
+    for family, which in [] if strokes.taught is None else strokes.taught.groups():
+        mine = strokes[which]
+        assert mine.taught is not None
+        curves = family.beziers(mine.length, mine.taught.code)  # [n, curves, 4, 2]
+        cos, sin = torch.cos(mine.angle), torch.sin(mine.angle)
+        turn = torch.stack((torch.stack((cos, sin), -1), torch.stack((-sin, cos), -1)), 1)  # rows (x, y) are turned
+        placed = torch.einsum("ncpi,nij->ncpj", curves, turn) + mine.position[:, None, None]
+        for number, path in zip(which.tolist(), placed, strict=True):
+            found[number] = path
+    return found
+
+
 def plan_widths(plan: Plan, models: Mapping[str, StrokeModel]) -> Tensor:
     """Returns the width [n] of each stroke of a plan in metres, from `mark_widths`.
 
-    models: stroke models of the plan's brushes, by name
+    models: stroke models of the plan by the kind of its strokes
     """
-    widths = [mark_widths(part.strokes, models[part.layers[0].brush]) for part in plan.filled_layers()]
+    widths = [mark_widths(part.strokes, models[part.layers[0].kind]) for part in plan.filled_layers()]
     return torch.cat(widths) if widths else torch.zeros(0)
 
 
@@ -51,7 +70,7 @@ def mark_widths(strokes: Strokes, model: StrokeModel) -> Tensor:
     """
     across, along = model.frame.pitch
     area = [
-        model(part.thickness, part.length, part.bend).sum((1, 2)) * across * along
+        model(part.thickness, part.length, part.shape).sum((1, 2)) * across * along * _growth(model, part)
         for part in (strokes[start : start + _AT_A_TIME] for start in range(0, len(strokes), _AT_A_TIME))
     ]
     covered = torch.cat(area) if area else strokes.length
@@ -59,6 +78,12 @@ def mark_widths(strokes: Strokes, model: StrokeModel) -> Tensor:
     length = (path[:, 1:] - path[:, :-1]).norm(dim=-1).sum(-1)
     width = (torch.sqrt(length.square() + math.pi * covered) - length) * 2 / math.pi
     return width.clamp(min=_THINNEST)
+
+
+def _growth(model: StrokeModel, strokes: Strokes) -> Tensor | float:
+    """Returns how much the area of a cell of each stroke's map is larger than that of the model's frame."""
+    growth = growth_of(model, strokes.length)
+    return 1.0 if growth is None else growth.square()
 
 
 _DECIMALS = 3
@@ -143,14 +168,34 @@ def _draw(number: int, plan: Plan, layer: _Layer, paths: list[str]) -> str:
 
 
 def _paths(plan: Plan, width: Tensor) -> list[str]:
-    points = plan.canvas.on_page(control_points(plan.strokes).double().cpu()) * 1000  # [n, 4, 2]
+    families = _families(plan)
     return [
-        f'    <path d="M{_pair(start)} C{_pair(first)} {_pair(second)} {_pair(end)}"'
-        f' stroke-width="{_millimetres(metres)}" data-stroke="{index}" data-thickness="{thickness:.4f}"/>'
-        for index, ((start, first, second, end), metres, thickness) in enumerate(
-            zip(points.tolist(), width.tolist(), plan.strokes.thickness.tolist(), strict=True), start=1
+        f'    <path d="{_curves(plan.canvas.on_page(path.double().cpu()) * 1000)}"'
+        f' stroke-width="{_millimetres(metres)}" data-stroke="{index}" data-thickness="{thickness:.4f}"{family}/>'
+        for index, (path, metres, thickness, family) in enumerate(
+            zip(
+                bezier_paths(plan.strokes),
+                width.tolist(),
+                plan.strokes.thickness.tolist(),
+                (f" data-family={quoteattr(name)}" if name else "" for name in families),
+                strict=True,
+            ),
+            start=1,
         )
     ]
+
+
+def _families(plan: Plan) -> list[str]:
+    """Returns the name of each stroke's family, "" for a brush's own stroke."""
+    limits = [layer.limits for layer in plan.layers]
+    names = ["" if one.family is None else one.family.name for one in limits]
+    return [names[layer] for layer in plan.layer.tolist()]
+
+
+def _curves(path: Tensor) -> str:
+    """Returns Bezier curves [curves, 4, 2] in millimetres as the data of an SVG path."""
+    curves = path.tolist()
+    return f"M{_pair(curves[0][0])} " + " ".join(f"C{' '.join(map(_pair, curve[1:]))}" for curve in curves)
 
 
 def _pair(point: list[float]) -> str:
@@ -170,6 +215,25 @@ COLUMNS = (
 )
 
 
+FAMILY_COLUMNS = ("family", *(f"code{number}" for number in range(1, MAX_CODES + 1)))
+"""Further columns of a plan with strokes of families; such strokes have no single Bezier curve."""
+
+
+def _codes(plan: Plan) -> list[list[str]]:
+    """Returns the codes of each stroke as text."""
+    taught = plan.strokes.taught
+    if taught is None:
+        return [[""] * MAX_CODES] * len(plan)
+    return [
+        [f"{value:.4f}" if number >= 0 and place < taught.families[number].codes else "" for place, value in _pad(code)]
+        for number, code in zip(taught.number.tolist(), taught.code.tolist(), strict=True)
+    ]
+
+
+def _pad(code: list[float]) -> list[tuple[int, float]]:
+    return list(enumerate((*code, *[0.0] * (MAX_CODES - len(code)))))
+
+
 def table(plan: Plan) -> str:
     """Returns the strokes as CSV with a header row.
 
@@ -178,9 +242,11 @@ def table(plan: Plan) -> str:
     """
     content = io.StringIO()
     rows = csv.writer(content, lineterminator="\n")
-    rows.writerow(COLUMNS)
+    rows.writerow((*COLUMNS, *FAMILY_COLUMNS) if plan.families else COLUMNS)
     strokes = plan.strokes
     points = (control_points(strokes).double() * 1000).flatten(1).tolist()  # n rows of x, y of four points
+    paths = bezier_paths(strokes)
+    families, codes = _families(plan), _codes(plan)
     colors = [to_hex(color) for color in plan.palette.color[plan.paint]]
     brushes = [layer.brush for layer in plan.layers]
     groups = zip(
@@ -195,7 +261,12 @@ def table(plan: Plan) -> str:
         strict=True,
     )
     for number, (layer, paint, color, path, angle, length, bend, thickness) in enumerate(groups, start=1):
-        shape = (*path[:2], *path[6:], angle, length, bend)
+        family, ends = families[number - 1], path
+        if family:  # its path is many curves: `export --format svg` and `gcode` have them
+            ends = (paths[number - 1].double() * 1000)[[0, -1], [0, -1]].flatten().tolist()
+            path = []
+        shape = (*ends[:2], *ends[-2:], angle, length, bend)
         numbers = (*(f"{value:.3f}" for value in shape), f"{thickness:.4f}", *(f"{value:.3f}" for value in path))
-        rows.writerow((number, layer + 1, brushes[layer], paint + 1, color, *numbers))
+        taught = (*([""] * (8 - len(path))), family, *codes[number - 1]) if plan.families else ()
+        rows.writerow((number, layer + 1, brushes[layer], paint + 1, color, *numbers, *taught))
     return content.getvalue()

@@ -1,12 +1,17 @@
 """The easel: robot, camera and operator, with all that is known about them."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol, Self, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
 
 from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.hardware.robot import Camera, Reach, Robot, Timing, Waypoints, Workspace
+from frida_painter.hardware.robot import Camera, Reach, Robot, Waypoints, Workspace
+from frida_painter.hardware.timing import AxisTiming, Timing
+from frida_painter.hardware.travel import TravelLimits
 from frida_painter.palette import Palette
 
 
@@ -35,6 +40,71 @@ class Operator(Protocol):
         """Returns True if the colour checker is gone; False if a person must be asked to take it away."""
 
 
+@dataclass(frozen=True)
+class PersonBrush:
+    """Brush that a person may take at a simulated easel.
+
+    light, hard: widths of its marks at the lightest touch and at the hardest press, metres
+    """
+
+    name: str
+    light: float
+    hard: float
+
+
+@dataclass(frozen=True)
+class PersonStroke:
+    """Stroke of a person on a simulated canvas.
+
+    number: from 1, over the whole painting; a number is painted once only
+    brush, paint: name of the brush, and number of the well from 0
+    place [k, 2]: canvas metres
+    press [k]: 0 for the lightest touch, 1 for the hardest press
+    tilt [k]: angle of the brush from upright, radians in [0, pi/2]
+    toward [k]: direction to which the handle leans, radians counter-clockwise from the canvas's x
+    seconds: duration
+    """
+
+    number: int
+    brush: str
+    paint: int
+    place: NDArray[np.float64]
+    press: NDArray[np.float64]
+    tilt: NDArray[np.float64]
+    toward: NDArray[np.float64]
+    seconds: float = 0.0
+
+    def record(self) -> dict[str, Any]:
+        """Returns the stroke as plain values: numbers with as many digits as the float has."""
+        way = np.c_[self.place, self.press, self.tilt, self.toward]
+        return {
+            "number": self.number,
+            "brush": self.brush,
+            "paint": self.paint,
+            "way": way.tolist(),
+            "seconds": self.seconds,
+        }
+
+    @classmethod
+    def of(cls, record: Mapping[str, Any]) -> Self:
+        """Returns the stroke of a record. Raises KeyError and ValueError if it is none."""
+        way = np.array(record["way"], np.float64).reshape(-1, 5)
+        if not (len(way) and np.isfinite(way).all()):
+            raise ValueError("the way of a person's stroke")
+        return cls(
+            int(record["number"]), str(record["brush"]), int(record["paint"]),
+            way[:, :2], way[:, 2], way[:, 3], way[:, 4], float(record["seconds"]),
+        )  # fmt: skip
+
+
+@runtime_checkable
+class PersonCanvas(Protocol):
+    """Operator of a simulated easel, on whose canvas a person can paint."""
+
+    def paint_stroke(self, stroke: PersonStroke) -> None:
+        """Paints a person's stroke, unless one of that number is there already. Raises ConfigError."""
+
+
 def _unheard(motions: Sequence[Waypoints]) -> None:
     """Ignores the next motions: a robot need not know them."""
 
@@ -44,11 +114,15 @@ class Easel:
     """Easel: everything that differs between a virtual and a real painting.
 
     reach: of the robot's arm; None if it reaches every point of its workspace
-    timing: acceleration of the robot; None if unknown, then estimates assume full speed
+    timing: limits of the robot; None if unknown, then estimates assume full speed
+    travel: limits of its travel that a connected controller told; None without
     simulated: True if no real robot moves
+    has_camera: False if nobody looks at the canvas, so that a plan is painted as it is
     pace: real seconds per second of the easel's clock; 0 for as fast as possible
     foretell: receives the next motions in order, for a person who paints by hand and wants to see more than one
         stroke
+    person_brushes: brushes with which a person can paint through this program; none on a real easel, on which
+        people paint with a real brush. The operator is then a PersonCanvas.
     """
 
     robot: Robot
@@ -58,7 +132,10 @@ class Easel:
     calibration: Calibration
     canvas: CanvasSize
     reach: Reach | None = None
-    timing: Timing | None = None
+    timing: Timing | AxisTiming | None = None
+    travel: TravelLimits | None = None
     simulated: bool = False
+    has_camera: bool = True
     pace: float = 1.0
     foretell: Callable[[Sequence[Waypoints]], None] = _unheard
+    person_brushes: tuple[PersonBrush, ...] = ()

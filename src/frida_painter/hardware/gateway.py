@@ -1,7 +1,7 @@
 """The gateway: the only way to the robot for painting, calibration and stroke libraries."""
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,8 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import PoseMismatch, WorkspaceViolation
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.robot import MotionReport, Reach, Waypoints, Workspace
+from frida_painter.hardware.travel import TravelLimits
+from frida_painter.surface_map import SurfaceMap
 
 # Limits of the workspace. A batch of motions is allowed as a whole, or nothing of it is sent. Nothing is clamped, and
 # NaN fails every check.
@@ -22,10 +24,22 @@ _ASKED_EVERY = 10  # waypoints are one millimetre apart, so reach is checked for
 
 @dataclass(frozen=True)
 class Surface:
-    """Canvas as an obstacle: its size, and robot z of the hardest press in metres."""
+    """Canvas as an obstacle.
+
+    press_height: robot z of the hardest press in metres
+    uneven: height map of the canvas, which moves the hardest press with it; None if the canvas is flat
+    """
 
     size: CanvasSize
     press_height: float
+    uneven: SurfaceMap | None = None
+
+    def floor(self, over: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Returns the lowest allowed robot z [k] at positions [k, 2] in canvas metres."""
+        if self.uneven is None:
+            return np.full(len(over), self.press_height)
+        # The calibrated placement sends the tip up to a few millimetres beside the place whose height it takes.
+        return self.press_height + self.uneven.at(over) - _BESIDE * self.uneven.steepest
 
 
 @dataclass(frozen=True)
@@ -42,25 +56,35 @@ class Fault:
 
 
 def check(
-    batch: Iterable[Waypoints], workspace: Workspace, surface: Surface | None = None, reach: Reach | None = None
+    batch: Iterable[Waypoints],
+    workspace: Workspace,
+    surface: Surface | None = None,
+    reach: Reach | None = None,
+    travel: TravelLimits | None = None,
 ) -> None:
     """Raises WorkspaceViolation, which names motion and axis, unless every motion is allowed.
 
     surface: depth limit over the canvas; None if unknown
     reach: of the robot's arm; None if it reaches every point
+    travel: limits of the machine itself; None without
     """
-    for fault in faults(batch, workspace, surface, reach):
+    for fault in faults(batch, workspace, surface, reach, travel):
         raise WorkspaceViolation(f"{fault.label}: {fault.reason}. Nothing was sent to the robot; {fault.remedy}.")
 
 
 def faults(
-    batch: Iterable[Waypoints], workspace: Workspace, surface: Surface | None = None, reach: Reach | None = None
+    batch: Iterable[Waypoints],
+    workspace: Workspace,
+    surface: Surface | None = None,
+    reach: Reach | None = None,
+    travel: TravelLimits | None = None,
 ) -> Iterator[Fault]:
     """Yields each motion that is not allowed, with its first fault."""
     for motion in batch:
         found = _of_form(motion) or _outside(motion, workspace)
         found = found or (_too_deep(motion, workspace, surface) if surface else None)
         found = found or (_out_of_reach(motion, reach) if reach else None)
+        found = found or (_beyond_travel(motion, travel) if travel else None)
         if found:
             yield Fault(motion.label, *found)
 
@@ -92,12 +116,12 @@ def _too_deep(motion: Waypoints, workspace: Workspace, surface: Surface) -> tupl
     over = workspace.to_canvas(motion.position)
     size = np.array([surface.size.width, surface.size.height])
     above_canvas = ((over >= -_BESIDE) & (over <= size + _BESIDE)).all(1)
-    deep = above_canvas & ~(motion.position[:, 2] >= surface.press_height - _TOLERANCE)
+    floor = surface.floor(over)
+    deep = above_canvas & ~(motion.position[:, 2] >= floor - _TOLERANCE)
     if not deep.any():
         return None
-    reason = (
-        f"{_axis(motion, int(deep.argmax()), 2)}, over the canvas; the hardest press is at {surface.press_height:.4f} m"
-    )
+    point = int(deep.argmax())
+    reason = f"{_axis(motion, point, 2)}, over the canvas; the hardest press is at {floor[point]:.4f} m there"
     return reason, "repeat the brush calibration or make the workspace true"
 
 
@@ -109,6 +133,15 @@ def _out_of_reach(motion: Waypoints, reach: Reach) -> tuple[str, str] | None:
         return None
     x, y, z = position[int((~within).argmax())]
     return f"the arm does not reach ({x:.3f}, {y:.3f}, {z:.3f}) m", "move what is to be reached nearer to the robot"
+
+
+def _beyond_travel(motion: Waypoints, travel: TravelLimits) -> tuple[str, str] | None:
+    beyond = travel.beyond(motion.position)
+    if not beyond.any():
+        return None
+    point, axis = np.argwhere(beyond)[0]
+    reason = f"{_axis(motion, point, axis)}; the machine's own limits are {travel.describe(axis)}"
+    return reason, "move the canvas into its travel, or change its limits if they are wrong"
 
 
 def _axis(motion: Waypoints, point: int, axis: int) -> str:
@@ -134,19 +167,19 @@ class RobotGateway:
         self.easel = easel
         self.last_motion = 0.0
         self._calibrated = easel.calibration.press_height if lowest is None else lowest
-        self._surface = Surface(easel.canvas, self._calibrated)
+        self._surface = Surface(easel.canvas, self._calibrated, easel.calibration.surface)
 
     def follow_touch(self, lower: float) -> None:
         """Lets the tip go `lower` metres below the hardest press from now on. A negative value counts as 0."""
-        self._surface = Surface(self.easel.canvas, self._calibrated - max(lower, 0.0))
+        self._surface = replace(self._surface, press_height=self._calibrated - max(lower, 0.0))
 
     def check(self, motions: Iterable[Waypoints]) -> None:
         """Raises WorkspaceViolation unless every motion of the batch is allowed; nothing is clamped.
 
         A motion is refused if it contains NaN, leaves the workspace, is faster than 1 m/s, goes over the canvas
-        below the hardest press, or is out of the arm's reach.
+        below the hardest press, or is out of the arm's reach or beyond the machine's own limits.
         """
-        check(motions, self.easel.workspace, self._surface, self.easel.reach)
+        check(motions, self.easel.workspace, self._surface, self.easel.reach, self.easel.travel)
 
     def perform(self, motions: Iterable[Waypoints]) -> bool:
         """Makes the motions if all are allowed; returns True if a person who paints by hand left one out.

@@ -74,6 +74,14 @@ def yes_or_no(text: str) -> bool:
     return {"yes": True, "no": False}[text]
 
 
+def millimetres_per_second(text: str) -> float:
+    """Converts a speed in mm/s to m/s, for `MachineName.choose`. Raises ValueError if it is not above 0."""
+    speed = float(text) / 1000
+    if not 0 < speed <= 1:
+        raise ValueError(f"a speed of {text} mm/s")
+    return speed
+
+
 # Identities of machines: two names of the same machine share an identity.
 # A stop is latched, and a machine is locked, under each of its identities. "localhost", "127.0.0.1" and the
 # computer's own address are one identity. So are /dev/ttyUSB0, a link to it, and the serial number of the device

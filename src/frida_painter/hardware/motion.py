@@ -4,7 +4,7 @@ Every motion begins and ends at one height, above every object in the workspace.
 other.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,12 +32,15 @@ class Motion:
     @property
     def travel_height(self) -> float:
         """Robot z at which the tip travels: above every object in the workspace."""
-        return max(self.workspace.top, self.calibration.touch_height) + self.workspace.hover
+        return max(self.workspace.top, self.calibration.highest_touch) + self.workspace.hover
 
     def stroke(self, strokes: Strokes, index: int, name: str | None = None) -> Waypoints:
-        """Returns the motion of stroke `index`: down, along its path at the depth for its thickness, and up."""
+        """Returns the motion of stroke `index`: down, along its path at the depth for its thickness, and up.
+
+        On an uneven canvas, the tip follows the height map.
+        """
         on_canvas, thickness = stroke_path(strokes, index, step=_STEP)  # [k, 2], [k]
-        height = self.calibration.height(thickness)
+        height = self.calibration.height(thickness) + self.calibration.unevenness(on_canvas)
         path = self.workspace.to_robot(self.calibration.place(on_canvas), height)
         above = path[[0, -1]].copy()
         above[:, 2] = self.travel_height
@@ -64,7 +67,7 @@ class Motion:
     @property
     def clearance_height(self) -> float:
         """Robot z from which the tip goes down to the canvas at painting speed."""
-        return min(self.travel_height, self.calibration.touch_height + _CLEARANCE)
+        return min(self.travel_height, self.calibration.highest_touch + _CLEARANCE)
 
     def dip(self, well: int) -> Waypoints:
         """Returns the dip into a paint well with one stirring turn. Raises WorkspaceViolation if it does not exist."""
@@ -73,7 +76,8 @@ class Motion:
                 f"Paint well {well + 1} was wanted; the workspace has {len(self.workspace.wells)} wells; "
                 "use fewer colours (--colors) or add wells to the workspace."
             )
-        return self._circle(f"dip into well {well + 1}", self.workspace.wells[well], turns=1)
+        dip = self._circle(f"dip into well {well + 1}", self.workspace.wells[well], turns=1)
+        return replace(dip, cue=("dip", str(well + 1)))
 
     def rinse(self) -> Waypoints:
         """Returns the motion into the water, three stirring turns, and out."""
@@ -90,12 +94,17 @@ class Motion:
     def take(self, brush: str) -> Waypoints:
         """Returns the motion that takes a brush: the empty hand down onto it, out of its fork, and up.
 
-        The workspace must have a rack that holds the brush. Raises ConfigError without a rack, KeyError if it lacks
-        the brush.
+        Raises ConfigError if the workspace has no rack, or its rack lacks the brush.
         """
         rack = self._rack
+        if brush not in rack.places:
+            there = ", ".join(rack.places) or "no brush"
+            raise ConfigError(
+                f"The rack has no brush {brush[:40]!r}; it has {there}: add it to [rack], or give one of these."
+            )
         place, front = rack.places[brush], rack.front(brush)
-        return self._way(f"take the {brush} brush", self._above(place), self._clear_of(place), place, front)
+        way = self._way(f"take the {brush} brush", self._above(place), self._clear_of(place), place, front)
+        return replace(way, cue=("change", brush))
 
     def put_back(self, brush: str) -> Waypoints:
         """Returns the motion that puts a brush back into its fork: the path of `take`, reversed."""
@@ -106,6 +115,7 @@ class Motion:
         """Returns the motions that change the brush in the hand.
 
         held: name of the brush in the hand; "" or None for none
+        Raises ConfigError if the workspace has no rack, or its rack lacks one of them.
         """
         return (*((self.put_back(held),) if held else ()), self.take(brush))
 

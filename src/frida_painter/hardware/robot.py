@@ -1,11 +1,14 @@
-"""Protocols of robots and cameras, with the workspace, reach, timing, waypoints and frames that they use."""
+"""Protocols of robots and cameras, with the workspace, reach, waypoints and frames that they use."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
+
+from frida_painter.hardware.timing import AxisTiming
+from frida_painter.hardware.travel import TravelLimits
 
 # Layout around the robot, in metres of its frame: canvas, paint wells, water, rag and bounds.
 
@@ -86,8 +89,12 @@ class Workspace:
 # Reach of a robot whose arm does not get to every point of its workspace.
 
 
+@runtime_checkable
 class Reach(Protocol):
-    """Reach of an arm, by inverse kinematics or by its length; checked before anything moves."""
+    """Reach of an arm, by inverse kinematics or by its length; checked before anything moves.
+
+    A driver that knows the reach of its arm before it is connected implements this beside `Robot`.
+    """
 
     def reachable(self, position: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Returns True for each position [k, 3] in the robot's frame (m) that the tip reaches with its brush: [k]."""
@@ -107,115 +114,6 @@ class ArmLength:
         return (away >= self.nearest) & (away <= self.farthest)
 
 
-# Timing of a path: the tip goes no faster than motors can start and stop.
-# The tip stays on the path. It slows down before corners and stops in sharp ones, as a controller in "exact path"
-# mode does. Its speeds are found by one pass forward and one backward over the path (as in Bobrow, Dubowsky and
-# Gibson, "Time-Optimal Control of Robotic Manipulators Along Specified Paths", IJRR 1985, for limits of speed and
-# acceleration only).
-
-# The tip stops in a corner sharper than _SHARP (radians). In a blunter one its velocity jumps by at most _JUMP (m/s).
-_SHARP = np.radians(50)
-_JUMP = 0.02
-_FINE = 0.002
-_SHORTEST = 1e-7
-
-
-@dataclass(frozen=True)
-class Timing:
-    """Limits on the motion of a tip.
-
-    acceleration: greatest acceleration, m/s2
-    smoothing: seconds over which changes of speed are spread
-    period: seconds between two positions
-    """
-
-    acceleration: float
-    smoothing: float
-    period: float
-
-    def places(self, path: NDArray[np.float64], speed: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Returns the tip's position [n, 3] at every period, from rest at the first to rest at the last waypoint.
-
-        path: waypoints [k, 3] in metres
-        speed: of each segment between them [k - 1], m/s
-        """
-        path, speed = _moving(path, speed)
-        if len(speed) == 0:
-            return path
-        fine, fastest = _subdivide(path, speed)
-        along, pace, moment = self._ramp(fine, fastest)
-        reached = self._smooth(moment, along, pace)
-        return np.stack([np.interp(reached, along, column) for column in fine.T], -1)
-
-    def seconds(self, path: NDArray[np.float64], speed: NDArray[np.float64]) -> float:
-        """Returns the duration of a path from rest to rest; the arguments are those of `places`."""
-        path, speed = _moving(path, speed)
-        if len(speed) == 0:
-            return 0.0
-        return float(self._ramp(*_subdivide(path, speed))[2][-1]) + self.smoothing
-
-    def _ramp(
-        self, fine: NDArray[np.float64], fastest: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Returns for each point of a fine-grained path: metres from the start, speed, and seconds from the start."""
-        along = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(fine, axis=0), axis=1))]
-        pace = _feasible(along, fastest, self.acceleration)
-        # At constant acceleration, a segment takes its length over the mean of the speeds at its ends.
-        return along, pace, np.r_[0.0, np.cumsum(2 * np.diff(along) / (pace[1:] + pace[:-1]))]
-
-    def _smooth(
-        self, moment: NDArray[np.float64], along: NDArray[np.float64], pace: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        """Returns the distance covered at every period. A moving average lets forces set in gradually."""
-        width = max(1, round(self.smoothing / self.period))
-        count = int(np.ceil(moment[-1] / self.period)) + 1
-        time = np.arange(count) * self.period
-        index = np.clip(np.searchsorted(moment, time, side="right") - 1, 0, len(moment) - 2)
-        late = np.minimum(time, moment[-1]) - moment[index]
-        rise = (pace[index + 1] - pace[index]) / (moment[index + 1] - moment[index])
-        covered = along[index] + pace[index] * late + 0.5 * rise * late**2
-        covered = np.r_[np.zeros(width - 1), covered, np.full(width, along[-1])]
-        return np.clip(np.convolve(covered, np.full(width, 1 / width), "valid"), 0.0, along[-1])
-
-
-def _moving(path: NDArray[np.float64], speed: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Returns path and speeds without segments of length 0; of a path without motion, only its end."""
-    moving = np.linalg.norm(np.diff(path, axis=0), axis=1) > _SHORTEST
-    if not moving.any():
-        return path[-1:].copy(), speed[:0]
-    return path[np.r_[True, moving]], speed[moving]
-
-
-def _subdivide(
-    path: NDArray[np.float64], speed: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Returns the path with points at most _FINE apart, and the greatest speed at each; 0 if the tip stops there."""
-    vector = np.diff(path, axis=0)
-    length = np.linalg.norm(vector, axis=1)
-    cosine = (vector[1:] * vector[:-1]).sum(1) / (length[1:] * length[:-1])
-    turn = np.arccos(np.clip(cosine, -1, 1))
-    jump = 2 * np.sin(turn / 2)
-    at_corner = np.minimum(np.minimum(speed[1:], speed[:-1]), _JUMP / np.maximum(jump, 1e-9))
-    at_corner = np.r_[0.0, np.where(turn > _SHARP, 0.0, at_corner)]
-    points, fastest = [], []
-    for start, way, metres, most, here in zip(path[:-1], vector, length, speed, at_corner, strict=True):
-        count = max(2, int(np.ceil(metres / _FINE)))
-        points.append(start + np.arange(count)[:, None] / count * way)
-        fastest.append(np.r_[here, np.full(count - 1, most)])
-    return np.concatenate([*points, path[-1:]]), np.concatenate([*fastest, [0.0]])
-
-
-def _feasible(along: NDArray[np.float64], fastest: NDArray[np.float64], acceleration: float) -> NDArray[np.float64]:
-    """Returns speeds that are at most `fastest` and reachable from one another under the acceleration."""
-    gain = (2 * acceleration * np.diff(along)).tolist()
-    square = (fastest**2).tolist()
-    for k, more in enumerate(gain):
-        square[k + 1] = min(square[k + 1], square[k] + more)
-    for k in range(len(gain) - 1, -1, -1):
-        square[k] = min(square[k], square[k + 1] + gain[k])
-    return np.sqrt(square)
-
-
 @dataclass(frozen=True)
 class Waypoints:
     """Path of the brush's tip.
@@ -223,16 +121,25 @@ class Waypoints:
     label: purpose of the motion in messages ("stroke 12", "dip into well 3")
     position: waypoints [k, 3] in metres of the robot's frame, z up
     speed: m/s
+    cue: ("dip", number of the well from 1) or ("change", name of the brush) for such a motion; None for others
     """
 
     label: str
     position: NDArray[np.float64]
     speed: float
+    cue: tuple[str, str] | None = None
 
     @property
     def length(self) -> float:
         """Length of the path in metres."""
         return float(np.linalg.norm(np.diff(self.position, axis=0), axis=1).sum())
+
+
+def plan_way_home(here: NDArray[np.float64], home: Point, speed: float) -> Waypoints:
+    """Returns the way of the tip from `here` [3] to the home position, first vertically. speed: m/s"""
+    aside = np.array(home)
+    above = np.array([here[0], here[1], max(here[2], aside[2])])
+    return Waypoints("home", np.stack((above, aside)), speed)
 
 
 @dataclass(frozen=True)
@@ -255,6 +162,12 @@ class Robot(Protocol):
     """Driver of a robot. It knows nothing of painting. Raises RobotError and its subclasses.
 
     If the controller states its serial number, the driver has it as `serial_number` once connected.
+
+        >>> import frida_painter as fp
+        >>> robot: fp.Robot = fp.open_virtual_studio("12x9cm").easel.robot
+        >>> robot.connect()
+        >>> robot.home().label
+        'home'
     """
 
     def connect(self) -> None:
@@ -276,6 +189,160 @@ class Robot(Protocol):
         """Disconnects from the robot."""
 
 
+# Optional protocols of a robot: what its controller tells. The core asks `isinstance(robot, ZeroedRobot)` and so on.
+# A robot that lacks one is treated as before: its zero counts as known, its speeds as reached.
+
+
+@dataclass(frozen=True)
+class Zero:
+    """Knowledge of a connected machine about its zero, the origin of the robot's frame.
+
+    lost: reason why the reported position may be wrong, as part of a sentence ("its board was reset as the line was
+        opened"); "" if the position survived since the zero was found
+    homes: True if the machine can find its zero by itself, with limit switches, and is allowed to
+    """
+
+    lost: str = ""
+    homes: bool = False
+
+    @property
+    def known(self) -> bool:
+        """True if the reported position can be trusted."""
+        return not self.lost
+
+
+@runtime_checkable
+class ZeroedRobot(Protocol):
+    """Robot that may forget where it is: after a reset, a power cut, or while its motors are off.
+
+    While the zero is lost, `follow` and `home` are refused by the guard (easel/guard.py), before anything moves.
+    """
+
+    def zero(self) -> Zero:
+        """Returns the knowledge about the zero, once connected; moves nothing. Raises RobotError."""
+
+    def find_zero(self) -> None:
+        """Drives to the limit switches, if `Zero.homes`; the zero is known then. Raises RobotError."""
+
+    def jog(self, step: NDArray[np.float64]) -> None:
+        """Moves the tip slowly by `step` [3] metres in the robot's frame, also if the zero is lost.
+
+        Returns when the tip stands. Raises RobotError.
+        """
+
+    def set_zero(self, tip: NDArray[np.float64]) -> None:
+        """Declares that the tip stands at `tip` [3] (m) now; the zero is known then. Moves nothing.
+
+        Raises RobotError.
+        """
+
+
+@runtime_checkable
+class TimedRobot(Protocol):
+    """Robot whose controller tells how fast it can move. Deadlines and timetables follow from that."""
+
+    def timing(self) -> AxisTiming | None:
+        """Returns the limits that were read at connection; None if the controller did not tell them (yet)."""
+
+    def alive_at(self) -> float:
+        """Returns the time (s, hardware.deadline.steady) when the controller last showed that it moves or waits.
+
+        It waits if a person holds it, or during a dwell. A motion is not overdue while this time advances. -inf if
+        the controller does not show it. May be called from any thread.
+        """
+
+
+@runtime_checkable
+class LimitedRobot(Protocol):
+    """Robot whose controller tells limits of its travel, beyond which it would stop, or would not go."""
+
+    def travel_limits(self) -> TravelLimits | None:
+        """Returns the limits of the connected machine, moving nothing; None if it has none. Raises RobotError."""
+
+
+Weight = Literal["fact", "warning", "refusal"]
+
+
+@dataclass(frozen=True)
+class MachineFact:
+    """Fact that a controller told, in a sentence for a person.
+
+    weight: "fact", "warning" if painting may suffer, or "refusal" if painting cannot work. The sentence of the last
+        two contains the remedy. `connect` raises RobotError for a machine with a refusal.
+    question: asked in a setup if only a person knows whether a warning matters; "no" makes it a refusal
+    """
+
+    text: str
+    weight: Weight = "fact"
+    question: str = ""
+
+
+@dataclass(frozen=True)
+class Examination:
+    """Result of an examination of a machine.
+
+    facts: in the order in which a person reads them
+    timing: limits that the controller told; None if it did not
+    travel: limits of the travel that it told; None without
+    """
+
+    facts: tuple[MachineFact, ...]
+    timing: AxisTiming | None = None
+    travel: TravelLimits | None = None
+
+
+@runtime_checkable
+class ExaminedRobot(Protocol):
+    """Robot whose controller can be examined: for `doctor --robot`."""
+
+    def examine(self) -> Examination:
+        """Connects, reads everything that the controller tells, and disconnects, within ten seconds; moves nothing.
+
+        A machine in an alarm is examined, too. Raises RobotError if nobody answers or it is another device.
+        """
+
+
+@runtime_checkable
+class PausableRobot(Protocol):
+    """Robot whose board has a pause button."""
+
+    def wants_pause(self) -> bool:
+        """Returns True, once, if the button was pressed since the last call; moves nothing. Raises RobotError."""
+
+
+@runtime_checkable
+class LooseRobot(Protocol):
+    """Robot whose gears have play, so that its tip is not exactly where it is sent. `check` tells it."""
+
+    def play(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Returns how far the tip may be from each position [k, 3] of the robot's frame: [k], metres.
+
+        NaN if the position is out of reach.
+        """
+
+
+Sense = Literal["contact", "force"]
+"""Sense of touch: by an electric contact that a person fastens to brush and canvas, or by the arm's own force."""
+
+
+@runtime_checkable
+class TouchProbe(Protocol):
+    """Robot that feels a touch of its brush.
+
+    sense: how it feels the touch
+    """
+
+    sense: Sense
+
+    def touch(self, lowest: float, speed: float) -> MotionReport:
+        """Moves straight down until the brush touches something; `reached` is the position of the touch.
+
+        lowest: robot z in metres at which the motion ends; `reached` is there if nothing was touched
+        speed: m/s
+        Raises RobotError and its subclasses.
+        """
+
+
 # Cameras: each gives a photograph that is newer than a given moment.
 
 
@@ -294,7 +361,16 @@ class Frame:
 
 
 class Camera(Protocol):
-    """Driver of a camera. Raises CameraError and its subclasses."""
+    """Driver of a camera. Raises CameraError and its subclasses.
+
+    The virtual studio has one:
+
+        >>> import frida_painter as fp
+        >>> camera: fp.Camera = fp.open_virtual_studio("12x9cm").easel.camera
+        >>> camera.connect()
+        >>> camera.capture(newer_than=0.0).image.dtype
+        dtype('uint8')
+    """
 
     def connect(self) -> None:
         """Connects to the camera. A failed attempt leaves nothing open and may be repeated."""

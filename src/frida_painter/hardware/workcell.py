@@ -368,8 +368,12 @@ class WorkcellConfig:
         return cls.of(storage.read_toml(path, "a workspace file (TOML)", _MAX_BYTES, _ADVICE), str(path))
 
     @classmethod
-    def of(cls, values: dict[str, Any], name: str) -> Self:
-        """Returns the configuration with these entries. `name` is for messages. Raises ConfigError as `load` does."""
+    def of(cls, values: dict[str, Any], name: str, advice: str = _ADVICE) -> Self:
+        """Returns the configuration with these entries. Raises ConfigError as `load` does.
+
+        name: for messages
+        advice: end of the messages
+        """
         faults: list[str] = []
         easel = values.get("easel")
         if "easel" not in values:
@@ -398,7 +402,7 @@ class WorkcellConfig:
         if arm and not arm.nearest < arm.farthest:
             faults.append(f"arm.nearest ({arm.nearest:g} m) is not below arm.farthest ({arm.farthest:g} m)")
         if faults:
-            raise ConfigError(f"{name} is no workspace: {'; '.join(faults)}. ({_ADVICE[0].upper()}{_ADVICE[1:]}.)")
+            raise ConfigError(f"{name} is no workspace: {'; '.join(faults)}. ({advice[0].upper()}{advice[1:]}.)")
         return cls._put_together(str(easel), **read)
 
     @classmethod

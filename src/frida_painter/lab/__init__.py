@@ -40,3 +40,8 @@ EXPERIMENTS = Deferred(
     "frida_painter.lab.commands",
     "Run the experiments of the paper and more. Each command measures anew and writes tables and pictures.",
 )
+BENCHMARK = Deferred(
+    "benchmark",
+    "frida_painter.lab.benchmark.benchmark_command",
+    "Compare painters on a frozen suite, and judge strokes that other systems hand in.",
+)

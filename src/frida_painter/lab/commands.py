@@ -1,7 +1,14 @@
-"""The commands for the experiments of the paper and more: experiments NAME, experiments list."""
+"""The commands for the experiments of the paper and more: experiments NAME, experiments list.
 
-from collections.abc import Callable, Sequence
+`ROWS` is the table of experiments. A command and the call of its experiment are made from a row. The function of an
+experiment stands in the module of its name: `experiment` if its trials can run in processes, otherwise `run`.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import partial
+from importlib import import_module
+from inspect import Parameter, Signature, signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,15 +17,10 @@ import typer
 from frida_painter.options import out_folder, whole_number_within
 
 if TYPE_CHECKING:
-    from frida_painter.brush.library import StrokeLibrary
-    from frida_painter.lab import ExperimentScale
-    from frida_painter.lab.conduct import MakeExperiment
-    from frida_painter.lab.targets import Target
     from frida_painter.lab.trials import Notify, Outcome
 
-
-# Common options of the commands (brush, seeds, pictures, library, folder, jobs), and how they run an experiment.
-
+MAX_PROMPTS = 20
+"""Number of prompts in the experiment `text`."""
 _seed = whole_number_within(0, 2**31 - 1)
 
 
@@ -38,352 +40,212 @@ def _brush(name: str) -> str:
     return name
 
 
-BrushName = Annotated[str, typer.Option(parser=_brush, metavar="NAME", help="The brush: fine, medium or broad.")]
-Seed = Annotated[int, typer.Option(parser=_seed, metavar="N", help="Random seed.")]
-Seeds = Annotated[
-    Any,
-    typer.Option(parser=seeds_of, metavar="N,N,...", help="Random seeds. The experiment runs once with each."),
-]
-Photo = Annotated[
-    Path | None, typer.Option("--target", metavar="PHOTO", help="The picture to paint. [dim]a cup of coffee[/]")
-]
-Photos = Annotated[
-    list[Path] | None,
-    typer.Option(
-        "--target", metavar="PHOTO", help="A picture to paint. May be repeated. [dim]some of the project's[/]"
+def _option(kind: Any, metavar: str, words: str, parser: Callable[[str], Any] | None = None) -> Any:
+    return Annotated[kind, typer.Option(parser=parser, metavar=metavar, help=words)]
+
+
+_File, _Files, _Number = Path | None, list[Path] | None, int | None
+_ON = "A stroke library (.npz). [dim]200 strokes, painted in the virtual studio[/]"
+_DRAWINGS = "A drawing. Its file name is the text prompt. May be repeated. [dim]four of the project's[/]"
+_JOBS = "Number of trials at the same time. [dim]as many as there are cores and memory for[/]"
+_QUICK = "Run a very small version as a test. Its figures mean nothing."
+_OUT = "The output folder. Writes table.json, table.md and pictures into FOLDER/NAME."
+# Every option of an experiment, in the order of the help: its parameter, its kind and its default.
+_OPTIONS: Mapping[str, tuple[str, Any, Any]] = {
+    "library": ("library", _option(_File, "FILE", _ON), None),
+    "own library": (
+        "library", _option(_File, "FILE", "A stroke library to train on and to show. [dim]the brush[/]"), None
     ),
-]
-Styles = Annotated[
-    list[Path] | None,
-    typer.Option("--style", metavar="PICTURE", help="A style picture. May be repeated. [dim]two of the project's[/]"),
-]
-Style = Annotated[
-    Path | None, typer.Option("--style", metavar="PICTURE", help="A style picture. [dim]one of the project's[/]")
-]
-Quick = Annotated[bool, typer.Option("--quick", help="Run a very small version as a test. Its figures mean nothing.")]
-Out = Annotated[
-    Path,
-    typer.Option(
-        parser=out_folder,
-        metavar="FOLDER",
-        help="The output folder. Writes table.json, table.md and pictures into FOLDER/NAME.",
+    "brush": ("brush", _option(str, "NAME", "The brush: fine, medium or broad.", _brush), "broad"),
+    "seed": ("seed", _option(int, "N", "Random seed.", _seed), 0),
+    "seeds": ("seeds", _option(Any, "N,N,...", "Random seeds. The experiment runs once with each.", seeds_of), "0"),
+    "photo": ("target", _option(_File, "PHOTO", "The picture to paint. [dim]a cup of coffee[/]"), None),
+    "photos": (
+        "target", _option(_Files, "PHOTO", "A picture to paint. May be repeated. [dim]some of the project's[/]"), None
     ),
-]
-Library = Annotated[
-    Path | None,
-    typer.Option(metavar="FILE", help="A stroke library (.npz). [dim]200 strokes, painted in the virtual studio[/]"),
-]
-Jobs = Annotated[
-    int | None,
-    typer.Option(
-        parser=whole_number_within(1, 4096),
-        metavar="N",
-        help="Number of trials at the same time. [dim]as many as there are cores and memory for[/]",
+    "drawings": ("target", _option(_Files, "DRAWING", _DRAWINGS), None),
+    "strokes": (
+        "strokes", _option(_Number, "N", "Number of strokes. [dim]200[/]", whole_number_within(13, 1000)), None
     ),
-]
-HERE = Path("experiments")
-
-
-def pictures_of(given: Sequence[Path] | None, shipped: Sequence[str]) -> "tuple[Target, ...]":
-    """Returns the user's own pictures, or some of the project's by their names."""
-    from frida_painter.lab import targets
-
-    return targets.load_targets(given) if given else targets.load_shipped_targets(shipped)
-
-
-def run_under_progress(name: str, out: Path, run: "Callable[[Path, Notify], Outcome]") -> None:
-    """Runs an experiment under a progress bar, and writes its outcome to out/NAME."""
-    from frida_painter.lab.conduct import conduct
-
-    conduct(name, out, run)
-
-
-def run_trials(name: str, out: Path, make: "MakeExperiment", jobs: int | None) -> None:
-    """Runs the trials of the experiment that `make` makes, in several processes at once, under a progress bar."""
-    from frida_painter.lab.conduct import run_in_processes
-
-    run_under_progress(name, out, lambda keep, notify: run_in_processes(make, keep, notify, jobs))
-
-
-# The commands of experiments about paintings: experiments ladder, replanning, text and others.
-
-_PROMPTS = 20  # number of prompts in the experiment `text`
-
-
-def sim2real(
-    brush: BrushName = "broad",
-    seeds: Seeds = "0,1,2",
-    target: Photos = None,
-    quick: Quick = False,
-    jobs: Jobs = None,
-    out: Out = HERE,
-) -> None:
-    """Measure the sim2real gap of paintings for our planner and two planners like earlier work."""
-    from frida_painter.lab import sim2real as it
-    from frida_painter.lab import targets
-
-    scale = (it.QUICK if quick else it.FULL).with_values(brush=brush)
-    run_trials(
-        it.NAME, out, partial(it.experiment, pictures_of(target, targets.SHIPPED), seeds=seeds, scale=scale), jobs
-    )
-
-
-def ladder(
-    brush: BrushName = "broad",
-    seeds: Seeds = "0",
-    target: Photos = None,
-    strokes: Annotated[
-        int | None,
-        typer.Option(parser=whole_number_within(13, 1000), metavar="N", help="Number of strokes. [dim]200[/]"),
-    ] = None,
-    quick: Quick = False,
-    jobs: Jobs = None,
-    out: Out = HERE,
-) -> None:
-    """Find where a painting loses quality: looks, placement, and each imperfection of robot, paint and camera."""
-    from frida_painter.lab import ladder as it
-
-    scale = (it.QUICK if quick else it.FULL).with_values(brush=brush, **({"strokes": strokes} if strokes else {}))
-    photographs = pictures_of(target, it.PHOTOGRAPHS[: 1 if quick else None])
-    run_trials(it.NAME, out, partial(it.experiment, photographs, seeds=seeds, scale=scale), jobs)
-
-
-def replanning(
-    brush: BrushName = "broad",
-    seeds: Seeds = "0,1,2",
-    target: Photo = None,
-    quick: Quick = False,
-    jobs: Jobs = None,
-    out: Out = HERE,
-) -> None:
-    """Compare paintings with and without replanning: the distance to the first plan and to the target."""
-    from frida_painter.lab import replanning as it
-
-    (picture,) = pictures_of([target] if target else None, ["coffee"])
-    scale = (it.QUICK if quick else it.FULL).with_values(brush=brush)
-    run_trials(it.NAME, out, partial(it.experiment, picture, seeds=seeds, scale=scale), jobs)
-
-
-def sawyer(
-    brush: BrushName = "broad", seed: Seed = 0, target: Photo = None, quick: Quick = False, out: Out = HERE
-) -> None:
-    """Compare the simulated Sawyer with kinematic execution of the same plan: tracking error and its effect."""
-    from frida_painter.lab import sawyer as it
-
-    (picture,) = pictures_of([target] if target else None, ["coffee"])
-    scale = (it.QUICK if quick else it.FULL).with_values(brush=brush)
-    run_under_progress(it.NAME, out, lambda keep, notify: it.run(picture, seed=seed, scale=scale, notify=notify))
-
-
-def text(
-    brush: BrushName = "broad",
-    seeds: Seeds = "0",
-    first: Annotated[
-        int,
-        typer.Option(parser=whole_number_within(1, _PROMPTS), metavar="N", help="Use only the first N prompts."),
-    ] = _PROMPTS,
-    quick: Quick = False,
-    jobs: Jobs = None,
-    out: Out = HERE,
-) -> None:
-    """Paint text prompts and score them by a network that planning does not use, against baselines."""
-    from frida_painter.lab import text as it
-
-    scale = (it.QUICK if quick else it.FULL).with_values(brush=brush)
-    run_trials(
-        it.NAME, out, partial(it.experiment, it.PROMPTS[: 2 if quick else first], seeds=seeds, scale=scale), jobs
-    )
-
-
-def style(
-    brush: BrushName = "broad",
-    seeds: Seeds = "0,1",
-    target: Photos = None,
-    image: Styles = None,
-    quick: Quick = False,
-    jobs: Jobs = None,
-    out: Out = HERE,
-) -> None:
-    """Measure the style distance of paintings with features that the optimiser does not use."""
-    from frida_painter.lab import paintings, targets
-    from frida_painter.lab import style as it
-
-    photos, styles = pictures_of(target, ["cat", "astronaut"]), pictures_of(image, targets.STYLES)
-    scale = (paintings.QUICK if quick else paintings.FULL).with_values(brush=brush)
-    run_trials(it.NAME, out, partial(it.experiment, photos, styles, seeds=seeds, scale=scale), jobs)
-
-
-def semantic(
-    brush: BrushName = "broad",
-    seeds: Seeds = "0,1",
-    target: Photos = None,
-    quick: Quick = False,
-    jobs: Jobs = None,
-    out: Out = HERE,
-) -> None:
-    """Compare painting by content with painting by pixels, scored by a network that no optimiser uses."""
-    from frida_painter.lab import paintings, targets
-    from frida_painter.lab import semantic as it
-
-    scale = (paintings.QUICK if quick else paintings.FULL).with_values(brush=brush)
-    run_trials(
-        it.NAME, out, partial(it.experiment, pictures_of(target, targets.PHOTOGRAPHS), seeds=seeds, scale=scale), jobs
-    )
-
-
-def sketch(
-    brush: BrushName = "broad",
-    seeds: Seeds = "0,1",
-    target: Annotated[
-        list[Path] | None,
-        typer.Option(
-            "--target",
-            metavar="DRAWING",
-            help="A drawing. Its file name is the text prompt. May be repeated. [dim]four of the project's[/]",
-        ),
-    ] = None,
-    image: Style = None,
-    quick: Quick = False,
-    jobs: Jobs = None,
-    out: Out = HERE,
-) -> None:
-    """Paint text prompts along a drawing, with and without the sketch objective, and in a style."""
-    from frida_painter.lab import paintings, targets
-    from frida_painter.lab import sketch as it
-    from frida_painter.lab.conduct import UNFINISHED
-
-    drawings = pictures_of(target, targets.DRAWINGS)
-    (style,) = pictures_of([image] if image else None, targets.STYLES[:1])
-    scale = (paintings.QUICK if quick else paintings.FULL).with_values(brush=brush)
-
-    lines = out / it.NAME / UNFINISHED
-    run_trials(it.NAME, out, partial(it.experiment, drawings, style, lines, seeds=seeds, scale=scale), jobs)
-
-
-def composition(
-    brush: BrushName = "broad",
-    seeds: Seeds = "0",
-    image: Styles = None,
-    quick: Quick = False,
-    jobs: Jobs = None,
-    out: Out = HERE,
-) -> None:
-    """Paint text prompts from a style picture, and measure its composition and whether the prompt is still seen."""
-    from frida_painter.lab import composition as it
-    from frida_painter.lab import paintings, targets
-
-    styles, prompts = pictures_of(image, targets.STYLES), it.SAID[: 1 if quick else None]
-    scale = (paintings.QUICK if quick else paintings.FULL).with_values(brush=brush)
-    run_trials(it.NAME, out, partial(it.experiment, styles, prompts, seeds=seeds, scale=scale), jobs)
-
-
-# The commands of experiments about strokes: experiments continuous-strokes, stroke-model and others.
-
-
-def continuous_strokes(
-    library: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="A stroke library to train on and to show. [dim]the brush[/]"),
-    ] = None,
-    brush: BrushName = "broad",
-    seed: Seed = 0,
-    quick: Quick = False,
-    out: Out = HERE,
-) -> None:
-    """Sweep thickness, length and bend of a stroke, and compare the modelled with the painted strokes."""
-    from frida_painter.brush.library import StrokeLibrary
-    from frida_painter.lab import continuous_strokes as it
-
-    scale = it.QUICK if quick else it.FULL
-
-    def run(keep: Path, notify: "Notify") -> "Outcome":
-        if library is None:
-            return it.run(brush=brush, seed=seed, scale=scale, notify=notify)
-        strokes = StrokeLibrary.load(library)
-        return it.run_on_library(strokes, library.stem, seed=seed, scale=scale, notify=notify)
-
-    run_under_progress(it.NAME, out, run)
-
-
-def stroke_model(
-    library: Library = None, brush: BrushName = "broad", seed: Seed = 0, quick: Quick = False, out: Out = HERE
-) -> None:
-    """Compare held-out strokes with the stroke model, with paired tests against a fitted Bezier curve."""
-    from frida_painter.lab import stroke_models as it
-
-    scale = it.QUICK if quick else it.FULL
-
-    def run(strokes: "StrokeLibrary", name: str, keep: Path, notify: "Notify") -> "Outcome":
-        return it.run(strokes, name, seed=seed, scale=scale, notify=notify)
-
-    _conduct_on_library(it.NAME, out, library, brush, seed, scale, run)
-
-
-def strokes_needed(
-    library: Library = None,
-    brush: BrushName = "broad",
-    seed: Seed = 0,
-    quick: Quick = False,
-    jobs: Jobs = None,
-    out: Out = HERE,
-) -> None:
-    """Measure the error on held-out strokes against the number of training strokes."""
-    from frida_painter.lab import strokes_needed as it
-    from frida_painter.lab.conduct import run_in_processes
-
-    scale = it.QUICK if quick else it.FULL
-
-    def run(strokes: "StrokeLibrary", name: str, keep: Path, notify: "Notify") -> "Outcome":
-        return run_in_processes(partial(it.experiment, strokes, name, seed=seed, scale=scale), keep, notify, jobs)
-
-    _conduct_on_library(it.NAME, out, library, brush, seed, scale, run)
-
-
-def real_strokes(
-    library: Library = None,
-    brush: BrushName = "broad",
-    seeds: Seeds = "0,1,2,3,4",
-    quick: Quick = False,
-    jobs: Jobs = None,
-    out: Out = HERE,
-) -> None:
-    """Compare the errors of all stroke models over several splits of a library."""
-    from frida_painter.lab import real_strokes as it
-    from frida_painter.lab.conduct import run_in_processes
-
-    scale = it.QUICK if quick else it.FULL
-
-    def run(strokes: "StrokeLibrary", name: str, keep: Path, notify: "Notify") -> "Outcome":
-        return run_in_processes(partial(it.experiment, strokes, name, seeds=seeds, scale=scale), keep, notify, jobs)
-
-    _conduct_on_library(it.NAME, out, library, brush, 0, scale, run)
-
-
-def robustness(brush: BrushName = "broad", seed: Seed = 0, quick: Quick = False, out: Out = HERE) -> None:
-    """Test calibration with missing paint, blur, changed light, moved paper, missing dots and a rotated checker."""
-    from frida_painter.lab import robustness as it
-
-    scale = it.QUICK if quick else it.FULL
-    run_under_progress(it.NAME, out, lambda keep, notify: it.run(brush=brush, seed=seed, scale=scale, notify=notify))
-
-
-def _conduct_on_library(
-    name: str,
-    out: Path,
-    library: Path | None,
-    brush: str,
-    seed: int,
-    scale: "ExperimentScale",
-    run: "Callable[[StrokeLibrary, str, Path, Notify], Outcome]",
-) -> None:
-    """Runs an experiment on a given library, or on one that is painted first."""
-    from frida_painter.lab.paintings import library_of
-
-    def on_library(keep: Path, notify: "Notify") -> "Outcome":
-        strokes, its_name, rest = library_of(library, brush, seed, scale, notify)
-        return run(strokes, its_name, keep, rest)
-
-    run_under_progress(name, out, on_library)
+    "first": (
+        "first", _option(int, "N", "Use only the first N prompts.", whole_number_within(1, MAX_PROMPTS)), MAX_PROMPTS
+    ),
+    "style": ("style", _option(_File, "PICTURE", "A style picture. [dim]one of the project's[/]"), None),
+    "styles": (
+        "style", _option(_Files, "PICTURE", "A style picture. May be repeated. [dim]two of the project's[/]"), None
+    ),
+    "quick": ("quick", Annotated[bool, typer.Option("--quick", help=_QUICK)], False),
+    "jobs": ("jobs", _option(_Number, "N", _JOBS, whole_number_within(1, 4096)), None),
+    "out": ("out", _option(Path, "FOLDER", _OUT, out_folder), Path("experiments")),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class ExperimentRow:
+    """Row of the table of experiments.
+
+    name: of its command
+    help: its purpose in one sentence
+    takes: its options besides --brush, --quick and --out
+    seeds: default of --seeds
+    shipped: pictures for each of its options for pictures, if the person gives none: their names, or the name of a
+        list of its module or of lab/targets
+    prompts: list of prompts in its module; "" if it has none
+    quick: number of its prompts, or of its shipped pictures, in a quick run
+    keeps: True if its function also gets the folder of finished parts
+    module: in lab/, by default named as the command
+    """
+
+    name: str
+    help: str
+    takes: tuple[str, ...]
+    seeds: str = "0"
+    shipped: tuple[str | tuple[str, ...], ...] = ()
+    prompts: str = ""
+    quick: int | None = None
+    keeps: bool = False
+    module: str = ""
+
+    def command(self) -> Callable[..., None]:
+        """Returns the command."""
+        options = [_OPTIONS[name] for name in _OPTIONS if name in {*self.takes, "brush", "quick", "out"}]
+
+        def run(**given: Any) -> None:
+            from frida_painter.lab.conduct import conduct
+
+            conduct(self.name, given["out"], lambda keep, notify: self.run(given, keep, notify))
+
+        run.__doc__ = self.help
+        run.__annotations__ = {name: kind for name, kind, _ in options}
+        defaults = {name: self.seeds if name == "seeds" else default for name, _, default in options}
+        run.__signature__ = Signature([  # type: ignore[attr-defined]
+            Parameter(name, Parameter.KEYWORD_ONLY, default=defaults[name], annotation=kind)
+            for name, kind, _ in options
+        ])  # fmt: skip
+        return run
+
+    def run(self, given: Mapping[str, Any], keep: Path, notify: "Notify") -> "Outcome":
+        """Runs the experiment with the given options, and returns its outcome.
+
+        keep: folder of finished parts
+        """
+        from frida_painter.lab import ExperimentScale, conduct, paintings
+
+        it = import_module(f"frida_painter.lab.{self.module or self.name.replace('-', '_')}")
+        scales = it if hasattr(it, "QUICK") else paintings
+        scale = scales.QUICK if given["quick"] else scales.FULL
+        if not isinstance(scale, ExperimentScale):
+            strokes = given.get("strokes")
+            scale = scale.with_values(brush=given["brush"], **({"strokes": strokes} if strokes else {}))
+        arguments = self._pictures(it, given)
+        if "library" in self.takes:  # a given one, or one that is painted first
+            *arguments, notify = paintings.library_of(
+                given["library"], given["brush"], given.get("seed", 0), scale, notify
+            )
+        if self.prompts:
+            arguments.append(getattr(it, self.prompts)[: self.quick if given["quick"] else given.get("first")])
+        arguments += [keep] if self.keeps else []
+        function = it.experiment if "jobs" in self.takes else it.run
+        named = {"brush", "seed", "seeds", *(["library"] if "own library" in self.takes else [])}
+        known = {name: given[name] for name in named & given.keys() & signature(function).parameters.keys()}
+        bound = partial(function, *arguments, **known, scale=scale)
+        if "jobs" in self.takes:
+            return conduct.run_in_processes(bound, keep, notify, given["jobs"])
+        found: Outcome = bound(notify=notify)
+        return found
+
+    def _pictures(self, it: Any, given: Mapping[str, Any]) -> list[Any]:
+        """Returns the pictures of each option: one, or several in a tuple."""
+        from frida_painter.lab import targets
+
+        found: list[Any] = []
+        options = [name for name in self.takes if name in ("photo", "photos", "drawings", "style", "styles")]
+        for option, shipped in zip(options, self.shipped, strict=True):
+            own = given[_OPTIONS[option][0]]
+            names = getattr(it, shipped, None) or getattr(targets, shipped) if isinstance(shipped, str) else shipped
+            names = names[: self.quick] if given["quick"] and not self.prompts else names
+            one = option in ("photo", "style")
+            own = [own] if one and own else own
+            pictures = targets.load_targets(own) if own else targets.load_shipped_targets(names[:1] if one else names)
+            found.append(pictures[0] if one else pictures)
+        return found
+
+
+ROWS = (
+    ExperimentRow(
+        "continuous-strokes",
+        "Sweep thickness, length and bend of a stroke, and compare the modelled with the painted strokes.",
+        ("own library", "seed"),
+    ),
+    ExperimentRow(
+        "stroke-model",
+        "Compare held-out strokes with the stroke model, with paired tests against a fitted Bezier curve.",
+        ("library", "seed"), module="stroke_models",
+    ),
+    ExperimentRow(
+        "taught-strokes",
+        "Measure the strokes that a person taught: shape codes, stroke models, and a drawing of long lines.",
+        ("seed",),
+    ),
+    ExperimentRow(
+        "strokes-needed", "Measure the error on held-out strokes against the number of training strokes.",
+        ("library", "seed", "jobs"),
+    ),
+    ExperimentRow(
+        "real-strokes", "Compare the errors of all stroke models over several splits of a library.",
+        ("library", "seeds", "jobs"), seeds="0,1,2,3,4",
+    ),
+    ExperimentRow(
+        "sim2real", "Measure the sim2real gap of paintings for our planner and two planners like earlier work.",
+        ("seeds", "photos", "jobs"), seeds="0,1,2", shipped=("SHIPPED",),
+    ),
+    ExperimentRow(
+        "ladder",
+        "Find where a painting loses quality: looks, placement, and each imperfection of robot, paint and camera.",
+        ("seeds", "photos", "strokes", "jobs"), shipped=("PHOTOGRAPHS",), quick=1,
+    ),
+    ExperimentRow(
+        "replanning",
+        "Compare paintings with and without replanning: the distance to the first plan and to the target.",
+        ("seeds", "photo", "jobs"), seeds="0,1,2", shipped=(("coffee",),),
+    ),
+    ExperimentRow(
+        "disturbances",
+        "Compare paintings with and without looks if strokes are lost, a paint is wrong, or somebody interferes.",
+        ("seeds", "photos", "jobs"), seeds="0,1,2", shipped=(("coffee", "cat"),), quick=1,
+    ),
+    ExperimentRow(
+        "robustness",
+        "Test calibration with missing paint, blur, changed light, moved paper, missing dots and a rotated checker.",
+        ("seed",),
+    ),
+    ExperimentRow(
+        "sawyer",
+        "Compare the simulated Sawyer with kinematic execution of the same plan: tracking error and its effect.",
+        ("seed", "photo"), shipped=(("coffee",),),
+    ),
+    ExperimentRow(
+        "text", "Paint text prompts and score them by a network that planning does not use, against baselines.",
+        ("seeds", "first", "jobs"), prompts="PROMPTS", quick=2,
+    ),
+    ExperimentRow(
+        "style", "Measure the style distance of paintings with features that the optimiser does not use.",
+        ("seeds", "photos", "styles", "jobs"), seeds="0,1", shipped=(("cat", "astronaut"), "STYLES"),
+    ),
+    ExperimentRow(
+        "semantic", "Compare painting by content with painting by pixels, scored by a network that no optimiser uses.",
+        ("seeds", "photos", "jobs"), seeds="0,1", shipped=("PHOTOGRAPHS",),
+    ),
+    ExperimentRow(
+        "sketch", "Paint text prompts along a drawing, with and without the sketch objective, and in a style.",
+        ("seeds", "drawings", "style", "jobs"), seeds="0,1", shipped=("DRAWINGS", "STYLES"), keeps=True,
+    ),
+    ExperimentRow(
+        "composition",
+        "Paint text prompts from a style picture, and measure its composition and whether the prompt is still seen.",
+        ("seeds", "styles", "jobs"), shipped=("STYLES",), prompts="SAID", quick=1,
+    ),
+)  # fmt: skip
 
 
 def register(app: typer.Typer) -> None:
@@ -393,17 +255,12 @@ def register(app: typer.Typer) -> None:
         help="Run the experiments of the paper and more. Each command measures anew and writes tables and pictures.",
     )
     group.command("list")(list_all)
-    for command in (
-        continuous_strokes, stroke_model, strokes_needed, real_strokes, sim2real, ladder, replanning, robustness,
-        sawyer, text, style, semantic, sketch, composition,
-    ):  # fmt: skip
-        group.command(command.__name__.replace("_", "-"))(command)
+    for row in ROWS:
+        group.command(row.name)(row.command())
     app.add_typer(group, name="experiments")
 
 
-def list_all(context: typer.Context) -> None:
+def list_all() -> None:
     """List the experiments."""
-    assert context.parent is not None
-    for name, command in context.parent.command.commands.items():  # type: ignore[attr-defined]
-        if name != "list":
-            print(f"{name:20} {command.get_short_help_str(100)}")
+    for row in ROWS:
+        print(f"{row.name:20} {row.help}")

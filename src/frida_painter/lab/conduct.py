@@ -18,7 +18,7 @@ from frida_painter.lab.sweeps.engine import TaskLimits, slots_here
 from frida_painter.lab.sweeps.runner import open_engine
 from frida_painter.lab.trials import Experiment, Notify, Outcome, silent
 from frida_painter.lab.trials import Progress as Progress_of_base
-from frida_painter.session.time_left import duration
+from frida_painter.session.time_left import duration, remaining_seconds
 
 UNFINISHED = "unfinished"
 """Name of the folder for finished parts, inside the experiment's folder."""
@@ -43,10 +43,9 @@ def conduct(name: str, out: Path, experiment: Callable[[Path, Notify], Outcome])
         task = bar.add_task("getting ready", total=1.0, left="")
 
         def hear(progress: trials.Progress) -> None:
-            passed, share = time.monotonic() - started, progress.share
-            left = passed * (1 - share) / share if share > 0 else math.inf
+            left = remaining_seconds(time.monotonic() - started, progress.share)
             words = f"{duration(left)} left" if math.isfinite(left) else ""
-            bar.update(task, description=progress.doing, completed=share, left=words)
+            bar.update(task, description=progress.doing, completed=progress.share, left=words)
 
         found = experiment(unfinished, hear)
         bar.update(task, description="done", completed=1.0, left="")

@@ -6,6 +6,7 @@ virtual studio or, for a stroke library, the most similar real strokes.
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import torch
@@ -52,11 +53,22 @@ class _Sweep:
     pixel: float
 
 
-def run(*, brush: str = "broad", seed: int = 0, scale: ExperimentScale = FULL, notify: Notify = silent) -> Outcome:
+def run(
+    *,
+    library: Path | None = None,
+    brush: str = "broad",
+    seed: int = 0,
+    scale: ExperimentScale = FULL,
+    notify: Notify = silent,
+) -> Outcome:
     """Sweeps the strokes of a brush of the project, and lets the virtual robot paint them.
 
-    Raises ConfigError if there is no such brush.
+    library: file of a stroke library to use instead (`run_on_library`)
+    Raises ConfigError if there is no such brush, LibraryError if the file is no library of enough strokes.
     """
+    if library is not None:
+        strokes = StrokeLibrary.load(library)
+        return run_on_library(strokes, library.stem, seed=seed, scale=scale, notify=notify)
     kind, model = brush_kind(brush), load_stroke_model(brush)
 
     def painted(parameter: str) -> _Sweep:

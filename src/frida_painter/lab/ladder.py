@@ -275,7 +275,7 @@ def _top_paint(plan: Plan, models: Mapping[str, StrokeModel], rows: int, columns
     top, black = torch.full((rows, columns), -1), torch.zeros(3, rows, columns)
     white = plan.strokes.with_groups(color=torch.ones_like(plan.strokes.color))
     for number, (paint, layer) in enumerate(zip(plan.paint.tolist(), plan.layer.tolist(), strict=True)):
-        coverage = render(white[number : number + 1], models[plan.layers[layer].brush], black, plan.canvas)[0]
+        coverage = render(white[number : number + 1], models[plan.layers[layer].kind], black, plan.canvas)[0]
         top[coverage >= _OPAQUE] = paint
     return top
 

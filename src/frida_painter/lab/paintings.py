@@ -40,7 +40,7 @@ from frida_painter.procedures.strokes import StrokesProgress, strokes
 from frida_painter.runs.goal_item import GoalItem
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.spec import RunSpec
-from frida_painter.session.events import Event, Looked, Planned, StrokePainted, TimelapseFrame
+from frida_painter.session.events import Event, Looked, Paused, Planned, StrokePainted, TimelapseFrame
 from frida_painter.session.hand import Hand
 from frida_painter.session.observer import CanvasObserver
 from frida_painter.session.opening import open_virtual_easel
@@ -132,7 +132,7 @@ def _lies_flat(studio: VirtualStudio) -> None:
 
 def _covers(studio: VirtualStudio) -> None:
     """Makes the paint opaque: a film with more absorption and scattering, by the same factor, keeps its colour."""
-    studio.easel = replace(studio.easel, operator=_OpaquePaint(studio.easel.operator, studio.table))
+    studio.easel = replace(studio.easel, operator=OtherPaint(studio.easel.operator, studio.table, covering=_COVERING))
 
 
 PLACEMENT = Imperfection("placement error", {"placement_error": EXACT})
@@ -145,11 +145,29 @@ CAMERA = Imperfection("camera error", {"camera": CameraSpec.ideal()})
 IMPERFECTIONS = (PLACEMENT, HAND, LOAD, WETNESS, TRANSLUCENCY, TOOTH, CAMERA)
 
 
-class StudioWithout:
-    """Virtual studio without some imperfections, with access to its true canvas."""
+@dataclass(frozen=True)
+class Disturbance:
+    """Something that goes wrong while the virtual studio paints, and what a person does about it.
 
-    def __init__(self, imperfections: Sequence[Imperfection] = ()) -> None:
-        self._without = imperfections
+    name: in tables
+    begin: arranges it in an open studio
+    answer: called with the studio and the pause when the painting pauses because of it; does what a person would do,
+        and returns True to go on
+    """
+
+    name: str
+    begin: Callable[[VirtualStudio], None] = lambda studio: None
+    answer: Callable[[VirtualStudio, Paused], bool] = lambda studio, paused: False
+
+
+UNDISTURBED = Disturbance("nothing")
+
+
+class StudioWithout:
+    """Virtual studio without some imperfections, or with a disturbance, with access to its true canvas."""
+
+    def __init__(self, imperfections: Sequence[Imperfection] = (), disturbance: Disturbance = UNDISTURBED) -> None:
+        self._without, self._disturbance = imperfections, disturbance
         self._studio: VirtualStudio | None = None
 
     def open(self, order: EaselOrder) -> OpenEasel:
@@ -158,8 +176,14 @@ class StudioWithout:
         studio, easel = assemble_easel(order, FREE, **furniture)
         for one in self._without:
             one.remove(studio)
+        self._disturbance.begin(studio)
         self._studio = studio
         return OpenEasel(replace(easel, operator=studio.easel.operator), studio.close)
+
+    def answer(self, paused: Paused) -> bool:
+        """Answers a pause as a person would who knows of the disturbance; returns True to go on."""
+        assert self._studio is not None, "open comes first"
+        return self._disturbance.answer(self._studio, paused)
 
     def truth(self, rows: int) -> Tensor:
         """Returns the true canvas, sRGB [3, rows, columns], from the front and in even light; not for the painter."""
@@ -168,16 +192,22 @@ class StudioWithout:
 
 
 @dataclass(frozen=True)
-class _OpaquePaint:
-    """Operator of the studio who fills the wells with opaque paint. Implements hardware.easel.Operator."""
+class OtherPaint:
+    """Operator of the studio who fills the wells with other paint than asked. Implements hardware.easel.Operator.
+
+    mix: returns the paints that are mixed for the wanted ones
+    covering: factor of absorption and scattering
+    """
 
     usual: Operator
     table: Table
+    mix: Callable[[Palette], Palette] = lambda wanted: wanted
+    covering: float = 1.0
 
     def fill_wells(self, palette: Palette) -> None:
-        """Fills well i with paint i, made opaque."""
-        self.usual.fill_wells(palette)
-        self.table.paints = tuple(_COVERING * paint for paint in self.table.paints)
+        """Fills well i with the paint that is mixed for paint i."""
+        self.usual.fill_wells(self.mix(palette))
+        self.table.paints = tuple(self.covering * paint for paint in self.table.paints)
 
     def tone(self, ground: tuple[float, float, float]) -> None:
         """Tones the canvas as usual."""
@@ -222,11 +252,13 @@ class PaintingTrial(ExperimentTrial):
     spec: its run
     make_plan: makes the plan; by default the planner of the run
     without: imperfections that the studio lacks
+    disturbance: what goes wrong
     """
 
     spec: RunSpec
     make_plan: MakePlan
     without: tuple[Imperfection, ...] = ()
+    disturbance: Disturbance = UNDISTURBED
 
     @classmethod
     def of(
@@ -235,6 +267,7 @@ class PaintingTrial(ExperimentTrial):
         spec: RunSpec,
         make_plan: MakePlan | None = None,
         without: tuple[Imperfection, ...] = (),
+        disturbance: Disturbance = UNDISTURBED,
     ) -> Self:
         """Returns the trial of a painting, which depends on its spec and on the content of its goal's files.
 
@@ -242,9 +275,9 @@ class PaintingTrial(ExperimentTrial):
         """
         files = {part: [_content(item) for item in getattr(spec, part)] for part in ("goal", "initial")}
         depends_on = {"spec": spec.record(), **files, "without": [one.name for one in without]}
-        return cls(
-            labels=labels, depends_on=depends_on, spec=spec, make_plan=make_plan or make_first_plan, without=without
-        )
+        depends_on |= {} if disturbance is UNDISTURBED else {"disturbance": disturbance.name}
+        plan = make_plan or make_first_plan
+        return cls(labels, depends_on, spec=spec, make_plan=plan, without=without, disturbance=disturbance)
 
 
 @dataclass(frozen=True)
@@ -339,11 +372,12 @@ def paint(trial: PaintingTrial, notify: Notify, encoders: EncoderRegistry | None
             case _:
                 pass
 
+    studio = StudioWithout(trial.without, trial.disturbance)
     with PaintingRun(trial.spec, listeners=[hear], encoders=encoders) as run:
+        run.controls = replace(run.controls, go_on=studio.answer)
         began = time.process_time()
         plan, picture_of_plan = trial.make_plan(run, planning)
         seconds = time.process_time() - began
-        studio = StudioWithout(trial.without)
         photograph = run.simulate(plan, studio.open).photograph
     rows, columns = picture_of_plan.shape[1:]
     truth = images.fit(studio.truth(rows), rows, columns)

@@ -30,7 +30,7 @@ from frida_painter.procedures.color import color
 from frida_painter.procedures.robot import robot
 from frida_painter.procedures.strokes import StrokesFinding, contact_sheet, strokes, unfinished_folder
 from frida_painter.session.opening import PAPER
-from frida_painter.sheet import INK, LINE, SOFT, Sheet, font
+from frida_painter.sheet import INK, LINE, SOFT, Grid, Sheet, font
 from frida_painter.sheet import PAPER as WHITE
 from frida_painter.virtual.faults import Bump, Faults, LightChange, LostFocus
 from frida_painter.virtual.studio import VirtualStudio, open_studio
@@ -208,14 +208,14 @@ class _Libraries:
 def _dots(brush: str, seed: int) -> Case:
     """Returns the case of two missing dots out of sixteen."""
     error = PlacementError((0.0032, -0.0024), math.radians(2))
-    remaining = []
+    remaining: list[float] = []
     said = ""
     for missing in (frozenset[int](), frozenset({4, 11})):
         studio = _studio(_CANVAS, brush, seed, error, Faults(dropped_touches=missing))
         found = _attempt(lambda studio=studio: lead(robot(studio.easel), _proposal))  # type: ignore[misc]
-        said = str(found) if isinstance(found, FridaError) else found.sentence
         if isinstance(found, FridaError):
-            return Case("two of the 16 dots are missing", REFUSED, _PLACEMENT, None, None, None, said, True)
+            return _refused("two of the 16 dots are missing", _PLACEMENT, remaining, found)
+        said = found.sentence
         remaining.append(1000 * _measure_miss(studio, found.enter(studio.easel.calibration).place))
     untold = 1000 * _measure_miss(studio, lambda position: position)
     return _case("two of the 16 dots are missing", SURVIVED, _PLACEMENT, remaining[0], remaining[1], untold, said)
@@ -231,14 +231,15 @@ def _measure_miss(studio: VirtualStudio, place: Callable[[NDArray[np.float64]], 
 
 def _checker(brush: str, seed: int) -> Case:
     """Returns the case of a colour checker that lies upside down."""
-    what, after, said = "the checker is rotated by 180 degrees", [], ""
+    what, said = "the checker is rotated by 180 degrees", ""
+    after: list[float] = []
     before: float | None = None
     for turn in (0.0, math.pi):
         studio = _studio(_CANVAS, brush, seed, EXACT, Faults())
         studio.lay_checker((_CANVAS.width / 2, _CANVAS.height / 2), turn)
         found = _attempt(lambda studio=studio: lead(color(studio.easel), _proposal))  # type: ignore[misc]
         if isinstance(found, FridaError):
-            return Case(what, REFUSED, _COLORS, None, None, None, str(found), True)
+            return _refused(what, _COLORS, after, found)
         after.append(float(found.held_out.mean()))
         before, said = float(found.photographed.mean()), found.sentence
     return _case(what, SURVIVED, _COLORS, after[0], after[1], before, said)
@@ -249,6 +250,17 @@ def _case(
 ) -> Case:
     harmless = disturbed <= _TOLERATED[figure] * undisturbed
     return Case(what, outcome, figure, undisturbed, disturbed, untold, said, harmless)
+
+
+def _refused(what: str, figure: str, measured: Sequence[float], refusal: FridaError) -> Case:
+    """Returns the case of a refused calibration, and says if it was refused with the fault or already without it.
+
+    measured: value without the fault, if that calibration succeeded
+    """
+    if measured:
+        return Case(what, REFUSED, figure, measured[0], None, None, str(refusal), True)
+    said = f"Refused even without the fault, so nothing is known of it: {refusal}"
+    return Case(what, REFUSED, figure, None, None, None, said, False)
 
 
 def _studio(canvas: CanvasSize, brush: str, seed: int, error: PlacementError, faults: Faults) -> VirtualStudio:
@@ -269,12 +281,12 @@ def _proposal(question: Question) -> Answer:
 
 def robustness_sheet(title: str, cases: Sequence[Case]) -> Tensor:
     """Returns all cases in rows, sRGB [3, H, 1500] in [0, 1]; bars of the same figure have the same scale."""
-    sheet = Sheet(_WIDTH, _TOP + _ROW * len(cases) + _MARGIN // 2)
+    rows = Grid(_MARGIN, _TOP, 1, _WIDTH - 2 * _MARGIN, _ROW)
+    sheet = Sheet(_WIDTH, rows.bottom(len(cases)) + _MARGIN // 2)
     sheet.text((_MARGIN, 34), title, 32, INK)
     _legend(sheet)
-    for row, case in enumerate(cases):
-        top = _TOP + row * _ROW
-        sheet.draw.line((_MARGIN, top - 14, _WIDTH - _MARGIN, top - 14), fill=LINE, width=1)
+    for case, (left, top) in zip(cases, rows.corners(len(cases)), strict=True):
+        sheet.draw.line((left, top - 14, rows.right, top - 14), fill=LINE, width=1)
         _words(sheet, case, top)
         alike = [value for other in cases if other.figure == case.figure for value in _values(other) if value]
         _bars(sheet, case, top, max(alike, default=1.0))
@@ -297,7 +309,7 @@ def _chip(color: _Color) -> Image.Image:
     """Returns a rounded field for a word, supersampled for smooth corners."""
     large = Sheet(4 * _CHIP, 4 * _CHIP_HEIGHT)
     large.draw.rounded_rectangle((0, 0, *large.image.size), 2 * _CHIP_HEIGHT, fill=color)
-    return large.image.resize((_CHIP, _CHIP_HEIGHT), Image.Resampling.LANCZOS)
+    return large.shrink(_CHIP, _CHIP_HEIGHT)
 
 
 def _words(sheet: Sheet, case: Case, top: int) -> None:

@@ -496,7 +496,7 @@ def _soft(target: Target, planner: str) -> MakePlan:
     """Returns a planner that plans with soft strokes and converts them to robot strokes."""
 
     def make_plan(run: PaintingRun, tell: Tell) -> tuple[Plan, Tensor]:
-        spec, model, bare = run.spec, run.planner.models[run.planner.brushes[0]], run.planner.bare
+        spec, model, bare = run.spec, run.planner.models[run.planner.kinds[0]], run.planner.bare
         held = planner == CONSTRAINED
         made = plan_soft_strokes(
             images.fit(target.picture, *bare.shape[1:]),

@@ -154,10 +154,10 @@ def _floors(painted: Painted) -> dict[str, Tensor]:
             pixels = run.planner.expected(run.plan(), planner.bare)
     generator = torch.Generator().manual_seed(spec.seed)
     scattered = uniform(
-        spec.strokes, planner.models[planner.brushes[0]].limits.within(spec.canvas), spec.canvas, generator
+        spec.strokes, planner.models[planner.kinds[0]].limits.within(spec.canvas), spec.canvas, generator
     )
     with torch.no_grad():
-        random = render(scattered, planner.models[planner.brushes[0]], planner.bare, spec.canvas)
+        random = render(scattered, planner.models[planner.kinds[0]], planner.bare, spec.canvas)
     return {PIXELS: pixels, BEGUN: begun, RANDOM: random}
 
 

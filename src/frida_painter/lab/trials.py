@@ -321,6 +321,7 @@ def _read(folder: Path, trial: ExperimentTrial) -> Measurement | None:
 
 # Measures of the distance between a painting and its goal that its planner did not optimise.
 
+_SIGMA = 1.5  # pixels, of the windows of SSIM
 _ROWS = 256  # of the pictures in which edges are detected
 _BLUR = 1.6  # its pixels
 _LOW, _HIGH = 40, 100  # of 255: slopes at which Canny's edges continue and start
@@ -337,6 +338,20 @@ def mse(picture: Tensor, target: Tensor) -> float:
 def psnr(picture: Tensor, target: Tensor) -> float:
     """Returns the peak signal-to-noise ratio of two pictures [3, H, W] in [0, 1], in dB."""
     return -10 * float((picture - target).square().mean().clamp(min=1e-12).log10())
+
+
+def ssim(picture: Tensor, target: Tensor) -> float:
+    """Returns the structural similarity of two pictures [3, H, W] in [0, 1], mean over channels and windows.
+
+    The windows are Gaussian, as published (Wang et al. 2004).
+    """
+    from skimage.metrics import structural_similarity  # loaded here because few experiments need it
+
+    one, other = (each.detach().permute(1, 2, 0).double().numpy() for each in (picture, target))
+    found = structural_similarity(
+        one, other, channel_axis=2, data_range=1.0, gaussian_weights=True, sigma=_SIGMA, use_sample_covariance=False
+    )
+    return float(found)
 
 
 def near_borders(regions: Tensor) -> Tensor:

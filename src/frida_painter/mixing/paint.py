@@ -5,6 +5,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from functools import cache
 from importlib import resources
 from pathlib import Path
 from typing import Any, Self
@@ -14,6 +15,7 @@ from torch import Tensor
 
 from frida_painter import storage
 from frida_painter.errors import ConfigError
+from frida_painter.mixing.finish import Finish
 from frida_painter.mixing.kubelka_munk import film_over, ratio, reflectance
 from frida_painter.palette import ciede2000, from_hex, to_lab
 from frida_painter.perception.srgb import to_linear, to_srgb
@@ -281,6 +283,7 @@ _ENTRIES = ("name", "color", "tint", "white", "over_white", "over_black")
 _ADVICE = "docs/how-to/mix.md shows such a file"
 
 
+@cache
 def usual_paints() -> tuple[Paint, ...]:
     """Returns the six default paints."""
     return tuple(find_acrylic(name) for name in SIX)
@@ -294,8 +297,9 @@ def read_paints(path: Path) -> tuple[Paint, ...]:
     `over_black` of one film.
     """
     values = storage.read_toml(path, "a file of paints (TOML)", _MAX_BYTES, _ADVICE)
-    entries = values.get("paint")
-    if set(values) != {"paint"} or not isinstance(entries, list) or not 1 <= len(entries) <= MAX_PAINTS:
+    entries = values.get("paint", ())
+    counted = isinstance(entries, list) and 1 <= len(entries) <= MAX_PAINTS
+    if set(values) - {"finish", "mixer"} != {"paint"} or not counted:
         raise ConfigError(f"{path} is no file of paints: it has 1 to {MAX_PAINTS} [[paint]] entries; {_ADVICE}.")
     faults: list[str] = []
     paints: list[Paint] = []
@@ -319,6 +323,23 @@ def read_paints(path: Path) -> tuple[Paint, ...]:
         return tuple(paints)
     unit = float(white.scattering.mean())
     return tuple(paint.against(unit) if paint.source is PaintDataSource.films else paint for paint in paints)
+
+
+def read_finish(path: Path) -> Finish:
+    """Reads the finish of the paints in a file of paints; without an entry, gloss. Raises ConfigError."""
+    told = storage.read_toml(path, "a file of paints (TOML)", _MAX_BYTES, _ADVICE).get("finish", Finish.gloss.value)
+    if told not in list(Finish):
+        names = " or ".join(Finish)
+        raise ConfigError(f"{path} has the finish {str(told)[:20]!r}; it is {names}; {_ADVICE}.")
+    return Finish(told)
+
+
+def read_mixer(path: Path) -> str:
+    """Reads the name of the theory of mixtures in a file of paints; "kubelka-munk" without an entry."""
+    told = storage.read_toml(path, "a file of paints (TOML)", _MAX_BYTES, _ADVICE).get("mixer", "kubelka-munk")
+    if not isinstance(told, str):
+        raise ConfigError(f"{path} has the mixer {str(told)[:20]!r}; it is a name; {_ADVICE}.")
+    return told
 
 
 def _faults(number: int, entry: Any) -> Iterator[str]:

@@ -2,18 +2,21 @@
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import reduce
+from pathlib import Path
+from typing import Self
 
 import torch
 from torch import Tensor
 
+from frida_painter import registry
 from frida_painter.brush.kinds import brush_kind
-from frida_painter.errors import ConfigError
+from frida_painter.errors import ConfigError, PluginError
 from frida_painter.mixing.finish import Finish
 from frida_painter.mixing.kubelka_munk import mix_reflectance
-from frida_painter.mixing.paint import Paint, color_of
+from frida_painter.mixing.paint import Paint, color_of, read_finish, read_mixer, read_paints, usual_paints
 from frida_painter.palette import ciede2000, to_lab
 from frida_painter.plan import Plan
 
@@ -34,6 +37,12 @@ _SEEDS = 16  # number of mixtures at which the search starts
 _PER_PAINT, _PER_DOUBLING = 0.6, 0.25
 # CIEDE2000 that more than `EASY_PARTS` must gain, and below which the gain is invisible.
 _WORTH_COUNTING, _UNSEEN = 0.5, 1.0
+_SAME_LIGHTNESS = 0.1  # L*, for colours that were rounded
+_BLACK_PAINT, _WHITE_PAINT = 30.0, 85.0  # largest L* of a black, smallest of a white
+_BLACK = (0.0, 0.0, 0.0)
+_GREY = 5.0  # largest chroma of mixtures that count as black, grey or white
+ACRYLICS, ANY_PAINTS = "acrylics", "any"
+"""Names of paints: six common acrylics; any colour, for people who do not mix."""
 
 
 @dataclass(frozen=True)
@@ -44,17 +53,19 @@ class Recipe:
     parts: paints with their parts, largest first
     color [3]: predicted colour of the dry mixture, sRGB
     difference: CIEDE2000 between target and color
+    missed: the same for the target with its lightness in the range of the paints (PaintSet.darkest)
     """
 
     target: Tensor
     parts: tuple[tuple[Paint, int], ...]
     color: Tensor
     difference: float
+    missed: float
 
     @property
     def within_reach(self) -> bool:
         """True if the mixture is near the target."""
-        return self.difference <= REACHED
+        return self.missed <= REACHED
 
     @property
     def whole(self) -> int:
@@ -71,8 +82,74 @@ class Recipe:
         return [total * count / self.whole for _, count in self.parts]
 
 
-def recipes(colors: Tensor, paints: Sequence[Paint], most: int = 4, finish: Finish = Finish.matte) -> list[Recipe]:
+@dataclass(frozen=True)
+class MixerKind:
+    """Theory of mixtures.
+
+    name: as in a file of paints, `mixer = "NAME"`
+    help: one sentence
+    mix: returns the reflectance [m, b] in [0, 1] of mixtures in b bands of light, from their parts [m, n], the
+    absorption and the scattering [n, b] of the n paints, and the finish
+    """
+
+    name: str
+    help: str
+    mix: Callable[[Tensor, Tensor, Tensor, Finish], Tensor]
+
+
+KUBELKA_MUNK = MixerKind("kubelka-munk", "Absorption and scattering of the paints add up.", mix_reflectance)
+
+
+def find_mixer(name: str) -> MixerKind:
+    """Returns the theory of that name. Raises ConfigError if there is none, PluginError if it is broken."""
+    known = registry.parts(registry.MIXERS)
+    if name not in known:
+        raise ConfigError(f"There is no mixer called {name[:40]!r}; there are {', '.join(known)}.")
+    return known[name].load(MixerKind)
+
+
+@dataclass(frozen=True, eq=False)
+class PaintSet:
+    """Paints of a person, from which the colours of a plan are mixed.
+
+    finish: surface of the dry paint. Artists' acrylics dry glossy.
+    darkest: measured colour of the darkest paint, sRGB; black if unknown. A colour that is not darker counts as
+    within reach if only its darkness is missed, because black and white are those of the easel's camera. None: the
+    theory's black and white count.
+    mixer: name of the theory of mixtures
+    """
+
+    paints: tuple[Paint, ...]
+    finish: Finish = Finish.gloss
+    darkest: tuple[float, float, float] | None = _BLACK
+    mixer: str = "kubelka-munk"
+
+    @classmethod
+    def of(cls, name: str | Path, darkest: tuple[float, float, float] | None = None) -> Self | None:
+        """Returns the paints of that name: "acrylics", or a file; None for "any". Raises ConfigError."""
+        if str(name) == ANY_PAINTS:
+            return None
+        if str(name) == ACRYLICS:
+            return cls(usual_paints(), darkest=darkest or _BLACK)
+        file = Path(name)
+        return cls(read_paints(file), read_finish(file), darkest or _BLACK, read_mixer(file))
+
+    def mix(self, colors: Tensor) -> list[Recipe]:
+        """Returns a recipe for each colour sRGB [k, 3]."""
+        return recipes(colors, self.paints, finish=self.finish, darkest=self.darkest, mixer=self.mixer)
+
+
+def recipes(
+    colors: Tensor,
+    paints: Sequence[Paint],
+    most: int = 4,
+    finish: Finish = Finish.matte,
+    darkest: tuple[float, float, float] | None = None,
+    mixer: str = "kubelka-munk",
+) -> list[Recipe]:
     """Returns a recipe for each colour sRGB [k, 3] of at most `most` of the paints, in that finish.
+
+    darkest, mixer: as in PaintSet
 
     All mixtures of three paints in rough parts are tested. The best ones are extended by a fourth paint. From
     the best results, integer parts are changed step by step while this reduces difference plus complexity. More
@@ -83,8 +160,8 @@ def recipes(colors: Tensor, paints: Sequence[Paint], most: int = 4, finish: Fini
         raise ConfigError(
             f"{len(paints)} paints and at most {most} of them were given; mixing takes 1 or more, and at most 1 to 4."
         )
-    mixer = _Mixer(paints, min(most, len(paints)), finish)
-    return [_recipe(color.double(), mixer) for color in colors]
+    ready = _Mixer(paints, min(most, len(paints)), finish, darkest, find_mixer(mixer))
+    return [_recipe(color.double(), ready) for color in colors]
 
 
 def _recipe(color: Tensor, mixer: "_Mixer") -> Recipe:
@@ -106,16 +183,46 @@ class _Mixer:
     rough: start mixtures; rough_lab: their Lab colours
     """
 
-    def __init__(self, paints: Sequence[Paint], most: int, finish: Finish) -> None:
-        self.paints, self.most, self._finish = paints, most, finish
+    def __init__(
+        self,
+        paints: Sequence[Paint],
+        most: int,
+        finish: Finish,
+        darkest: tuple[float, float, float] | None,
+        kind: MixerKind,
+    ) -> None:
+        self.paints, self.most, self._finish, self._kind = paints, most, finish, kind
         self._absorption = torch.stack([paint.absorption for paint in paints])
         self._scattering = torch.stack([paint.scattering for paint in paints])
         self.rough = _rough(len(paints), min(most, 3))
         self.rough_lab = to_lab(self.colors(self.rough))
+        greyness = self.rough_lab[:, 1:].norm(dim=1)
+        lightness = self.rough_lab[greyness <= max(_GREY, float(greyness.min())), 0]
+        black, white = float(lightness.min()), float(lightness.max())
+        self._ends = black if black <= _BLACK_PAINT else 0.0, white if white >= _WHITE_PAINT else 100.0
+        self._darkest = None if darkest is None else float(to_lab(torch.tensor([darkest]))[0, 0]) - _SAME_LIGHTNESS
+
+    def within_lightness(self, lab: Tensor) -> Tensor:
+        """Returns the Lab colour [3] with its lightness in the range of mixed greys.
+
+        An end of the range counts only if the paints have a black or a white. The colour stays as it is if it is
+        darker than the darkest paint, or if no darkest paint was given.
+        """
+        if self._darkest is None or not self._darkest <= float(lab[0]):
+            return lab
+        return torch.cat((lab[:1].clamp(*self._ends), lab[1:]))
 
     def colors(self, parts: Tensor) -> Tensor:
         """Returns sRGB [m, 3] of mixtures [m, n]."""
-        return color_of(mix_reflectance(parts, self._absorption, self._scattering, self._finish))
+        reflected = self._kind.mix(parts, self._absorption, self._scattering, self._finish)
+        if tuple(reflected.shape) != (len(parts), self._absorption.shape[1]) or not bool(
+            ((reflected >= 0) & (reflected <= 1)).all()
+        ):
+            raise PluginError(
+                f"The mixer {self._kind.name!r} gave reflectances of shape {tuple(reflected.shape)} or outside [0, 1] "
+                f"for {len(parts)} mixtures in {self._absorption.shape[1]} bands; mend it."
+            )
+        return color_of(reflected)
 
 
 class _Search:
@@ -123,7 +230,7 @@ class _Search:
 
     def __init__(self, target: Tensor, mixer: _Mixer, parts: int) -> None:
         self._target, self._mixer, self._parts = target, mixer, parts
-        self._lab = to_lab(target)
+        self._lab = mixer.within_lightness(to_lab(target))
 
     def best(self) -> Recipe:
         mixer = self._mixer
@@ -136,7 +243,9 @@ class _Search:
         used = sorted(
             ((paint, count) for paint, count in zip(mixer.paints, found, strict=True) if count), key=_most_first
         )
-        return Recipe(self._target, tuple(used), color, float(ciede2000(to_lab(color), self._lab)))
+        lab = to_lab(color)
+        off, missed = (float(ciede2000(lab, wanted)) for wanted in (to_lab(self._target), self._lab))
+        return Recipe(self._target, tuple(used), color, off, missed)
 
     def _cost(self, parts: Tensor, lab: Tensor | None = None) -> Tensor:
         """Returns the cost of mixtures, [m]: difference plus penalties for the numbers of paints and parts.
@@ -153,9 +262,13 @@ class _Search:
 
     def _with_another(self, seed: Tensor) -> Tensor:
         """Returns the mixture with very little to much of each unused paint."""
-        unused = (seed == 0).nonzero()[:, 0].tolist()
-        added = [scale * seed + _only(index, level, seed) for index in unused for scale, level in (*_LITTLE, *_MUCH)]
-        return torch.stack(added or [seed])
+        unused = (seed == 0).nonzero()  # [u, 1]
+        if not len(unused):
+            return seed[None]
+        scales, levels = torch.tensor((*_LITTLE, *_MUCH), dtype=seed.dtype).unbind(1)
+        added = (scales[:, None] * seed).repeat(len(unused), 1, 1)  # [u, s, n]
+        added[torch.arange(len(unused))[:, None], torch.arange(len(scales)), unused] = levels
+        return added.flatten(0, 1)
 
     def _refine(self, starts: list[tuple[int, ...]]) -> tuple[int, ...]:
         """Returns integer parts near one of `starts` with the lowest cost.
@@ -223,12 +336,6 @@ def _near(count: int) -> list[int]:
 def _lowest(parts: tuple[int, ...]) -> tuple[int, ...]:
     divisor = reduce(math.gcd, parts) or 1
     return tuple(count // divisor for count in parts)
-
-
-def _only(index: int, parts: int, like: Tensor) -> Tensor:
-    only = torch.zeros_like(like)
-    only[index] = parts
-    return only
 
 
 def _most_first(used: tuple[Paint, int]) -> tuple[int, str]:

@@ -51,6 +51,12 @@ class PictureTerm(Term):
 
         return replace(self, image=(images.pad if pad else images.fit)(self.image, rows, columns))
 
+    def crop(self, box: tuple[float, float, float, float]) -> Self:
+        """Returns the term with a part of its picture. Raises ConfigError if that part is no goal of this kind."""
+        from frida_painter import images
+
+        return replace(self, image=images.crop(self.image, box))
+
     @classmethod
     def open(cls, path: Path, weight: float = 1.0) -> Self:
         """Returns the term of a picture file. Raises ConfigError and ImageError."""
@@ -73,6 +79,7 @@ class ImageTerm(PictureTerm):
     wanted: Tensor | None = None
     initial_order = 0
     interpretation_order = 5
+    is_tried = False
     is_pixelwise = True
 
     def as_start(self, goal: Goal) -> ImageTerm:

@@ -7,9 +7,17 @@ import torch
 from torch import Tensor
 
 from frida_painter import images
+from frida_painter.errors import ConfigError
 from frida_painter.frames import PixelGrid, Rows
 from frida_painter.objectives.encoders.loading import EncoderRegistry
-from frida_painter.objectives.objective import Goal, Objective, ObjectiveContext, ObjectiveTerm
+from frida_painter.objectives.objective import (
+    CanvasLoss,
+    Goal,
+    ObjectiveContext,
+    ObjectiveTerm,
+    Term,
+    require_objective,
+)
 
 _INSISTENCE = 4.0  # weight of a recognition that is worse than that of the beginning
 
@@ -53,12 +61,12 @@ class WeightedObjective:
         return total
 
     @property
-    def validation(self) -> Objective | None:
+    def validation(self) -> CanvasLoss | None:
         """Objective that selects the best of several pictures; None if the sum itself does."""
         return self._validation if any(term.validation is not None for _, term in self._terms) else None
 
     @property
-    def on_rows(self) -> Callable[[Rows], Objective] | None:
+    def on_rows(self) -> Callable[[Rows], CanvasLoss] | None:
         """Maker of the sum for pictures with some rows of the grid only; None if a term needs all rows."""
         makers = [(weight, term.on_rows) for weight, term in self._terms if term.on_rows is not None]
         if len(makers) < len(self._terms):
@@ -92,9 +100,23 @@ def prepare(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry | None = None
     """Returns the objective of a goal for pictures on `grid`.
 
     encoders: networks for terms that need them; by default those that were fetched
-    Raises WeightsError if a network is missing.
+    Raises WeightsError if a network is missing, ConfigError if an objective cannot be used.
     """
     picture = next((term.picture for term in goal.initial if term.picture is not None), None)
     begun = None if picture is None else images.fit(picture, grid.rows, grid.columns)
     context = ObjectiveContext(grid, encoders or EncoderRegistry(), seed, begun)
-    return WeightedObjective([(term.weight, term.prepare(context)) for term in goal.terms], begun)
+    return WeightedObjective([(term.weight, _prepare_term(term, context)) for term in goal.terms], begun)
+
+
+def _prepare_term(term: Term, context: ObjectiveContext) -> ObjectiveTerm:
+    """Returns the objective of a term. Raises ConfigError if it is none."""
+    made = term.prepare(context)
+    if not isinstance(made, ObjectiveTerm):
+        raise ConfigError(
+            f"{type(term).__name__}.prepare returned a {type(made).__name__}; it returns an ObjectiveTerm."
+        )
+    if term.is_tried:
+        size = context.grid.rows, context.grid.columns, context.encoders.device
+        called = getattr(made.objective, "__qualname__", type(made.objective).__name__)
+        require_objective(made.objective, f"The objective {called}", *size)
+    return made

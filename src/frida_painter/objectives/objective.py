@@ -32,6 +32,8 @@ class Term(ABC):
     initial_order: a plan begins with the terms of the lowest number. A term with None takes part only if no
     term has a number.
     interpretation_order: order in which the `interpret` methods are called, lowest first
+    is_tried: True if the objective is tried on a picture of noise before planning (`require_objective`); False for
+    objectives with networks, whose trial takes a second
 
     Pictures are [3, H, W] in [0, 1]. Each kind of goal has a frozen dataclass for its terms
     (objectives/NAME.py). Terms of different kinds see each other only through the properties below. A subclass
@@ -41,6 +43,20 @@ class Term(ABC):
     weight: float
     initial_order: ClassVar[int | None] = None
     interpretation_order: ClassVar[int] = 100
+    is_tried: ClassVar[bool] = True
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        if "__repr__" not in vars(cls):  # before a dataclass makes one that prints all pixels
+            cls.__repr__ = Term.__repr__  # type: ignore[method-assign]
+
+    def __repr__(self) -> str:
+        values = {
+            name: f"[{', '.join(map(str, value.shape))}]" if hasattr(value, "shape") else repr(value)[:60]
+            for name, value in vars(self).items()
+            if value is not None
+        }
+        return f"{type(self).__name__}({', '.join(f'{name}={value}' for name, value in values.items())})"
 
     @abstractmethod
     def prepare(self, context: ObjectiveContext) -> ObjectiveTerm:
@@ -113,6 +129,10 @@ class Term(ABC):
         pad: True to show the whole picture on white; False to crop it to its middle
         """
         return self
+
+    def crop(self, box: tuple[float, float, float, float]) -> Term:
+        """Returns the term with a part of its picture; box as in `images.crop`. Raises ConfigError if it cannot."""
+        raise ConfigError("A goal of this kind cannot be cropped; crop its file first, and give that.")
 
     def to(self, device: torch.device) -> Self:
         """Returns the term with its pictures on that device."""
@@ -289,7 +309,23 @@ def goal_kinds() -> KnownKinds:
 
 
 class Objective(Protocol):
-    """Differentiable loss of a picture of the canvas: a lower value is nearer to the goal."""
+    """Differentiable function of a picture [3, H, W] in [0, 1] that returns one number; smaller is nearer to the goal.
+
+    Any function of that form is one:
+
+        >>> import frida_painter as fp
+        >>> def unrest(picture):
+        ...     return picture.diff(dim=1).abs().mean()
+        >>> objective: fp.Objective = unrest
+        >>> goal = fp.make_goal("photo.jpg", objective=objective, weights={"objective": 0.5})
+    """
+
+    def __call__(self, picture: Tensor, /) -> Tensor:
+        """Returns the loss of a picture [3, H, W] in [0, 1] as a tensor of one number."""
+
+
+class CanvasLoss(Protocol):
+    """Loss of a picture of the canvas of which the variance may be known, as planning uses it."""
 
     def __call__(self, picture: Tensor, variance: Tensor | None = None) -> Tensor:
         """Returns the loss of a picture [3, H, W] in [0, 1] as a scalar.
@@ -330,8 +366,44 @@ class ObjectiveTerm:
     on_rows: makes the term for pictures with some rows of the grid only; None if the loss is no mean over pixels
     """
 
-    objective: Callable[[Tensor], Tensor]
-    validation: Callable[[Tensor], Tensor] | None = None
+    objective: Objective
+    validation: Objective | None = None
     of_variance: Callable[[Tensor], Tensor] | None = None
     recognizes: bool = False
     on_rows: Callable[[Rows], ObjectiveTerm] | None = None
+
+
+def require_objective(objective: Objective, what: str, rows: int, columns: int, device: torch.device) -> None:
+    """Raises ConfigError unless the objective returns one finite number that PyTorch can derive by the picture.
+
+    The objective is tried once, on noise [3, rows, columns]: a number that does not change there steers no stroke.
+    what: name of the objective in messages
+    """
+    import torch
+
+    noise = torch.rand(3, rows, columns, generator=torch.Generator().manual_seed(0)).to(device).requires_grad_()
+    told = f"{what} was tried on a picture [3, {rows}, {columns}] and"
+    wanted = "it returns one number, a tensor that PyTorch computes from the picture"
+    try:
+        value = objective(noise)
+    except FridaError:
+        raise
+    except Exception as failure:  # somebody's function may raise anything
+        why = " ".join(f"{type(failure).__name__}: {failure}".split())[:200]
+        raise ConfigError(f"{told} failed ({why}); {wanted}.") from failure
+    if not isinstance(value, torch.Tensor):
+        raise ConfigError(f"{told} returned {str(value)[:40]} of type {type(value).__name__}; {wanted}.")
+    if value.dim() != 0:
+        raise ConfigError(f"{told} returned a tensor of shape {tuple(value.shape)}; {wanted}: take its mean().")
+    if not math.isfinite(float(value.detach())):
+        raise ConfigError(f"{told} returned {float(value.detach())}; {wanted}, and it is finite.")
+    if not value.requires_grad:
+        raise ConfigError(
+            f"{told} returned {float(value):.4g} without a gradient; {wanted}: leave out detach(), item(), numpy() and "
+            "no_grad()."
+        )
+    (gradient,) = torch.autograd.grad(value, noise, allow_unused=True)
+    if gradient is None or not bool(gradient.any()):
+        raise ConfigError(f"{told} returned {float(value.detach()):.4g} whatever the picture is; {wanted}.")
+    if not bool(gradient.isfinite().all()):
+        raise ConfigError(f"{told} has a gradient that is not finite; add a small number inside each square root.")

@@ -17,6 +17,7 @@ class SemanticTerm(PictureTerm):
     """Term of a goal: paint the content of a picture, not its pixels."""
 
     called = "a picture to be painted by its meaning"
+    is_tried = False
     initial_order = 2
     interpretation_order = 4
 

@@ -28,6 +28,7 @@ class SketchTerm(PictureTerm):
 
     shown: Tensor | None = None
     called = "a sketch"
+    is_tried = False
     initial_order = 1
     interpretation_order = 1
 

@@ -21,6 +21,7 @@ class StyleTerm(PictureTerm):
     """Term of a goal: paint in the style of a picture. Raises ConfigError if the picture has a single colour."""
 
     called = "a style"
+    is_tried = False
     longest = 1024  # pixels; styles are compared in small pictures
     initial_order = 3
     interpretation_order = 3

@@ -79,7 +79,7 @@ def _quick(planner: Planner, term: ImageTerm) -> Planner:
     """Returns a planner with the first two brushes that makes a rough plan of a picture in a seventh of the time."""
     settings = replace(
         planner.settings,
-        model=[planner.models[brush] for brush in planner.brushes[:2]],
+        model=[planner.models[kind] for kind in planner.kinds[:2]],
         rows=min(_TRIAL_ROWS, planner.settings.rows),
         effort=planner.effort.scale(_TRYING),
         layers=None,

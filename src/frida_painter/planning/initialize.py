@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from frida_painter.brush.kinds import StrokeModel
+from frida_painter.brush.kinds import StrokeModel, growth_of, mark_width
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.frames import PixelGrid
 from frida_painter.palette import to_lab
@@ -16,6 +16,7 @@ from frida_painter.planning.optimize import Step, optimize
 from frida_painter.planning.problem import PlanningProblem
 from frida_painter.planning.variables import Paints
 from frida_painter.render import composite
+from frida_painter.stroke_family import CODE_REACH, StrokeFamily, Taught
 from frida_painter.strokes import StrokeLimits, Strokes
 
 # Strokes along the brushwork of a style: they follow its directions and curves, and end before it turns too far.
@@ -35,6 +36,8 @@ def along_flow(
     """
     middle = strokes.path(strokes.angle.new_tensor([0.5]))[:, 0]
     doubled, sure = _sample_flow(flow, middle, size)
+    if strokes.taught is not None:
+        return _turn_into_flow(strokes, doubled, sure, generator).project(limits, size)
     count = len(strokes)
     chance = torch.rand(2, count, generator=generator).to(sure)
     wavers = _WAVERS * torch.randn(count, generator=generator).to(sure)
@@ -53,6 +56,18 @@ def along_flow(
     across = torch.stack((-angle.sin(), angle.cos()), -1)
     start = middle - along * length[:, None] / 2 - across * (0.75 * bend)[:, None]
     return strokes.with_groups(position=start, angle=angle, length=length, bend=bend).project(limits, size)
+
+
+def _turn_into_flow(strokes: Strokes, doubled: Tensor, sure: Tensor, generator: torch.Generator) -> Strokes:
+    """Turns strokes of a family into the flow about their middles; their shapes stay.
+
+    doubled, sure [n]: twice the direction of the flow at the middles, and its certainty.
+    """
+    chance = torch.rand(2, len(strokes), generator=generator).to(sure)
+    angle = torch.where(chance[0] < sure, doubled / 2 + math.pi * (chance[1] < 0.5), strokes.angle)
+    half = strokes.angle.new_tensor([0.5])
+    turned = strokes.with_groups(angle=angle)
+    return turned.with_groups(position=strokes.position + (strokes.path(half) - turned.path(half))[:, 0])
 
 
 def _sample_flow(flow: Tensor, place: Tensor, size: CanvasSize) -> tuple[Tensor, Tensor]:
@@ -142,7 +157,17 @@ def propose(error: Tensor, count: int, limits: StrokeLimits, size: CanvasSize, g
     bend = uniform(-1, 1) * torch.minimum(length / 3, torch.tensor(limits.bend[1]))
     half = torch.stack((torch.cos(angle), torch.sin(angle)), -1) * length[:, None] / 2
     strokes = Strokes(middle - half, angle, length, bend, uniform(0, 1), torch.zeros(count, 3))
+    if limits.family is not None:
+        strokes = _with_codes(strokes, limits.family, generator)
+        center = strokes.path(torch.linspace(0, 1, 9)).mean(1)
+        strokes = strokes.with_groups(position=middle + strokes.position - center)
     return strokes.project(limits, size).to(wanted.device)
+
+
+def _with_codes(strokes: Strokes, family: StrokeFamily, generator: torch.Generator) -> Strokes:
+    """Returns the strokes as strokes of a family, with random codes."""
+    code = CODE_REACH * (2 * torch.rand(len(strokes), family.codes, generator=generator) - 1)
+    return replace(strokes, bend=torch.zeros_like(strokes.bend), taught=Taught.of(family, code.to(strokes.angle)))
 
 
 def weigh(
@@ -173,6 +198,8 @@ def weigh(
         visible = alpha[mine] * _sample(under.open[number][None], place[mine])
         change = visible * (color[mine][:, :, None] - _sample(under.below[number], place[mine]))
         gain[mine] = (matters[mine] * (2 * residual[mine] * change - change.square())).sum((1, 2))
+    growth = growth_of(problem.model, proposals.length)
+    gain = gain if growth is None else gain * growth.square()
     return gain * _pixels_per_cell(problem), proposals.with_groups(color=color), paint
 
 
@@ -180,8 +207,8 @@ def pick(strokes: Strokes, gain: Tensor, count: int, model: StrokeModel) -> Tens
     """Returns the indices of up to `count` strokes of the largest gain whose marks keep clear of each other."""
     strokes, gain = strokes.to("cpu"), gain.cpu()  # a loop over single strokes is faster there
     middle = strokes.path(torch.tensor([0.5]))[:, 0]
-    width = (model.frame.top - model.frame.bottom) / 3
-    radius = torch.sqrt(strokes.length * (0.3 + 0.7 * strokes.thickness) * width) / 2
+    width = mark_width(model)
+    radius = torch.sqrt(strokes.way() * (0.3 + 0.7 * strokes.thickness) * width) / 2
     chosen: list[int] = []
     free = gain > 0
     for index in torch.argsort(gain, descending=True).tolist():
@@ -196,12 +223,16 @@ def pick(strokes: Strokes, gain: Tensor, count: int, model: StrokeModel) -> Tens
 
 def _cells(strokes: Strokes, problem: PlanningProblem) -> tuple[Tensor, Tensor]:
     """Returns the coarse alpha [m, cells] of each mark, and the cells' canvas positions [m, cells, 2] in [-1, 1]."""
-    magnitude = problem.model(strokes.thickness, strokes.length, strokes.bend)
+    magnitude = problem.model(strokes.thickness, strokes.length, strokes.shape)
     alpha = functional.interpolate(magnitude[:, None], _CELLS, mode="area")[:, 0].flatten(1)
     centers = problem.model.frame.resize(*_CELLS).cell_centers(dtype=alpha.dtype, device=alpha.device).flatten(0, 1)
+    growth = growth_of(problem.model, strokes.length)
+    across, up = centers[:, 0], centers[:, 1]
+    if growth is not None:
+        across, up = growth[:, None] * across, growth[:, None] * up
     cos, sin = torch.cos(strokes.angle)[:, None], torch.sin(strokes.angle)[:, None]
-    x = strokes.position[:, 0:1] + cos * centers[:, 0] - sin * centers[:, 1]
-    y = strokes.position[:, 1:2] + sin * centers[:, 0] + cos * centers[:, 1]
+    x = strokes.position[:, 0:1] + cos * across - sin * up
+    y = strokes.position[:, 1:2] + sin * across + cos * up
     place = torch.stack((2 * x / problem.size.width - 1, 1 - 2 * y / problem.size.height), -1)
     outside = (place.abs() > 1).any(-1)
     return alpha.masked_fill(outside, 0), place
@@ -238,6 +269,8 @@ def uniform(count: int, limits: StrokeLimits, size: CanvasSize, generator: torch
         thickness=between(0, 1),
         color=torch.rand(count, 3, generator=generator),
     )
+    if limits.family is not None:
+        strokes = _with_codes(strokes, limits.family, generator)
     return strokes.project(limits, size)
 
 

@@ -14,7 +14,8 @@ from torch import Tensor
 
 from frida_painter.frames import PixelGrid
 from frida_painter.plan import Plan
-from frida_painter.planning.initialize import Growth, optimize_target, progressive
+from frida_painter.planning.initialisers import GROWTH, InitialiserKind, InitialTask
+from frida_painter.planning.initialize import Growth
 from frida_painter.planning.optimize import Step, StrokesInScene, optimize, optimize_together
 from frida_painter.planning.problem import PlanningProblem, PlanningProblems
 from frida_painter.planning.refine import HARDLY_APART, MOVED, PROPOSALS, binding_iterations, relocate, without_twins
@@ -35,7 +36,7 @@ class StepCount:
     def begin(self, iterations: int, below: Sequence[tuple[str, Strokes]] = ()) -> Callable[[Step], None]:
         """Returns the callback for the next `iterations` steps.
 
-        below: each brush below, with its strokes on the canvas.
+        below: each kind of strokes below, with its strokes on the canvas.
         """
         before = self._done
         self._done += iterations
@@ -151,6 +152,7 @@ def free_strokes(
     effort: Effort,
     generator: torch.Generator,
     begin: Callable[[int], Callable[[Step], None]],
+    initialiser: InitialiserKind = GROWTH,
 ) -> Strokes:
     """Plans `count` strokes in colours of their own, from light to dark.
 
@@ -159,16 +161,8 @@ def free_strokes(
     pulled back to it.
     begin: returns the callback that reports the next iterations.
     """
-    found, _ = progressive(
-        count,
-        problem,
-        optimize_target(problem) if guide is None else guide,
-        paints=None,
-        light_to_dark=True,
-        growth=effort.growth,
-        generator=generator,
-        notify=begin(effort.growing(count)),
-    )
+    notify = begin(effort.growing(count))
+    found = initialiser.begin(InitialTask(count, problem, guide, generator, effort.growth, notify))
     for _ in range(effort.relocations):
         if guide is not None:
             found, _ = relocate(found, None, problem, guide, share=MOVED, proposals=PROPOSALS, generator=generator)
@@ -181,12 +175,13 @@ _CLOSED = 0.05  # share of a layer that shows through; below it, the layer's col
 
 @dataclass(frozen=True)
 class LayerAtWork:
-    """Layer that is being planned: its brush, its strokes in painting order and their paints.
+    """Layer that is being planned: its strokes in painting order, and their paints.
 
+    kind: kind of its strokes (`plan.Layer.kind`).
     mixes: True if the paints may still change.
     """
 
-    brush: str
+    kind: str
     strokes: Strokes
     paints: Paints
     mixes: bool
@@ -260,7 +255,7 @@ def _descend(
     """Returns the layers after gradient descent on their joint cost."""
     found = optimize_together(
         [
-            StrokesInScene(layer.strokes, problems.of(canvas, grid, layer.brush), layer.paints, layer.mixes)
+            StrokesInScene(layer.strokes, problems.of(canvas, grid, layer.kind), layer.paints, layer.mixes)
             for layer in layers
         ],
         iterations=iterations,
@@ -281,11 +276,11 @@ def _relocate_strokes(
     """Returns the layers after some strokes of each moved to places of a larger gain, seen below the later layers."""
     found, below = list(layers), canvas
     for number, layer in enumerate(found):
-        problem = problems.of(below, grid, layer.brush)
+        problem = problems.of(below, grid, layer.kind)
         guide = problems.guide(problem)
         if guide is None:
             return found
-        above = [(later.strokes, problems.of(canvas, grid, later.brush)) for later in found[number + 1 :]]
+        above = [(later.strokes, problems.of(canvas, grid, later.kind)) for later in found[number + 1 :]]
         seen, wanted = beneath(above, layer.strokes, problem, guide) if above else (problem, guide)
         strokes, paints = relocate(
             layer.strokes, layer.paints, seen, wanted, share=share, proposals=PROPOSALS, generator=generator

@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
+from frida_painter.brush.kinds import kind_of, mark_width
 from frida_painter.compiled import array, compiles_for
 from frida_painter.errors import PlanningDiverged
 from frida_painter.frames import PixelGrid, Rows
-from frida_painter.objectives.objective import Objective
+from frida_painter.objectives.objective import CanvasLoss
 from frida_painter.planning.problem import PlanningProblem
 from frida_painter.planning.variables import Paints, Variables
 from frida_painter.render import Marks, Moments, composite_moments
@@ -96,7 +97,7 @@ def _rows_apart(problem: PlanningProblem) -> int:
     if problem.objective_on_rows is None:
         return 1
     _, pitch = PixelGrid(problem.size, *problem.canvas.shape[1:]).pitch
-    mark = problem.model.frame.top - problem.model.frame.bottom
+    mark = 3 * mark_width(problem.model)
     return max(1, int(min(mark, problem.size.height) / _ROWS_TO_A_MARK / pitch))
 
 
@@ -124,7 +125,7 @@ def stacked_moments(
 
 
 def stacked_loss(
-    strokes: Sequence[Strokes], problems: Sequence[PlanningProblem], objective: Objective | None = None
+    strokes: Sequence[Strokes], problems: Sequence[PlanningProblem], objective: CanvasLoss | None = None
 ) -> Tensor:
     """Returns the expected loss over paintings of the strokes.
 
@@ -136,7 +137,7 @@ def stacked_loss(
 
 
 def stacked_cost(
-    strokes: Sequence[Strokes], problems: Sequence[PlanningProblem], objective: Objective | None = None
+    strokes: Sequence[Strokes], problems: Sequence[PlanningProblem], objective: CanvasLoss | None = None
 ) -> Tensor:
     """Returns the expected loss plus the price of the paint.
 
@@ -162,7 +163,7 @@ class Step:
 
     iteration, of: number of the iteration, and their total.
     loss: loss before the iteration, on the rows that it rendered.
-    laid: each brush and its strokes on the canvas, in painting order.
+    laid: each kind of strokes (`plan.Layer.kind`) and its strokes on the canvas, in painting order.
     """
 
     iteration: int
@@ -240,7 +241,7 @@ def optimize_together(
     ]
     leaves = [leaf for each in variables for leaf in each.leaves]
     problems = [part.problem for part in working]
-    brushes = [problem.model.brush for problem in problems]
+    kinds = [kind_of(problem.model) for problem in problems]
     adam = Adam(leaves, _BETAS)
     best = _Best(variables)
     readings = _Readings(1 if leaves[0].device.type == "cpu" else _READ_TOGETHER)
@@ -262,7 +263,7 @@ def optimize_together(
             break
         adam.forget_gradients()
         torch.autograd.backward(loss)
-        laid = tuple((brush, strokes.detach()) for brush, strokes in zip(brushes, current, strict=True))
+        laid = tuple((kind, strokes.detach()) for kind, strokes in zip(kinds, current, strict=True))
         readings.add(_Reading(iteration, loss.detach(), _zero_unsound_slope(loss, leaves), laid))
         adam.step(pace * 0.5**failures * _step_schedule(iteration, iterations))
         for each, problem in zip(variables, problems, strict=True):

@@ -3,27 +3,32 @@
 import copy
 import itertools
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
 from typing import Any, Final
 
 import torch
 from torch import Tensor
 
-from frida_painter import images
-from frida_painter.brush.kinds import StrokeModel
+from frida_painter import images, registry
+from frida_painter.brush.kinds import StrokeModel, kind_of
 from frida_painter.brush.table import cached_table
-from frida_painter.brush.weights import load_stroke_model
+from frida_painter.brush.weights import AnyBrush, load_stroke_model, weights_of
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.errors import ConfigError, PlanningDiverged
+from frida_painter.errors import ConfigError, FridaError, PlanningDiverged, PluginError
 from frida_painter.frames import PixelGrid
+from frida_painter.images import AnyPicture, as_picture
+from frida_painter.mixing.recipe import PaintSet
 from frida_painter.objectives.attention import weight_by_focus
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.interpretation import interpret_goal, prepare
 from frida_painter.objectives.objective import Goal
-from frida_painter.palette import MAX_COLORS, Palette
+from frida_painter.palette import MAX_COLORS, AnyColor, Palette, as_color
 from frida_painter.plan import Plan
 from frida_painter.planning.forecast import Fading, SimilarityForecast, fading_of, forecast
+from frida_painter.planning.initialisers import find_initialiser
 from frida_painter.planning.layers import (
     Effort,
     LayerAtWork,
@@ -34,12 +39,14 @@ from frida_painter.planning.layers import (
     optimize_layers,
     unheard,
 )
+from frida_painter.planning.mixable import MIXED_PAINTS, MixablePalette, make_mixable
 from frida_painter.planning.optimize import Step, optimize, stacked_cost, stacked_loss
 from frida_painter.planning.placement import Placement, learn
 from frida_painter.planning.problem import PlanningProblems, Region, is_bare, is_lack_of_memory, on_device
-from frida_painter.planning.refine import MOVED, MOVED_WHERE_A_LAYER_BEGINS, bind_to_palette
+from frida_painter.planning.refine import HARDLY_APART, MOVED, MOVED_WHERE_A_LAYER_BEGINS, bind_to_palette
 from frida_painter.planning.settings import PlannerSettings
-from frida_painter.planning.variables import Paints
+from frida_painter.planning.variables import Paints, as_palette
+from frida_painter.provenance import describe_here, hash_code, identify
 
 # Layers: later strokes go on the dry paint of earlier ones, and start light again, as painters work.
 #
@@ -53,15 +60,15 @@ RESERVE = 0.4
 """Default share of the strokes that later layers get together."""
 
 
-def stroke_models(given: StrokeModel | str | Sequence[StrokeModel | str]) -> tuple[StrokeModel, ...]:
-    """Returns the stroke model of each layer, or one for all layers; a name gives the table of that stroke model.
+def stroke_models(given: AnyBrush | Sequence[AnyBrush]) -> tuple[StrokeModel, ...]:
+    """Returns the stroke model of each layer, or one for all layers; a name or file gives the table of its model.
 
-    Raises WeightsError if a named model does not exist, ConfigError if two different models are of one brush.
+    Raises WeightsError if a named model does not exist, ConfigError if two different models are of one kind.
     """
     several = given if isinstance(given, Sequence) and not isinstance(given, str) else (given,)
-    named = {name: cached_table(load_stroke_model(name)) for name in several if isinstance(name, str)}
-    models = tuple(named[one] if isinstance(one, str) else one for one in several)
-    if len({id(one) for one in models}) > len({one.brush for one in models}):
+    named = {str(one): cached_table(load_stroke_model(one)) for one in several if isinstance(one, str | Path)}
+    models = tuple(named[str(one)] if isinstance(one, str | Path) else load_stroke_model(one) for one in several)
+    if len({id(one) for one in models}) > len(set(map(kind_of, models))):
         raise ConfigError("Two stroke models of one brush were given; all layers of a brush have the same one.")
     return models
 
@@ -107,6 +114,14 @@ class Planner:
     device: device for planning. Arguments and results are on the CPU.
     Raises WeightsError if a network for the goal is missing, ConfigError if the numbers of layers, models and
     shares differ.
+
+        >>> import frida_painter as fp
+        >>> settings = fp.PlannerSettings("12x9cm", "fine", strokes=10, colors=3, rows=64, focus="none", effort=0.1)
+        >>> planner = fp.Planner(fp.make_goal("photo.jpg").fit_to(64, 85), settings)
+        >>> plan = planner.plan()
+        >>> picture = planner.expected(plan)
+        >>> len(plan), picture.shape
+        (10, torch.Size([3, 64, 85]))
     """
 
     def __init__(
@@ -119,8 +134,8 @@ class Planner:
     ) -> None:
         size, models = CanvasSize.of(settings.size), stroke_models(settings.model)
         self.size: Final = size
-        self.models: Final[Mapping[str, StrokeModel]] = {one.brush: one for one in models}
-        self.brushes: Final = tuple(one.brush for one in models)  # of each layer, or one for all layers
+        self.models: Final[Mapping[str, StrokeModel]] = {kind_of(one): one for one in models}
+        self.kinds: Final = tuple(map(kind_of, models))  # of each layer, or one for all layers
         layers, shares = settings.layers, settings.shares
         if len(models) > 1 and layers not in (None, 1, len(models)):
             raise ConfigError(f"{layers} layers and {len(models)} brushes were given; give one brush for each layer.")
@@ -129,8 +144,16 @@ class Planner:
         layers = len(models) if len(models) > 1 and layers == 1 else layers
         spent = settings.effort if isinstance(settings.effort, Effort) else Effort().scale(settings.effort)
         spent = spent if all(term.is_pixelwise for term in goal.terms) else spent.for_network_objectives()
-        self.settings: Final = replace(settings, size=size, model=models, effort=spent, layers=layers)
+        ground, darkest = as_color(settings.ground), None if settings.darkest is None else as_color(settings.darkest)
+        self.paints: Final = (
+            PaintSet.of(settings.paints, darkest) if isinstance(settings.paints, str) else settings.paints
+        )
+        self.settings: Final = replace(
+            settings, size=size, model=models, effort=spent, layers=layers, ground=ground, darkest=darkest
+        )
         self.effort: Final = spent
+        find_planner(settings.planner)  # before anything is prepared for it
+        self._initialiser = find_initialiser(settings.initialiser)
         self.fine: Final = PixelGrid.of_height(size, settings.rows)
         self.coarse: Final = PixelGrid.of_height(size, max(settings.rows // 2, 32))
         self.encoders: Final = encoders or EncoderRegistry()
@@ -151,7 +174,7 @@ class Planner:
             initial_objective=initial,
             device=self.device,
             region=settings.region,
-            darkest=settings.darkest,
+            darkest=darkest,
         )
 
     @property
@@ -162,7 +185,7 @@ class Planner:
     @property
     def ground(self) -> tuple[float, float, float]:
         """sRGB of the bare canvas."""
-        return self.settings.ground
+        return as_color(self.settings.ground)
 
     @property
     def region(self) -> Region | None:
@@ -172,11 +195,11 @@ class Planner:
     @property
     def darkest(self) -> tuple[float, float, float] | None:
         """sRGB of the darkest available paint; no stroke is planned darker. None: black."""
-        return self.settings.darkest
+        return self.problems.darkest
 
-    def on_ground(self, ground: tuple[float, float, float]) -> "Planner":
-        """Returns the same planner for a bare canvas of this colour, sRGB."""
-        return self._with(replace(self.settings, ground=ground), self.problems)
+    def on_ground(self, ground: AnyColor) -> "Planner":
+        """Returns the same planner for a bare canvas of this colour."""
+        return self._with(replace(self.settings, ground=as_color(ground)), self.problems)
 
     def keeping_clear(self, region: Region | None) -> "Planner":
         """Returns the same planner with this protected region."""
@@ -195,12 +218,12 @@ class Planner:
 
     def plan(
         self,
-        canvas: Tensor | None = None,
+        canvas: AnyPicture | None = None,
         strokes: int | None = None,
         colors: int | None = None,
         notify: Callable[[Step], None] | None = None,
     ) -> Plan:
-        """Plans strokes for a canvas.
+        """Plans strokes for a canvas, by the planner of the settings.
 
         canvas [3, H, W]: picture of the canvas. None: a bare canvas. A photograph of a bare canvas counts as
         exactly bare; otherwise its noise would change the plan.
@@ -217,8 +240,16 @@ class Planner:
         colors = min(self.settings.colors, max(strokes, 1)) if colors is None else colors
         if not (strokes >= 1 and colors >= 1):
             raise ConfigError(f"{strokes} strokes in {colors} paints were asked for; give at least 1 of each.")
-        if canvas is None or is_bare(images.fit(canvas, self.coarse.rows, self.coarse.columns), self.ground):
+        canvas = self.bare if canvas is None else as_picture(canvas)
+        if is_bare(images.fit(canvas, self.coarse.rows, self.coarse.columns), self.ground):
             canvas = self.bare
+        kind = find_planner(self.settings.planner)
+        made = kind.make(PlanningTask(self, canvas, strokes, colors, notify or unheard))
+        return replace(made, about=(*self._made_with(), *made.about))
+
+    def _plan_in_layers(self, task: "PlanningTask") -> Plan:
+        """Returns the plan of the project's own planner."""
+        canvas, strokes, colors, notify = task.canvas, task.strokes, task.colors, task.notify
         sizes = self.layer_sizes(strokes)
         palettes = len(sizes) if self.settings.new_paints else 1
         if palettes * colors > MAX_COLORS:
@@ -227,11 +258,11 @@ class Planner:
                 f"--colors {MAX_COLORS // palettes} or fewer, or --no-new-paints."
             )
         generator = torch.Generator().manual_seed(self.seed)
-        steps = StepCount(notify or unheard, self.iterations(strokes))
+        steps = StepCount(notify, self.iterations(strokes))
         effort = self.effort.growing_of(len(sizes))
         layers: list[LayerAtWork] = []
         below = canvas
-        for count, brush in zip(sizes, self.layer_brushes(strokes), strict=True):
+        for count, brush in zip(sizes, self.layer_kinds(strokes), strict=True):
             wells = layers[0].paints if layers and not self.settings.new_paints else min(colors, count)
             if layers:
                 below = self._lay(layers[-1], below)
@@ -239,12 +270,71 @@ class Planner:
         if len(layers) > 1 and not self.settings.new_paints:
             layers = [replace(layer, mixes=False) for layer in layers]
         rounds = self.effort.rounds_of(len(layers))
-        first, *later = self._settle(
+        parts = self._settle(
             layers, canvas, steps.begin, rounds, self.effort.polishing, pace=_POLISHING_PACE, generator=generator
         )
+        mixes = [self.settings.new_paints or number == 0 for number in range(len(parts))]
+        numbers = list(range(1, len(parts) + 1))
+        (first, *later), told = self._make_mixable(parts, numbers, mixes, canvas, notify)
         for part in later:
             first = first.under(part)
-        return first
+        return replace(first, about=told) if told else first
+
+    def _made_with(self) -> list[tuple[str, str]]:
+        """Returns facts about a plan: the program, and the weights of each brush, because a plan only names it."""
+        facts = [("made with", identify(describe_here(self.device.type)))]
+        for kind in self.models:
+            with suppress(FridaError):  # a model of somebody's own
+                hashes = " ".join(hash_code(file) for file in weights_of(kind))
+                facts += [(f"weights of {kind}", hashes)] if hashes else []
+        return facts
+
+    def _make_mixable(
+        self,
+        parts: Sequence[Plan],
+        numbers: Sequence[int],
+        mixes: Sequence[bool],
+        canvas: Tensor,
+        notify: Callable[[Step], None],
+        *,
+        sparing: bool = False,
+    ) -> tuple[list[Plan], tuple[tuple[str, str], ...]]:
+        """Returns the layers in paints that can be mixed, and what changed: (filling of the wells, words).
+
+        numbers: number of each layer, from 1.
+        mixes: True for each layer whose paints may change; a layer in the paints of the first one follows it.
+
+        A palette that can be mixed stays as it is. If one changes, all layers are settled together once more.
+        """
+        if self.paints is None:
+            return list(parts), ()
+        found: dict[tuple[float, ...], MixablePalette] = {}
+        told: list[tuple[str, str]] = []
+        for part, number, own in zip(parts, numbers, mixes, strict=True):
+            color = part.palette.color
+            key = tuple(color.flatten().tolist())
+            if key in found or not own:
+                continue
+            users = [other for other in parts if torch.equal(other.palette.color, color)]
+            weight = torch.cat([other.paint for other in users]).bincount(minlength=len(color))
+            found[key] = make_mixable(color, weight, self.paints, HARDLY_APART)
+            if found[key].changes:
+                told.append((f"{MIXED_PAINTS}, layer {number}", "; ".join(map(str, found[key].changes))))
+        if not told:
+            return list(parts), ()
+        layers = []
+        for part in parts:
+            strokes, paints = part.strokes, Paints(part.palette.color, part.paint)
+            made = found.get(tuple(part.palette.color.flatten().tolist()))
+            if made is not None and made.changes:
+                colored = Paints(made.color, made.number[part.paint])
+                strokes, palette, paint = as_palette(strokes, colored)
+                paints = Paints(palette.color, paint)
+            near = Paints(paints.color.to(self.device), paints.paint.to(self.device))
+            layers.append(LayerAtWork(part.layers[0].kind, strokes.to(self.device), near, mixes=False))
+        begin = StepCount(at_the_end(notify), self.effort.replanning).begin
+        settled = self._settle(layers, canvas, begin, 0, self.effort.replanning, pace=_POLISHING_PACE, sparing=sparing)
+        return settled, tuple(told)
 
     def _grow(
         self,
@@ -261,9 +351,9 @@ class Planner:
 
         wells: existing paints, or the number of paints to mix for the layer.
         """
-        begin = partial(steps.begin, below=[(layer.brush, layer.strokes) for layer in below])
+        begin = partial(steps.begin, below=[(layer.kind, layer.strokes) for layer in below])
         problem = self.problems.initial(canvas, self.coarse, brush)
-        found = free_strokes(count, problem, self.problems.guide(problem), effort, generator, begin)
+        found = free_strokes(count, problem, self.problems.guide(problem), effort, generator, begin, self._initialiser)
         wanted = self.problems.of(canvas, self.coarse, brush)
         if isinstance(wells, int):
             times = {"drawing": effort.drawing, "binding": effort.binding}
@@ -311,17 +401,17 @@ class Planner:
         )
         return [self._as_plan(layer) for layer in found]
 
-    def fading(self, plan: Plan, canvas: Tensor) -> Fading:
+    def fading(self, plan: Plan, canvas: AnyPicture) -> Fading:
         """Returns the cost of strokes of the plan that lack paint, on a picture [3, H, W] of the canvas."""
-        return fading_of(plan, canvas, self.problems, self.coarse, self.seed)
+        return fading_of(plan, as_picture(canvas), self.problems, self.coarse, self.seed)
 
-    def without_weakest(self, plan: Plan, canvas: Tensor, count: int) -> Plan:
+    def without_weakest(self, plan: Plan, canvas: AnyPicture, count: int) -> Plan:
         """Returns the plan without the `count` strokes that matter least, on a picture [3, H, W] of the canvas."""
         kept = torch.argsort(self.fading(plan, canvas).without_paint, descending=True)[: len(plan) - count]
         return plan.part(kept.sort().values.tolist())
 
     def bind_to_palette(
-        self, plan: Plan, canvas: Tensor, palette: Palette, notify: Callable[[Step], None] | None = None
+        self, plan: Plan, canvas: AnyPicture, palette: Palette, notify: Callable[[Step], None] | None = None
     ) -> Plan:
         """Returns the plan in the really mixed paints.
 
@@ -337,13 +427,13 @@ class Planner:
         steps = StepCount(notify or unheard, self.effort.polishing * len(parts))
         wells = parts[0].palette
         done: list[Plan] = []
-        below = canvas
+        below = as_picture(canvas)
         for part in parts:
             if torch.equal(part.palette.color, wells.color):
                 paint = palette.nearest(part.strokes.color).to(self.device)
                 paints = Paints(palette.color.to(self.device), paint)
-                layer = LayerAtWork(part.layers[0].brush, part.strokes.to(self.device), paints, mixes=False)
-                begin = partial(steps.begin, below=[(plan.layers[0].brush, plan.strokes) for plan in done])
+                layer = LayerAtWork(part.layers[0].kind, part.strokes.to(self.device), paints, mixes=False)
+                begin = partial(steps.begin, below=[(plan.layers[0].kind, plan.strokes) for plan in done])
                 (part,) = self._settle([layer], below, begin, 0, self.effort.polishing, pace=_POLISHING_PACE)
             done.append(part)
             below = self.expected(part, below)
@@ -352,7 +442,7 @@ class Planner:
     def replan(
         self,
         rest: Plan,
-        canvas: Tensor,
+        canvas: AnyPicture,
         notify: Callable[[Step], None] | None = None,
         rounds: int = 1,
         *,
@@ -369,10 +459,19 @@ class Planner:
         planner tries once more at half the resolution, also without moving strokes far. If that fails or the
         optimiser diverges, the function returns `rest`, except for strokes that would touch the region.
         """
-        rest = self._clear(rest)
+        rest, canvas = self._clear(rest), as_picture(canvas)
         if len(rest) == 0:
             return rest
-        hear = notify or unheard
+        task = PlanningTask(self, canvas, len(rest), self.settings.colors, notify or unheard)
+        kind = find_planner(self.settings.planner)
+        if kind is LAYERS_KIND:
+            return self._replan_in_layers(rest, canvas, task.notify, rounds, fresh=fresh)
+        return self._clear(kind.make_rest(task, rest))
+
+    def _replan_in_layers(
+        self, rest: Plan, canvas: Tensor, hear: Callable[[Step], None], rounds: int = 1, *, fresh: bool = False
+    ) -> Plan:
+        """Returns the rest, planned again by the project's own planner."""
         for sparing in (False, True):
             try:
                 cost = self.cost(rest, canvas)
@@ -407,7 +506,7 @@ class Planner:
         mixed = find_later_mixing(rest, self.settings.new_paints, fresh=fresh)
         layers = [
             LayerAtWork(
-                part.layers[0].brush,
+                part.layers[0].kind,
                 part.strokes.to(self.device),
                 Paints(part.palette.color.to(self.device), part.paint.to(self.device), 0 if number else lightest),
                 mixes,
@@ -418,75 +517,81 @@ class Planner:
         generator = torch.Generator().manual_seed(self.seed + len(rest)) if moving else None
         steps = StepCount(notify, rounds * self.effort.settling + self.effort.replanning)
         last, share = self.effort.replanning, MOVED_WHERE_A_LAYER_BEGINS if fresh else MOVED
-        return rest.with_parts(
-            self._settle(layers, canvas, steps.begin, rounds, last, share=share, generator=generator, sparing=sparing)
+        settled = self._settle(
+            layers, canvas, steps.begin, rounds, last, share=share, generator=generator, sparing=sparing
         )
+        numbers = [number for number, layer in enumerate(rest.layers, 1) if layer.strokes]
+        settled, told = self._make_mixable(settled, numbers, mixed, canvas, notify, sparing=sparing)
+        again = rest.with_parts(settled)
+        return replace(again, about=tuple((dict(rest.about) | dict(told)).items())) if told else again
 
     def towards(self, goal: Goal) -> "Planner":
         """Returns a planner with the same settings for another goal."""
         return Planner(goal, self.settings, encoders=self.encoders, device=self.device)
 
-    def locate(self, painted: Plan, known: Placement, before: Tensor, seen: Tensor) -> Placement:
+    def locate(self, painted: Plan, known: Placement, before: AnyPicture, seen: AnyPicture) -> Placement:
         """Returns the placement learned from the strokes just painted and the canvas [3, H, W] before and after them.
 
         If several layers were painted without a look, only the last layer counts.
         """
+        before, seen = as_picture(before), as_picture(seen)
         *lower, last = painted.filled_layers()
         for part in lower:
             before = self.expected(part, before)
-        coarse, fine = (self.problems.of(before, grid, last.layers[0].brush) for grid in (self.coarse, self.fine))
+        coarse, fine = (self.problems.of(before, grid, last.layers[0].kind) for grid in (self.coarse, self.fine))
         return learn(last.strokes.to(self.device), known, coarse, fine, seen.to(self.device))
 
-    def expected(self, plan: Plan, canvas: Tensor | None = None) -> Tensor:
+    def expected(self, plan: Plan, canvas: AnyPicture | None = None) -> Tensor:
         """Returns the expected canvas [3, H, W] after the plan; the canvas before it is bare by default."""
-        picture = self.bare if canvas is None else canvas
+        picture = self.bare if canvas is None else as_picture(canvas)
         with torch.no_grad():
-            for brush, strokes in plan.by_brush():
+            for brush, strokes in plan.by_kind():
                 picture = self.problems.of(picture, self.fine, brush).render(strokes.to(self.device))
         return images.fit(picture, self.fine.rows, self.fine.columns).cpu()
 
-    def expected_loss(self, plan: Plan, canvas: Tensor) -> float:
+    def expected_loss(self, plan: Plan, canvas: AnyPicture) -> float:
         """Returns the mean distance to the goal over paintings of the plan on a canvas [3, H, W]."""
         return self._judge(stacked_loss, plan, canvas)
 
-    def cost(self, plan: Plan, canvas: Tensor) -> float:
+    def cost(self, plan: Plan, canvas: AnyPicture) -> float:
         """Returns the expected loss plus the price of the paint."""
         return self._judge(stacked_cost, plan, canvas)
 
-    def _judge(self, by: Callable[..., Tensor], plan: Plan, canvas: Tensor) -> float:
-        strokes, problems = self.problems.stack(plan, canvas, self.fine)
+    def _judge(self, by: Callable[..., Tensor], plan: Plan, canvas: AnyPicture) -> float:
+        strokes, problems = self.problems.stack(plan, as_picture(canvas), self.fine)
         with torch.no_grad():
             return float(by(strokes, problems, problems[0].validation))
 
     def forecast(
-        self, plan: Plan, canvas: Tensor, placement: Placement | None = None, unseen: int = 0
+        self, plan: Plan, canvas: AnyPicture, placement: Placement | None = None, unseen: int = 0
     ) -> SimilarityForecast | None:
         """Forecasts the similarity of the plan's painting on a canvas [3, H, W] to its photograph; see forecast.py."""
-        seen = images.resize_by_area(canvas, self.fine.rows, self.fine.columns)
+        seen = images.resize_by_area(as_picture(canvas), self.fine.rows, self.fine.columns)
         return forecast(self.goal, *self.problems.stack(plan, seen, self.fine), placement, unseen)
 
-    def validation_loss(self, picture: Tensor) -> float:
+    def validation_loss(self, picture: AnyPicture) -> float:
         """Returns the distance of a picture [3, H, W] of the canvas to the goal.
 
         The validation objective measures it, if the goal has one.
         """
         with torch.no_grad():
             objective = self.problems.objectives[self.fine]
-            seen = images.fit(picture.to(self.device), self.fine.rows, self.fine.columns)
+            seen = images.fit(as_picture(picture).to(self.device), self.fine.rows, self.fine.columns)
             return float((objective.validation or objective)(seen))
 
     def _as_plan(self, layer: LayerAtWork) -> Plan:
         if layer.mixes:
             layer = layer.with_paints_in_order()
-        limits = self.models[layer.brush].limits.within(self.size)
+        model = self.models[layer.kind]
+        limits = model.limits.within(self.size)
         strokes = layer.strokes.project(limits, self.size).to("cpu")
-        facts: dict[str, Any] = {"canvas": self.size, "brush": layer.brush, "limits": limits, "ground": self.ground}
+        facts: dict[str, Any] = {"canvas": self.size, "brush": model.brush, "limits": limits, "ground": self.ground}
         return self._clear(Plan.of(strokes, Palette(layer.paints.color.cpu()), layer.paints.paint.cpu(), **facts))
 
     def _lay(self, layer: LayerAtWork, canvas: Tensor) -> Tensor:
         """Returns the expected canvas [3, H, W] after the layer."""
         with torch.no_grad():
-            return self.problems.of(canvas, self.fine, layer.brush).render(layer.strokes).cpu()
+            return self.problems.of(canvas, self.fine, layer.kind).render(layer.strokes).cpu()
 
     def _clear(self, plan: Plan) -> Plan:
         """Returns the plan without a stroke that touches the region.
@@ -502,14 +607,113 @@ class Planner:
         layers, shares = self.settings.layers, self.settings.shares
         if layers is None:
             pictures = any(term.guide is not None for term in self.goal.initial_terms)
-            layers = usual_layers(strokes, len(self.brushes)) if pictures else 1
+            layers = usual_layers(strokes, len(self.kinds)) if pictures else 1
         return layer_sizes(strokes, shares if shares is not None and len(shares) == layers else usual_shares(layers))
 
-    def layer_brushes(self, strokes: int) -> tuple[str, ...]:
-        """Returns the brush of each layer of a plan with this many strokes."""
+    def layer_kinds(self, strokes: int) -> tuple[str, ...]:
+        """Returns the kind of strokes of each layer of a plan with this many strokes."""
         layers = len(self.layer_sizes(strokes))
-        return self.brushes[:layers] if len(self.brushes) > 1 else self.brushes * layers
+        return self.kinds[:layers] if len(self.kinds) > 1 else self.kinds * layers
+
+    @property
+    def brushes(self) -> tuple[str, ...]:
+        """Brushes of the layers, each once, in the order of use."""
+        return tuple(dict.fromkeys(model.brush for model in self.models.values()))
 
     def iterations(self, strokes: int) -> int:
         """Number of iterations of a plan with this many strokes."""
         return self.effort.planning(self.layer_sizes(strokes), new_paints=self.settings.new_paints)
+
+
+# Ways to make a plan, of this and other packages.
+
+
+@dataclass(frozen=True)
+class PlanningTask:
+    """Task of a planner.
+
+    planner: settings, goal, problems and measures; `expected` and `expected_loss` judge a plan
+    canvas [3, H, W]: picture of the canvas
+    strokes, colors: number of strokes, and largest number of paints of a palette
+    notify: called after each step; may raise to end the planning
+    """
+
+    planner: Planner
+    canvas: Tensor
+    strokes: int
+    colors: int
+    notify: Callable[[Step], None]
+
+    @property
+    def goal(self) -> Goal:
+        """Goal, with its pictures fitted to the canvas."""
+        return self.planner.goal
+
+    @property
+    def size(self) -> CanvasSize:
+        """Size of the canvas."""
+        return self.planner.size
+
+    @property
+    def seed(self) -> int:
+        """Seed of every random choice."""
+        return self.planner.seed
+
+
+@dataclass(frozen=True)
+class PlannerKind:
+    """Way to make a plan.
+
+    name: as in `--planner NAME`
+    help: one sentence
+    plan: returns a plan for the canvas
+    replan: returns the rest of a plan, planned again for the canvas as it was seen; None keeps the rest as it is
+    """
+
+    name: str
+    help: str
+    plan: Callable[[PlanningTask], Plan]
+    replan: Callable[[PlanningTask, Plan], Plan] | None = None
+
+    def make(self, task: PlanningTask) -> Plan:
+        """Returns the plan. Raises PluginError if it is not what was asked for."""
+        return self._checked(self.plan(task), task, task.strokes)
+
+    def make_rest(self, task: PlanningTask, rest: Plan) -> Plan:
+        """Returns the rest of a plan, planned again. Raises PluginError if it is not what was asked for."""
+        if self.replan is None:
+            return rest
+        again = self._checked(self.replan(task, rest), task, len(rest))
+        if again.layer_sizes != rest.layer_sizes:
+            raise PluginError(f"The planner {self.name!r} returned other layers for the rest of a plan; mend it.")
+        return again
+
+    def _checked(self, made: Plan, task: PlanningTask, strokes: int) -> Plan:
+        """Returns the plan if it is one. A plan checks its own limits when it is made."""
+        if not isinstance(made, Plan):
+            raise PluginError(f"The planner {self.name!r} returned a {type(made).__name__}, not a plan; mend it.")
+        if len(made) != strokes or made.canvas != task.size:
+            raise PluginError(
+                f"The planner {self.name!r} returned {len(made)} strokes on a canvas of {made.canvas} for {strokes} "
+                f"on {task.size}; mend it."
+            )
+        unknown = [kind for kind in made.kinds if kind not in task.planner.models]
+        if unknown:
+            raise PluginError(f"The planner {self.name!r} used the brush {unknown[0]!r}, which was not given; mend it.")
+        return replace(made, ground=task.planner.ground)
+
+
+def find_planner(name: str) -> PlannerKind:
+    """Returns the planner of that name. Raises ConfigError if there is none, PluginError if it is broken."""
+    known = registry.parts(registry.PLANNERS)
+    if name not in known:
+        raise ConfigError(f"There is no planner called {name[:40]!r}; there are {', '.join(known)}.")
+    return known[name].load(PlannerKind)
+
+
+LAYERS_KIND = PlannerKind(
+    "layers",
+    "Layers of strokes that are grown, optimised together and replanned by gradients.",
+    lambda task: task.planner._plan_in_layers(task),
+    lambda task, rest: task.planner._replan_in_layers(rest, task.canvas, task.notify),
+)

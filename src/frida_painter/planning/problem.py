@@ -14,7 +14,7 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError, PlanError
 from frida_painter.frames import ALL_ROWS, PixelGrid, Rows
 from frida_painter.objectives.interpretation import WeightedObjective
-from frida_painter.objectives.objective import Goal, Objective
+from frida_painter.objectives.objective import CanvasLoss, Goal
 from frida_painter.objectives.pixel_loss import spread
 from frida_painter.objectives.style_flow import flow_of
 from frida_painter.plan import Plan
@@ -47,12 +47,12 @@ class PlanningProblem:
     canvas: Tensor
     size: CanvasSize
     model: StrokeModel
-    objective: Objective
-    validation: Objective | None = None
+    objective: CanvasLoss
+    validation: CanvasLoss | None = None
     importance: Tensor | None = None
     flow: Tensor | None = None
     paint_price: float = 0.0
-    objective_on_rows: Callable[[Rows], Objective] | None = None
+    objective_on_rows: Callable[[Rows], CanvasLoss] | None = None
     rows: Rows = ALL_ROWS
     darkest: Tensor | None = None
 
@@ -85,7 +85,7 @@ class PlanningProblem:
         """Spread of the marks of a painting about the stroke model."""
         return spread_of(self.model).widen(_IN_A_PAINTING)
 
-    def expected_loss(self, strokes: Strokes, objective: Objective | None = None) -> Tensor:
+    def expected_loss(self, strokes: Strokes, objective: CanvasLoss | None = None) -> Tensor:
         """Returns the expected loss over paintings of the strokes.
 
         objective: None: the objective of the scene.
@@ -97,8 +97,9 @@ class PlanningProblem:
 
     def paint_cost(self, strokes: Strokes) -> Tensor:
         """Returns the price of the strokes' paint, as a share of the loss."""
-        longest = self.model.limits.length[1]
-        return self.paint_price * painted_area(strokes.length / longest, strokes.thickness, 1.0).sum()
+        family = self.model.limits.family
+        longest = self.model.limits.length[1] * (1.0 if family is None else family.way)
+        return self.paint_price * painted_area(strokes.way() / longest, strokes.thickness, 1.0).sum()
 
 
 def is_bare(canvas: Tensor, ground: tuple[float, float, float]) -> bool:
@@ -161,7 +162,7 @@ class Region:
         """Returns the scene with objectives that gain nothing, and lose much, from strokes on forbidden pixels."""
         forbidden = self.on(PixelGrid(problem.size, *problem.canvas.shape[1:])).to(problem.canvas.device)
 
-        def guard(objective: Objective, rows: Rows = ALL_ROWS) -> Objective:
+        def guard(objective: CanvasLoss, rows: Rows = ALL_ROWS) -> CanvasLoss:
             closed, canvas = rows.of(forbidden), rows.of(problem.canvas)
 
             def guarded(picture: Tensor, variance: Tensor | None = None) -> Tensor:
@@ -222,7 +223,7 @@ class Region:
         """
         found = []
         for part in plan.filled_layers():
-            model = models[part.layers[0].brush]
+            model = models[part.layers[0].kind]
             strokes, kept = self.keep_clear(part.strokes.to(device), model, plan.canvas, rows)
             found.append(replace(part.part(kept.tolist()), strokes=strokes.to("cpu")))
         return plan.with_parts(found)
@@ -277,7 +278,7 @@ def region_of(picture: Tensor, *, only_inside: bool) -> Region:
 class PlanningProblems:
     """Factory of scenes for one goal and one canvas size.
 
-    models: stroke models by brush name.
+    models: stroke models by the kind of strokes.
     objectives: objective of the goal on each grid.
     initial_objective: objective for growing strokes, if it differs.
     device: device of models, objectives and scenes.
@@ -295,16 +296,16 @@ class PlanningProblems:
     darkest: tuple[float, float, float] | None = None
 
     def of(
-        self, canvas: Tensor, grid: PixelGrid, brush: str, objective: WeightedObjective | None = None
+        self, canvas: Tensor, grid: PixelGrid, kind: str, objective: WeightedObjective | None = None
     ) -> PlanningProblem:
-        """Returns the scene of a canvas picture [3, H, W] on a grid, with a brush.
+        """Returns the scene of a canvas picture [3, H, W] on a grid, for strokes of a kind (`Layer.kind`).
 
-        Raises PlanError for an unknown brush.
+        Raises PlanError for an unknown kind.
         """
-        if brush not in self.models:
+        if kind not in self.models:
             known = ", ".join(self.models)
-            raise PlanError(f"The plan is for the brush {brush!r}, and here are {known}; name it in --brushes.")
-        objective, model = objective or self.objectives[grid], self.models[brush]
+            raise PlanError(f"The plan is for the brush {kind!r}, and here are {known}; name it in --brushes.")
+        objective, model = objective or self.objectives[grid], self.models[kind]
         picture = images.fit(canvas.to(self.device), grid.rows, grid.columns)
         matters, way = self._importance(grid), flow_of(self.goal, grid)
         price = PAINT_PRICE if all(term.is_pixelwise for term in self.goal.terms) else 0.0
@@ -313,17 +314,17 @@ class PlanningProblems:
         problem = PlanningProblem(picture, self.size, model, objective, judge, matters, way, price, some, darkest=floor)
         return problem if self.region is None else self.region.guard(problem)
 
-    def initial(self, canvas: Tensor, grid: PixelGrid, brush: str) -> PlanningProblem:
+    def initial(self, canvas: Tensor, grid: PixelGrid, kind: str) -> PlanningProblem:
         """Returns the scene in which strokes are grown."""
-        return self.of(canvas, grid, brush, self.initial_objective)
+        return self.of(canvas, grid, kind, self.initial_objective)
 
     def stack(self, plan: Plan, canvas: Tensor, grid: PixelGrid) -> tuple[list[Strokes], list[PlanningProblem]]:
         """Returns the strokes of each brush in turn, and a scene of the canvas for each.
 
         One of each for an empty plan.
         """
-        runs = plan.by_brush() or [(plan.layers[0].brush, plan.strokes)]
-        return [strokes.to(self.device) for _, strokes in runs], [self.of(canvas, grid, brush) for brush, _ in runs]
+        runs = plan.by_kind() or [(plan.layers[0].kind, plan.strokes)]
+        return [strokes.to(self.device) for _, strokes in runs], [self.of(canvas, grid, kind) for kind, _ in runs]
 
     def guide(self, problem: PlanningProblem) -> Tensor | None:
         """Returns the picture, at the scene's resolution, that shows where strokes are needed, or None."""

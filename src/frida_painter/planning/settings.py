@@ -9,16 +9,14 @@ from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
 from typing import TYPE_CHECKING
 
-from frida_painter.canvas_size import CanvasSize
+from frida_painter.canvas_size import AnyCanvas
 
 if TYPE_CHECKING:
-    from frida_painter.brush.kinds import StrokeModel
+    from frida_painter.brush.weights import AnyBrush
+    from frida_painter.mixing.recipe import PaintSet
+    from frida_painter.palette import AnyColor
     from frida_painter.planning.layers import Effort
     from frida_painter.planning.problem import Region
-
-
-Color = tuple[float, float, float]
-"""sRGB in [0, 1]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +24,7 @@ class PlannerSettings:
     """Settings of a planner.
 
     size: canvas size, such as "14x11in".
-    model: stroke model of the brush, or the name of a brush that comes with the project. With several models, each
+    model: brush: its name, a file of weights or a stroke model. With several models, each
     one paints a layer; the brushes may be the same or different ones.
     strokes, colors: default numbers of strokes and of paints; arguments of `plan` override them.
     rows: height of the planning image in pixels. The start is planned at half this height.
@@ -42,11 +40,19 @@ class PlannerSettings:
     sharpness: how much sharper than the photograph the plan is (objectives/pixel_loss.py).
     ground: colour of the bare canvas.
     darkest: colour of the darkest available paint; no stroke is planned darker. None: black.
+    paints: paints from which the palettes are mixed: "acrylics", a file of paints, or "any" for every colour.
     region: part of the canvas that strokes keep clear of.
+    planner, initialiser: names of the registered ways to plan, and to place the first strokes.
+
+        >>> import frida_painter as fp
+        >>> from dataclasses import replace
+        >>> settings = fp.PlannerSettings("A5", "broad", strokes=50)
+        >>> replace(settings, seed=1).strokes
+        50
     """
 
-    size: CanvasSize | str
-    model: StrokeModel | str | Sequence[StrokeModel | str]
+    size: AnyCanvas
+    model: AnyBrush | Sequence[AnyBrush]
     _: KW_ONLY
     strokes: int = 300
     colors: int = 12
@@ -58,6 +64,9 @@ class PlannerSettings:
     new_paints: bool = True
     focus: str = "faces"
     sharpness: float = 0.3
-    ground: Color = (1.0, 1.0, 1.0)
-    darkest: Color | None = None
+    ground: AnyColor = (1.0, 1.0, 1.0)
+    darkest: AnyColor | None = None
+    paints: PaintSet | str = "acrylics"
     region: Region | None = None
+    planner: str = "layers"
+    initialiser: str = "growth"

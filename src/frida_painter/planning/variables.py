@@ -19,10 +19,12 @@ from torch import Tensor
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.compiled import array, compiles_for
 from frida_painter.palette import Palette, to_lab
-from frida_painter.strokes import StrokeLimits, Strokes
+from frida_painter.stroke_family import Taught
+from frida_painter.strokes import GROUPS, StrokeLimits, Strokes
 
-# First steps of x and y in metres, angle in radians, length and bend in metres, and thickness.
+# First steps of x and y in metres, angle in radians, length and bend in metres, and thickness; then of each code.
 _UNITS = (0.0015, 0.0015, 0.06, 0.002, 0.001, 0.04)
+_CODE_UNIT = 0.1
 _COLOR_UNIT = 0.03
 
 
@@ -45,12 +47,14 @@ class Variables:
 
     With `paints`, each stroke has a colour of the palette, and the palette may vary too. Without `paints`, each
     stroke has its own colour. With `light_to_dark`, the painting order is from light to dark; otherwise it is the
-    given order.
+    given order. The strokes belong to one family, or to none; a family has one more column for each code.
     """
 
     def __init__(self, strokes: Strokes, paints: Paints | None, *, vary_colors: bool, light_to_dark: bool) -> None:
-        self._unit = strokes.angle.new_tensor(_UNITS)
-        self.shape = self._shape_of(strokes).requires_grad_()  # [n, 6]
+        self._taught = None if strokes.taught is None else strokes.taught.detach()
+        codes = 0 if self._taught is None else self._taught.code.shape[1]
+        self._unit = strokes.angle.new_tensor((*_UNITS, *[_CODE_UNIT] * codes))
+        self.shape = self._shape_of(strokes).requires_grad_()  # [n, 6], or more with codes
         free = strokes.color if paints is None else paints.color
         self.color = (free.detach().clone() / _COLOR_UNIT).requires_grad_(vary_colors)  # [n or k, 3]
         self._paints = paints
@@ -69,8 +73,17 @@ class Variables:
         """
         look: Callable[..., tuple[Tensor, ...]] = _AsStrokes.apply
         if self._compiled:
-            return Strokes(*look(self.shape, self.color, self._unit, order, self.paint))
-        return Strokes(*self._plainly(order))
+            groups, taught = look(self.shape, self.color, self._unit, order, self.paint), None
+        else:
+            groups, taught = self._plainly(order), self._coded(order)
+        return Strokes(**dict(zip(GROUPS, groups, strict=True)), taught=taught)
+
+    def _coded(self, order: Tensor | None) -> Taught | None:
+        """Returns the families and codes of the strokes in the given order."""
+        if self._taught is None:
+            return None
+        shape = self.shape if order is None else self.shape[order]
+        return replace(self._taught, code=shape[:, 6:] * _CODE_UNIT)  # all strokes belong to one family
 
     def _plainly(self, order: Tensor | None) -> tuple[Tensor, ...]:
         """Returns the fields of `Strokes` in the given order, by plain PyTorch.
@@ -79,16 +92,16 @@ class Variables:
         """
         order = torch.arange(len(self.shape), device=self.shape.device) if order is None else order
         shape, color = self.shape[order], self.color * _COLOR_UNIT
-        x, y, angle, length, bend, thickness = (shape * self._unit).unbind(1)
+        x, y, angle, length, bend, thickness = (shape * self._unit).unbind(1)[:6]
         cos, sin = torch.cos(angle), torch.sin(angle)
-        # The start, from the middle: the middle is at (l/2, b/2) in the frame of the stroke.
-        start = torch.stack((x - cos * length / 2 + sin * bend / 2, y - sin * length / 2 - cos * bend / 2), -1)
+        along, aside = self._middle(length, bend)
+        start = torch.stack((x - cos * along + sin * aside, y - sin * along - cos * aside), -1)
         return start, angle, length, bend, thickness, color[order if self.paint is None else self.paint[order]]
 
     @property
     def _compiled(self) -> bool:
         """True if compiled loops do the work (variable_kernels.py); otherwise PyTorch does, with the same result."""
-        return compiles_for(self.shape)
+        return self._taught is None and compiles_for(self.shape)
 
     def bring_inside(self, limits: StrokeLimits, size: CanvasSize, in_paint: Callable[[Tensor], Tensor]) -> None:
         """Replaces the strokes by the nearest ones that a machine can paint (`Strokes.project`).
@@ -123,12 +136,21 @@ class Variables:
         """Current colours of the palette and the paint of each stroke; None without a palette."""
         return None if self._paints is None else replace(self._paints, color=self.color.detach() * _COLOR_UNIT)
 
+    def _middle(self, length: Tensor, bend: Tensor) -> tuple[Tensor, Tensor]:
+        """Returns the middle of strokes in their own frames: (l/2, b/2), or the centre of a family's trajectory."""
+        if self._taught is None:
+            return length / 2, bend / 2
+        (family,) = self._taught.families
+        return length * family.middle[0], length * family.middle[1]
+
     def _shape_of(self, strokes: Strokes) -> Tensor:
         strokes = strokes.detach()
         cos, sin = torch.cos(strokes.angle), torch.sin(strokes.angle)
-        x = strokes.position[:, 0] + cos * strokes.length / 2 - sin * strokes.bend / 2
-        y = strokes.position[:, 1] + sin * strokes.length / 2 + cos * strokes.bend / 2
-        return torch.stack((x, y, strokes.angle, strokes.length, strokes.bend, strokes.thickness), -1) / self._unit
+        along, aside = self._middle(strokes.length, strokes.bend)
+        x = strokes.position[:, 0] + cos * along - sin * aside
+        y = strokes.position[:, 1] + sin * along + cos * aside
+        shape = torch.stack((x, y, strokes.angle, strokes.length, strokes.bend, strokes.thickness), -1)
+        return (shape if strokes.taught is None else torch.cat((shape, strokes.taught.code), 1)) / self._unit
 
 
 class _AsStrokes(torch.autograd.Function):

@@ -17,7 +17,7 @@ from frida_painter.errors import CalibrationError
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.robot import Waypoints
 from frida_painter.procedures.paper import EaselAccess, Trial, TrialPaper, ceiling
-from frida_painter.sheet import CREAM, INK, LINE, SOFT, Sheet
+from frida_painter.sheet import CREAM, INK, LINE, SOFT, Grid, Sheet
 
 # Picture of a brush calibration: trial strokes from the lightest to the hardest, with their widths.
 
@@ -39,12 +39,10 @@ def brush_sheet(trials: Sequence[Trial], touch: float, press: float) -> Tensor:
     sheet = Sheet(_COLUMNS, _ROWS, CREAM)
     title = "Short strokes, pressed ever harder (millimetres below the lightest touch)"
     sheet.text((_MARGIN, 20), title, 20, INK)
-    width = (_COLUMNS - 2 * _MARGIN - _GAP * (_SHOWN - 1)) // _SHOWN
+    strip = Grid.divide(_COLUMNS - 2 * _MARGIN, _MARGIN, _STRIP_TOP, _SHOWN, _STRIP_HEIGHT, across=_GAP)
     for number, trial in enumerate(_chosen(trials, touch)):
-        left = _MARGIN + number * (width + _GAP)
-        sheet.paste(_look(trial, width), (left, _STRIP_TOP))
         depth = f"{round(1000 * (touch - trial.height), 1) + 0:.1f}" if trial.marked else "no mark"
-        sheet.text((left + width / 2, _STRIP_TOP + _STRIP_HEIGHT + 6), depth, 17, SOFT, "ma")
+        sheet.cell(strip.corner(number), _look(trial, strip.width), depth, size=17, gap=6)
     sheet.paste(_plot(trials, touch, press), (0, _PLOT_TOP))
     return sheet.tensor()
 
@@ -104,7 +102,7 @@ def _plot(trials: Sequence[Trial], touch: float, press: float) -> Image.Image:
             plot.draw.ellipse(dot, fill=INK if trial.marked else CREAM, outline=INK, width=_FINER)
     below = "mm below the lightest touch; up: width of the mark, mm; open dots: no mark"
     plot.text((right, bottom + 60), below, 17 * _FINER, SOFT, "ra")
-    return plot.image.resize(size, Image.Resampling.LANCZOS)
+    return plot.shrink(*size)
 
 
 def _ticks(most: float) -> list[float]:

@@ -17,7 +17,7 @@ from frida_painter.images import from_uint8
 from frida_painter.perception.flatfield import bare_canvas
 from frida_painter.perception.landmarks import Outline, find_canvas, trace_outline
 from frida_painter.procedures.paper import EaselAccess
-from frida_painter.sheet import CREAM, SOFT, Sheet
+from frida_painter.sheet import CREAM, Grid, Sheet
 
 # Picture of a canvas calibration: the outline on the photograph, and each corner magnified.
 
@@ -33,8 +33,8 @@ def corner_sheet(photograph: NDArray[np.uint8], outline: Outline) -> Tensor:
     """Returns the picture, sRGB [3, h, w] in [0, 1]: the photograph on the left, the four corners on the right."""
     scale = (_ROWS - _HEAD - _MARGIN) / photograph.shape[0]
     size = (round(photograph.shape[1] * scale), _ROWS - _HEAD - _MARGIN)
-    left = _MARGIN + size[0] + _GAP
-    sheet = Sheet(left + 2 * _SIDE + _GAP + _MARGIN, _ROWS, CREAM)
+    corners = Grid(_MARGIN + size[0] + _GAP, _HEAD, 2, _SIDE, _SIDE, across=_GAP, down=_GAP + 40)
+    sheet = Sheet(corners.right + _MARGIN, _ROWS, CREAM)
     edge = _edge(outline)
     seen = np.asarray(cv2.resize(photograph, size, interpolation=cv2.INTER_AREA), np.uint8)
     _trace(seen, (edge + 0.5) * scale - 0.5, 2)
@@ -42,14 +42,13 @@ def corner_sheet(photograph: NDArray[np.uint8], outline: Outline) -> Tensor:
         _ring(seen, column, row, 9)
     sheet.paste(seen, (_MARGIN, _HEAD))
     # The magnified corners are arranged as on the canvas.
-    for number, (across, down) in enumerate(((0, 0), (1, 0), (1, 1), (0, 1))):
-        place = (left + across * (_SIDE + _GAP), _HEAD + down * (_SIDE + _GAP + 40))
-        sheet.paste(_magnify(photograph, outline, edge, number), place)
+    for number, place in enumerate((0, 1, 3, 2)):
         column, row = outline.corners[number]
         text = f"{_NAMES[number]}  {column:.1f}, {row:.1f}"
-        sheet.text((place[0], place[1] + _SIDE + 6), text, 18, SOFT)
+        glass = _magnify(photograph, outline, edge, number)
+        sheet.cell(corners.corner(place), glass, text, size=18, gap=6, anchor="la")
     sheet.text((_MARGIN, 20), "The canvas as it was found", 20)
-    sheet.text((left, 20), f"Its corners, {_SIDE / _GLASS:g} times as large", 20)
+    sheet.text((corners.left, 20), f"Its corners, {_SIDE / _GLASS:g} times as large", 20)
     return sheet.tensor()
 
 

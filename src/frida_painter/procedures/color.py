@@ -32,12 +32,13 @@ from frida_painter.perception.flatfield import FlatField
 from frida_painter.perception.rectify import rectified_pixels, rectify
 from frida_painter.perception.srgb import to_linear, to_srgb
 from frida_painter.procedures.paper import EaselAccess
-from frida_painter.sheet import CREAM, INK, SOFT, Sheet, to_bytes
+from frida_painter.sheet import CREAM, INK, SOFT, Grid, Sheet, to_bytes
 
 # Picture of a colour calibration: the checker in the photograph, and each patch as seen, mapped and true.
 
 _ROWS, _COLUMNS = 650, 1500
-_LEFT, _TOP, _PITCH, _SIDE, _DISC = 612, 56, 144, 110, 29
+_SIDE, _DISC = 110, 29
+_PATCHES = Grid(612, 56, ACROSS, _SIDE, _SIDE, across=34, down=24)
 _PHOTOGRAPH = (40, 56, 532, 508)  # left, top, width, height
 _FINER = 3
 
@@ -55,16 +56,13 @@ def checker_sheet(
     sheet.paste(_excerpt(photograph, readings), _PHOTOGRAPH[:2])
     seen, known = to_srgb(readings.light), to_srgb(true)
     mapped = to_srgb(even @ affine[:, :3].T + affine[:, 3])
-    for number in range(len(seen)):
-        row, column = divmod(number, ACROSS)
-        left, top = _LEFT + _PITCH * column, _TOP + (_PITCH - 10) * row
-        sheet.paste(_patch(*(to_bytes(colors[number]) for colors in (seen, mapped, known))), (left, top))
-        text = f"{float(off[number]):.1f}"
-        sheet.text((left + _SIDE / 2, top + _SIDE + 3), text, 16, SOFT, "ma")
+    for number, place in enumerate(_PATCHES.corners(len(seen))):
+        patch = _patch(*(to_bytes(colors[number]) for colors in (seen, mapped, known)))
+        sheet.cell(place, patch, f"{float(off[number]):.1f}", size=16, gap=3)
     sheet.text((_PHOTOGRAPH[0], 20), "The checker as it was found", 20, INK)
-    sheet.text((_LEFT, 20), "Left half: as photographed. Right half: corrected. Disc: true.", 20, INK)
+    sheet.text((_PATCHES.left, 20), "Left half: as photographed. Right half: corrected. Disc: true.", 20, INK)
     foot = f"Below: CIEDE2000 of patches that the fit did not see, {float(off.mean()):.2f} on average"
-    sheet.text((_LEFT, _ROWS - 46), foot, 18, SOFT)
+    sheet.text((_PATCHES.left, _ROWS - 46), foot, 18, SOFT)
     return sheet.tensor()
 
 
@@ -90,7 +88,7 @@ def _patch(seen: tuple[int, ...], mapped: tuple[int, ...], true: tuple[int, ...]
     patch = Sheet(side, side, mapped)
     patch.draw.rectangle((0, 0, middle - 1, side), fill=seen)
     patch.draw.ellipse((middle - disc, middle - disc, middle + disc, middle + disc), fill=true)
-    return patch.image.resize((_SIDE, _SIDE), Image.Resampling.LANCZOS)
+    return patch.shrink(_SIDE, _SIDE)
 
 
 WORST_MEAN = 3.0
@@ -154,7 +152,8 @@ def color(easel: Easel, *, ground: tuple[float, float, float] = WHITE) -> Proced
     Raises CalibrationError if there is no chart or the map would be wrong, FrameRejected if the canvas is not bare,
     CameraError.
     """
-    if not easel.operator.take_checker_away():
+    away, bare = easel.operator.take_checker_away(), easel.operator.lay_paper()  # the robot procedure painted dots
+    if not (away and bare):
         yield Confirm("Is the canvas bare, with nothing lying on it?")
     access, grid = EaselAccess(easel), PixelGrid.of_height(easel.canvas, _COLOR_ROWS)
     field = FlatField.learn(rectify(access.photograph().image, easel.calibration, grid), ground)

@@ -32,6 +32,7 @@ from frida_painter.perception.rectify import rectify
 from frida_painter.perception.registration import PaperEdge
 from frida_painter.perception.srgb import to_linear, to_srgb
 from frida_painter.session.observer import Photographer
+from frida_painter.stroke_family import CODE_REACH, Taught
 from frida_painter.strokes import Strokes
 
 # Access of procedures to an easel: motions, and photographs with the arm out of view.
@@ -223,11 +224,15 @@ _MAX_INK = 3e-6  # m2 that may already be inked in the crop of a new stroke
 
 @dataclass(frozen=True)
 class Shapes:
-    """Varied parameters of a library's strokes, each [n]."""
+    """Varied parameters of a library's strokes, each [n].
+
+    taught: families and codes of strokes of a family, whose bends are 0
+    """
 
     thickness: Tensor
     length: Tensor
     bend: Tensor
+    taught: Taught | None = None
 
     @classmethod
     def sample(cls, kind: BrushKind, count: int, seed: int) -> "Shapes":
@@ -238,11 +243,23 @@ class Shapes:
         chance = torch.Generator().manual_seed(seed)
         thickness, along, aside = torch.rand(count, 3, generator=chance).T.contiguous()
         (shortest, longest), (least, most) = kind.limits.length, kind.limits.bend
-        return cls(thickness, shortest + along * (longest - shortest), least + aside * (most - least))
+        family, taught = kind.limits.family, None
+        if family is not None:
+            chance = torch.Generator().manual_seed(seed + 1)
+            code = CODE_REACH * (2 * torch.rand(count, family.codes, generator=chance) - 1)
+            taught = Taught.of(family, code)
+        return cls(thickness, shortest + along * (longest - shortest), least + aside * (most - least), taught)
 
     def __getitem__(self, index: int) -> "Shapes":
         chosen = slice(index, index + 1)
-        return Shapes(self.thickness[chosen], self.length[chosen], self.bend[chosen])
+        taught = None if self.taught is None else self.taught[chosen]
+        return Shapes(self.thickness[chosen], self.length[chosen], self.bend[chosen], taught)
+
+    def strokes(self, position: Tensor) -> Strokes:
+        """Returns black strokes of these shapes that head along x from their starts [n, 2]."""
+        count = len(self.length)
+        black = torch.full((count, 3), BLACK)
+        return Strokes(position, torch.zeros(count), self.length, self.bend, self.thickness, black, self.taught)
 
 
 @dataclass(frozen=True)
@@ -340,10 +357,7 @@ class Paper:
         here = self.crop.around(row, column)
         occupied = self._area((self._before < _BARE) & self._inner, here) > _MAX_INK
         position = self._grid.to_canvas(torch.tensor([[column, row]], dtype=torch.float64))
-        stroke = Strokes(
-            position, torch.zeros(1), shape.length, shape.bend, shape.thickness, torch.full((1, 3), BLACK)
-        )  # fmt: skip
-        stroking = self._motion.stroke(stroke, 0, "stroke for the library")
+        stroking = self._motion.stroke(shape.strokes(position), 0, "stroke for the library")
         self._access.perform((self._motion.dip(0), stroking) if refill else (stroking,))
         before = self._magnitude(here)
         flaw = self._look_again(here)

@@ -232,10 +232,11 @@ def _grid(size: CanvasSize) -> PixelGrid:
 def _motions(easel: Easel, places: NDArray[np.float64]) -> Iterator[Waypoints]:
     """Yields a dip and a vertical touch for every dot, without the calibrated placement."""
     motion = Motion(easel.workspace, easel.calibration)
-    down = easel.calibration.height(np.array([_TOUCH]))
-    above = np.array([easel.calibration.touch_height + easel.workspace.hover])
+    touch = easel.calibration.height(np.array([_TOUCH]))
+    above = np.array([easel.calibration.highest_touch + easel.workspace.hover])
     for number, place in enumerate(places[:, None]):
         yield motion.dip(0)
+        down = touch + easel.calibration.unevenness(place)
         path = np.concatenate([easel.workspace.to_robot(place, height) for height in (above, down, above)])
         yield Waypoints(f"dot {number + 1}", path, easel.workspace.painting_speed)
 

@@ -18,7 +18,7 @@ from torch import Tensor
 from frida_painter import storage, tensor_file
 from frida_painter.brush import MAX_BETWEEN_REFILLS, MAX_STROKES
 from frida_painter.brush.bezier import BezierStroke, RibbonShape, fit_bezier
-from frida_painter.brush.kinds import BrushKind, painted_area
+from frida_painter.brush.kinds import BrushKind
 from frida_painter.brush.library import Flaw, StrokeLibrary, clean, estimate_dip, judge, judge_marks
 from frida_painter.calibration import Calibration, LearnedFile
 from frida_painter.easel.dialogue import Confirm, Procedure
@@ -27,7 +27,7 @@ from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.motion import Motion
 from frida_painter.palette import Palette
 from frida_painter.procedures.paper import BLACK, Crop, EaselAccess, Paper, Print, Shapes
-from frida_painter.sheet import INK, LINE, PAPER, SOFT, WARNING, Sheet, font
+from frida_painter.sheet import INK, LINE, PAPER, SOFT, WARNING, Grid, Sheet, font
 
 # Recordings: stroke libraries in progress, with every stroke on the disk as soon as it is photographed.
 # The strokes are in a folder beside the library until it is complete. After a crash the same call continues.
@@ -67,6 +67,7 @@ class RecordingSettings:
             "count": self.count,
             "seed": self.seed,
             "refill_every": self.refill_every,
+            **({} if limits.family is None else {"family": limits.family.digest}),
         }
 
 
@@ -172,11 +173,10 @@ def contact_sheet(library: StrokeLibrary, title: str) -> Tensor:
     flaws = judge(library)
     shown = _chosen(flaws)
     shown = shown[np.argsort(library.recorded_index[shown], kind="stable")]
-    grid = _Grid.of(len(shown), *library.magnitude.shape[1:])
-    sheet = Sheet(_WIDTH, _HEAD + grid.rows * (grid.height + _CAPTION + _GAP) + _MARGIN - _GAP)
+    grid = _cells(len(shown), *library.magnitude.shape[1:])
+    sheet = Sheet(_WIDTH, grid.bottom(len(shown)) + _CAPTION + _MARGIN)
     _head(sheet, flaws, len(shown), title)
-    for place, index in enumerate(shown):
-        left, top = grid.corner(place)
+    for index, (left, top) in zip(shown, grid.corners(len(shown)), strict=True):
         flaw = Flaw(flaws[index])
         sheet.paste(_cell(library.magnitude[index], grid, flaw), (left, top))
         frame = (left - 1, top - 1, left + grid.width, top + grid.height)
@@ -185,29 +185,14 @@ def contact_sheet(library: StrokeLibrary, title: str) -> Tensor:
     return sheet.tensor()
 
 
-@dataclass(frozen=True)
-class _Grid:
-    """Grid of the page's cells, pixels."""
-
-    columns: int
-    rows: int
-    width: int
-    height: int
-
-    @classmethod
-    def of(cls, count: int, rows: int, columns: int) -> "_Grid":
-        """Returns cells from 96 to 260 pixels wide, so that the page is about square."""
-        room = _WIDTH - 2 * _MARGIN
-        aspect = rows / columns
-        wanted = np.sqrt(room * room / max(count, 1) / max(aspect, 0.2))
-        across = round(room / float(np.clip(wanted, 96, 260)))
-        width = (room - _GAP * (across - 1)) // across
-        return cls(across, -(-count // across), width, max(24, round(width * aspect)))
-
-    def corner(self, place: int) -> tuple[int, int]:
-        """Returns left and top of a cell."""
-        row, column = divmod(place, self.columns)
-        return _MARGIN + column * (self.width + _GAP), _HEAD + row * (self.height + _CAPTION + _GAP)
+def _cells(count: int, rows: int, columns: int) -> Grid:
+    """Returns cells from 96 to 260 pixels wide for `count` marks of this shape, so that the page is about square."""
+    room = _WIDTH - 2 * _MARGIN
+    aspect = rows / columns
+    wanted = np.sqrt(room * room / max(count, 1) / max(aspect, 0.2))
+    across = round(room / float(np.clip(wanted, 96, 260)))
+    grid = Grid.divide(room, _MARGIN, _HEAD, across, 0, across=_GAP, down=_CAPTION + _GAP)
+    return replace(grid, height=max(24, round(grid.width * aspect)))
 
 
 def _chosen(flaws: NDArray[np.uint8]) -> NDArray[np.int64]:
@@ -240,7 +225,7 @@ def _caption(sheet: Sheet, number: int, flaw: Flaw, left: int, top: int, width: 
         sheet.text((left + width, top), flaw.words, 12, WARNING, "ra")
 
 
-def _cell(mark: NDArray[np.uint8], grid: _Grid, flaw: Flaw) -> NDArray[np.uint8]:
+def _cell(mark: NDArray[np.uint8], grid: Grid, flaw: Flaw) -> NDArray[np.uint8]:
     """Returns a mark as black paint on paper, [height, width, 3]."""
     smaller = grid.width < mark.shape[1]
     size = (grid.width, grid.height)
@@ -254,6 +239,7 @@ _MIN_CLEAN = 0.5
 _MIN_PAINT = 0.1  # share of length times brush width; less counts as an empty stroke
 _FIT_STEPS = 60
 _TRIES = 3
+_PATH_POINTS = 193  # of the path of a stroke of a family
 
 
 @dataclass(frozen=True)
@@ -361,7 +347,7 @@ def strokes(
         since_dip = 0.0 if on_brush == 0 else since_dip
         stroke = replace(paper.paint(shapes[number], refill=on_brush == 0), since_dip=since_dip)
         on_brush = (on_brush + 1) % refill_every
-        since_dip += float(painted_area(shapes[number].length, shapes[number].thickness, kind.width))
+        since_dip += float(kind.area(shapes[number].strokes(torch.zeros(1, 2))))
         recording.keep(number, stroke)
         flaw = stroke.flaw or _seems_empty(stroke, shapes[number], kind, crop.pitch)
         running = [*running, number] if flaw and flaw is not Flaw.MOVED else []
@@ -424,8 +410,17 @@ def _fresh_paper(access: EaselAccess, kind: BrushKind, last: Paper | None, kept:
 def _seems_empty(stroke: Print, shape: Shapes, kind: BrushKind, pitch: float) -> Flaw:
     """Returns Flaw.EMPTY if there is almost no paint, judged without the other strokes."""
     area = float(stroke.mark.sum(dtype=np.int64)) / 255 * pitch**2
-    least = _MIN_PAINT * kind.width * float(shape.length)
+    least = _MIN_PAINT * kind.width * float(shape.strokes(torch.zeros(1, 2)).way())
     return Flaw.EMPTY if area < least * (0.2 + 0.8 * float(shape.thickness)) else Flaw.NONE
+
+
+def _taught(shapes: Shapes) -> tuple[NDArray[np.float32] | None, NDArray[np.float32] | None]:
+    """Returns codes and paths of strokes of a family for their library; None for plain strokes."""
+    if shapes.taught is None:
+        return None, None
+    strokes = shapes.strokes(torch.zeros(len(shapes.length), 2))
+    path = strokes.path(torch.linspace(0, 1, _PATH_POINTS))
+    return shapes.taught.code.numpy(), path.numpy()
 
 
 def _finding(
@@ -433,6 +428,7 @@ def _finding(
 ) -> StrokesFinding:  # fmt: skip
     count = recording.settings.count
     prints = [recording.prints[number] for number in range(count)]
+    code, path = _taught(shapes)
     library = StrokeLibrary(
         magnitude=np.stack([stroke.mark for stroke in prints]),
         length_m=shapes.length.numpy(),
@@ -442,6 +438,8 @@ def _finding(
         origin_px=(float(crop.above), float(crop.left)),
         recorded_index=np.arange(count, dtype=np.int32),
         since_dip=np.array([stroke.since_dip for stroke in prints], np.float32),
+        code=code,
+        path_m=path,
     )
     seen = np.array([stroke.flaw for stroke in prints], np.uint8)
     library = replace(library, flaws=np.where(seen > 0, seen, judge_marks(library)).astype(np.uint8))

@@ -61,7 +61,7 @@ def _away(red, green, blue, paint):
 
 
 @triton.jit
-def _laid(red, green, blue, variance, paint, cover, share, full):
+def _lay(red, green, blue, variance, paint, cover, share, full):
     """Returns the moments after a stroke of mean coverage `cover`."""
     from_red, from_green, from_blue, apart = _away(red, green, blue, paint)
     keeps = 1 - cover
@@ -118,12 +118,12 @@ def lay(
             _, right, below, v_0, v_1, v_2, v_3, _, _, _, _ = _cells(maps, affine, stroke, x, y, inside, rows, columns)
             cover = _cover(right, below, v_0, v_1, v_2, v_3)
             paint = color + 3 * stroke
-            red, green, blue, variance = _laid(red, green, blue, variance, paint, cover, share, full)
+            red, green, blue, variance = _lay(red, green, blue, variance, paint, cover, share, full)
     _store(moments, at, plane, inside, red, green, blue, variance)
 
 
 @triton.jit
-def _pulled(red, green, blue, variance, paint, cover, share, full, to_red, to_green, to_blue, to_variance):
+def _pull_back(red, green, blue, variance, paint, cover, share, full, to_red, to_green, to_blue, to_variance):
     """Returns gradients of one stroke: of its coverage, of its paint (three), and of the four moments below it."""
     from_red, from_green, from_blue, apart = _away(red, green, blue, paint)
     keeps, bare = 1 - cover, tl.maximum(full - cover, 0)
@@ -195,7 +195,7 @@ def pull(
                 )
                 cover = _cover(right, below, v_0, v_1, v_2, v_3)
                 paint = color + 3 * stroke
-                red, green, blue, variance = _laid(red, green, blue, variance, paint, cover, share, full)
+                red, green, blue, variance = _lay(red, green, blue, variance, paint, cover, share, full)
         tl.debug_barrier()  # threads of the program read what other threads wrote
         for index in range(count):
             stroke = first + count - 1 - index
@@ -207,7 +207,7 @@ def pull(
                 )
                 cover = _cover(right, below, v_0, v_1, v_2, v_3)
                 paint, sums = color + 3 * stroke, to_strokes + 9 * stroke
-                slope, of_red, of_green, of_blue, to_red, to_green, to_blue, to_variance = _pulled(
+                slope, of_red, of_green, of_blue, to_red, to_green, to_blue, to_variance = _pull_back(
                     red, green, blue, variance, paint, cover, share, full, to_red, to_green, to_blue, to_variance
                 )
                 slope = tl.where(inside, slope, 0)

@@ -16,9 +16,10 @@ from frida_painter.brush.kinds import StrokeModel
 from frida_painter.easel.kinds import ARM_FILM
 from frida_painter.errors import ImageError, StorageError
 from frida_painter.export.vector import plan_widths, svg, table
-from frida_painter.mixing.recipe import Recipe
+from frida_painter.mixing.recipe import PaintSet, Recipe
 from frida_painter.plan import Plan
 from frida_painter.planning.forecast import SimilarityForecast
+from frida_painter.planning.mixable import mixing_changes
 from frida_painter.report.film import FilmWriter, Sketchbook
 from frida_painter.report.page import write_page
 from frida_painter.report.sheets import RecipeSheets, difference
@@ -62,6 +63,9 @@ class Recorder:
     models: stroke models of the brushes, by name
     timelapse_frames: expected number of the film's frames
     before: earlier runs from the journal; None if there are none
+    has_camera: False if no camera looks at the canvas, so that the film shows what is expected
+    watched: False if nobody photographed the finished canvas either
+    owned: paints for the recipes; None for six common acrylics
 
     Every file is either complete or absent. During the painting, pictures are left out if the disk is full.
     Raises StorageError if the page or the painting cannot be written.
@@ -75,6 +79,9 @@ class Recorder:
     models: Mapping[str, StrokeModel]
     timelapse_frames: int
     before: History | None = None
+    has_camera: bool = True
+    watched: bool = True
+    owned: PaintSet | None = None
     _plan: Plan | None = field(default=None, init=False)
     _first_expected: Tensor | None = field(default=None, init=False)
     _looks: list[Look] = field(default_factory=list, init=False)
@@ -96,7 +103,7 @@ class Recorder:
 
     def __enter__(self) -> Self:
         self._started = time.monotonic()
-        self._sketchbook, self._sheets = Sketchbook(self.folder), RecipeSheets(self.folder)
+        self._sketchbook, self._sheets = Sketchbook(self.folder), RecipeSheets(self.folder, self.owned)
         if self.before is not None:
             self._dips, self._cleanings = self.before.dips, self.before.cleanings
             self._started -= self.before.seconds
@@ -265,16 +272,17 @@ class Recorder:
     def _compare(self, photograph: Tensor, first_expected: Tensor) -> tuple[Comparison, ...]:
         """Returns comparisons of plan, painting and, if there is one, target, at the plan's resolution."""
         rows, columns = first_expected.shape[1:]
+        if not self.watched:  # nobody knows how near the painting came
+            wanted = None if self.target is None else images.fit(self.target, rows, columns)
+            label = "The first plan against the photograph"
+            return () if wanted is None else (compare(label, first_expected, wanted),)
         painted = images.fit(photograph, rows, columns)
         against_plan = compare("The painting against the first plan", painted, first_expected)
         if self.target is None:
             return (against_plan,)
         target = images.fit(self.target, rows, columns)
-        return (
-            compare("The first plan against the photograph", first_expected, target),
-            compare("The painting against the photograph", painted, target),
-            against_plan,
-        )
+        planned = compare("The first plan against the photograph", first_expected, target)
+        return (planned, compare("The painting against the photograph", painted, target), against_plan)
 
     def _story(self, plan: Plan, painting: Painting, comparisons: tuple[Comparison, ...]) -> Story:
         painted = painting.painted
@@ -283,6 +291,7 @@ class Recorder:
         looked = f", {count_of(len(self._looks), 'look')} in between" if self._looks else ""
         facts = (
             *self.facts,
+            *mixing_changes(plan).items(),
             ("Strokes", f"{painted} of {of}"),
             *[(_forecast_by(done), str(one)) for done, one in self._forecasts[:1]],
             ("Dips into paint", str(self._dips)),
@@ -307,6 +316,8 @@ class Recorder:
             facts=facts,
             downloads=_DOWNLOADS,
             stopped=self._stopped,
+            watched=self.watched,
+            has_camera=self.has_camera,
             arm_film=ARM_FILM if (self.folder / ARM_FILM).exists() else None,
         )
 
@@ -341,6 +352,7 @@ class Recorder:
                 "version": 1,
                 "title": self.title,
                 "stopped": self._stopped,
+                "photographed": self.watched,
                 "settings": self.settings,
                 "strokes_planned": len(plan),
                 "strokes_painted": painting.painted - len(self._given_up),

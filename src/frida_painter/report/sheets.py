@@ -3,7 +3,7 @@
 import math
 from collections.abc import Collection, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -19,11 +19,11 @@ from frida_painter.errors import StorageError
 from frida_painter.hardware.motion import STIR_RADIUS
 from frida_painter.hardware.robot import BrushRack, Point, Workspace
 from frida_painter.mixing.paint import usual_paints
-from frida_painter.mixing.recipe import GOOD, Recipe, recipes, volumes
+from frida_painter.mixing.recipe import GOOD, PaintSet, Recipe, volumes
 from frida_painter.palette import Palette, to_hex, to_lab
 from frida_painter.plan import Plan
 from frida_painter.report.story import PaintFacts, paints
-from frida_painter.sheet import INK, LINE, PAPER, SOFT, WARNING, Sheet, font, shorten, to_bytes
+from frida_painter.sheet import A4, INK, LINE, PAPER, SOFT, WARNING, Grid, Sheet, font, scale, shorten, to_bytes
 
 # Figures: pictures side by side on one sheet, with headings, labels and captions.
 
@@ -61,46 +61,30 @@ def page(
     width: of every picture, pixels
     framed: True for a thin line around every picture, for pictures on white
     """
-    columns = max(len(line.cells) for line in lines)
     left = _MARGIN + max(_extent(part, _TEXT) for line in lines for part in line.label.split("\n")) + _GAP
     if left == _MARGIN + _GAP:
         left = _MARGIN
     top = _MARGIN + (_TITLE + 18 if title else 0) + (_TEXT + 12 if headings else 0)
     heights = [_height(line, width) for line in lines]
-    total_width = left + columns * (width + _GAP) - _GAP + _MARGIN
-    sheet = Sheet(total_width, top + sum(heights) + _MARGIN - _GAP)
+    grid = Grid(left, top, max(len(line.cells) for line in lines), width, 0, across=_GAP)
+    sheet = Sheet(grid.right + _MARGIN, top + sum(heights) + _MARGIN - _GAP)
     sheet.text((_MARGIN, _MARGIN - 4), title, _TITLE, INK)
-    for column, heading in enumerate(headings):
-        middle = left + column * (width + _GAP) + width / 2
-        sheet.text((middle, top - 10), heading, _TEXT, INK, "ms")
+    for heading, (x, y) in zip(headings, grid.corners(len(headings)), strict=True):
+        sheet.text((x + width / 2, y - 10), heading, _TEXT, INK, "ms")
     for line, height in zip(lines, heights, strict=True):
-        _draw_line(sheet, line, left, top, width, height, framed)
-        top += height
+        _draw_line(sheet, line, grid, LINE if framed else None)
+        grid = replace(grid, top=grid.top + height)
     return sheet.tensor()
 
 
-def _draw_line(
-    sheet: Sheet,
-    line: FigureRow,
-    left: int,
-    top: int,
-    width: int,
-    height: int,
-    framed: bool,
-) -> None:
-    tall = max((_rows(cell, width) for cell in line.cells if cell), default=0)
-    sheet.draw.multiline_text((_MARGIN, top + tall / 2), line.label, fill=INK, font=font(_TEXT), anchor="lm", spacing=5)
-    for column, cell in enumerate(line.cells):
-        if cell is None:
-            continue
-        x = left + column * (width + _GAP)
-        rows = _rows(cell, width)
-        picture = Image.fromarray(images.to_uint8(cell.picture)).resize((width, rows), Image.Resampling.LANCZOS)
-        sheet.paste(picture, (x, top))
-        if framed:
-            sheet.draw.rectangle((x, top, x + width - 1, top + rows - 1), outline=LINE)
-        if cell.caption:
-            sheet.text((x + width / 2, top + rows + 5), cell.caption, _SMALL, SOFT, "ma")
+def _draw_line(sheet: Sheet, line: FigureRow, row: Grid, frame: tuple[int, ...] | None) -> None:
+    tall = max((_rows(cell, row.width) for cell in line.cells if cell), default=0)
+    middle = (_MARGIN, row.top + tall / 2)
+    sheet.draw.multiline_text(middle, line.label, fill=INK, font=font(_TEXT), anchor="lm", spacing=5)
+    for cell, at in zip(line.cells, row.corners(len(line.cells)), strict=True):
+        if cell is not None:
+            picture = scale(cell.picture, row.width, _rows(cell, row.width))
+            sheet.cell(at, picture, cell.caption, size=_SMALL, frame=frame)
 
 
 def _rows(cell: Cell, width: int) -> int:
@@ -136,7 +120,7 @@ def doubt(plan: Plan, stroke: int, photograph: Tensor, painted: Tensor) -> Tenso
     Returns sRGB [3, rows, columns].
     """
     columns = round(_ROWS * plan.canvas.width / plan.canvas.height)
-    canvas, with_stroke = (_enlarge(picture, _ROWS, columns) for picture in (photograph, painted))
+    canvas, with_stroke = (scale(picture, columns, _ROWS) for picture in (photograph, painted))
     path = plan.strokes[[stroke]].path(torch.linspace(0, 1, _POINTS))[0]  # [t, 2] metres
     pixels = plan.canvas.on_page(path) * torch.tensor([columns / plan.canvas.width, _ROWS / plan.canvas.height])
     box = _around(pixels, columns)
@@ -147,13 +131,12 @@ def doubt(plan: Plan, stroke: int, photograph: Tensor, painted: Tensor) -> Tenso
         [edge + _DOUBT_GAP + (_HEAD if place % 2 else 0) for place, edge in enumerate(box)], outline=_RED, width=3
     )
     _heading(sheet, f"The canvas now; in the frame the place of stroke {stroke + 1}", _DOUBT_GAP, _DOUBT_GAP)
-    left, top = columns + 2 * _DOUBT_GAP, _DOUBT_GAP
-    for words, picture in (("As it is seen", canvas), (f"With stroke {stroke + 1}", with_stroke)):
-        _heading(sheet, words, left, top)
-        near = picture.crop(box).resize((side, side), Image.Resampling.LANCZOS)
-        sheet.paste(near, (left, top + _HEAD))
-        sheet.draw.rectangle((left, top + _HEAD, left + side, top + _HEAD + side), outline=_RED, width=3)
-        top += side + _HEAD
+    near = Grid(columns + 2 * _DOUBT_GAP, _DOUBT_GAP + _HEAD, 1, side, side, down=_HEAD)
+    shown = (("As it is seen", canvas), (f"With stroke {stroke + 1}", with_stroke))
+    for (words, picture), (left, top) in zip(shown, near.corners(2), strict=True):
+        _heading(sheet, words, left, top - _HEAD)
+        sheet.paste(picture.crop(box).resize((side, side), Image.Resampling.LANCZOS), (left, top))
+        sheet.draw.rectangle((left, top, left + side, top + side), outline=_RED, width=3)
     return sheet.tensor()
 
 
@@ -165,10 +148,6 @@ def _around(path: Tensor, columns: int) -> tuple[int, int, int, int]:
     left = min(max(0, round(float(middle[0]) - side / 2)), columns - side)
     top = min(max(0, round(float(middle[1]) - side / 2)), _ROWS - side)
     return left, top, left + side, top + side
-
-
-def _enlarge(picture: Tensor, rows: int, columns: int) -> Image.Image:
-    return Image.fromarray(images.to_uint8(picture)).resize((columns, rows), Image.Resampling.LANCZOS)
 
 
 def _heading(sheet: Sheet, words: str, left: int, top: int) -> None:
@@ -266,12 +245,21 @@ def _overlap(one: tuple[float, float, float, float], other: tuple[float, float, 
     return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
 
 
-# The mixing sheet: a page for the place where a person mixes, with a recipe for every paint of a palette.
+# Printed pages for the place where a person mixes: recipes for every paint, and the palette.
 
-COLUMNS = 1240
-"""Columns of A4 at 150 dots per inch; a palette of more than 16 paints makes the page longer."""
-_MIXING_SHEET_ROWS = 1754
-_MIXING_SHEET_MARGIN, _MIXING_SHEET_HEAD = 96, 244
+_PAGE_MARGIN = 96
+_PAGE_ROOM = A4[0] - 2 * _PAGE_MARGIN
+
+
+def _begin_page(title: str, facts: str, rows: int = A4[1]) -> Sheet:
+    """Returns a page as wide as A4 with its title and a line of facts."""
+    sheet = Sheet(A4[0], rows)
+    sheet.text((_PAGE_MARGIN, 84), shorten(title, 58, _PAGE_ROOM), 58, INK)
+    sheet.text((_PAGE_MARGIN, 162), facts, 24, SOFT)
+    return sheet
+
+
+_MIXING_SHEET_HEAD = 244
 _TALLEST, _LOWEST = 118, 78
 _SWATCH, _BAR = 92, 22
 _DROP = 0.05  # millilitres
@@ -290,44 +278,38 @@ def mixing_sheet(recipes: Sequence[Recipe], volumes: Sequence[float] | None, tit
     """
     supplies = _supplies(recipes, volumes)
     foot = 172 + 30 * -(-len(supplies) // 3) if supplies else 136
-    row = min(_TALLEST, max(_LOWEST, (_MIXING_SHEET_ROWS - _MIXING_SHEET_HEAD - foot) // len(recipes)))
-    sheet = Sheet(COLUMNS, max(_MIXING_SHEET_ROWS, _MIXING_SHEET_HEAD + row * len(recipes) + foot))
-    sheet.text((_MIXING_SHEET_MARGIN, 84), title, 58)
+    height = min(_TALLEST, max(_LOWEST, (A4[1] - _MIXING_SHEET_HEAD - foot) // len(recipes)))
+    grid = Grid(_PAGE_MARGIN, _MIXING_SHEET_HEAD, 1, _PAGE_ROOM, height - 20, down=20)
     missed = sum(not recipe.within_reach for recipe in recipes)
     reach = f"{missed} of them out of reach of these paints" if missed else "all of them within reach of these paints"
     plural = "" if len(recipes) == 1 else "s"
-    sheet.text(
-        (_MIXING_SHEET_MARGIN, 162), f"How to mix {len(recipes)} paint{plural}, in parts by volume; {reach}", 24, SOFT
-    )
-    for index, recipe in enumerate(recipes):
-        _recipe(sheet, index, recipe, volumes[index] if volumes else None, _MIXING_SHEET_HEAD + index * row, row)
+    facts = f"How to mix {len(recipes)} paint{plural}, in parts by volume; {reach}"
+    sheet = _begin_page(title, facts, max(A4[1], grid.bottom(len(recipes)) + 20 + foot))
+    for index, (recipe, at) in enumerate(zip(recipes, grid.corners(len(recipes)), strict=True)):
+        _recipe(sheet, index, recipe, volumes[index] if volumes else None, at, grid)
     below = sheet.image.height - foot + 20
     if supplies:
-        sheet.text((_MIXING_SHEET_MARGIN, below), "Needed in all, with half of it left in brush and wells", 21)
-        for place, (name, volume) in enumerate(supplies):
-            column, line = place % 3, place // 3
-            sheet.text(
-                (_MIXING_SHEET_MARGIN + 350 * column, below + 34 + 30 * line), f"{volume:.0f} ml  {name}", 19, SOFT
-            )
-    for line, text in enumerate(_ADVICE):
-        sheet.text((_MIXING_SHEET_MARGIN, sheet.image.height - 110 + 25 * line), text, 17, SOFT)
+        sheet.text((_PAGE_MARGIN, below), "Needed in all, with half of it left in brush and wells", 21)
+        list_of = Grid(_PAGE_MARGIN, below + 34, 3, 350, 30)
+        for (name, volume), at in zip(supplies, list_of.corners(len(supplies)), strict=True):
+            sheet.text(at, f"{volume:.0f} ml  {name}", 19, SOFT)
+    sheet.lines((_PAGE_MARGIN, sheet.image.height - 110), _ADVICE, 17, 25)
     return sheet.tensor()
 
 
 def _recipe(
-    sheet: Sheet, index: int, recipe: Recipe, volume: float | None, top: int, row: int
+    sheet: Sheet, index: int, recipe: Recipe, volume: float | None, at: tuple[int, int], grid: Grid
 ) -> None:  # fmt: skip
     """Draws one row: number, wanted and predicted colour side by side, the parts in words and as a bar, the amounts."""
-    height = row - 20
-    left = _MIXING_SHEET_MARGIN + 64
-    sheet.text((_MIXING_SHEET_MARGIN, top + height // 2), str(index + 1), 40, anchor="lm")
-    for place, color in enumerate((recipe.target, recipe.color)):
-        x = left + place * _SWATCH
-        sheet.draw.rectangle((x, top, x + _SWATCH - 1, top + height - 1), fill=to_bytes(color))
+    (edge, top), height = at, grid.height
+    left = edge + 64
+    sheet.text((edge, top + height // 2), str(index + 1), 40, anchor="lm")
+    for x, color in ((left, recipe.target), (left + _SWATCH, recipe.color)):
+        sheet.swatch((x, top), _SWATCH, height, to_bytes(color))
     sheet.draw.rectangle((left, top, left + 2 * _SWATCH - 1, top + height - 1), outline=LINE)
     right = left + 2 * _SWATCH + 30
     fill = INK if recipe.within_reach else WARNING
-    room = COLUMNS - _MIXING_SHEET_MARGIN - right - (150 if not recipe.within_reach else 90)
+    room = grid.right - right - (150 if not recipe.within_reach else 90)
     size = next(size for size in (22, 20, 18, 16, 14, 12) if font(size).getlength(recipe.words) <= room or size == 12)
     sheet.text((right, top - 1), recipe.words, size, fill)
     verdict = f"{recipe.difference:.1f}"
@@ -335,7 +317,7 @@ def _recipe(
         verdict += "  out of reach"
     elif recipe.difference > GOOD:
         verdict += "  near"
-    sheet.text((COLUMNS - _MIXING_SHEET_MARGIN, top - 1), verdict, 20, SOFT if recipe.within_reach else WARNING, "ra")
+    sheet.text((grid.right, top - 1), verdict, 20, SOFT if recipe.within_reach else WARNING, "ra")
     _bar(sheet, recipe, right, top + 34)
     facts = to_hex(recipe.target)
     if volume is not None:
@@ -346,7 +328,7 @@ def _recipe(
 
 def _bar(sheet: Sheet, recipe: Recipe, left: int, top: int) -> None:
     """Draws the parts as lengths in their paints' colours, none too short to be visible."""
-    width = COLUMNS - _MIXING_SHEET_MARGIN - left
+    width = A4[0] - _PAGE_MARGIN - left
     shares = recipe.volumes(1.0)
     least = 10 / width
     widths = [max(share, least) for share in shares]
@@ -374,9 +356,7 @@ def _format_millilitres(amount: float) -> str:
     return "a trace" if drops == 0 else "1 drop" if drops == 1 else f"{drops} drops"
 
 
-ROWS, PALETTE_SHEET_COLUMNS = 1754, 1240
-"""Rows and columns of A4 at 150 dots per inch; the content also fits US Letter."""
-_PALETTE_SHEET_MARGIN = 96
+# The palette's content also fits US Letter.
 _PALETTE_SHEET_HEAD = 236
 _FOOT = 108
 _PALETTE_SHEET_SMALL = 18  # pixels: 8.6 points when printed
@@ -396,15 +376,18 @@ def palette_sheet(plan: Plan, title: str = "Palette", recipes: Sequence[Recipe] 
     Each paint has a large swatch, its number, sRGB as hex and bytes, Lab, the number of its strokes and its share
     of the painting. The page holds 1 to 64 paints.
     """
-    sheet = Sheet(PALETTE_SHEET_COLUMNS, ROWS)
     known = paints(plan, recipes)
-    _head(sheet, plan, title)
-    grid = _Grid.of(len(known))
-    for place, paint in enumerate(known):
-        left, top = grid.corner(place)
-        (_card if grid.upright else _line)(sheet, paint, left, top, grid.width, grid.height)
-    for row, text in enumerate(_PALETTE_SHEET_ADVICE):
-        sheet.text((_PALETTE_SHEET_MARGIN, ROWS - _FOOT + 26 * row), text, _PALETTE_SHEET_SMALL - 1, SOFT)
+    count = len(known)
+    upright = count <= 20  # with the text below the swatch, not beside it
+    columns = 1 if count == 1 else 2 if count <= 6 else 3 if count <= 15 or not upright else 4
+    across, down, tallest, draw = (44, 44, 820, _card) if upright else (36, 10, 96, _line)
+    height = (A4[1] - _PALETTE_SHEET_HEAD - _FOOT - 20) // math.ceil(count / columns) - down
+    place = _PAGE_MARGIN, _PALETTE_SHEET_HEAD
+    grid = Grid.divide(_PAGE_ROOM, *place, columns, min(height, tallest), across=across, down=down)
+    sheet = _begin_page(title, _facts(plan))
+    for paint, (left, top) in zip(known, grid.corners(count), strict=True):
+        draw(sheet, paint, left, top, grid.width, grid.height)
+    sheet.lines((_PAGE_MARGIN, A4[1] - _FOOT), _PALETTE_SHEET_ADVICE, _PALETTE_SHEET_SMALL - 1, 26)
     return sheet.tensor()
 
 
@@ -414,59 +397,23 @@ def sheet_file(name: str, layer: int) -> str:
     return name if layer == 1 else f"{path.stem}-layer-{layer}{path.suffix}"
 
 
-@dataclass(frozen=True)
-class _Grid:
-    """Grid of the page's cells, in pixels.
-
-    upright: True if the text stands below the swatch, False for beside it
-    """
-
-    columns: int
-    width: int
-    height: int
-    gap: int
-    upright: bool
-
-    @classmethod
-    def of(cls, count: int) -> "_Grid":
-        upright = count <= 20
-        columns = 1 if count == 1 else 2 if count <= 6 else 3 if count <= 15 or not upright else 4
-        rows = math.ceil(count / columns)
-        gap = 44 if upright else 36
-        across = (PALETTE_SHEET_COLUMNS - 2 * _PALETTE_SHEET_MARGIN - gap * (columns - 1)) // columns
-        down = (ROWS - _PALETTE_SHEET_HEAD - _FOOT - 20) // rows - (gap if upright else 10)
-        return cls(columns, across, min(down, 820 if upright else 96), gap, upright)
-
-    def corner(self, place: int) -> tuple[int, int]:
-        """Returns left and top of a cell; paints run along the rows, from the left."""
-        row, column = divmod(place, self.columns)
-        return _PALETTE_SHEET_MARGIN + column * (self.width + self.gap), _PALETTE_SHEET_HEAD + row * (
-            self.height + (self.gap if self.upright else 10)
-        )
-
-
-def _head(sheet: Sheet, plan: Plan, title: str) -> None:
-    sheet.text(
-        (_PALETTE_SHEET_MARGIN, 84), shorten(title, 58, PALETTE_SHEET_COLUMNS - 2 * _PALETTE_SHEET_MARGIN), 58, INK
-    )
+def _facts(plan: Plan) -> str:
     count = len(plan.palette)
     facts = f"{count} paint{'s' if count != 1 else ''} for {len(plan)} strokes on a canvas of {plan.canvas}"
     ground = to_hex(torch.tensor(plan.ground))
     toned = f", toned {ground}" if ground != "#ffffff" else ""
-    brushes = f"brush{'es' if len(plan.brushes) > 1 else ''}: {', '.join(plan.brushes)}"
-    sheet.text((_PALETTE_SHEET_MARGIN, 162), f"{facts}{toned}, {brushes}", 24, SOFT)
+    return f"{facts}{toned}, brush{'es' if len(plan.brushes) > 1 else ''}: {', '.join(plan.brushes)}"
 
 
 def _card(sheet: Sheet, paint: PaintFacts, left: int, top: int, width: int, height: int) -> None:
     """Draws a swatch with its text below."""
     below = top + height - (118 if not paint.recipe else 118 + 2 * _RECIPE_PITCH)
-    sheet.draw.rectangle((left, top, left + width - 1, below - 1), fill=paint.srgb, outline=LINE, width=1)
+    sheet.swatch((left, top), width, below - top, paint.srgb, LINE)
     sheet.text((left, below + 12), str(paint.number), 44, INK)
     strokes = f"{_strokes(paint)}, {paint.share:.0%}"
     for row, text in enumerate((paint.hex, _srgb(paint), _lab(paint), strokes)):
         sheet.text((left + 66, below + 14 + 25 * row), text, _PALETTE_SHEET_SMALL, INK if row == 0 else SOFT)
-    for row, text in enumerate(_in_two_lines(paint.recipe, width)):
-        sheet.text((left, below + 118 + _RECIPE_PITCH * row), text, _RECIPE_SIZE, SOFT)
+    sheet.lines((left, below + 118), _in_two_lines(paint.recipe, width), _RECIPE_SIZE, _RECIPE_PITCH)
 
 
 def _in_two_lines(recipe: str, width: int) -> list[str]:
@@ -487,7 +434,7 @@ def _in_two_lines(recipe: str, width: int) -> list[str]:
 def _line(sheet: Sheet, paint: PaintFacts, left: int, top: int, width: int, height: int) -> None:
     """Draws a swatch with its text beside it, for palettes that fill the page."""
     swatch, right, size = round(0.26 * width), left + width, _PALETTE_SHEET_SMALL - 1
-    sheet.draw.rectangle((left, top, left + swatch - 1, top + height - 1), fill=paint.srgb, outline=LINE, width=1)
+    sheet.swatch((left, top), swatch, height, paint.srgb, LINE)
     sheet.text((left + swatch + 12, top - 4), str(paint.number), 24, INK)
     pitch = min(26, height // 3)
     for row, text in enumerate((paint.hex, _srgb(paint), _lab(paint))):
@@ -514,8 +461,8 @@ def _strokes(paint: PaintFacts) -> str:
 class RecipeSheets:
     """Writer of the palette and mixing sheets of each layer, for the person at the wells."""
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
+    def __init__(self, folder: Path, paints: PaintSet | None = None) -> None:
+        self._folder, self._paints = folder, paints or PaintSet(usual_paints())
         self._recipes: tuple[Recipe, ...] = ()
         self._thread = ThreadPoolExecutor(1, "recipes")
         self._begun: list[Future[None]] = []
@@ -541,7 +488,7 @@ class RecipeSheets:
         known = {tuple(recipe.target.tolist()): recipe for recipe in self._recipes}
         colors = [tuple(color) for color in plan.palette.color.tolist()]
         unknown = sorted(set(colors) - set(known))
-        known |= dict(zip(unknown, recipes(plan.palette.color.new_tensor(unknown), usual_paints()), strict=True))
+        known |= dict(zip(unknown, self._paints.mix(plan.palette.color.new_tensor(unknown)), strict=True))
         self._recipes = tuple(known[color] for color in colors)
         mixed = iter(self._recipes)
         for layer, part in plan.by_wells():

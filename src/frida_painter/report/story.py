@@ -102,6 +102,8 @@ class Story:
     painting: None if the work was stopped before the first photograph of the canvas
     film: None if there is none
     facts: (label, value), in order
+    has_camera: False if no camera looked at the canvas, so that the film shows what is expected
+    watched: False if nobody photographed the finished canvas either
     """
 
     title: str
@@ -120,6 +122,8 @@ class Story:
     stopped: bool = False
     arm_film: str | None = None
     mixing_sheet: str | None = None
+    has_camera: bool = True
+    watched: bool = True
 
 
 def paints(plan: Plan, recipes: Sequence[Recipe] = ()) -> tuple[PaintFacts, ...]:

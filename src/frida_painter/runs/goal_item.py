@@ -4,9 +4,9 @@ import math
 import re
 import unicodedata
 from pathlib import Path
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, ConfigDict, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from frida_painter import storage
 from frida_painter.errors import ConfigError
@@ -18,12 +18,33 @@ _TITLE = 60
 _EXAMPLE = 'write [[goal]], then lines such as style = "waves.jpg" and weight = 2'
 
 
+_MIN_CROP = 0.01
+_ROUNDING = 1e-9
+
+
+def _require_inside(box: tuple[float, ...]) -> tuple[float, ...]:
+    left, top, width, height = box
+    for start, length in ((left, width), (top, height)):
+        if not (start >= 0 and length >= _MIN_CROP and start + length <= 1 + _ROUNDING):
+            raise ValueError(
+                f"A picture was cropped to {[round(side, 4) for side in box]}; left, top, width and height are shares "
+                f"of its sides, each side of the part is at least {_MIN_CROP}, and the part lies inside the picture."
+            )
+    return box
+
+
+_Share = Annotated[float, Field(allow_inf_nan=False)]
+Crop = Annotated[tuple[_Share, _Share, _Share, _Share], AfterValidator(_require_inside)]
+"""Part of a picture: left, top, width and height, as shares of the picture's sides."""
+
+
 class GoalItem(BaseModel):
     """One thing to paint.
 
     kind: "image", "text" and others.
     value: path of a file, or words.
     weight: its importance, above 0.
+    crop: part of its picture; None for the whole one.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -31,6 +52,7 @@ class GoalItem(BaseModel):
     kind: str
     value: str
     weight: float = 1.0
+    crop: Crop | None = None
 
     @model_validator(mode="after")
     def _matters(self) -> Self:
@@ -39,6 +61,8 @@ class GoalItem(BaseModel):
                 f"A weight of {self.weight} was given to {self.kind[:40]} {self.value[:40]!r}; weights are above 0 "
                 "and finite"
             )
+        if self.crop is not None and self.kind in goal_kinds().by_name and self.path is None:
+            raise ValueError(f"A crop was given to {self.kind[:40]} {self.value[:40]!r}; only pictures are cropped")
         return self
 
     @classmethod
@@ -48,9 +72,10 @@ class GoalItem(BaseModel):
         Another value stays as it is, for pydantic to check.
         """
         if isinstance(value, dict) and "kind" not in value:
-            kinds = [name for name in value if name != "weight"]
+            kinds = [name for name in value if name not in ("weight", "crop")]
             if len(kinds) == 1:
-                return cls(kind=kinds[0], value=str(value[kinds[0]]), weight=value.get("weight", 1.0))
+                more = {name: value[name] for name in ("weight", "crop") if name in value}
+                return cls(kind=kinds[0], value=str(value[kinds[0]]), **more)
         return value
 
     def plain(self, *, beginning: bool) -> Self:
@@ -79,6 +104,7 @@ class GoalItem(BaseModel):
     def described(self) -> str:
         """Description for records: the file's name, or the words, and the weight."""
         name = f"“{title_of(self.value)}”" if self.path is None else self.path.name
+        name = name if self.crop is None else f"{name}, cropped"
         return name if self.weight == 1 else f"{name} (weight {self.weight:g})"
 
     @property
@@ -114,13 +140,16 @@ def read_goal_file(path: Path) -> dict[str, list[dict[str, Any]]]:
         for entry in entries:
             kinds = [kind for name, kind in known.items() if isinstance(entry.get(name), str)]
             weight = entry.get("weight", 1.0)
-            if len(kinds) != 1 or set(entry) - {kinds[0].name, "weight"} or type(weight) not in (int, float):
+            if len(kinds) != 1 or set(entry) - {kinds[0].name, "weight", "crop"} or type(weight) not in (int, float):
                 names = ", ".join(known)
-                raise ConfigError(f"{path}: a [[{table}]] has one of {names}, and perhaps a weight; {_EXAMPLE}.")
+                raise ConfigError(
+                    f"{path}: a [[{table}]] has one of {names}, and perhaps a weight and a crop; {_EXAMPLE}."
+                )
             (kind,) = kinds
             said = entry[kind.name]
             value = said if kind.gives is Gives.WORDS else str(path.parent / said)
-            items.append({"kind": kind.name, "value": value, "weight": float(weight)})
+            crop = {"crop": entry["crop"]} if "crop" in entry else {}
+            items.append({"kind": kind.name, "value": value, "weight": float(weight), **crop})
     return found
 
 

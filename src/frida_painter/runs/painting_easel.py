@@ -27,6 +27,8 @@ from frida_painter.procedures.color import color as color_procedure
 from frida_painter.procedures.robot import robot as robot_procedure
 from frida_painter.procedures.strokes import StrokesFinding, StrokesProgress
 from frida_painter.procedures.strokes import strokes as strokes_procedure
+from frida_painter.procedures.surface import POINTS
+from frida_painter.procedures.surface import surface as surface_procedure
 from frida_painter.runs.spec import RunSpec, millimetres_and_degrees
 from frida_painter.session.human import ByHand
 from frida_painter.session.opening import NEEDED
@@ -66,7 +68,13 @@ def order(spec: RunSpec, brushes: Sequence[str], folder: Path | None, state: Pat
 
 
 def needed_calibrations(spec: RunSpec) -> tuple[str, ...]:
-    """Returns the calibration procedures that painting needs; painting by hand needs only the canvas procedure."""
+    """Returns the calibration procedures that painting needs.
+
+    Painting by hand needs only the canvas procedure. Without a camera, none is needed: the workspace tells where the
+    canvas is, and the heights of the lightest touch and the hardest press.
+    """
+    if not spec.has_camera:
+        return ()
     return ("canvas",) if spec.by_hand else NEEDED
 
 
@@ -76,7 +84,7 @@ def require_sensible(spec: RunSpec) -> None:
     It is only for new paintings; a resumed one may have been begun with unnecessary options.
     """
     if spec.simulated:
-        said: dict[str, object] = {"--camera": spec.camera, "--workspace": spec.workspace}
+        said: dict[str, object] = {"--camera": spec.has_camera and spec.camera, "--workspace": spec.workspace}
         whose, is_a = "real", "simulated"
         if spec.on_canvas and spec.studio_canvas is None:
             raise ConfigError(
@@ -152,6 +160,7 @@ class CalibrationSetup:
     count: int
     say: Callable[[str], None]
     refill_every: int = 1
+    points: int = POINTS
 
     def beside(self, name: str, ending: str) -> Path:
         """Returns the file of a procedure beside the record; its name holds the brush if the procedure concerns one."""
@@ -172,6 +181,8 @@ def begin_procedure(name: str, setup: CalibrationSetup) -> Procedure[Any]:
             return robot_procedure(setup.easel)
         case "color":
             return color_procedure(setup.easel)
+        case "surface":
+            return surface_procedure(setup.easel, points=setup.points)
         case "brush":
             return brush_procedure(setup.easel, name=setup.brush.name)
         case _:

@@ -35,6 +35,7 @@ from frida_painter.planning.planner import Planner
 from frida_painter.report.film import SKETCHBOOK
 from frida_painter.report.sheets import doubt
 from frida_painter.runs.goal_item import read_goal_file
+from frida_painter.runs.shares import brush_file
 from frida_painter.runs.spec import SETTLED, RunSpec, upgrade_record
 from frida_painter.session import resuming
 from frida_painter.session.events import DRYING
@@ -54,7 +55,14 @@ def keep_learned(spec: RunSpec, begun: Calibration | None, learned: Placement, p
     Raises CalibrationError and StorageError.
     """
     record, finished = spec.calibration, painting.rest is not None and len(painting.rest) == 0
-    if record is None or begun is None or spec.by_hand or not finished or Calibration.load(record) != begun:
+    if (
+        record is None
+        or begun is None
+        or spec.by_hand
+        or not spec.has_camera
+        or not finished
+        or Calibration.load(record) != begun
+    ):
         return None
     learned.correct(begun, spec.canvas).save(record)
     return record
@@ -78,7 +86,7 @@ def new_folder(out: Path | None, name: str, needed: int) -> Path:
     The folder is `out`, or one under "paintings" that is named after the painting and the time.
     """
     folder = out or Path("paintings") / f"{name}-{datetime.now():%Y%m%d-%H%M%S}"
-    storage.require_space(folder, needed)
+    storage.require_space(folder, needed, "this painting")
     storage.new_folder(folder)
     return folder
 
@@ -104,6 +112,14 @@ def drying_of(plan: Path) -> float:
         return DRYING
 
 
+def camera_of(plan: Path) -> str:
+    """Returns the camera of the painting that a plan (file or folder) belongs to; "" if no settings can be read."""
+    try:
+        return read_spec(plan if plan.is_dir() else plan.parent).camera
+    except ConfigError:
+        return ""
+
+
 def keep_goal(spec: RunSpec, folder: Path) -> None:
     """Copies the goal with its pictures and weights into the folder. Raises StorageError."""
     lines: list[str] = []
@@ -114,7 +130,8 @@ def keep_goal(spec: RunSpec, folder: Path) -> None:
             copy = Path(str(number), item.path.name)
             _copy(item.path, folder / GOAL / copy)
             value = copy.as_posix()
-        lines += [f"[[{table}]]", f"{item.kind} = {_quote_toml(value)}", f"weight = {item.weight!r}", ""]
+        lines += [f"[[{table}]]", f"{item.kind} = {_quote_toml(value)}", f"weight = {item.weight!r}"]
+        lines += [""] if item.crop is None else [f"crop = {list(item.crop)!r}", ""]
     storage.write_text(folder / GOAL / "goal.toml", "\n".join(lines))
 
 
@@ -134,8 +151,9 @@ def input_hashes(spec: RunSpec, folder: Path) -> dict[str, str]:
         "brush": None,
     }
     for number, name in enumerate(spec.brush_names):
-        if Path(name).suffix:
-            files[f"brush {number + 1}" if number else "brush"] = Path(name)
+        path = brush_file(name)
+        if path is not None:
+            files[f"brush {number + 1}" if number else "brush"] = path
     return {what: "none" if path is None else content_hash(path) for what, path in files.items()}
 
 

@@ -10,9 +10,10 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from functools import cached_property
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Literal, Self, Unpack
 
 import torch
 from torch import Tensor
@@ -21,7 +22,9 @@ from frida_painter import images, storage
 from frida_painter.calibration import Calibration
 from frida_painter.compiled import LoopCompiler
 from frida_painter.devices import prepare_process
-from frida_painter.easel.kinds import OpenEasel
+from frida_painter.easel.connecting import connect_easel
+from frida_painter.easel.dialogue import Answer, Question
+from frida_painter.easel.kinds import JOURNAL, OpenEasel
 from frida_painter.easel.launch import EaselLaunch
 from frida_painter.easel.open import open_easel
 from frida_painter.easel.order import EaselOrder
@@ -32,12 +35,14 @@ from frida_painter.errors import (
     ConfigError,
     FrameRejected,
     FridaError,
+    ImageError,
     Interrupted,
     PaintingPaused,
     RobotError,
     StorageError,
 )
-from frida_painter.hardware.easel import Easel
+from frida_painter.hardware.easel import Easel, PersonStroke
+from frida_painter.images import AnyPicture
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.palette import Palette, load_clustering
 from frida_painter.perception.color import read_palette
@@ -45,6 +50,8 @@ from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.planner import Planner
 from frida_painter.report.recorder import Recorder
+from frida_painter.runs.event_file import open_listener
+from frida_painter.runs.look_folder import REFUSED, USED, GivenPicture, LookFolder
 from frida_painter.runs.painting_easel import needed_calibrations, order, require_sensible, with_operator
 from frida_painter.runs.painting_folder import (
     CALIBRATION,
@@ -57,16 +64,45 @@ from frida_painter.runs.painting_folder import (
     reopen,
 )
 from frida_painter.runs.painting_folder import input_hashes as hashes
-from frida_painter.runs.settle import Controls, SettledRun, fit_canvas, open_goal, open_recorder, open_session, settle
+from frida_painter.runs.run_record import RECORD, RunRecord, hash_picture
+from frida_painter.runs.run_settings import RunSettings
+from frida_painter.runs.settle import (
+    Controls,
+    SettledRun,
+    begin_together,
+    fit_canvas,
+    open_goal,
+    open_recorder,
+    open_session,
+    settle,
+)
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session import resuming
-from frida_painter.session.events import Event, Finishing, Looked, Notify, Resumed, Stopped, TimelapseFrame
+from frida_painter.session.events import (
+    CanvasAssumed,
+    Event,
+    Finishing,
+    GoalChanged,
+    Looked,
+    Notify,
+    Paused,
+    PersonStrokePainted,
+    RegionProtected,
+    Remark,
+    Resumed,
+    Stopped,
+    StrokeLeftOut,
+    TimelapseFrame,
+)
 from frida_painter.session.journal import History, Journal
 from frida_painter.session.loop import PaintingSession
+from frida_painter.session.open_loop import NOBODY_LOOKS
 from frida_painter.session.opening import on_record
 from frida_painter.session.progress import Painting, ResumeState
 
 _ROOM = 200 * 2**20  # bytes
+_LED = GoalChanged | Paused | PersonStrokePainted | RegionProtected | StrokeLeftOut
+"""Events of a painting that nobody can repeat."""
 
 
 @dataclass(frozen=True)
@@ -104,6 +140,13 @@ class PaintingRun:
     choosing: called at every step of quick plans with their purpose, "brushes" or "ground"; may raise to end them.
     tell: receives a sentence about each wait before planning.
     Raises ConfigError and ImageError if the description makes no painting.
+
+        >>> import frida_painter as fp
+        >>> spec = fp.RunSpec.of(goal=[{"image": "photo.jpg"}], canvas="12x9cm", strokes=3, replans=0, render_height=64)
+        >>> with fp.PaintingRun(spec) as run:
+        ...     painting = run.simulate()
+        >>> painting.painted
+        3
     """
 
     def __init__(
@@ -113,7 +156,7 @@ class PaintingRun:
         *,
         listeners: Iterable[Notify] = (),
         controls: Controls | None = None,
-        state: Path | None = None,
+        state: str | Path | None = None,
         record_may_differ: bool = False,
         encoders: EncoderRegistry | None = None,
         _reopened: ReopenedPainting | None = None,
@@ -129,8 +172,10 @@ class PaintingRun:
         self.mixed: Palette | None = None
         self._folder = None if folder is None else Path(folder)
         self.listeners: list[Notify] = list(listeners)
+        if spec.listener is not None:
+            self.listeners.append(open_listener(spec.listener))
         self.controls = controls or Controls()
-        self._state = state
+        self._state = None if state is None else Path(state)
         self._record_may_differ = record_may_differ
         self._encoders = encoders
         self._stack = ExitStack()
@@ -139,10 +184,12 @@ class PaintingRun:
         self._record: Calibration | None = None  # as in its file
         self._seen: Tensor | None = None  # last photographed canvas
         self.session: PaintingSession | None = None
+        self._run_record: RunRecord | None = None
+        self._led = ""  # why it cannot be made again, if a person led it
 
     @classmethod
     def reopen(
-        cls, folder: str | Path, *, accept_changes: bool = False, pace: float = 0.0, state: Path | None = None
+        cls, folder: str | Path, *, accept_changes: bool = False, pace: float = 0.0, state: str | Path | None = None
     ) -> Self:
         """Opens a painting that was stopped, killed or paused; locks its journal until the `with` block ends.
 
@@ -205,9 +252,10 @@ class PaintingRun:
 
     @property
     def remarks(self) -> list[str]:
-        """Sentences for the person about lost parts of a picture and about chosen brushes and ground."""
+        """Sentences for the person about lost parts of a picture, chosen brushes and ground, and a missing camera."""
         chosen = () if self._settled is None else self._settled.remarks
-        return [*([self._fitted.remark] if self._fitted.remark else []), *chosen]
+        blind = () if self.spec.has_camera else (NOBODY_LOOKS,)
+        return [*([self._fitted.remark] if self._fitted.remark else []), *chosen, *blind]
 
     @property
     def easel(self) -> Easel:
@@ -219,15 +267,18 @@ class PaintingRun:
     def plan(self, notify: Callable[[Step], None] = lambda step: None) -> Plan:
         """Returns a plan for a bare canvas on its ground; paints and writes nothing. Raises PlanError."""
         planner, spec = self.planner, self.spec
+        if spec.together:
+            return begin_together(planner, spec.colors, self.mixed)
         bare = planner.bare
         made = planner.plan(bare, spec.strokes, spec.colors, notify)
         return made if self.mixed is None else planner.bind_to_palette(made, bare, self.mixed, notify)
 
-    def open_easel(self, *, hear_signals: bool = False) -> Easel:
+    def open_easel(self, *, hear_signals: bool = False, answer: Callable[[Question], Answer] | None = None) -> Easel:
         """Opens and connects the easel, and makes the folder; the folder is removed if the easel cannot be opened.
 
         hear_signals: True if the easel's process also gets the signals of this process; call it in the main thread
         then.
+        answer: asks a person for the zero of a machine that lost it; None for that of the controls.
         """
         if self._process is None:
             self.load_easel()
@@ -238,12 +289,11 @@ class PaintingRun:
             self._folder = new_folder(self._folder, self.spec.name, _ROOM)
         load_clustering()  # while the easel's process loads
         with _take_back_on_failure(self.folder) if fresh else nullcontext():
-            easel = self._process.open(order(self.spec, tuple(planner.models), self.folder, self._state))
-            self._easel = self._on_record(easel)
+            easel = self._process.open(order(self.spec, planner.brushes, self.folder, self._state))
+            known = self._on_record(easel)
             if hear_signals:
                 self._stack.enter_context(self._process.hearing_signals())
-            self._easel.robot.connect()
-            self._easel.camera.connect()
+            self._easel = connect_easel(known, answer or self.controls.answer, lambda sentence: self.tell(sentence))
         return self._easel
 
     def load_easel(self, launch: EaselLaunch | None = None) -> None:
@@ -261,13 +311,28 @@ class PaintingRun:
         keep_goal(self.spec, self.folder)
         keep_spec(self.spec, self.folder)
         self.easel.calibration.save(self.folder / CALIBRATION)
+        self._run_record = self.begin_record("painting")
+        self._led = "" if plan is None else "It was painted from a plan that was given; verify the folder of that plan."
         journal = Journal.begin(self.folder, self.spec.record(), hashes(self.spec, self.folder))
         self._stack.callback(journal.close)
         recorder = self._recorder()
         self._stack.enter_context(recorder)
         session = self._open_session(self.easel, journal, recorder.hear)
         spec = self.spec
-        return self._to_its_end(session, recorder, lambda: session.run(spec.strokes, spec.colors, plan))
+        first = plan or (self.plan() if spec.together else None)
+        return self._to_its_end(session, recorder, lambda: session.run(spec.strokes, spec.colors, first))
+
+    def begin_record(self, kind: Literal["painting", "plan"]) -> RunRecord:
+        """Writes the record of how this run is made into its folder, which holds its goal. Raises StorageError."""
+        made = self._fitted.spec  # before brushes and ground were chosen, so that they are chosen again
+        return RunRecord.begin(self.folder, kind, made, self.spec.brush_names, self.planner.device.type)
+
+    def plan_into(self, folder: str | Path, plan: Plan) -> None:
+        """Writes a plan of this run into a folder, with its goal and the record of how it was made."""
+        self._folder = folder = Path(folder)
+        plan.save(folder / "plan.json")
+        keep_goal(self.spec, folder)
+        self.begin_record("plan").finish(plan=plan.digest)
 
     def simulate(self, plan: Plan | None = None, opener: Callable[[EaselOrder], OpenEasel] | None = None) -> Painting:
         """Paints on the simulated easel in this process and writes nothing: for experiments and sweeps.
@@ -288,13 +353,13 @@ class PaintingRun:
             gc.collect()  # the session and the studio refer to themselves: of many paintings, each would keep 60 MB
 
     def _simulate(self, plan: Plan | None, opener: Callable[[EaselOrder], OpenEasel]) -> Painting:
-        opened = opener(order(self.spec, tuple(self.planner.models), None, self._state))
+        opened = opener(order(self.spec, self.planner.brushes, None, self._state))
         try:
             easel = self._on_record(opened.easel)
-            easel.robot.connect()
-            easel.camera.connect()
+            easel = connect_easel(easel, None, self.tell)
             session = self._open_session(easel, Journal.nowhere())
-            return session.run(self.spec.strokes, self.spec.colors, plan)
+            first = plan or (self.plan() if self.spec.together else None)
+            return session.run(self.spec.strokes, self.spec.colors, first)
         finally:
             opened.close()
 
@@ -307,6 +372,9 @@ class PaintingRun:
         if self._reopened is None:
             raise ConfigError("This painting was not begun yet; give its folder to PaintingRun.reopen to resume it.")
         storage.clear_leftovers(self.folder)
+        if (self.folder / RECORD).exists():
+            self._run_record = RunRecord.load(self.folder)
+        self._led = "It was interrupted and resumed, so that its looks fell elsewhere than they would again."
         if self._reopened.history.finished:
             return self._make_results(self._reopened.history, self._reopened.plan)
         if self._easel is None:
@@ -317,18 +385,66 @@ class PaintingRun:
         if (bare := resuming.bare_photograph(self.folder)) is not None:
             session.observer.learn_good(bare, resuming.last_photograph(self.folder, history))
         resuming.recall_brush(session.hand, history, self.controls.answer)
+        if (begun := history.person_in_doubt) is not None:
+            session.person.finish(PersonStroke.of(begun.stroke))
+        if not self.easel.has_camera:
+            return self._resume_open_loop(session, recorder, journal, history, kept)
+        unseen = len(history.person) > history.person_seen  # of a person who painted in the pause that broke off
         now = session.look()
         images.save(now, self.folder / NOW)
         before = resuming.load_seen_canvas(self.folder, kept, session.observer) if kept else None
-        if before is not None and not self._is_as_left(session, before, now):
+        if before is not None and not unseen and not self._is_as_left(session, before, now):
             before = None
+        session.person.remember(history.person, history.person_seen)
         journal.record_resume(history, repaint=self._repaints(now))
         self._stack.enter_context(recorder)
         if kept is None:
-            return self._to_its_end(session, recorder, lambda: session.run(self.spec.strokes, self.spec.colors))
+            first = self.plan() if self.spec.together else None
+            return self._to_its_end(session, recorder, lambda: session.run(self.spec.strokes, self.spec.colors, first))
+        if any(stroke >= kept.planning.done for stroke in history.left_out):
+            before = None  # a stroke that was given up is there, in part or not at all: only this look tells
         wet = history.wet(None if self.easel.simulated else datetime.now(UTC))
-        where = ResumeState(kept.plan, history.painted, kept.planning.done, before, now, wet)
+        person = len(history.person), unseen, kept.planning.answers
+        where = ResumeState(kept.plan, history.painted, kept.planning.done, before, now, wet, history.left_out, *person)
         return self._to_its_end(session, recorder, lambda: session.resume(where))
+
+    def _resume_open_loop(
+        self,
+        session: PaintingSession,
+        recorder: Recorder,
+        journal: Journal,
+        history: History,
+        kept: resuming.KeptPlan | None,
+    ) -> RunOutcome:
+        """Paints the rest without a look: the canvas is taken to be as the journal tells."""
+        if kept is None:
+            journal.record_resume(history, repaint=False)
+            self._stack.enter_context(recorder)
+            return self._to_its_end(session, recorder, lambda: session.run(self.spec.strokes, self.spec.colors))
+
+        def expect() -> tuple[Tensor, Tensor]:
+            return resuming.resume_open_loop(self.folder, kept, history.painted, history.left_out, self.planner.models)
+
+        doubtful = history.in_doubt is not None
+        before, now = expect()
+        images.save(now, self.folder / NOW)
+        journal.record_resume(history, repaint=self._repaints(now))
+        self._stack.enter_context(recorder)
+        if doubtful:  # the answer may have changed what is on the canvas
+            before, now = expect()
+        wet = history.wet(None if self.easel.simulated else datetime.now(UTC))
+        where = ResumeState(kept.plan, history.painted, kept.planning.done, before, now, wet, history.left_out)
+        return self._to_its_end(session, recorder, lambda: session.resume(where))
+
+    def show_picture(self, canvas: AnyPicture) -> RunOutcome:
+        """Makes the results of a finished painting again, with a person's picture of its canvas."""
+        canvas = images.as_picture(canvas)
+        assert self._reopened is not None and self._reopened.history.finished
+        history = self._reopened.history
+        self._reopened.journal.record_picture(canvas, history.painted)
+        images.save(canvas, self.folder / "painting.png")
+        history.pictured, history.assumed, history.last_photograph = history.painted, None, None
+        return self._make_results(history, self._reopened.plan)
 
     def _make_results(self, history: History, kept: resuming.KeptPlan | None) -> RunOutcome:
         """Makes picture, film, page and figures of a finished painting from its folder; nothing moves."""
@@ -363,6 +479,10 @@ class PaintingRun:
         def hear(event: Event) -> None:
             if isinstance(event, TimelapseFrame | Looked):
                 self._seen = event.photograph
+            elif isinstance(event, CanvasAssumed):
+                self._seen = event.canvas
+            elif isinstance(event, _LED):
+                self._led = self._led or "A person led it, and no program does that again."
             record(event)
             for listener in self.listeners:
                 listener(event)
@@ -378,8 +498,40 @@ class PaintingRun:
             journal=journal,
             light=resuming.light(self.history) if self.history else None,
             placement=self._reopened.placement if self._reopened else None,
+            given=self._take_given_picture,
         )
         return self.session
+
+    def look_at_picture(self, given: GivenPicture) -> None:
+        """Takes a person's picture of the canvas for a look, between strokes or in a pause, and replans the rest.
+
+        Raises FrameRejected and CalibrationError, with the reason, if it does not show this canvas, and ImageError.
+        """
+        session, planner = self.session, self.planner
+        if session is None or session.open_loop is None or session.so_far is None:
+            raise ConfigError("Nothing is painted yet; give a picture when there is something to see on the canvas.")
+        done = given.count_strokes(self.folder / JOURNAL, session.so_far.painted)
+        seen = given.read(planner.size, planner.ground, session.open_loop.expect(done))
+        session.open_loop.look_at(seen.canvas, done)
+
+    def _take_given_picture(self) -> None:
+        """Takes the next picture from the painting's folder, if one waits; a refusal is told, and nothing changes."""
+        given = None if self._folder is None else self._looks.take_next()
+        if given is None:
+            return
+        try:
+            self.look_at_picture(given)
+        except (ImageError, CalibrationError, FrameRejected) as refusal:
+            self._looks.file_away(given, REFUSED)
+            told = Remark(f"{given.path.name} does not count as a look. {refusal}")
+            for listener in self.listeners:
+                listener(told)
+        else:
+            self._looks.file_away(given, USED)
+
+    @cached_property
+    def _looks(self) -> LookFolder:
+        return LookFolder(self.folder)
 
     def _must_stop(self) -> bool:
         """Returns True if painting ends after this stroke or planning iteration.
@@ -420,6 +572,9 @@ class PaintingRun:
                 raise StorageError(
                     f"{full} What was painted is noted: `frida-painter resume {self.folder}` writes the rest later."
                 ) from full
+        if self._run_record is not None and painting is not None and painting.rest is not None and trouble is None:
+            done = {} if len(painting.rest) else {"painting": hash_picture(painting.photograph)}
+            self._run_record.finish(self._led, **done)
         learned = session.hand.placement
         kept = None if trouble or painting is None else keep_learned(self.spec, self._record, learned, painting)
         return RunOutcome(self.folder, painting, page, trouble, kept)
@@ -466,15 +621,32 @@ def _take_back_on_failure(folder: Path) -> Iterator[None]:
 
 
 def paint(
-    photo: str | Path | None = None, *, text: str | None = None, folder: str | Path | None = None, **settings: Any
+    photo: str | Path | None = None,
+    *,
+    text: str | None = None,
+    folder: str | Path | None = None,
+    **settings: Unpack[RunSettings],
 ) -> RunOutcome:
     """Paints a photograph, words, or both, in the virtual studio by default; returns the outcome.
 
     settings: fields of RunSpec, such as strokes=50. Style, sketch and other goals: goal=[{"style": "waves.jpg"}].
     folder: folder of the painting. None: a new one under "paintings".
-    Raises ConfigError if the settings make no painting.
+    Raises ConfigError if the settings make no painting, ImageError if a picture cannot be read, WeightsError if a
+    network is missing, and the errors of `PaintingRun.start`.
+
+        >>> import frida_painter as fp
+        >>> if __name__ == "__main__":  # painting starts processes
+        ...     outcome = fp.paint("photo.jpg", folder="lemon", canvas="12x9cm", strokes=3, replans=0, render_height=64)
+        ...     print(outcome.page.name)
+        index.html
     """
+    if not isinstance(photo, str | Path | None):
+        raise ConfigError(
+            f"A photo was given as {type(photo).__name__}, and a painting's folder keeps its file; write it with "
+            "save_picture, and give that file."
+        )
     asked = [*([{"image": str(photo)}] if photo is not None else []), *([{"text": text}] if text is not None else [])]
-    spec = RunSpec.of(**{**settings, "goal": [*asked, *settings.get("goal", [])]})
+    settings["goal"] = [*asked, *settings.get("goal", [])]
+    spec = RunSpec.of(**settings)
     with PaintingRun(spec, folder) as run:
         return run.start()

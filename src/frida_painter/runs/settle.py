@@ -4,15 +4,16 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import Unpack, cast
 
 import torch
 from torch import Tensor
 
-from frida_painter import images
+from frida_painter import images, registry
+from frida_painter.brush.families import load_family
 from frida_painter.brush.kinds import StrokeModel, brush_kind
 from frida_painter.brush.table import cached_table
-from frida_painter.brush.weights import load_stroke_model
+from frida_painter.brush.weights import AnyBrush, load_stroke_model
 from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.compiled import await_loops
@@ -22,42 +23,61 @@ from frida_painter.easel.operator import ground_recipe
 from frida_painter.errors import ConfigError
 from frida_painter.frames import PixelGrid
 from frida_painter.hardware.easel import Easel
+from frida_painter.images import AnyPicture, as_picture
+from frida_painter.mixing.paint import usual_paints
+from frida_painter.mixing.recipe import ANY_PAINTS, PaintSet
 from frida_painter.objectives.encoders.loading import EncoderRegistry
-from frida_painter.objectives.image import ImageTerm
-from frida_painter.objectives.objective import Goal, ObjectiveContext, ObjectiveTerm, Term, goal_kinds, require_weight
+from frida_painter.objectives.image import ImageTerm, PictureTerm
+from frida_painter.objectives.objective import (
+    Gives,
+    Goal,
+    Objective,
+    ObjectiveContext,
+    ObjectiveTerm,
+    Term,
+    goal_kinds,
+    require_weight,
+)
 from frida_painter.objectives.semantic import SemanticTerm
 from frida_painter.objectives.sketch import SketchTerm
 from frida_painter.objectives.style import StyleTerm
-from frida_painter.palette import Palette, to_hex
+from frida_painter.palette import Palette, from_hex, to_hex
 from frida_painter.perception.flatfield import FlatField
 from frida_painter.plan import WHITE, Plan
 from frida_painter.planning.ground import ground_around_things, proposed_ground
 from frida_painter.planning.layers import Effort, unheard
+from frida_painter.planning.mixable import make_mixable
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.placement import Placement
-from frida_painter.planning.planner import FEWEST_FOR_LAYERS, Planner
+from frida_painter.planning.planner import FEWEST_FOR_LAYERS, Planner, stroke_models
 from frida_painter.planning.problem import Region
 from frida_painter.planning.settings import PlannerSettings
 from frida_painter.report.recorder import Recorder
 from frida_painter.runs.goal_item import GoalItem
-from frida_painter.runs.spec import AUTO, OF_SCENE, RunSpec, brush_shares, ground_color, rgb
-from frida_painter.session.events import Notify, Paused
+from frida_painter.runs.run_settings import RunSettings
+from frida_painter.runs.shares import AUTO, brush_shares, family_shares
+from frida_painter.runs.spec import OF_SCENE, RunSpec, ground_color, rgb
+from frida_painter.session.events import Notify, PauseCause, Paused
 from frida_painter.session.hand import Hand, with_measured_dip
 from frida_painter.session.journal import History, Journal
 from frida_painter.session.loop import PaintingSession
 from frida_painter.session.observer import PHOTOGRAPH_ROWS, CanvasObserver, CanvasStart, Timelapse
 from frida_painter.session.opening import planning_device
-from frida_painter.session.replan_policy import EvenlySpaced, ReplanPolicy, parse_replan_policy
+from frida_painter.session.person_turns import Adapt
+from frida_painter.session.replan_policy import EvenlySpaced, NeverLooks, ReplanPolicy, parse_replan_policy
+from frida_painter.session.turn_policy import answer_usually
+from frida_painter.strokes import Strokes
 
 # Goals: opened from a painting's description, or made in one line in a notebook.
 
 _MAX_TERMS = 20
 
-Picture = str | Path | Tensor
-"""Picture file, or sRGB [3, H, W] in [0, 1]."""
-_KINDS = ("image", "semantic", "sketch", "text", "style")
-Scores = Callable[[Tensor], Tensor]
-"""Function from a picture [3, H, W] in [0, 1] to a differentiable number; smaller is nearer."""
+_OF_PICTURES: dict[str, type[PictureTerm]] = {
+    "image": ImageTerm,
+    "semantic": SemanticTerm,
+    "sketch": SketchTerm,
+    "style": StyleTerm,
+}
 _OBJECTIVE = "objective"
 
 
@@ -66,9 +86,13 @@ def open_goal(spec: RunSpec) -> Goal:
 
     Raises ConfigError for an invalid goal, and ImageError.
     """
+    if spec.together:
+        return Goal((_NoGoal(),))
     if not spec.goal:
         options = ", ".join(f"{kind.option} {kind.gives.value}" for kind in goal_kinds().by_name.values())
-        raise ConfigError(f"There is nothing to paint; give a PHOTO, or one or more of {options}.")
+        raise ConfigError(
+            f"There is nothing to paint; give a PHOTO, one or more of {options}, or --together, to begin yourself."
+        )
     count = len(spec.goal) + len(spec.initial)
     if count > _MAX_TERMS:
         raise ConfigError(f"{count} goals were given; at most {_MAX_TERMS} are pursued together.")
@@ -88,17 +112,19 @@ def picture_of(goal: Goal) -> Tensor | None:
 
 
 def _open_term(item: GoalItem, *, beginning: bool) -> Term:
-    return goal_kinds()[item.kind].open_term(item.path or item.value, item.weight, beginning=beginning)
+    term = goal_kinds()[item.kind].open_term(item.path or item.value, item.weight, beginning=beginning)
+    return term if item.crop is None else term.crop(item.crop)
 
 
 def make_goal(
-    image: Picture | Sequence[Picture] = (),
+    image: AnyPicture | Sequence[AnyPicture] = (),
     *,
-    semantic: Picture | Sequence[Picture] = (),
-    sketch: Picture | Sequence[Picture] = (),
+    semantic: AnyPicture | Sequence[AnyPicture] = (),
+    sketch: AnyPicture | Sequence[AnyPicture] = (),
     text: str | Sequence[str] = (),
-    style: Picture | Sequence[Picture] = (),
-    objective: Scores | Sequence[Scores] = (),
+    style: AnyPicture | Sequence[AnyPicture] = (),
+    objective: Objective | Sequence[Objective] = (),
+    kinds: Mapping[str, AnyPicture | Sequence[AnyPicture]] | None = None,
     weights: Mapping[str, float] | None = None,
 ) -> Goal:
     """Returns a goal from one or more of these inputs, each a single one or a sequence: `make_goal("photo.jpg")`.
@@ -109,19 +135,37 @@ def make_goal(
     text: words.
     style: picture whose colours and marks the painting takes.
     objective: function of your own.
-    weights: weight of each kind, by its name, above 0; 1 by default.
+    kinds: goals of any registered kind by its name, also of other packages: {"mirror": "left-right"}.
+    weights: weight of each of these, by its name, above 0; 1 by default.
 
     Semantic, sketch, text and style need networks that `frida-painter models fetch` gets.
     Raises ConfigError if no input is given, or for an unknown kind or a wrong weight. Raises ImageError if a picture
     cannot be read.
+
+        >>> import frida_painter as fp
+        >>> goal = fp.make_goal("photo.jpg", objective=lambda picture: picture.diff(dim=2).abs().mean())
+        >>> [term.weight for term in goal.terms]
+        [1.0, 1.0]
     """
-    given = dict(zip(_KINDS, (image, semantic, sketch, text, style), strict=True))
+    named = {"image": image, "semantic": semantic, "sketch": sketch, "text": text, "style": style}
+    given = {name: _each(some) for name, some in named.items()}
+    for name, some in (kinds or {}).items():
+        goal_kinds()[name]
+        given[name] = [*given.get(name, ()), *_each(some)]
+    functions = [objective] if callable(objective) else list(objective)
+    if strange := [one for one in functions if not callable(one)]:
+        raise ConfigError(f"An objective was given as {type(strange[0]).__name__}; it is a function of a picture.")
+    there = [*(name for name, some in given.items() if some), *([_OBJECTIVE] if functions else [])]
     weights = weights or {}
-    if unknown := sorted(set(weights) - {*_KINDS, _OBJECTIVE}):
-        known = ", ".join((*_KINDS, _OBJECTIVE))
-        raise ConfigError(f"A weight was given to {unknown[0][:40]!r}; weights are given to {known}.")
-    terms = [_term(kind, one, float(weights.get(kind, 1.0))) for kind, some in given.items() for one in _each(some)]
-    functions = [objective] if callable(objective) else objective
+    known = (*goal_kinds().by_name, _OBJECTIVE)
+    if unknown := sorted(set(weights) - set(known)):
+        raise ConfigError(f"A weight was given to {unknown[0][:40]!r}; weights are given to {', '.join(known)}.")
+    if absent := sorted(set(weights) - set(there)):
+        raise ConfigError(
+            f"A weight was given to {absent[0]!r}, and this goal is made of {', '.join(there) or 'nothing'}; give that "
+            "as well, or leave the weight out."
+        )
+    terms = [_term(kind, one, float(weights.get(kind, 1.0))) for kind, some in given.items() for one in some]
     terms += [_FunctionTerm(float(weights.get(_OBJECTIVE, 1.0)), function) for function in functions]
     return Goal(tuple(terms))
 
@@ -131,7 +175,7 @@ class _FunctionTerm(Term):
     """Goal term from a function of the picture. Raises ConfigError for an invalid weight."""
 
     weight: float
-    function: Scores
+    function: Objective
 
     def __post_init__(self) -> None:
         require_weight(self.weight, "an objective")
@@ -141,17 +185,32 @@ class _FunctionTerm(Term):
         return ObjectiveTerm(self.function)
 
 
-def _each(some: Picture | Sequence[Picture]) -> Sequence[Picture]:
-    return [some] if isinstance(some, str | Path | Tensor) else some
+@dataclass(frozen=True)
+class _NoGoal(Term):
+    """Goal term of a painting without a goal: every picture is as good as any other."""
+
+    weight: float = 1.0
+    is_tried = False
+
+    def prepare(self, context: ObjectiveContext) -> ObjectiveTerm:
+        """Returns an objective that is 0 for every picture."""
+        return ObjectiveTerm(lambda picture: 0 * picture.sum())
 
 
-def _term(kind: str, one: Picture, weight: float) -> Term:
-    if not isinstance(one, Tensor):
-        return goal_kinds()[kind].open_term(one if kind == "text" else Path(one), weight, beginning=False)
-    if one.dim() != 3 or one.shape[0] != 3:
-        raise ConfigError(f"A picture of shape {tuple(one.shape)} was given to {kind}; it is [3, height, width].")
-    terms = {"image": ImageTerm, "semantic": SemanticTerm, "sketch": SketchTerm, "style": StyleTerm}
-    return cast(Term, terms[kind](one, weight))
+def _each(some: AnyPicture | Sequence[AnyPicture]) -> list[AnyPicture]:
+    """Returns one thing, or a list of them, as a list."""
+    return list(some) if isinstance(some, list | tuple) else [cast(AnyPicture, some)]
+
+
+def _term(kind: str, one: AnyPicture, weight: float) -> Term:
+    """Returns the term of a file, words or a picture. Raises ConfigError and ImageError."""
+    known = goal_kinds()[kind]
+    if isinstance(one, str | Path):
+        return known.open_term(str(one) if known.gives is Gives.WORDS else Path(one), weight, beginning=False)
+    if kind not in _OF_PICTURES:
+        wanted = "words" if known.gives is Gives.WORDS else "the file of a picture"
+        raise ConfigError(f"A {type(one).__name__} was given to {kind}, which takes {wanted}; give that.")
+    return _OF_PICTURES[kind](as_picture(one).float(), weight)
 
 
 _TOLD = 0.01  # share of a picture that may be cut off without a remark, because pixels are whole numbers
@@ -235,7 +294,7 @@ def _never() -> bool:
 class Controls:
     """Callbacks of a person who leads a painting; by default nobody is there, and every answer is no.
 
-    stop_asked, pause_asked: checked after every stroke and planning iteration.
+    stop_asked, pause_cause: checked after every stroke and planning iteration.
     go_on: waits in a pause for a person; returns True to go on.
     mixed: waits until the wells are filled; returns the really mixed paints, None for the wanted ones. Default: the
     paints of the description.
@@ -243,15 +302,17 @@ class Controls:
     paint_on: called with a sentence and a photograph [3, H, W] of a canvas that is not bare, or has changed;
     returns True to paint on.
     repaint: called with the number and a picture of the stroke in doubt; returns True to paint it again.
+    adapt: answers a turn of a person who is not answered in a pause; see session.person_turns.
     """
 
     stop_asked: Callable[[], bool] = _never
-    pause_asked: Callable[[], bool] = _never
+    pause_cause: Callable[[], PauseCause | None] = lambda: None
     go_on: Callable[[Paused], bool] = lambda paused: False
     mixed: Callable[[Palette], Palette | None] | None = None
     answer: Callable[[Question], Answer] | None = None
     paint_on: Callable[[str, Tensor], bool] = lambda difference, photograph: False
     repaint: Callable[[int, Tensor], bool] = lambda number, picture: False
+    adapt: Adapt = answer_usually
 
 
 def wanted_ground(spec: RunSpec) -> str:
@@ -274,6 +335,12 @@ def darkest_paint(spec: RunSpec) -> tuple[float, float, float] | None:
     """Returns sRGB of the darkest available paint: the given one, that of the virtual studio, or None if unknown."""
     told = spec.darkest or (_DARKEST_OF_STUDIO if spec.simulated else None)
     return None if told is None else rgb(told)
+
+
+def paints_for_recipes(spec: RunSpec) -> PaintSet:
+    """Returns the paints for recipes: those of the description, or six common acrylics. Raises ConfigError."""
+    darkest = darkest_paint(spec)
+    return PaintSet.of(spec.paints, darkest) or PaintSet(usual_paints(), darkest=darkest)
 
 
 def open_planner(
@@ -316,9 +383,10 @@ def planner_settings(spec: RunSpec, model: StrokeModel | Sequence[StrokeModel] |
     model: stroke models instead of the description's brushes.
     """
     known = None if spec.calibration is None else Calibration.load(spec.calibration)
-    usual = spec.brushes is None and (spec.strokes < FEWEST_FOR_LAYERS or spec.is_short)
+    unnamed = spec.brushes is None and spec.strokes_of in (None, AUTO)
+    usual = unnamed and (spec.strokes < FEWEST_FOR_LAYERS or _is_short(spec) or spec.together)
     names = spec.brush_names[:1] if usual else spec.brush_names
-    layers = spec.layers if spec.brushes is None or len(names) == 1 else len(names)
+    layers = spec.layers if unnamed or len(names) == 1 else len(names)
     shares = spec.shares if len(names) > 1 else None
     if model is None:
         models = {name: cached_table(load_stroke_model(_source(name, known))) for name in names}
@@ -333,14 +401,22 @@ def planner_settings(spec: RunSpec, model: StrokeModel | Sequence[StrokeModel] |
         rows=spec.render_height,
         effort=Effort().scale(spec.effort),
         seed=spec.seed,
-        layers=1 if layers is None and spec.is_short else layers,
+        layers=1 if layers is None and (_is_short(spec) or spec.together) else layers,
         shares=shares,
         new_paints=spec.new_paints is not False and spec.palette is None,
         focus=spec.focus,
         sharpness=spec.sharpness,
         ground=ground_color(wanted_ground(spec)) or WHITE,
         darkest=darkest_paint(spec),
+        paints=spec.paints if spec.palette is None else ANY_PAINTS,
+        planner=spec.planner,
+        initialiser=spec.initialiser,
     )
+
+
+def _is_short(spec: RunSpec) -> bool:
+    """Returns True if drying once would take more than a third of the robot's time."""
+    return spec.minutes is not None and spec.minutes < 3 * spec.drying
 
 
 def _source(brush: str, known: Calibration | None) -> str | Path:
@@ -353,10 +429,12 @@ def _source(brush: str, known: Calibration | None) -> str | Path:
 
 
 def replan_policy(spec: RunSpec, layers: tuple[int, ...] = ()) -> ReplanPolicy:
-    """Returns the named replan policy; without one, evenly spaced looks, `replans` times.
+    """Returns the named replan policy; without one, evenly spaced looks, `replans` times; none without camera or goal.
 
     layers: strokes of each layer; the looks at their starts are among the replans.
     """
+    if not spec.has_camera or spec.together:
+        return NeverLooks()
     return parse_replan_policy(spec.replan_policy) if spec.replan_policy else EvenlySpaced(spec.replans, layers)
 
 
@@ -372,6 +450,7 @@ def open_session(
     journal: Journal,
     light: FlatField | None = None,
     placement: Placement | None = None,
+    given: Callable[[], None] = lambda: None,
 ) -> PaintingSession:
     """Opens a session on an easel with connected robot and camera.
 
@@ -380,9 +459,10 @@ def open_session(
     mixed: called when the palette is known; waits and returns the really mixed paints.
     paint_on: called if something is on the canvas at first; returns True to paint on.
     light, placement: light and placement learned in an earlier run.
+    given: called between strokes on an easel without a camera, to take a person's picture.
     """
     first, *others = (
-        with_measured_dip(brush_kind(name), easel.calibration, simulated=easel.simulated) for name in planner.models
+        with_measured_dip(brush_kind(name), easel.calibration, simulated=easel.simulated) for name in planner.brushes
     )
     # A person's hand has no heights to correct.
     where = placement or Placement.unknown({} if spec.by_hand else easel.calibration.depths)
@@ -394,11 +474,14 @@ def open_session(
         stop_asked=controls.stop_asked,
         notify=notify,
         journal=journal,
-        pause_asked=controls.pause_asked,
+        pause_cause=controls.pause_cause,
         go_on=controls.go_on,
         mixed=mixed,
         timelapse=Timelapse(spec.film_length),
         budget=None if spec.minutes is None else 60 * spec.minutes,
+        given=given,
+        most=spec.strokes if spec.together else None,
+        adapt=controls.adapt,
     )
 
 
@@ -410,7 +493,7 @@ def open_recorder(
     target [3, H, W]: goal picture.
     before: history of earlier runs, if any.
     """
-    encoders, first = planner.encoders, spec.goal[0]
+    encoders, first = planner.encoders, next(iter(spec.goal), None)
     facts = (
         *spec.goal_facts,
         *((f"{choice.purpose.capitalize()} seen through", choice.used) for choice in encoders.choices),
@@ -420,19 +503,61 @@ def open_recorder(
         *([("Ground", ground_recipe(planner.ground))] if planner.ground != WHITE else []),
         *([("Fit", _FIT[spec.fit])] if target is not None else []),
         ("Brush" if len(planner.models) == 1 else "Brushes", ", ".join(planner.models)),
-        ("Looks and replans", str(spec.replans)),
+        ("Looks and replans", _describe_looks(spec)),
         ("Planned at", f"{spec.render_height} rows"),
         ("Seed", str(spec.seed)),
         ("Robot", TITLES.get(spec.robot, spec.robot)),
     )
     settings = {
-        **({"photo": Path(first.value).name} if first.kind == "image" else {}),
+        **({"photo": Path(first.value).name} if first is not None and first.kind == "image" else {}),
         "goal": [list(fact) for fact in spec.goal_facts],
         "encoders": [asdict(choice) for choice in encoders.choices],
         "remarks": list(encoders.remarks),
         **spec.record(),
     }
-    return Recorder(folder, spec.heading, target, facts, settings, planner.models, spec.film_length, before)
+    pictured = before is not None and before.is_pictured
+    return Recorder(
+        folder,
+        spec.heading,
+        target,
+        facts,
+        settings,
+        planner.models,
+        spec.film_length,
+        before,
+        has_camera=spec.has_camera,
+        watched=spec.has_camera or pictured,
+        owned=paints_for_recipes(spec),
+    )
+
+
+def _describe_looks(spec: RunSpec) -> str:
+    if spec.together:
+        return "a look after every turn"
+    return str(spec.replans) if spec.has_camera else "no camera; only at pictures of a person"
+
+
+# Beginning of a painting without a goal: the paints in the wells, and a plan without strokes.
+
+_COLORS = ("#26262b", "#b23a2e", "#2f5f96", "#e3ab2f", "#f3efe4", "#3f7d4e", "#8a5636", "#7a4c8f")
+_APART = 5.0  # CIEDE2000 between two paints
+
+
+def begin_together(planner: Planner, colors: int, mixed: Palette | None = None) -> Plan:
+    """Returns a plan without strokes, to which each answer to a person adds some.
+
+    colors: greatest number of paints: ink, red, blue, yellow, cream, green, brown and violet, in this order.
+    mixed: really mixed paints; None for those, as the paints of the planner mix them.
+    """
+    color = torch.stack([from_hex(each) for each in _COLORS[:colors]])
+    if planner.paints is not None:
+        color = make_mixable(color, torch.ones(len(color)), planner.paints, _APART).color
+    palette = mixed or Palette.sort_light_to_dark(color)
+    model, no_paint = planner.models[planner.kinds[0]], torch.zeros(0, dtype=torch.long)
+    limits = model.limits.within(planner.size)
+    return Plan.of(
+        Strokes.empty(), palette, no_paint, brush=model.brush, limits=limits, canvas=planner.size, ground=planner.ground
+    )
 
 
 # Choice of the ground, if the description leaves it to the planner.
@@ -500,12 +625,47 @@ def choose_brushes(
     return min(choices(spec), key=expected_loss)
 
 
+def settle_families(
+    spec: RunSpec,
+    goal: Goal,
+    encoders: EncoderRegistry | None = None,
+    notify: Callable[[Step], None] | None = None,
+) -> tuple[RunSpec, str]:
+    """Returns the description with its families among its brushes, and a sentence about a choice ("" for none).
+
+    With "auto", each registered family is tried with a quick plan beside one without a family.
+    notify: called at every step.
+    Raises FamilyError for an unknown or damaged family, and the errors of `open_planner`.
+    """
+
+    def with_families(families: str | None) -> RunSpec:
+        named = spec.model_copy(update={"strokes_of": families})
+        if families is None:
+            return named
+        return named.model_copy(update={"brushes": named.layer_brushes, "strokes_of": None})
+
+    if spec.strokes_of != AUTO:
+        for source, _ in family_shares(spec.strokes_of or ""):
+            load_family(source)
+        return with_families(spec.strokes_of), ""
+
+    def expected_loss(families: str | None) -> float:
+        effort = max(_MIN_EFFORT, _TRYING * spec.effort)
+        planner = open_planner(with_families(families).model_copy(update={"effort": effort}), goal, encoders)
+        return planner.expected_loss(planner.plan(planner.bare, spec.strokes, spec.colors, notify), planner.bare)
+
+    best = min((None, *registry.parts(registry.STROKE_FAMILIES)), key=expected_loss)
+    if best is None:
+        return with_families(None), "No stroke family suits this picture better than the brushes alone."
+    return with_families(best), f"The stroke family that suits this picture best: {best}."
+
+
 def choices(spec: RunSpec) -> Sequence[str]:
     """Returns the brushes to choose from, in the form of --brushes.
 
     Raises ConfigError if the calibration record has none of them.
     """
-    several = spec.strokes >= FEWEST_FOR_LAYERS and not spec.is_short
+    several = spec.strokes >= FEWEST_FOR_LAYERS and not _is_short(spec)
     named = (*(IN_LAYERS if several else ()), *([] if several and spec.simulated else IN_ONE_LAYER))
     if spec.simulated or spec.calibration is None:
         return named
@@ -522,18 +682,13 @@ def choices(spec: RunSpec) -> Sequence[str]:
 
 def brushes_of(plan: Plan) -> str:
     """Returns the brushes of a plan's layers with their shares, in the form of --brushes."""
-    shares = [(layer.brush, 100 * layer.strokes / len(plan)) for layer in plan.layers if layer.strokes]
+    shares = [(layer.kind, 100 * layer.strokes / len(plan)) for layer in plan.layers if layer.strokes]
     return ",".join(f"{brush}:{share:.4f}%" for brush, share in shares)
 
 
 # Settling of a description: open settings are chosen once, and the planner is opened.
 
-_SETTLING_KINDS: dict[type[Term], str] = {
-    ImageTerm: "image",
-    SemanticTerm: "semantic",
-    SketchTerm: "sketch",
-    StyleTerm: "style",
-}
+_SETTLING_KINDS: dict[type[Term], str] = {term: name for name, term in _OF_PICTURES.items()}
 
 
 @dataclass(frozen=True)
@@ -572,6 +727,9 @@ def settle(
         brushes = choose_brushes(spec, made.goal, encoders, notify=lambda step: choosing("brushes"))
         spec = spec.model_copy(update={"brushes": brushes})
         remarks.append(f"The brushes that suit this picture best: {brushes}.")
+    if spec.strokes_of is not None:
+        spec, remark = settle_families(spec, made.goal, encoders, notify=lambda step: choosing("brushes"))
+        remarks += [remark] if remark else []
     planner = open_planner(spec, made.goal, encoders, tell=tell)
     planner, ground, remark = settle_ground(spec, planner, lambda step: choosing("ground"))
     if spec.ground != ground:
@@ -581,11 +739,12 @@ def settle(
 
 
 def make_planner(
-    goal: Goal | Picture,
+    goal: Goal | AnyPicture,
+    /,
     *,
-    model: StrokeModel | Sequence[StrokeModel] | None = None,
+    model: AnyBrush | Sequence[AnyBrush] | None = None,
     encoders: EncoderRegistry | None = None,
-    **settings: Any,
+    **settings: Unpack[RunSettings],
 ) -> Planner:
     """Returns the planner that `frida-painter plan` uses for a goal or a picture; equal settings make an equal plan.
 
@@ -593,13 +752,23 @@ def make_planner(
     settings: fields of RunSpec, such as strokes=300, seed=1, canvas="A3", brushes="fine" or focus="none". The
     planner's settings show the choices.
     Raises ConfigError, ImageError and WeightsError.
+
+        >>> import frida_painter as fp
+        >>> planner = fp.make_planner("photo.jpg", canvas="12x9cm", strokes=10, colors=3, render_height=64)
+        >>> plan = planner.plan()
+        >>> fp.save_picture(planner.expected(plan), "plan.png")
+        >>> len(plan), plan.brushes
+        (10, ('broad',))
     """
     wanted = goal if isinstance(goal, Goal) else make_goal(goal)
-    described = {"goal": _describe_terms(wanted.terms), "initial": _describe_terms(wanted.initial)}
-    made = fit_canvas(RunSpec.of(**described, **settings), wanted)
+    described: RunSettings = {"goal": _describe_terms(wanted.terms), "initial": _describe_terms(wanted.initial)}
+    if "goal" in settings or "initial" in settings:
+        raise ConfigError("make_planner takes its goal first, and it was given as a setting; use make_goal for it.")
+    settings.update(described)
+    made = fit_canvas(RunSpec.of(**settings), wanted)
     if model is None:
         return settle(made, encoders).planner
-    planner = open_planner(made.spec, made.goal, encoders, model)
+    planner = open_planner(made.spec, made.goal, encoders, stroke_models(model))
     return settle_ground(made.spec, planner)[0]
 
 

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import fields
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self, Unpack
 
 from pydantic import (
     AfterValidator,
@@ -26,11 +26,21 @@ from pydantic.fields import FieldInfo
 
 from frida_painter import storage
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.easel.kinds import HUMAN, SAWYER_SIM, SIMULATED, VIRTUAL
+from frida_painter.easel.kinds import HUMAN, NO_CAMERA, SAWYER_SIM, SIMULATED, VIRTUAL
 from frida_painter.errors import ConfigError, ImageError
 from frida_painter.palette_file import is_palette_file, read_colors
 from frida_painter.planning.settings import PlannerSettings
+from frida_painter.registry import (
+    INITIALISERS,
+    LISTENERS,
+    PLANNERS,
+    REPLAN_POLICIES,
+    STROKE_FAMILIES,
+    STROKE_MODELS,
+)
 from frida_painter.runs.goal_item import GoalItem
+from frida_painter.runs.run_settings import RunSettings
+from frida_painter.runs.shares import AUTO, MAX_LAYERS, brush_shares, family_shares, parse_brushes, parse_families
 from frida_painter.session.replan_policy import parse_replan_policy
 from frida_painter.storage import count_of
 
@@ -74,9 +84,8 @@ def _shortly(value: Any) -> str:
 
 # Fields of a description as a person writes them: a canvas, a colour, a file, a replan policy.
 
-MAX_LAYERS = 8
-AUTO = "auto"
-"""Value that leaves a ground or brushes to the planner."""
+NAMED_PAINTS = ("acrylics", "any")
+"""Values of paints that are not the name of a file."""
 OF_SCENE = "scene"
 """Internal value of a ground: the colour around the things of a scene."""
 _FURTHEST, _MAX_TURNED = 0.05, 15.0
@@ -149,6 +158,16 @@ def rgb(color: str) -> tuple[float, float, float]:
     return red, green, blue
 
 
+def _hex(value: Any) -> Any:
+    """Returns 3 numbers in [0, 1] as "#rrggbb"; other values as they are."""
+    parts = value.tolist() if hasattr(value, "tolist") else value
+    if not isinstance(parts, list | tuple) or len(parts) != 3:
+        return value
+    if not all(isinstance(part, float | int) and 0 <= part <= 1 for part in parts):
+        raise ValueError(f"{str(parts)[:40]} is not a colour; its 3 numbers are in [0, 1]")
+    return "#" + "".join(f"{round(255 * part):02x}" for part in parts)
+
+
 def _ground(text: str | None) -> str | None:
     if text is None:
         return None
@@ -176,6 +195,14 @@ def _is_color(text: str) -> bool:
     return re.fullmatch("#[0-9a-f]{6}", text) is not None
 
 
+def _paints(value: Any) -> Any:
+    return str(value) if isinstance(value, Path) else value
+
+
+def _whole_paints(paints: str) -> str:
+    return paints if paints in NAMED_PAINTS else str(Path(paints).resolve())
+
+
 def _policy(text: str | None) -> str | None:
     try:
         if text is not None:
@@ -185,53 +212,12 @@ def _policy(text: str | None) -> str | None:
     return text
 
 
-def brush_shares(text: str) -> tuple[tuple[str, float | None], ...]:
-    """Parses brushes such as "broad:60%,fine:40%"; returns names with shares in (0, 1], None without shares.
-
-    A brush is a name or a file, which is not opened here. Raises ValueError.
-    """
-    found = []
-    for part in text.split(","):
-        name, colon, share = part.strip().rpartition(":") if part.rstrip().endswith("%") else (part.strip(), "", "")
-        if not name:
-            raise ValueError(f"{text[:60]!r} names no brush at one place; write broad or broad:60%,medium:40%")
-        if not colon and re.fullmatch(r".+:\s*(\d[\d.]*|inf|nan)", part.strip()):
-            raise ValueError(f"{part.strip()[:40]!r} is no share; write it in percent, as broad:60%,medium:40%")
-        try:
-            found.append((name.strip(), float(share.rstrip("%")) / 100 if colon else None))
-        except ValueError as error:
-            raise ValueError(
-                f"the share {share[:20]!r} of {name[:40]!r} is not a number; write broad:60%,medium:40%"
-            ) from error
-    shares = [share for _, share in found if share is not None]
-    if shares and len(shares) < len(found):
-        raise ValueError("some brushes have a share and some have none; give shares to all of them or to none")
-    if any(not 0 < share <= 1 for share in shares):
-        raise ValueError("a share is above 0 % and at most 100 %; leave brushes out that paint nothing")
-    if shares and not abs(sum(shares) - 1) <= 0.005:
-        raise ValueError(f"the shares make {100 * sum(shares):g} %; together they make 100 %")
-    if len(found) > MAX_LAYERS:
-        raise ValueError(f"{len(found)} brushes were given; there are at most {MAX_LAYERS} layers")
-    return tuple(found)
-
-
-def _brushes(value: Any) -> Any:
-    """Checks brushes from a TOML file: a text, or a list of texts."""
-    if isinstance(value, list | tuple) and all(isinstance(part, str) for part in value):
-        value = ",".join(value)
-    if isinstance(value, str) and value:
-        names = [name for name, _ in brush_shares(value)]
-        if AUTO in names and value.strip() != AUTO:
-            raise ValueError(
-                f"{value[:60]!r} names brushes and leaves them to the planner; write {AUTO}, or names alone"
-            )
-    return value
-
-
-Brushes = Annotated[str | None, BeforeValidator(_brushes)]
-Ground = Annotated[str | None, AfterValidator(_ground)]
+Brushes = Annotated[str | None, BeforeValidator(parse_brushes)]
+Families = Annotated[str | None, BeforeValidator(parse_families)]
+Ground = Annotated[str | None, BeforeValidator(_hex), AfterValidator(_ground)]
 Focus = Literal["faces", "subject", "none"]
-DarkestPaint = Annotated[str | None, AfterValidator(_darkest)]
+DarkestPaint = Annotated[str | None, BeforeValidator(_hex), AfterValidator(_darkest)]
+PaintsInUse = Annotated[str, BeforeValidator(_paints), PlainSerializer(_whole_paints, when_used="json")]
 Policy = Annotated[str | None, AfterValidator(_policy)]
 Canvas = Annotated[CanvasSize, BeforeValidator(_canvas), PlainSerializer(_millimetres)]
 File = Annotated[Path | None, BeforeValidator(_path), PlainSerializer(_whole_path, when_used="json")]
@@ -262,7 +248,7 @@ def paints_of(palette: Path) -> int:
 
 
 VERSION = 1
-SETTLED = ("strokes", "layers", "colors", "canvas", "brushes", "new_paints", "ground")
+SETTLED = ("strokes", "layers", "colors", "canvas", "brushes", "new_paints", "ground", "paints")
 """Settings that a plan depends on; they cannot change once there is a plan."""
 EASEL = (
     "robot", "camera", "workspace", "calibration", "placement_error", "pace", "arm_meshes", "studio_canvas", "on_canvas"
@@ -275,6 +261,7 @@ USUAL_BRUSHES = "broad:30%,medium:35%,fine:35%"
 FEWER_BRUSHES = "broad:50%,medium:50%"
 """Default brushes of a picture with less than 200 strokes, or if drying twice takes a third of the minutes."""
 _FEWEST_FOR_ALL = 200  # strokes
+_FEWEST_WITH_SEVERAL = 100  # strokes
 WORDS_BRUSHES = "broad:50%,fine:50%"
 """Default brushes of words alone; people recognise a thing by its outline and its small parts."""
 _OF_PLANS: dict[str, Any] = {field.name: field.default for field in fields(PlannerSettings)}
@@ -304,8 +291,11 @@ class RunSpec(BaseModel):
     """Description of a painting. `of`, `from_toml` and `read` raise ConfigError, which names all faults at once.
 
     goal, initial: goals of the painting, and goals for its start.
+    together: True if there is no goal: a person begins, and the robot continues the drawing.
     canvas: wanted size, which `fit` may change.
-    brushes: names or weight files, one for all layers or one each, "broad:60%,fine:40%", or "auto".
+    brushes: names or weight files, one for all layers or one each, "broad:60%,fine+comma:40%", or "auto".
+    strokes_of: families for further layers, "comma:40%", or "auto".
+
     clip: CLIP network for words. None: the fetched one.
     pictures: folder of the person's own pictures of things that words name.
     palette: file with the really mixed paints.
@@ -314,6 +304,11 @@ class RunSpec(BaseModel):
     placement_error: error of the virtual studio's robot, such as "4mm,2deg".
     on_canvas: True if the painting begins on an existing painting.
     studio_canvas: picture of that painting in the virtual studio.
+
+        >>> import frida_painter as fp
+        >>> spec = fp.RunSpec.of(goal=[{"image": "photo.jpg"}], strokes=50, canvas="A4")
+        >>> spec.strokes, str(spec.canvas), spec.seed
+        (50, '210 x 297 mm', 0)
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, arbitrary_types_allowed=True)
@@ -327,6 +322,11 @@ class RunSpec(BaseModel):
         ge=1,
         le=20_000,
         description="Number of brush strokes. Exactly this number is painted, unless --minutes has fewer.",
+    )
+    together: bool = Field(
+        False,
+        description="Paint without a goal: you begin, and the robot answers each of your turns in the spirit of your "
+        "strokes, with at most --strokes in all.",
     )
     minutes: float | None = Field(
         None,
@@ -370,9 +370,23 @@ class RunSpec(BaseModel):
         "with quick plans, and takes what suits the picture best.",
         json_schema_extra={
             "metavar": "NAME,...|auto",
+            "group": STROKE_MODELS,
             "names": ["--brushes", "--brush"],
             "default": "in the studio, for a picture, broad:30%,medium:35%,fine:35% from 200 strokes on and "
             "broad:50%,medium:50% from 100 on; for words alone, from 100 on, broad:50%,fine:50%; otherwise broad",
+        },
+    )
+    strokes_of: Families = Field(
+        None,
+        min_length=1,
+        description="Families of strokes that a person taught, each in a layer of the last brush: comma, zigzag, "
+        "flourish, or a file that teach wrote. With shares of the strokes like comma:20%,flourish:30%; without them "
+        "families get 40% together. auto tries each with a quick plan, and takes one if it comes nearer.",
+        json_schema_extra={
+            "metavar": "FAMILY,...|auto",
+            "group": STROKE_FAMILIES,
+            "names": ["--strokes-of"],
+            "default": "strokes of the brushes alone",
         },
     )
     new_paints: bool | None = Field(
@@ -398,7 +412,11 @@ class RunSpec(BaseModel):
         description="When to replan, instead of --replans. every:75 replans after every 75 strokes. when-off-by:0.02 "
         "looks after every 10 strokes and replans only if the canvas differs more than that from the expected one. "
         "when-it-pays looks as often as replanning improves the plan by 0.05 dB. Your own packages can add policies.",
-        json_schema_extra={"metavar": "NAME:VALUE", "default": "evenly spaced, --replans times"},
+        json_schema_extra={
+            "group": REPLAN_POLICIES,
+            "metavar": "NAME:VALUE",
+            "default": "evenly spaced, --replans times",
+        },
     )
     ground: Ground = Field(
         None,
@@ -415,6 +433,14 @@ class RunSpec(BaseModel):
         description="The colour of your darkest paint once it is dry. No darker paint is planned, and the forecast is "
         "right where the picture is darker.",
         json_schema_extra={"metavar": "#RRGGBB", "default": "in the studio #121212, otherwise #000000"},
+    )
+    paints: PaintsInUse = Field(
+        _OF_PLANS["paints"],
+        min_length=1,
+        description="The paints that you mix from. acrylics: six common ones; FILE: your own, as for mix --paints. A "
+        "colour that they cannot give becomes the nearest one that they can, and colours with one recipe become one. "
+        "any: every colour, for pens, screens and paints that are not mixed. A --palette is never changed.",
+        json_schema_extra={"metavar": "acrylics|any|FILE"},
     )
     focus: Focus = Field(
         _OF_PLANS["focus"],
@@ -446,6 +472,24 @@ class RunSpec(BaseModel):
         allow_inf_nan=False,
         description="Planning effort. 2 plans twice as long, 0.5 half as long.",
     )
+    planner: str = Field(
+        _OF_PLANS["planner"],
+        min_length=1,
+        description="How the plan is made. Your own packages can add planners.",
+        json_schema_extra={"group": PLANNERS, "metavar": "NAME"},
+    )
+    initialiser: str = Field(
+        _OF_PLANS["initialiser"],
+        min_length=1,
+        description="How first strokes are placed: growth or uniform. Your own packages can add ways.",
+        json_schema_extra={"group": INITIALISERS, "metavar": "NAME"},
+    )
+    listener: str | None = Field(
+        None,
+        min_length=1,
+        description="Who hears the events. events:FILE writes them as JSON. Your own packages can add listeners.",
+        json_schema_extra={"group": LISTENERS, "metavar": "NAME:TEXT", "default": "nobody"},
+    )
     seed: int = Field(
         _OF_PLANS["seed"],
         ge=0,
@@ -470,10 +514,13 @@ class RunSpec(BaseModel):
     @model_validator(mode="after")
     def _fit_together(self) -> Self:
         given = self.model_fields_set
+        self._require_no_goal()
         if "colors" in given and self.colors > self.strokes:
             raise ValueError(f"{self.colors} colors for {self.strokes} strokes; give at most as many colors as strokes")
         if self.layers is not None and len(self.brush_names) > 1 and self.layers != len(self.brush_names):
             raise ValueError(f"{self.layers} layers and {len(self.brush_names)} brushes; leave out --layers")
+        if self.strokes_of is not None and (self.layers is not None or self.brushes == AUTO):
+            raise ValueError("--strokes-of adds a layer for each family; leave out --layers, and name the --brushes")
         if self.brushes == AUTO and self.layers is not None:
             raise ValueError(f"--brushes {AUTO} says how many layers there are, and --layers too; leave out one")
         if self._names_brushes and len(self.brush_names) > self.strokes:
@@ -499,6 +546,17 @@ class RunSpec(BaseModel):
             raise ValueError(
                 f"--on-canvas paints on what is there, and --ground {self.ground} tones a bare canvas; leave out one"
             )
+        if not self.has_camera and (self.replan_policy or ("replans" in given and self.replans)):
+            option = f"--replan-policy {self.replan_policy}" if self.replan_policy else f"--replans {self.replans}"
+            raise ValueError(
+                f"{option} was given, and with --camera {NO_CAMERA} nobody looks at the canvas; leave it out, or name "
+                "a camera. A picture that you take counts as a look: frida-painter look FOLDER PICTURE"
+            )
+        if not self.has_camera and self.on_canvas:
+            raise ValueError(
+                f"--on-canvas begins on what a camera sees, and with --camera {NO_CAMERA} nobody looks; leave it out "
+                "and put up a bare canvas, or name a camera"
+            )
         if self.minutes is not None and self.by_hand:
             raise ValueError(f"--minutes is the robot's time, and with --robot {HUMAN} a person paints; leave it out")
         if self.minutes is not None and self._dryings * self.drying >= self.minutes:
@@ -510,14 +568,36 @@ class RunSpec(BaseModel):
             raise ValueError(f"--arm-meshes is for the film of --robot {SAWYER_SIM}; leave it out")
         return self
 
+    def _require_no_goal(self) -> None:
+        """Raises ValueError if a painting without a goal has something that only a goal can use."""
+        if not self.together:
+            return
+        useless = {
+            "a goal": self.goal or self.initial, "--minutes": self.minutes, "--layers": (self.layers or 1) > 1,
+            "--strokes-of": self.strokes_of, "--replan-policy": self.replan_policy,
+            "--ground auto": self.ground == AUTO, "--brushes auto": self.brushes == AUTO,
+            "several brushes": self.brushes not in (None, AUTO) and len(self.brush_names) > 1,
+        }  # fmt: skip
+        found = [name for name, value in useless.items() if value]
+        if found:
+            raise ValueError(
+                f"--together paints without a goal, and {found[0]} was given; leave out one of them. With --together, "
+                "name one brush, and a ground if you like"
+            )
+        if not self.has_camera:
+            raise ValueError(
+                f"--together answers what you paint, and with --camera {NO_CAMERA} nobody sees it; name a camera"
+            )
+
     @classmethod
-    def of(cls, **values: Any) -> Self:
+    def of(cls, **settings: Unpack[RunSettings]) -> Self:
         """Returns a checked description, with defaults that fit the given values.
 
         These defaults are the canvas of the workspace file, and the number of colours of the palette file. A plan
         with few strokes gets fewer colours and replans.
         Raises ConfigError.
         """
+        values: dict[str, Any] = {**settings}
         if "brush" in values:  # the usual word for one brush
             if "brushes" in values:
                 raise ConfigError("A brush was given, and brushes as well; give --brushes alone.")
@@ -532,7 +612,7 @@ class RunSpec(BaseModel):
             return cls.of(**values, colors=paints_of(chosen.palette))
         fitting: dict[str, Any] = {
             "colors": min(chosen.colors, chosen.strokes),
-            "replans": min(chosen.replans, chosen.strokes - 1),
+            "replans": min(chosen.replans, chosen.strokes - 1) if chosen.has_camera else 0,
         }
         if chosen.workspace is not None and not chosen.simulated and "canvas" not in values:
             fitting["canvas"] = canvas_of(chosen.workspace)
@@ -543,21 +623,23 @@ class RunSpec(BaseModel):
         )
 
     @classmethod
-    def from_toml(cls, path: Path, **overrides: Any) -> Self:
+    def from_toml(cls, path: str | Path, **overrides: Unpack[RunSettings]) -> Self:
         """Reads a description from a TOML file, with `overrides`; its file names are relative to it.
 
         Raises ConfigError.
         """
+        path = Path(path)
         values = storage.read_toml(
             path, "a settings file (TOML)", _MAX_SPEC_BYTES, "write lines such as: strokes = 300"
         )
-        for name in FILES:
-            if isinstance(values.get(name), str):
+        for name in (*FILES, "paints"):
+            if isinstance(values.get(name), str) and values[name] not in NAMED_PAINTS:
                 values[name] = path.parent / values[name]
         return cls.of(**{**values, **overrides})
 
-    def with_values(self, **values: Any) -> Self:
+    def with_values(self, **settings: Unpack[RunSettings]) -> Self:
         """Returns a checked copy with other values. Raises ConfigError."""
+        values: dict[str, Any] = {**settings}
         if "brush" in values:
             values["brushes"] = values.pop("brush")
         kept = {name: getattr(self, name) for name in self.model_fields_set}
@@ -573,8 +655,9 @@ class RunSpec(BaseModel):
         return self.model_dump(mode="json", exclude={"goal", "initial"})
 
     @classmethod
-    def read(cls, path: Path) -> Self:
-        """Reads a description from a painting's folder, also of versions before 0.2. Raises ConfigError."""
+    def read(cls, path: str | Path) -> Self:
+        """Reads a description from a painting's folder, if version 0.2 or newer wrote it. Raises ConfigError."""
+        path = Path(path)
         content = storage.read_bytes(path, "the settings of a painting", _MAX_SPEC_BYTES, ConfigError)
         try:
             plain = json.loads(content)
@@ -587,17 +670,19 @@ class RunSpec(BaseModel):
     @property
     def heading(self) -> str:
         """Title, or one from the first goal."""
-        return self.title or (self.goal[0].title if self.goal else "Untitled")
+        usual = "Drawn together" if self.together else "Untitled"
+        return self.title or (self.goal[0].title if self.goal else usual)
 
     @property
     def name(self) -> str:
-        """Folder name from the first goal. Raises IndexError if there is no goal."""
-        return self.goal[0].name
+        """Folder name from the first goal. Raises IndexError if there is no goal, and it is not painted together."""
+        return "together" if self.together else self.goal[0].name
 
     @property
     def goal_facts(self) -> tuple[tuple[str, str], ...]:
         """Goals for page and record, as (label, description)."""
         return (
+            *([("Goal", "none: drawn together")] if self.together else []),
             *((item.label, item.described) for item in self.goal),
             *((f"Begun with {item.kind}", item.described) for item in self.initial),
         )
@@ -605,15 +690,42 @@ class RunSpec(BaseModel):
     @property
     def _names_brushes(self) -> bool:
         """True if the description names its brushes, instead of leaving them to the defaults or the planner."""
-        return self.brushes not in (None, AUTO)
+        return self.brushes not in (None, AUTO) or self._names_families
 
     @property
-    def _brushes(self) -> str:
+    def _names_families(self) -> bool:
+        """True if the description names stroke families."""
+        return self.strokes_of not in (None, AUTO)
+
+    @property
+    def layer_brushes(self) -> str:
+        """Named brushes, or the default ones, with a layer for each named family, in the form of --brushes."""
+        return self._with_families(self._own_brushes) if self._names_families else self._own_brushes
+
+    def _with_families(self, brushes: str) -> str:
+        """Returns the brushes in the form of --brushes, with a layer of the last brush for each named family."""
+        assert self.strokes_of is not None
+        families, own = family_shares(self.strokes_of), brush_shares(brushes)
+        if self.brushes is None and self.strokes < _FEWEST_WITH_SEVERAL:
+            own = own[:1]  # few strokes are not divided among brushes
+        left = 1 - sum(share for _, share in families)
+        shares = [share for _, share in own]
+        usual = (1.0,) if len(own) == 1 else (0.6, *[0.4 / (len(own) - 1)] * (len(own) - 1))
+        given = [usual[number] if share is None else share for number, share in enumerate(shares)]
+        last = own[-1][0]
+        layers = [(name, left * share / sum(given)) for (name, _), share in zip(own, given, strict=True) if left > 1e-9]
+        layers += [(f"{last}+{name}", share) for name, share in families]
+        return ",".join(f"{name}:{100 * share:.6f}%" for name, share in layers)
+
+    @property
+    def _own_brushes(self) -> str:
         """Named brushes, or the default ones; several only if the robot changes brushes itself."""
-        if self.brushes is not None and self._names_brushes:
+        if self.brushes is not None and self.brushes != AUTO:
             return self.brushes
         if self.layers is not None or not self.simulated:
             return "broad"
+        if self.together:
+            return "medium"
         if self.is_words:
             return WORDS_BRUSHES
         hurried = self.minutes is not None and self.minutes < 6 * self.drying
@@ -641,12 +753,12 @@ class RunSpec(BaseModel):
     @property
     def brush_names(self) -> tuple[str, ...]:
         """Brush of all layers, or of each layer: names or weight files."""
-        return tuple(name for name, _ in brush_shares(self._brushes))
+        return tuple(name for name, _ in brush_shares(self.layer_brushes))
 
     @property
     def shares(self) -> tuple[float, ...] | None:
         """Share of the strokes for each layer; None for the default shares."""
-        shares = [share for _, share in brush_shares(self._brushes) if share is not None]
+        shares = [share for _, share in brush_shares(self.layer_brushes) if share is not None]
         return tuple(shares) if len(shares) > 1 else None
 
     @property
@@ -660,9 +772,9 @@ class RunSpec(BaseModel):
         return self.robot == HUMAN
 
     @property
-    def is_short(self) -> bool:
-        """True if drying once would take more than a third of the robot's time."""
-        return self.minutes is not None and self.minutes < 3 * self.drying
+    def has_camera(self) -> bool:
+        """False if nobody looks at the canvas: the plan is then painted as it is."""
+        return self.camera != NO_CAMERA
 
     @property
     def films_arm(self) -> bool:
@@ -676,14 +788,13 @@ class RunSpec(BaseModel):
 
 
 def upgrade_record(plain: Mapping[str, Any]) -> dict[str, Any]:
-    """Returns plain values of a description in the form of the current version. Raises ConfigError for a newer one."""
-    version = plain.get("version", 0)
-    if type(version) is not int or not 0 <= version <= VERSION:
+    """Returns plain values of a description in the current form. Raises ConfigError for another version."""
+    if "version" not in plain:
+        raise ConfigError(storage.refuse_first_version("The description of this painting"))
+    version = plain["version"]
+    if type(version) is not int or version != VERSION:
         raise ConfigError(
-            f"The settings are of version {version!r}, and this program reads versions up to {VERSION}; use the "
-            "program that the painting was begun with, or a newer one."
+            f"The settings are of version {version!r}, and this program reads version {VERSION}; use the program that "
+            "the painting was begun with, or a newer one."
         )
-    # Older descriptions lack these values, which were fixed then. Before 0.2 there was no version, and pictures
-    # were cropped.
-    known = {"ground": "white", "focus": "none", "sharpness": 0.0, **plain}
-    return known if version == VERSION else {**known, "version": VERSION, "fit": "crop"}
+    return {"ground": "white", "focus": "none", "sharpness": 0.0, **plain}  # 0.2 may lack these, which were fixed then

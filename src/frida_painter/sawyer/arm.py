@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import RobotError, WorkspaceViolation
-from frida_painter.hardware.robot import Timing, Workspace
+from frida_painter.hardware.robot import Workspace
+from frida_painter.hardware.timing import Timing
 from frida_painter.virtual.bristles import BristleBrush
 from frida_painter.virtual.robot import Course, FreeArm, Way
 from frida_painter.virtual.studio import ArmAndTable, StudioArm
@@ -127,12 +128,12 @@ class SawyerReach:
 
     def _answer(self, cube: tuple[int, ...]) -> bool:
         if cube not in self._answers:
-            place, kinematics = np.array(cube) * _CUBE, self._known()
+            place, kinematics = np.array(cube) * _CUBE, self._load_kinematics()
             angles = kinematics.posture(place)
             self._answers[cube] = kinematics.hindrance(angles[None], place[None], 1.0) is None
         return self._answers[cube]
 
-    def _known(self) -> "Kinematics":
+    def _load_kinematics(self) -> "Kinematics":
         if self._kinematics is None:
             try:
                 from frida_painter.sawyer.body import Kinematics

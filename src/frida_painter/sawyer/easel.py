@@ -10,7 +10,8 @@ from frida_painter.hardware.kinds import Needed
 if TYPE_CHECKING:  # pages and help load this kind without its numerical libraries
     from frida_painter.canvas_size import CanvasSize
     from frida_painter.easel.order import EaselOrder
-    from frida_painter.hardware.robot import Reach, Timing, Workspace
+    from frida_painter.hardware.robot import Reach, Workspace
+    from frida_painter.hardware.timing import Timing
 
 
 def _open_sawyer(order: "EaselOrder") -> OpenEasel:

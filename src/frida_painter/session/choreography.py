@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from frida_painter.brush.kinds import END_THICKNESS, BrushKind, brush_kind
 from frida_painter.errors import ConfigError
 from frida_painter.hardware.motion import Motion
-from frida_painter.hardware.robot import Point, Timing, Waypoints
+from frida_painter.hardware.robot import Point, Waypoints
+from frida_painter.hardware.timing import AxisTiming, Timing
 from frida_painter.palette import to_lab
 from frida_painter.plan import Plan
 from frida_painter.session.events import DRYING, Dipped, StrokePainted, Timetable
@@ -158,7 +159,7 @@ def reckon(
     choreography: Choreography,
     load: BrushLoad,
     looks: Looks = no_looks,
-    timing: Timing | None = None,
+    timing: Timing | AxisTiming | None = None,
     drying: float = DRYING,
     held: str | None = None,
 ) -> Timetable:
@@ -166,7 +167,7 @@ def reckon(
 
     load: paint on the brush at the beginning.
     looks: looks of the painter and of the film.
-    timing: accelerations of the arm. None: the arm always moves at full speed.
+    timing: limits of the robot. None: it always moves at full speed.
     drying: seconds between two layers.
     held: brush in the hand of a robot with a rack; "" or None for none.
     Raises WorkspaceViolation if the workspace has no well for a paint.
@@ -179,12 +180,14 @@ def reckon(
 
     def wash(table: Timetable, washing: tuple[Waypoints, ...]) -> Timetable:
         for each in washing:
-            table = replace(table, travel=table.travel + hand.to(each), washing=table.washing + pace.of(each))
+            way, work = hand.make(each)
+            table = replace(table, travel=table.travel + way, washing=table.washing + work)
         return table
 
     def change(table: Timetable, brush: str) -> Timetable:
         for each in motion.change(held, brush):
-            table = replace(table, travel=table.travel + hand.to(each), changes=table.changes + pace.of(each))
+            way, work = hand.make(each)
+            table = replace(table, travel=table.travel + way, changes=table.changes + work)
         return table
 
     for number, part in enumerate(plan.filled_layers()):
@@ -203,10 +206,10 @@ def reckon(
         for index, (paint, (dipped, after_stroke)) in enumerate(zip(part.paint.tolist(), loads, strict=True)):
             if dipped:
                 table = wash(table, here.cleaning_between(part, load.paint, paint))
-                dipping = dips[paint]
-                table = replace(table, travel=table.travel + hand.to(dipping), dips=table.dips + pace.of(dipping))
+                way, work = hand.make(dips[paint])
+                table = replace(table, travel=table.travel + way, dips=table.dips + work)
             load = after_stroke
-            way = hand.across(places[index, 0], places[index, 1])
+            way = hand.across(places[index, 0], places[index, 1]) + pace.between
             table = replace(table, travel=table.travel + way, strokes=table.strokes + painting[index])
             after.append(table.total)
             leaves = all(dipped for dipped, _ in loads[index + 1 : index + 2])  # also True at the end of a layer
@@ -219,7 +222,12 @@ def reckon(
 class _Pace:
     """Duration of motions of the brush tip, from rest to rest."""
 
-    timing: Timing | None
+    timing: Timing | AxisTiming | None
+
+    @property
+    def between(self) -> float:
+        """Seconds between two motions, if the robot's controller tells its limits; else 0."""
+        return self.timing.between if isinstance(self.timing, AxisTiming) else 0.0
 
     def of(self, motion: Waypoints) -> float:
         """Returns the seconds from the first waypoint to the last."""
@@ -238,6 +246,13 @@ class _Hand:
     def __init__(self, speed: float, home: Point, pace: _Pace) -> None:
         self._speed, self._home, self._pace = speed, np.array(home), pace
         self._here: NDArray[np.float64] = self._home
+
+    def make(self, motion: Waypoints) -> tuple[float, float]:
+        """Returns the seconds to the beginning of a motion and from there to its end, and moves the tip to the end."""
+        if not isinstance(self._pace.timing, AxisTiming):
+            return self.to(motion), self._pace.of(motion)
+        way = self._pace.along(np.stack([self._here, motion.position[0]]), np.array([self._speed]))
+        return way, self.through(motion) + self._pace.between - way  # the machine does not stop between both
 
     def to(self, motion: Waypoints) -> float:
         """Returns the seconds to the beginning of a motion, and moves the tip to the motion's end."""
@@ -260,7 +275,7 @@ class _Hand:
         above = np.array([*self._here[:2], max(self._here[2], self._home[2])])
         path = np.stack([self._here, above, self._home])
         self._here = self._home
-        return self._pace.along(path, np.full(2, self._speed))
+        return self._pace.along(path, np.full(2, self._speed)) + self._pace.between
 
 
 def _on_canvas(plan: Plan, choreography: Choreography) -> tuple[NDArray[np.float64], list[float]]:
@@ -291,5 +306,5 @@ def _motion_by_motion(plan: Plan, motion: Motion, pace: _Pace) -> list[float]:
     for index in range(len(plan)):
         above, stroke, up = motion.swift_stroke(strokes, index, "stroke")
         hand = _Hand(up.speed, tuple(above.position[0]), pace)
-        seconds.append(hand.through(stroke) + hand.to(up))
+        seconds.append(hand.through(stroke) + hand.to(up) + 2 * pace.between)
     return seconds

@@ -3,7 +3,17 @@
 There are two sorts of events. A `Moment` carries plans and pixels and stays inside the painting process. A
 `Written` event is plain data with a JSON form (`record`, `events_of`), named after its class. It stands in the
 journal, in the feed of the studio page, or in both, and names pictures by their files. Listeners receive both
-sorts.
+sorts:
+
+    >>> import frida_painter as fp
+    >>> def hear(event):
+    ...     if isinstance(event, fp.events.StrokePainted):
+    ...         print(event.done)
+    >>> spec = fp.RunSpec.of(goal=[{"image": "photo.jpg"}], canvas="12x9cm", strokes=2, replans=0, render_height=64)
+    >>> with fp.PaintingRun(spec, listeners=[hear]) as run:
+    ...     painting = run.simulate()
+    1
+    2
 
 This module loads neither torch nor the planner, because the web process reads events.
 """
@@ -11,15 +21,28 @@ This module loads neither torch nor the planner, because the web process reads e
 from __future__ import annotations
 
 import functools
+import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from pydantic import TypeAdapter
 
-from frida_painter.session.old_events import upgrade_event
+from frida_painter.session.person_events import GoalChanged as GoalChanged
+from frida_painter.session.person_events import PersonPaintShown as PersonPaintShown
+from frida_painter.session.person_events import PersonStrokeBegan as PersonStrokeBegan
+from frida_painter.session.person_events import PersonStrokePainted as PersonStrokePainted
+from frida_painter.session.person_events import RegionProtected as RegionProtected
+from frida_painter.session.setup_events import (
+    MachineTold,
+    SetupLeft,
+    SetupStands,
+    SetupStarted,
+    SetupStepBegan,
+    SetupWritten,
+)
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -73,6 +96,13 @@ class Timetable:
         return replace(self, drying=self.drying + seconds, after=tuple(seconds + done for done in self.after))
 
 
+PEN_LIMITS: tuple[tuple[str, float, float], ...] = (
+    ("place from the left", -1.0, 2.0), ("place from the top", -1.0, 2.0), ("press", 0.0, 1.0),
+    ("tilt", 0.0, math.pi / 2), ("direction of its tilt", -100.0, 100.0), ("time", 0.0, 600.0),
+)  # fmt: skip
+"""Values of each point of a pen: name, least and greatest value; see session.person_strokes.PenStroke."""
+
+
 # Written events for the studio page only: of plans, of the display of a painting, and of calibration.
 
 
@@ -121,6 +151,7 @@ class PlanMade:
     frames: numbers of strokes for which there is a picture.
     palette: its paints.
     mixtures: recipes of the paints.
+    mixing: changes of colours so that they can be mixed, in words for each filling of the wells.
     """
 
     plan: int
@@ -131,6 +162,7 @@ class PlanMade:
     strokes: int
     palette: list[dict[str, Any]]
     mixtures: list[dict[str, Any]]
+    mixing: dict[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -227,9 +259,15 @@ class WentOn:
 
 @dataclass(frozen=True)
 class Turns:
-    """Robot and person take turns of this many strokes; 0: no turns."""
+    """Robot and person take turns of this many strokes or minutes; 0: no turns.
+
+    policy, keep: how the robot answers what the person painted; see session.turn_policy.
+    """
 
     strokes: int
+    minutes: float = 0.0
+    policy: str = "alternate"
+    keep: str = "welcome"
 
 
 @dataclass(frozen=True)
@@ -250,10 +288,12 @@ class PaintingKept:
 
     film: True if it holds a film.
     arm: True if it holds a film of the arm.
+    painters: True if it tells who painted what, because a person painted too.
     """
 
     film: bool
     arm: bool = False
+    painters: bool = False
 
 
 @dataclass(frozen=True)
@@ -266,6 +306,18 @@ class Asked:
 @dataclass(frozen=True)
 class Answered:
     """A person answered the question."""
+
+
+@dataclass(frozen=True)
+class PersonMayPaint:
+    """A person may paint on the canvas now.
+
+    brushes: name of each brush, and the widths of its marks in metres: `light` and `hard`.
+    wells: paints in the wells, as "#rrggbb".
+    """
+
+    brushes: list[dict[str, Any]]
+    wells: list[str]
 
 
 @dataclass(frozen=True)
@@ -314,11 +366,30 @@ class ProcedureFound:
     picture: str | None = None
 
 
+@dataclass(frozen=True)
+class TeachingStarted:
+    """A person taught marks of a stroke; the family of this name is now learned."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class FamilyTaught:
+    """The family of this name was learned for a brush; `picture` is its sheet, for the page."""
+
+    name: str
+    brush: str
+    sentence: str
+    picture: str
+
+
 PageEvent = (
     PlanRequested | PlanningProgress | PlanPreview | PlanMade | RestReplanned | PaintingStarted | TakenUp | Mixing
     | TimeLeft | PhotographShown | LookShown | Considering | WentOn | Turns | Remark | Finishing | PaintingKept | Asked
-    | Answered | Rests | Queued | Dequeued
+    | Answered | PersonMayPaint | PersonPaintShown | Rests | Queued | Dequeued
     | CalibrationStarted | CalibrationStatus | ProcedureBegan | ProcedureProgress | ProcedureFound
+    | TeachingStarted | FamilyTaught
+    | SetupStarted | SetupLeft | SetupStands | SetupStepBegan | MachineTold | SetupWritten
 )  # fmt: skip
 
 
@@ -409,6 +480,14 @@ class Looked:
 
 
 @dataclass(frozen=True)
+class CanvasAssumed:
+    """Nobody looked: the painter goes on as if the canvas after `done` strokes were this picture, [3, H, W]."""
+
+    canvas: Tensor
+    done: int
+
+
+@dataclass(frozen=True)
 class Resumed:
     """A painting goes on with a plan of all its strokes; `done` of them are on the canvas.
 
@@ -463,6 +542,7 @@ class PlanAdopted:
     photograph: file of the photograph that the plan was made for.
     error, information: placement at that time.
     depths, lower, touch_information: touch heights, as in TouchHeights; empty in records of earlier versions.
+    answers: True if the rest answers a person, and is not on the way to the goal.
     """
 
     plan: str
@@ -473,6 +553,7 @@ class PlanAdopted:
     depths: dict[str, float] = field(default_factory=dict)
     lower: tuple[float, ...] = ()
     touch_information: tuple[tuple[float, ...], ...] = ()
+    answers: bool = False
 
 
 @dataclass(frozen=True)
@@ -503,7 +584,7 @@ class Dipped:
 class StrokePainted:
     """Stroke number `done` (from 1) of `of` is on the canvas; `color` is its sRGB.
 
-    Records of earlier versions may lack values: then `of` is 0 and the colour is black.
+    `of` is 0 and the colour is black if they are unknown.
     """
 
     done: int
@@ -605,18 +686,35 @@ class Photographed:
     content: str | None = None
 
 
+PauseCause = Literal["person", "button", "turn", "trouble"]
+
+
+@dataclass(frozen=True)
+class CanvasPicture:
+    """Picture of the whole canvas after `done` strokes, without table, on an easel without a camera.
+
+    picture: its file; None if there was no room to keep it.
+    seen: True if a person took the picture, False if it is rendered from the painted strokes.
+    content: sha256 of the file.
+    """
+
+    picture: str | None
+    done: int
+    seen: bool = False
+    content: str | None = None
+
+
 @dataclass(frozen=True)
 class Paused:
     """The painting waits for a person; the arm is at home and the brush is clean. `reason` is a sentence.
 
-    turn: True if the pause is the person's turn to paint.
-    asked: True if the person asked for the pause, False if something is wrong.
+    cause: "person" if a person asked for the pause, "button" if somebody pressed the machine's pause button, "turn" if
+    it is the person's turn to paint, "trouble" if something is wrong.
     """
 
     reason: str
     done: int = 0
-    turn: bool = False
-    asked: bool = False
+    cause: PauseCause = "trouble"
 
 
 @dataclass(frozen=True)
@@ -644,39 +742,20 @@ class Finished:
     robot_seconds: float = 0.0
 
 
-@dataclass(frozen=True)
-class RegionProtected:
-    """A person drew a region: no stroke may touch it, or, with `only`, strokes may be only there.
-
-    region: file of the drawing in the painting's folder. None: nothing is protected any more.
-    picture: picture for the page.
-    """
-
-    region: str | None
-    only: bool = False
-    picture: str | None = None
-
-
-@dataclass(frozen=True)
-class GoalChanged:
-    """A person changed the goal.
-
-    goal: folder of the goal in the painting's folder.
-    wish: request of the page.
-    """
-
-    goal: str
-    wish: dict[str, Any]
-
-
 Written = (
     PaintingBegun | SessionResumed | PlanAdopted | MotionBegan | Dipped | Drying | LayerBegun | BrushInHand
-    | StrokePainted | StrokeLeftOut | Photographed | TouchCorrected | LastLookDoubted | Paused | Stopped | Failed
-    | Finished | RegionProtected | GoalChanged | PageEvent
+    | StrokePainted | StrokeLeftOut | Photographed | CanvasPicture | TouchCorrected | LastLookDoubted | Paused | Stopped
+    | Failed | Finished | RegionProtected | GoalChanged | PersonStrokeBegan | PersonStrokePainted
+    | PageEvent
 )  # fmt: skip
-Moment = PlanningStep | Planned | Scheduled | GroundWanted | PaintsWanted | TimelapseFrame | Looked | Resumed
+Moment = (
+    PlanningStep | Planned | Scheduled | GroundWanted | PaintsWanted | TimelapseFrame | Looked | CanvasAssumed | Resumed
+)
 Event = Moment | Written
+
+
 Notify = Callable[[Event], None]
+"""Function that hears every event of a painting, such as each of the `listeners` of PaintingRun."""
 
 
 def kind_of(event: type[Written]) -> str:
@@ -685,6 +764,7 @@ def kind_of(event: type[Written]) -> str:
 
 
 KINDS: Mapping[str, type[Written]] = {kind_of(each): each for each in get_args(Written)}
+_FORMER_KINDS = {"plan_wished": "plan_requested"}  # some feeds of 0.2
 
 
 def record(event: Written) -> dict[str, Any]:
@@ -699,23 +779,20 @@ def record(event: Written) -> dict[str, Any]:
 
 
 def events_of(written: Mapping[str, Any]) -> list[Written]:
-    """Returns the events of a record, also of an earlier version; an empty list for an unknown kind.
+    """Returns the event of a record; an empty list for an unknown kind.
 
     Raises ValueError if a field is missing or has a wrong type.
     """
-    return [
-        _adapter(each["kind"]).validate_python(dict(each))
-        for each in upgrade_event(written)
-        if each.get("kind") in KINDS
-    ]
+    kind = _FORMER_KINDS.get(str(written.get("kind")), str(written.get("kind")))
+    if kind == "paused" and "cause" not in written:  # records of 0.2 say `turn`, and of 0.3 `asked`
+        cause = "turn" if written.get("turn") else "person" if written.get("asked") else "trouble"
+        written = {**written, "cause": cause}
+    return [_adapter(kind).validate_python(dict(written))] if kind in KINDS else []
 
 
 def time_of(written: Mapping[str, Any]) -> datetime:
     """Returns the time at which a record was written. Raises ValueError if the record has no valid time."""
-    at = written.get("at")
-    if isinstance(at, int | float):  # the form of earlier versions
-        return datetime.fromtimestamp(at, UTC)
-    return datetime.fromisoformat(str(at))
+    return datetime.fromisoformat(str(written.get("at")))
 
 
 @functools.cache

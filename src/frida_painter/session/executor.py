@@ -9,9 +9,11 @@ import math
 import time
 from collections.abc import Callable
 from functools import partial
-from typing import TypeVar
+from types import TracebackType
+from typing import Protocol, Self, TypeVar
 
 from frida_painter.errors import CameraError, FridaError, PaintingPaused, StorageError
+from frida_painter.hardware.robot import PausableRobot
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.session.choreography import Action
@@ -24,26 +26,36 @@ from frida_painter.session.events import (
     MotionBegan,
     Notify,
     PaintsWanted,
+    PauseCause,
     Paused,
     StrokeLeftOut,
     StrokePainted,
 )
 from frida_painter.session.hand import Hand
 from frida_painter.session.journal import Journal
-from frida_painter.session.observer import CanvasObserver, FrameDeveloper, Timelapse
+from frida_painter.session.observer import Timelapse
 from frida_painter.session.progress import PaintingProgress
 
 # Interruptions of a painting: a stop or a pause by a person, a full disk, a camera that fails.
 
 _T = TypeVar("_T")
+_BETWEEN_PRESSES = 0.2  # seconds between two questions about the machine's pause button
+_REASONS: dict[PauseCause, str] = {
+    "person": "You asked for a pause.",
+    "button": "Somebody pressed the pause button of the machine; press it again to go on.",
+    "turn": "It is your turn to paint.",
+    "trouble": "Something is wrong.",
+}
 
 
 class Interruptions:
     """Checks after every stroke and every planning step for a stop or a pause, and performs the pause.
 
-    stop_asked, pause_asked: return True if a person wants to stop or to pause.
+    stop_asked: returns True if a person wants to stop.
+    pause_cause: returns the cause of a pause that is due, None if none is.
     go_on: called in a pause; waits for the answer and returns True to go on.
     painted: returns the number of painted strokes.
+    between: called at each check, after a pause; it may move the arm and adopt another plan.
     touched: True if a person may have painted on the canvas since the last look.
     """
 
@@ -53,27 +65,42 @@ class Interruptions:
         notify: Notify,
         *,
         stop_asked: Callable[[], bool],
-        pause_asked: Callable[[], bool],
+        pause_cause: Callable[[], PauseCause | None],
         go_on: Callable[[Paused], bool],
         painted: Callable[[], int],
+        between: Callable[[], None] = lambda: None,
     ) -> None:
+        self._between = between
         self.touched = False
-        self.pause_asked = pause_asked
+        self.pause_cause = pause_cause
         self._hand, self._notify = hand, notify
         self._stop_asked, self._go_on, self._painted = stop_asked, go_on, painted
-        self._stopping = False
+        self._stopping, self._ask_button_at = False, 0.0
 
     def check(self, before_pause: Callable[[], None] = lambda: None) -> None:
-        """Raises StopAsked, once, if a person wants to stop; pauses, after `before_pause`, if they want a pause.
+        """Raises StopAsked, once, if a person wants to stop; pauses, after `before_pause`, if a pause is due.
 
         Raises PaintingPaused if the person does not want to go on.
         """
         if not self._stopping and self._stop_asked():
             self._stopping = True
             raise StopAsked
-        if self.pause_asked():
+        cause = self.pause_cause() or ("button" if self.is_button_pressed() else None)
+        if cause is not None:
             before_pause()
-            self.pause("You asked for a pause.", asked=True)
+            self.pause(_REASONS[cause], cause)
+        self._between()
+
+    def is_button_pressed(self) -> bool:
+        """Returns True, once, if the machine's pause button was pressed; asks the machine at most every 0.2 s.
+
+        Raises RobotError.
+        """
+        robot, now = self._hand.easel.robot, time.monotonic()
+        if not isinstance(robot, PausableRobot) or now < self._ask_button_at:
+            return False
+        self._ask_button_at = now + _BETWEEN_PRESSES
+        return robot.wants_pause()
 
     def retry(self, work: Callable[[], _T]) -> _T:
         """Calls `work`, which needs the disk or the camera; if either fails, pauses and then tries again.
@@ -84,27 +111,45 @@ class Interruptions:
             try:
                 return work()
             except (StorageError, CameraError) as trouble:
-                self.pause(str(trouble), trouble)
+                self.pause(str(trouble), trouble=trouble)
 
-    def pause(self, reason: str, cause: FridaError | None = None, *, asked: bool = False) -> None:
+    def pause(self, reason: str, cause: PauseCause = "trouble", *, trouble: FridaError | None = None) -> None:
         """Cleans the brush, moves the arm to its home position and waits until a person lets the painting go on.
 
-        asked: True if the person asked for the pause.
+        trouble: error that caused the pause, None if there is none.
         Raises PaintingPaused if the person does not want to go on.
         """
         if self._hand.load.paint is not None:
             self._hand.clean()
         self._hand.step_aside()
         self.touched = True  # the person may paint on the canvas, before or after the answer
-        paused = Paused(reason, self._painted(), asked=asked)
+        paused = Paused(reason, self._painted(), cause)
         self._notify(paused)
         if not self._go_on(paused):
-            raise PaintingPaused(f"{reason} The painting has paused after {paused.done} strokes.") from cause
+            raise PaintingPaused(f"{reason} The painting has paused after {paused.done} strokes.") from trouble
         self.touched = True
 
 
 class StopAsked(Exception):
     """Signal that a person wants to stop; the session then ends the painting in order."""
+
+
+class FrameMaker(Protocol):
+    """Maker of the film's frames during a batch, used in a `with` block: `FrameDeveloper` or `ExpectedFrames`."""
+
+    def take(self, painted: StrokePainted, last_motion: float) -> None:
+        """Takes a frame after a stroke."""
+
+    def wait(self) -> None:
+        """Waits until all frames are reported."""
+
+    def __enter__(self) -> Self:
+        """Begins the batch."""
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Ends the batch."""
 
 
 _STEP = 10.0  # seconds of drying that a simulated easel simulates at a time
@@ -116,19 +161,20 @@ class BatchExecutor:
     """Paints the next strokes of the plan in `progress` with the robot, and counts them there.
 
     A person may stop or pause after every stroke. Frames of the `timelapse` film are taken between strokes.
+    film: returns what makes these frames during a batch.
     """
 
     def __init__(
         self,
         hand: Hand,
-        observer: CanvasObserver,
+        film: Callable[[], FrameMaker],
         timelapse: Timelapse,
         journal: Journal,
         interruptions: Interruptions,
         progress: PaintingProgress,
         tell: Notify,
     ) -> None:
-        self._hand, self._observer, self._timelapse = hand, observer, timelapse
+        self._hand, self._open_film, self._timelapse = hand, film, timelapse
         self._journal, self._interruptions = journal, interruptions
         self._progress, self._tell = progress, tell
         self._told: str | None = None  # brush in the hand, as last reported to listeners
@@ -141,8 +187,8 @@ class BatchExecutor:
         """
         progress = self._progress
         if self._filmed is None:
-            self._filmed = self._timelapse.due(progress.painted, progress.strokes)
-        with FrameDeveloper(self._observer, self._tell) as frames:
+            self._filmed = self._timelapse.due(progress.painted, progress.most or progress.strokes)
+        with self._open_film() as frames:
             while progress.plan is not None and progress.painted < min(end, progress.strokes):
                 left = progress.plan.part(slice(progress.painted, end))
                 actions = self._hand.prepare(left, progress.painted, progress.strokes)
@@ -258,7 +304,7 @@ class BatchExecutor:
         self._tell(drying)
         return left
 
-    def _perform(self, action: Action, plan: Plan, frames: FrameDeveloper, *, leaves: bool) -> bool:
+    def _perform(self, action: Action, plan: Plan, frames: FrameMaker, *, leaves: bool) -> bool:
         """Notes and performs an action; returns False if it could not be noted, and the painting has paused.
 
         leaves: True if the hand leaves the canvas afterwards anyway.
@@ -266,7 +312,7 @@ class BatchExecutor:
         try:
             self._journal.begins(action, plan)
         except StorageError as trouble:
-            self._interruptions.pause(str(trouble), trouble)
+            self._interruptions.pause(str(trouble), trouble=trouble)
             return False
         done = self._hand.perform(action)
         self._interruptions.retry(partial(self._journal.ends, done))
@@ -280,10 +326,12 @@ class BatchExecutor:
             self._interruptions.check(before_pause=frames.wait)  # a pause shows the current canvas
         return True
 
-    def _film(self, painted: StrokePainted, frames: FrameDeveloper, *, leaves: bool) -> None:
-        """Takes the film's next frame, with the arm at home, if it is due."""
-        done, of = painted.done, painted.of
-        if self._timelapse.wants_frame(done, of, self._filmed or 0, leaves=leaves):
+    def _film(self, painted: StrokePainted, frames: FrameMaker, *, leaves: bool) -> None:
+        """Takes the film's next frame if it is due; a camera sees the canvas only with the arm at home."""
+        done, has_camera = painted.done, self._hand.easel.has_camera
+        of = self._progress.most or painted.of
+        if self._timelapse.wants_frame(done, of, self._filmed or 0, leaves=leaves or not has_camera):
             self._filmed = self._timelapse.due(done, of)
-            self._interruptions.retry(self.step_aside)
+            if has_camera:
+                self._interruptions.retry(self.step_aside)
             frames.take(painted, self._hand.last_motion)

@@ -25,7 +25,7 @@ from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.robot import Camera, Frame, MotionReport, Point, Waypoints
 from frida_painter.palette import Palette, to_hex
 from frida_painter.perception.rectify import rectify
-from frida_painter.sheet import CREAM, INK, LINE, SOFT, font
+from frida_painter.sheet import CREAM, INK, LINE, SOFT, Sheet, font
 
 # Sheet for painting by hand: the next strokes, drawn on the last seen canvas.
 
@@ -107,12 +107,12 @@ def hand_sheet(
     """
     rows, columns = seen.shape[1:]
     size = (columns + 2 * _MARGIN, rows + _HEAD + _MARGIN)
-    sheet = Image.new("RGB", (size[0] * _SHARP, size[1] * _SHARP), CREAM)
+    sheet = Sheet(size[0] * _SHARP, size[1] * _SHARP, CREAM)
     faded = Image.fromarray(images.to_uint8(1 - (1 - seen) * _FADED))
     sheet.paste(
         faded.resize((columns * _SHARP, rows * _SHARP), Image.Resampling.BICUBIC), (_MARGIN * _SHARP, _HEAD * _SHARP)
     )
-    pen = _Pen(ImageDraw.Draw(sheet), canvas, rows, columns, width)
+    pen = _Pen(sheet.draw, canvas, rows, columns, width)
     pen.ruler()
     for stroke in done:
         pen.mark(stroke, _FADED)
@@ -124,7 +124,7 @@ def hand_sheet(
     for stroke in strokes:
         pen.ends(stroke, stroke.number if len(strokes) > 1 else "")
     pen.head(strokes[0].color, heading, room=0 if len(strokes) > 1 else 220)
-    return images.from_uint8(np.asarray(sheet.resize(size, Image.Resampling.LANCZOS)))
+    return images.from_uint8(np.asarray(sheet.shrink(*size)))
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,8 @@ def _open(order: "EaselOrder") -> OpenEasel:
 
     if not order.camera:
         raise ConfigError(
-            f"To paint by hand, say which camera looks at the canvas (--camera {'|'.join(camera_forms())})."
+            f"To paint by hand, say which camera looks at the canvas (--camera {'|'.join(camera_forms())}); without "
+            "one, say --camera none."
         )
     place = FlatbedWorkspace().motion(order.canvas)
     first, *others = order.brushes

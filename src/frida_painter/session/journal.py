@@ -18,6 +18,7 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from torch import Tensor
 
 from frida_painter import images, storage
 from frida_painter.easel.kinds import JOURNAL
@@ -30,19 +31,18 @@ from frida_painter.planning.placement import Placement, TouchHeights
 from frida_painter.session.choreography import Action
 from frida_painter.session.events import (
     BrushInHand,
+    CanvasPicture,
     Dipped,
     Drying,
     Event,
     Failed,
     Finished,
-    GoalChanged,
     LastLookDoubted,
     MotionBegan,
     PaintingBegun,
     Paused,
     Photographed,
     PlanAdopted,
-    RegionProtected,
     SessionResumed,
     StrokeLeftOut,
     StrokePainted,
@@ -51,7 +51,7 @@ from frida_painter.session.events import (
     record,
     time_of,
 )
-from frida_painter.session.old_events import upgrade_event
+from frida_painter.session.person_events import GoalChanged, PersonStrokeBegan, PersonStrokePainted, RegionProtected
 
 # History from a journal: progress, plan and the stroke in doubt.
 
@@ -67,12 +67,14 @@ class Planning:
     done: number of painted strokes at that time.
     photograph: file of the photograph that it was made for.
     placement: placement at that time.
+    answers: True if its rest answers a person, and is not on the way to the goal.
     """
 
     digest: str
     done: int
     photograph: str | None
     placement: Placement
+    answers: bool = False
 
 
 @dataclass
@@ -90,10 +92,16 @@ class History:
     light: light at the last look, [3, terms].
     photographs: sha256 of each kept photograph, by file; None in journals of earlier versions.
     last_photograph: file of the last kept photograph.
+    assumed: file of the last rendered canvas, if it is newer than every photograph.
+    pictured: number of strokes in the last picture that a person took without a camera; 0 if there is none.
     looks, dips, cleanings, runs: their numbers.
     region: file of the region that a person drew, and True if only its inside may be painted; None without a
     region.
     goal: folder of the changed goal, "" before a change.
+
+    person: strokes of a person, in order; of the last one, the end may be unknown.
+    person_painted: number of the person's last stroke that is certainly on the canvas.
+    person_seen: number of the person's last stroke at the last look.
 
     finished: True if the painting is complete.
     robot_seconds: robot time of a finished painting.
@@ -112,9 +120,14 @@ class History:
     held: str | None = ""
     looks: int = 0
     last_photograph: str | None = None
+    assumed: str | None = None
+    pictured: int = 0
     photographs: dict[str, str | None] = field(default_factory=dict)
     region: tuple[str, bool] | None = None
     goal: str = ""
+    person: list[PersonStrokeBegan] = field(default_factory=list)
+    person_painted: int = 0
+    person_seen: int = 0
     dips: int = 0
     cleanings: int = 0
     runs: int = 0
@@ -125,19 +138,36 @@ class History:
     missing: int = 0
     robot_seconds: float = 0.0
 
+    @property
+    def left_out(self) -> frozenset[int]:
+        """Indices in the plan, from 0, of the strokes that were given up."""
+        return frozenset(number - 1 for number in self.given_up)
+
+    @property
+    def person_in_doubt(self) -> PersonStrokeBegan | None:
+        """The person's stroke that was begun and not ended; None if there is none."""
+        return self.person[-1] if len(self.person) > self.person_painted else None
+
+    @property
+    def is_pictured(self) -> bool:
+        """True if a person's picture, taken without a camera, shows the finished canvas."""
+        return self.finished and 0 < self.pictured == self.painted
+
     @classmethod
     def of(cls, records: Iterable[dict[str, Any]], folder: Path) -> "History":
         """Returns the history from the records of a journal in `folder`.
 
-        Raises StorageError if the journal is not a painting's, is of a newer version, or lacks something.
+        Raises StorageError if the journal is not a painting's, is of another version, or lacks something.
         """
         first, *others = records
         if first.get("format") != FORMAT:
             raise StorageError(f"{folder} holds a journal that is not a painting's; give the folder of a painting.")
-        if first.get("version") not in range(1, VERSION + 1):
+        if first.get("version") == 1:
+            raise StorageError(storage.refuse_first_version(f"The journal in {folder}"))
+        if first.get("version") != VERSION:
             raise StorageError(
-                f"{folder} holds a journal of version {first.get('version')!r}; this program reads versions up to "
-                f"{VERSION}; resume it with the program that it was begun with, or a newer one."
+                f"{folder} holds a journal of version {first.get('version')!r}; this program reads version {VERSION}; "
+                "resume it with the program that it was begun with, or a newer one."
             )
         try:
             (begun,) = events_of(first)
@@ -165,13 +195,24 @@ class History:
                 self.decide(repaint=decision == "repaint")
             case PlanAdopted(plan, done, photograph, error, information):
                 touch = TouchHeights(event.depths, event.lower, event.touch_information)
-                self.plannings.append(Planning(plan, done, photograph, Placement(error, information, touch)))
+                placement = Placement(error, information, touch)
+                self.plannings.append(Planning(plan, done, photograph, placement, event.answers))
             case Photographed(photograph=photograph, light=light, content=content):
                 self.looks += 1
                 self.light = light
+                self.person_seen = self.person_painted
                 if photograph is not None:
                     self.last_photograph = photograph
                     self.photographs[photograph] = content
+            case CanvasPicture(picture, done, seen=True, content=content):
+                self.looks += 1
+                self.pictured = done
+                self.assumed = None
+                if picture is not None:
+                    self.last_photograph = picture
+                    self.photographs[picture] = content
+            case CanvasPicture(picture):
+                self.assumed = picture
             case MotionBegan(stroke=int(stroke)):
                 self.in_doubt = stroke
             case StrokePainted(done=done):
@@ -190,6 +231,10 @@ class History:
                 self.region = None if region is None else (region, only)
             case GoalChanged(goal=goal):
                 self.goal = goal
+            case PersonStrokeBegan(number):
+                self.person = [*self.person[: number - 1], event]
+            case PersonStrokePainted(number):
+                self.person_painted = number
             case Finished(robot_seconds=robot_seconds):
                 self.finished, self.robot_seconds = True, robot_seconds
             case _:
@@ -212,12 +257,6 @@ class History:
             self.painted = self.in_doubt
             self.given_up.append(self.in_doubt)
         self.in_doubt = None
-
-
-def upgrade_journal(records: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Returns the records of an older journal in the form of the current version."""
-    first, *others = [each for record in records for each in upgrade_event(record)]
-    return [{**first, "version": VERSION}, *others]
 
 
 PLAN = "plan.json"
@@ -255,9 +294,9 @@ class Journal:
 
     @classmethod
     def reopen(cls, folder: Path) -> tuple[Self, History]:
-        """Returns the journal of a painting that broke off, and its history; an older journal is converted.
+        """Returns the journal of a painting that broke off, and its history.
 
-        Raises StorageError if the folder has no journal, or a damaged one.
+        Raises StorageError if the folder has no journal, a damaged one, or one of another version.
         """
         if not storage.exists(folder / JOURNAL):
             raise StorageError(
@@ -266,8 +305,6 @@ class Journal:
         book = EventLog(folder / JOURNAL)
         try:
             history = History.of(book.found, folder)
-            if book.found[0]["version"] != VERSION:
-                book.replace_all(upgrade_journal(book.found))
         except StorageError:
             book.close()
             raise
@@ -285,20 +322,21 @@ class Journal:
         self.tell(SessionResumed(history.painted, history.in_doubt, decision, **_who()))
         history.decide(repaint=repaint)
 
-    def record_plan(self, plan: Plan, done: int, placement: Placement) -> None:
+    def record_plan(self, plan: Plan, done: int, placement: Placement, *, answers: bool = False) -> None:
         """Notes that painting follows this plan of all strokes from stroke `done` + 1 on, and saves the plan.
 
-        The note comes first, so that the journal knows every plan that the folder may hold.
+        answers: True if the rest answers a person. The note comes first, so that the journal knows every plan that the
+        folder may hold.
         """
-        self.record_kept_plan(plan, done, placement)
+        self.record_kept_plan(plan, done, placement, answers=answers)
         if self._book is not None:
             plan.save(self._book.path.with_name(PLAN))
 
-    def record_kept_plan(self, plan: Plan, done: int, placement: Placement) -> None:
+    def record_kept_plan(self, plan: Plan, done: int, placement: Placement, *, answers: bool = False) -> None:
         """Notes that painting still follows this plan after a look at stroke `done`, with the newer placement."""
         touch = placement.touch
         where = (placement.error, placement.information, dict(touch.depths), touch.lower, touch.information)
-        self.tell(PlanAdopted(plan.digest, done, self._photograph, *where))
+        self.tell(PlanAdopted(plan.digest, done, self._photograph, *where, answers=answers))
 
     def begins(self, action: Action, plan: Plan) -> None:
         """Notes that the robot will now get this action. Raises StorageError if there is no room to note its end."""
@@ -323,6 +361,21 @@ class Journal:
         self._photograph = None if content is None else name
         light_now = None if light is None else light.logarithm.tolist()
         self.tell(Photographed(self._photograph, frame.captured_at, frame.sequence, light_now, content))
+
+    def record_assumption(self, canvas: Tensor, done: int) -> None:
+        """Notes the rendered canvas [3, H, W] after `done` strokes, and keeps its picture if there is room."""
+        name = f"{PHOTOGRAPHS}/assumed-{done:06d}.png"
+        content = self._keep(images.to_uint8(canvas), name)
+        self._photograph = None if content is None else name
+        self.tell(CanvasPicture(self._photograph, done, content=content))
+
+    def record_picture(self, canvas: Tensor, done: int) -> None:
+        """Notes a person's picture of the canvas [3, H, W] after `done` strokes, and keeps it if there is room."""
+        name = f"{PHOTOGRAPHS}/seen-{self._looks:04d}.png"
+        self._looks += 1
+        content = self._keep(images.to_uint8(canvas), name)
+        self._photograph = None if content is None else name
+        self.tell(CanvasPicture(self._photograph, done, seen=True, content=content))
 
     def tell(self, event: Written) -> None:
         """Writes an event; it is on the disk when this returns."""

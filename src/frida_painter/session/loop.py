@@ -10,6 +10,8 @@ Start reading here. This file holds only the order of the steps; these modules p
         replan the rest if replan_policy.py wants that   plan     plan_keeper.py, planning/planner.py
                                                          tell     events.py, journal.py
 
+Without a camera, `open_loop.py` observes: the canvas is taken to be what the painted strokes make of it.
+
 `PaintingSession._paint` is these lines. `painting.py` holds the progress. `executor.py` handles interruptions: a
 person who stops or pauses, a disk or a camera that fails. Entries that must be on the disk before the robot moves
 are written to the journal by direct calls. If such a call fails, nothing moves. All other events go to the
@@ -27,26 +29,44 @@ from frida_painter.errors import FridaError
 from frida_painter.palette import Palette, to_hex
 from frida_painter.plan import WHITE, Plan
 from frida_painter.planning.planner import Planner
-from frida_painter.session.events import Event, Failed, Finished, LayerBegun, Notify, Paused, Resumed, Stopped
+from frida_painter.session.events import (
+    Event,
+    Failed,
+    Finished,
+    LayerBegun,
+    Notify,
+    PauseCause,
+    Paused,
+    Resumed,
+    Stopped,
+)
 from frida_painter.session.executor import BatchExecutor, Interruptions, StopAsked
 from frida_painter.session.hand import Hand
 from frida_painter.session.journal import Journal
-from frida_painter.session.observer import CanvasObserver, Timelapse, has_ground
+from frida_painter.session.observer import CanvasObserver, FrameDeveloper, Timelapse, has_ground
+from frida_painter.session.open_loop import ExpectedFrames, OpenLoopMonitor
+from frida_painter.session.person_turns import Adapt, PersonTurns
 from frida_painter.session.plan_keeper import ExecutionMonitor, PlanKeeper
 from frida_painter.session.progress import Painting, PaintingProgress, ResumeState
 from frida_painter.session.replan_policy import ReplanPolicy
+from frida_painter.session.turn_policy import answer_usually
 
 
 class PaintingSession:
     """One painting, from a bare canvas or from the point where it broke off, to the last stroke.
 
-    stop_asked, pause_asked: checked after every stroke and every planning iteration.
+    stop_asked, pause_cause: checked after every stroke and every planning iteration.
     notify: receives the events.
     go_on: called in a pause (on request, or after a fault of disk or camera); waits for a person and returns True
     to go on. Before it returns, it may call `look_again` or `paint_instead`, or set another `planner`.
     mixed: called when the palette is known; waits and returns the really mixed paints, or None for the wanted ones.
+    given: called between strokes on an easel without a camera, to take a person's picture (`open_loop.look_at`).
     budget: seconds of the robot's clock for the whole painting. The strokes that matter least are left out to keep
     it.
+
+    most: greatest number of strokes of a painting without a goal: a person begins, and each of their turns is answered
+    with strokes, until this number is reached or a person ends it. None: there is a goal.
+    adapt: answers a turn of a person who is not answered in the pause itself.
 
     Raises PaintingPaused if `go_on` returns False, and RobotError, PlanError and their subclasses. The painting
     stays on the canvas and in the journal.
@@ -62,31 +82,44 @@ class PaintingSession:
         stop_asked: Callable[[], bool],
         notify: Notify,
         journal: Journal | None = None,
-        pause_asked: Callable[[], bool] = lambda: False,
+        pause_cause: Callable[[], PauseCause | None] = lambda: None,
         go_on: Callable[[Paused], bool] = lambda paused: False,
         mixed: Callable[[Palette], Palette | None] = lambda wanted: None,
         timelapse: Timelapse | None = None,
         budget: float | None = None,
+        given: Callable[[], None] = lambda: None,
+        most: int | None = None,
+        adapt: Adapt = answer_usually,
     ) -> None:
         self.hand: Final = hand
         self.observer: Final = observer
         self.policy: Final = policy
         self.journal: Final = journal or Journal.nowhere()
-        self._progress = PaintingProgress()
+        self._progress = PaintingProgress(most=most)
+        self._adapt = adapt
         self.interruptions: Final = Interruptions(
             hand,
             self._tell,
             stop_asked=stop_asked,
-            pause_asked=pause_asked,
+            pause_cause=pause_cause,
             go_on=go_on,
             painted=lambda: self._progress.painted,
+            between=self._take_given,
         )
         frames = timelapse or Timelapse()
         shared = (self.journal, self.interruptions, self._progress, self._tell)
         self._plans = PlanKeeper(planner, hand, policy, frames, *shared, budget)
-        self._executor = BatchExecutor(hand, observer, frames, *shared)
-        self._monitor = ExecutionMonitor(self._plans, self._executor, hand, observer, *shared)
+        sees = hand.easel.has_camera
+        developed, expected = partial(FrameDeveloper, observer), partial(ExpectedFrames, self._plans, self._progress)
+        film = partial(developed if sees else expected, self._tell)
+        self._executor = BatchExecutor(hand, film, frames, *shared)
+        self._monitor: ExecutionMonitor | OpenLoopMonitor = (
+            ExecutionMonitor(self._plans, self._executor, hand, observer, *shared)
+            if sees
+            else OpenLoopMonitor(self._plans, self._executor, hand, *shared, given)
+        )
         self._mixed, self._notify = mixed, notify
+        self.person: Final = PersonTurns(hand, observer, self._monitor, self._plans, *shared)
         self._began_at = 0.0  # seconds of the robot's clock
 
     def run(self, strokes: int, colors: int, plan: Plan | None = None) -> Painting:
@@ -107,7 +140,10 @@ class PaintingSession:
         Also looks at the start of each layer.
         """
         progress = self._progress
-        looks = self.policy.next_look(0, progress.strokes) < progress.strokes
+        if progress.most is not None:
+            self.person.alternate(progress.most, self._equip, self._executor.paint_until, self._adapt)
+            return
+        looks = not self.hand.easel.has_camera or self.policy.next_look(0, progress.strokes) < progress.strokes
         while progress.planned_at < progress.strokes:
             end = self.policy.next_look(progress.planned_at, progress.strokes)
             while (
@@ -120,10 +156,15 @@ class PaintingSession:
                 self._equip()
                 self._executor.paint_until(min(end, progress.layer_end))
             seen = self._monitor.observe()
-            if seen.left and self.policy.wants_replan(seen):
+            if seen.left and not progress.answers and self.policy.wants_replan(seen):
                 self._plans.replan()
             else:
                 self._plans.keep()
+
+    @property
+    def in_turns(self) -> bool:
+        """True if there is no goal: the robot only answers what a person paints."""
+        return self._progress.most is not None
 
     def look(self) -> Tensor:
         """Returns the current canvas, seen without the arm, from a photograph newer than the last motion."""
@@ -139,6 +180,11 @@ class PaintingSession:
         else:
             self._plans.keep()
 
+    @property
+    def open_loop(self) -> OpenLoopMonitor | None:
+        """Monitor of a canvas that nobody watches, for pictures of a person; None with a camera."""
+        return self._monitor if isinstance(self._monitor, OpenLoopMonitor) else None
+
     def paint_instead(self, rest: Plan) -> None:
         """Replaces the unpainted rest of the plan, with the same palette and canvas; also in a pause."""
         self._plans.replace(rest)
@@ -151,6 +197,10 @@ class PaintingSession:
     @planner.setter
     def planner(self, planner: Planner) -> None:
         self._plans.planner = planner
+
+    def is_button_pressed(self) -> bool:
+        """Returns True, once, if the machine's pause button was pressed; for a pause, which it ends."""
+        return self.interruptions.is_button_pressed()
 
     @property
     def rest(self) -> Plan:
@@ -165,7 +215,7 @@ class PaintingSession:
 
     def _begin(self, strokes: int, colors: int, plan: Plan | None) -> None:
         canvas, ground = self.look(), self.planner.ground
-        if ground != WHITE and not has_ground(canvas, ground):
+        if ground != WHITE and not (self.hand.easel.has_camera and has_ground(canvas, ground)):
             canvas = self._tone(ground)
         self._progress.canvas.saw(canvas, 0)
         self._began_at = self.hand.last_motion
@@ -175,9 +225,9 @@ class PaintingSession:
     def _equip(self) -> None:
         """Gets brush and paints of the next stroke's layer, and binds the strokes to the really mixed paints."""
         progress, rest = self._progress, self.rest
-        if not len(rest):
+        if not len(rest) and not self.in_turns:
             return
-        number = progress.layer_number
+        number = progress.layer_number if len(rest) else 0
         layer = rest.layers[number]
         changes = self._executor.change_brush(layer.brush)
         palette = rest.wells(layer)
@@ -216,6 +266,13 @@ class PaintingSession:
         else:
             self._executor.clean()
             self.hand.held = None
+        if where.person_unseen:
+            self.person.answer_if_possible(self._adapt)
+        self._take_given()
+
+    def _take_given(self) -> None:
+        if self.open_loop is not None:
+            self.open_loop.look_at_next()
 
     def _to_the_end(self, begin: Callable[[], None]) -> Painting:
         stopped = False

@@ -28,6 +28,7 @@ _RESTS_ON: dict[str, tuple[str, ...]] = {
     "color": ("canvas",),
     "brush": (),
     "strokes": ("robot", "color", "brush"),
+    "surface": ("brush",),
 }
 
 
@@ -87,7 +88,7 @@ def require(record: Calibration, easel: Calibration, needed: tuple[str, ...] = N
 def require_basis(procedure: str, record: Calibration, easel: Calibration, *, defaults_hold: bool) -> None:
     """Raises CalibrationError unless the procedures that a procedure rests on were done and are valid.
 
-    defaults_hold: True if the easel's defaults replace missing measurements.
+    defaults_hold: True if the easel's defaults, such as the heights in its workspace, replace missing measurements.
     """
     for status in statuses(record, easel):
         if status.procedure in _all_below(procedure):
@@ -173,36 +174,48 @@ def planning_device() -> torch.device:
 
 
 def on_record(easel: Easel, record: Path | None, needed: tuple[str, ...] = NEEDED) -> Easel:
-    """Returns the easel with its calibration record from a file; only a simulated easel needs no record.
+    """Returns the easel with its calibration record from a file.
+
+    A simulated easel needs no record, and neither does one without a camera: the workspace tells where its canvas is,
+    and the heights of its brush. Of a record, an easel without a camera uses the placement and the brushes.
 
     needed: procedures that a real easel needs.
     Raises CalibrationError, with the procedure to repeat, if the record is missing, damaged, out of date, or of
     another easel, brush, camera or canvas.
     """
     if record is None:
-        if not easel.simulated:
+        if not easel.simulated and easel.has_camera:
             raise CalibrationError(
                 f"Easel {easel.calibration.easel!r} has no calibration record, and nothing is painted on a real easel "
                 "without one; calibrate it: frida-painter calibrate all"
             )
         return easel
-    known = load_record(record, easel.calibration, needed, simulated=easel.simulated)
+    known = load_record(record, easel.calibration, needed, simulated=easel.simulated, has_camera=easel.has_camera)
     if "brush" not in known.done:
         known = replace(known, brush=easel.calibration.brush)
     return replace(easel, calibration=known)
 
 
 def load_record(
-    record: Path, default: Calibration, needed: tuple[str, ...] = (), *, simulated: bool = False
+    record: Path,
+    default: Calibration,
+    needed: tuple[str, ...] = (),
+    *,
+    simulated: bool = False,
+    has_camera: bool = True,
 ) -> Calibration:
     """Returns the calibration record of a file, with the first brush of `default` in the holder; checks all brushes.
 
     default: the easel's own record before any procedure.
     simulated: True if brushes that the record does not have are taken from `default`.
+    has_camera: False if what a camera measured is taken from `default`: the place of the canvas in a photograph, and
+    the colours.
     Raises CalibrationError.
     """
     needed = () if simulated else needed
     known = Calibration.load(record)
+    if not has_camera:
+        known = _without_camera(known, default)
     if default.brush in known.others:
         known = known.of_brush(default.brush)
     require(known, default, needed)
@@ -211,6 +224,15 @@ def load_record(
             known = replace(known, others={**known.others, brush: delivered})
         require(known.of_brush(brush), default.of_brush(brush), needed)
     return known
+
+
+def _without_camera(known: Calibration, default: Calibration) -> Calibration:
+    """Returns the record with the camera's part of `default`; placement and brushes stay."""
+    done = {name: one for name, one in known.done.items() if name not in ("canvas", "color")}
+    seen = {
+        name: getattr(default, name) for name in ("camera", "canvas", "corners", "photograph", "color", "lens", "bare")
+    }
+    return replace(known, **seen, done=done)
 
 
 def open_virtual_easel(brush: str, seed: int) -> Easel:

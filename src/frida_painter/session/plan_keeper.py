@@ -7,8 +7,10 @@ timetable.
 import math
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 
+import numpy as np
 from torch import Tensor
 
 from frida_painter.errors import CameraError, ConfigError, FrameDoubtful, PaintingPaused
@@ -34,6 +36,7 @@ from frida_painter.session.journal import Journal
 from frida_painter.session.observer import PHOTOGRAPH_ROWS, TOLERANCE, CanvasObserver, Timelapse
 from frida_painter.session.progress import PaintingProgress, difference
 from frida_painter.session.replan_policy import CanvasSeen, ReplanPolicy
+from frida_painter.session.spirit import touches
 
 
 class PlanKeeper:
@@ -67,12 +70,21 @@ class PlanKeeper:
         Raises ConfigError if no painting fits the budget.
         """
         canvas = self._progress.canvas.last_seen
+        if self._progress.most is not None:
+            assert made is not None, "a painting without a goal begins with a plan without strokes"
+            self._adopt(made, 0.0)
+            return
         made = made if made is not None and is_evenly(canvas, made.ground, TOLERANCE) else None
         plan = made or self._arrange(self.planner.plan(canvas, strokes, colors, self._checking_interrupts("plan")))
         self._adopt(self._within_budget(plan), self.planner.validation_loss(canvas))
 
     def bind_to_palette(self, mixed: Palette) -> None:
         """Adopts the rest in the really mixed paints."""
+        if self._progress.most is not None:  # the strokes stay, in the paints of the same wells
+            rest = self._progress.rest
+            strokes = rest.strokes.with_groups(color=mixed.color[rest.paint])
+            self._adopt(replace(rest, palette=mixed, strokes=strokes), 0.0, answers=self._progress.answers)
+            return
         bound = None
         while bound is None:  # if another plan was adopted in a pause, that one gets these paints
             rest, canvas = self._progress.rest, self._progress.canvas.last_seen
@@ -83,7 +95,13 @@ class PlanKeeper:
         self._adopt(bound, before)
 
     def replan(self, rounds: int = 1) -> None:
-        """Replans the rest for the last seen canvas, in this number of rounds, and adopts the result."""
+        """Replans the rest for the last seen canvas, in this number of rounds, and adopts the result.
+
+        Without a goal, the rest stays, without the strokes that touch the protected part.
+        """
+        if self._progress.most is not None:
+            self._keep_clear()
+            return
         rest, canvas, before = self._progress.rest, self._progress.canvas.last_seen, self._loss()
         with suppress(_Overtaken):
             hear = self._checking_interrupts("replan")
@@ -91,17 +109,30 @@ class PlanKeeper:
             after = self._adopt(self._within_budget(self._arrange(again)), before)
             self._progress.gain = 10 * math.log10(before / after) if min(before, after) > 0 else 0.0
 
-    def replace(self, rest: Plan) -> None:
-        """Adopts another rest in the same paints."""
-        self._adopt(rest, self._loss())
+    def _keep_clear(self) -> None:
+        """Leaves out the strokes of the rest that touch the protected part."""
+        rest, region = self._progress.rest, self.planner.region
+        touching = None if region is None else touches(rest.strokes, region.forbidden.numpy(), rest.canvas)
+        if touching is None or not touching.any():
+            self.keep()
+        else:
+            self._adopt(rest.part(np.flatnonzero(~touching).tolist()), 0.0, answers=self._progress.answers)
+
+    def replace(self, rest: Plan, *, answers: bool = False) -> None:
+        """Adopts another rest in the same paints.
+
+        answers: True if it answers a person, and is not on the way to the goal.
+        """
+        self._adopt(rest, self._loss(), answers=answers)
 
     def keep(self) -> None:
         """Keeps the rest after a look, and notes the newer placement."""
         progress = self._progress
 
         def note() -> None:  # another plan may be adopted in a pause for a full disk
-            if progress.plan is not None and progress.painted < progress.strokes:
-                self._journal.record_kept_plan(progress.plan, progress.painted, self._hand.placement)
+            if progress.plan is not None and (progress.painted < progress.strokes or progress.most is not None):
+                known = progress.plan, progress.painted, self._hand.placement
+                self._journal.record_kept_plan(*known, answers=progress.answers)
 
         self._interruptions.retry(note)
         progress.planned_at = progress.painted
@@ -116,15 +147,18 @@ class PlanKeeper:
 
     def _looks(self, done: int, of: int) -> Looks:
         """Returns the function that counts trips to the home position after each stroke that follows stroke `done`."""
-        taken = self._timelapse.due(done, of)
+        if not self._hand.easel.has_camera:
+            return lambda painted, leaves: int(done + painted == of)  # at the end, to leave the canvas free
+        whole = self._progress.most or of
+        taken = self._timelapse.due(done, whole)
 
         def after(painted: int, leaves: bool) -> int:
             nonlocal taken
             number = done + painted
             looks = self._policy.next_look(number - 1, of) == number
-            films = self._timelapse.wants_frame(number, of, taken, leaves=leaves or looks)
+            films = self._timelapse.wants_frame(number, whole, taken, leaves=leaves or looks)
             if films:
-                taken = self._timelapse.due(number, of)
+                taken = self._timelapse.due(number, whole)
             return int(films) + int(looks)
 
         return after
@@ -163,16 +197,18 @@ class PlanKeeper:
         plan = self._progress.followed_by(rest)
         return self._hand.timetable(plan, self._looks(0, len(plan)), BrushLoad()).total
 
-    def _adopt(self, rest: Plan, before: float) -> float:
+    def _adopt(self, rest: Plan, before: float, *, answers: bool = False) -> float:
         """Adopts this rest, made for the current canvas, and reports it.
 
         before: validation loss of the old plan.
+        answers: True if the rest answers a person.
         Returns the validation loss of the new plan.
         """
         progress = self._progress
         plan, placement = progress.followed_by(rest), self._hand.placement
-        self._interruptions.retry(partial(self._journal.record_plan, plan, progress.painted, placement))
-        progress.plan, progress.planned_at = plan, progress.painted
+        note = partial(self._journal.record_plan, plan, progress.painted, placement, answers=answers)
+        self._interruptions.retry(note)
+        progress.plan, progress.planned_at, progress.answers = plan, progress.painted, answers
         self.schedule()
         canvas, unseen = progress.canvas.last_seen, 0
         if len(rest):
@@ -293,7 +329,7 @@ class ExecutionMonitor:
             self._looked_after = progress.painted  # accepted by a person who goes on now
             raise
         self._journal.record_look(frame, self._observer.light)
-        self._interruptions.touched = False
+        self._interruptions.touched = progress.person_unseen = False
         return canvas
 
     @property

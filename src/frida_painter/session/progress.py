@@ -18,7 +18,7 @@ class CanvasMemory:
 
     before: picture [3, H, W] from the last look, with `strokes` strokes of the plan on it; None before the first
     look.
-    left_out: indices of strokes that a person who paints by hand left out.
+    left_out: indices of strokes that were left out by a person, or given up.
     """
 
     before: Tensor | None = None
@@ -71,6 +71,11 @@ class Painting:
     robot_seconds: float = 0.0
     remark: str = ""
 
+    def __repr__(self) -> str:
+        rows, columns = self.photograph.shape[1:]
+        left = "no plan" if self.rest is None else f"{len(self.rest)} strokes left"
+        return f"Painting({self.painted} strokes painted, {left}, photograph of {columns} x {rows} pixels)"
+
 
 @dataclass(frozen=True)
 class ResumeState:
@@ -81,6 +86,10 @@ class ResumeState:
     before: canvas [3, H, W] at that time, None if unknown.
     now: current canvas.
     wet: seconds that the last layer still dries, None if drying did not begin.
+    left_out: indices of strokes before `painted` that are not on the canvas.
+    person: number of strokes of a person on the canvas.
+    person_unseen: True if some of them were painted after the last look.
+    answers: True if the rest of the plan answers a person, and is not on the way to the goal.
     """
 
     plan: Plan
@@ -89,6 +98,10 @@ class ResumeState:
     before: Tensor | None
     now: Tensor
     wet: float | None = None
+    left_out: frozenset[int] = frozenset()
+    person: int = 0
+    person_unseen: bool = False
+    answers: bool = False
 
 
 @dataclass
@@ -105,6 +118,13 @@ class PaintingProgress:
     canvas: last seen state of the canvas.
     gain: dB by which the last replan lowered the expected loss, None before the first one.
     remark: sentence about the photograph of the finished canvas, or "".
+    person: number of strokes of a person on the canvas.
+    person_unseen: True if some of them were painted after the last look.
+    answers: True if the rest of the plan answers a person, and is not on the way to the goal.
+
+    most: greatest number of strokes of a painting without a goal, whose plan grows with every answer to a person; None
+    for a painting with a goal.
+    ended: True if a person ended a painting without a goal.
     """
 
     plan: Plan | None = None
@@ -116,10 +136,17 @@ class PaintingProgress:
     canvas: CanvasMemory = field(default_factory=CanvasMemory)
     gain: float | None = None
     remark: str = ""
+    person: int = 0
+    person_unseen: bool = False
+    answers: bool = False
+    most: int | None = None
+    ended: bool = False
 
     @property
     def is_complete(self) -> bool:
-        """True if all strokes of a plan are done."""
+        """True if all strokes of the painting are done."""
+        if self.most is not None and not self.ended and self.painted < self.most:
+            return False
         return self.plan is not None and 0 < self.strokes <= self.painted
 
     @property
@@ -171,8 +198,9 @@ class PaintingProgress:
         """Restores the progress of a painting that broke off."""
         self.plan, self.painted, self.planned_at = where.plan, where.painted, where.planned_at
         self.wet, self.dried_at = (None, where.painted) if where.wet == 0 else (where.wet, 0)
-        known = where.before is not None
-        self.canvas = CanvasMemory(*((where.before, where.planned_at) if known else (where.now, where.painted)))
+        self.person, self.person_unseen, self.answers = where.person, where.person_unseen, where.answers
+        seen = (where.now, where.painted) if where.before is None else (where.before, where.planned_at)
+        self.canvas = CanvasMemory(*seen, set(where.left_out))
 
     def as_painting(self, photograph: Tensor, robot_seconds: float = 0.0) -> Painting:
         """Returns the result so far, with a photograph of the canvas [3, H, W]."""

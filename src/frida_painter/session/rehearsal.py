@@ -4,6 +4,9 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError
@@ -11,6 +14,7 @@ from frida_painter.hardware import gateway
 from frida_painter.hardware.gateway import Fault, Surface
 from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.robot import Point, Reach, Waypoints, Workspace
+from frida_painter.hardware.travel import TravelLimits
 from frida_painter.palette import MAX_COLORS
 from frida_painter.plan import Plan
 
@@ -98,26 +102,48 @@ class Rehearsal:
 
 
 def rehearse(
-    plan: Plan, workspace: Workspace, canvas: CanvasSize, calibration: Calibration, reach: Reach | None = None
+    plan: Plan,
+    workspace: Workspace,
+    canvas: CanvasSize,
+    calibration: Calibration,
+    reach: Reach | None = None,
+    travel: TravelLimits | None = None,
 ) -> Rehearsal:
     """Checks every motion of a plan on an easel with a canvas of that size.
 
     reach: reach of the arm, if it does not cover the whole workspace.
+    travel: limits of the machine itself. None: it has none, or was not asked.
     Raises CalibrationError if the plan has several brushes and the calibration lacks one of them.
     """
     strokes: dict[int, Fault] = {}
+    fixed = travel if travel is not None and travel.zero_known else None
+    ends: list[NDArray[np.float64]] = []
     before = 0
     for part in plan.filled_layers():
         known = calibration.of_brush(part.layers[0].brush) if len(plan.brushes) > 1 else calibration
-        motion, surface = Motion(workspace, known), Surface(canvas, known.press_height)
+        motion, surface = Motion(workspace, known), Surface(canvas, known.press_height, known.surface)
         for index in range(len(part)):
             path = motion.stroke(part.strokes, index, f"stroke {before + index + 1}")
-            for fault in gateway.faults([path], workspace, surface, reach):
+            ends += [path.position.min(0), path.position.max(0)]
+            for fault in gateway.faults([path], workspace, surface, reach, fixed):
                 strokes[before + index] = fault
         before += len(part)
-    motion, surface = Motion(workspace, calibration), Surface(canvas, calibration.press_height)
-    others = gateway.faults(_around(plan, motion), workspace, surface, reach)
-    return Rehearsal(tuple(_mismatches(plan, workspace, canvas)), strokes, tuple(others))
+    motion, surface = Motion(workspace, calibration), Surface(canvas, calibration.press_height, calibration.surface)
+    around = list(_around(plan, motion))
+    others = gateway.faults(around, workspace, surface, reach, fixed)
+    ends += [end for path in around for end in (path.position.min(0), path.position.max(0))]
+    short = _short_travel(travel, np.array(ends)) if travel is not None and fixed is None else ()
+    return Rehearsal((*_mismatches(plan, workspace, canvas), *short), strokes, tuple(others))
+
+
+def _short_travel(travel: TravelLimits, ends: NDArray[np.float64]) -> Iterator[str]:
+    """Yields a sentence for each axis along which a machine whose zero is not known has too little travel."""
+    for axis in np.flatnonzero(travel.beyond(ends).any(0)).tolist():
+        yield (
+            f"the painting needs {1000 * np.ptp(ends[:, axis]):.1f} mm along {'xyz'[axis]}, and the machine's own "
+            f"limits leave {travel.describe(axis)}; move wells and canvas together, or change its limits if they are "
+            "wrong"
+        )
 
 
 def _mismatches(plan: Plan, workspace: Workspace, canvas: CanvasSize) -> Iterator[str]:

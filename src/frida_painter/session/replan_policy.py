@@ -185,6 +185,19 @@ class WhenItPays:
         return True
 
 
+@dataclass(frozen=True)
+class NeverLooks:
+    """Policy of an easel without a camera: the plan is painted as it is."""
+
+    def next_look(self, done: int, of: int) -> int:
+        """Returns the end of the painting."""
+        return of
+
+    def wants_replan(self, seen: CanvasSeen) -> bool:
+        """Returns False: nothing is known that the plan did not know."""
+        return False
+
+
 def looks_on_the_way(policy: ReplanPolicy, strokes: int) -> list[int]:
     """Returns the numbers of painted strokes at each look, without the look after the last stroke."""
     looks, done = [], 0

@@ -1,6 +1,7 @@
 """Resuming of a painting: reads the state from its folder, and lists changes since its beginning."""
 
-from collections.abc import Callable, Mapping
+import contextlib
+from collections.abc import Callable, Mapping, Set
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ from frida_painter import images, storage
 from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.dialogue import Answer, Question
-from frida_painter.easel.kinds import SIMULATION_LOG
+from frida_painter.easel.kinds import NO_CAMERA, SIMULATION_LOG
 from frida_painter.easel.operator import brush_in_hand
 from frida_painter.errors import CalibrationError, FrameRejected, ImageError, PlanError, StorageError
 from frida_painter.frames import PixelGrid
@@ -28,6 +29,7 @@ from frida_painter.planning.problem import Region, region_of
 from frida_painter.session.hand import Hand
 from frida_painter.session.journal import A_PHOTOGRAPH, PHOTOGRAPHS, PLAN, History, Planning
 from frida_painter.session.observer import PHOTOGRAPH_ROWS, CanvasObserver
+from frida_painter.session.open_loop import Models, bare_paper, paint_on_paper
 
 
 @dataclass(frozen=True)
@@ -165,12 +167,15 @@ def last_canvas(folder: Path, history: History, size: CanvasSize, calibration: P
     """Returns the canvas [3, H, W] of the last photograph, or of the saved picture if that photograph is lost.
 
     calibration: record that it was painted with.
+    Without a camera, returns the canvas as it was last assumed.
     Raises ImageError if both are lost.
     """
+    if history.assumed is not None and storage.exists(folder / history.assumed):
+        return images.load(folder / history.assumed)
     seen = (
         None
         if history.last_photograph is None
-        else _load_canvas(folder / history.last_photograph, history, size, calibration)
+        else load_canvas(folder / history.last_photograph, history, size, calibration)
     )
     return images.load(folder / "painting.png") if seen is None else seen
 
@@ -178,10 +183,10 @@ def last_canvas(folder: Path, history: History, size: CanvasSize, calibration: P
 def first_canvas(folder: Path, history: History, size: CanvasSize, calibration: Path) -> Tensor | None:
     """Returns the canvas [3, H, W] before the first stroke; None if its photograph is lost."""
     began = next((planning.photograph for planning in history.plannings if planning.done == 0), None)
-    return None if began is None else _load_canvas(folder / began, history, size, calibration)
+    return None if began is None else load_canvas(folder / began, history, size, calibration)
 
 
-def _load_canvas(photograph: Path, history: History, size: CanvasSize, calibration: Path) -> Tensor | None:
+def load_canvas(photograph: Path, history: History, size: CanvasSize, calibration: Path) -> Tensor | None:
     """Returns the canvas in a photograph of the painting.
 
     None if the photograph, the record or the light is unknown.
@@ -191,6 +196,8 @@ def _load_canvas(photograph: Path, history: History, size: CanvasSize, calibrati
         taken, known = images.load_exactly(photograph), Calibration.load(calibration)
     except (ImageError, CalibrationError):
         return None
+    if known.camera == NO_CAMERA:  # its pictures show the canvas alone, in true colours
+        return images.from_uint8(taken)
     if known_light is None:
         return None
     return true_color(known_light.correct(rectify(taken, known, PixelGrid.of_height(size, PHOTOGRAPH_ROWS))), known)
@@ -205,6 +212,29 @@ def load_seen_canvas(folder: Path, kept: KeptPlan, observer: CanvasObserver) -> 
         return observer.see(photograph, PHOTOGRAPH_ROWS)
     except (ImageError, FrameRejected):
         return None
+
+
+def resume_open_loop(
+    folder: Path, kept: KeptPlan, painted: int, left_out: Set[int], models: Models
+) -> tuple[Tensor, Tensor]:
+    """Returns the canvas [3, H, W] that the plan was made for, and the canvas as it should be after `painted` strokes.
+
+    left_out: indices of strokes that are not on the canvas.
+    If the picture of the first one is lost, it is rendered from the strokes before.
+    """
+    done, before = kept.planning.done, None
+    if kept.planning.photograph is not None:
+        with contextlib.suppress(ImageError):
+            before = images.load(folder / kept.planning.photograph)
+
+    def paint(first: int, last: int, canvas: Tensor) -> Tensor:
+        there = [index for index in range(first, last) if index not in left_out]
+        return paint_on_paper(kept.plan.part(there), models, canvas)
+
+    bare = bare_paper(kept.plan.canvas, kept.plan.ground)
+    if before is None:
+        before = paint(0, done, bare)
+    return before, paint(0, painted, bare) if painted < done else paint(done, painted, before)
 
 
 def _records(count: int) -> str:

@@ -1,6 +1,13 @@
-"""Remaining time of a painting, forecast from the measured durations of each kind of work."""
+"""Remaining time of work, from two estimators: the measured pace of computing, and the robot's timetable.
 
+`Pace` serves all computing: plans, replans, experiments and sweeps. `Timetable` (events.py) serves the machine;
+choreography.py computes it from the robot's speeds and accelerations.
+"""
+
+import math
+from collections.abc import Iterable
 from dataclasses import dataclass
+from statistics import median
 
 from frida_painter.session.events import (
     Drying,
@@ -16,14 +23,29 @@ from frida_painter.session.events import (
 )
 from frida_painter.session.replan_policy import ReplanPolicy, looks_on_the_way
 
+# Guesses before a measurement, in seconds: of an iteration of one stroke, of a painted stroke without a timetable,
+# and of a second of a simulated robot's timetable.
+_PLANNING, _STROKE, _TIMETABLE = 2.5e-5, 0.1, 0.02
+_GROWING_COST = 1.4  # later iterations of a plan, with all strokes placed, take longer than the first
+
 
 @dataclass
-class TimeEstimate:
-    """Seconds per unit of one kind of work: first a guess, then the mean of the measurements."""
+class Pace:
+    """Pace of one kind of work, in seconds per unit: first a guess, then the mean of the measurements.
 
-    guess: float
+    guess: seconds per unit before the first measurement; infinite if unknown.
+    spent, units: measured seconds, and the work that they did. The unit of planning is an iteration of one stroke.
+    """
+
+    guess: float = math.inf
     spent: float = 0.0
     units: float = 0.0
+
+    @classmethod
+    def of_earlier_work(cls, measured: Iterable[float], guess: float) -> "Pace":
+        """Returns a pace that starts from earlier work: the median of its seconds per unit, or `guess` if none."""
+        known = list(measured)
+        return cls(median(known) if known else guess)
 
     def measure(self, seconds: float, units: float) -> None:
         """Adds a measurement: `units` took `seconds`."""
@@ -34,6 +56,20 @@ class TimeEstimate:
     def seconds(self) -> float:
         """Seconds per unit: the mean of the measurements, or the guess before the first one."""
         return self.spent / self.units if self.units else self.guess
+
+    def time_for(self, units: float) -> float:
+        """Returns the seconds for that much work; infinite if neither a guess nor a measurement is known."""
+        return units * self.seconds if units > 0 else 0.0
+
+
+def share_of_plan(iteration: int, of: int) -> float:
+    """Returns the share of a plan's work that is done after an iteration, in [0, 1]."""
+    return float((iteration / of) ** _GROWING_COST)
+
+
+def remaining_seconds(passed: float, share: float) -> float:
+    """Returns the remaining seconds of work if its part `share` took `passed` seconds; infinite if share is 0."""
+    return Pace(spent=passed, units=share).time_for(1 - share)
 
 
 class RemainingTime:
@@ -46,17 +82,17 @@ class RemainingTime:
     def __init__(self, strokes: int, policy: ReplanPolicy, now: float, *, planning: int, replanning: int) -> None:
         self._strokes = strokes
         self._looks = looks_on_the_way(policy, strokes)
-        self._replans = [replanning * (strokes - done) for done in self._looks]
+        self._replans = [float(replanning * (strokes - done)) for done in self._looks]
         self._plan_left = float(planning * strokes)
         self._painted = 0
         self._last = now
-        self._planning = TimeEstimate(2.5e-5)
-        self._painting = TimeEstimate(0.1)  # of a stroke, until there is a timetable
+        self._planning = Pace(_PLANNING)
+        self._painting = Pace(_STROKE)
         self._after: tuple[float, ...] = ()
         self._end = 0.0
         self._begun = 0
         self._walked = 0.0
-        self._iteration = 0
+        self._share = 0.0  # of the current plan or replan
         self._wet: float | None = None  # seconds that a layer still dries
 
     def hear(self, event: Event, now: float) -> None:
@@ -66,16 +102,16 @@ class RemainingTime:
             passed = 0.0
         match event:
             case PlanningStep(phase, iteration, of):
-                alive = self._strokes - self._painted
-                self._planning.measure(passed, (iteration - self._iteration) * alive)
-                self._iteration = iteration
-                left = float((of - iteration) * alive)
+                work = float(of * (self._strokes - self._painted))
+                share = share_of_plan(iteration, of) if phase == "plan" else iteration / of
+                self._planning.measure(passed, max(0.0, share - self._share) * work)
+                self._share = share
                 if phase == "plan":
-                    self._plan_left = left
+                    self._plan_left = (1 - share) * work
                 elif self._replans:
-                    self._replans[0] = int(left)
+                    self._replans[0] = (1 - share) * work
             case Planned(done=done):
-                self._iteration = 0
+                self._share = 0.0
                 self._plan_left = 0.0
                 if done:
                     self._forget_looks(until=done)
@@ -84,7 +120,7 @@ class RemainingTime:
                 self._forget_looks(until=done - 1)
             case Scheduled(timetable=timetable, done=done):
                 if not self._after:
-                    self._painting = TimeEstimate(0.02)
+                    self._painting = Pace(_TIMETABLE)
                 self._after, self._end, self._begun, self._walked = timetable.after, timetable.total, done, 0.0
             case Drying(left=left):
                 self._walked += 0.0 if self._wet is None else self._wet - left
@@ -101,9 +137,9 @@ class RemainingTime:
     @property
     def remaining(self) -> float:
         """Seconds until the last stroke."""
-        planning = (self._plan_left + sum(self._replans)) * self._planning.seconds
         walking = self._end - self._walked if self._after else self._strokes - self._painted
-        return planning + (walking if self._painted < self._strokes else 0.0) * self._painting.seconds
+        painting = self._painting.time_for(walking) if self._painted < self._strokes else 0.0
+        return self._planning.time_for(self._plan_left + sum(self._replans)) + painting
 
     def _forget_looks(self, until: int) -> None:
         """Removes the looks up to stroke `until`, with their replans."""

@@ -47,9 +47,10 @@ def absorption_and_scattering(srgb: NDArray[np.floating]) -> NDArray[np.float64]
 
 @numba.njit(cache=True, nogil=True)
 def film_over(absorption: float, scattering: float, thickness: float, ground: float) -> float:
-    """Returns the reflectance of one channel of a film (K, S per mm.
+    """Returns the reflectance of one channel of a film over a ground of known reflectance.
 
-    Thickness in mm) over a ground of known reflectance.
+    absorption, scattering: K and S, per millimetre
+    thickness: millimetres
     """
     depth = scattering * thickness
     if depth < 1e-9:

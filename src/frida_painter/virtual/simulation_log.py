@@ -6,7 +6,6 @@ If a power cut tears a record, its rest is dropped.
 
 import json
 import re
-import zlib
 from collections import deque
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -23,7 +22,7 @@ Note = Callable[..., None]
 _FORMAT = "frida-painter studio"
 _VERSION = 1
 _POLICY = LogPolicy("the diary of a virtual studio", precious=True)
-_FIRST_LINE_OF_OLD = re.compile(rb"[0-9a-f]{8} \{")
+_FIRST_LINE_OF_FIRST_VERSION = re.compile(rb"[0-9a-f]{8} \{")
 
 
 class SimulationLog:
@@ -31,15 +30,15 @@ class SimulationLog:
 
     studio: setup of the studio, in plain values.
     past: entries of earlier sessions.
-    A file of an earlier version is converted.
-    Raises StorageError if the file cannot be written, is damaged, or belongs to another studio.
+    Raises StorageError if the file cannot be written, is damaged, belongs to another studio, or is of the first
+    version.
     """
 
     def __init__(self, path: Path, studio: Entry) -> None:
         self.path = path
         self._unwritten: deque[tuple[Entry, bool]] = deque()
         if path.exists():
-            _convert_old(path)
+            _refuse_first_version(path)
         else:
             EventLog.write(path, [{"format": _FORMAT, "version": _VERSION, "studio": studio}])
         log = EventLog(path, _POLICY)
@@ -99,24 +98,8 @@ def ignore_entry(entry: Entry, *, flush: bool = False) -> None:
     """Ignores the entry, for a studio without a log."""
 
 
-def _convert_old(path: Path) -> None:
-    """Converts a file of earlier versions, with lines of a CRC-32 and JSON, to a log. Raises StorageError."""
-    content = storage.read_bytes(path, _POLICY.what, MAX_BYTES)
-    if _FIRST_LINE_OF_OLD.match(content) is None:
-        return
-    lines = content.split(b"\n")[:-1]
-    entries = [_old_entry(line) for line in lines]
-    if entries and entries[-1] is None:  # torn by a power cut, with old content of the disk's block
-        entries.pop()
-    if not entries or None in entries:
-        raise StorageError(f"{path} is damaged; the virtual studio cannot be opened again as it was left.")
-    EventLog.write(path, [entry for entry in entries if entry is not None])
-
-
-def _old_entry(line: bytes) -> Entry | None:
-    """Returns the entry of a line of earlier versions; None if the line is damaged."""
-    checksum, _, text = line.partition(b" ")
-    if checksum != b"%08x" % zlib.crc32(text):
-        return None
-    entry = json.loads(text)
-    return entry if isinstance(entry, dict) else None
+def _refuse_first_version(path: Path) -> None:
+    """Raises StorageError for a file of the first version, with lines of a CRC-32 and JSON."""
+    with storage.open_checked(path, _POLICY.what, MAX_BYTES) as file:
+        if _FIRST_LINE_OF_FIRST_VERSION.match(file.read(10)) is not None:
+            raise StorageError(storage.refuse_first_version(str(path)))

@@ -19,14 +19,16 @@ from frida_painter.calibration import BrushRecord, Calibration
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError, StorageError
 from frida_painter.frames import PixelGrid
-from frida_painter.hardware.easel import Easel
-from frida_painter.hardware.robot import Reach, Timing, Waypoints
+from frida_painter.hardware.easel import Easel, PersonStroke
+from frida_painter.hardware.robot import Reach, Waypoints
+from frida_painter.hardware.timing import Timing
 from frida_painter.palette import Palette
-from frida_painter.virtual.bristles import BristleBrush, Tuft, find_brush
+from frida_painter.virtual.bristles import BristleBrush, Tuft, brush_names, find_brush
 from frida_painter.virtual.camera import CameraSpec, VirtualCamera
 from frida_painter.virtual.canvas import Canvas
 from frida_painter.virtual.faults import NO_FAULTS, Faults
 from frida_painter.virtual.paint import absorption_and_scattering, to_linear, to_srgb
+from frida_painter.virtual.person_hand import PersonHand
 from frida_painter.virtual.robot import Arm, Clock, FreeArm, VirtualRobot
 from frida_painter.virtual.simulation_log import Entry, Note, SimulationLog, ignore_entry
 from frida_painter.virtual.tabletop import (
@@ -45,6 +47,7 @@ class StudioOperator:
     """Operator of a table; implements hardware.easel.Operator.
 
     tufts: tufts of its brushes, by their names on the easel.
+    hand: hand of a person who paints too.
     note: called after each action.
     """
 
@@ -53,12 +56,13 @@ class StudioOperator:
         table: Table,
         checker: Checker,
         fresh_canvas: Callable[[], Canvas],
-        wait: Callable[[float], None],
+        clock: Clock,
         tufts: Mapping[str, Tuft],
+        hand: PersonHand,
     ) -> None:
-        self.checker = checker
+        self.checker, self.hand = checker, hand
         self.note: Note = ignore_entry
-        self._table, self._fresh_canvas, self._wait, self._tufts = table, fresh_canvas, wait, tufts
+        self._table, self._fresh_canvas, self._clock, self._tufts = table, fresh_canvas, clock, tufts
 
     def fill_wells(self, palette: Palette) -> None:
         """Empties all wells and fills well i with paint i."""
@@ -83,8 +87,10 @@ class StudioOperator:
             self.note({"did": "brush", "name": brush})
 
     def let_dry(self, seconds: float) -> None:
-        """Lets time pass."""
-        self._wait(seconds)
+        """Lets time pass and paint dry."""
+        self._clock.now += seconds
+        self._table.canvas.dry_until(self._clock.now)
+        self.note({"did": "wait", "now": self._clock.now})
 
     def lay_paper(self) -> bool:
         """Puts a fresh canvas at the first one's place."""
@@ -106,6 +112,10 @@ class StudioOperator:
         """Takes the colour checker away."""
         self._put_checker(None)
         return True
+
+    def paint_stroke(self, stroke: PersonStroke) -> None:
+        """Paints a person's stroke, unless one of that number is there already. Raises ConfigError."""
+        self.hand.paint(stroke)
 
     def _put_checker(self, lying: Checker | None) -> None:
         self._table.checker = lying
@@ -140,6 +150,10 @@ def relive(
 
     Raises StorageError if the result differs, because the code of brush or paint has changed.
     """
+    other = StorageError(
+        "The virtual studio's paint no longer does what it did when this was painted (another version of frida-painter "
+        "or of its libraries); go on with the version that began the painting."
+    )
     for entry in past:
         match entry["did"]:
             case "move":
@@ -148,10 +162,10 @@ def relive(
                 table.move(path, clock.now, robot.faults)
                 robot.remember(path[-1])
                 if table.tuft.volume != entry["brush"]:
-                    raise StorageError(
-                        "The virtual studio's paint no longer does what it did when this was painted (another version "
-                        "of frida-painter or of its libraries); go on with the version that began the painting."
-                    )
+                    raise other
+            case "person":
+                if not operator.hand.relive(entry):
+                    raise other
             case "arm":
                 robot.remember_arm(entry["state"])
             case "photograph":
@@ -293,6 +307,7 @@ class VirtualStudio:
     """Open studio. The painter uses only `easel`; the rest is for tests and films.
 
     touch_height: robot z (m) at which the tip really touches the canvas.
+    person: hand of a person who paints on the canvas too.
     log: log of the studio. Its entries are replayed, and new ones are added.
     """
 
@@ -352,15 +367,17 @@ class VirtualStudio:
             lens=self.camera.lens,
         )
         checker = Checker.sample(for_checker, self.canvas.width, self.canvas.height)
-        self._operator = StudioOperator(self.table, checker, self._fresh_canvas, self.wait, self.tufts)
+        self.person = PersonHand(self.table, self.clock, {each: find_brush(each) for each in brush_names()}, seed)
+        self._operator = StudioOperator(self.table, checker, self._fresh_canvas, self.clock, self.tufts, self.person)
         self.easel = Easel(
             self.robot, self.camera, self._operator, layout.workspace, calibration, canvas, here.reach, here.timing,
-            simulated=True, pace=settings.pace,
+            simulated=True, pace=settings.pace, person_brushes=self.person.brushes,
         )  # fmt: skip
         self._log, self._note = log, ignore_entry
         if log is not None:
             relive(log.past, self.clock, self.table, self.robot, self.camera, self._operator)
             self._note = self.table.note = self.robot.note = self.camera.note = self._operator.note = log.note
+            self.person.note = log.note
         self.break_things(settings.faults)
 
     def close(self) -> None:
@@ -389,9 +406,7 @@ class VirtualStudio:
 
     def wait(self, seconds: float) -> None:
         """Lets time pass and paint dry."""
-        self.clock.now += seconds
-        self.canvas.dry_until(self.clock.now)
-        self._note({"did": "wait", "now": self.clock.now})
+        self._operator.let_dry(seconds)
 
     def truth(self, rows: int) -> Tensor:
         """Returns the real canvas, straight on in even light: sRGB [3, rows, columns]. Not for the painter."""
@@ -403,7 +418,7 @@ class VirtualStudio:
 
     def balance(self) -> Balance:
         """Returns the places of all paint drawn from the wells."""
-        table, brushes = self.table, sum(tuft.volume for tuft in self.tufts.values())
+        table, brushes = self.table, sum(tuft.volume for tuft in self.tufts.values()) + self.person.volume
         return Balance(
             table.drawn, brushes, self.canvas.wet_volume, self.canvas.dry_volume, table.in_water,
             table.on_rag, table.carried_away,
@@ -429,6 +444,11 @@ def open_studio(
     robot and random numbers.
     Raises ConfigError for an unknown brush or a wrong size. Raises StorageError if the file cannot be written, is
     damaged, or belongs to another studio.
+
+        >>> import frida_painter as fp
+        >>> studio = fp.open_virtual_studio("12x9cm", "fine", seed=1)
+        >>> studio.truth(90).shape  # the real canvas; the painter sees only photographs of it
+        torch.Size([3, 90, 120])
     """
     canvas, settings = CanvasSize.of(canvas), settings or StudioSettings()
     if placement_error is not None:

@@ -6,12 +6,13 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, StrictBool, ValidationError
 
-from frida_painter.easel.dialogue import Answer, Corners, JogMove
-from frida_painter.errors import ConfigError
+from frida_painter.easel.dialogue import Answer, Corners, EnterAddress, GuideMove, JogMove
+from frida_painter.errors import ConfigError, Interrupted
 from frida_painter.event_log import FEED, EventLog, LogReader
-from frida_painter.web.studio_folder import PaintingFolder
+from frida_painter.session.events import PEN_LIMITS
+from frida_painter.web.studio_folder import Identifier, PaintingFolder, PaintingRequest
 
 LEAD_GOOD_FOR = 10.0
 """Seconds within which a command must arrive."""
@@ -26,86 +27,179 @@ class Role(IntEnum):
 
 
 # Commands to a running painting; each is done between two strokes, or in a pause.
+#
+# A command has one form from the page to the painter: the page sends it as JSON, pydantic checks it at the door, the
+# file carries it, and the painter performs it.
 
-Kind = Literal["pause", "go on", "look", "leave out", "turns", "spare", "only", "free", "goal"]
+_Strokes = Annotated[int, Field(strict=True, ge=0, le=20_000)]
+
+
+class _Command:
+    __pydantic_config__ = ConfigDict(extra="forbid")
 
 
 @dataclass(frozen=True)
-class Pause:
+class Pause(_Command):
     """Command to finish the stroke, clean the brush, move the arm home and wait."""
 
+    kind: Literal["pause"] = "pause"
+
 
 @dataclass(frozen=True)
-class GoOn:
+class GoOn(_Command):
     """Command to end the pause."""
 
+    kind: Literal["go on"] = "go on"
+
 
 @dataclass(frozen=True)
-class LookAgain:
+class FinishDrawing(_Command):
+    """Command to finish a painting without a goal as it is."""
+
+    kind: Literal["finish"] = "finish"
+
+
+@dataclass(frozen=True)
+class LookAgain(_Command):
     """Command to look at the canvas and replan the rest."""
 
+    kind: Literal["look"] = "look"
+
 
 @dataclass(frozen=True)
-class LeaveOut:
+class LeaveOut(_Command):
     """Command to leave out the last `count` strokes of the plan."""
 
-    count: int
+    count: _Strokes
+    kind: Literal["leave out"] = "leave out"
 
 
 @dataclass(frozen=True)
-class TakeTurns:
-    """Command to take turns: the robot paints `count` strokes, then the person paints. 0: no turns."""
+class TakeTurns(_Command):
+    """Command to take turns: the robot paints `count` strokes or `minutes`, then the person paints. 0: no turns.
 
-    count: int
+    policy: name of the turn policy by which the robot answers what the person painted.
+    keep: "protect" if no stroke may touch the person's paint, "welcome" if it is the beginning of the painting.
+    """
+
+    count: _Strokes
+    minutes: Annotated[float, Field(ge=0, le=24 * 60, allow_inf_nan=False)] = 0.0
+    policy: Annotated[str, Field(strict=True, min_length=1, max_length=40)] = "alternate"
+    keep: Literal["welcome", "protect"] = "welcome"
+    kind: Literal["turns"] = "turns"
 
 
 @dataclass(frozen=True)
-class Protect:
-    """Command to protect the region with this number, or, with `only`, to paint only inside it."""
+class Protect(_Command):
+    """Command to protect a region, or, with `only`, to paint only inside it.
 
-    record: int
-    only: bool
+    picture: id of an uploaded drawing of the region, light on dark.
+    """
+
+    picture: Identifier
+    only: StrictBool
+    kind: Literal["protect"] = "protect"
 
 
 @dataclass(frozen=True)
-class Free:
+class GivePicture(_Command):
+    """Command to take a person's picture of the canvas for a look, in a painting without a camera.
+
+    picture: id of the uploaded picture.
+    """
+
+    picture: Identifier
+    kind: Literal["picture"] = "picture"
+
+
+@dataclass(frozen=True)
+class Free(_Command):
     """Command to end the protection of a region."""
 
+    kind: Literal["free"] = "free"
+
 
 @dataclass(frozen=True)
-class ChangeGoal:
-    """Command to paint towards the goal with this number; the paints stay."""
+class ChangeGoal(_Command):
+    """Command to paint towards the goals of another request; canvas, brush and paints stay."""
 
-    record: int
-
-
-PaintingCommand = Pause | GoOn | LookAgain | LeaveOut | TakeTurns | Protect | Free | ChangeGoal
+    request: PaintingRequest
+    kind: Literal["goal"] = "goal"
 
 
-def command(kind: str, *, count: int = 0, record: int = 0) -> PaintingCommand:
-    """Returns the command of a kind. Raises ConfigError for an unknown kind."""
-    match kind:
-        case "pause":
-            return Pause()
-        case "go on":
-            return GoOn()
-        case "look":
-            return LookAgain()
-        case "leave out":
-            return LeaveOut(count)
-        case "turns":
-            return TakeTurns(count)
-        case "spare" | "only":
-            return Protect(record, only=kind == "only")
-        case "free":
-            return Free()
-        case "goal":
-            return ChangeGoal(record)
-        case _:
-            raise ConfigError(
-                f"There is no command {kind[:40]!r}; there are pause, go on, look, leave out, turns, spare, only, "
-                "free and goal."
+ROBOT_MOVES = (
+    "The robot is painting, and nobody paints beside an arm that moves: your stroke was not painted. Press Pause, wait "
+    "until the arm is aside, then paint."
+)
+MAX_POINTS = 4000
+"""Largest number of points of a person's stroke; the page sends only the points that its mark needs."""
+
+
+def _require_points(given: Any) -> Any:
+    """Refuses what are no points of a pen with a sentence; the painter, who knows the canvas, checks more."""
+    if not isinstance(given, list | tuple) or not 1 <= len(given) <= MAX_POINTS:
+        count = len(given) if isinstance(given, list | tuple) else "no"
+        raise ValueError(f"The stroke has {count} points, and a stroke has 1 to {MAX_POINTS}; lift the brush sooner.")
+    for number, point in enumerate(given, 1):
+        whole = isinstance(point, list | tuple) and len(point) == len(PEN_LIMITS)
+        if not whole or not all(type(value) in (int, float) for value in point):
+            raise ValueError(
+                f"Point {number} of the stroke is not made of {len(PEN_LIMITS)} numbers; reload the page, and paint "
+                "it again."
             )
+        for (name, least, most), value in zip(PEN_LIMITS, point, strict=True):
+            if not least <= value <= most:
+                raise ValueError(
+                    f"Point {number} of the stroke has a {name} of {value}; it is a number from {least:g} to "
+                    f"{most:.4g}. Nothing was painted; paint the stroke again."
+                )
+    return given
+
+
+@dataclass(frozen=True)
+class PaintStroke(_Command):
+    """Command to paint a stroke of the person on the canvas of the virtual studio, in a pause.
+
+    brush: name of a brush of the easel.
+    paint: number of a well, from 0.
+    points: as in session.person_strokes.PenStroke.
+    """
+
+    brush: Annotated[str, Field(strict=True, min_length=1, max_length=40)]
+    paint: Annotated[int, Field(strict=True, ge=0, le=99)]
+    points: Annotated[tuple[tuple[float, float, float, float, float, float], ...], BeforeValidator(_require_points)]
+    kind: Literal["paint"] = "paint"
+
+
+Command = Annotated[
+    Pause
+    | GoOn
+    | FinishDrawing
+    | LookAgain
+    | LeaveOut
+    | TakeTurns
+    | Protect
+    | GivePicture
+    | Free
+    | ChangeGoal
+    | PaintStroke,
+    Field(discriminator="kind"),
+]
+
+
+def describe(command: Command) -> str:
+    """Returns a command in a few words, for the record of the studio."""
+    match command:
+        case TakeTurns(count, minutes, policy, keep):
+            return f"turns of {count} strokes, {minutes:g} minutes, {policy}, {keep}"
+        case LeaveOut(count):
+            return f"{command.kind} {count}"
+        case Protect(picture, only):
+            return f"{'paint only in' if only else 'protect'} region {picture[:8]}"
+        case PaintStroke(brush, paint, points):
+            return f"paint with the {brush} brush and paint {paint + 1}, {len(points)} points"
+        case _:
+            return command.kind
 
 
 # File of commands from the page: each command is good once and for seconds, and the file only grows.
@@ -113,38 +207,28 @@ def command(kind: str, *, count: int = 0, record: int = 0) -> PaintingCommand:
 # So no command is done twice. A command that the painter missed is not done later, when nobody expects it.
 
 
-class Command(BaseModel):
-    """Command to the painter, as it is written.
+class SentCommand(BaseModel):
+    """Command on its way to the painter.
 
     nonce: random text that is used once.
     until: end of its validity, seconds since 1970.
     by: id of the browser.
-    count: strokes to leave out, or strokes of a turn.
-    record: number of a region or a goal in the painting's folder.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+    model_config = ConfigDict(extra="forbid", frozen=True)
 
-    kind: Kind
-    nonce: str = Field(min_length=16, max_length=64)
-    until: float = Field(allow_inf_nan=False)
-    by: str = Field(max_length=64)
-    count: int = Field(0, ge=0, le=20_000)
-    record: int = Field(0, ge=0, le=100_000)
-
-    @property
-    def meaning(self) -> PaintingCommand:
-        """Command as an object for the painter."""
-        return command(self.kind, count=self.count, record=self.record)
+    nonce: str = Field(strict=True, min_length=16, max_length=64)
+    until: float = Field(strict=True, allow_inf_nan=False)
+    by: str = Field(strict=True, max_length=64)
+    command: Command
 
 
-def tell_painter(folder: PaintingFolder, kind: Kind, by: str, *, count: int = 0, record: int = 0) -> None:
+def tell_painter(folder: PaintingFolder, command: Command, by: str) -> None:
     """Writes a command for the painter. Raises StorageError."""
-    nonce, until = secrets.token_hex(16), time.time() + LEAD_GOOD_FOR
-    told = Command(kind=kind, nonce=nonce, until=until, by=by, count=count, record=record)
+    sent = SentCommand(nonce=secrets.token_hex(16), until=time.time() + LEAD_GOOD_FOR, by=by, command=command)
     writer = EventLog(folder.commands, FEED)
     try:
-        writer.append(told.model_dump())
+        writer.append(sent.model_dump(mode="json"))
     finally:
         writer.close()
 
@@ -160,24 +244,25 @@ class CommandReader:
         self._reader = LogReader(folder.commands)
         self._heard: set[str] = set()
 
-    def listen(self) -> list[PaintingCommand]:
+    def listen(self) -> list[Command]:
         """Returns new commands in order, without invalid, late or earlier ones."""
-        told = [each for line in self._reader.read() if (each := self._parse(line)) is not None]
-        self._heard |= {each.nonce for each in told}
-        return [each.meaning for each in told]
+        found = [each for line in self._reader.read() if (each := self._parse(line)) is not None]
+        self._heard |= {each.nonce for each in found}
+        return [each.command for each in found]
 
-    def _parse(self, line: dict[str, Any]) -> Command | None:
+    def _parse(self, line: dict[str, Any]) -> SentCommand | None:
         try:
-            told = Command.model_validate(line)
+            sent = SentCommand.model_validate(line)
         except ValidationError:
             return None
-        good = max(time.time(), self._since + LEAD_GOOD_FOR) <= told.until <= time.time() + LEAD_GOOD_FOR
-        return told if good and told.nonce not in self._heard else None
+        good = max(time.time(), self._since + LEAD_GOOD_FOR) <= sent.until <= time.time() + LEAD_GOOD_FOR
+        return sent if good and sent.nonce not in self._heard else None
 
 
 # Answers to a worker's question, checked by the page's process and again by the worker.
 
 _Pixel = Annotated[float, Field(ge=-(2.0**16), le=2.0**16, allow_inf_nan=False)]
+_Metres = Annotated[float, Field(ge=-1, le=1, allow_inf_nan=False)]
 _Corner = Annotated[list[_Pixel], Field(min_length=2, max_length=2)]
 
 
@@ -186,8 +271,12 @@ class Reply(BaseModel):
 
     yes: answer to Confirm.
     corners: (column, row) pixels, clockwise from the top left.
-    step: metres of one press of a jog key; `settled` if the height is right.
+    step: metres of one press of a jog key; `settled` if the height or the place is right.
     length: metres.
+    move: metres along x, y and z, of one press of a guiding key.
+    choice: index of the chosen thing.
+    address: on the network, or the name of a port.
+    leave: True to leave a dialogue that can be continued later.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
@@ -198,12 +287,24 @@ class Reply(BaseModel):
     step: float | None = Field(None, ge=-1, le=1, allow_inf_nan=False)
     settled: bool = False
     length: float | None = Field(None, ge=0, le=10, allow_inf_nan=False)
+    move: list[_Metres] | None = Field(None, min_length=3, max_length=3)
+    choice: int | None = Field(None, ge=0, le=999)
+    address: str | None = Field(None, max_length=160)
+    leave: bool = False
 
     @property
     def words(self) -> str:
         """Answer in a few words, for the record of the studio."""
         if self.step is not None and not self.settled:
             return f"moved by {1000 * self.step:+.1f} mm"
+        if self.move is not None and not self.settled:
+            return f"moved by {', '.join(f'{1000 * step:+.1f}' for step in self.move)} mm"
+        if self.leave:
+            return "left"
+        if self.choice is not None:
+            return f"choice {self.choice + 1}"
+        if self.address is not None:
+            return self.address
         if self.length is not None:
             return f"{1000 * self.length:.1f} mm"
         if self.yes is not None:
@@ -211,7 +312,7 @@ class Reply(BaseModel):
         return "corners" if self.corners is not None else "settled"
 
     def answering(self, kind: str, asked: dict[str, Any]) -> Answer:
-        """Returns the answer to a question in the form of `described`. Raises ConfigError if it does not fit."""
+        """Returns the answer to a question as `describe_question` tells it. Raises ConfigError if it does not fit."""
         if kind == "confirm" and self.yes is not None:
             return self.yes
         if kind == "corners" and self.corners is not None:
@@ -225,6 +326,16 @@ class Reply(BaseModel):
             if asked["lowest"] <= self.length <= asked["highest"]:
                 return self.length
             raise ConfigError(f"It is from {_millimetres(asked)}; measure again.")
+        if kind == "guide" and (self.settled or self.move is not None):
+            x, y, z = self.move or (0.0, 0.0, 0.0)
+            return GuideMove((x, y, z), self.settled)
+        if kind == "choose" and self.choice is not None and self.choice < len(asked["things"]):
+            return self.choice
+        if kind == "address" and self.address is not None:
+            question = EnterAddress("", asked["port"])
+            if question.allows(self.address):
+                return self.address
+            raise ConfigError(f"It has a form like {question.example}; type it again.")
         raise ConfigError("This is no answer to what is asked; reload the page.")
 
 
@@ -251,14 +362,21 @@ def reply(folder: PaintingFolder, answer: Reply, by: str) -> None:
 
 
 def parse_answer(line: dict[str, Any], number: str, asked: dict[str, Any]) -> Answer | None:
-    """Returns the answer of a line to question `number`; None if it is not valid or too late."""
+    """Returns the answer of a line to question `number`; None if it is not valid or too late.
+
+    Raises Interrupted if the person leaves a dialogue that may be left.
+    """
     try:
         sent = _Sent.model_validate(line)
-        answer = sent.reply.answering(asked["kind"], asked)
+        leaves = sent.reply.leave and asked.get("leave") is True
+        answer = False if leaves else sent.reply.answering(asked["kind"], asked)
     except (ValidationError, ConfigError):
         return None
-    good = time.time() <= sent.until <= time.time() + LEAD_GOOD_FOR
-    return answer if good and sent.reply.question == number else None
+    if not (time.time() <= sent.until <= time.time() + LEAD_GOOD_FOR and sent.reply.question == number):
+        return None
+    if leaves:
+        raise Interrupted("You left; what was done before is kept.")
+    return answer
 
 
 def _within(corners: list[list[float]], asked: dict[str, Any]) -> Corners:

@@ -5,18 +5,36 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from contextlib import suppress
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
+import cv2
+import numpy as np
+import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from frida_painter import images
-from frida_painter.easel.dialogue import Answer, Confirm, Jog, Measure, PointCorners, Question
-from frida_painter.errors import FridaError
+from frida_painter.easel.dialogue import (
+    JOG_STEPS,
+    Answer,
+    Choose,
+    Confirm,
+    EnterAddress,
+    Guide,
+    Jog,
+    Measure,
+    PointCorners,
+    SetupQuestion,
+)
+from frida_painter.errors import ConfigError, FridaError, Interrupted
 from frida_painter.event_log import LogReader
 from frida_painter.frames import PixelGrid
-from frida_painter.planning.problem import region_of
-from frida_painter.runs.goal_item import read_goal_file
+from frida_painter.palette import to_hex
+from frida_painter.plan import Plan
+from frida_painter.planning.problem import Region, region_of
 from frida_painter.runs.painting_folder import keep_goal
 from frida_painter.runs.settle import open_goal
 from frida_painter.runs.spec import RunSpec
@@ -25,9 +43,9 @@ from frida_painter.session.events import (
     Asked,
     Considering,
     Event,
-    GoalChanged,
+    PauseCause,
     Paused,
-    RegionProtected,
+    PersonMayPaint,
     Remark,
     StrokePainted,
     Turns,
@@ -35,54 +53,87 @@ from frida_painter.session.events import (
 )
 from frida_painter.session.loop import PaintingSession
 from frida_painter.session.observer import PHOTOGRAPH_ROWS
+from frida_painter.session.person_events import GoalChanged, PersonPaintShown, RegionProtected
+from frida_painter.session.person_strokes import PenStroke
+from frida_painter.session.person_turns import FoundPaint
+from frida_painter.session.turn_policy import Keep, TurnTaken, answer_turn, find_turn_policy
 from frida_painter.web.commands import (
+    ROBOT_MOVES,
     ChangeGoal,
+    Command,
     CommandReader,
+    FinishDrawing,
     Free,
+    GivePicture,
     GoOn,
     LeaveOut,
     LookAgain,
-    PaintingCommand,
+    PaintStroke,
     Pause,
     Protect,
     TakeTurns,
     parse_answer,
 )
 from frida_painter.web.stop import StopWatch
-from frida_painter.web.studio_folder import Feed, PaintingFolder
+from frida_painter.web.studio_folder import Feed, FeedReader, PaintingFolder
 
 # Questions from a worker to the person at the page: calibration, paints to fill, strokes in doubt.
 
 _BETWEEN_GLANCES = 0.04
+MAX_ABSENCE = 600.0
+"""Seconds without a page after which a dialogue that can be continued is left: phones sleep, and networks fail."""
 
 
 @dataclass
 class Asker:
-    """Shows questions on the page; `answer` is the callback for dialogues and operators."""
+    """Shows questions on the page; `answer` is the callback for dialogues and operators.
+
+    may_leave: True if the person may leave the dialogue without a stop. It is then left, too, if no page has followed
+        it for MAX_ABSENCE seconds while it waits for an answer, so that the machine is free for others.
+    """
 
     folder: PaintingFolder
     feed: Feed
     stop: StopWatch
+    may_leave: bool = False
     _shown: deque[str] = field(default_factory=deque, init=False)
 
-    def answer(self, question: Question) -> Answer:
-        """Waits for the person's answer and returns it. Raises StopPressed if the person stops everything."""
+    def answer(self, question: SetupQuestion) -> Answer:
+        """Waits for the person's answer and returns it.
+
+        Raises StopPressed if the person stops everything, Interrupted if the person leaves or is gone.
+        """
         number = secrets.token_hex(8)
-        asked = describe_question(question)
-        picture = None if isinstance(question, Measure) else question.picture
+        asked = describe_question(question) | ({"leave": True} if self.may_leave else {})
+        picture = getattr(question, "picture", None)
         if picture is not None:
             asked |= {"picture": self._show(picture), "rows": picture.shape[1], "columns": picture.shape[2]}
         reader = LogReader(self.folder.replies)
         reader.read()  # earlier answers do not count
         self.feed.tell(Asked({"id": number, **asked}))
+        followed, since = self._followed(), time.monotonic()
         while True:
             self.stop.heed()
+            if (now := self._followed()) not in (followed, None):
+                followed, since = now, time.monotonic()
+            elif self.may_leave and time.monotonic() - since > MAX_ABSENCE:
+                self.feed.tell(Answered())
+                raise Interrupted(
+                    f"No page was open for {MAX_ABSENCE / 60:.0f} minutes; what was done before is kept, and the "
+                    "machine is free."
+                )
             for line in reader.read():
                 answer = parse_answer(line, number, asked)
                 if answer is not None:
                     self.feed.tell(Answered())
                     return answer
             time.sleep(_BETWEEN_GLANCES)
+
+    def _followed(self) -> int | None:
+        """Returns a number that changes while a page follows; None if none ever did."""
+        with suppress(OSError):
+            return self.folder.followed.stat().st_mtime_ns
+        return None
 
     def _show(self, picture: Tensor) -> str:
         # The name is random, because everybody who knows it may see the picture.
@@ -94,7 +145,7 @@ class Asker:
         return name
 
 
-def describe_question(question: Question) -> dict[str, Any]:
+def describe_question(question: SetupQuestion) -> dict[str, Any]:
     """Returns a question as plain values, without its picture."""
     match question:
         case Confirm(text=text, proposal=proposal):
@@ -105,15 +156,30 @@ def describe_question(question: Question) -> dict[str, Any]:
         case Jog():
             step = None if question.proposal is None else question.proposal.step
             told = {"kind": "jog", "text": question.text, "height": question.height, "proposal": step}
-            return told | {"lowest": question.lowest, "highest": question.highest}
+            return told | {"lowest": question.lowest, "highest": question.highest, "remark": question.remark}
         case Measure():
             told = {"kind": "measure", "text": question.text, "proposal": question.proposal}
             return told | {"lowest": question.lowest, "highest": question.highest}
+        case Guide():
+            told = {"kind": "guide", "text": question.text, "position": list(question.position)}
+            box = {"lower": list(question.lower), "upper": list(question.upper)}
+            return told | box | {"remark": question.remark, "again": question.again, "steps": list(JOG_STEPS)}
+        case Choose():
+            told = {"kind": "choose", "text": question.text, "things": list(question.things)}
+            shown = {"notes": list(question.notes), "drawings": list(question.drawings)}
+            return told | shown | {"proposal": question.proposal}
+        case EnterAddress():
+            return {"kind": "address", "text": question.text, "port": question.port, "example": question.example}
 
 
+_KEEP: dict[str, Keep] = {"welcome": "welcome", "protect": "protect"}
 _ROUNDS = 3  # rounds of a replan after a change of the goal
-_YOUR_TURN = "It is your turn. Paint what you like, let it look, then let it go on."
-_PAUSED = "It has paused: the brush is clean, the arm aside. You may paint on the canvas, then let it look."
+_REASONS: dict[PauseCause, str] = {
+    "button": "Somebody pressed the pause button of the machine: the brush is clean, the arm aside. Press it again, or "
+    "let it go on here.",
+    "turn": "It is your turn. Paint what you like, let it look, then let it go on.",
+    "person": "It has paused: the brush is clean, the arm aside. You may paint on the canvas, then let it look.",
+}
 
 
 @dataclass
@@ -122,6 +188,8 @@ class PauseController:
 
     began: start of the painter, seconds since 1970.
     opened: returns the session, None before it is open.
+    look_at: takes the picture in a file for a look, on an easel without a camera.
+    ask: asks a question on the page and returns the answer.
     """
 
     folder: PaintingFolder
@@ -129,12 +197,19 @@ class PauseController:
     stop: StopWatch
     began: float
     opened: Callable[[], PaintingSession | None] = lambda: None
-    _commands: deque[PaintingCommand] = field(default_factory=deque, init=False)
-    _turns: int = field(default=0, init=False)
+    look_at: Callable[[Path], None] = lambda picture: None
+    ask: Callable[[SetupQuestion], Answer] = lambda question: False
+    _commands: deque[Command] = field(default_factory=deque, init=False)
+    _game: TakeTurns = field(default_factory=lambda: TakeTurns(0), init=False)
+    _since_time: float = field(default=0.0, init=False)  # of the robot's current turn, monotonic seconds
+    _answer: str = field(default="", init=False)  # sentence about the answer to the person's turn
     _conferring: bool = field(default=False, init=False)
     _since: int = field(default=0, init=False)  # strokes of the robot's current turn
 
     def __post_init__(self) -> None:
+        for told in FeedReader(self.folder.feed).read():
+            if isinstance(told, Turns):  # agreed on before the painting broke off
+                self._game = TakeTurns(told.strokes, told.minutes, told.policy, _KEEP[told.keep])
         listener = CommandReader(self.folder, self.began)
 
         def listen() -> None:
@@ -149,21 +224,32 @@ class PauseController:
         if isinstance(event, StrokePainted):
             self._since += 1
 
-    def pause_asked(self) -> bool:
-        """Returns True if a person wants a pause, or if it is their turn.
+    def pause_cause(self) -> PauseCause | None:
+        """Returns the cause of a pause that is due: a person wants it, or it is their turn; else None.
 
         Drops what can be done in a pause only. Keeps what was asked after a pause: it is done in that pause.
         """
         if self._conferring:
-            return False
+            return None
         while self._commands:
             match self._commands.popleft():
                 case Pause():
                     self._conferring = True  # until go_on
-                    return True
+                    return "turn" if self._is_turn else "person"
                 case TakeTurns() as turns:
                     self._take_turns(turns)
-        return 0 < self._turns <= self._since
+                case PaintStroke():  # the page refuses it too, but the painting may have gone on meanwhile
+                    self.feed.tell(Remark(ROBOT_MOVES))
+        return "turn" if self._is_turn else None
+
+    @property
+    def _is_turn(self) -> bool:
+        """True if the robot has painted the strokes of its turn, or as long as its turn lasts."""
+        session, game = self.opened(), self._game
+        if session is not None and session.in_turns:
+            return False  # every answer ends with the person's turn
+        over = 0 < game.minutes <= (time.monotonic() - self._since_time) / 60 and self._since > 0
+        return over or 0 < game.count <= self._since
 
     def go_on(self, paused: Paused) -> bool:
         """Performs commands until the person lets the painting go on; returns False if the person stops it."""
@@ -174,18 +260,30 @@ class PauseController:
             self._conferring = False
 
     def _confer(self, paused: Paused) -> bool:
-        mine = 0 < self._turns <= self._since
-        reason = _YOUR_TURN if mine else _PAUSED if paused.asked else self._without_paths(paused.reason)
-        told = replace(paused, reason=reason, turn=mine)
+        session = self.opened()
+        if session is not None and paused.cause != "trouble":
+            session.person.await_paint()
+        in_turns = session is not None and session.in_turns and paused.cause == "turn"
+        reason = None if in_turns else _REASONS.get(paused.cause)
+        told = replace(paused, reason=reason or self._without_paths(paused.reason))
+        self._tell_brushes()
         self.feed.tell(told)
         while not self.stop.asked:
             if not self._commands:
-                time.sleep(_BETWEEN_GLANCES)
-                continue
+                session = self.opened()
+                if session is None or not session.is_button_pressed():
+                    time.sleep(_BETWEEN_GLANCES)
+                    continue
+                self._commands.append(GoOn())
             command = self._commands.popleft()
-            if isinstance(command, GoOn):
-                self._since = 0
+            if isinstance(command, PaintStroke):
+                self._paint(command, told)
+                continue
+            if isinstance(command, GoOn | FinishDrawing):
+                self._end_turn(command)
+                self._since, self._since_time = 0, time.monotonic()
                 self.feed.tell(WentOn())
+                self._tell_answer()
                 return True
             self.feed.tell(Considering())
             try:
@@ -195,26 +293,136 @@ class PauseController:
             self.feed.tell(told)
         return False
 
+    def _tell_answer(self) -> None:
+        """Says how the robot answers the person, once."""
+        if self._answer:
+            self.feed.tell(Remark(self._answer))
+        self._answer = ""
+
+    def _tell_brushes(self) -> None:
+        """Reports brushes and paints with which a person can paint now, if this easel has any."""
+        session = self.opened()
+        if session is not None and session.person.may_paint and session.person.wells is not None:
+            wells = [to_hex(color) for color in session.person.wells.color]
+            self.feed.tell(PersonMayPaint([asdict(brush) for brush in session.hand.easel.person_brushes], wells))
+
+    def _paint(self, command: PaintStroke, told: Paused) -> None:
+        """Paints a person's stroke; a refusal is told, and the pause goes on."""
+        looks = not self._session.person.touched
+        try:
+            self._session.person.paint(PenStroke(command.brush, command.paint, command.points))
+        except FridaError as trouble:
+            self.feed.tell(Remark(self._without_paths(str(trouble))))
+        if looks:
+            self.feed.tell(told)
+
+    def _end_turn(self, command: GoOn | FinishDrawing) -> None:
+        """Answers a person who painted, or finishes a painting without a goal."""
+        session = self.opened()
+        if session is None:
+            return
+        try:
+            if isinstance(command, GoOn):
+                self._answer_person(session)
+            elif session.in_turns:
+                session.person.end_here()
+            else:
+                self._answer = "This painting has a goal, and goes on towards it; to end it now, press Stop."
+        except FridaError as trouble:
+            self._answer = self._without_paths(str(trouble))
+
+    def _answer_person(self, session: PaintingSession) -> None:
+        """Answers a person by the turn policy that they chose.
+
+        At a real easel, what they painted is found by photographs. If nothing was agreed on, they are asked what
+        becomes of it, but only if it matters.
+        """
+        person = session.person
+        found = None if person.touched else person.find_paint()
+        if not person.touched and found is None:
+            return
+        self.feed.tell(Considering())
+        if person.touched or session.in_turns or self._game != TakeTurns(0):
+            person.answer(self.adapt)
+        elif found is not None:
+            self._welcome_or_protect(session, found)
+        if found is not None:
+            self._tell_found(found)
+
+    def _welcome_or_protect(self, session: PaintingSession, found: FoundPaint) -> None:
+        """Asks what becomes of found paint if it matters, and replans the rest for the canvas with it."""
+        share = f"{max(1, round(100 * found.share))} % of the canvas"
+        covers = " Strokes that are still planned would cover some of it." if found.covered >= 0.01 else ""
+        question = f"You painted what is outlined here, about {share}.{covers} Shall it stay as it is?"
+        if found.matters and self.ask(Confirm(question, found.outlined, proposal=True)) is True:
+            self._forbid(_union_of(session.planner.region, found.painted))
+            self._answer = "What you painted stays as it is: the robot paints around it."
+        else:
+            self._answer = "The robot has seen what you painted, and goes on from it."
+        session.look_again()
+
+    def _tell_found(self, found: FoundPaint) -> None:
+        """Shows the canvas with a line around what a person painted."""
+        name = f"found-{secrets.token_hex(12)}.jpg"
+        images.save(found.outlined, self.folder.live / name)
+        self.feed.tell(PersonPaintShown(name, round(found.share, 5)))
+
+    def _forbid(self, forbidden: NDArray[np.bool_]) -> None:
+        """Forbids strokes on a part of the canvas [H, W], and notes and reports that; nothing is replanned."""
+        session = self._session
+        drawing = torch.from_numpy(forbidden).float().expand(3, -1, -1)
+        session.planner = session.planner.keeping_clear(region_of(drawing, only_inside=False))
+        region = RegionProtected(*self._keep_region(drawing, False))
+        session.journal.tell(region)
+        self.feed.tell(region)
+
+    def adapt_alone(self, turn: TurnTaken) -> Plan | None:
+        """Answers a turn as `adapt`, outside of a pause, and says how."""
+        rest = self.adapt(turn)
+        self._tell_answer()
+        return rest
+
+    def adapt(self, turn: TurnTaken) -> Plan | None:
+        """Answers a turn by the policy that was agreed on; tells why if there is no such answer, and returns None."""
+        session, game = self._session, self._game
+        count = min(turn.room, game.count or turn.count)
+        policy, region = find_turn_policy(game.policy), session.planner.region
+        protected = None if region is None else _resized(region.forbidden.numpy(), turn.painted.shape)
+        try:
+            size = session.planner.size.height
+            answer = answer_turn(policy, game.keep, replace(turn, count=count), size, protected)
+        except FridaError as trouble:
+            self._answer = self._without_paths(str(trouble))
+            return None
+        if answer.forbidden is not None:
+            self._forbid(answer.forbidden)
+        if game.policy != "alternate" or answer.forbidden is not None:
+            self._answer = answer.sentence
+        return answer.rest
+
     def _without_paths(self, sentence: str) -> str:
         """Returns a sentence without the folder's path, for everybody at the page."""
         return sentence.replace(str(self.folder.path), "its folder")
 
-    def _do(self, command: PaintingCommand) -> None:
+    def _do(self, command: Command) -> None:
         session = self._session
         match command:
             case LookAgain():
                 session.look_again()
+            case GivePicture(picture):
+                self.look_at(self.folder.pictures / f"{picture}.png")
             case LeaveOut(count):
                 rest = session.rest
                 session.paint_instead(rest.part(slice(max(0, len(rest) - count))))
-            case Protect(number, only):
-                drawn = self.folder.region(number)
-                drawing = images.load(drawn)
+            case Protect(picture, only):
+                drawing = images.load(self.folder.pictures / f"{picture}.png")
                 session.planner = session.planner.keeping_clear(region_of(drawing, only_inside=only))
-                self._tell_region(RegionProtected(self._keep_region(drawing, number), only, drawn.name))
+                self._tell_region(RegionProtected(*self._keep_region(drawing, only)))
             case Free():
                 session.planner = session.planner.keeping_clear(None)
                 self._tell_region(RegionProtected(None))
+            case ChangeGoal() if session.in_turns:
+                raise ConfigError("You draw together without a goal; begin another painting for a goal.")
             case ChangeGoal():
                 self._pursue(command)
             case TakeTurns():
@@ -235,26 +443,43 @@ class PauseController:
         self.feed.tell(region)
         session.look_again()
 
-    def _keep_region(self, drawing: Tensor, number: int) -> str:
-        """Saves the drawing of a region into the painting's results; returns its file name."""
-        name = f"regions/{number}.png"
+    def _keep_region(self, drawing: Tensor, only: bool) -> tuple[str, bool, str]:
+        """Saves the drawing of a region into the painting's results and for the page; returns both names."""
+        name = f"regions/{self._next('regions')}.png"
+        shown = f"region-{secrets.token_hex(12)}.png"
         images.save(drawing, self.folder.painting / name)
-        return name
+        images.save(drawing, self.folder.live / shown)
+        return name, only, shown
+
+    def _next(self, kind: str) -> int:
+        """Returns the number of the next region or change in the painting's results, from 1."""
+        return 1 + sum(1 for _ in (self.folder.painting / kind).glob("*"))
 
     def _pursue(self, command: ChangeGoal) -> None:
         """Changes the goal; the paints stay, because they are mixed already."""
         session = self._session
-        place = self.folder.change(command.record)
         grid = PixelGrid.of_height(session.planner.size, PHOTOGRAPH_ROWS)
-        wanted = RunSpec.of(**read_goal_file(place.goal))
-        keep_goal(wanted, self.folder.painting / f"changes/{command.record}")
+        wanted, kept = RunSpec.of(**command.request.goals(self.folder.pictures)), f"changes/{self._next('changes')}"
+        keep_goal(wanted, self.folder.painting / kept)
         goal = open_goal(wanted).fit_to(grid.rows, grid.columns)
-        changed = GoalChanged(f"changes/{command.record}", place.request().model_dump(mode="json"))
+        changed = GoalChanged(kept, command.request.model_dump(mode="json"))
         session.journal.tell(changed)
         session.planner = session.planner.towards(goal)
         self.feed.tell(changed)
         session.look_again(_ROUNDS)
 
     def _take_turns(self, command: TakeTurns) -> None:
-        self._turns, self._since = command.count, 0
-        self.feed.tell(Turns(command.count))
+        self._game, self._since, self._since_time = command, 0, time.monotonic()
+        self.feed.tell(Turns(command.count, command.minutes, command.policy, command.keep))
+
+
+def _union_of(region: Region | None, painted: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Returns what a region forbids, and the paint [H, W] with a small margin."""
+    side = 2 * max(1, painted.shape[0] // 100) + 1
+    grown = cv2.dilate(painted.astype(np.uint8), np.ones((side, side), np.uint8)) > 0
+    return grown if region is None else grown | _resized(region.forbidden.numpy(), painted.shape)
+
+
+def _resized(mask: NDArray[np.bool_], shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    rows, columns = shape
+    return cv2.resize(mask.astype(np.uint8), (columns, rows), interpolation=cv2.INTER_NEAREST) > 0

@@ -19,6 +19,7 @@ import time
 from collections import OrderedDict
 from dataclasses import dataclass, field
 from http.cookies import CookieError, SimpleCookie
+from pathlib import Path
 from urllib.parse import parse_qsl, urlencode
 
 from h11 import LocalProtocolError
@@ -37,8 +38,8 @@ _CODE_GOOD_FOR = 60.0
 _MAX_HEADERS = 16 * 1024
 _SAFE = ("GET", "HEAD")
 _BY_COOKIE = re.compile(
-    r"/|/static/[^/]*|/sw\.js|/paintings/.*|/api/pictures/[^/]+"
-    r"|/api/calibration/files/[^/]+|/api/paintings/[^/]+/(?:everything\.zip|camera)"
+    r"/|/(?:static|examples)/[^/]*|/sw\.js|/paintings/.*|/api/pictures/[^/]+"
+    r"|/api/(?:calibration|setup|teaching)/files/[^/]+|/api/paintings/[^/]+/(?:everything\.zip|camera)"
 )
 _HEADERS = {
     "Content-Security-Policy": "default-src 'self'; img-src 'self' blob: data:; connect-src 'self'{stop}; "
@@ -50,8 +51,12 @@ _HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Permissions-Policy": "camera=(), microphone=(), geolocation=()",
 }
-_CLOSED = """<!DOCTYPE html><html lang="en"><meta charset="utf-8"><title>The studio is closed</title>
-<p>This page opens with the address that the studio printed when it was started: look at its terminal.</p></html>"""
+# Page for a browser that the studio does not know, with the files that it needs. They tell nothing about the studio.
+_STATIC = Path(__file__).parent / "static"
+_PARTS_OF_CLOSED = {
+    "closed.js": "text/javascript", "stop.js": "text/javascript", "session.js": "text/javascript",
+    "base.css": "text/css", "studio.css": "text/css", "stop.css": "text/css", "icon.svg": "image/svg+xml",
+}  # fmt: skip
 _OPENING = """<!DOCTYPE html><html lang="en"><meta charset="utf-8"><title>The studio opens</title>
 <meta http-equiv="refresh" content="0;url={address}"><p><a href="{address}">Open the studio</a></p></html>"""
 
@@ -170,6 +175,10 @@ class AuthMiddleware:
         self._app, self._keys, self._hosts, self._cookie = app, keys, hosts, cookie
         self._stop_hosts = stop_hosts
         self._slowness = _Slowness()
+        self._closed = (_STATIC / "closed.html").read_bytes()
+        self._parts = {
+            f"/static/{name}": ((_STATIC / name).read_bytes(), kind) for name, kind in _PARTS_OF_CLOSED.items()
+        }
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answers 401, 403, 429 or 431, or hands the request on."""
@@ -206,8 +215,11 @@ class AuthMiddleware:
         if session is None:
             if not here and scope["path"] == "/":
                 return _opening("/")  # the browser sends no cookie after a link of another page, but does after ours
+            if here and method == "GET" and scope["path"] in self._parts:
+                content, kind = self._parts[scope["path"]]
+                return Response(content, media_type=kind)
             page = method in _SAFE and "text/html" in headers.get("accept", "")
-            return HTMLResponse(_CLOSED, 401) if page else _refuse(401, "The studio does not know you.")
+            return HTMLResponse(self._closed, 401) if page else _refuse(401, "The studio does not know you.")
         if not here:
             return _opening("/") if scope["path"] == "/" else _refuse(403, "Another page asked for this.")
         if method not in _SAFE and headers.get("origin") != f"{scope['scheme']}://{host}":
@@ -237,7 +249,7 @@ class AuthMiddleware:
         query = parse_qsl(scope["query_string"].decode("latin-1"))
         session = self._keys.admit(dict(query).get("token", ""))
         if session is None:
-            closed = HTMLResponse(_CLOSED, 401)
+            closed = HTMLResponse(self._closed, 401)
             return await self._wrong(closed) if counts else closed
         rest = urlencode([(name, value) for name, value in query if name != "token"])
         answer = _opening("/" + (f"?{rest}" if rest else "") + f"#key={session.key}")
@@ -314,7 +326,12 @@ class Presence:
         Raises RobotStopped, with instructions, if there is no confirmation. (A stop of a real robot lasts until
         `frida-painter arm`.)
         """
-        if easel.drives_machine and not self.use():
+        if easel.drives_machine:
+            self.require()
+
+    def require(self) -> None:
+        """Uses up a confirmation. Raises RobotStopped, with instructions, if there is none."""
+        if not self.use():
             raise RobotStopped(how_to_press(self))
 
     def listen(self, file: int) -> None:
@@ -366,11 +383,15 @@ class Lead:
 
     A late order, of a browser that slept or a request that hung, is refused, because nobody expects it any more.
     The page of the last order may give up the lead when it is left.
+
+    until: moment (s, monotonic) at which the lead ends
+    under_way: number of accepted orders that are not done yet
     """
 
+    until: float = field(default=0.0, init=False)
+    under_way: int = field(default=0, init=False)
     _leads: str = field(default="", init=False)
     _page: str = field(default="", init=False)
-    _until: float = field(default=0.0, init=False)
     _used: dict[str, float] = field(default_factory=dict, init=False)
 
     def require(self, session: str, nonce: str, given: float, page: str = "") -> None:
@@ -380,7 +401,7 @@ class Lead:
         Raises Led if another browser leads, Interrupted if the order is too old or repeated.
         """
         self._require_new(nonce, given)
-        if self._leads != session and time.monotonic() < self._until:
+        if self._leads != session and time.monotonic() < self.until:
             raise Led("Another browser leads the painting at the moment.")
         self._take(session, nonce, page)
 
@@ -391,9 +412,9 @@ class Lead:
 
     def give_back(self, session: str, page: str) -> bool:
         """Gives up the lead if that page gave the last order; returns True if it did."""
-        held = (self._leads, self._page) == (session, page) and time.monotonic() < self._until
+        held = (self._leads, self._page) == (session, page) and time.monotonic() < self.until
         if held:
-            self._until = 0.0
+            self.until = 0.0
         return held
 
     def _require_new(self, nonce: str, given: float) -> None:
@@ -408,4 +429,4 @@ class Lead:
 
     def _take(self, session: str, nonce: str, page: str) -> None:
         self._used[nonce] = time.time()
-        self._leads, self._page, self._until = session, page, time.monotonic() + KEPT_FOR
+        self._leads, self._page, self.until = session, page, time.monotonic() + KEPT_FOR

@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import gzip
+import json
 import secrets
 import socket
 import sys
@@ -12,6 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
+from urllib.parse import urlsplit
 
 import uvicorn
 from fastapi import FastAPI, Request
@@ -21,25 +23,24 @@ from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from frida_painter.errors import ConfigError, FridaError, Interrupted, RobotStopped
-from frida_painter.web import routes
+from frida_painter import storage
+from frida_painter.errors import ConfigError, FridaError, Interrupted, RobotStopped, StorageError
 from frida_painter.web.commands import Role
 from frida_painter.web.network import Certificate, Connections, Limits, WebAppLock, most_connections
-from frida_painter.web.security import AuthMiddleware, Keys, Lead, Led, Presence
-from frida_painter.web.state import FeedStates, StateStreams
-from frida_painter.web.stop import Stops
+from frida_painter.web.routes import all_routes
+from frida_painter.web.security import AuthMiddleware, Keys, Led, Presence
+from frida_painter.web.state import StateStreams
 from frida_painter.web.stop_process import StopProcess
-from frida_painter.web.store import PaintingStore, Uploads
+from frida_painter.web.store import PaintingStore
 from frida_painter.web.web_app_easel import LOCAL, WebAppEasel
-from frida_painter.web.work_pace import PaceMemory
-from frida_painter.web.workers import PaintingQueue, Workers
+from frida_painter.web.web_studio import Studio
 
 # Web application of the studio: its routes, its middleware, and errors as sentences.
 
-_STATIC = Path(__file__).parent / "static"
+_STATIC, _EXAMPLES = (Path(__file__).parent / name for name in ("static", "examples"))
 _KINDS = {
     ".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml", ".png": "image/png",
-    ".webmanifest": "application/manifest+json",
+    ".jpg": "image/jpeg", ".webmanifest": "application/manifest+json",
 }  # fmt: skip
 
 
@@ -54,7 +55,7 @@ class _Part:
     @classmethod
     def read(cls, path: Path) -> Self:
         content = path.read_bytes()
-        compressed = None if path.suffix == ".png" else gzip.compress(content, mtime=0)
+        compressed = None if path.suffix in (".png", ".jpg") else gzip.compress(content, mtime=0)
         return cls(content, _KINDS[path.suffix], compressed)
 
     def answer(self, request: Request) -> Response:
@@ -64,19 +65,17 @@ class _Part:
         return Response(self.compressed, media_type=self.kind, headers=headers)
 
 
-def application(store: PaintingStore, easel: WebAppEasel, presence: Presence) -> FastAPI:
+def application(studio: Studio) -> FastAPI:
     """Returns the application with its routes, without the middleware that checks users."""
     app = FastAPI(title="frida-painter studio", docs_url=None, redoc_url=None, openapi_url=None)
-    app.state.store, app.state.streams, app.state.workers = store, StateStreams(), Workers(easel)
-    app.state.feeds, app.state.lead, app.state.presence = FeedStates(), Lead(), presence
-    app.state.stops, app.state.stop_process = Stops(store.root), None
-    app.state.pace = PaceMemory()
-    app.state.queue, app.state.uploads = PaintingQueue(store, app.state.workers), Uploads(store.pictures)
-    for router in routes.ROUTERS:
+    for router in all_routes(studio):
         app.include_router(router)
 
     # The files are in memory and need no thread, so the page loads quickly even while planning uses the machine.
-    parts = {path.name: _Part.read(path) for path in _STATIC.iterdir() if path.suffix in _KINDS}
+    parts, examples = (
+        {path.name: _Part.read(path) for path in folder.iterdir() if path.suffix in _KINDS}
+        for folder in (_STATIC, _EXAMPLES)
+    )
 
     @app.get("/", include_in_schema=False)
     async def page(request: Request) -> Response:
@@ -95,7 +94,20 @@ def application(store: PaintingStore, easel: WebAppEasel, presence: Presence) ->
             raise HTTPException(404, "The page has no such part.")
         return parts[name].answer(request)
 
-    app.add_exception_handler(FridaError, _mendable)
+    @app.get("/examples/{name}", include_in_schema=False)
+    async def example(name: str, request: Request) -> Response:
+        """Returns a picture of an example for an empty gallery. Answers 404 for an unknown one."""
+        if name not in examples:
+            raise HTTPException(404, "There is no such example.")
+        return examples[name].answer(request)
+
+    def mendable(request: Request, error: Exception) -> JSONResponse:
+        sentence = str(error).replace(str(studio.store.root), "the studio's folder")
+        led = {"led": True} if isinstance(error, Led) else {}
+        status = 409 if isinstance(error, Interrupted | RobotStopped) else 422
+        return JSONResponse({"sentence": sentence, **led}, status)
+
+    app.add_exception_handler(FridaError, mendable)
     app.add_exception_handler(HTTPException, _refuse)
     app.add_exception_handler(RequestValidationError, _refuse_invalid)
     app.add_exception_handler(Exception, _unforeseen)
@@ -109,26 +121,23 @@ def add_middleware(
     return AuthMiddleware(Limits(app, "/api/pictures"), keys, hosts, cookie, stop_hosts)
 
 
-def _mendable(request: Request, error: Exception) -> JSONResponse:
-    store: PaintingStore = request.app.state.store
-    sentence = str(error).replace(str(store.root), "the studio's folder")
-    led = {"led": True} if isinstance(error, Led) else {}
-    return JSONResponse({"sentence": sentence, **led}, 409 if isinstance(error, Interrupted | RobotStopped) else 422)
-
-
 def _refuse(request: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, HTTPException)
     return JSONResponse({"sentence": error.detail}, error.status_code, error.headers)
 
 
 def _refuse_invalid(request: Request, error: Exception) -> JSONResponse:
-    """Answers 422 with the fault of a request, without repeating its content."""
+    """Answers 422 with the fault of a request, without repeating its content.
+
+    The sentence is for a person at the page; `fault` names the field, for programs.
+    """
     assert isinstance(error, RequestValidationError)
     first = error.errors()[0]
     own = str(first["msg"]).removeprefix("Value error, ")
-    name = ".".join(str(part) for part in first["loc"] if isinstance(part, int) or str(part).isidentifier())[:80]
-    sentence = own if first["type"] == "value_error" else f"{own} ({name})."
-    return JSONResponse({"sentence": sentence}, 422)
+    places = [str(part) for part in first["loc"][1:] if isinstance(part, int) or str(part).isidentifier()]
+    unknown = "The studio does not take this request. Reload the page, and ask again."
+    sentence = own if first["type"] == "value_error" else unknown
+    return JSONResponse({"sentence": sentence, "fault": f"{'.'.join(places)[:80]}: {own}" if places else own}, 422)
 
 
 def _unforeseen(request: Request, error: Exception) -> JSONResponse:
@@ -227,6 +236,11 @@ def hosts(address: str, port: int, names: tuple[str, ...] = ()) -> frozenset[str
     return frozenset(f"[{name}]:{port}" if ":" in name else f"{name}:{port}" for name in names_of(address, names))
 
 
+_LINKS = ".links.json"
+OPENING_PAGE = "open-the-studio.html"
+"""Name of a page in the studio's folder that leads to its link."""
+
+
 @dataclass(frozen=True)
 class Links:
     """Links that open the studio.
@@ -237,6 +251,29 @@ class Links:
 
     roles: dict[Role, str]
     once: str
+
+    def keep(self, root: Path) -> None:
+        """Writes the links of the roles for `read_links`, readable by the owner of the folder alone."""
+        with storage.replacing(root / _LINKS, mode=0o600) as temporary:
+            temporary.write_text(json.dumps({role.name: link for role, link in self.roles.items()}), encoding="utf-8")
+
+
+def read_links(root: Path) -> dict[Role, str]:
+    """Returns the links of the studio that is open in a folder. Raises ConfigError if none is."""
+    try:
+        kept = json.loads(storage.read_bytes(root / _LINKS, "the links of a studio", _MAX_HEAD))
+        links = {role: str(kept[role.name]) for role in Role}
+        place = urlsplit(links[Role.operate])
+        with socket.create_connection((place.hostname or "", place.port or 0), timeout=_PATIENCE):
+            return links
+    except (StorageError, KeyError, TypeError, ValueError, OSError) as error:
+        raise ConfigError(f"No studio is open in {root}; open it with: frida-painter studio --folder {root}") from error
+
+
+def forget_links(root: Path) -> None:
+    """Removes the links of a studio that closes, and the page that opens it."""
+    for name in (_LINKS, OPENING_PAGE):
+        (root / name).unlink(missing_ok=True)
 
 
 def serve(
@@ -262,11 +299,9 @@ def serve(
     )
     stop.start()
     known = hosts(address, port, names)
-    keys, presence = Keys(), Presence()
-    app = application(store, easel, presence)
-    app.state.stop_process = stop
+    keys, studio = Keys(), Studio(store, easel, Presence(), stop)
     config = uvicorn.Config(
-        add_middleware(app, keys, known, f"studio-{port}", stop_hosts=hosts(address, stop.port, names)),
+        add_middleware(application(studio), keys, known, f"studio-{port}", stop_hosts=hosts(address, stop.port, names)),
         log_level="warning",
         access_log=False,
         server_header=False,
@@ -276,10 +311,15 @@ def serve(
         h11_max_incomplete_event_size=_MAX_HEAD,
     )
     with contextlib.suppress(OSError, ValueError):  # there may be no standard input at all
-        presence.listen(sys.stdin.fileno())
-    threading.Thread(target=app.state.queue.run, daemon=True, name="queue").start()
-    server = _Server(config, app.state.streams, listening, stop, certificate)
+        studio.presence.listen(sys.stdin.fileno())
+    threading.Thread(target=studio.queue.run, daemon=True, name="queue").start()
+    server = _Server(config, studio.streams, listening, stop, certificate)
     first = f"{names[0]}:{port}" if names else sorted(known)[0]
-    studio = f"{'http' if certificate is None else 'https'}://{first}/?token="
-    tell(Links({role: f"{studio}{token}" for role, token in keys.tokens.items()}, studio + keys.code(Role.operate)))
-    server.run()
+    page = f"{'http' if certificate is None else 'https'}://{first}/?token="
+    links = Links({role: f"{page}{token}" for role, token in keys.tokens.items()}, page + keys.code(Role.operate))
+    links.keep(store.root)
+    tell(links)
+    try:
+        server.run()
+    finally:
+        forget_links(store.root)

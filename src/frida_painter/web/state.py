@@ -1,4 +1,4 @@
-"""States of paintings and of the calibration for the page, computed from their feeds alone, and their streams."""
+"""State of the calibration, states of paintings kept in memory, and their streams to browsers."""
 
 import asyncio
 import json
@@ -15,47 +15,18 @@ from starlette.types import Receive, Scope, Send
 from frida_painter.session.events import (
     Answered,
     Asked,
-    BrushInHand,
     CalibrationStarted,
     CalibrationStatus,
-    Considering,
-    Dequeued,
-    Dipped,
-    Drying,
     Failed,
-    Finishing,
-    GoalChanged,
-    LastLookDoubted,
-    LayerBegun,
-    LookShown,
-    Mixing,
-    PaintingKept,
-    PaintingStarted,
-    Paused,
-    PhotographShown,
-    PlanMade,
-    PlanningProgress,
-    PlanPreview,
-    PlanRequested,
     ProcedureBegan,
     ProcedureFound,
     ProcedureProgress,
-    Queued,
-    RegionProtected,
-    Remark,
-    RestReplanned,
     Stopped,
-    StrokeLeftOut,
-    StrokePainted,
-    TakenUp,
-    TimeLeft,
-    TouchCorrected,
-    Turns,
-    WentOn,
     Written,
 )
 from frida_painter.web.commands import Role
-from frida_painter.web.studio_folder import PROCEDURES, FeedReader, PaintingFolder, working
+from frida_painter.web.painting_state import Truth
+from frida_painter.web.studio_folder import PROCEDURES, FeedReader, PaintingFolder
 
 # State of the calibration, computed from its feed.
 
@@ -106,19 +77,21 @@ class CalibrationState:
         except (KeyError, TypeError):  # of a procedure that no longer exists
             return
 
-    def to_plain(self, working: bool) -> dict[str, Any]:
-        """Returns the state as plain values."""
-        unfinished = any(each.status in ("waiting", "busy") for each in self.procedures.values())
-        vanished = "The calibration ended in the middle of its work, without saying why; is the disk full?"
+    def to_plain(self, truth: Truth) -> dict[str, Any]:
+        """Returns the state as plain values; a process that ended without an event is reported as an error."""
+        working, shown = truth.working, self.procedures.values()
+        vanished = not (working or self.stopped) and any(each.status in ("waiting", "busy") for each in shown)
+        said = "The calibration's process ended in the middle of its work, without saying why. "
+        ended = {"busy": "failed", "waiting": ""} if vanished else {}
         return {
             "version": self.version,
             "working": working,
             "easel": self.easel,
-            "procedures": [asdict(each) for each in self.procedures.values()],
+            "procedures": [asdict(each) | {"status": ended.get(each.status, each.status)} for each in shown],
             "question": self.question if working else None,
             "progress": self.progress if working else "",
             "stopped": self.stopped,
-            "trouble": self.trouble or (vanished if unfinished and not working and not self.stopped else ""),
+            "trouble": self.trouble or (f"{said}{truth.suspicion} Run the procedure again." if vanished else ""),
         }
 
     def _hear(self, event: Written) -> None:
@@ -162,6 +135,7 @@ class CalibrationState:
 # Cache of states, so that a feed is not read again for each request.
 
 _MAX_KEPT = 500  # states
+_MAX_READS = 5
 
 
 class Shown(Protocol):
@@ -175,7 +149,7 @@ class Shown(Protocol):
     def hear(self, event: Written) -> None:
         """Updates the state by an event."""
 
-    def to_plain(self, working: bool) -> dict[str, Any]:
+    def to_plain(self, truth: Truth) -> dict[str, Any]:
         """Returns the state as plain values."""
 
 
@@ -191,10 +165,10 @@ class FeedStates:
 
     def current(self, folder: PaintingFolder, fresh: Callable[[], Shown]) -> dict[str, Any]:
         """Returns the current state as plain values; `fresh` makes an empty one."""
-        return self.view(folder, fresh, lambda state: state.to_plain(working(folder)))
+        return self.view(folder, fresh, lambda state, truth: state.to_plain(truth))
 
-    def view(self, folder: PaintingFolder, fresh: Callable[[], Any], look: Callable[[Any], Seen]) -> Seen:
-        """Returns the result of `look` for the current state."""
+    def view(self, folder: PaintingFolder, fresh: Callable[[], Any], look: Callable[[Any, Truth], Seen]) -> Seen:
+        """Returns the result of `look` for the current state and the facts of the same moment."""
         name = str(folder.path)
         with self._turn:
             if name not in self._kept:
@@ -204,278 +178,18 @@ class FeedStates:
             if len(self._kept) > _MAX_KEPT:
                 self._kept.popitem(last=False)
         with turn:
-            for event in reader.read():
+            truth, events = None, reader.read()
+            # A worker takes its lock before its first event, and releases it after the last one. So state and truth
+            # agree if no event came while the truth was found.
+            for _ in range(_MAX_READS):
+                if truth is not None and not events:
+                    break
+                for event in events:
+                    state.hear(event)
+                truth, events = Truth.of(folder), reader.read()
+            for event in events:
                 state.hear(event)
-            return look(state)
-
-
-_MAX_LOOKS = 200
-
-
-@dataclass
-class PlanState:
-    """State of one plan.
-
-    status: "waiting", "planning", "ready", "failed" or "stopped". The other fields: as the worker reports them.
-    """
-
-    number: int
-    wish: dict[str, Any]
-    status: str = "planning"
-    share: float = 0.0
-    left: float | None = None
-    growing: str | None = None
-    nearer: float = 0.0
-    made: dict[str, Any] | None = None
-
-
-@dataclass
-class PaintState:
-    """State of the painting process.
-
-    status: "preparing", "mixing", "painting", "drying", "planning", "paused", "finishing", "finished", "stopped" or
-    "failed".
-    dries: seconds that the paint still dries, 0 if nothing waits for it.
-    plan: number of its plan.
-    held: True in a pause, also while a command is performed there.
-    turn: True if it is the person's turn.
-    turns: strokes of the robot's turn, 0 without turns.
-
-    region: protected region.
-    remark: reason why a command could not be done as asked.
-    wish: request of a changed goal.
-    brush: brush in the hand, "" for none.
-    first_paint: palette number, from 0, of the paint in the first well.
-    paint: palette number of the paint on the brush, from 0.
-    dips: number of dips into each paint.
-    since_dip: strokes since the last dip.
-
-    looks: looks in order: seen, expected and replanned. Each has a reason `why`: "region", "only", "freed", "goal"
-    or "asked" for a person's command, else "".
-    film, arm, kept: True if there is a film, a film of a simulated arm, and all other results.
-    """
-
-    plan: int
-    of: int
-    status: str = "preparing"
-    done: int = 0
-    left: float | None = None
-    dries: float = 0.0
-    share: float = 0.0
-    photograph: str | None = None
-    growing: str | None = None
-    brush: str = ""
-    first_paint: int = 0
-    paint: int | None = None
-    dips: dict[int, int] = field(default_factory=dict)
-    since_dip: int = 0
-    reason: str = ""
-    looks: list[dict[str, Any]] = field(default_factory=list)
-    replanned: dict[str, Any] | None = None
-    held: bool = False
-    turn: bool = False
-    turns: int = 0
-    region: dict[str, Any] | None = None
-    remark: str = ""
-    wish: dict[str, Any] | None = None
-    why: str = ""  # reason of the next look
-    film: bool = False
-    arm: bool = False
-    kept: bool = False
-
-
-@dataclass
-class PaintingState:
-    """State of a painting from the first request to the last stroke.
-
-    trouble: sentence about the last error, until other work begins.
-    stopped: True after a stop.
-    queued: "plan" or "paint" if this job waits in the studio's queue, else "".
-    question: open question, in the form of web/painter.py.
-    version: number that grows with every event.
-    """
-
-    plans: dict[int, PlanState] = field(default_factory=dict)
-    painting: PaintState | None = None
-    trouble: str = ""
-    stopped: bool = False
-    queued: str = ""
-    question: dict[str, Any] | None = None
-    version: int = 0
-
-    def hear(self, event: Written) -> None:
-        """Updates the state by an event; other events change nothing."""
-        self.version += 1
-        match event:
-            case PlanRequested(number, wish):
-                self._forget_trouble()
-                self.plans[number] = PlanState(number, wish)
-            case PlanningProgress(plan=int(number)) | PlanPreview(plan=int(number)) | PlanMade(plan=number):
-                if number in self.plans:
-                    _hear_plan(self.plans[number], event)
-            case Queued(plan, job):
-                self.queued = job
-                if job == "plan" and plan in self.plans:
-                    self.plans[plan].status = "waiting"
-            case Dequeued(plan, begun):
-                self.queued = ""
-                if plan in self.plans and self.plans[plan].status == "waiting":
-                    self.plans[plan].status = "planning" if begun else "stopped"
-            case Asked(question):
-                self.question = question
-            case Answered():
-                self.question = None
-            case PaintingStarted(plan, of):
-                self._forget_trouble()
-                self.painting = PaintState(plan, of)
-            case Failed(reason):
-                self.trouble = reason
-                self._end("failed")
-            case Stopped():
-                self.stopped = True
-                self._end("stopped")
-            case _ if self.painting is not None:
-                if isinstance(event, TakenUp):
-                    self._forget_trouble()
-                _hear_painting(self.painting, event)
-                if isinstance(event, PaintingKept) and self.stopped:
-                    self.painting.status = "stopped"
-            case _:
-                pass
-
-    def to_plain(self, working: bool) -> dict[str, Any]:
-        """Returns the state as plain values; a worker that ended without an event is reported as an error."""
-        shown = {
-            "version": self.version,
-            "working": working,
-            "stopped": self.stopped,
-            "trouble": self.trouble,
-            "queued": self.queued,
-            "question": self.question if working else None,
-            "plans": [asdict(plan) for plan in self.plans.values()],
-            "painting": None if self.painting is None else asdict(self.painting),
-        }
-        if not working and not self.trouble and not self.stopped and self._is_unfinished():
-            shown["trouble"] = "The painter stopped in the middle of its work, without saying why; is the disk full?"
-        return shown
-
-    @property
-    def stage(self) -> str:
-        """Stage in one word, for the gallery."""
-        if self.painting is not None:
-            return self.painting.status
-        if self.queued == "plan":
-            return "waiting"
-        return "planned" if any(plan.status == "ready" for plan in self.plans.values()) else "planning"
-
-    def _is_unfinished(self) -> bool:
-        planning = any(plan.status == "planning" for plan in self.plans.values())
-        return planning or (self.painting is not None and self.painting.status not in _ENDS)
-
-    def _forget_trouble(self) -> None:
-        self.trouble, self.stopped, self.question = "", False, None
-
-    def _end(self, how: str) -> None:
-        for plan in self.plans.values():
-            if plan.status == "planning":
-                plan.status = how
-        if self.painting is not None and self.painting.status not in _ENDS:
-            self.painting.status = how
-
-
-def _hear_plan(plan: PlanState, event: PlanningProgress | PlanPreview | PlanMade) -> None:
-    match event:
-        case PlanningProgress(share, left):
-            plan.share, plan.left = share, left
-        case PlanPreview(picture):
-            plan.growing = picture
-        case PlanMade():
-            plan.status, plan.share, plan.left, plan.nearer = "ready", 1.0, None, event.nearer
-            plan.made = {name: getattr(event, name) for name in _MADE}
-
-
-def _hear_painting(painting: PaintState, event: Written) -> None:
-    painting.status = _STATUS.get(type(event), painting.status)
-    if isinstance(event, LookShown | WentOn | RestReplanned):
-        painting.remark = ""
-    if isinstance(event, Paused | WentOn | TakenUp):
-        painting.held = isinstance(event, Paused)
-    match event:
-        case TakenUp(done):
-            painting.done, painting.film, painting.kept = done, False, False
-        case LayerBegun(brush=brush, first_paint=first):
-            painting.brush, painting.first_paint, painting.paint = brush, first, None
-        case BrushInHand(brush):
-            painting.brush = brush or ""
-        case Dipped(well):
-            paint = painting.first_paint + well
-            painting.paint, painting.since_dip = paint, 0
-            painting.dips[paint] = painting.dips.get(paint, 0) + 1
-        case Drying(left=seconds):
-            painting.dries = seconds
-        case StrokePainted(done, of) | StrokeLeftOut(done, of):
-            painting.done, painting.of = done, of or painting.of
-            painting.since_dip += isinstance(event, StrokePainted)
-        case TimeLeft(seconds):
-            painting.left = seconds
-        case PhotographShown(picture):
-            painting.photograph = picture
-        case LookShown():
-            painting.growing = None
-            painting.looks = [*painting.looks[-_MAX_LOOKS:], {**asdict(event), "why": painting.why}]
-            painting.why = ""
-        case TouchCorrected() | LastLookDoubted() if painting.looks:
-            told = [*painting.looks[-1].get("touch", []), event.sentence]
-            painting.looks[-1] = {**painting.looks[-1], "touch": told}
-        case Considering():
-            painting.why = "asked"
-        case PlanningProgress(share, left):
-            painting.share, painting.left = share, left
-        case PlanPreview(picture):
-            painting.growing = picture
-        case RestReplanned():
-            painting.growing, painting.share = None, 0.0
-            painting.replanned = {name: getattr(event, name) for name in _REPLANNED}
-            if painting.looks and painting.looks[-1]["done"] == event.done and "gain" not in painting.looks[-1]:
-                more = {"gain": event.gain, "plan": f"{event.prefix}plan.jpg"}
-                painting.looks[-1] = {**painting.looks[-1], **more}
-        case Paused(reason=reason, turn=turn):
-            painting.reason, painting.turn, painting.why = reason, turn, ""
-        case Turns(strokes):
-            painting.turns = strokes
-        case RegionProtected(only=only, picture=picture):
-            painting.region = {"picture": picture, "only": only} if picture else None
-            painting.why = ("only" if only else "region") if picture else "freed"
-        case GoalChanged(wish=wish):
-            painting.wish, painting.why = wish, "goal"
-        case Remark(sentence):
-            painting.remark = sentence
-        case PaintingKept(film, arm):
-            painting.film, painting.arm, painting.left, painting.kept = film, arm, 0.0, True
-        case _:
-            pass
-
-
-_MADE = ("prefix", "frames", "strokes", "palette", "mixtures", "seconds")
-_REPLANNED = ("prefix", "frames", "strokes", "palette", "done")
-# Status of a painting after an event; other events do not change it.
-_STATUS: dict[type[Written], str] = {
-    TakenUp: "preparing",
-    Mixing: "mixing",
-    Dipped: "painting",
-    Drying: "drying",
-    StrokePainted: "painting",
-    StrokeLeftOut: "painting",
-    LookShown: "planning",
-    PlanningProgress: "planning",
-    RestReplanned: "painting",
-    Paused: "paused",
-    Considering: "planning",
-    WentOn: "painting",
-    Finishing: "finishing",
-    PaintingKept: "finished",
-}
-_ENDS = ("finished", "stopped", "failed")
+            return look(state, truth or Truth.of(folder))
 
 
 # Server-sent events to browsers: always the newest state, never a queue of old ones.

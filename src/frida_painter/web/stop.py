@@ -25,7 +25,7 @@ from frida_painter import storage
 from frida_painter.errors import StorageError
 from frida_painter.web.commands import Role
 from frida_painter.web.store import PaintingStore
-from frida_painter.web.studio_folder import PaintingFolder, working
+from frida_painter.web.studio_folder import PLAN_JOB, find_job, find_work
 from frida_painter.web.workers import QUEUE
 
 # Secrets of pages for stops: they outlive sessions and restarts of the studio, and serve for nothing else.
@@ -159,11 +159,12 @@ class StopWatch:
 
     file: file that stops the worker when it exists.
     studio: folder of the listener's socket.
+    job: job of the worker.
     """
 
-    def __init__(self, file: Path, studio: Path) -> None:
+    def __init__(self, file: Path, studio: Path, job: str = "") -> None:
         self.asked = False
-        self._file, self._studio = file, studio
+        self._file, self._studio, self._job = file, studio, job
         self._turn = threading.Lock()
         self._reactions: list[Callable[[], None]] = []
         threading.Thread(target=self._watch_file, daemon=True, name="stop file").start()
@@ -201,7 +202,7 @@ class StopWatch:
     def _watch_line(self) -> None:
         while True:
             with contextlib.suppress(OSError), call(self._studio) as line:
-                line.sendall(f"{WORK} {self._file.parent.name}\n".encode())
+                line.sendall(f"{WORK} {self._file.parent.name} {self._job}\n".encode())
                 while line.recv(1) == STOP:
                     self._hear()
                     line.sendall(HEARD)
@@ -218,7 +219,7 @@ class StopFiles:
     """Writes stop files for all workers, in its own thread; a request during a pass starts another pass.
 
     found: number of workers found.
-    held: number of these that need only the file.
+    held: number of these that need only the file, or move nothing.
     """
 
     root: Path
@@ -245,12 +246,11 @@ class StopFiles:
             self._asked.clear()
             found = held = 0
             with contextlib.suppress(OSError):
-                for folder in map(PaintingFolder, self.root.iterdir()):
-                    with contextlib.suppress(OSError):
-                        if working(folder):
-                            found += 1
-                            folder.stop_now()
-                            held += folder.path.name == QUEUE
+                for folder in find_work(self.root):
+                    found += 1
+                    held += folder.path.name == QUEUE or find_job(folder) == PLAN_JOB
+                    with contextlib.suppress(OSError):  # its folder was deleted
+                        folder.stop_now()
             self.found, self.held = found, held
             self._passes += 1
 
@@ -279,22 +279,34 @@ class StopRecorder:
                     time.sleep(1)
 
 
+@dataclass(frozen=True)
+class _Caller:
+    """Worker at the other end of a line: the name of its folder, and its job."""
+
+    name: str
+    job: str
+
+
 class Stops:
     """Sends a stop to all workers."""
 
     def __init__(self, root: Path) -> None:
         self._files, self._recorder = StopFiles(root), StopRecorder(root)
-        self.lines: dict[asyncio.StreamWriter, str] = {}
+        self.lines: dict[asyncio.StreamWriter, _Caller] = {}
         self._heard: dict[asyncio.StreamWriter, asyncio.Event] = {}
 
     async def press(self, by: str) -> dict[str, int]:
-        """Stops all work; returns the number of workers, and the number of those that have confirmed."""
+        """Stops all work; returns the number of workers, and the number of those that have confirmed.
+
+        A planner counts as one that has: it moves nothing, and ends without an answer.
+        """
         called = dict(self.lines)
         for line in called:
             self._heard[line].clear()
             line.write(STOP)
         passes = self._files.ask()
-        waiting = [asyncio.create_task(self._heard[line].wait()) for line in called]
+        movers = [line for line, caller in called.items() if caller.job != PLAN_JOB]
+        waiting = [asyncio.create_task(self._heard[line].wait()) for line in movers]
         done, late = await asyncio.wait(waiting, timeout=_HEARD_WITHIN) if waiting else (set(), set())
         for task in late:
             task.cancel()
@@ -303,9 +315,9 @@ class Stops:
                 async with asyncio.timeout(_FILES_WITHIN):
                     while not self._files.done_since(passes):
                         await asyncio.sleep(0.005)
-        self._recorder.note(by, ", ".join(sorted(called.values())))
+        self._recorder.note(by, ", ".join(sorted(caller.name for caller in called.values())))
         if called:
-            return {"stopped": len(called), "heard": len(done)}
+            return {"stopped": len(called), "heard": len(done) + len(called) - len(movers)}
         return {"stopped": self._files.found, "heard": self._files.held}
 
     async def answer(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
@@ -313,7 +325,8 @@ class Stops:
         try:
             kind, _, name = (await reader.readline()).decode(errors="replace").strip().partition(" ")
             if kind == WORK:
-                await self._keep_line(name, reader, writer)
+                name, _, job = name.partition(" ")
+                await self._keep_line(_Caller(name, job), reader, writer)
             elif kind == PRESS:
                 writer.write(json.dumps(await self.press(name)).encode())
                 await writer.drain()
@@ -324,12 +337,14 @@ class Stops:
         finally:
             writer.close()
 
-    async def _keep_line(self, name: str, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        self.lines[writer], self._heard[writer] = name, asyncio.Event()
+    async def _keep_line(self, caller: _Caller, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        heard = asyncio.Event()
+        self.lines[writer], self._heard[writer] = caller, heard
         try:
             while await reader.read(1) == HEARD:
-                self._heard[writer].set()
+                heard.set()
         finally:
+            heard.set()  # its process is gone
             del self.lines[writer], self._heard[writer]
 
 

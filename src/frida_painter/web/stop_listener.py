@@ -20,7 +20,7 @@ import h11
 
 from frida_painter.web.network import Certificate, Connections, WebAppLock, most_connections
 from frida_painter.web.stop import StopKey, Stops
-from frida_painter.web.studio_folder import PaintingFolder, working
+from frida_painter.web.studio_folder import find_work
 
 _PATIENCE = 3.0  # seconds for a whole request
 _MAX_BYTES = 8192
@@ -121,7 +121,7 @@ async def serve(root: Path, port: socket.socket, line: socket.socket, config: di
 
 def _alone(root: Path) -> bool:
     """Returns True if no studio is open and no worker works; no studio can then open before this process ends."""
-    if any(working(PaintingFolder(path)) for path in root.iterdir()):
+    if find_work(root):
         return False
     return WebAppLock(root).take_alone()
 

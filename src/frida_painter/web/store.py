@@ -17,7 +17,7 @@ from pathlib import Path
 
 from frida_painter import storage
 from frida_painter.errors import ImageError, Interrupted, StorageError
-from frida_painter.web.studio_folder import PaintingFolder, require_disk
+from frida_painter.web.studio_folder import FAMILIES, PICTURES, PaintingFolder, forget_lock, require_disk
 
 _SCHEMA = """
 CREATE TABLE IF NOT EXISTS painting (
@@ -64,12 +64,30 @@ class PaintingStore:
     @property
     def pictures(self) -> Path:
         """Folder of the uploaded pictures."""
-        return self.root / "pictures"
+        return self.root / PICTURES
 
     @property
     def calibration(self) -> PaintingFolder:
         """Folder for calibrating the easel, made at the first use."""
-        folder = PaintingFolder(self.root / "calibration")
+        return self._folder("calibration")
+
+    @property
+    def setup(self) -> PaintingFolder:
+        """Folder for the setup of a machine, made at the first use."""
+        return self._folder("setup")
+
+    @property
+    def teaching(self) -> PaintingFolder:
+        """Folder for teaching a stroke, made at the first use."""
+        return self._folder("teaching")
+
+    @property
+    def families(self) -> dict[str, Path]:
+        """Files of the stroke families that were taught in this studio, by name."""
+        return {file.stem: file for file in sorted((self.root / FAMILIES).glob("*.safetensors"))}
+
+    def _folder(self, name: str) -> PaintingFolder:
+        folder = PaintingFolder(self.root / name)
         folder.path.mkdir(mode=_OURS_ALONE, exist_ok=True)
         folder.live.mkdir(exist_ok=True)
         return folder
@@ -106,7 +124,9 @@ class PaintingStore:
     def delete(self, entry: Entry) -> None:
         """Deletes a painting with all its files. Raises StorageError."""
         try:
-            shutil.rmtree(entry.folder.path)
+            if entry.folder.path.exists():  # else somebody has deleted it by hand
+                shutil.rmtree(entry.folder.path)
+            forget_lock(entry.folder)
         except OSError as error:
             raise StorageError(f"The painting cannot be deleted ({error.strerror}).") from error
         with self._base() as base:

@@ -8,16 +8,19 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from frida_painter import registry
+from frida_painter import registry, storage
 from frida_painter.compiled import LoopCompiler
 from frida_painter.errors import ConfigError
 from frida_painter.options import CameraOption, PaceOption, RobotOption, WorkspaceOption, whole_number_within
 
 if TYPE_CHECKING:
+    from frida_painter.web.commands import Role
     from frida_painter.web.server import Links
 
 
 _LOCAL = "127.0.0.1"
+_OPENING = """<!DOCTYPE html><html lang="en"><meta charset="utf-8"><title>Open the studio</title>
+<meta http-equiv="refresh" content="0;url={link}"><p><a href="{link}">Open the studio</a></p></html>"""
 
 
 def register(app: typer.Typer) -> None:
@@ -68,6 +71,10 @@ def studio(
             "[dim]FOLDER/calibration/calibration.json[/]",
         ),
     ] = None,
+    link: Annotated[
+        bool,
+        typer.Option("--link", help="Print the links of the studio that is open in FOLDER, and open its page again."),
+    ] = False,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in a browser.")] = True,
 ) -> None:
     """Open the studio, a web page on which you set the goal, see the plan and paint together with the robot.
@@ -80,10 +87,19 @@ def studio(
     registry.require("web", "uvicorn", "The studio")
     from frida_painter.web.commands import Role
     from frida_painter.web.network import Certificate
-    from frida_painter.web.server import listen, serve
+    from frida_painter.web.server import OPENING_PAGE, listen, read_links, serve
     from frida_painter.web.store import PaintingStore
     from frida_painter.web.web_app_easel import WebAppEasel
 
+    if link:
+        links = read_links(folder.absolute())
+        _print_links(links)
+        if browser:
+            page = folder.absolute() / OPENING_PAGE  # others can read a browser's command line, but not this file
+            with storage.replacing(page, mode=0o600) as temporary:
+                temporary.write_text(_OPENING.format(link=links[Role.operate]), encoding="utf-8")
+            webbrowser.open(page.as_uri())
+        return
     store = PaintingStore(folder.absolute())
     record = calibration or store.calibration.path / "calibration.json"
     easel = WebAppEasel(record.absolute(), robot, camera, workspace, pace).validate()
@@ -91,9 +107,7 @@ def studio(
     certified = Certificate.from_files(certificate, key)
 
     def tell(links: "Links") -> None:
-        print(f"The studio is open: {links.roles[Role.operate]}", flush=True)
-        print(f"  to plan, without starting the robot:  {links.roles[Role.plan]}")
-        print(f"  only to watch:                        {links.roles[Role.watch]}")
+        _print_links(links.roles)
         print(
             f"Paintings are kept in {store.root}. Ctrl-C closes the studio; a painting that is being painted goes on."
         )
@@ -110,6 +124,13 @@ def studio(
 
     with LoopCompiler():  # compiles while people look at the page; the first plan waits for it
         serve(store, easel, listen(address, port), tuple(name or ()), tell, stop_port, certified)
+
+
+def _print_links(links: "dict[Role, str]") -> None:
+    operate, plan, watch = (links[role] for role in sorted(links, reverse=True))
+    print(f"The studio is open: {operate}", flush=True)
+    print(f"  to plan, without starting the robot:  {plan}")
+    print(f"  only to watch:                        {watch}")
 
 
 def _require_address(address: str) -> None:

@@ -3,14 +3,15 @@
 The page's process writes requests, commands and the stop file; the worker writes all other files.
 """
 
-import json
+import contextlib
+import fcntl
 import os
 import re
 import shutil
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self, get_args
+from typing import Annotated, Any, ClassVar, Literal, Self, get_args
 
 from filelock import lock_descriptor
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints, ValidationError, model_validator
@@ -21,8 +22,10 @@ from frida_painter.easel.kinds import LIVE_PICTURE, STOP_FILE
 from frida_painter.errors import StorageError
 from frida_painter.event_log import FEED, EventLog, LogReader
 from frida_painter.objectives.objective import Gives, goal_kinds
-from frida_painter.runs.spec import AUTO, Focus, Ground, RunSpec, brush_shares
-from frida_painter.session.events import PlanningProgress, Written, events_of, record
+from frida_painter.runs.goal_item import Crop, GoalItem
+from frida_painter.runs.shares import AUTO, brush_shares, family_shares
+from frida_painter.runs.spec import Focus, Ground, RunSpec
+from frida_painter.session.events import Failed, PlanningProgress, Written, events_of, record
 
 # Request for a painting from the page: goals with weights and settings, checked before planning.
 
@@ -59,6 +62,18 @@ _BRUSH = r"(fine|medium|broad)(:\d{1,3}%)?"
 Brushes = Annotated[str, StringConstraints(pattern=rf"^({AUTO}|{_BRUSH}(,{_BRUSH}){{0,7}})?$"), AfterValidator(_shares)]
 
 
+def _families(text: str) -> str:
+    if text not in ("", AUTO):
+        family_shares(text)
+    return text
+
+
+_FAMILY = r"[a-z][a-z0-9-]{0,29}(:\d{1,2}%)?"
+Families = Annotated[
+    str, StringConstraints(pattern=rf"^({AUTO}|{_FAMILY}(,{_FAMILY}){{0,3}})?$"), AfterValidator(_families)
+]
+
+
 class _Checked(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -67,18 +82,22 @@ class GoalRequest(_Checked):
     """One goal: words or the id of an uploaded picture, depending on its kind.
 
     weight: its importance.
+    crop: part of the picture; None for the whole one.
     """
 
     kind: Kind
     picture: Identifier | None = None
     words: Words | None = None
     weight: float = Field(1.0, ge=0.01, le=100, allow_inf_nan=False)
+    crop: Crop | None = None
 
     @model_validator(mode="after")
     def _is_one_thing(self) -> Self:
         given, other = (self.words, self.picture) if self._is_of_words else (self.picture, self.words)
         if given is None or other is not None:
             raise ValueError("A goal is either words or a picture; say which words, or choose a picture.")
+        if self.words is not None and self.crop is not None:
+            raise ValueError("Words cannot be cropped; take the crop away.")
         if self.words is not None and not self.words.isprintable():
             raise ValueError("The words hold characters that cannot be printed; type them anew.")
         return self
@@ -87,18 +106,22 @@ class GoalRequest(_Checked):
     def _is_of_words(self) -> bool:
         return goal_kinds()[self.kind].gives is Gives.WORDS
 
-    @property
-    def toml(self) -> str:
-        """Lines of the goal's table in a goal file; pictures lie beside the file under their ids."""
-        value = self.words if self._is_of_words else f"{self.picture}.png"
-        return f"{self.kind} = {json.dumps(value, ensure_ascii=False)}\nweight = {self.weight}\n"
+    def item(self, pictures: Path) -> GoalItem:
+        """Returns the goal as a goal item.
+
+        pictures: folder of the pictures, which are named by their ids.
+        """
+        value = self.words if self.words is not None else str(pictures / f"{self.picture}.png")
+        return GoalItem(kind=self.kind, value=value, weight=self.weight, crop=self.crop)
 
 
 class PaintingRequest(_Checked):
     """Request for a painting: goals, goals of the start, and settings; width and height in mm."""
 
     title: Annotated[str, StringConstraints(strip_whitespace=True, max_length=80)] = ""
-    terms: tuple[GoalRequest, ...] = Field(max_length=8)
+    terms: tuple[GoalRequest, ...] = Field((), max_length=8)
+    together: bool = False
+    """True for a painting without a goal: the person begins."""
     initial: tuple[GoalRequest, ...] = Field((), max_length=2)
     strokes: int = _field_like_spec("strokes")
     colors: int = _field_like_spec("colors")
@@ -106,12 +129,15 @@ class PaintingRequest(_Checked):
     height: float = Field(_CANVAS.height * 1000, ge=_SMALLEST, le=_LARGEST, allow_inf_nan=False)
     brushes: Brushes = ""
     """Brushes of the layers; "" for the default ones."""
+    strokes_of: Families = ""
+    """Stroke families for further layers; "" for none."""
     replans: int = _field_like_spec("replans")
     ground: Ground = None
     """Ground; None for the default one."""
     on_canvas: bool = False
     focus: Focus = RunSpec.model_fields["focus"].default
     sharpness: float = _field_like_spec("sharpness")
+    paints: Literal["acrylics", "any"] = "acrylics"
     drying: float = _field_like_spec("drying")
     minutes: float | None = _field_like_spec("minutes")
     effort: float = _field_like_spec("effort")
@@ -119,7 +145,7 @@ class PaintingRequest(_Checked):
 
     @model_validator(mode="before")
     @classmethod
-    def _renewed(cls, given: Any) -> Any:
+    def _upgrade_brush(cls, given: Any) -> Any:
         """Converts an old request with a single brush."""
         if not isinstance(given, dict) or "brush" not in given:
             return given
@@ -128,8 +154,17 @@ class PaintingRequest(_Checked):
 
     @model_validator(mode="after")
     def _is_possible(self) -> Self:
-        if not self.terms:
+        if not self.terms and not self.together:
             raise ValueError("There is nothing to paint yet: give a picture, or words, or draw something.")
+        if self.together and (self.terms or self.initial):
+            raise ValueError("A painting with a goal cannot be one without; take the goals away, or draw together.")
+        if self.strokes_of and self.brushes == AUTO:
+            raise ValueError("Stroke families are painted with the last brush: name the brushes too.")
+        if self.together and not self._is_of_strokes_alone:
+            raise ValueError(
+                "To draw together without a goal, name one brush, and neither a stroke family, nor a time, nor a "
+                "ground that suits the goal."
+            )
         if not self.title.isprintable():
             raise ValueError("The title holds characters that cannot be printed; type it anew.")
         if self.on_canvas and self.ground not in (None, "white"):
@@ -139,20 +174,37 @@ class PaintingRequest(_Checked):
         return self
 
     @property
+    def _is_of_strokes_alone(self) -> bool:
+        """True if nothing is asked that only a goal can use."""
+        one_brush = self.brushes != AUTO and "," not in self.brushes
+        return one_brush and not self.strokes_of and self.minutes is None and self.ground != AUTO
+
+    @property
     def pictures(self) -> frozenset[str]:
         """Ids of the needed pictures."""
         return frozenset(term.picture for term in (*self.terms, *self.initial) if term.picture is not None)
 
-    @property
-    def toml(self) -> str:
-        """Goal file (TOML) of the request for the command line."""
-        goals = [f"[[goal]]\n{term.toml}" for term in self.terms]
-        return "\n".join(goals + [f"[[initial]]\n{term.toml}" for term in self.initial])
+    def goals(self, pictures: Path) -> dict[str, Any]:
+        """Returns the goals in the form of RunSpec; `pictures` as in GoalRequest.item."""
+        return {
+            name: tuple(term.item(pictures) for term in given)
+            for name, given in (("goal", self.terms), ("initial", self.initial))
+        }
 
 
+FAMILIES = "families"
+"""Name of the folder of taught stroke families in the studio's folder."""
+PICTURES = "pictures"
+"""Name of the folder of uploaded pictures in the studio's folder."""
 _SHOWN = re.compile(r"[a-z][a-z0-9-]{0,60}\.(png|jpg|mp4|json|svg|csv|gcode|html)")
 _MAX_PLANS = 24
 _A_MOMENT = 1.0  # seconds
+_LOCKS = ".workers"
+_LONGEST_JOB = 20
+PLAN_JOB = "plan"
+"""Job of a worker that plans: no robot moves."""
+TEACH_JOB = "teach"
+"""Job of a worker that learns a stroke family: only the virtual studio paints."""
 
 
 @dataclass(frozen=True)
@@ -165,11 +217,6 @@ class PlanFolder:
     def number(self) -> int:
         """Number of the plan, from 1."""
         return int(self.path.name)
-
-    @property
-    def goal(self) -> Path:
-        """Goal file (TOML), with its pictures beside it."""
-        return self.path / "goal.toml"
 
     @property
     def plan(self) -> Path:
@@ -207,6 +254,21 @@ class PaintingFolder:
         return self.path / "replies.jsonl"
 
     @property
+    def followed(self) -> Path:
+        """File that the page's process renews every few seconds while a page follows the work in this folder."""
+        return self.path / "followed"
+
+    @property
+    def pictures(self) -> Path:
+        """Folder of the studio's uploaded pictures; commands name pictures by their ids there."""
+        return self.path.parent / PICTURES
+
+    @property
+    def families(self) -> Path:
+        """Folder of the studio's taught stroke families."""
+        return self.path.parent / FAMILIES
+
+    @property
     def easel(self) -> Path:
         """Folder of a simulated robot's lock, because each painting has its own simulated robot."""
         return self.path / "easel"
@@ -242,26 +304,6 @@ class PaintingFolder:
         """Folder of pictures that are shown during the work."""
         return self.path / "live"
 
-    def region(self, number: int) -> Path:
-        """Returns the file of a region that a person drew, light on dark."""
-        return self.live / f"region-{number}.png"
-
-    def change(self, number: int) -> PlanFolder:
-        """Returns the folder of a goal that was changed during the painting; it has no plan."""
-        return PlanFolder(self.path / "changes" / str(number))
-
-    def keep_region(self, picture: Path) -> int:
-        """Copies a drawing of a region into the folder; returns its number. Raises StorageError."""
-        number = 1 + sum(1 for _ in self.live.glob("region-*.png"))
-        _copy(picture, self.region(number))
-        return number
-
-    def begin_change(self, request: PaintingRequest, pictures: Path) -> int:
-        """Makes a folder with a request and copies of its `pictures`; returns its number. Raises StorageError."""
-        number = 1 + sum(1 for _ in (self.path / "changes").glob("*"))
-        _fill(self.change(number), request, pictures)
-        return number
-
     def plans(self) -> list[PlanFolder]:
         """Returns all plans, finished or not, in order."""
         found = (entry for entry in (self.path / "plans").glob("*") if entry.name.isdecimal())
@@ -277,7 +319,10 @@ class PaintingFolder:
         if number > _MAX_PLANS:
             raise StorageError(f"There are {_MAX_PLANS} plans already; choose one of them, or begin a new painting.")
         plan = self.plan(number)
-        _fill(plan, request, pictures)
+        storage.new_folder(plan.path)
+        for name in request.pictures:
+            _copy(pictures / f"{name}.png", plan.path / f"{name}.png")
+        storage.write_json(plan.path / "wish.json", {"wish": request.model_dump(mode="json")})
         return plan
 
     def find_shown(self, place: str, name: str) -> Path | None:
@@ -301,14 +346,6 @@ def require_disk(folder: Path, needed: int) -> None:
         )
 
 
-def _fill(place: PlanFolder, request: PaintingRequest, pictures: Path) -> None:
-    storage.new_folder(place.path)
-    for name in request.pictures:
-        _copy(pictures / f"{name}.png", place.path / f"{name}.png")
-    storage.write_text(place.goal, request.toml)
-    storage.write_json(place.path / "wish.json", {"wish": request.model_dump(mode="json")})
-
-
 def _copy(picture: Path, to: Path) -> None:
     if not picture.is_file():
         raise StorageError("A picture of this goal is gone; choose it again.")
@@ -319,12 +356,17 @@ def _copy(picture: Path, to: Path) -> None:
 class WorkerLock:
     """Lock of the one process that works on a painting; it is free when that process ends for any reason.
 
+    Its file lies in the studio's folder and not in the painting's own: the lock holds, and is seen, even after the
+    painting's folder was deleted.
+
     The parent takes the lock and hands it to the worker, so that there is no moment without it. This needs a lock
     on a descriptor, which a child inherits; a lock on a path (filelock.FileLock) belongs to one process.
     """
 
     def __init__(self, folder: PaintingFolder) -> None:
-        self._file = os.open(folder.path / ".worker", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        place = _lock_file(folder)
+        place.parent.mkdir(mode=0o700, exist_ok=True)
+        self._file = os.open(place, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
 
     def take(self) -> bool:
         """Takes the lock; returns True if it was free. It waits a moment for processes that only check the lock."""
@@ -333,11 +375,18 @@ class WorkerLock:
             if time.monotonic() > patience:
                 return False
             time.sleep(0.02)
+        self.sign("")  # the job of the worker before
         return True
 
     def try_once(self) -> bool:
-        """Takes the lock without waiting; returns True if it was free."""
-        return lock_descriptor(self._file, blocking=False)
+        """Takes the lock without waiting; returns True if it was free and its painting was not deleted meanwhile."""
+        return lock_descriptor(self._file, blocking=False) and os.fstat(self._file).st_nlink > 0
+
+    def sign(self, job: str) -> None:
+        """Writes the job into the file of this lock, for `find_job`."""
+        with contextlib.suppress(OSError):  # a full disk: the lock holds without it
+            os.ftruncate(self._file, 0)
+            os.pwrite(self._file, job.encode(), 0)
 
     def fileno(self) -> int:
         """Returns the descriptor for a child process that is to hold the lock too."""
@@ -348,15 +397,43 @@ class WorkerLock:
         os.close(self._file)  # closed, not unlocked, because unlocking would take it from the child too
 
 
+def _lock_file(folder: PaintingFolder) -> Path:
+    return folder.path.parent / _LOCKS / folder.path.name
+
+
+def forget_lock(folder: PaintingFolder) -> None:
+    """Removes the lock file of a deleted painting."""
+    _lock_file(folder).unlink(missing_ok=True)
+
+
+def find_job(folder: PaintingFolder) -> str:
+    """Returns the job of the worker at this folder, "" if it is not known. The lock of an old worker has none."""
+    try:
+        return _lock_file(folder).read_bytes()[:_LONGEST_JOB].decode(errors="replace")
+    except OSError:
+        return ""
+
+
+def find_work(root: Path) -> list[PaintingFolder]:
+    """Returns all folders of a studio on which a worker is at work, also deleted ones. Raises OSError."""
+    if not (root / _LOCKS).is_dir():
+        return []
+    return [folder for each in (root / _LOCKS).iterdir() if working(folder := PaintingFolder(root / each.name))]
+
+
 def working(folder: PaintingFolder) -> bool:
     """Returns True if a worker is at work on the painting."""
-    if not (folder.path / ".worker").exists():
-        return False
-    lock = WorkerLock(folder)
     try:
-        return not lock.try_once()
+        file = os.open(_lock_file(folder), os.O_RDONLY | os.O_CLOEXEC)
+    except FileNotFoundError:
+        return False
+    try:
+        fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)  # shared: two processes that look do not see one another
+    except BlockingIOError:
+        return True
     finally:
-        lock.release()
+        os.close(file)
+    return False
 
 
 # Request for a calibration from the page.
@@ -367,7 +444,27 @@ _FILE = "asked.json"
 _Side = Annotated[float, Field(ge=60, le=2000, allow_inf_nan=False)]
 
 
-class CalibrationRequest(BaseModel):
+class KeptRequest(BaseModel):
+    """Request of the page that is written into a folder, for the worker; `_name` says in words what is asked."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+    _name: ClassVar[str]
+
+    def keep(self, folder: PaintingFolder) -> None:
+        """Writes the request into the folder. Raises StorageError."""
+        storage.write_json(folder.path / _FILE, {"asked": self.model_dump(mode="json")})
+
+    @classmethod
+    def load(cls, folder: PaintingFolder) -> Self:
+        """Returns the request from the folder. Raises StorageError."""
+        record = storage.read_json(folder.path / _FILE, cls._name)
+        try:
+            return cls.model_validate(record["asked"])
+        except (KeyError, ValidationError) as cause:
+            raise StorageError(f"The request ({cls._name}) is damaged; ask again.") from cause
+
+
+class CalibrationRequest(KeptRequest):
     """Request for a calibration.
 
     what: procedures, in order.
@@ -375,7 +472,7 @@ class CalibrationRequest(BaseModel):
     count: number of strokes in the strokes procedure.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    _name = "what is to be calibrated"
 
     what: tuple[Procedure, ...] = Field(min_length=1, max_length=5)
     brush: Literal["fine", "medium", "broad"] = "broad"
@@ -394,19 +491,6 @@ class CalibrationRequest(BaseModel):
     def whole(self) -> bool:
         """True if all procedures are requested."""
         return self.what == PROCEDURES
-
-    def keep(self, folder: PaintingFolder) -> None:
-        """Writes the request into the folder, for the worker. Raises StorageError."""
-        storage.write_json(folder.path / _FILE, {"asked": self.model_dump(mode="json")})
-
-    @classmethod
-    def load(cls, folder: PaintingFolder) -> Self:
-        """Returns the request from the folder. Raises StorageError."""
-        record = storage.read_json(folder.path / _FILE, "what is to be calibrated")
-        try:
-            return cls.model_validate(record["asked"])
-        except (KeyError, ValidationError) as cause:
-            raise StorageError("What was asked to be calibrated is damaged; ask again.") from cause
 
 
 # Feed of a painting: its events, for everybody who watches.
@@ -449,16 +533,32 @@ class Feed:
         self._log.close()
 
 
+def tell_once(folder: PaintingFolder, event: Written) -> None:
+    """Writes one event for the page."""
+    feed = Feed(folder)
+    feed.tell(event)
+    feed.close()
+
+
 class FeedReader:
     """Reads new events from a feed; the file need not exist yet."""
 
     def __init__(self, path: Path) -> None:
         self._reader = LogReader(path)
+        self._is_refused = False
 
     def read(self) -> list[Written]:
-        """Returns the events since the last call, in order, without invalid lines."""
+        """Returns the events since the last call, in order, without invalid lines.
+
+        A feed of the first version gives one event, which says that it is not read.
+        """
         found: list[Written] = []
-        for line in self._reader.read():
+        try:
+            lines = self._reader.read()
+        except StorageError as refused:
+            lines, found = [], [] if self._is_refused else [Failed(str(refused))]
+            self._is_refused = True
+        for line in lines:
             try:
                 found += events_of(line)
             except (ValueError, KeyError, TypeError):

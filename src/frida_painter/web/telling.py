@@ -19,8 +19,7 @@ from frida_painter.export.gcode import gcode
 from frida_painter.export.vector import plan_widths, svg, table
 from frida_painter.frames import PixelGrid
 from frida_painter.hardware.gcode import Gcode
-from frida_painter.mixing.paint import usual_paints
-from frida_painter.mixing.recipe import recipes, volumes
+from frida_painter.mixing.recipe import PaintSet, volumes
 from frida_painter.plan import Plan
 from frida_painter.render import render
 from frida_painter.render.painting import render_on
@@ -29,6 +28,7 @@ from frida_painter.report.story import paints
 from frida_painter.session.choreography import BrushLoad, Choreography
 from frida_painter.session.events import (
     BrushInHand,
+    CanvasAssumed,
     Dipped,
     Drying,
     Event,
@@ -52,6 +52,7 @@ from frida_painter.session.events import (
     TouchCorrected,
 )
 from frida_painter.session.observer import TIMELAPSE_ROWS
+from frida_painter.session.person_events import PersonStrokePainted
 from frida_painter.session.rehearsal import FlatbedWorkspace
 from frida_painter.session.time_left import RemainingTime
 from frida_painter.strokes import Strokes
@@ -132,12 +133,12 @@ def palette(plan: Plan) -> list[dict[str, Any]]:
     ]
 
 
-def mixtures(plan: Plan) -> list[dict[str, Any]]:
-    """Returns for each paint of a plan its recipe from common acrylics and its millilitres.
+def mixtures(plan: Plan, owned: PaintSet) -> list[dict[str, Any]]:
+    """Returns for each paint of a plan its recipe from the paints of a person and its millilitres.
 
     near: True if the recipe comes within reach of the paint's colour.
     """
-    found = recipes(plan.palette.color, usual_paints())
+    found = owned.mix(plan.palette.color)
     return [
         {"recipe": recipe.words, "millilitres": round(amount, 1), "near": recipe.within_reach}
         for recipe, amount in zip(found, volumes(plan).tolist(), strict=True)
@@ -201,6 +202,7 @@ _KEPT = 4  # number of live photographs that are kept; the last one is shown
 class Reporter:
     """Listener of a painting session that reports to the page; its pictures are in the folder's `live`.
 
+    in_turns: True for a painting without a goal, whose plan grows with every answer.
     done: number of painted strokes.
     seen [3, H, W]: last photographed canvas, at first bare.
     """
@@ -210,6 +212,7 @@ class Reporter:
     models: Mapping[str, StrokeModel]
     size: CanvasSize
     time_left: RemainingTime
+    in_turns: bool = False
     _photographs: int = field(default=0, init=False)
     _looks: int = field(default=0, init=False)
     _plans: int = field(default=0, init=False)
@@ -230,7 +233,7 @@ class Reporter:
                 self.feed.step(iteration / of, left)
                 if self._growing is not None:
                     self._growing.hear(parts)
-            case Planned(done=done) if done > 0:
+            case Planned(done=done, plan=plan) if done > 0 or (self.in_turns and len(plan) > 0):
                 self._tell_replan(event)
             case PaintsWanted():
                 self.feed.tell(Mixing())
@@ -247,7 +250,10 @@ class Reporter:
                 self._photograph(photograph, done)
             case Looked():
                 self._tell_look(event)
-            case Stopped() | Finishing() | TouchCorrected() | LastLookDoubted():
+            case CanvasAssumed(canvas=canvas, done=done):
+                self._photograph(canvas, done)
+                self._go_on_from(canvas)
+            case Stopped() | Finishing() | TouchCorrected() | LastLookDoubted() | PersonStrokePainted():
                 self.feed.tell(event)
             case _:
                 pass
@@ -270,8 +276,12 @@ class Reporter:
         if all(kept):
             self.feed.tell(LookShown(look.done, **names))
         self._photograph(look.photograph, look.done)
-        self._canvas = look.photograph
-        self._growing = Growing(self.folder.live, look.photograph, self.models, self.size, self._tell_growing)
+        self._go_on_from(look.photograph)
+
+    def _go_on_from(self, canvas: Tensor) -> None:
+        """Draws the next plan on this canvas [3, H, W]."""
+        self._canvas = canvas
+        self._growing = Growing(self.folder.live, canvas, self.models, self.size, self._tell_growing)
 
     def _tell_replan(self, planned: Planned) -> None:
         """Reports the new plan, with pictures of its strokes under a new prefix."""

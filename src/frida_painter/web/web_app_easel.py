@@ -9,7 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Self
 
-from frida_painter.easel.kinds import HUMAN, MACHINES, SIMULATED, require_known
+from frida_painter.easel.kinds import HUMAN, MACHINES, NO_CAMERA, SIMULATED, require_known
 from frida_painter.errors import ConfigError
 
 # Canvas size of a workspace file, read in a short process.
@@ -58,6 +58,11 @@ class WebAppEasel:
         return self.robot in SIMULATED
 
     @property
+    def has_camera(self) -> bool:
+        """False if nobody looks at the canvas of a painting."""
+        return self.camera != NO_CAMERA
+
+    @property
     def drives_machine(self) -> bool:
         """True if a machine moves by its own power and could hurt somebody."""
         return not self.simulated and self.robot != HUMAN
@@ -75,8 +80,9 @@ class WebAppEasel:
         """
         if require_known(self.robot) in MACHINES and (self.workspace is None or not self.camera):
             raise ConfigError(
-                f"The robot {self.robot[:60]!r} needs a workspace file (--workspace) and a camera (--camera); "
-                "`frida-painter workspace example` prints a whole one."
+                f"The robot {self.robot[:60]!r} needs a workspace file (--workspace) and a camera (--camera). Without "
+                f"a camera, say --camera {NO_CAMERA}: the plan is then painted as it is. `frida-painter workspace "
+                "example` prints a whole workspace."
             )
         return self if self.workspace is None else replace(self, canvas=canvas_of_workspace(self.workspace))
 

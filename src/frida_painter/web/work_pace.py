@@ -6,8 +6,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from statistics import median
 
+from frida_painter.errors import StorageError
 from frida_painter.event_log import LogReader
 from frida_painter.session.events import (
     Answered,
@@ -31,6 +31,7 @@ from frida_painter.session.events import (
     events_of,
     time_of,
 )
+from frida_painter.session.time_left import Pace
 from frida_painter.web.store import PaintingStore
 
 _LAST = 6  # number of paintings in the measurement
@@ -107,15 +108,15 @@ def pace(store: PaintingStore, *, real_time: bool) -> WorkPace:
             opening += _opening(told)
             strokes += _strokes(told)
             replanning += _replanning(told)
-        except (KeyError, TypeError, ValueError):
-            continue  # another program wrote it
-    per_stroke = median(planning) if planning else 0.1
+        except (KeyError, TypeError, ValueError, StorageError):
+            continue  # another program or version wrote it
+    per_stroke = Pace.of_earlier_work(planning, 0.1).seconds
     return WorkPace(
         loading=_LOADING,
         planning=per_stroke,
-        opening=median(opening) if opening else _OPENING,
-        painting=median(strokes) if strokes else (6.0 if real_time else 0.4),
-        replanning=median(replanning) if replanning else _REPLANNING * per_stroke,
+        opening=Pace.of_earlier_work(opening, _OPENING).seconds,
+        painting=Pace.of_earlier_work(strokes, 6.0 if real_time else 0.4).seconds,
+        replanning=Pace.of_earlier_work(replanning, _REPLANNING * per_stroke).seconds,
         known=bool(strokes),
     )
 

@@ -1,35 +1,39 @@
-"""Worker process of the studio: it plans, paints or calibrates; it may outlive the page's process.
+"""Jobs of a worker process: it plans, paints or calibrates; web/worker_process.py starts them."""
 
-Run it with `python -m frida_painter.web.worker JOB FOLDER NUMBER LOCK EASEL`. JOB is the work. FOLDER is the
-painting's folder. NUMBER is one of its plans. LOCK is the open lock file of the painting, held until the work is
-done. EASEL is the studio's easel as JSON.
-"""
-
-import json
-import os
 import secrets
 import shutil
-import sys
 import time
-import traceback
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 from torch import Tensor
 
 from frida_painter import images, storage
 from frida_painter.brush.kinds import brush_kind
-from frida_painter.calibration import Calibration
+from frida_painter.calibration import Calibration, Corners
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.devices import prepare_process
-from frida_painter.easel.dialogue import Confirm, Finding, lead
+from frida_painter.easel.connecting import connect_easel
+from frida_painter.easel.dialogue import Confirm, Finding, PointCorners, lead
 from frida_painter.easel.kinds import ARM_FILM
-from frida_painter.errors import ConfigError, FridaError, PaintingPaused, RobotStopped
+from frida_painter.errors import (
+    CalibrationError,
+    ConfigError,
+    FridaError,
+    Interrupted,
+    PaintingPaused,
+    RobotStopped,
+)
 from frida_painter.hardware.easel import Easel
+from frida_painter.perception.snapshot import find_corners
 from frida_painter.plan import Plan
+from frida_painter.planning.mixable import mixing_changes
 from frida_painter.planning.optimize import Step
 from frida_painter.procedures.strokes import StrokesFinding
-from frida_painter.runs.goal_item import GoalItem
+from frida_painter.report.painters import PAINTERS, PERSON, find_painters
+from frida_painter.runs.look_folder import GivenPicture
 from frida_painter.runs.painting_easel import (
     CalibrationSetup,
     begin_procedure,
@@ -39,28 +43,34 @@ from frida_painter.runs.painting_easel import (
     with_operator,
 )
 from frida_painter.runs.run import PaintingRun, RunOutcome
-from frida_painter.runs.settle import Controls, brushes_of, ground_of, replan_policy
-from frida_painter.runs.spec import AUTO, RunSpec
+from frida_painter.runs.settle import Controls, brushes_of, ground_of, paints_for_recipes, replan_policy
+from frida_painter.runs.setup_dialogue import SetupEvent, SetupOrder, lead_setup
+from frida_painter.runs.shares import AUTO, family_shares
+from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import (
     CalibrationStatus,
-    Failed,
     PaintingKept,
     PlanMade,
     PlanPreview,
     ProcedureBegan,
     ProcedureFound,
     ProcedureProgress,
-    Rests,
     Stopped,
     TakenUp,
 )
 from frida_painter.session.opening import require_basis, statuses
-from frida_painter.session.time_left import RemainingTime
+from frida_painter.session.setup_events import SetupLeft, SetupWritten
+from frida_painter.session.time_left import RemainingTime, remaining_seconds, share_of_plan
 from frida_painter.web.painter import Asker, PauseController
-from frida_painter.web.stop import StopPressed, StopWatch
-from frida_painter.web.studio_folder import CalibrationRequest, Feed, GoalRequest, PaintingFolder, PlanFolder
+from frida_painter.web.setup_progress import SetupRequest
+from frida_painter.web.stop import StopWatch
+from frida_painter.web.studio_folder import CalibrationRequest, Feed, PaintingFolder, PlanFolder
+from frida_painter.web.teacher import teach
+from frida_painter.web.teaching_progress import TeachingRequest
 from frida_painter.web.telling import Growing, Reporter, export, illustrate, mixtures
 from frida_painter.web.web_app_easel import WebAppEasel
+
+_BETWEEN_WORDS = 0.5  # seconds
 
 # Job of a worker: its painting, its easel and its feed.
 
@@ -92,16 +102,18 @@ class Job:
         request = place.request()
         return RunSpec.of(
             title=request.title or "Untitled",
-            goal=tuple(_item(term, place.path) for term in request.terms),
-            initial=tuple(_item(term, place.path) for term in request.initial),
+            **request.goals(place.path),
+            together=request.together,
             strokes=request.strokes,
             colors=min(request.colors, request.strokes),
             canvas=CanvasSize(request.width / 1000, request.height / 1000),
             fit="crop",  # the page chose the canvas in the picture's proportions, or the person chose another one
             brushes=request.brushes or None,
-            replans=min(request.replans, request.strokes - 1),
+            strokes_of=self._families(request.strokes_of),
+            replans=min(request.replans, request.strokes - 1) if self.easel.has_camera else 0,
             ground=request.ground,
             on_canvas=request.on_canvas,
+            paints=request.paints,
             focus=request.focus,
             sharpness=request.sharpness,
             drying=request.drying,
@@ -112,16 +124,26 @@ class Job:
             calibration=self.easel.known,
         )
 
+    def _families(self, asked: str) -> str | None:
+        """Returns families in the form of RunSpec; those taught in this studio by their files."""
+        if asked in ("", AUTO):
+            return asked or None
+        files = {name: self.folder.families / f"{name}.safetensors" for name, _ in family_shares(asked)}
+        shares = ((str(files[name]) if files[name].is_file() else name, share) for name, share in family_shares(asked))
+        return ",".join(f"{source}:{100 * share:g}%" for source, share in shares)
+
     def spec_to_calibrate(self, request: CalibrationRequest) -> RunSpec:
         """Returns the description of the easel to calibrate.
 
         Its canvas is that of the workspace file, if there is one.
         """
-        size = {} if self.easel.workspace else {"canvas": CanvasSize(request.width / 1000, request.height / 1000)}
+        size: dict[str, Any] = (
+            {} if self.easel.workspace else {"canvas": CanvasSize(request.width / 1000, request.height / 1000)}
+        )
         return RunSpec.of(brush=request.brush, seed=request.seed, **size, **self._easel_fields)
 
     @property
-    def _easel_fields(self) -> dict[str, object]:
+    def _easel_fields(self) -> dict[str, Any]:
         easel = self.easel
         return {
             "robot": easel.robot,
@@ -129,11 +151,6 @@ class Job:
             "workspace": easel.workspace,
             "pace": easel.pace if easel.simulated else 0.0,
         }
-
-
-def _item(term: GoalRequest, folder: Path) -> GoalItem:
-    value = term.words if term.words is not None else str(folder / f"{term.picture}.png")
-    return GoalItem(kind=term.kind, value=value, weight=term.weight)
 
 
 # Calibration by a worker: it leads the procedures, asks on the page, and saves the easel's record.
@@ -149,8 +166,7 @@ def calibrate(job: Job) -> None:
         here = with_operator(easel, spec, job.asker.answer)
         try:
             job.stop.then(here.robot.stop)
-            here.robot.connect()
-            here.camera.connect()
+            here = connect_easel(here, job.asker.answer, lambda sentence: job.feed.tell(ProcedureProgress(sentence)))
             _lead_all(job, request, here)
         finally:
             here.camera.close()
@@ -167,7 +183,7 @@ def _lead_all(job: Job, request: CalibrationRequest, here: Easel) -> None:
         job.stop.heed()
 
     for name in request.what:
-        require_basis(name, known, here.calibration, defaults_hold=here.simulated)
+        require_basis(name, known, here.calibration, defaults_hold=here.simulated or not here.has_camera)
         feed.tell(ProcedureBegan(name))
         easel = replace(here, calibration=known)
         setup = CalibrationSetup(easel, brush_kind(request.brush), path, request.seed, request.count, say)
@@ -212,6 +228,54 @@ def _tell_status(feed: Feed, record: Calibration, easel: Calibration) -> None:
     feed.tell(CalibrationStatus(easel.easel, procedures))
 
 
+# Teaching of a stroke by a worker.
+
+
+def teach_stroke(job: Job) -> None:
+    """Learns a stroke family from a person's marks."""
+    request = TeachingRequest.load(job.folder)
+
+    def say(words: str) -> None:
+        job.stop.heed()
+        if time.monotonic() - told[0] >= _BETWEEN_WORDS:
+            told[0] = time.monotonic()
+            job.feed.tell(ProcedureProgress(words))
+
+    told = [0.0]
+    job.feed.tell(teach(request, job.folder, job.folder.families, say))
+
+
+# Setup of a machine by a worker: the same dialogue as in the terminal.
+
+
+def set_up(job: Job) -> None:
+    """Sets a machine up, or goes on with a setup that was left."""
+    request, folder = SetupRequest.load(job.folder), job.folder.painting
+    shutil.rmtree(folder, ignore_errors=True)
+    storage.new_folder(folder)  # the machine's process finds a stop file there
+    asker = Asker(job.folder, job.feed, job.stop, may_leave=True)
+
+    def tell(event: SetupEvent) -> None:
+        job.feed.tell(_show_sheet(event, job.folder) if isinstance(event, SetupWritten) else event)
+        job.stop.heed()
+
+    size = None if request.width is None else CanvasSize(request.width / 1000, (request.height or 0.0) / 1000)
+    order = SetupOrder(name=request.easel, canvas=size, brush=request.brush, step=request.step, anew=request.anew)
+    try:
+        lead_setup(order, asker.answer, tell, stops=folder, opened=lambda robot: job.stop.then(robot.stop))
+    except Interrupted as left:
+        job.feed.tell(SetupLeft(str(left)))
+
+
+def _show_sheet(written: SetupWritten, folder: PaintingFolder) -> SetupWritten:
+    """Copies the picture of a finished setup for the page; returns the event with the copy's name."""
+    for before in folder.live.glob("setup-*.png"):
+        before.unlink()
+    shown = f"setup-{secrets.token_hex(12)}.png"  # random, because everybody who knows the name may see it
+    storage.copy(Path(written.sheet), folder.live / shown, "the picture of the setup", storage.MAX_BYTES)
+    return replace(written, sheet=shown)
+
+
 # Painting by a worker: it starts or resumes the run of a requested painting.
 
 
@@ -219,10 +283,11 @@ def paint(job: Job, place: PlanFolder) -> None:
     """Paints the plan, with replans as the description says."""
     folder, plan = job.folder.painting, Plan.load(place.plan)
     spec = job.spec(place).with_values(ground=ground_of(plan))
-    if spec.brushes == AUTO:
-        spec = spec.with_values(brushes=brushes_of(plan))
+    if AUTO in (spec.brushes, spec.strokes_of):
+        spec = spec.with_values(brushes=brushes_of(plan), strokes_of=None)
     with PaintingRun(spec, folder, state=job.state, record_may_differ=True) as run:
         run.load_easel()  # loads in parallel with the planner
+        job.stop.heed()
         _lead(job, run)
         _conclude(job, run, run.start(plan))
 
@@ -242,9 +307,22 @@ def _lead(job: Job, run: PaintingRun) -> None:
     job.stop.then(run.open_easel().robot.stop)
     planner, spec = run.planner, run.spec
     again = planner.effort.of_a_look
-    time_left = RemainingTime(spec.strokes, replan_policy(spec), time.monotonic(), planning=0, replanning=again)
-    reporter = Reporter(job.feed, job.folder, planner.models, planner.size, time_left)
-    pauses = PauseController(job.folder, job.feed, job.stop, job.began, lambda: run.session)
+    strokes = 0 if spec.together else spec.strokes  # nobody knows how many a person will ask for
+    time_left = RemainingTime(strokes, replan_policy(spec), time.monotonic(), planning=0, replanning=again)
+    reporter = Reporter(job.feed, job.folder, planner.models, planner.size, time_left, in_turns=spec.together)
+
+    def look_at(picture: Path) -> None:
+        given = GivenPicture(picture)
+        photograph = given.load()
+        found: Corners | None = None
+        with suppress(CalibrationError):
+            found = find_corners(photograph, planner.size)
+        question = "Where are the canvas's corners in this picture? Go round it, from any of them."
+        corners = job.asker.answer(PointCorners(question, images.from_uint8(photograph), found))
+        assert isinstance(corners, tuple)
+        run.look_at_picture(replace(given, corners=corners))
+
+    pauses = PauseController(job.folder, job.feed, job.stop, job.began, lambda: run.session, look_at, job.asker.answer)
 
     def paint_on(difference: str, photograph: Tensor) -> bool:
         question = f"{difference.split(' Look at ')[0]} Shall it be painted on as it is?"
@@ -257,11 +335,12 @@ def _lead(job: Job, run: PaintingRun) -> None:
     run.listeners += [reporter.hear, pauses.hear]
     run.controls = Controls(
         stop_asked=lambda: job.stop.asked,
-        pause_asked=pauses.pause_asked,
+        pause_cause=pauses.pause_cause,
         go_on=pauses.go_on,
         answer=job.asker.answer,
         paint_on=paint_on,
         repaint=repaint,
+        adapt=pauses.adapt_alone,
     )
 
 
@@ -273,45 +352,26 @@ def _conclude(job: Job, run: PaintingRun, outcome: RunOutcome) -> None:
     if outcome.page is None:  # it was stopped before the first plan
         job.feed.tell(Stopped())
         return
-    export(Plan.load(outcome.folder), run.planner.models, outcome.folder, run.spec.drying)
-    films = {"film": "film.mp4", "arm": ARM_FILM}
+    painted = Plan.load(outcome.folder)
+    if len(painted):
+        export(painted, run.planner.models, outcome.folder, run.spec.drying)
+    _tell_painters(run, outcome)
+    films = {"film": "film.mp4", "arm": ARM_FILM, "painters": f"{PAINTERS}.png"}
     job.feed.tell(PaintingKept(**{name: (outcome.folder / file).exists() for name, file in films.items()}))
 
 
-_GROWING_COST = 1.4  # later iterations, with all strokes placed, take longer than the first
-
-
-def main() -> None:
-    """Does the job; errors are reported on the page as a sentence."""
-    what, path, number, lock, easel = sys.argv[1:]
-    folder = PaintingFolder(Path(path))
-    folder.live.mkdir(exist_ok=True)
-    feed = Feed(folder)
-    stop = StopWatch(folder.stop, folder.path.parent)
-    prepare_process()
-    try:
-        job = Job(folder, WebAppEasel.take(json.loads(easel)), feed, stop, Asker(folder, feed, stop))
-        work(what, job, folder.plan(int(number)))
-    except StopPressed:
-        feed.tell(Stopped())
-    except FridaError as trouble:
-        if stop.asked and isinstance(trouble, RobotStopped):
-            feed.tell(Stopped())
-        else:
-            feed.tell(Failed(str(trouble).replace(str(folder.path), "its folder")))
-    except BaseException:
-        mark = secrets.token_hex(4)
-        print(mark, traceback.format_exc(), file=sys.stderr)
-        feed.tell(Failed(f"Something went wrong that should not have; its number in the log is {mark}."))
-        raise
-    finally:
-        os.close(int(lock))
-        feed.tell(Rests())
-        feed.close()
+def _tell_painters(run: PaintingRun, outcome: RunOutcome) -> None:
+    """Writes who painted what beside the painting, if a person painted too; a fault costs only this picture."""
+    with suppress(FridaError):
+        found = find_painters(outcome.folder, run.planner.models)
+        if found.of(PERSON) and outcome.painting is not None:
+            found.save(outcome.folder, outcome.painting.photograph)
 
 
 def work(what: str, job: Job, place: PlanFolder) -> None:
     """Runs a job by name. Raises ConfigError for an unknown one."""
+    prepare_process()
+    job.stop.heed()
     match what:
         case "plan":
             make_plan(job, place)
@@ -321,8 +381,12 @@ def work(what: str, job: Job, place: PlanFolder) -> None:
             resume(job, place)
         case "calibrate":
             calibrate(job)
+        case "setup":
+            set_up(job)
+        case "teach":
+            teach_stroke(job)
         case _:
-            raise ConfigError(f"There is no job {what[:40]!r}; it is plan, paint, resume or calibrate.")
+            raise ConfigError(f"There is no job {what[:40]!r}; it is plan, paint, resume, calibrate, setup or teach.")
 
 
 def make_plan(job: Job, place: PlanFolder) -> None:
@@ -341,19 +405,16 @@ def make_plan(job: Job, place: PlanFolder) -> None:
 
         def hear(step: Step) -> None:
             job.stop.heed()
-            share = (step.iteration / step.of) ** _GROWING_COST
-            feed.step(share, (time.monotonic() - started) * (1 - share) / share, place.number)
+            share = share_of_plan(step.iteration, step.of)
+            feed.step(share, remaining_seconds(time.monotonic() - started, share), place.number)
             growing.hear(step.parts)
 
         made = run.plan(hear)
         made.save(place.plan)
-        export(made, planner.models, place.path, run.spec.drying)
+        if len(made):
+            export(made, planner.models, place.path, run.spec.drying)
         expected = planner.expected(made, bare)
         nearer = 1 - planner.validation_loss(expected) / max(planner.validation_loss(bare), 1e-9)
         told = illustrate(made, planner.models, bare, place.path)
-        mixed, took = mixtures(made), round(time.monotonic() - started, 1)
-    feed.tell(PlanMade(place.number, round(nearer, 4), took, mixtures=mixed, **told))
-
-
-if __name__ == "__main__":
-    main()
+        mixed, took = mixtures(made, paints_for_recipes(run.spec)), round(time.monotonic() - started, 1)
+    feed.tell(PlanMade(place.number, round(nearer, 4), took, mixtures=mixed, mixing=mixing_changes(made), **told))

@@ -17,7 +17,7 @@ from frida_painter import storage
 from frida_painter.errors import FridaError, Interrupted, StorageError
 from frida_painter.session.events import Dequeued, PaintingStarted, Queued
 from frida_painter.web.store import Entry, PaintingStore
-from frida_painter.web.studio_folder import Feed, PaintingFolder, PlanFolder, WorkerLock, working
+from frida_painter.web.studio_folder import PaintingFolder, PlanFolder, WorkerLock, tell_once, working
 from frida_painter.web.web_app_easel import WebAppEasel
 
 _MAX = 2
@@ -67,10 +67,18 @@ class WorkerSlot:
     def __init__(self, folder: PaintingFolder, lock: WorkerLock, started: list[_Started], easel: WebAppEasel) -> None:
         self.folder, self._lock, self._started, self._easel = folder, lock, started, easel
 
-    def start(self, job: Literal["plan", "paint", "resume", "calibrate"], plan: PlanFolder) -> None:
+    def start(self, job: Literal["plan", "paint", "resume", "calibrate", "setup", "teach"], plan: PlanFolder) -> None:
         """Starts a worker in a new session, and hands it the painting's lock. Raises StorageError."""
-        program = [sys.executable, "-m", "frida_painter.web.worker", job, str(self.folder.path), str(plan.number)]
+        program = [
+            sys.executable,
+            "-m",
+            "frida_painter.web.worker_process",
+            job,
+            str(self.folder.path),
+            str(plan.number),
+        ]
         program += [str(self._lock.fileno()), json.dumps(self._easel.plain())]
+        self._lock.sign(job)
         try:
             with (self.folder.path / "worker.log").open("ab") as log:
                 process = subprocess.Popen(
@@ -152,7 +160,7 @@ class PaintingQueue:
             if not self._entries:
                 self._folder.stop.unlink(missing_ok=True)  # an empty queue was not stopped
             self._keep([*self._entries, QueueEntry(entry.id, plan.number, job)])
-            _tell(entry.folder, Queued(plan.number, job))
+            tell_once(entry.folder, Queued(plan.number, job))
 
     def remove(self, identifier: str) -> bool:
         """Removes a painting, also if it was started by hand; returns True if it was in the queue."""
@@ -163,7 +171,7 @@ class PaintingQueue:
             self._keep([waiting for waiting in self._entries if waiting.painting != identifier])
             entry = self._store.find(identifier)
             if entry is not None and entry.folder.path.is_dir():
-                _tell(entry.folder, Dequeued(gone[0].plan, begun=False))
+                tell_once(entry.folder, Dequeued(gone[0].plan, begun=False))
             return True
 
     def first(self, identifier: str) -> None:
@@ -202,7 +210,7 @@ class PaintingQueue:
             self._keep([other for other in self._entries if other != waiting])
             entry.folder.stop.unlink(missing_ok=True)
             plan = entry.folder.plan(waiting.plan)
-            _tell(entry.folder, Dequeued(waiting.plan, begun=True))
+            tell_once(entry.folder, Dequeued(waiting.plan, begun=True))
             if waiting.job == "paint":
                 self._store.note("queue", entry.id, f"start plan {waiting.plan}")
                 start_painting(slot, plan)
@@ -231,11 +239,6 @@ class PaintingQueue:
 
 def start_painting(slot: WorkerSlot, plan: PlanFolder) -> None:
     """Starts a worker that paints a plan."""
-    _tell(slot.folder, PaintingStarted(plan.number, plan.request().strokes))
+    request = plan.request()
+    tell_once(slot.folder, PaintingStarted(plan.number, 0 if request.together else request.strokes))
     slot.start("paint", plan)
-
-
-def _tell(folder: PaintingFolder, event: Queued | Dequeued | PaintingStarted) -> None:
-    feed = Feed(folder)
-    feed.tell(event)
-    feed.close()

@@ -25,6 +25,7 @@ class TextTerm(Term):
     prompt: str
     weight: float = 1.0
     interpretation_order = 2
+    is_tried = False
 
     def __post_init__(self) -> None:
         require_weight(self.weight, "words")

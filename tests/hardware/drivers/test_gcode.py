@@ -1,214 +1,363 @@
-import threading
-import time
+"""What only one firmware has: laser mode, inches, software endstops, ports. All else is in test_behaviours.py."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from frida_painter.errors import MotionFailed, RobotDisconnected, RobotError, RobotStopped
+from frida_painter.errors import ConfigError, MotionFailed, RobotDisconnected, RobotError, RobotStopped
+from frida_painter.hardware.drivers import serial_line
 from frida_painter.hardware.drivers.gcode import GcodeRobot, GcodeSettings
 from frida_painter.hardware.gcode import Gcode, Servo
 from frida_painter.hardware.robot import Waypoints
-from machines.fake_grbl import FakeGrbl
-from machines.fake_marlin import FakeMarlin
-from machines.paths import NOT_PATHS, a_stroke
+from machines import grbl, marlin
+from machines.bench import FOUND, SERVO_GRBL, SERVO_MARLIN, SerialBench, grbl_bench, marlin_bench, serial_bench
+from machines.paths import a_stroke
+from machines.simulated_time import SimulatedTime
 
-HOME = (0.0, 0.0, 0.05)
-
-
-def robot_at(machine: FakeGrbl | FakeMarlin, homing: bool = False, servo: Servo | None = None) -> GcodeRobot:
-    flavour = "grbl" if isinstance(machine, FakeGrbl) else "marlin"
-    return GcodeRobot(GcodeSettings(machine.name, HOME, gcode=Gcode(flavour, 0.2, servo), homing=homing))
+LASER = {**grbl.QUICK, "32": 1}
+HOMES = {**grbl.QUICK, "22": 1, "25": 3000.0}
 
 
-@pytest.mark.parametrize("kind", [FakeGrbl, FakeMarlin])
-def test_it_goes_where_it_is_sent_and_says_when_it_is_there(kind: type[FakeGrbl | FakeMarlin]) -> None:
-    stroke = a_stroke()
-    with kind() as machine:
-        robot = robot_at(machine)
-        robot.connect()
-        before = time.monotonic()
-        report = robot.follow(stroke)
-        assert before <= report.started_at <= report.finished_at <= time.monotonic()
-        assert report.label == "stroke 7"
-        assert np.abs(report.reached - stroke.position[-1]).max() < 1e-5
-        assert np.abs(robot.pose() - stroke.position[-1]).max() < 1e-5
-        sent = [place / 1000 for place in machine.moved]
-        for point in stroke.position:
-            assert min(np.abs(place - point).max() for place in sent) < 1e-5
-        assert robot.home().reached == pytest.approx(HOME, abs=1e-5)
+def texts(bench: SerialBench, weight: str) -> str:
+    return " ".join(fact.text for fact in bench.robot().examine().facts if fact.weight == weight)
+
+
+# GRBL
+
+
+def test_a_line_that_resets_the_board_does_so_once_and_the_zero_is_not_believed(simulated_time: SimulatedTime) -> None:
+    """M1: DTR rises when the line is opened; from then on it stays up."""
+    bench = grbl_bench(simulated_time, grbl.GRBL, grbl.QUICK)
+    robot = bench.robot()
+    robot.connect()
+    assert bench.controller.starts == 1
+    assert "was reset, and counts from 0 wherever it stands" in robot.zero().lost
+    for _ in range(3):
         robot.close()
-    assert [line for line in machine.received if line.startswith("G2")] == ["G21"]
-    assert "G90" in machine.received
-
-
-def test_home_leads_up_before_it_leads_aside() -> None:
-    with FakeGrbl() as machine:
-        robot = robot_at(machine)
+        simulated_time.sleep(1)
         robot.connect()
-        robot.follow(a_stroke())
-        start = len(machine.moved)
-        robot.home()
-        robot.close()
-    lift = next(place for place in machine.moved[start:] if abs(place[2] - 50) < 1e-6)
-    assert lift[:2] == pytest.approx((130, 50), abs=1e-3)
+    assert bench.controller.starts == 1
 
 
-@pytest.mark.parametrize(
-    ("fault", "error", "says"),
-    [
-        (
-            "error",
-            MotionFailed,
-            r"stroke 7: the grbl machine .* refused a line at waypoint 12 with error 15 \(bey",
-        ),
-        ("alarm", MotionFailed, r"stopped at waypoint 12 with alarm 1 \(a limit switch was hit\).*never does"),
-        ("quiet alarm", MotionFailed, r"is in an alarm at waypoint 12; it says 'Alarm'.*never does"),
-        ("Door:0", MotionFailed, r"door was opened; the door is closed again at waypoint 12; it says 'Door:0'. Look"),
-        ("Door:1", MotionFailed, r"its safety door is open at waypoint 12; it says 'Door:1'.*reset it with its own"),
-        ("Hold:0", MotionFailed, r"is held: its feed hold was pressed.* at waypoint 12; it says 'Hold:0'"),
-        ("Sleep", MotionFailed, r"is asleep at waypoint 12; it says 'Sleep'"),
-        ("reset", MotionFailed, "was reset at waypoint 12; it has forgotten"),
-        ("lose", RobotDisconnected, "idle and has not acknowledged 'G1 X.*A line was lost"),
-        ("garbage", RobotDisconnected, "which is not GRBL's"),
-        ("unplug", RobotDisconnected, "is gone"),
-    ],
-)
-def test_what_goes_wrong_in_a_stroke_is_told_and_nothing_moves_after(
-    fault: str, error: type[RobotError], says: str
+def test_another_programs_reset_or_offset_makes_the_zero_doubtful(simulated_time: SimulatedTime) -> None:
+    bench = grbl_bench(simulated_time, grbl.GRBL, grbl.QUICK)
+    bench.ready().close()
+    bench.controller.hear(b"\x18")  # a soft reset, as other programs send when they connect
+    simulated_time.sleep(0.1)
+    robot = bench.robot()
+    robot.connect()
+    assert not robot.zero().known
+    robot.set_zero(FOUND)
+    robot.close()
+    bench.controller.stored = bench.controller.stored + np.array([5.0, 0, 0])  # somebody set another zero
+    robot.connect()
+    assert not robot.zero().known
+
+
+def test_a_machine_with_switches_is_homed_only_if_that_is_allowed(simulated_time: SimulatedTime) -> None:
+    bench = serial_bench(simulated_time, grbl.GrblController(grbl.GRBL, HOMES), Gcode("grbl", 0.1))
+    with pytest.raises(RobotError, match="allow homing in its settings"):
+        bench.robot().connect()
+    assert "$H" not in bench.commands() and "$X" not in bench.commands()
+    allowed = serial_bench(simulated_time, grbl.GrblController(grbl.GRBL, HOMES), Gcode("grbl", 0.1), homing=True)
+    robot = allowed.robot()
+    robot.connect()
+    assert robot.zero().known and robot.zero().homes
+    assert allowed.commands().count("$H") == 1
+    robot.close()
+    robot.connect()
+    assert allowed.commands().count("$H") == 1, "it knows where it is"
+    robot.find_zero()
+    assert allowed.commands().count("$H") == 2
+    none = serial_bench(simulated_time, grbl.GrblController(grbl.GRBL, grbl.QUICK), Gcode("grbl", 0.1), homing=True)
+    with pytest.raises(RobotError, match=r"Homing is allowed \(homing=yes\), and it has none"):
+        none.robot().connect()
+
+
+def test_a_stop_while_homing_ends_it(simulated_time: SimulatedTime) -> None:
+    bench = serial_bench(simulated_time, grbl.GrblController(grbl.GRBL, HOMES), Gcode("grbl", 0.1), homing=True)
+    robot = bench.robot()
+    simulated_time.when(lambda: bench.controller.state == "Home", lambda: simulated_time.after(1, robot.stop))
+    with pytest.raises(RobotStopped):
+        robot.connect()
+    simulated_time.sleep(0.1)
+    assert bench.controller.state == "Alarm" and "reset" in bench.commands()
+
+
+def test_in_laser_mode_the_servo_holds_its_height_from_the_first_travel_on(simulated_time: SimulatedTime) -> None:
+    """M2: after a reset the modal state is G0, in which laser mode puts out 0."""
+    bench = grbl_bench(simulated_time, grbl.GRBL, LASER, SERVO_GRBL)
+    robot = bench.ready()
+    robot.follow(Waypoints("above stroke 1", np.array([[0.12, 0.06, 0.05]]), 0.1))
+    robot.follow(a_stroke())
+    values = [value for value, _ in bench.controller.output]
+    assert values[0] == 900 and min(values) >= 100
+    assert not any(line.startswith("G0") for line in bench.commands())
+
+
+@pytest.mark.parametrize("laser", [0, 1])
+def test_a_stop_drops_the_servos_signal_only_in_laser_mode_and_doctor_says_so(
+    simulated_time: SimulatedTime, laser: int
 ) -> None:
-    with FakeGrbl(misbehave={12: fault}) as machine:
-        robot = robot_at(machine)
+    """M3."""
+    bench = grbl_bench(simulated_time, grbl.GRBL, {**grbl.QUICK, "32": laser}, SERVO_GRBL)
+    assert ("a stop cuts the servo's signal, and the brush may drop" in texts(bench, "warning")) == bool(laser)
+    robot = bench.ready()
+    robot.follow(Waypoints("above", np.array([[0.1, 0.05, 0.03]]), 0.05))
+    bench.when_moved(0.01, robot.stop)
+    with pytest.raises(RobotStopped):
+        robot.follow(Waypoints("stroke 1", np.array([[0.16, 0.05, 0.03]]), 0.05))
+    simulated_time.sleep(3)
+    assert bench.controller.pulse == (0 if laser else pytest.approx(598, abs=1))
+    robot.close()
+    assert bench.controller.state == "Hold:0", "a reset would drop it, too"
+    again = bench.robot()
+    again.connect()
+    assert bench.controller.state == "Idle"
+
+
+@pytest.mark.parametrize("build", [lambda clock: grbl_bench(clock, grbl.GRBL, LASER, SERVO_GRBL),
+                                   lambda clock: marlin_bench(clock, marlin.SERVO, SERVO_MARLIN)])  # fmt: skip
+@pytest.mark.parametrize("how", ["jog", "follow"])
+def test_a_brush_that_a_stop_may_have_dropped_is_lifted_before_it_goes_anywhere(
+    simulated_time: SimulatedTime, build: Callable[[SimulatedTime], SerialBench], how: str
+) -> None:
+    """M3."""
+    bench = build(simulated_time)
+    robot = bench.ready()
+    robot.follow(Waypoints("down", np.array([[0.1, 0.05, 0.0]]), 0.05))
+    bench.when_moved(0.01, robot.stop)
+    with pytest.raises(RobotStopped):
+        robot.follow(Waypoints("stroke 1", np.array([[0.1, 0.05, 0.0], [0.16, 0.05, 0.0]]), 0.05))
+    robot.close()
+    again = bench.robot()
+    again.connect()
+    before, heights = len(bench.moved()), list[float]()
+    simulated_time.when(lambda: len(bench.moved()) > before and bool(heights.append(bench.height_of_servo())), list)
+    if how == "jog":
+        again.jog(np.array([0.01, 0.0, 0.0]))
+    else:
+        if not again.zero().known:
+            again.set_zero(np.array([0.11, 0.05, 0.0]))
+        again.follow(Waypoints("away", np.array([[0.18, 0.05, 0.04]]), 0.05))
+    assert heights and heights[0] == pytest.approx(0.05, abs=bench.exact_height + 1e-6)
+
+
+def test_the_brush_is_lifted_before_a_machine_homes(simulated_time: SimulatedTime) -> None:
+    """M3: it may stand on the canvas. GRBL itself homes the axis Z first; Marlin does not."""
+    for machine, language, code in (
+        (grbl.GrblController(grbl.GRBL, HOMES), Gcode("grbl", 0.1, SERVO_GRBL), "$H"),
+        (marlin.MarlinController(marlin.SERVO), Gcode("marlin", 0.1, SERVO_MARLIN), "G28"),
+        (marlin.MarlinController(marlin.PLAIN), Gcode("marlin", 0.1), "G28"),
+    ):
+        bench = serial_bench(simulated_time, machine, language, homing=True)
+        robot = bench.robot()
         robot.connect()
-        with pytest.raises(error, match=says) as told:
-            robot.follow(a_stroke())
-        if isinstance(told.value, MotionFailed):
-            assert told.value.waypoint == 12
-            assert told.value.code in ("15", "1", "Alarm", "reset", fault)
-        time.sleep(0.05)
-        moved = len(machine.moved)
-        for action in (robot.home, lambda: robot.follow(a_stroke()), robot.pose):
-            with pytest.raises(RobotError, match=r"does not move after its last fault|was stopped"):
-                action()
-        time.sleep(0.05)
-        assert len(machine.moved) == moved
-        assert not any(line.startswith("$X") for line in machine.received)
-        robot.close()
+        robot.find_zero()
+        said = bench.commands()
+        at = len(said) - 1 - said[::-1].index(code)
+        if language.servo is not None:
+            assert any("S9" in line for line in said[at - 3 : at]), said[at - 5 : at + 1]
+        else:
+            assert any("Z5.000" in line for line in said[at - 4 : at]), said[at - 5 : at + 1]
 
 
-def test_a_machine_that_acknowledges_too_much_is_waited_for_until_it_stands() -> None:
-    stroke = a_stroke()
-    with FakeGrbl(pace=5, misbehave=dict.fromkeys((3, 9, 20), "twice")) as machine:
-        robot = robot_at(machine)
-        robot.connect()
-        assert np.abs(robot.follow(stroke).reached - stroke.position[-1]).max() < 1e-5
-        moved = len(machine.moved)
-        time.sleep(0.05)
-        assert len(machine.moved) == moved
-        robot.close()
+@pytest.mark.parametrize("make", [lambda clock, servo: grbl_bench(clock, grbl.GRBL, LASER, servo),
+                                  lambda clock, servo: marlin_bench(clock, marlin.SERVO, servo)])  # fmt: skip
+def test_a_servo_lands_softly_and_lifts_at_once(simulated_time: SimulatedTime, make) -> None:  # type: ignore[no-untyped-def]
+    """M7: never more than a millimetre at a time on the way down, at the speed that was set."""
+    bench = make(simulated_time, Servo((-0.003, 10), (0.05, 90), speed=0.02))
+    robot = bench.ready()
+    robot.follow(Waypoints("above", np.array([[0.1, 0.05, 0.05]]), 0.05))
+    heights: list[float] = []
+    simulated_time.when(lambda: bool(heights.append(bench.height_of_servo())), lambda: None)
+    began = simulated_time.now
+    robot.follow(Waypoints("down", np.array([[0.1, 0.05, 0.0]]), 0.05))
+    took = simulated_time.now - began
+    down = -np.diff(heights)
+    foretold = robot.timing().servo.seconds(0.05, 0.0)
+    assert down.max() < 0.0018 and foretold > 2.4 and took == pytest.approx(foretold, rel=0.15)
+    heights.clear()
+    robot.follow(Waypoints("up", np.array([[0.1, 0.05, 0.05]]), 0.05))
+    assert np.diff(heights).max() > 0.03
 
 
-def test_a_machine_that_falls_silent_is_given_up_at_the_deadline(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("frida_painter.hardware.drivers.interlock.PATIENCE", 0.3)
-    monkeypatch.setattr("frida_painter.hardware.drivers.gcode.PATIENCE", 0.3)
-    with FakeGrbl(misbehave={5: "mute"}) as machine:
-        robot = robot_at(machine)
-        robot.connect()
-        with pytest.raises(RobotDisconnected, match="did not acknowledge in time"):
-            robot.follow(a_stroke(speed=0.5))
-        assert "!" in machine.received
-        robot.close()
+def test_an_axis_goes_down_no_faster_than_it_should(simulated_time: SimulatedTime) -> None:
+    """M7 for machines with an axis."""
+    bench = serial_bench(
+        simulated_time, grbl.GrblController(grbl.GRBL, grbl.QUICK), Gcode("grbl", 0.1, None, 0.005, 0.02)
+    )
+    robot = bench.ready()
+    began = simulated_time.now
+    robot.follow(Waypoints("press", np.array([[0.1, 0.05, 0.012], [0.1, 0.05, 0.002]]), 0.05))
+    assert simulated_time.now - began == pytest.approx(2.0, rel=0.2)
+    slow = next(line for line in bench.commands() if "Z2.000" in line)
+    assert slow.endswith("F300")
 
 
-def test_an_alarm_is_never_cleared_by_the_program_and_a_person_can_start_anew() -> None:
-    with FakeGrbl(misbehave={12: "alarm"}) as machine:
-        robot = robot_at(machine)
-        robot.connect()
-        with pytest.raises(MotionFailed):
-            robot.follow(a_stroke())
-        with pytest.raises(RobotError, match=r"is not ready: it says 'Alarm'.*never clears an alarm"):
-            robot.connect()
-        assert not any(line.startswith("$") for line in machine.received)
-        machine.state = "Idle"  # a person has cleared it
-        robot.connect()
-        assert robot.follow(a_stroke()).reached == pytest.approx(a_stroke().position[-1], abs=1e-5)
-        robot.close()
+def test_a_report_in_inches_is_converted(simulated_time: SimulatedTime) -> None:
+    """M16."""
+    bench = grbl_bench(simulated_time, grbl.GRBL, {**grbl.QUICK, "13": 1})
+    robot = bench.ready()
+    robot.follow(Waypoints("stroke 1", np.array([[0.2, 0.05, 0.012]]), 0.05))
+    assert robot.pose() == pytest.approx((0.2, 0.05, 0.012), abs=1e-5)
+    robot.close()
+    assert "It reports inches ($13=1), which are converted." in texts(bench, "fact")
 
 
-def test_a_machine_locked_since_its_start_is_homed_only_where_that_is_allowed() -> None:
-    with FakeGrbl(state="Alarm") as machine:
-        with pytest.raises(RobotError, match="allow homing in its settings"):
-            robot_at(machine).connect()
-        assert machine.received == []
-        robot = robot_at(machine, homing=True)
-        robot.connect()
-        assert machine.received[0] == "$H"
-        robot.close()
+def test_a_clones_ok_after_a_report_acknowledges_nothing(simulated_time: SimulatedTime) -> None:
+    """M17: no line is sent before the one before it was acknowledged, although an ok follows every report."""
+    bench = grbl_bench(simulated_time, grbl.CLONE, {**grbl.DEFAULTS})
+    robot = bench.ready()
+    waiting: list[int] = []
+    simulated_time.when(lambda: bool(waiting.append(len(bench.controller._waiting))), lambda: None)
+    long = np.array([[0.1 + 0.02 * (k % 2), 0.05 + 0.002 * k, 0.012] for k in range(24)])
+    robot.follow(Waypoints("stroke 1", long, 0.1))
+    assert max(waiting) <= 1
+    robot.close()
+    assert "a clone that says ok after each report" in texts(bench, "fact")
 
 
-def test_stop_holds_the_machine_within_a_tenth_of_a_second() -> None:
-    with FakeGrbl(pace=1) as machine:
-        robot = robot_at(machine)
-        robot.connect()
-        machine.place = a_stroke().position[0] * 1000
-        told: list[Exception] = []
-
-        def paint() -> None:
-            try:
-                robot.follow(a_stroke())
-            except RobotError as error:
-                told.append(error)
-
-        thread = threading.Thread(target=paint)
-        thread.start()
-        while len(machine.moved) < 20:
-            time.sleep(0.005)
-        stopped = time.monotonic()
-        robot.stop()
-        robot.stop()
-        returned = time.monotonic()
-        thread.join(3)
-        assert not thread.is_alive()
-        assert returned - stopped < 0.05
-        assert machine.at[-1] - stopped < 0.1
-        assert isinstance(told[0], RobotStopped)
-        machine.settle()
-        assert machine.received[-1] == "reset"  # what was planned is forgotten
-        with pytest.raises(RobotStopped, match="look at it"):
-            robot.follow(a_stroke())
-        robot.close()
-        moved = len(machine.moved)
-        robot.connect()
-        time.sleep(0.05)
-        assert len(machine.moved) == moved
-        robot.close()
+def test_motors_that_are_released_at_rest_are_told_and_refused_if_the_brush_sinks(
+    simulated_time: SimulatedTime,
+) -> None:
+    """M18."""
+    assert "releases its motors 25 ms after each motion ($1=25)" in texts(
+        grbl_bench(simulated_time, grbl.GRBL), "warning"
+    )
+    sinking = serial_bench(simulated_time, grbl.GrblController(grbl.GRBL), Gcode("grbl", 0.1, sinks=True))
+    with pytest.raises(RobotError, match=r"cannot paint like this.*the brush would sink.*Set \$1=255"):
+        sinking.robot().connect()
+    held = {**grbl.DEFAULTS, "1": 255}
+    fine = serial_bench(simulated_time, grbl.GrblController(grbl.GRBL, held), Gcode("grbl", 0.1, sinks=True))
+    fine.robot().connect()
 
 
-def test_a_stop_between_motions_is_kept() -> None:
-    with FakeGrbl() as machine:
-        robot = robot_at(machine)
-        robot.connect()
-        robot.stop()
-        with pytest.raises(RobotStopped):
-            robot.follow(a_stroke())
-        robot.close()
-        machine.settle()
-        assert machine.received[-2:] == ["!", "reset"]
-        assert machine.moved == []
+def test_a_servo_value_that_would_be_cut_off_is_refused(simulated_time: SimulatedTime) -> None:
+    bench = grbl_bench(simulated_time, grbl.GRBL, {**LASER, "30": 255}, SERVO_GRBL)
+    with pytest.raises(RobotError, match=r"The servo's value 900 is outside of 0 to 255 \(\$31, \$30\)"):
+        bench.robot().connect()
 
 
-@pytest.mark.parametrize("position", NOT_PATHS, ids=lambda position: str(position.shape))
-def test_what_is_no_path_is_refused_before_a_line_is_sent(position: np.ndarray) -> None:
-    with FakeGrbl() as machine:
-        robot = robot_at(machine)
-        robot.connect()
-        sent = len(machine.received)
-        with pytest.raises(MotionFailed, match="did not move"):
-            robot.follow(Waypoints("stroke 1", position, 0.1))
-        with pytest.raises(MotionFailed, match="speed of nan"):
-            robot.follow(Waypoints("stroke 1", np.zeros((1, 3)), float("nan")))
-        assert len(machine.received) == sent
-        robot.follow(a_stroke())  # nothing went wrong with the machine
-        robot.close()
+def test_a_way_beyond_the_machines_own_limits_is_refused_before_it_moves(simulated_time: SimulatedTime) -> None:
+    limited = {**HOMES, "20": 1}
+    bench = serial_bench(simulated_time, grbl.GrblController(grbl.GRBL, limited), Gcode("grbl", 0.1), homing=True)
+    robot = bench.robot()
+    robot.connect()
+    sent = len(bench.commands())
+    with pytest.raises(MotionFailed, match=r"z = -120\.0 mm at waypoint 1 is beyond the limits .* It did not move"):
+        robot.follow(Waypoints("dip", np.array([[-0.1, -0.1, -0.05], [-0.1, -0.1, -0.12]]), 0.05))
+    assert not any(line.startswith("G1X") for line in bench.commands()[sent:])
+    robot.follow(Waypoints("dip", np.array([[-0.1, -0.1, -0.05]]), 0.05))
+
+
+def test_a_limit_switch_that_is_hit_is_named(simulated_time: SimulatedTime) -> None:
+    bench = grbl_bench(simulated_time, grbl.GRBL, {**grbl.QUICK, "21": 1})
+    robot = bench.ready()
+    bench.controller.wall = bench.controller.tip[0] + 12
+    with pytest.raises(MotionFailed, match=r"with alarm 1 \(a limit switch was hit\)"):
+        robot.follow(a_stroke())
+
+
+@pytest.mark.parametrize(("state", "says"), [("Door:1", "its safety door is open"), ("Sleep", "is asleep")])
+def test_a_machine_that_cannot_move_says_why(simulated_time: SimulatedTime, state: str, says: str) -> None:
+    bench = grbl_bench(simulated_time, grbl.GRBL, grbl.QUICK)
+    robot = bench.ready()
+
+    def happen() -> None:
+        bench.controller.queue.hold()
+        bench.controller.state = state
+
+    bench.when_moved(0.005, happen)
+    with pytest.raises(MotionFailed, match=says):
+        robot.follow(a_stroke())
+
+
+def test_a_machine_that_says_run_and_does_not_move_is_given_up(simulated_time: SimulatedTime) -> None:
+    bench = grbl_bench(simulated_time, grbl.GRBL, grbl.QUICK)
+    robot = bench.ready()
+
+    def jam() -> None:
+        bench.controller.queue.advance = lambda seconds: None
+        bench.controller.state = "Run"
+
+    bench.when_moved(0.005, jam)
+    with pytest.raises(RobotDisconnected, match="says 'Run' and has not moved for"):
+        robot.follow(a_stroke())
+
+
+# Marlin
+
+
+def test_software_endstops_that_would_cut_a_stroke_are_noticed(simulated_time: SimulatedTime) -> None:
+    """M12: Marlin goes to the nearest place that they allow, and says ok."""
+    build = marlin.Build(lowest=(0.0, 0.0, 0.0), highest=(235.0, 235.0, 250.0))
+    bench = serial_bench(simulated_time, marlin.MarlinController(build), Gcode("marlin", 0.1), lowest=-0.005)
+    assert "never goes below z = 0 mm, and the workspace reaches down to -5 mm" in texts(bench, "warning")
+    robot = bench.robot()
+    robot.connect()
+    robot.set_zero(np.array([0.1, 0.05, 0.0]))
+    with pytest.raises(MotionFailed, match=r"stroke 7: z = -.* is beyond the limits .* It did not move"):
+        robot.follow(a_stroke())
+    assert len(bench.moved()) == 0
+    off = serial_bench(simulated_time, marlin.MarlinController(marlin.Build(endstops=False)), Gcode("marlin", 0.1))
+    off.ready().follow(a_stroke())
+
+
+def test_a_servo_that_marlin_does_not_know_is_refused(simulated_time: SimulatedTime) -> None:
+    """M11."""
+    bench = marlin_bench(simulated_time, marlin.PLAIN, SERVO_MARLIN)
+    with pytest.raises(RobotError, match="M280 is an unknown command"):
+        bench.robot().connect()
+    assert len(bench.moved()) == 0
+
+
+def test_an_unknown_command_in_a_motion_ends_it(simulated_time: SimulatedTime) -> None:
+    bench = marlin_bench(simulated_time, marlin.PLAIN)
+    robot = bench.ready()
+    with pytest.raises(MotionFailed, match="does not know 'M999 X1'"):
+        robot._firmware.send("M999 X1", "stroke 1", 3)
+
+
+def test_a_stop_while_marlin_homes_is_an_emergency_stop_and_doctor_said_so(simulated_time: SimulatedTime) -> None:
+    """M13: it does not hear M410 while it homes."""
+    bench = serial_bench(simulated_time, marlin.MarlinController(marlin.PLAIN), Gcode("marlin", 0.1), homing=True)
+    assert "hears nothing but the emergency stop (M112)" in texts(bench, "warning")
+    robot = bench.robot()
+    robot.connect()
+    assert robot.zero().known
+    simulated_time.when(lambda: bench.controller._busy_with == "G28", lambda: simulated_time.after(2, robot.stop))
+    with pytest.raises(RobotStopped):
+        robot.find_zero()
+    simulated_time.sleep(0.1)
+    assert bench.controller.killed and "M112" in bench.commands()
+
+
+def test_a_line_that_marlin_got_damaged_is_sent_again_three_times(simulated_time: SimulatedTime) -> None:
+    bench = marlin_bench(simulated_time, marlin.ADVANCED)
+    robot, stroke = bench.ready(), a_stroke()
+    bench.controller.damage_lines = 2
+    assert robot.follow(stroke).reached == pytest.approx(stroke.position[-1], abs=2e-5)
+    bench.controller.damage_lines = 3
+    with pytest.raises(RobotDisconnected, match="damaged 3 times"):
+        robot.follow(stroke)
+
+
+def test_a_stop_may_lose_steps_so_marlins_zero_is_found_again(simulated_time: SimulatedTime) -> None:
+    bench = marlin_bench(simulated_time, marlin.PLAIN)
+    robot = bench.ready()
+    bench.when_moved(0.01, robot.stop)
+    with pytest.raises(RobotStopped):
+        robot.follow(a_stroke())
+    robot.close()
+    robot.connect()
+    assert "since its last start or stop nobody has told it where it stands" in robot.zero().lost
+
+
+# Ports and names
 
 
 def test_a_port_that_does_not_exist_lists_those_that_do(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -216,7 +365,7 @@ def test_a_port_that_does_not_exist_lists_those_that_do(monkeypatch: pytest.Monk
         device, description = "/dev/ttyUSB3", "USB Serial"
 
     monkeypatch.setattr("serial.tools.list_ports.comports", lambda: [Port()])
-    robot = GcodeRobot(GcodeSettings("/dev/ttyNOPE", HOME))
+    robot = GcodeRobot(GcodeSettings("/dev/ttyNOPE", (0.0, 0.0, 0.05)))
     with pytest.raises(RobotDisconnected, match=r"'/dev/ttyNOPE' cannot be opened .* There are: /dev/ttyUSB3 \(USB"):
         robot.connect()
     monkeypatch.setattr("serial.tools.list_ports.comports", list)
@@ -225,65 +374,26 @@ def test_a_port_that_does_not_exist_lists_those_that_do(monkeypatch: pytest.Monk
     robot.close()
 
 
-def test_nobody_at_the_other_end_is_told_and_the_port_is_free_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("frida_painter.hardware.drivers.gcode.PATIENCE", 0.3)
-    with FakeGrbl() as machine:
-        machine._mute = True
-        robot = robot_at(machine)
-        with pytest.raises(RobotDisconnected, match="gave no report"):
-            robot.connect()
-        machine._mute = False
-        robot.connect()
-        robot.close()
+def test_a_port_that_the_user_may_not_use_or_that_brltty_took_says_what_to_do(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """M23."""
+
+    def refuse(*_: object, **__: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("serial.Serial", refuse)
+    with pytest.raises(RobotDisconnected, match=r"may not use it: run `sudo usermod -aG \S+ \$USER`, log out and in"):
+        GcodeRobot(GcodeSettings(str(tmp_path / "ttyUSB0"), (0.0, 0.0, 0.05))).connect()
+    monkeypatch.undo()
+    monkeypatch.setattr(serial_line, "_is_taken_by_brltty", lambda: True)
+    with pytest.raises(RobotDisconnected, match="takes CH340 adapters for Braille displays: remove it"):
+        GcodeRobot(GcodeSettings(str(tmp_path / "ttyUSB0"), (0.0, 0.0, 0.05))).connect()
 
 
-@pytest.mark.parametrize(
-    ("fault", "error", "says"),
-    [
-        ("always damage", RobotDisconnected, "damaged 3 times"),
-        ("reset", MotionFailed, "was reset at waypoint 12"),
-        ("kill", MotionFailed, r"failed at waypoint 12: 'Printer halted. kill\(\) called!'"),
-    ],
-)
-def test_marlin_tells_what_goes_wrong(fault: str, error: type[RobotError], says: str) -> None:
-    with FakeMarlin(misbehave={12: fault}) as machine:
-        robot = robot_at(machine)
-        robot.connect()
-        with pytest.raises(error, match=says):
-            robot.follow(a_stroke())
-        time.sleep(0.05)
-        assert machine.received[-1] == "M410"
-        robot.close()
-
-
-def test_a_line_that_marlin_got_damaged_is_sent_again() -> None:
-    with FakeMarlin(misbehave={12: "damage"}) as machine:
-        robot = robot_at(machine)
-        robot.connect()
-        report = robot.follow(a_stroke())
-        robot.close()
-    assert report.reached == pytest.approx(a_stroke().position[-1], abs=1e-5)
-    motions = [line for line in machine.received if line.startswith("G1")]
-    assert len(motions) == len(a_stroke().position)
-
-
-def test_a_line_that_never_reached_marlin_ends_the_motion(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("frida_painter.hardware.drivers.interlock.PATIENCE", 0.2)
-    with FakeMarlin(misbehave={12: "lose"}) as machine:
-        robot = robot_at(machine)
-        robot.connect()
-        with pytest.raises(RobotDisconnected, match="a line was lost"):
-            robot.follow(a_stroke())
-        robot.close()
-
-
-def test_a_servo_lifts_the_brush_and_its_height_is_reported() -> None:
-    servo = Servo((-0.003, 100), (0.02, 900), speed=1.0)
-    with FakeGrbl() as machine:
-        robot = robot_at(machine, servo=servo)
-        robot.connect()
-        report = robot.follow(a_stroke())
-        robot.close()
-    assert report.reached == pytest.approx(a_stroke().position[-1], abs=1e-5)
-    assert not any("Z" in line for line in machine.received)
-    assert any(line == "M3 S900" for line in machine.received)
+@pytest.mark.parametrize("speed", [0.0, -1.0, math.nan, math.inf])
+def test_speeds_of_the_brush_are_above_0(speed: float) -> None:
+    with pytest.raises(ConfigError, match="to lower the brush"):
+        Gcode("grbl", lower=speed)
+    with pytest.raises(ConfigError, match="to lift the brush"):
+        Gcode("grbl", lift=speed)

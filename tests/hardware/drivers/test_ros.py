@@ -11,8 +11,8 @@ from frida_painter.errors import ConfigError, MotionFailed, RobotDisconnected, R
 from frida_painter.hardware.drivers import ros
 from frida_painter.hardware.drivers.ros import RosRobot, RosSettings
 from frida_painter.hardware.robot import Waypoints
-from machines.fake_ros_arm import FakeArm
 from machines.paths import NOT_PATHS, a_stroke
+from machines.ros_arm import RosArm
 
 HOME = (0.25, -0.1, 0.3)
 
@@ -36,7 +36,7 @@ class AirConnection:
     """A connection of the test's own; `name` tells which of the two is broken."""
 
     air: Air
-    arm: FakeArm
+    arm: RosArm
     name: str
     is_open: bool = False
 
@@ -59,6 +59,9 @@ class AirConnection:
             raise RobotDisconnected("The connection is broken.")
         self.arm.hear(topic, message)
 
+    def complaint(self) -> str:
+        return ""
+
     def close(self) -> None:
         self.air.opened -= self.is_open
         self.is_open = False
@@ -70,20 +73,22 @@ def air() -> Air:
     return Air()
 
 
-@pytest.fixture
-def arm(air: Air) -> Iterator[FakeArm]:
-    arm = FakeArm(air.tell)
+@pytest.fixture(params=[2, 1], ids=["ROS 2", "ROS 1"])
+def arm(air: Air, request: pytest.FixtureRequest) -> Iterator[RosArm]:
+    arm = RosArm(air.tell, ros=request.param)
     arm.start()
     yield arm
     arm.end()
 
 
 @pytest.fixture
-def robot(air: Air, arm: FakeArm) -> RosRobot:
-    return RosRobot(RosSettings(HOME), AirConnection(air, arm, "connection"), AirConnection(air, arm, "stopper"))
+def robot(air: Air, arm: RosArm) -> RosRobot:
+    return RosRobot(
+        RosSettings(HOME, ros=arm.ros), AirConnection(air, arm, "connection"), AirConnection(air, arm, "stopper")
+    )
 
 
-def test_the_arm_is_at_each_waypoint_and_its_own_place_is_reported(robot: RosRobot, arm: FakeArm) -> None:
+def test_the_arm_is_at_each_waypoint_and_its_own_place_is_reported(robot: RosRobot, arm: RosArm) -> None:
     robot.connect()
     assert robot.pose() == pytest.approx((0.2, 0.0, 0.3))
     stroke = a_stroke()
@@ -102,9 +107,9 @@ def test_the_arm_is_at_each_waypoint_and_its_own_place_is_reported(robot: RosRob
     ("fault", "error", "says"),
     [
         ("ignores", RobotDisconnected, "did not say on /brush/status that it took the motion"),
-        ("refuses", MotionFailed, r"refused the motion \(refuses\)"),
-        ("aborts", MotionFailed, r"gave up \(at point 10\)"),
-        ("stopped", RobotStopped, r"was stopped there \(at point 10\)"),
+        ("refuses", MotionFailed, r"refused the motion \(refuses\)|gave up"),
+        ("aborts", MotionFailed, r"gave up( \(at point 10\))?; look"),
+        ("stopped", RobotStopped, r"was stopped there( \(at point 10\))?; look"),
         ("mute", RobotDisconnected, "has not said for . s where it is"),
         ("garbage pose", RobotError, "said .*pose.*, which cannot be understood"),
         ("garbage status", RobotError, "said .*done.*, which cannot be understood"),
@@ -114,7 +119,7 @@ def test_the_arm_is_at_each_waypoint_and_its_own_place_is_reported(robot: RosRob
 )
 def test_whatever_the_arm_does_becomes_a_typed_error_and_it_is_told_to_stop(
     robot: RosRobot,
-    arm: FakeArm,
+    arm: RosArm,
     air: Air,
     monkeypatch: pytest.MonkeyPatch,
     fault: str,
@@ -151,6 +156,40 @@ def _settled(arm: Any) -> tuple[int, int]:
     return before
 
 
+def test_an_arm_that_is_slower_than_asked_but_moves_is_alive(
+    robot: RosRobot, arm: RosArm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(ros, "motion_timeout", lambda path, speed: 0.05)
+    monkeypatch.setattr(ros, "PATIENCE", 0.5)
+    robot.connect()
+    arm.misbehave = "slow"
+    assert robot.follow(a_stroke()).reached == pytest.approx(a_stroke().position[-1], abs=1e-9)
+    assert robot.alive_at() > 0
+
+
+def test_m22_an_arm_stops_by_itself_soon_after_the_last_sign_of_life(
+    robot: RosRobot, arm: RosArm, air: Air, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(ros, "_BEAT", 0.05)
+    arm.pace, arm.watchdog = 0.2, 0.4
+    robot.connect()
+
+    def paint() -> None:
+        with pytest.raises(RobotError):
+            robot.follow(a_stroke())
+
+    thread = threading.Thread(target=paint)
+    thread.start()
+    time.sleep(0.8)
+    assert arm.moved and not arm.stopped  # as long as it hears, however long the motion takes
+    monkeypatch.setattr(AirConnection, "publish", lambda self, topic, message: None)  # the painter's computer dies
+    died = time.monotonic()
+    while not arm.stopped and time.monotonic() < died + 3:
+        time.sleep(0.01)
+    assert arm.stopped and arm.at[-1] - died < 0.4 + 0.2
+    thread.join(5)
+
+
 @pytest.mark.parametrize("broken", ["connection", "stopper"])
 def test_a_connection_that_fails_halfway_leaves_nothing_open_and_can_be_repeated(
     robot: RosRobot, air: Air, broken: str
@@ -164,7 +203,7 @@ def test_a_connection_that_fails_halfway_leaves_nothing_open_and_can_be_repeated
     assert air.opened == 2
 
 
-def test_ros_without_an_arm_is_told(air: Air, arm: FakeArm, robot: RosRobot, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ros_without_an_arm_is_told(air: Air, arm: RosArm, robot: RosRobot, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ros, "PATIENCE", 0.2)
     air.deaf = True
     with pytest.raises(RobotDisconnected, match="no arm in it listens to /brush/follow and /brush/stop"):
@@ -176,7 +215,7 @@ def test_ros_without_an_arm_is_told(air: Air, arm: FakeArm, robot: RosRobot, mon
     assert air.opened == 0
 
 
-def test_stop_goes_over_its_own_wire_or_over_the_other(robot: RosRobot, arm: FakeArm, air: Air) -> None:
+def test_stop_goes_over_its_own_wire_or_over_the_other(robot: RosRobot, arm: RosArm, air: Air) -> None:
     arm.pace = 1
     robot.connect()
     told: list[BaseException] = []
@@ -203,9 +242,7 @@ def test_stop_goes_over_its_own_wire_or_over_the_other(robot: RosRobot, arm: Fak
 
 
 @pytest.mark.parametrize("position", NOT_PATHS, ids=lambda position: str(position.shape))
-def test_what_is_no_path_is_refused_before_anything_is_sent(
-    robot: RosRobot, arm: FakeArm, position: np.ndarray
-) -> None:
+def test_what_is_no_path_is_refused_before_anything_is_sent(robot: RosRobot, arm: RosArm, position: np.ndarray) -> None:
     robot.connect()
     with pytest.raises(MotionFailed, match="did not move"):
         robot.follow(Waypoints("stroke 1", position, 0.1))

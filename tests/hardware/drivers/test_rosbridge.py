@@ -1,5 +1,6 @@
 import socket
 import sys
+import threading
 import time
 
 import numpy as np
@@ -11,19 +12,19 @@ from frida_painter.hardware.drivers.ros_connections import RosbridgeConnection
 from machines.paths import a_stroke
 
 pytest.importorskip("roslibpy", reason="the extra `ros` is not installed")
-from machines.fake_rosbridge import FakeRosbridge
+from machines.rosbridge import Rosbridge
 
 HOME = (0.25, -0.1, 0.3)
 
 
-def robot_behind(bridge: FakeRosbridge, version: int = 1) -> RosRobot:
+def robot_behind(bridge: Rosbridge, version: int = 2) -> RosRobot:
     connections = (RosbridgeConnection("127.0.0.1", bridge.port) for _ in range(2))
     return RosRobot(RosSettings(HOME, ros=version), *connections)
 
 
 @pytest.mark.parametrize("version", [1, 2])
 def test_a_stroke_is_painted_through_rosbridge(version: int) -> None:
-    with FakeRosbridge(version) as bridge:
+    with Rosbridge(version) as bridge:
         robot = robot_behind(bridge, version)
         robot.connect()
         report = robot.follow(a_stroke())
@@ -31,9 +32,11 @@ def test_a_stroke_is_painted_through_rosbridge(version: int) -> None:
         for point in a_stroke().position:
             assert min(np.linalg.norm(np.array(bridge.arm.moved) - point, axis=1)) < 1e-9
         assert len(bridge.clients) == 2  # the second is for stops alone
+        middle = "" if version == 1 else "msg/"
         assert bridge.advertised == {
-            "/brush/follow": "trajectory_msgs/MultiDOFJointTrajectory",
-            "/brush/stop": "std_msgs/Empty",
+            "/brush/follow": f"trajectory_msgs/{middle}MultiDOFJointTrajectory",
+            "/brush/alive": f"std_msgs/{middle}Empty",
+            "/brush/stop": f"std_msgs/{middle}Empty",
         }
         robot.stop()
         until = time.monotonic() + 2
@@ -44,7 +47,7 @@ def test_a_stroke_is_painted_through_rosbridge(version: int) -> None:
 
 
 def test_a_network_that_breaks_is_told_and_nothing_is_kept_for_later() -> None:
-    with FakeRosbridge() as bridge:
+    with Rosbridge() as bridge:
         robot = robot_behind(bridge)
         robot.connect()
         bridge.drop()
@@ -60,6 +63,53 @@ def test_a_network_that_breaks_is_told_and_nothing_is_kept_for_later() -> None:
         assert len(bridge.arm.heard) == heard
         robot.follow(a_stroke())
         robot.close()
+
+
+def test_m21_ros_2_comes_first_and_a_missing_package_is_told() -> None:
+    with Rosbridge(2) as bridge:
+        robot = robot_behind(bridge, 1)  # which asks for actionlib_msgs, as Rolling has it no more
+        with pytest.raises(RobotError, match=r"ROS 1 was expected, and it says: .*actionlib_msgs.*or write ros=2"):
+            robot.connect()
+        robot = robot_behind(bridge)
+        robot.connect()
+        robot.follow(a_stroke())
+        robot.close()
+    assert RosSettings(HOME).ros == 2
+
+
+def test_m22_an_arm_stops_where_its_painter_died_and_rosbridge_does_not_tell() -> None:
+    with Rosbridge() as bridge:
+        bridge.arm.pace = 0.1
+        robot = robot_behind(bridge)
+        robot.connect()
+
+        def paint() -> None:
+            with pytest.raises(RobotDisconnected):
+                robot.follow(a_stroke())
+
+        thread = threading.Thread(target=paint)
+        thread.start()
+        until = time.monotonic() + 5
+        while len(bridge.arm.moved) < 20 and time.monotonic() < until:
+            time.sleep(0.01)
+        bridge.freeze()
+        died = time.monotonic()
+        while not bridge.arm.stopped and time.monotonic() < died + 5:
+            time.sleep(0.01)
+        assert bridge.arm.stopped and len(bridge.clients) == 2
+        assert bridge.arm.at[-1] - died < 1.3
+        thread.join(5)  # the driver hears nothing for two seconds, and says so
+        robot.close()
+
+
+def test_the_doctor_tells_what_ros_does_not() -> None:
+    with Rosbridge() as bridge:
+        robot = robot_behind(bridge)
+        first, often, last = robot.examine().facts
+        assert "speaks ROS 2; its tip is at (200, 0, 300) mm" in first.text
+        assert "times a second where it is" in often.text
+        assert last.weight == "warning" and "after a second without /brush/alive" in last.text
+        assert bridge.arm.heard == []
 
 
 def test_nobody_at_the_address_is_told() -> None:

@@ -12,15 +12,13 @@ from frida_painter.errors import PlanError, TryFailed
 from frida_painter.lab.sweeps import runner as sweeps
 from frida_painter.lab.sweeps.runner import best_candidate, rank_plans
 from frida_painter.runs.settle import ground_of
-from marks import coarse_table
 from sweep_engine import Here
 
 SMALL = {"strokes": 4, "canvas": "120x90mm", "render_height": 64, "effort": 0.05, "brush": "fine", "colors": 2}
 
 
 @pytest.fixture
-def spec(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> fp.RunSpec:
-    monkeypatch.setattr("frida_painter.runs.settle.cached_table", coarse_table)
+def spec(tmp_path: Path, in_small_world: None) -> fp.RunSpec:
     Image.fromarray(data.coffee()).resize((120, 90)).save(tmp_path / "coffee.png")
     return fp.RunSpec.of(**SMALL, goal=[{"image": str(tmp_path / "coffee.png")}], seed=7)
 

@@ -55,6 +55,7 @@ def test_a_task_has_the_threads_that_were_declared_in_another_process() -> None:
     assert [ended.value for ended in one.run(sweep_works.threads, [0])] == [3]
     processes = {ended.value for ended in one.run(sweep_works.process, range(5))}
     assert len(processes) == 1 and os.getpid() not in processes
+    assert len(engines.PRELOADED) == len(set(engines.PRELOADED))
     loaded = {ended.task: ended.value for ended in one.run(sweep_works.is_loaded, engines.PRELOADED)}
     assert loaded == dict.fromkeys(engines.PRELOADED, True), "a process that was killed begins again without imports"
 

@@ -23,7 +23,7 @@ from frida_painter.lab.sweeps.runner import Assignment, perform
 from frida_painter.lab.sweeps.sweep_folder import RunFolder, SweepFolder
 from frida_painter.lab.sweeps.sweep_spec import SweepRun
 from frida_painter.plan import Plan
-from marks import coarse_table
+from plugins import install
 from sweep_engine import Here
 
 sweeps_open_engine = sweeps.open_engine
@@ -285,13 +285,8 @@ def test_all_faults_of_the_runs_are_named_before_anything_begins(tmp_path: Path,
     assert engine.asked == []
 
 
-@pytest.fixture
-def _coarse_brush(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("frida_painter.runs.settle.cached_table", coarse_table)
-
-
 @pytest.mark.slow
-def test_a_run_plans_paints_and_evaluates(tmp_path: Path, photo: Path, _coarse_brush: None) -> None:
+def test_a_run_plans_paints_and_evaluates(tmp_path: Path, photo: Path, in_small_world: None) -> None:
     """In this process: what a run writes is what PaintingRun gives."""
     (tmp_path / "sweep").mkdir()
 
@@ -335,3 +330,36 @@ def test_the_command_line_does_a_sweep_in_processes(tmp_path: Path, photo: Path)
     assert said.stdout.startswith("2 runs of 2 done; 2 in ")
     assert SweepFolder(tmp_path / "out").read_request()[0].title == "tiny"
     assert status_of(tmp_path / "out").progress.done == 2
+
+
+@pytest.mark.slow
+def test_a_changed_plug_in_makes_other_runs_and_the_old_ones_are_still_reported(
+    tmp_path: Path, photo: Path, engine: Here, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    points = {"frida_painter.replan_policies": {"calm": "calm_policy:parse"}}
+    install(tmp_path / "site", monkeypatch, "calm", points, {"calm_policy": "a = 1\n"})
+    wanted = {"settings": {"image": str(photo), **SMALL}, "grid": {"seed": [0, 1]}}
+    first = fp.sweep(wanted, tmp_path / "out")
+    assert len(first.records) == 2 and fp.sweep(wanted, tmp_path / "out").done_before == 2
+    assert fp.record(tmp_path / "out").check().passed
+    (tmp_path / "site" / "calm_policy.py").write_text("a = 22\n")
+    assert len(status_of(tmp_path / "out").records) == 2  # what was made is still told
+    checked = fp.record(tmp_path / "out").check()
+    assert not checked.passed and "plug-in calm 1.0 code" in str(checked)
+    again = fp.sweep(wanted, tmp_path / "out")
+    assert again.done_before == 0 and {run.key for run in again.runs}.isdisjoint(run.key for run in first.runs)
+    rows = again.table()
+    assert [row["plan dB"] for row in rows] == [20.0, 21.0] and "version plug-in calm" in rows[0]
+
+
+@pytest.mark.slow
+def test_runs_are_compared_in_pairs_and_a_wrong_name_is_answered(tmp_path: Path, photo: Path, engine: Here) -> None:
+    wanted = {"settings": {"image": str(photo), **SMALL}, "grid": {"seed": [0, 1, 2, 3], "effort": [0.05, 0.06]}}
+    outcome = fp.sweep(wanted, tmp_path / "out")
+    (effect,) = outcome.compare("effort", "plan dB")
+    assert (effect.first, effect.second, effect.difference.count) == (0.05, 0.06, 4)
+    assert effect.difference.value == 0  # the stub's figure is that of the seed alone
+    with pytest.raises(ConfigError, match=r"'effrt' is not a field in which runs differ; there are effort, seed"):
+        outcome.compare("effrt", "plan dB")
+    with pytest.raises(ConfigError, match=r"'dB' is not a figure; there are plan dB"):
+        outcome.compare("effort", "dB")

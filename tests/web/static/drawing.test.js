@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { between, Drawing, following, MAX_ZOOM, moved, WHOLE, zoomed } from "../../../src/frida_painter/web/static/drawing.js";
+import { between, Drawing, following, goesAround, MAX_ZOOM, moved, WHOLE, zoomed } from "../../../src/frida_painter/web/static/drawing.js";
 
 const line = (erase = false) => ({ points: [[1, 1, 0.5]], color: "#000", width: 0.1, erase, pen: false });
 
@@ -81,4 +81,28 @@ test("the cursor of the keyboard is always in sight", () => {
 
 test("points between two places end at the second one and are evenly spaced", () => {
   assert.deepEqual(between([0, 0], [8, 4], 4).map(([x, y]) => [x, y]), [[2, 1], [4, 2], [6, 3], [8, 4]]);
+});
+
+test("a line goes around a part if its ends meet and something lies between them", () => {
+  const circle = (turn, radius) => Array.from({ length: 40 }, (_, index) => [500 + radius * Math.cos((index * turn) / 39), 400 + radius * Math.sin((index * turn) / 39), 0.5]);
+  const around = (points) => goesAround(points, 1000, 800);
+  assert.ok(around(circle(2 * Math.PI, 200)), "a circle");
+  assert.ok(around(circle(1.9 * Math.PI, 200)), "one with a gap");
+  assert.ok(around(circle(-2 * Math.PI, 200)), "the other way round");
+  assert.ok(!around(circle(Math.PI, 200)), "half of one");
+  assert.ok(!around(circle(2 * Math.PI, 20)), "a dot");
+  assert.ok(!around([[0, 0, 0.5], [900, 700, 0.5], [0, 0, 0.5]]), "there and back");
+  assert.ok(!around([[5, 5, 0.5]]), "a point");
+});
+
+test("filling what the last line goes around is a step that can be undone", () => {
+  const drawing = new Drawing();
+  drawing.add({ points: [[0, 0, 0.5]], color: "#000", width: 0.1, erase: false, pen: false });
+  drawing.fillLast();
+  assert.equal(drawing.lines.at(-1)?.fill, true);
+  drawing.undo();
+  assert.equal(drawing.lines.at(-1)?.fill, undefined);
+  drawing.redo();
+  assert.equal(drawing.lines.length, 1);
+  assert.equal(drawing.lines[0].fill, true);
 });

@@ -5,7 +5,8 @@ import { opacities } from "../../../src/frida_painter/web/static/canvasview.js";
 import { count, duration } from "../../../src/frida_painter/web/static/dom.js";
 import { brushWords } from "../../../src/frida_painter/web/static/easelstate.js";
 import { corrected, toPaint, toPlan } from "../../../src/frida_painter/web/static/estimate.js";
-import { mainTerm, nearestWeight, weights } from "../../../src/frida_painter/web/static/goal.js";
+import { KINDS, learnKinds, mainTerm, nearestWeight, weights } from "../../../src/frida_painter/web/static/goal.js";
+import { cardFacts, linesOf } from "../../../src/frida_painter/web/static/keepsake.js";
 import { outcome } from "../../../src/frida_painter/web/static/looks.js";
 import { placeOf } from "../../../src/frida_painter/web/static/queue.js";
 import { need, turn } from "../../../src/frida_painter/web/static/needs.js";
@@ -74,8 +75,8 @@ test("a person is needed for questions, pauses, faults, plans and what is done, 
   const needs = [
     state({ question: { id: "q1", text: "Yes?" } }, { status: "painting" }),
     state({ question: { id: "q2", text: "Yes?" } }, { status: "painting" }),
-    state({}, { status: "paused", done: 3, turn: true }),
-    state({}, { status: "paused", done: 6, turn: true }),
+    state({}, { status: "paused", done: 3, cause: "turn" }),
+    state({}, { status: "paused", done: 6, cause: "turn" }),
     state({ working: false, trouble: "The camera is gone." }, { status: "failed" }),
     state({ working: false }, { status: "finished" }),
     state({ working: false, plans: [{ status: "ready" }] }),
@@ -99,4 +100,24 @@ test("a real robot's queue needs a person when the easel is free, and a simulate
   assert.match(turn(work, false)?.text ?? "", /turn of Boat: put up a bare canvas/);
   for (const other of [{ ...work, working: ["c"] }, { ...work, held: true }, { ...work, queue: queue.slice(0, 1) }]) assert.equal(turn(other, false), null);
   assert.equal(turn(work, true), null);
+});
+
+test("a card says how it was painted, and a long title takes several lines", () => {
+  assert.match(cardFacts({ strokes: 300, paints: 12, begun: "2026-11-25T10:00:00+00:00" }), /^300 strokes, 12 paints · .*2026/);
+  assert.match(cardFacts({ strokes: 1, paints: 1, begun: "2026-11-25T10:00:00+00:00" }), /^1 stroke, 1 paint · /);
+  const wide = (text) => text.length;
+  assert.deepEqual(linesOf("A cup of coffee", wide, 8), ["A cup of", "coffee"]);
+  assert.deepEqual(linesOf("Incomprehensibilities", wide, 8), ["Incomprehensibilities"], "one word is never cut");
+});
+
+test("kinds of goals of other packages come from the studio, and ours keep the page's words", () => {
+  const ready = { ready: true, missing: [], fetch: [], advice: "" };
+  learnKinds({
+    mirror: { ...ready, label: "Mirror image", verb: "Make the painting its own mirror image", words: true },
+    image: { ...ready, label: "Other", verb: "Other", words: false },
+  });
+  assert.equal(KINDS.mirror.button, "Mirror image");
+  assert.ok(KINDS.mirror.words);
+  assert.equal(KINDS.image.verb, "Paint this picture");
+  assert.equal(mainTerm([{ kind: "mirror", words: "left-right", weight: 1 }]).kind, "mirror");
 });

@@ -1,31 +1,58 @@
 """Stroke models by brush, of this and other packages, and trained models in files."""
 
-from collections.abc import Iterable
 from pathlib import Path
 
 from frida_painter import registry
-from frida_painter.brush import field, param2stroke
+from frida_painter.brush import family_field, field, param2stroke
+from frida_painter.brush.families import family_model_of, load_family_model
+from frida_painter.brush.family_field import FamilyField
 from frida_painter.brush.field import StrokeField
 from frida_painter.brush.kinds import BROAD, FINE, MEDIUM, BrushKind, BrushModel, StrokeModel
 from frida_painter.brush.param2stroke import Param2Stroke
 from frida_painter.brush.training import ModelFile
 from frida_painter.errors import WeightsError
+from frida_painter.plan import Plan
 from frida_painter.storage import abridge
 
 _KINDS_OF_MODEL: dict[str, type[StrokeField] | type[Param2Stroke]] = {
     field.FORMAT: StrokeField,
+    family_field.FORMAT: FamilyField,
     param2stroke.FORMAT: Param2Stroke,
 }
 
 
-def load_stroke_model(brush: str | Path) -> StrokeModel:
+AnyBrush = StrokeModel | str | Path
+"""Brush as public functions take it: its name, a file of weights, or a stroke model."""
+
+
+def load_stroke_model(brush: AnyBrush) -> StrokeModel:
     """Returns the stroke model that is registered for a brush ("broad"), or the one in a file of weights.
 
+    A stroke model is returned as it is.
+
+    "fine+comma" is the stroke model of the family "comma" for the brush "fine"; a family may be a file too.
     Raises WeightsError if the file is missing or damaged or no stroke model, or if the name is unknown. Raises
+    FamilyError if a family is unknown or damaged, and
     PluginError if the package that registers the brush is broken.
+
+        >>> import frida_painter as fp
+        >>> model = fp.load_stroke_model("broad")
+        >>> model.brush, model.limits.length  # metres
+        ('broad', (0.012, 0.075))
     """
+    if not isinstance(brush, str | Path):
+        missing = [name for name in ("brush", "frame", "limits") if not hasattr(brush, name)]
+        if missing or not callable(brush):
+            raise WeightsError(
+                f"A {type(brush).__name__} was given as a brush, and a stroke model is a function with brush, frame "
+                "and limits; give a name, a file of weights or such a function."
+            )
+        return brush
     brushes = registry.parts(registry.STROKE_MODELS)
     registered = brushes.get(str(brush))
+    first, plus, family = str(brush).partition("+")
+    if plus and first in brushes and registered is None:
+        return load_family_model(family, first)
     if registered is None and not Path(brush).suffix:  # not a file: the name is misspelt
         raise WeightsError(
             f"{abridge(brush)} is no brush; give {', '.join(brushes)}, or the path of weights (.safetensors) that you "
@@ -34,9 +61,39 @@ def load_stroke_model(brush: str | Path) -> StrokeModel:
     return load_weights(Path(brush)) if registered is None else registered.load(BrushModel).load()
 
 
-def load_stroke_models(brushes: Iterable[str]) -> dict[str, StrokeModel]:
-    """Returns the stroke models of brushes by name. Raises the same errors as `load_stroke_model`."""
-    return {brush: load_stroke_model(brush) for brush in brushes}
+def weights_of(brush: str) -> tuple[Path, ...]:
+    """Returns the files of weights of a brush, "fine+comma" or a file; none for a brush that another package computes.
+
+    Raises WeightsError for an unknown name.
+    """
+    first, _, family = brush.partition("+")
+    registered = registry.parts(registry.STROKE_MODELS).get(first)
+    if registered is None:
+        if not Path(first).suffix:
+            raise WeightsError(f"{abridge(brush)} is no brush here; install the package that registers it.")
+        return (Path(first),)
+    if not registered.is_ours:
+        return ()
+    home = Path(__file__).parent
+    if not family:
+        return (home / f"{first}.safetensors",)
+    if Path(family).suffix:
+        return (Path(family),)
+    own = home / f"{family}-{first}.safetensors"
+    return (home / f"{family}.safetensors", *([own] if own.exists() else []))
+
+
+def load_models_of(plan: Plan) -> dict[str, StrokeModel]:
+    """Returns the stroke models of a plan by the kind of its strokes (`Layer.kind`).
+
+    Raises the same errors as `load_stroke_model`.
+    """
+    return {
+        layer.kind: load_stroke_model(layer.brush)
+        if layer.limits.family is None
+        else family_model_of(layer.limits.family, layer.brush)
+        for layer in plan.layers
+    }
 
 
 def load_weights(path: Path) -> StrokeField | Param2Stroke:

@@ -1,110 +1,68 @@
-"""The robot kind `axidraw`: plotters with an EiBotBoard (EBB) and a pen on a servo, such as AxiDraw and NextDraw.
+"""The robot kind `axidraw`: plotters with an EiBotBoard (EBB) and a brush on a servo, such as AxiDraw and NextDraw.
 
-plotink only finds the board. This module exchanges the board's commands itself, because plotink writes errors to a
-log and goes on. Protocol: evil-mad.github.io/EggBot/ebb.html.
+plotink only finds the board. The driver speaks to it itself (ebb.py), because plotink writes errors to a log and goes
+on. The motion is planned here: short straight moves in whole steps and milliseconds.
 """
 
 import math
 import time
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from frida_painter.errors import ConfigError, FridaError, MotionFailed, RobotDisconnected, RobotError, RobotStopped
-from frida_painter.hardware.drivers.gcode import SerialLine
-from frida_painter.hardware.drivers.interlock import PATIENCE, Interlock, motion_timeout
+from frida_painter.errors import ConfigError, FridaError, MotionFailed, RobotDisconnected, RobotError, ZeroUnknown
+from frida_painter.hardware.deadline import steady
+from frida_painter.hardware.drivers.ebb import MAX_STEP_RATE, Board, BoardState
+from frida_painter.hardware.drivers.interlock import PATIENCE, Interlock
+from frida_painter.hardware.drivers.serial_line import SerialLine
 from frida_painter.hardware.gcode import Servo
 from frida_painter.hardware.kinds import MachineName, Needed, RobotKind, at_port, by_name, require_home
-from frida_painter.hardware.robot import MotionReport, Point, Waypoints, Workspace
-
-# Motion for an EiBotBoard: short straight moves in whole steps and milliseconds that start and end slowly.
+from frida_painter.hardware.robot import (
+    Examination,
+    MachineFact,
+    MotionReport,
+    Point,
+    Waypoints,
+    Workspace,
+    Zero,
+    plan_way_home,
+)
+from frida_painter.hardware.timing import AxisTiming
 
 STEPS_PER_MM = 80
 """Steps per millimetre of an AxiDraw at 1/16 microstepping: 2032 per inch."""
-_PIECE = 0.001  # metres
-_LONGEST = 0.05  # seconds: after a stop the board still finishes its current move
-_SLOWEST = 0.004  # m/s at the start and end of a path
+MAX_SPEED = 0.99 * MAX_STEP_RATE / (1000 * STEPS_PER_MM * math.sqrt(2))
+"""Greatest speed in every direction, m/s: on a diagonal one motor makes all the steps."""
+_PIECE = 0.025  # seconds of a move: after a stop the board finishes no more than the current one
+_JERK = 0.04  # m/s by which the speed of a motor's belt may jump in a corner
+_JOG_SPEED = 0.03
+_TICK = 24  # milliseconds between two pulses of a servo
+_TOGETHER = 1e-9  # metres
+
+
+# Lifts: the servo that raises the brush, and the pin at which the board drives it.
 
 
 @dataclass(frozen=True)
-class Move:
-    """Move of the plotter: one command of the board.
+class Lift:
+    """Kind of lift.
 
-    waypoint: index of the waypoint to which the move leads
-    steps: (right, towards you)
-    seconds: duration
-    height: of the tip at the end, metres
+    pin: of the board (RPn) that drives the servo
+    servo: its range; heights are those of a brush in the middle of its travel, to be calibrated
     """
 
-    waypoint: int
-    steps: tuple[int, int]
-    seconds: float
-    height: float
+    pin: int
+    servo: Servo
 
 
-def moves(here: NDArray[np.float64], waypoints: Waypoints, approach: float, acceleration: float) -> Iterator[Move]:
-    """Yields the moves from `here` through all waypoints.
-
-    here: position [3], metres
-    approach: m/s to the first waypoint
-    acceleration: m/s2 at the start and end of each way between two stops
-
-    Steps are counted from the zero of the robot's frame, so that rounding errors do not add up.
-    """
-    at = _steps(here)
-    path = np.concatenate([here[None], waypoints.position])
-    level = np.linalg.norm(np.diff(path[:, :2], axis=0), axis=1)  # [k]
-    for first, last in _ways(level):
-        walked = np.r_[0, np.cumsum(level[first:last])]
-        speed = np.array([approach if index == 0 else waypoints.speed for index in range(first, last)])
-        for index in range(first, last):
-            start, end = walked[index - first], walked[index - first + 1]
-            count = max(1, math.ceil((end - start) / _PIECE))
-            for piece in range(count):
-                low, high = (start + (end - start) * (piece + part) / count for part in (0, 1))
-                middle = (low + high) / 2
-                pace = min(speed[index - first], math.sqrt(2 * acceleration * min(middle, walked[-1] - middle)))
-                share = (piece + 1) / count
-                place = path[index] + share * (path[index + 1] - path[index])
-                there = _steps(place)
-                steps = (there[0] - at[0], there[1] - at[1])
-                seconds = (high - low) / max(pace, _SLOWEST) if high > low else 0.0
-                yield from _split(Move(index, steps, seconds, float(place[2])))
-                at = there
-
-
-def _ways(level: NDArray[np.float64]) -> Iterator[tuple[int, int]]:
-    """Yields ranges [first, last) of segments that the tip passes without a stop. A vertical segment stands alone."""
-    first = 0
-    for index, length in enumerate(level):
-        if index == 0 or length < 1e-9 or level[index - 1] < 1e-9:
-            if index > first:
-                yield first, index
-            first = index
-    yield first, len(level)
-
-
-def _split(move: Move) -> Iterator[Move]:
-    """Splits a move into parts of at most _LONGEST seconds, the longest delay of a stop."""
-    count = max(1, math.ceil(move.seconds / _LONGEST))
-    done = (0, 0)
-    for part in range(1, count + 1):
-        now = (round(move.steps[0] * part / count), round(move.steps[1] * part / count))
-        yield Move(move.waypoint, (now[0] - done[0], now[1] - done[1]), move.seconds / count, move.height)
-        done = now
-
-
-def _steps(place: NDArray[np.float64]) -> tuple[int, int]:
-    """Returns the steps to the right and towards you of a position in the robot's frame (y away from you)."""
-    return round(1000 * STEPS_PER_MM * float(place[0])), round(-1000 * STEPS_PER_MM * float(place[1]))
-
-
-_NEEDED = Needed("pip install 'frida-painter[plotter]'", "plotink")
-_SLICE = 0.02
-_SERVO_PIN = 4
-_MIN_VOLTAGE = 250  # reading of QC: about 9 V
+LIFTS = {
+    "standard": Lift(4, Servo((-0.002, 9855), (0.010, 27_831))),
+    "brushless": Lift(5, Servo((-0.002, 5400), (0.010, 12_600))),
+}
+"""Lifts by name. "brushless" is that of NextDraw and of AxiDraws with the upgrade, "standard" that of all others."""
 
 
 @dataclass(frozen=True)
@@ -113,115 +71,340 @@ class AxidrawSettings:
 
     home: home position of the tip, metres
     port: of the board, or its name tag; None for the first board found
-    servo: two calibrated heights with pulses in units of 1/12 microsecond
-    approach: m/s to the first waypoint, above 0 to 0.5
+    lift: "standard" or "brushless" (LIFTS)
+    servo: two calibrated heights with pulses in units of 1/12 microsecond; None for the whole range of the lift
+    approach: m/s to the first waypoint, above 0 to MAX_SPEED
     acceleration: m/s2, above 0 to 10
+    up_speed, down_speed: m/s at which the lift raises and lowers the brush, 0.001 to 0.2
 
-    The zero of the robot's frame is the position of the carriage at the time of connection: the home corner. x
-    points to the right and y away from you, so that y is negative everywhere on the table.
-    Raises ConfigError if approach or acceleration is out of range.
+    The zero of the robot's frame is the home corner of the carriage. x points to the right and y away from you, so
+    that y is negative everywhere on the table.
+    Raises ConfigError if a value is not allowed.
     """
 
     home: Point
     port: str | None = None
-    servo: Servo = field(default_factory=lambda: Servo((-0.002, 9855), (0.010, 27831)))
+    lift: str = "standard"
+    servo: Servo | None = None
     approach: float = 0.15
     acceleration: float = 0.8
+    up_speed: float = 0.05
+    down_speed: float = 0.03
 
     def __post_init__(self) -> None:
-        if not (0 < self.approach <= 0.5 and 0 < self.acceleration <= 10):
+        if self.lift not in LIFTS:
+            raise ConfigError(f"An AxiDraw was given the lift {self.lift!r}; there are {' and '.join(LIFTS)}.")
+        if not 0 < self.approach <= MAX_SPEED:
             raise ConfigError(
-                f"An AxiDraw was given an approach of {self.approach} m/s and an acceleration of {self.acceleration} "
-                "m/s2; they are above 0 to 0.5 m/s and above 0 to 10 m/s2."
+                f"An AxiDraw was given a travel speed of {self.approach:g} m/s; its board makes {MAX_STEP_RATE} steps "
+                f"a second, which is {MAX_SPEED:.3f} m/s on a diagonal. Set travel_speed to at most that."
             )
+        speeds = (self.up_speed, self.down_speed)
+        if not (0 < self.acceleration <= 10 and all(0.001 <= speed <= 0.2 for speed in speeds)):
+            raise ConfigError(
+                f"An AxiDraw was given an acceleration of {self.acceleration} m/s2 and lift speeds of {speeds} m/s; "
+                "they are above 0 to 10 m/s2 and 0.001 to 0.2 m/s."
+            )
+
+    @property
+    def pin(self) -> int:
+        """Pin of the board that drives the lift's servo."""
+        return LIFTS[self.lift].pin
+
+    @property
+    def range(self) -> Servo:
+        """Heights and pulses of the lift."""
+        return self.servo or LIFTS[self.lift].servo
+
+    @property
+    def timing(self) -> AxisTiming:
+        """Limits on the motion: of the two belts, which run along the diagonals, and of the lift."""
+        belt, up = MAX_STEP_RATE / (1000 * STEPS_PER_MM), max(self.up_speed, self.down_speed)
+        return AxisTiming(
+            speed=(belt, belt, up),
+            acceleration=(math.inf, math.inf, math.inf),
+            axes=((1.0, 1.0, 0.0), (1.0, -1.0, 0.0), (0.0, 0.0, 1.0)),
+            jerk=(_JERK, _JERK, up),
+            along=self.acceleration,
+            between=0.08,
+        )
+
+
+# Motion for an EiBotBoard.
+
+
+@dataclass(frozen=True)
+class Move:
+    """Move of the plotter: one command of the board, and one before it if the height changes.
+
+    waypoint: index of the waypoint to which the move leads
+    steps: (right, towards you)
+    milliseconds: duration
+    height: of the tip at the end, metres
+    """
+
+    waypoint: int
+    steps: tuple[int, int]
+    milliseconds: int
+    height: float
+
+
+def moves(here: NDArray[np.float64], waypoints: Waypoints, settings: AxidrawSettings) -> Iterator[Move]:
+    """Yields the moves from `here` [3] (m) through all waypoints, with ramps between stops and slow corners.
+
+    Steps are counted from the zero of the robot's frame, and milliseconds from the start, so that rounding errors do
+    not add up.
+    """
+    path = np.concatenate([here[None], waypoints.position])
+    way = np.diff(path, axis=0)
+    length = np.linalg.norm(way, axis=1)
+    used = np.flatnonzero(length > _TOGETHER)
+    if len(used) == 0:
+        return
+    speed = np.full(len(way), waypoints.speed)
+    speed[0] = settings.approach
+    rise = way[:, 2] / np.maximum(length, _TOGETHER)
+    lift = np.where(rise > 0, settings.up_speed, settings.down_speed)
+    speed = np.minimum(speed, lift / np.maximum(np.abs(rise), 1e-9))
+    corners = path[np.r_[used, used[-1] + 1]]
+    entry, peak, gain = settings.timing.ramps(corners, speed[used])
+    at, clock, done = _steps(here), 0.0, 0
+    for number, index in enumerate(used):
+        reach, seconds = _ramp(entry[number], entry[number + 1], peak[number], gain[number], length[index])
+        count = max(1, math.ceil(seconds / _PIECE))
+        for piece in range(1, count + 1):
+            place = path[index] + reach(seconds * piece / count) / length[index] * way[index]
+            if piece == count:
+                place = path[index + 1]
+            there = _steps(place)
+            right, down = there[0] - at[0], there[1] - at[1]
+            clock += 1000 * seconds / count
+            fewest = math.ceil(max(abs(right + down), abs(right - down)) * 1000 / MAX_STEP_RATE)
+            milliseconds = max(round(clock) - done, fewest, 1)
+            done += milliseconds
+            yield Move(int(index), (right, down), milliseconds, float(place[2]))
+            at = there
+
+
+def _ramp(first: float, last: float, peak: float, gain: float, length: float) -> tuple[Callable[[float], float], float]:
+    """Returns the distance as a function of the time, and the duration, of a segment with two ramps.
+
+    first, last, peak: speeds at its ends and between its ramps, m/s
+    gain: acceleration, m/s2; infinite for none
+    """
+    up, down = ((peak - end) / gain for end in (first, last))
+    ramps = (first + peak) / 2 * up, (last + peak) / 2 * down
+    flat = max(length - sum(ramps), 0.0) / peak
+    seconds = up + flat + down
+
+    def reach(moment: float) -> float:
+        if moment < up:
+            return first * moment + gain * moment**2 / 2
+        if moment < up + flat:
+            return ramps[0] + peak * (moment - up)
+        left = max(seconds - moment, 0.0)
+        return length - last * left - (gain * left**2 / 2 if left > 0 else 0.0)
+
+    return reach, seconds
+
+
+def _steps(place: NDArray[np.float64]) -> tuple[int, int]:
+    """Returns the steps to the right and towards you of a position in the robot's frame (y away from you)."""
+    return round(1000 * STEPS_PER_MM * float(place[0])), round(-1000 * STEPS_PER_MM * float(place[1]))
+
+
+_NEEDED = Needed("pip install 'frida-painter[plotter]'", "plotink")
 
 
 class AxidrawRobot:
-    """Robot with an EiBotBoard. Implements hardware.robot.Robot.
+    """Robot with an EiBotBoard. Implements Robot, ZeroedRobot, TimedRobot, ExaminedRobot and PausableRobot.
 
-    Its position is the count of the board's steps, so it cannot detect lost steps.
+    Its position is the count of the board's steps, so it cannot detect lost steps. A mark in the board's memory, which
+    is lost with the count, tells after a new connection whether the count is still true.
     """
 
     def __init__(self, settings: AxidrawSettings) -> None:
         self.settings = settings
         self._interlock = Interlock("the AxiDraw")
         self._line: SerialLine | None = None
-        self._height = settings.servo.high[0]
+        self._board: Board | None = None
+        self._height = settings.range.high[0]
+        self._offset = (0, 0)  # steps to the right and towards you at which the counters were zero
+        self._lost = _FIRST
+        self._pressed = False
+        self._alive = -math.inf
 
     def connect(self) -> None:
-        """Finds the board, enables the motors and raises the pen. The carriage must stand in its home corner.
+        """Finds the board, raises the brush and reads whether the zero survived; if not, the motors are left off.
 
-        Raises RobotError if a package or the motor power is missing, RobotDisconnected if there is no board.
+        Raises RobotError if a package or the motor power is missing or the firmware is too old, RobotDisconnected if
+        there is no board.
         """
         self.close()
         line = SerialLine.open(self._port(), 9600)
         self._interlock.mark_connected()
+        board = Board(line, self._interlock)
         try:
-            version = self._ask(line, "V", ends=False)
-            if not version.startswith("EBB"):
-                raise RobotDisconnected(f"What answers at {line.name} is no EiBotBoard; it said {version[:60]!r}.")
-            voltage = self._ask(line, "QC").partition(",")[2]
-            if voltage.isdigit() and int(voltage) < _MIN_VOLTAGE:
-                raise RobotError("The AxiDraw has no power for its motors; plug in its power supply.")
-            self._do(line, "EM,1,1", "connect", None, time.monotonic() + PATIENCE)
-            self._do(line, "CS", "connect", None, time.monotonic() + PATIENCE)
-            self._lift(line, self.settings.servo.high[0], 0.0, "connect", None, time.monotonic() + PATIENCE)
+            board.greet()
+            if board.voltage_is_low():
+                raise RobotError(_NO_POWER)
+            self._recall_zero(board)
+            board.watch_power()
+            if self.settings.lift == "standard":
+                board.hold_lift(round(self.settings.range.high[1]))
+            self._raise_lift(board)
+            board.button()  # a press before the connection meant something else
         except FridaError:
             self._interlock.mark_disconnected()
             line.close()
             raise
-        self._line = line
+        self._line, self._board, self._pressed = line, board, False
 
     def home(self) -> MotionReport:
         """Moves to the home position, first vertically."""
-        here, aside = self.pose(), np.array(self.settings.home)
-        above = np.array([here[0], here[1], max(here[2], aside[2])])
-        return self.follow(Waypoints("home", np.stack((above, aside)), self.settings.approach))
+        return self.follow(plan_way_home(self.pose(), self.settings.home, self.settings.approach))
 
     def pose(self) -> NDArray[np.float64]:
         """Returns the position of the tip, [3] metres, from the steps made. Its height is the servo's last command."""
-        line = self._ready("pose")
+        board = self._ready("pose")
         try:
-            return self._place(line)
+            return self._place(board)
         except FridaError as error:
             raise self._interlock.fault(error) from None
 
     def follow(self, waypoints: Waypoints) -> MotionReport:
         """Moves along the waypoints with acceleration and braking; returns when the motors stand.
 
-        Raises ConfigError before anything moves, if the servo does not reach a height.
-        Raises MotionFailed, RobotDisconnected, RobotStopped.
+        Raises ConfigError before anything moves, if the servo does not reach a height or the board a speed.
+        Raises ZeroUnknown if the position is not known, MotionFailed, RobotDisconnected, RobotStopped.
         """
-        line = self._ready(waypoints.label)
-        self._interlock.require_path(waypoints)
-        started = time.monotonic()
-        here = self.pose()
-        todo = list(moves(here, waypoints, self.settings.approach, self.settings.acceleration))
-        pulses = [round(self.settings.servo.value(move.height)) for move in todo]
-        until = started + motion_timeout(sum(move.seconds for move in todo) + self._servo_seconds(todo), 1.0)
-        try:
-            for move, pulse in zip(todo, pulses, strict=True):
-                self._make(line, move, pulse, waypoints.label, until)
-            self._settle(line, waypoints.label, until)
-            reached = self._place(line)
-        except FridaError as error:
-            self._interlock.fault(error)
-            self._halt(line)
-            raise
-        return MotionReport(waypoints.label, started, time.monotonic(), reached)
+        self._require_path(waypoints)
+        if self._lost:
+            raise ZeroUnknown(
+                f"{waypoints.label}: {self._interlock.name} does not know where it stands: {self._lost}. Find its zero "
+                "again: push the carriage into its home corner, and confirm that."
+            )
+        return self._follow(waypoints)
 
     def stop(self) -> None:
-        """Sends ES: the board drops its current and queued moves. The pen stays at its height, and the motors hold."""
+        """Sends ES: the board drops its current and queued moves. The brush stays at its height; the motors hold."""
         self._interlock.stop()
-        if self._line is not None:
-            self._halt(self._line)
+        if self._board is not None:
+            self._board.halt()
 
     def close(self) -> None:
-        """Disconnects from the board."""
-        line, self._line = self._line, None
+        """Disconnects from the board, which goes on to hold its motors and the lift."""
+        line, self._line, self._board = self._line, None, None
         self._interlock.mark_disconnected()
         if line is not None:
             line.close()
+
+    def zero(self) -> Zero:
+        """Returns the knowledge about the zero: lost after a start of the board or while its motors had no power."""
+        self._ready("zero")
+        return Zero(self._lost)
+
+    def find_zero(self) -> None:
+        """Raises RobotError: an AxiDraw has no switches. A person pushes its carriage into the corner."""
+        raise RobotError(
+            f"{self._interlock.name} has no switches to find its zero; push its carriage into the home corner, and "
+            "confirm that."
+        )
+
+    def jog(self, step: NDArray[np.float64]) -> None:
+        """Moves the tip slowly by `step` [3] metres, also if the zero is lost.
+
+        Raises WorkspaceViolation, before anything moves, if the servo does not reach that height.
+        Raises the errors of `follow`.
+        """
+        waypoints = Waypoints("jog", (self.pose() + step)[None], _JOG_SPEED)
+        self.settings.range.require(float(waypoints.position[0, 2]))
+        self._require_path(waypoints)
+        self._follow(waypoints)
+
+    def set_zero(self, tip: NDArray[np.float64]) -> None:
+        """Declares that the tip stands at `tip` [3] (m) now, switches the motors on and marks the board's memory.
+
+        The height is that of the servo, so tip[2] has no effect.
+        Raises ConfigError if `tip` is no position.
+        """
+        if tip.shape != (3,) or not np.isfinite(tip).all() or np.abs(tip).max() > 1.6:
+            raise ConfigError(f"{self._interlock.name} was told to stand at {tip}; give x, y, z within 1.6 m.")
+        board = self._ready("set the zero")
+        try:
+            board.forget_zero()
+            if not board.motors_on():
+                board.switch_motors(True)
+            board.clear_steps()
+            right, down = (board.round_zero(steps) for steps in _steps(tip))
+            board.remember_zero(right, down)
+        except FridaError as error:
+            raise self._interlock.fault(error) from None
+        self._offset, self._lost = (right, down), ""
+
+    def timing(self) -> AxisTiming:
+        """Returns the limits of the board, the belts and the lift, by which the motion is planned here."""
+        return self.settings.timing
+
+    def alive_at(self) -> float:
+        """Returns when the board last took a move or answered."""
+        return self._alive
+
+    def wants_pause(self) -> bool:
+        """Returns True, once, if the board's button was pressed since the last call."""
+        board = self._ready("button")
+        try:
+            pressed = board.button() or self._pressed
+        except FridaError as error:
+            raise self._interlock.fault(error) from None
+        self._pressed = False
+        return pressed
+
+    def examine(self) -> Examination:
+        """Connects, reads what the board tells, and disconnects; moves nothing and changes nothing."""
+        self.close()
+        line = SerialLine.open(self._port(), 9600)
+        try:
+            board = Board(line, Interlock("the AxiDraw"))
+            board.greet()
+            return Examination(tuple(self._facts(board, line.name)), self.settings.timing)
+        finally:
+            line.close()
+
+    def _facts(self, board: Board, port: str) -> Iterator[MachineFact]:
+        yield MachineFact(f"An EiBotBoard with firmware {board.version_text} answers at {port}.")
+        if board.voltage_is_low():
+            yield MachineFact(_NO_POWER, "refusal")
+        known = _read_zero(board)
+        yield MachineFact(
+            f"Its zero is not known: {known}. Painting begins with a question about that."
+            if isinstance(known, str)
+            else "Its zero is known, and its motors hold the carriage."
+        )
+        yield MachineFact(
+            f"It makes {MAX_STEP_RATE} steps a second per motor: {MAX_SPEED:.3f} m/s on a diagonal. Travel is set to "
+            f"{self.settings.approach:g} m/s."
+        )
+        lift, servo = self.settings.lift, self.settings.range
+        other = next(name for name in LIFTS if name != lift)
+        yield MachineFact(
+            f"The lift is taken for {lift}, at pin {self.settings.pin} with pulses of {servo.low[1]:g} to "
+            f"{servo.high[1]:g}. The board cannot tell whether a servo is there: if the brush does not move as the "
+            f"plotter is connected, write lift={other}."
+        )
+        if lift == "standard" and board.version < (2, 7, 0):
+            yield MachineFact(
+                f"Firmware {board.version_text} has faults in the power of the lift's servo; they are worked around, "
+                "and 2.8.1 or newer is better (wiki.evilmadscientist.com/Updating_EBB_firmware).",
+                "warning",
+            )
+        if not board.tells_power_loss:
+            yield MachineFact(
+                "A short failure of the motors' power supply goes unnoticed before firmware 3: if it was unplugged, "
+                "unplug the USB cable, too.",
+                "warning",
+            )
+        yield MachineFact("Its button pauses the painting after the current stroke.")
 
     def _port(self) -> str:
         try:
@@ -238,126 +421,152 @@ class AxidrawRobot:
             port = ebb_serial.find_named_ebb(self.settings.port) or self.settings.port
         return str(port)
 
-    def _ready(self, label: str) -> SerialLine:
+    def _ready(self, label: str) -> Board:
         self._interlock.require_ready(label)
-        if self._line is None:
+        if self._board is None:
             raise RobotError(f"{label}: {self._interlock.name} is not connected; call connect() first.")
-        return self._line
+        return self._board
 
-    def _make(self, line: SerialLine, move: Move, pulse: int, label: str, until: float) -> None:
-        rise = move.height - self._height
-        if rise != 0:
-            # The servo moves in parallel with a move across. If only the height changes, the board waits for the
-            # servo.
-            wait = 0.0 if move.steps != (0, 0) else abs(rise) / self.settings.servo.speed
-            self._lift(line, move.height, wait, label, move.waypoint, until, pulse)
+    def _recall_zero(self, board: Board) -> None:
+        known = _read_zero(board)
+        if isinstance(known, str):
+            self._offset, self._lost = (0, 0), known
+            board.forget_zero()
+            board.switch_motors(False)  # so that the carriage can be pushed into its corner
+        else:
+            self._offset, self._lost = known, ""
+
+    def _require_path(self, waypoints: Waypoints) -> None:
+        self._ready(waypoints.label)
+        self._interlock.require_path(waypoints)
+        if waypoints.speed > MAX_SPEED:
+            raise ConfigError(
+                f"{waypoints.label}: {self._interlock.name} was given a speed of {waypoints.speed:g} m/s; its board "
+                f"makes {MAX_STEP_RATE} steps a second, which is {MAX_SPEED:.3f} m/s on a diagonal. It did not move."
+            )
+
+    def _follow(self, waypoints: Waypoints) -> MotionReport:
+        board = self._ready(waypoints.label)
+        started = time.monotonic()
+        try:
+            self._require_power(board, waypoints.label)
+            here = self._place(board)
+        except FridaError as error:
+            raise self._interlock.fault(error) from None
+        todo = list(moves(here, waypoints, self.settings))
+        before = ([self._height] + [move.height for move in todo[:-1]])[-1]
+        pulses = [round(self.settings.range.value(move.height)) for move in todo]
+        until = started + 2 * sum(move.milliseconds for move in todo) / 1000 + PATIENCE
+        try:
+            for move, pulse in zip(todo, pulses, strict=True):
+                self._make(board, move, pulse, waypoints.label)
+            if todo and todo[-1].height != before:  # the servo is up to two pulses late
+                board.do(f"SM,{2 * _TICK},0,0", waypoints.label, None, time.monotonic() + PATIENCE)
+            self._note(board.wait(waypoints.label, until), waypoints.label)
+            self._require_power(board, waypoints.label)
+            reached = self._place(board)
+        except FridaError as error:
+            self._interlock.fault(error)
+            board.halt()
+            raise
+        self._alive = steady()
+        return MotionReport(waypoints.label, started, time.monotonic(), reached)
+
+    def _make(self, board: Board, move: Move, pulse: int, label: str) -> None:
+        """Has the board make a move. The lift moves in parallel with the belts, at its own rate and never at once."""
+        until = time.monotonic() + PATIENCE  # a board that is alive takes a move as soon as an earlier one is over
+        if move.height != self._height:
+            rate = self._rate(self.settings.up_speed if move.height > self._height else self.settings.down_speed)
+            delay = 0 if move.steps != (0, 0) else move.milliseconds
+            board.do(f"S2,{pulse},{self.settings.pin},{rate},{delay}", label, move.waypoint, until)
+            self._height = move.height
         if move.steps != (0, 0):
             right, down = move.steps
-            self._do(line, f"XM,{max(1, round(1000 * move.seconds))},{right},{down}", label, move.waypoint, until)
+            board.do(f"XM,{move.milliseconds},{right},{down}", label, move.waypoint, until)
+        self._alive = steady()
 
-    def _lift(
-        self, line: SerialLine, height: float, wait: float, label: str, waypoint: int | None, until: float,
-        pulse: int | None = None,
-    ) -> None:  # fmt: skip
-        value = round(self.settings.servo.value(height)) if pulse is None else pulse
-        self._do(line, f"S2,{value},{_SERVO_PIN},0,{round(1000 * wait)}", label, waypoint, until)
-        self._height = height
+    def _rate(self, speed: float) -> int:
+        """Returns the change of the pulse from one to the next at a speed of the lift in m/s."""
+        (low, at_low), (high, at_high) = self.settings.range.low, self.settings.range.high
+        return max(1, round(abs(at_high - at_low) / (high - low) * speed * _TICK / 1000))
 
-    def _servo_seconds(self, todo: list[Move]) -> float:
-        heights = np.array([self._height, *(move.height for move in todo)])
-        return float(np.abs(np.diff(heights)).sum()) / self.settings.servo.speed
+    def _raise_lift(self, board: Board) -> None:
+        """Raises the brush vertically from an unknown height, at the lift's rate."""
+        (low, _), (high, at_high) = self.settings.range.low, self.settings.range.high
+        seconds = (high - low) / self.settings.up_speed
+        rate = self._rate(self.settings.up_speed)
+        until = time.monotonic() + PATIENCE + seconds
+        board.do(f"S2,{round(at_high)},{self.settings.pin},{rate},{round(1000 * seconds)}", "connect", None, until)
+        board.wait("connect", until)
+        self._height = high
 
-    def _settle(self, line: SerialLine, label: str, until: float) -> None:
-        """Returns when the board reports that nothing moves and nothing is queued."""
-        while True:
-            answer = self._ask(line, "QM", ends=False)
-            parts = answer.split(",")
-            if parts[0] != "QM" or len(parts) < 4:
-                raise RobotDisconnected(f"{label}: {self._interlock.name} said {answer[:60]!r}; look at its cable.")
-            if all(part == "0" for part in parts[1:]):
-                return
-            self._heed_stop(label)
-            if time.monotonic() > until:
-                raise MotionFailed(
-                    f"{label}: {self._interlock.name} did not arrive in time, and is stopped; look at it."
-                )
+    def _require_power(self, board: Board, label: str) -> None:
+        """Raises MotionFailed if the motors have no power, or had none for a while."""
+        self._note(board.state(), label)
+        if board.voltage_is_low():
+            self._lose_zero(label)
 
-    def _place(self, line: SerialLine) -> NDArray[np.float64]:
-        answer = self._ask(line, "QS")
-        try:
-            first, second = (int(part) for part in answer.split(","))
-        except ValueError:
-            raise RobotDisconnected(
-                f"{self._interlock.name} said {answer[:60]!r} when asked where it is; look at its cable."
-            ) from None
-        right, down = (first + second) / 2, (first - second) / 2
+    def _note(self, state: BoardState, label: str) -> None:
+        self._pressed = self._pressed or state.button
+        if state.power_lost:
+            self._lose_zero(label)
+
+    def _lose_zero(self, label: str) -> None:
+        """Forgets the zero. Raises MotionFailed."""
+        self._lost = _POWER_LOST
+        if self._board is not None:
+            self._board.forget_zero()
+        raise MotionFailed(
+            f"{label}: {self._interlock.name} lost the power of its motors, so its carriage may have moved. Look at "
+            "its power supply, then connect anew; its zero has to be found again."
+        )
+
+    def _place(self, board: Board) -> NDArray[np.float64]:
+        first, second = board.steps()
+        right, down = self._offset[0] + (first + second) / 2, self._offset[1] + (first - second) / 2
         return np.array([right / STEPS_PER_MM / 1000, -down / STEPS_PER_MM / 1000, self._height])
 
-    def _do(self, line: SerialLine, command: str, label: str, waypoint: int | None, until: float) -> None:
-        """Sends a command and waits for its "OK"."""
-        self._heed_stop(label)
-        line.write(command.encode("ascii") + b"\r")
-        while True:
-            answer = line.read(_SLICE)
-            self._heed_stop(label)
-            if answer == "OK":
-                return
-            if answer:
-                where = "" if waypoint is None else f" at waypoint {waypoint}"
-                raise MotionFailed(
-                    f"{label}: {self._interlock.name} answered {answer[:60]!r} to {command!r}{where}, and is stopped; "
-                    "look at it, then connect anew.",
-                    answer[:60],
-                    waypoint,
-                )
-            if time.monotonic() > until:
-                raise RobotDisconnected(
-                    f"{label}: {self._interlock.name} did not acknowledge {command!r} in time; look at it and its "
-                    "cable."
-                )
 
-    def _ask(self, line: SerialLine, question: str, *, ends: bool = True) -> str:
-        """Returns the board's answer to a question. ends: True if an "OK" follows the answer."""
-        line.write(question.encode("ascii") + b"\r")
-        answers: list[str] = []
-        until = time.monotonic() + PATIENCE
-        while len(answers) < (2 if ends else 1):
-            answer = line.read(_SLICE)
-            if answer:
-                answers.append(answer)
-            elif time.monotonic() > until:
-                raise RobotDisconnected(
-                    f"{self._interlock.name} did not answer {question} in {PATIENCE:.0f} s; look at it and at its "
-                    "cable."
-                )
-        if answers[0].startswith("!") or (ends and answers[1] != "OK"):
-            raise RobotError(f"{self._interlock.name} answered {', '.join(answers)[:80]!r} to {question}; look at it.")
-        return answers[0]
+_FIRST = "it was not connected yet"
+_POWER_LOST = "its motors lost their power, so its carriage may have moved"
+_NO_POWER = "The AxiDraw has no power for its motors; plug in its power supply."
 
-    def _heed_stop(self, label: str) -> None:
-        if self._interlock.stopped:
-            raise RobotStopped(f"{label}: {self._interlock.name} was stopped; look at it before it is connected anew.")
 
-    def _halt(self, line: SerialLine) -> None:
-        """Sends ES on a new line, after any partial command. A lost line is ignored."""
-        try:
-            line.write(b"\rES\r")
-        except RobotError:
-            return
+def _read_zero(board: Board) -> tuple[int, int] | str:
+    """Returns the steps (right, towards you) at which the counters were zero, or why they cannot be trusted.
+
+    Another program that paints with the board sets the counters to zero and leaves the carriage there.
+    """
+    marked = board.recall_zero()
+    if marked is None:
+        return "its board was reset or just switched on; its zero is the home corner, into which it can be pushed now"
+    if not board.motors_on():
+        return "its motors were off, so its carriage may have been pushed; push it into the home corner, its zero"
+    if board.steps() == (0, 0):
+        return "its counters stand at zero, as after another program"
+    return marked
 
 
 def _open(name: MachineName, workspace: Workspace) -> AxidrawRobot:
-    name.require("servo", where=False)
-    home, port, speed = require_home(name, workspace), name.where or None, workspace.travel_speed
-    servo = name.choose("servo", Servo.of, None)
-    if servo is None:
-        return AxidrawRobot(AxidrawSettings(home, port, approach=speed))
-    return AxidrawRobot(AxidrawSettings(home, port, servo, speed))
+    name.require("servo", "lift", "up_speed", "down_speed", where=False)
+    told: dict[str, Any] = {
+        "lift": name.choose("lift", lambda kind: str(LIFTS[kind] and kind), None),
+        "servo": name.choose("servo", Servo.of, None),
+        "up_speed": name.choose("up_speed", float, None),
+        "down_speed": name.choose("down_speed", float, None),
+    }
+    if workspace.painting_speed > MAX_SPEED:
+        raise ConfigError(
+            f"The workspace has a painting_speed of {workspace.painting_speed:g} m/s; an AxiDraw paints with at most "
+            f"{MAX_SPEED:.3f} m/s, which are {MAX_STEP_RATE} steps a second on a diagonal."
+        )
+    settings = AxidrawSettings(require_home(name, workspace), name.where or None, approach=workspace.travel_speed)
+    return AxidrawRobot(replace(settings, **{key: value for key, value in told.items() if value is not None}))
 
 
 KIND = RobotKind(
     "axidraw",
-    "axidraw[:PORT][,servo=Z/PULSE/Z/PULSE]",
+    "axidraw[:PORT][,lift=standard|brushless][,servo=Z/PULSE/Z/PULSE][,up_speed=M/S][,down_speed=M/S]",
     "AxiDraw, NextDraw and other plotters with an EBB",
     open=_open,
     needed=_NEEDED,

@@ -77,6 +77,11 @@ class Interlock:
         if not self._open:
             raise RobotError(f"{label}: {self.name} is not connected; call connect() first.")
 
+    def heed_stop(self, label: str) -> None:
+        """Raises RobotStopped if a stop came during a motion."""
+        if self._stopped.is_set():
+            raise RobotStopped(f"{label}: {self.name} was stopped; look at it before it is connected anew.")
+
     def require_path(self, waypoints: Waypoints) -> None:
         """Raises MotionFailed, before anything is sent, if the waypoints are no valid path."""
         position = waypoints.position

@@ -1,7 +1,7 @@
-"""Robots behind ROS: arms that follow Cartesian trajectories of the brush's tip, over four topics of stock messages.
+"""Robots behind ROS: arms that follow Cartesian trajectories of the brush's tip, over five topics of stock messages.
 
-docs/how-to/ros.md specifies the arm's node. ros_connections.py has the connections: RospyConnection to a ROS 1
-master, and RosbridgeConnection to any ROS behind a rosbridge server.
+docs/how-to/ros.md specifies the arm's node. ros_connections.py has the connections: RosbridgeConnection to ROS 2 or 1
+behind a rosbridge server, and RospyConnection to a ROS 1 master.
 """
 
 import threading
@@ -15,24 +15,79 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frida_painter.errors import ConfigError, FridaError, MotionFailed, RobotDisconnected, RobotError, RobotStopped
+from frida_painter.hardware.deadline import steady
 from frida_painter.hardware.drivers.interlock import PATIENCE, Interlock, motion_timeout
 from frida_painter.hardware.kinds import MachineName, require_home
-from frida_painter.hardware.robot import MotionReport, Point, Waypoints, Workspace
+from frida_painter.hardware.robot import (
+    Examination,
+    MachineFact,
+    MotionReport,
+    Point,
+    Waypoints,
+    Workspace,
+    plan_way_home,
+)
 
 Message = Mapping[str, Any]
 """ROS message as nested mappings from field names to values."""
 
-FOLLOW, STATUS, POSE, STOP = (
-    ("follow", "trajectory_msgs/MultiDOFJointTrajectory"),
-    ("status", "actionlib_msgs/GoalStatus"),
-    ("pose", "geometry_msgs/PoseStamped"),
-    ("stop", "std_msgs/Empty"),
-)
 TIP = "brush_tip"
-_ACTIVE, _PREEMPTED, _SUCCEEDED, _ABORTED, _REJECTED = 1, 2, 3, 4, 5
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """Messages of one version of ROS.
+
+    topics: name of each topic and its message
+    seconds, nanoseconds: names of the fields of a time
+    goal: name of the field of a status that holds the stamp of a motion
+    statuses: meaning of each status
+    """
+
+    topics: Mapping[str, str]
+    seconds: str
+    nanoseconds: str
+    goal: str
+    statuses: Mapping[int, str]
+
+
+_ACTIVE, _STOPPED, _DONE, _GAVE_UP, _REFUSED = "active", "stopped", "done", "gave up", "refused the motion"
+DIALECTS = {
+    2: Dialect(
+        {
+            "follow": "trajectory_msgs/msg/MultiDOFJointTrajectory",
+            "status": "action_msgs/msg/GoalStatus",  # ROS 2 Rolling dropped actionlib_msgs
+            "pose": "geometry_msgs/msg/PoseStamped",
+            "stop": "std_msgs/msg/Empty",
+            "alive": "std_msgs/msg/Empty",
+        },
+        "sec",
+        "nanosec",
+        "goal_info",
+        {1: _ACTIVE, 2: _ACTIVE, 3: _ACTIVE, 4: _DONE, 5: _STOPPED, 6: _GAVE_UP},
+    ),
+    1: Dialect(
+        {
+            "follow": "trajectory_msgs/MultiDOFJointTrajectory",
+            "status": "actionlib_msgs/GoalStatus",
+            "pose": "geometry_msgs/PoseStamped",
+            "stop": "std_msgs/Empty",
+            "alive": "std_msgs/Empty",
+        },
+        "secs",
+        "nsecs",
+        "goal_id",
+        {1: _ACTIVE, 2: _STOPPED, 3: _DONE, 4: _GAVE_UP, 5: _REFUSED},
+    ),
+}
+"""Dialects by the version of ROS."""
+
 _UPRIGHT = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
 _SILENCE = 2.0
 _POLL = 0.02
+_BEAT = 0.2  # seconds between two signs of life; the arm's node stops after a second without
+_MOVED = 1e-4  # metres
+_LISTENING, _RARELY = 0.5, 5.0  # seconds for which `doctor` counts poses; it warns of fewer poses a second
 
 
 class RosConnection(Protocol):
@@ -53,6 +108,9 @@ class RosConnection(Protocol):
     def publish(self, topic: str, message: Message) -> None:
         """Sends a message now; it is never kept for later. Raises RobotDisconnected."""
 
+    def complaint(self) -> str:
+        """Returns the last complaint of ROS itself about a topic or message; "" for none."""
+
     def close(self) -> None:
         """Disconnects; a second call does nothing."""
 
@@ -63,9 +121,9 @@ class RosSettings:
 
     home: home position of the tip, metres
     approach: m/s to the first waypoint, above 0 to 1
-    namespace: of the four topics, begins with "/"
+    namespace: of the topics, begins with "/"
     frame: coordinate frame of the waypoints
-    ros: 1 or 2; the two name the fields of a time differently
+    ros: version of ROS, 1 or 2
 
     Raises ConfigError if a value is not allowed.
     """
@@ -74,10 +132,10 @@ class RosSettings:
     approach: float = 0.1
     namespace: str = "/brush"
     frame: str = "base"
-    ros: int = 1
+    ros: int = 2
 
     def __post_init__(self) -> None:
-        if not 0 < self.approach <= 1 or self.ros not in (1, 2) or not self.namespace.startswith("/"):
+        if not 0 < self.approach <= 1 or self.ros not in DIALECTS or not self.namespace.startswith("/"):
             raise ConfigError(
                 f"A ROS arm was given an approach of {self.approach} m/s, ROS {self.ros} and the namespace "
                 f"{self.namespace!r}; they are above 0 to 1 m/s, 1 or 2, and a name that begins with a slash."
@@ -85,18 +143,27 @@ class RosSettings:
 
 
 class RosRobot:
-    """Robot behind ROS. Implements hardware.robot.Robot. Stops use a separate connection."""
+    """Robot behind ROS. Implements Robot, TimedRobot and ExaminedRobot. Stops use a separate connection.
+
+    Nobody tells the arm if this program or its network dies. Therefore the driver sends a sign of life all the time
+    that a motion takes, and the arm's node stops without it.
+    """
 
     def __init__(self, settings: RosSettings, connection: RosConnection, stopper: RosConnection) -> None:
         self.settings = settings
+        self._dialect = DIALECTS[settings.ros]
         self._connection, self._stopper = connection, stopper
         self._interlock = Interlock(f"the arm behind ROS at {settings.namespace}")
         self._news = threading.Condition()
         self._tip: NDArray[np.float64] | None = None
         self._heard_at = float("-inf")
-        self._goal: tuple[int, int] = (0, 0)
+        self._goal: tuple[int, ...] = (0, 0)
         self._status: tuple[int, str] | None = None
         self._nonsense = ""
+        self._alive = float("-inf")
+        self._ours: set[tuple[int, ...]] = set()
+        self._other: tuple[int, ...] | None = None  # motion under way that this program did not send
+        self._poses = 0
 
     def connect(self) -> None:
         """Opens both connections and waits until the arm reports its pose and listens. Moves nothing.
@@ -105,13 +172,16 @@ class RosRobot:
         """
         self.close()
         self._tip, self._heard_at, self._nonsense = None, float("-inf"), ""
+        self._ours, self._other = set(), None
         try:
             for connection in (self._stopper, self._connection):
                 connection.open()
-            self._stopper.announce(self._topic(STOP), STOP[1])
-            self._connection.announce(self._topic(FOLLOW), FOLLOW[1])
-            self._connection.hear(self._topic(POSE), POSE[1], self._hear_pose)
-            self._connection.hear(self._topic(STATUS), STATUS[1], self._hear_status)
+            self._stopper.announce(*self._topic_and_type("stop"))
+            for topic in ("follow", "alive"):
+                self._connection.announce(*self._topic_and_type(topic))
+            self._connection.hear(*self._topic_and_type("status"), self._hear_status)
+            # Last: a pose comes after all complaints about the messages before.
+            self._connection.hear(*self._topic_and_type("pose"), self._hear_pose)
             self._await_arm()
         except FridaError:
             self.close()
@@ -120,9 +190,7 @@ class RosRobot:
 
     def home(self) -> MotionReport:
         """Moves to the home position, first vertically."""
-        here, aside = self.pose(), np.array(self.settings.home)
-        above = np.array([here[0], here[1], max(here[2], aside[2])])
-        return self.follow(Waypoints("home", np.stack((above, aside)), self.settings.approach))
+        return self.follow(plan_way_home(self.pose(), self.settings.home, self.settings.approach))
 
     def pose(self) -> NDArray[np.float64]:
         """Returns the tip's last reported position, [3] metres. Raises RobotDisconnected if the report is too old."""
@@ -143,6 +211,7 @@ class RosRobot:
         started = time.monotonic()
         try:
             here = self._place(waypoints.label)
+            self._require_alone(waypoints.label)
             path = np.concatenate([here[None], waypoints.position])
             steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
             seconds = np.cumsum(steps / np.r_[self.settings.approach, np.full(len(steps) - 1, waypoints.speed)])
@@ -169,30 +238,86 @@ class RosRobot:
             with suppress(RobotError):  # A connection that does not close in time is abandoned.
                 connection.close()
 
-    def _topic(self, of: tuple[str, str]) -> str:
-        return f"{self.settings.namespace.rstrip('/')}/{of[0]}"
+    def timing(self) -> None:
+        """Returns None: the arm's node does not tell its limits."""
+
+    def alive_at(self) -> float:
+        """Returns when the arm last reported another position."""
+        return self._alive
+
+    def examine(self) -> Examination:
+        """Connects, reads what ROS and the arm tell, and disconnects; moves nothing."""
+        self.connect()
+        try:
+            x, y, z = 1000 * self.pose()
+            rate = self._pose_rate()
+        finally:
+            self.close()
+        return Examination(
+            (
+                MachineFact(f"An arm under {self.settings.namespace} speaks ROS {self.settings.ros}; its tip is at "
+                            f"({x:.0f}, {y:.0f}, {z:.0f}) mm in the frame {self.settings.frame!r}."),
+                MachineFact(f"It says {rate:.0f} times a second where it is.")
+                if rate >= _RARELY
+                else MachineFact(
+                    f"It says only {rate:.0f} times a second where it is; let its node say it 20 times a second, "
+                    "because a stop and the end of a stroke are noticed as late.",
+                    "warning",
+                ),
+                MachineFact(
+                    "Neither ROS nor rosbridge tells whether its node stops when this program dies. Try it before you "
+                    f"paint: pull the network cable during a slow motion; the arm must stand after a second without "
+                    f"{self._topic('alive')}.",
+                    "warning",
+                ),
+            )
+        )  # fmt: skip
+
+    def _pose_rate(self) -> float:
+        """Returns how often a second the arm reports its pose."""
+        before, began = self._poses, time.monotonic()
+        time.sleep(_LISTENING)
+        return (self._poses - before) / (time.monotonic() - began)
+
+    def _topic(self, name: str) -> str:
+        return f"{self.settings.namespace.rstrip('/')}/{name}"
+
+    def _topic_and_type(self, name: str) -> tuple[str, str]:
+        return self._topic(name), self._dialect.topics[name]
 
     def _await_arm(self) -> None:
         until = time.monotonic() + PATIENCE
         while self._tip is None or not self._is_heard():
+            self._require_no_complaint()
             if time.monotonic() > until:
                 missing = (
-                    f"says on {self._topic(POSE)} where it is" if self._tip is None
-                    else f"listens to {self._topic(FOLLOW)} and {self._topic(STOP)}"
+                    f"says on {self._topic('pose')} where it is" if self._tip is None
+                    else f"listens to {self._topic('follow')} and {self._topic('stop')}"
                 )  # fmt: skip
                 raise RobotDisconnected(
                     f"There is ROS, but no arm in it {missing} (waited {PATIENCE:.0f} s); start the arm's node, or "
                     "correct the namespace."
                 )
             time.sleep(_POLL)
+        self._require_no_complaint()
+
+    def _require_no_complaint(self) -> None:
+        complaint = self._connection.complaint() or self._stopper.complaint()
+        if complaint:
+            other = 1 if self.settings.ros == 2 else 2
+            raise RobotError(
+                f"{self._interlock.name}: ROS {self.settings.ros} was expected, and it says: {complaint[:200]}. "
+                f"Install that there, or write ros={other}."
+            )
 
     def _is_heard(self) -> bool:
-        return self._connection.is_heard(self._topic(FOLLOW)) and self._stopper.is_heard(self._topic(STOP))
+        return self._connection.is_heard(self._topic("follow")) and self._stopper.is_heard(self._topic("stop"))
 
     def _send(self, waypoints: Waypoints, seconds: NDArray[np.float64]) -> None:
         now = time.time_ns()
         with self._news:
             self._goal, self._status = (now // 10**9, now % 10**9), None
+            self._ours.add(self._goal)
         points = [
             {
                 "transforms": [{"translation": dict(zip("xyz", place, strict=True)), "rotation": _UPRIGHT}],
@@ -205,41 +330,55 @@ class RosRobot:
         header = {"stamp": self._time(*self._goal), "frame_id": self.settings.frame}
         if self._interlock.stopped:
             raise self._stop_here(waypoints.label)
-        self._connection.publish(self._topic(FOLLOW), {"header": header, "joint_names": [TIP], "points": points})
+        self._connection.publish(self._topic("follow"), {"header": header, "joint_names": [TIP], "points": points})
 
     def _time(self, seconds: int, nanoseconds: int) -> dict[str, int]:
-        names = ("secs", "nsecs") if self.settings.ros == 1 else ("sec", "nanosec")
-        return dict(zip(names, (seconds, nanoseconds), strict=True))
+        return {self._dialect.seconds: seconds, self._dialect.nanoseconds: nanoseconds}
 
     def _await_end(self, label: str, until: float) -> None:
         """Returns when the arm reports that the motion is done."""
-        taken = time.monotonic() + PATIENCE
+        taken, beat, before = time.monotonic() + PATIENCE, 0.0, self._place(label)
         while True:
+            if time.monotonic() > beat:
+                self._connection.publish(self._topic("alive"), {})
+                beat = time.monotonic() + _BEAT
             with self._news:
                 self._news.wait(_POLL)
                 status = self._status
-            self._place(label)
+            here = self._place(label)
+            self._require_no_complaint()
+            self._require_alone(label)
             if self._interlock.stopped:
                 raise self._stop_here(label)
             if status is None:
                 if time.monotonic() > taken:
                     raise RobotDisconnected(
-                        f"{label}: {self._interlock.name} did not say on {self._topic(STATUS)} that it took the "
+                        f"{label}: {self._interlock.name} did not say on {self._topic('status')} that it took the "
                         "motion, and is told to stop; look at its node."
                     )
                 continue
             code, text = status
-            if code == _SUCCEEDED:
+            meaning, why = self._dialect.statuses.get(code), f" ({text})" if text else ""
+            if meaning == _DONE:
                 return
-            if code == _PREEMPTED:
-                raise RobotStopped(f"{label}: {self._interlock.name} was stopped there ({text}); look at it.")
-            if code in (_ABORTED, _REJECTED):
-                how = "gave up" if code == _ABORTED else "refused the motion"
-                raise MotionFailed(f"{label}: {self._interlock.name} {how} ({text}); look at it.", text or code)
-            if code != _ACTIVE:
+            if meaning == _STOPPED:
+                raise RobotStopped(f"{label}: {self._interlock.name} was stopped there{why}; look at it.")
+            if meaning in (_GAVE_UP, _REFUSED):
+                raise MotionFailed(f"{label}: {self._interlock.name} {meaning}{why}; look at it.", text or code)
+            if meaning is None:
                 raise RobotError(f"{label}: {self._interlock.name} has the status {code}, which means nothing here.")
+            if float(np.linalg.norm(here - before)) > _MOVED:  # an arm that moves is alive, however slow it is
+                before, until, self._alive = here, max(until, time.monotonic() + PATIENCE), steady()
             if time.monotonic() > until:
                 raise MotionFailed(f"{label}: {self._interlock.name} did not arrive in time, and is told to stop.")
+
+    def _require_alone(self, label: str) -> None:
+        """Raises MotionFailed if the arm follows a motion that this program did not send."""
+        if self._other is not None:
+            raise MotionFailed(
+                f"{label}: {self._interlock.name} follows a motion that was not sent from here, as by another program "
+                "or an earlier painting; end that, look at the arm, then connect anew."
+            )
 
     def _place(self, label: str) -> NDArray[np.float64]:
         with self._news:
@@ -275,12 +414,12 @@ class RosRobot:
             self._misunderstood(message)
             return
         with self._news:
-            self._tip, self._heard_at = tip, time.monotonic()
+            self._tip, self._heard_at, self._poses = tip, time.monotonic(), self._poses + 1
             self._news.notify_all()
 
     def _hear_status(self, message: Message) -> None:
         try:
-            stamp = message["goal_id"]["stamp"]
+            stamp = message[self._dialect.goal]["stamp"]
             goal = tuple(int(stamp[name]) for name in self._time(0, 0))
             status = (int(message["status"]), str(message.get("text", ""))[:200])
         except (KeyError, TypeError, ValueError, AttributeError):
@@ -289,6 +428,9 @@ class RosRobot:
         with self._news:
             if goal == self._goal:
                 self._status = status
+            elif goal not in self._ours:
+                active = self._dialect.statuses.get(status[0]) == _ACTIVE
+                self._other = goal if active else None if goal == self._other else self._other
             self._news.notify_all()
 
     def _misunderstood(self, message: object) -> None:
@@ -303,14 +445,17 @@ class RosRobot:
         """Sends a stop over one connection; if that fails, over the other."""
         for connection in (self._stopper, self._connection):
             try:
-                connection.publish(self._topic(STOP), {})
+                connection.publish(self._topic("stop"), {})
                 return
             except RobotError:
                 continue
 
 
-def behind(name: MachineName, workspace: Workspace, connection: Callable[[], RosConnection]) -> RosRobot:
-    """Returns the robot of that name, over connections of one kind. Raises ConfigError if the name is invalid."""
+def behind(name: MachineName, workspace: Workspace, connection: Callable[[], RosConnection], ros: int) -> RosRobot:
+    """Returns the robot of that name, over connections of one kind. Raises ConfigError if the name is invalid.
+
+    ros: version of ROS if the name gives none
+    """
     told = {part: name.options[part] for part in ("namespace", "frame") if part in name.options}
-    home, version = require_home(name, workspace), name.choose("ros", int, 1)
+    home, version = require_home(name, workspace), name.choose("ros", int, ros)
     return RosRobot(RosSettings(home, workspace.travel_speed, ros=version, **told), connection(), connection())

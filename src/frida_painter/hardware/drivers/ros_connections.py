@@ -1,4 +1,4 @@
-"""Connections to ROS: through a rosbridge server (roslibpy) for ROS 1 and 2, and through rospy for ROS 1."""
+"""Connections to ROS: through a rosbridge server (roslibpy) for ROS 2 and 1, and through rospy for ROS 1."""
 
 import importlib
 import os
@@ -27,6 +27,7 @@ class RosbridgeConnection:
         self._library: Any = None
         self._ros: Any = None
         self._topics: dict[str, Any] = {}
+        self._complaint = ""
 
     def open(self) -> None:
         """Connects. A lost connection is never restored, because a late message must not move the arm.
@@ -43,9 +44,10 @@ class RosbridgeConnection:
             socket.create_connection((self.host, self.port), timeout=PATIENCE).close()
         except OSError as cause:
             raise self._nobody(cause.strerror or str(cause)) from cause
-        self._library = roslibpy
+        self._library, self._complaint = roslibpy, ""
         ros = roslibpy.Ros(self.host, self.port, transport="asyncio")
         ros.factory.maxRetries = 0
+        ros.factory.on_ready(self._hear_complaints)
         try:
             ros.run(timeout=PATIENCE)
         except Exception as cause:
@@ -75,6 +77,19 @@ class RosbridgeConnection:
             )
         self._topics[topic].publish(self._library.Message(dict(message)))
 
+    def complaint(self) -> str:
+        """Returns the last error that rosbridge reported, such as an unknown message; "" for none."""
+        return self._complaint
+
+    def _hear_complaints(self, protocol: Any) -> None:
+        """Listens for rosbridge's reports of errors, for which roslibpy has no handler."""
+
+        def tell(message: Message) -> None:
+            if message.get("level", "error") == "error":
+                self._complaint = " ".join(str(message.get("msg", "")).split()) or "an error without a text"
+
+        protocol._message_handlers["status"] = tell
+
     def close(self) -> None:
         """Disconnects. Raises RobotDisconnected if that fails."""
         ros, self._ros = self._ros, None
@@ -88,14 +103,14 @@ class RosbridgeConnection:
     def _nobody(self, why: str) -> RobotDisconnected:
         return RobotDisconnected(
             f"No rosbridge answers at {self.host}:{self.port} ({why}); start it "
-            "(roslaunch rosbridge_server rosbridge_websocket.launch) and look at the address."
+            "(ros2 launch rosbridge_server rosbridge_websocket_launch.xml) and look at the address."
         )
 
 
 def _open_rosbridge(name: MachineName, workspace: Workspace) -> RosRobot:
     name.require("namespace", "frame", "ros")
     host, port = _place(name)
-    return behind(name, workspace, lambda: RosbridgeConnection(host, port))
+    return behind(name, workspace, lambda: RosbridgeConnection(host, port), ros=2)
 
 
 def _place(name: MachineName) -> tuple[str, int]:
@@ -108,8 +123,8 @@ def _place(name: MachineName) -> tuple[str, int]:
 
 ROSBRIDGE = RobotKind(
     "rosbridge",
-    "rosbridge:HOST[:PORT][,ros=2][,namespace=/NAME][,frame=NAME]",
-    "any arm behind rosbridge, ROS 1 or 2",
+    "rosbridge:HOST[:PORT][,ros=1][,namespace=/NAME][,frame=NAME]",
+    "any arm behind rosbridge, ROS 2 or 1",
     open=_open_rosbridge,
     needed=_ROSBRIDGE_NEEDED,
     identify=lambda name: at_host(*_place(name)),
@@ -183,6 +198,10 @@ class RospyConnection:
         except Exception as cause:
             raise RobotDisconnected(f"ROS did not take a message on {topic} ({one_line(cause)}).") from cause
 
+    def complaint(self) -> str:
+        """Returns "": rospy raises its errors."""
+        return ""
+
     def close(self) -> None:
         """Unregisters publishers and subscribers; the node lives as long as the process."""
         for spoken in (*self._publishers.values(), *self._subscribers):
@@ -227,7 +246,7 @@ def _as_mapping(message: Any) -> Any:
 
 def _open_rospy(name: MachineName, workspace: Workspace) -> RosRobot:
     name.require("namespace", "frame", where=False)
-    return behind(name, workspace, lambda: RospyConnection(name.where or None))
+    return behind(name, workspace, lambda: RospyConnection(name.where or None), ros=1)
 
 
 ROSPY = RobotKind(

@@ -3,9 +3,10 @@
 Neither the SDK nor this program clears an error: a person does that, at the arm.
 """
 
+import math
 import socket
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -15,33 +16,76 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frida_painter.errors import ConfigError, FridaError, MotionFailed, RobotDisconnected, RobotError, RobotStopped
-from frida_painter.hardware.deadline import within
+from frida_painter.hardware.deadline import steady, within
 from frida_painter.hardware.drivers.interlock import PATIENCE, Interlock, motion_timeout
 from frida_painter.hardware.kinds import MachineName, Needed, RobotKind, at_host, require_home
-from frida_painter.hardware.robot import MotionReport, Point, Waypoints, Workspace
+from frida_painter.hardware.robot import (
+    Examination,
+    MachineFact,
+    MotionReport,
+    Point,
+    Waypoints,
+    Workspace,
+    plan_way_home,
+)
+from frida_painter.hardware.timing import AxisTiming
 
 Answer = TypeVar("Answer")
 
 _NEEDED = Needed("pip install 'frida-painter[xarm]'", "xarm")
-_CONTROL_PORT = 502
 _OPENING, _CLOSING = 5.0, 1.0
 _POLL = 0.02
 _STILL = 1e-4  # metres between two polls
-_MOVING, _STANDING, _PAUSED, _STOPPED = 1, (0, 2, 5), 3, (4, 6)
+_MOVING, _STANDING, _PAUSED, _RESET, _STOPPED = 1, (0, 2), 3, 5, (4, 6)
+_AFTER_START = 0.15  # seconds after set_state within which the arm ignores moves: 0.1 (SDK issue 59)
+_AHEAD = 64  # waypoints that the arm has at most in its queue; W11 comes up at 2048, at 256 in old firmware
+_SHORT = 1e-6  # metres
 _ERRORS = {
     1: "the emergency stop at the control box was pressed",
     2: "the emergency input of the control box was triggered",
     3: "the three-state switch of the control box was pressed",
+    10: "a joint's motor failed",
+    **{10 + joint: f"the motor of joint {joint} failed" for joint in range(1, 8)},
+    18: "its force sensor does not answer",
     19: "the end of the arm does not answer its control box",
     21: "a place that it cannot reach, or near one",
     22: "it would collide with itself",
     23: "a joint would turn beyond its limit",
     24: "a joint would be too fast",
     25: "it could not plan the way",
-    31: "it ran into something",
+    26: "its control box lost its real-time clock",
+    27: "a joint did not acknowledge a command",
+    28: "the end of the arm does not answer",
+    30: "a joint turned faster than it may",
+    31: "it ran into something, or its payload or its sensitivity for collisions is set wrongly",
+    33: "the inputs of its control box failed",
     35: "beyond its own safety boundary",
+    36: "too many delayed commands wait",
+    37: "it moved by itself while it was led by hand; its payload is set wrongly",
+    38: "a joint stands at an angle that cannot be",
+    39: "its power board failed",
+    40: "it found no joint angles on the way",
+    41: "its friction file is damaged",
+    42: "its calibration file is damaged",
+    50: "its force sensor cannot be read",
+    51: "its force sensor did not change its mode",
+    52: "its force sensor could not be set to zero",
+    53: "its force sensor is overloaded",
+    60: "it would be faster than it may",
+    110: "the board in its base does not answer",
+    111: "a device at its control box does not answer",
 }
-"""Controller errors of UFACTORY that can occur while painting (xarm_api_code.md of the SDK)."""
+"""Errors of the control box (ControllerErrorCodeMap of the SDK)."""
+_WARNINGS = {
+    11: "its queue is full, and the waypoint was dropped",
+    12: "it does not understand the values of a command, which was dropped",
+    13: "it does not know a command, which was dropped",
+    14: "it cannot reach the waypoint, which was dropped",
+    15: "its queue for devices is full",
+}
+"""Warnings of the control box (ControllerWarnCodeMap). The SDK returns 0 for a command that was dropped with one."""
+_SILENT, _GONE = (3,), (-1, 8)  # ERR_TOUT; NOT_CONNECTED, ERR_NOTTCP
+_NO_PAYLOAD = 0.05  # kg
 
 
 @dataclass(frozen=True)
@@ -53,7 +97,7 @@ class XarmSettings:
     approach: m/s to the first waypoint
     brush_length: from the arm's tool centre to the brush's tip, metres; 0 if the arm's own tool offset includes it
     tool: roll, pitch and yaw of the tool in degrees; the default points straight down
-    blend: distance from a waypoint at which the arm may round the corner, metres
+    blend: distance from a waypoint at which the arm may round the corner, metres; less where waypoints are close
     acceleration: m/s2
 
     Raises ConfigError if a value is out of range.
@@ -81,13 +125,17 @@ class XarmSettings:
 
 
 class XarmRobot:
-    """Robot through UFACTORY's SDK. Implements hardware.robot.Robot. Stops use a separate connection."""
+    """Robot through UFACTORY's SDK. Implements Robot, TimedRobot and ExaminedRobot. Stops use a separate connection.
+
+    Its joints have absolute encoders, so its zero survives everything.
+    """
 
     def __init__(self, settings: XarmSettings) -> None:
         self.settings = settings
         self._interlock = Interlock(f"the xArm at {settings.address}")
         self._arm: Any = None
         self._stopper: Any = None
+        self._alive = -math.inf
         self.serial_number = ""
 
     def connect(self) -> None:
@@ -98,23 +146,23 @@ class XarmRobot:
         which only a person clears.
         """
         self.close()
-        try:
-            from xarm.wrapper import XArmAPI
-        except ImportError as missing:
-            raise RobotError(f"xArms need the package xarm-python-sdk; install it with: {_NEEDED.install}") from missing
-        self._require_somebody()
+        kind = self._load_sdk()
         self._interlock.mark_connected()
         try:
-            self._stopper = self._open_connection(XArmAPI)
-            self._arm = self._open_connection(XArmAPI)
+            self._stopper = self._open_connection(kind)
+            self._arm = self._open_connection(kind)
             self.serial_number = str(getattr(self._arm, "sn", None) or "")
-            self._require_no_error("connect", None)
+            self._clear_warning()
+            self._require_no_fault("connect", None)
             for what, call in (
                 ("motion_enable", lambda: self._arm.motion_enable(True)),
                 ("set_mode", lambda: self._arm.set_mode(0)),
                 ("set_state", lambda: self._arm.set_state(0)),
             ):
                 self._require_done(what, self._interlock.asking(what, call))
+            time.sleep(_AFTER_START)
+            self._require_no_fault("connect", None)
+            self._require_ready("connect")
             self.pose()
         except FridaError:
             self.close()
@@ -122,9 +170,7 @@ class XarmRobot:
 
     def home(self) -> MotionReport:
         """Moves to the home position, first vertically."""
-        here, aside = self.pose(), np.array(self.settings.home)
-        above = np.array([here[0], here[1], max(here[2], aside[2])])
-        return self.follow(Waypoints("home", np.stack((above, aside)), self.settings.approach))
+        return self.follow(plan_way_home(self.pose(), self.settings.home, self.settings.approach))
 
     def pose(self) -> NDArray[np.float64]:
         """Returns the position of the tip, [3] metres. Raises RobotError if the answer is no position."""
@@ -135,6 +181,7 @@ class XarmRobot:
             position = np.array(place, dtype=np.float64)[:3]
         except (TypeError, ValueError):
             code, position = None, np.empty(0)
+        self._require_line("pose", code)
         if code != 0 or position.shape != (3,) or not np.isfinite(position).all():
             raise self._interlock.fault(
                 RobotError(f"{self._interlock.name} said {str(answer)[:80]} when asked where it is; look at it.")
@@ -151,11 +198,16 @@ class XarmRobot:
         self._interlock.require_path(waypoints)
         started = time.monotonic()
         try:
-            away = float(np.linalg.norm(waypoints.position[0] - self.pose()))
+            self._require_no_fault(waypoints.label, None)
+            self._require_ready(waypoints.label)
+            here = self.pose()
             until = started + motion_timeout(waypoints.length, waypoints.speed)
-            until += motion_timeout(away, self.settings.approach)
-            for index in range(len(waypoints.position)):
-                self._send(waypoints, index)
+            until += motion_timeout(float(np.linalg.norm(waypoints.position[0] - here)), self.settings.approach)
+            radii = self._blend(np.concatenate([here[None], waypoints.position]))
+            for index, radius in enumerate(radii):
+                if index and index % _AHEAD == 0:
+                    self._await_room(waypoints.label)
+                self._send(waypoints, index, radius)
             self._wait(waypoints, until)
             reached = self.pose()
         except FridaError as error:
@@ -178,10 +230,72 @@ class XarmRobot:
                 with suppress(RobotError):  # A connection that does not close in time is abandoned.
                     self._interlock.asking("close", connection.disconnect)
 
-    def _require_somebody(self) -> None:
+    def timing(self) -> AxisTiming:
+        """Returns the limits with which the arm is told to move; it blends corners."""
+        gain = self.settings.acceleration
+        return AxisTiming(
+            (1.0, 1.0, 1.0), (gain, gain, gain), deviation=max(self.settings.blend / 4, 1e-5), between=0.1
+        )
+
+    def alive_at(self) -> float:
+        """Returns when the arm last reported that it moves."""
+        return self._alive
+
+    def examine(self) -> Examination:
+        """Connects, reads what the control box tells, and disconnects; moves and changes nothing."""
+        self.close()
+        kind = self._load_sdk()
+        self._interlock.mark_connected()
+        try:
+            self._arm = self._open_connection(kind)
+            return Examination(tuple(self._facts()), self.timing())
+        finally:
+            self.close()
+
+    def _facts(self) -> Iterator[MachineFact]:
+        arm, until = self._arm, time.monotonic() + 1.0
+        while arm.collision_sensitivity == 0 and arm.tcp_load[0] == 0 and time.monotonic() < until:
+            time.sleep(_POLL)  # both come with the first report
+        yield MachineFact(
+            f"An xArm answers at {self.settings.address}: serial number {arm.sn}, firmware {arm.version}."
+        )
+        error, warning = self._codes("examine")
+        if error:
+            yield MachineFact(f"It has error {_name(error, _ERRORS)}. Look at it and clear the error there.", "refusal")
+        if warning:
+            yield MachineFact(f"It has warning {_name(warning, _WARNINGS)}.", "warning")
+        state = self._number("examine", "get_state")
+        yield MachineFact(
+            f"Its state is {state}, {_STATES.get(state, 'which is not known here')}, and its mode {arm.mode}"
+            f"{'' if arm.mode == 0 else ': another program uses it'}.",
+            "fact" if arm.mode == 0 else "warning",
+        )
+        weight, sensitivity = arm.tcp_load[0], arm.collision_sensitivity
+        light = weight < _NO_PAYLOAD
+        yield MachineFact(
+            f"Its payload is set to {weight:g} kg and its sensitivity for collisions to {sensitivity} of 5"
+            + ("; set the weight of brush and holder, or it may stop with error 31." if light else "."),
+            "warning" if light or sensitivity == 0 else "fact",
+        )
+        yield MachineFact(
+            "Its own tool offset is (" + ", ".join(f"{number:g}" for number in arm.tcp_offset[:3]) + ") mm; the brush "
+            f"reaches {1000 * self.settings.brush_length:g} mm below that."
+        )
+
+    def _load_sdk(self) -> Callable[..., Any]:
+        """Returns the SDK's class, if somebody answers at the address. Raises RobotError, RobotDisconnected."""
+        try:
+            from xarm.core.config.x_config import XCONF
+            from xarm.wrapper import XArmAPI
+        except ImportError as missing:
+            raise RobotError(f"xArms need the package xarm-python-sdk; install it with: {_NEEDED.install}") from missing
+        self._require_somebody(XCONF.SocketConf.TCP_CONTROL_PORT)
+        return partial(XArmAPI, is_radian=False, do_not_open=True, **_SDK)
+
+    def _require_somebody(self, port: int) -> None:
         """Checks that the control box answers, because the SDK would wait for long."""
         try:
-            socket.create_connection((self.settings.address, _CONTROL_PORT), timeout=PATIENCE).close()
+            socket.create_connection((self.settings.address, port), timeout=PATIENCE).close()
         except OSError as cause:
             raise RobotDisconnected(
                 f"No xArm answers at {self.settings.address} ({cause.strerror or cause}); look whether its control box "
@@ -190,7 +304,7 @@ class XarmRobot:
 
     def _open_connection(self, kind: Callable[..., Any]) -> Any:
         """Returns an open connection."""
-        made = self._interlock.asking("connect", lambda: kind(self.settings.address, is_radian=False, do_not_open=True))
+        made = self._interlock.asking("connect", lambda: kind(self.settings.address))
         try:
             self._interlock.asking("connect", made.connect, _OPENING)
         except RobotError:
@@ -198,14 +312,43 @@ class XarmRobot:
             with suppress(RobotError):
                 self._interlock.asking("close", made.disconnect, _CLOSING)
             raise
+        finally:
+            socket.setdefaulttimeout(None)  # the SDK sets one second for all sockets of the process
         return made
 
-    def _send(self, waypoints: Waypoints, index: int) -> None:
-        """Puts one waypoint into the arm's queue."""
-        self._heed_stop(waypoints.label)
+    def _blend(self, path: NDArray[np.float64]) -> list[float | None]:
+        """Returns for each waypoint after the first the radius of its arc in mm, None for a stop there.
+
+        Arcs of neighbours must not overlap: the arm then fails with C25 (SDK issue 79).
+        """
+        length = np.linalg.norm(np.diff(path, axis=0), axis=1)
+        room = 0.4 * np.minimum(length[:-1], length[1:])
+        radii = [min(self.settings.blend, float(metres)) for metres in room]
+        return [1000 * radius if radius > _SHORT else None for radius in radii] + [None]
+
+    def _await_room(self, label: str) -> None:
+        """Returns when the arm's queue has room for the next waypoints."""
+        until = time.monotonic() + PATIENCE
+        waiting = self._number(label, "get_cmdnum")
+        while waiting > _AHEAD:
+            self._interlock.heed_stop(label)
+            self._require_no_fault(label, None)
+            if self._state(label) == _PAUSED:
+                raise MotionFailed(f"{label}: {self._interlock.name} is paused, and is stopped now; look at it, then "
+                                   "connect anew.")  # fmt: skip
+            time.sleep(_POLL)
+            before, waiting = waiting, self._number(label, "get_cmdnum")
+            if waiting < before:
+                self._alive, until = steady(), time.monotonic() + PATIENCE
+            if time.monotonic() > until:
+                raise MotionFailed(f"{label}: {self._interlock.name} does not go on, and is stopped; look at it, then "
+                                   "connect anew.")  # fmt: skip
+
+    def _send(self, waypoints: Waypoints, index: int, radius: float | None) -> None:
+        """Puts one waypoint into the arm's queue. Raises MotionFailed if the arm dropped it."""
+        self._interlock.heed_stop(waypoints.label)
         x, y, z = (waypoints.position[index] + (0, 0, self.settings.brush_length)) * 1000
         roll, pitch, yaw = self.settings.tool
-        last = index == len(waypoints.position) - 1
         speed = waypoints.speed if index else self.settings.approach
 
         def move() -> Any:
@@ -216,7 +359,7 @@ class XarmRobot:
                 roll=roll,
                 pitch=pitch,
                 yaw=yaw,
-                radius=None if last else 1000 * self.settings.blend,
+                radius=radius,
                 speed=1000 * speed,
                 mvacc=1000 * self.settings.acceleration,
                 is_radian=False,
@@ -225,8 +368,10 @@ class XarmRobot:
 
         code = self._interlock.asking(waypoints.label, move)
         if code != 0:
-            self._heed_stop(waypoints.label)
-            self._require_no_error(waypoints.label, index)
+            self._interlock.heed_stop(waypoints.label)
+            self._require_line(waypoints.label, code)
+        self._require_no_fault(waypoints.label, index)
+        if code != 0:
             self._state(waypoints.label)
             raise MotionFailed(
                 f"{waypoints.label}: {self._interlock.name} did not take waypoint {index} (the SDK's code {code}); it "
@@ -237,15 +382,18 @@ class XarmRobot:
 
     def _wait(self, waypoints: Waypoints, until: float) -> None:
         """Returns when the arm reports rest and an empty queue, and two polls show the same position."""
-        seen, last = 0, np.full(3, np.nan)
+        seen, last, moved = 0, np.full(3, np.nan), np.full(3, np.inf)
         while seen < 2:
-            self._heed_stop(waypoints.label)
-            self._require_no_error(waypoints.label, None)
+            self._interlock.heed_stop(waypoints.label)
+            self._require_no_fault(waypoints.label, None)
             state = self._state(waypoints.label)
             standing = state in _STANDING and self._number(waypoints.label, "get_cmdnum") == 0
-            here = self.pose() if standing else np.full(3, np.nan)
-            seen = seen + 1 if float(np.linalg.norm(here - last)) <= _STILL else 0
-            last = here
+            here = self.pose()
+            if state == _MOVING and float(np.linalg.norm(here - moved)) > _STILL:
+                # An arm that moves is alive, also if its speed was reduced at its control box.
+                moved, until, self._alive = here, max(until, time.monotonic() + PATIENCE), steady()
+            seen = seen + 1 if standing and float(np.linalg.norm(here - last)) <= _STILL else 0
+            last = here if standing else np.full(3, np.nan)
             if time.monotonic() > until:
                 how = "is paused" if state == _PAUSED else "did not arrive in time"
                 raise MotionFailed(
@@ -254,13 +402,27 @@ class XarmRobot:
                 )
             time.sleep(_POLL)
 
-    def _heed_stop(self, label: str) -> None:
-        if self._interlock.stopped:
-            raise RobotStopped(f"{label}: {self._interlock.name} was stopped; look at it before it is connected anew.")
+    def _require_ready(self, label: str) -> None:
+        """Raises RobotError if the arm is not in position mode and ready for motions."""
+        if self._state(label) == _PAUSED:
+            raise RobotError(f"{label}: {self._interlock.name} is paused; let it go on there, then connect anew.")
+        until = time.monotonic() + 1.0  # the mode comes with reports, five times a second
+        while self._arm.mode != 0:
+            if time.monotonic() > until:
+                raise RobotError(
+                    f"{label}: {self._interlock.name} is in mode {self._arm.mode} and not in 0, for positions; another "
+                    "program uses it. End that, then connect anew."
+                )
+            time.sleep(_POLL)
 
     def _state(self, label: str) -> int:
-        """Returns the arm's state. Raises RobotStopped if it was stopped at the arm."""
+        """Returns the arm's state. Raises RobotStopped if it was stopped at the arm, RobotError if it was reset."""
         state = self._number(label, "get_state")
+        if state == _RESET:  # it has then dropped its queue (SDK issue 107)
+            raise RobotError(
+                f"{label}: {self._interlock.name} was reset, as by another program that changed its payload, its tool "
+                "or its mode, and has dropped its motions. End that program, then connect anew."
+            )
         if state in _STOPPED:
             raise RobotStopped(
                 f"{label}: {self._interlock.name} was stopped, by its switch or to protect somebody; look at it before "
@@ -271,31 +433,59 @@ class XarmRobot:
     def _number(self, label: str, call: str) -> int:
         """Calls a question of the SDK whose answer is (code, number), and returns the number."""
         answer = self._interlock.asking(label, getattr(self._arm, call))
-        if isinstance(answer, tuple | list) and len(answer) == 2 and answer[0] == 0 and isinstance(answer[1], int):
-            return answer[1]
+        if isinstance(answer, tuple | list) and len(answer) == 2:
+            if answer[0] == 0 and isinstance(answer[1], int):
+                return answer[1]
+            self._require_line(label, answer[0])
         raise RobotError(f"{label}: {self._interlock.name} answered {str(answer)[:80]} to {call}; look at it.")
 
-    def _require_no_error(self, label: str, waypoint: int | None) -> None:
-        """Raises MotionFailed if the control box has an error."""
+    def _clear_warning(self) -> None:
+        """Clears a warning, which stays until somebody does: it concerned an earlier command."""
+        error, warning = self._codes("connect")
+        if warning and not error:
+            self._require_done("clean_warn", self._interlock.asking("clean_warn", self._arm.clean_warn))
+
+    def _codes(self, label: str) -> tuple[int, int]:
+        """Returns the error and the warning of the control box, 0 for none."""
         answer = self._interlock.asking(label, self._arm.get_err_warn_code)
         try:
-            code, (error, _) = answer
+            code, (error, warning) = answer
         except (TypeError, ValueError):
-            code, error = None, None
-        if error == 0 and code is not None:
-            return
-        if isinstance(error, int) and error != 0:
-            meaning = f": {_ERRORS[error]}" if error in _ERRORS else ""
-            where = "" if waypoint is None else f" at waypoint {waypoint}"
-            raise MotionFailed(
-                f"{label}: {self._interlock.name} has error {error}{meaning}{where}. Look at it and clear the error at "
-                "the arm; this program never does.",
-                error,
-                waypoint,
-            )
+            code = error = warning = None
+        if code == 0 and isinstance(error, int) and isinstance(warning, int):
+            return error, warning
+        self._require_line(label, code)
         raise RobotError(
             f"{label}: {self._interlock.name} answered {str(answer)[:80]} when asked for errors; look at it."
         )
+
+    def _require_line(self, label: str, code: Any) -> None:
+        """Raises RobotDisconnected if a code of the SDK means that the connection is lost or silent."""
+        if code in _GONE or (code in _SILENT and not self._arm.connected):
+            raise self._interlock.fault(
+                RobotDisconnected(
+                    f"{label}: the connection to {self._interlock.name} is gone; look at its control box and its "
+                    "network. The arm may finish the motion that it has."
+                )
+            )
+        if code in _SILENT:
+            raise self._interlock.fault(
+                RobotDisconnected(
+                    f"{label}: {self._interlock.name} said nothing for some seconds, and is told to stop; look at it "
+                    "and at its network."
+                )
+            )
+
+    def _require_no_fault(self, label: str, waypoint: int | None) -> None:
+        """Raises MotionFailed if the control box has an error or a warning: the SDK calls the latter a success."""
+        error, warning = self._codes(label)
+        if not error and not warning:
+            return
+        where = "" if waypoint is None else f" at waypoint {waypoint}"
+        told = f"error {_name(error, _ERRORS)}" if error else f"warning {_name(warning, _WARNINGS)}"
+        remedy = "Look at it and clear the error at the arm; this program never does." if error else (
+            "It is stopped. Look at the workspace and at its address, then connect anew.")  # fmt: skip
+        raise MotionFailed(f"{label}: {self._interlock.name} has {told}{where}. {remedy}", error or warning, waypoint)
 
     def _require_done(self, what: str, code: Any) -> None:
         if code != 0:
@@ -314,6 +504,21 @@ class XarmRobot:
                     return
             except Exception:  # after any exception of the library, the other connection is tried
                 continue
+
+
+_STATES = {
+    1: "it moves", 2: "it stands", 3: "it is paused", 4: "it was stopped", 5: "it is off", 6: "it stops",
+}  # fmt: skip
+_SDK = {
+    "report_type": "normal",
+    "check_is_pause": False,  # the SDK would wait without end while the arm is paused
+    "check_cmdnum_limit": False,
+    "check_robot_sn": False,
+}
+
+
+def _name(code: int, names: dict[int, str]) -> str:
+    return f"{code}: {names[code]}" if code in names else f"{code} (see UFACTORY's manual)"
 
 
 def _open(name: MachineName, workspace: Workspace) -> XarmRobot:

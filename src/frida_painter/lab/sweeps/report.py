@@ -19,7 +19,7 @@ from frida_painter import images, registry, storage
 from frida_painter.lab.sweeps.sweep_folder import TABLE, FileHashes, SweepFolder, expand_runs
 from frida_painter.lab.sweeps.sweep_spec import SweepRun, SweepSpec, Value
 from frida_painter.report.page import Series, chart, template
-from frida_painter.session.time_left import duration
+from frida_painter.session.time_left import Pace, duration
 
 if TYPE_CHECKING:
     import pyarrow
@@ -72,15 +72,14 @@ class Tally:
     def __init__(self, runs: Sequence[SweepRun], slots: int) -> None:
         self._total, self.slots = len(runs), slots
         self._left = sum(run.cost for run in runs)
-        self._seconds = self._cost = 0.0
+        self._pace = Pace()
         self._done = self._failed = 0
 
     def count_done(self, run: SweepRun, record: Mapping[str, Any]) -> None:
         """Counts a finished run."""
         self._done += 1
         self._left -= run.cost
-        self._cost += run.cost
-        self._seconds += record["times"]["wall_seconds"]
+        self._pace.measure(record["times"]["wall_seconds"], run.cost)
 
     def count_failed(self, run: SweepRun) -> None:
         """Counts a run that failed for good."""
@@ -91,7 +90,7 @@ class Tally:
     def progress(self) -> SweepProgress:
         """Current progress."""
         at_once = max(1, min(self.slots, self._total - self._done - self._failed))
-        seconds = max(0.0, self._left) * self._seconds / self._cost / at_once if self._cost else None
+        seconds = self._pace.time_for(self._left) / at_once if self._pace.units else None
         return SweepProgress(self._total, self._done, self._failed, seconds, self.slots)
 
 
@@ -131,7 +130,7 @@ def status_of(folder: Path) -> SweepStatus:
     """Returns the status of the sweep in a folder. Raises ConfigError if there is none."""
     place = SweepFolder(folder)
     spec, known, slots = place.read_request()
-    runs = expand_runs(spec, FileHashes(known, reread=False))
+    runs = expand_runs(spec, FileHashes(known, reread=False), place.read_program())
     tally, records, failures = Tally(runs, slots), dict[str, Any](), dict[str, Any]()
     for run in runs:
         kept = place.run(run.key)

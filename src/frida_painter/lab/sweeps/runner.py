@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -18,18 +17,28 @@ from torch import Tensor
 from frida_painter import images, registry
 from frida_painter.errors import ConfigError, PlanError, StorageError, WorkerUnfit
 from frida_painter.lab.sweeps.engine import Engine, LocalEngine, RayEngine, TaskLimits, slots_here
-from frida_painter.lab.sweeps.report import Renewal, SweepProgress, SweepStatus, TableWriter, Tally, write_status_page
+from frida_painter.lab.sweeps.report import (
+    FieldEffect,
+    Renewal,
+    Result,
+    SweepProgress,
+    SweepStatus,
+    TableWriter,
+    Tally,
+    flat,
+    paired_tests,
+    write_status_page,
+)
 from frida_painter.lab.sweeps.sweep_folder import FileHashes, RunFolder, SweepFolder, expand_runs
 from frida_painter.lab.sweeps.sweep_spec import EngineName, SweepRun, SweepSpec
 from frida_painter.plan import Plan
+from frida_painter.provenance import describe_here, identify
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.settle import ground_of
 from frida_painter.runs.spec import RunSpec
 
 # A run in a process of an engine: plans, paints or evaluates it, and writes the results to its folder.
 # This module is loaded before the first run, so that no run waits for PyTorch.
-
-LIBRARIES = ("frida-painter", "torch", "numpy")
 
 
 @dataclass(frozen=True)
@@ -48,11 +57,11 @@ def perform(assignment: Assignment) -> dict[str, Any]:
     if nothing can be written, and the errors of the run.
     """
     run, sweep = assignment.run, Path(assignment.sweep)
-    here = version("frida-painter")
+    made_with = describe_here()
+    here = identify(made_with)
     if here != run.program:
         raise WorkerUnfit(
-            f"{platform.node()} has frida-painter {here}, and the sweep was begun with {run.program}; install one "
-            "version everywhere."
+            f"{platform.node()} has {here}, and the sweep was begun with {run.program}; install one version everywhere."
         )
     if not sweep.is_dir():
         raise WorkerUnfit(
@@ -65,7 +74,7 @@ def perform(assignment: Assignment) -> dict[str, Any]:
             return known
         started, cpu = time.perf_counter(), time.process_time()
         made = None if run.plan is None else Plan.load(run.plan)
-        with PaintingRun(run.spec if made is None else _of_plan(run.spec, made)) as opened:
+        with PaintingRun(run.spec if made is None else fix_to_plan(run.spec, made)) as opened:
             figures = _figures(run.kind, opened, made, folder)
         times = {
             "cpu_seconds": time.process_time() - cpu,
@@ -79,14 +88,14 @@ def perform(assignment: Assignment) -> dict[str, Any]:
             "settings": {**opened.spec.record(), "goal": [list(fact) for fact in opened.spec.goal_facts]},
             "figures": {name: value for name, value in figures.items() if math.isfinite(value)},
             "times": times,
-            "versions": {name: version(name) for name in LIBRARIES} | {"python": platform.python_version()},
+            "versions": made_with,
             "host": platform.node(),
         }
         folder.keep(record)
         return record
 
 
-def _of_plan(spec: RunSpec, plan: Plan) -> RunSpec:
+def fix_to_plan(spec: RunSpec, plan: Plan) -> RunSpec:
     """Returns the spec of a painting that paints the plan without changes, on its own canvas."""
     wells = max(end - first for first, end in (layer.paints for layer in plan.layers))
     brushes = ",".join(layer.brush for layer in plan.layers) if len(plan.brushes) > 1 else plan.brushes[0]
@@ -161,6 +170,24 @@ class SweepOutcome:
     done_before: int = 0
     remarks: tuple[str, ...] = ()
 
+    def table(self) -> list[dict[str, Any]]:
+        """Returns a row of plain values for each run that ended, as in table.parquet; `pandas.DataFrame` takes it."""
+        ended = (self.records.get(run.key) or self.failures.get(run.key) for run in self.runs)
+        return [flat(record) for record in ended if record is not None]
+
+    def compare(self, field: str, figure: str) -> tuple[FieldEffect, ...]:
+        """Returns the effect of a field on a figure, as the report tells it: paired runs, intervals, Holm's method.
+
+        Raises ConfigError if runs do not differ in that field, or if none has that figure.
+        """
+        done = [(run.labels, self.records[run.key]["figures"]) for run in self.runs if run.key in self.records]
+        fields, figures = {name for labels, _ in done for name in labels}, {name for _, all_ in done for name in all_}
+        for name, known, what in ((field, fields, "a field in which runs differ"), (figure, figures, "a figure")):
+            if name not in known:
+                raise ConfigError(f"{name[:40]!r} is not {what}; there are {', '.join(sorted(known)) or 'none'}.")
+        results = [Result(labels, found[figure]) for labels, found in done if figure in found]
+        return paired_tests(results, [field])
+
 
 Notify = Callable[[SweepProgress], None]
 
@@ -189,6 +216,13 @@ def sweep(
     A script must call it below `if __name__ == "__main__":`, because it starts processes.
     Raises ConfigError for an invalid sweep, SweepBusy if another process works on the folder, StorageError if the
     disk is full, WorkerUnfit if processes cannot work.
+
+        >>> import frida_painter as fp
+        >>> wanted = {"settings": {"image": "photo.jpg", "strokes": 5, "render_height": 64}, "grid": {"seed": [0, 1]}}
+        >>> if __name__ == "__main__":  # a sweep starts processes
+        ...     outcome = fp.sweep(wanted, "seeds", engine="processes", jobs=1)
+        ...     print(len(outcome.records), len(outcome.failures))
+        2 0
     """
     spec = _spec_of(what)
     refuse_many(spec, most)

@@ -13,6 +13,7 @@ import contextlib
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from filelock import FileLock, Timeout
 from frida_painter import storage
 from frida_painter.errors import ConfigError, FridaError, StorageError, SweepBusy
 from frida_painter.lab.sweeps.sweep_spec import Fields, SweepRun, SweepSpec, Value, label
+from frida_painter.provenance import identify_here
 from frida_painter.runs.painting_folder import content_hash
 
 # Expansion of a sweep to its runs, each once, identified by the content of its files.
@@ -54,13 +56,17 @@ class FileHashes:
         return self.by_path[name]
 
 
-def expand_runs(spec: SweepSpec, hashes: FileHashes) -> tuple[SweepRun, ...]:
-    """Returns the runs in order, each once. Raises ConfigError, which names the first few faults."""
+def expand_runs(spec: SweepSpec, hashes: FileHashes, program: str | None = None) -> tuple[SweepRun, ...]:
+    """Returns the runs in order, each once. Raises ConfigError, which names the first few faults.
+
+    program: what did the runs of an existing sweep. None: what is here
+    """
+    program = identify_here() if program is None else program
     runs, faults = dict[str, SweepRun](), list[str]()
     told = _Labels(spec)
     for differing, fields in spec.fields():
         try:
-            run = SweepRun.of(spec.kind, differing, fields, hashes.of)
+            run = SweepRun.of(spec.kind, differing, fields, hashes.of, program)
         except FridaError as error:
             if str(error) not in faults:
                 faults.append(str(error))
@@ -104,6 +110,31 @@ _CUT_OFF = ".sweep-*.json"  # remains of a process that was killed while it wrot
 _ROOM = 100 * 2**20  # bytes
 
 
+def _lock_of(folder: Path) -> FileLock:
+    return FileLock(folder / _LOCK, fallback_to_soft=False, preserve_lock_file=True)
+
+
+@contextlib.contextmanager
+def _hold_lock(folder: Path, *, waits: bool) -> Iterator[None]:
+    """Holds the lock of a folder, which is made if it is missing.
+
+    waits: True to wait for another process; False to raise Timeout if one has the lock
+    Raises StorageError if the folder cannot be written.
+    """
+    lock = _lock_of(folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        lock.acquire(blocking=waits)
+    except Timeout:
+        raise
+    except OSError as error:
+        raise storage.cannot_write(folder, error) from error
+    try:
+        yield
+    finally:
+        lock.release()
+
+
 class RunFolder:
     """Folder of one run of a sweep.
 
@@ -116,16 +147,8 @@ class RunFolder:
     @contextlib.contextmanager
     def lock(self) -> Iterator[None]:
         """Locks the folder for one process at a time; others wait. Raises StorageError if it cannot be written."""
-        try:
-            self.path.mkdir(parents=True, exist_ok=True)
-            lock = FileLock(self.path / _LOCK, fallback_to_soft=False, preserve_lock_file=True)
-            lock.acquire()
-        except OSError as error:
-            raise storage.cannot_write(self.path, error) from error
-        try:
+        with _hold_lock(self.path, waits=True):
             yield
-        finally:
-            lock.release()
 
     def record(self) -> dict[str, Any] | None:
         """Returns the result; None if the run is not done, or if the result is damaged or of another run."""
@@ -155,10 +178,15 @@ class RunFolder:
 
 
 class SweepFolder:
-    """Folder of a sweep."""
+    """Folder of a sweep, or of other work that is divided into runs.
 
-    def __init__(self, path: Path) -> None:
+    request: name of the file with the request; a folder with it is begun
+    parts: names of folders that may be there before it is begun
+    """
+
+    def __init__(self, path: Path, request: str = SWEEP, parts: tuple[str, ...] = ()) -> None:
         self.path = path.absolute()
+        self._request, self._parts = request, parts
 
     def run(self, key: str) -> RunFolder:
         """Returns the folder of a run."""
@@ -170,53 +198,59 @@ class SweepFolder:
 
         Raises SweepBusy if another process has it, StorageError if it cannot be used.
         """
-        storage.require_space(self.path, _ROOM)
+        storage.require_space(self.path, _ROOM, "this sweep")
+        if not self.is_begun and self._holds_something_else:
+            raise StorageError(
+                f"{storage.abridge(self.path)} holds something that is no sweep; choose a new folder with --out."
+            )
+        with contextlib.ExitStack() as held:
+            try:
+                held.enter_context(_hold_lock(self.path, waits=False))
+            except Timeout as busy:
+                raise SweepBusy(
+                    f"Another process works on {storage.abridge(self.path)}; wait until it is done, or look how far it "
+                    f"is: frida-painter sweep status {storage.abridge(self.path)}"
+                ) from busy
+            yield
+
+    @property
+    def _holds_something_else(self) -> bool:
+        """True if the folder holds more than the lock and what a killed process left. Raises StorageError."""
         try:
-            self.path.mkdir(parents=True, exist_ok=True)
-            known = {_LOCK, *(one.name for one in self.path.glob(_CUT_OFF))}
-            if not self.is_begun and any(one.name not in known for one in self.path.iterdir()):
-                raise StorageError(
-                    f"{storage.abridge(self.path)} holds something that is no sweep; choose a new folder with --out."
-                )
-            lock = self._lock()
-            lock.acquire(blocking=False)
-        except Timeout as held:
-            raise SweepBusy(
-                f"Another process works on {storage.abridge(self.path)}; wait until it is done, or look how far it is: "
-                f"frida-painter sweep status {storage.abridge(self.path)}"
-            ) from held
+            there = {one.name for one in self.path.iterdir()} if self.path.exists() else set()
+            return bool(there - {_LOCK, *self._parts, *(one.name for one in self.path.glob(_CUT_OFF))})
         except OSError as error:
             raise storage.cannot_write(self.path, error) from error
-        try:
-            yield
-        finally:
-            lock.release()
 
     @property
     def is_begun(self) -> bool:
         """True if the folder contains a sweep."""
-        return (self.path / SWEEP).exists()
+        return (self.path / self._request).exists()
 
     @property
     def is_held(self) -> bool:
         """True if a driver works on it now."""
-        lock = self._lock()
         try:
-            lock.acquire(blocking=False)
+            with _lock_of(self.path).acquire(blocking=False):
+                return False
         except (Timeout, OSError):
             return True
-        lock.release()
-        return False
 
     def keep(self, spec: SweepSpec, hashes: Mapping[str, str], slots: int) -> None:
-        """Writes the request.
+        """Writes the request, with the versions that do the runs.
 
         hashes: of files by their paths
         slots: number of runs at the same time
         """
         storage.write_json(
             self.path / SWEEP,
-            {"format": _FORMAT, "sweep": spec.model_dump(mode="json"), "files": dict(hashes), "slots": slots},
+            {
+                "format": _FORMAT,
+                "sweep": spec.model_dump(mode="json"),
+                "files": dict(hashes),
+                "slots": slots,
+                "program": identify_here(),
+            },
         )
 
     def read_request(self) -> tuple[SweepSpec, dict[str, str], int]:
@@ -230,6 +264,11 @@ class SweepFolder:
         if kept.get("format") != _FORMAT:
             raise ConfigError(f"{storage.abridge(path)} is no sweep of this program; give the folder of one.")
         return SweepSpec.of(**kept["sweep"]), kept["files"], kept["slots"]
+
+    def read_program(self) -> str:
+        """Returns what did the runs of the latest request; the version alone if an older program wrote it."""
+        kept = storage.read_json(self.path / SWEEP, "a sweep", ConfigError)
+        return str(kept.get("program", version("frida-painter")))
 
     def copy_of(self, path: Path, content: str) -> Path:
         """Returns the copy of a picture with a given hash, and makes it if it is missing or damaged.
@@ -246,7 +285,4 @@ class SweepFolder:
 
     def require_space(self) -> None:
         """Raises StorageError if its disk is almost full."""
-        storage.require_space(self.path, 2**20)
-
-    def _lock(self) -> FileLock:
-        return FileLock(self.path / _LOCK, fallback_to_soft=False, preserve_lock_file=True)
+        storage.require_space(self.path, 2**20, "the next run of this sweep")

@@ -9,7 +9,6 @@ import json
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from importlib.metadata import version
 from itertools import product
 from pathlib import Path
 from typing import Any, Literal, Self
@@ -19,7 +18,9 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from frida_painter import storage
 from frida_painter.errors import ConfigError
 from frida_painter.objectives.objective import Gives, goal_kinds
+from frida_painter.provenance import identify_here
 from frida_painter.runs.goal_item import GoalItem
+from frida_painter.runs.shares import brush_file
 from frida_painter.runs.spec import FILES, RunSpec
 
 KINDS = ("plan", "painting", "evaluation")
@@ -209,12 +210,12 @@ ContentHash = Callable[[Path], str]
 class SweepRun:
     """Run of a sweep.
 
-    key: hash of everything that determines the result, including file contents and the version of this program
+    key: hash of everything that determines the result, including file contents, versions, plug-ins and code
     kind: of work
     labels: the fields in which runs differ, as plain values for tables
     settings: fields of its RunSpec
     plan: file of the plan that an evaluation paints
-    program: version of this program
+    program: versions of this program, its libraries and plug-ins, and hashes of their code
     cost: relative duration
     """
 
@@ -227,8 +228,13 @@ class SweepRun:
     cost: float = 1.0
 
     @classmethod
-    def of(cls, kind: str, differing: Fields, fields: Fields, hash_of: ContentHash) -> "SweepRun":
-        """Returns the run with these fields. Raises ConfigError for invalid fields, and the errors of `hash_of`."""
+    def of(
+        cls, kind: str, differing: Fields, fields: Fields, hash_of: ContentHash, program: str | None = None
+    ) -> "SweepRun":
+        """Returns the run with these fields. Raises ConfigError for invalid fields, and the errors of `hash_of`.
+
+        program: what does the run, as `provenance.identify` tells it. None: what is here
+        """
         spec = run_spec(fields)
         if kind != "plan" and not spec.simulated:
             raise ConfigError(
@@ -239,11 +245,11 @@ class SweepRun:
             raise ConfigError("An evaluation paints a plan that was made before; name its file: plan = FILE.")
         if not spec.goal:
             raise ConfigError('A run has nothing to paint; name a picture or words, such as image = "photo.jpg".')
-        program = version("frida-painter")
+        program = identify_here() if program is None else program
         chosen = spec.record()
         goal = {part: [_identity(item, hash_of) for item in getattr(spec, part)] for part in ("goal", "initial")}
         files = {name: hash_of(Path(chosen[name])) for name in FILES if chosen[name] is not None}
-        files |= {brush: hash_of(Path(brush)) for brush in spec.brush_names if Path(brush).suffix}
+        files |= {brush: hash_of(path) for brush in spec.brush_names if (path := brush_file(brush)) is not None}
         if plan is not None:
             files[PLAN] = hash_of(Path(plan))
         everything = json.dumps([program, kind, {**chosen, **goal, **files}], sort_keys=True)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 Kept = TypeVar("Kept")
 
-GROUP = "frida_painter.encoders"
+GROUP = registry.ENCODERS
 """Group of entry points in which packages register their encoders."""
 _CLIP = "clip-vit-b-32"
 CLIP_MISSING = f"CLIP: frida-painter models fetch {_CLIP}"

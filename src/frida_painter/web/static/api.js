@@ -1,4 +1,5 @@
-// Speaking to the studio. Whatever goes wrong becomes an Error whose message is a sentence to show.
+// Speaking to the studio. Whatever goes wrong becomes an Error whose message is a sentence to show; `away` if there was no
+// answer, `now` if it cannot be done as long as the studio does what it does, `led` if another browser is in control.
 
 import { key, orderSigns, questionSigns, setClock } from "./session.js";
 import { setStopWay } from "./stop.js";
@@ -11,12 +12,12 @@ async function answer(promise) {
   try {
     response = await promise;
   } catch {
-    throw new Error(OFFLINE);
+    throw Object.assign(new Error(OFFLINE), { away: true });
   }
   const body = await response.json().catch(() => ({}));
   if (!response.ok) {
     const sentence = typeof body.sentence === "string" ? body.sentence : `The studio refused (${response.status}).`;
-    throw Object.assign(new Error(sentence), { led: Boolean(body.led) });
+    throw Object.assign(new Error(sentence), { led: Boolean(body.led), now: response.status === 409 });
   }
   return body;
 }
@@ -29,7 +30,8 @@ export async function enter() {
   return studio;
 }
 
-export const get = (path) => answer(fetch(path, { headers: questionSigns() }));
+/** @param {string} path @param {number} [patience] ms after which it is given up */
+export const get = (path, patience) => answer(fetch(path, { headers: questionSigns(), signal: patience ? AbortSignal.timeout(patience) : null }));
 
 export const post = (path, record = {}) =>
   answer(fetch(path, { method: "POST", headers: { "Content-Type": "application/json", ...orderSigns() }, body: JSON.stringify(record) }));

@@ -25,11 +25,11 @@ export function calibration(house) {
   const trouble = h("div", { class: "trouble", role: "alert" });
   const list = h("ol", { class: "procedures" });
   const asked = { brush: "broad", count: 60 };
-  const all = h("button", { type: "button", class: "button wide", onclick: () => begin(Object.keys(PROCEDURES)) }, "Run all five procedures");
+  const all = h("button", { type: "button", class: "button wide", "data-for": "operate", onclick: () => begin(Object.keys(PROCEDURES)) }, "Run all five procedures");
   const how = house.simulated ? h("details", {}, h("summary", {}, "More settings"),
     choices({ legend: "Brush", name: "calibrated-brush", value: asked.brush, options: ["fine", "medium", "broad"].map((brush) => ({ value: brush, label: brush })), onchange: (brush) => { asked.brush = brush; } }),
     countSlider()) : countSlider();
-  const panel = h("aside", { class: "panel" }, h("h1", {}, "Calibrate the easel"),
+  const panel = h("div", { class: "panel" }, h("h1", {}, "Calibrate the easel"),
     h("p", {}, house.simulated
       ? "The virtual studio needs no calibration. Here you can try the calibration of a real easel. The virtual studio provides paper, paint and colour checker by itself."
       : "Calibrate before the first painting on this easel, and whenever the camera, the canvas or the brush was moved."),
@@ -53,9 +53,9 @@ export function calibration(house) {
     const state = each.status === "done" ? when : STATUS[each.status] ?? when;
     return h("li", { class: each.status },
       svg("svg", { viewBox: "0 0 48 44", class: "drawing", "aria-hidden": "true" }, svg("path", { d: drawing })),
-      h("div", {}, h("h3", {}, title), h("p", {}, each.status === "done" && each.sentence ? each.sentence : tells),
+      h("div", {}, h("h2", {}, title), h("p", {}, each.status === "done" && each.sentence ? each.sentence : tells),
         h("p", { class: "label" }, each.fault ? `${each.fault}.` : each.old ? `${state}; consider repeating it` : state)),
-      h("button", { type: "button", class: "quiet", disabled: working || house.role !== "operate", "aria-label": `Run: ${title}`, onclick: () => begin([each.name]) }, each.dated ? "Run again" : "Run"));
+      h("button", { type: "button", class: "quiet", "data-for": "operate", disabled: working, "aria-label": `Run: ${title}`, onclick: () => begin([each.name]) }, each.dated ? "Run again" : "Run"));
   }
 
   function hear(state) {
@@ -66,7 +66,7 @@ export function calibration(house) {
     const key = JSON.stringify([state.procedures, state.working, state.trouble]);
     if (key === shown) return;
     shown = key;
-    all.disabled = state.working || house.role !== "operate";
+    all.disabled = state.working;
     how.hidden = state.working;
     show(trouble, state.trouble ? h("p", {}, state.trouble) : null);
     show(list, state.procedures.map((each) => procedure(each, state.working)));

@@ -1,7 +1,8 @@
 // The canvas in the middle of the page: goal, plan and painting over each other, with a slider that fades from one to the
-// next, and over them the stroke that is meant and the part that is protected.
+// next, and over them the stroke that is meant and the part that is protected. The caption tells of the layer that is seen.
 
 import * as api from "./api.js";
+import { showCrop } from "./crop.js";
 import { h, svg } from "./dom.js";
 import { mainTerm } from "./goal.js";
 
@@ -18,7 +19,8 @@ export const opacities = (count, value) => Array.from({ length: count }, (_, ind
 
 /** @param {Wish} wish @param {("goal" | "plan" | "painting")[]} names from the lowest layer to the highest */
 export function canvasView(wish, names) {
-  const layers = Object.fromEntries(names.map((name) => [name, { element: h("img", { alt: "", class: "picture" }), shown: "", wanted: "" }]));
+  const layers = Object.fromEntries(names.map((name) => [name, { element: h("img", { alt: "", class: "picture" }), shown: "", wanted: "", caption: "" }]));
+  const caption = h("p", { class: "caption" });
   const words = h("p", { class: "words layer", hidden: true });
   const overlay = svg("svg", { class: "overlay", "aria-hidden": "true" });
   const hatching = h("div", { class: "hatching", hidden: true });
@@ -38,6 +40,21 @@ export function canvasView(wish, names) {
     opacities(names.length, value).forEach((opacity, index) => { layers[names[index]].element.style.opacity = String(opacity); });
     stops.forEach((stop, index) => { stop.setAttribute("aria-pressed", String(index === nearest)); });
     overlay.style.opacity = names[nearest] === "goal" ? "0" : "1";
+    tell();
+  }
+
+  /** Tells of the highest layer that is seen: one whose picture has not come shows the one below. */
+  function tell() {
+    const nearest = Math.round(Number(range.value));
+    const seen = names.filter((_, index) => index <= nearest && !stops[index].disabled).pop();
+    const words = seen ? layers[seen].caption : "";
+    if (caption.textContent !== words) caption.textContent = words;
+  }
+
+  /** Sets what is said under each layer. @param {Partial<Record<"goal" | "plan" | "painting", string>>} told */
+  function captions(told) {
+    for (const [name, words] of Object.entries(told)) layers[name].caption = words;
+    tell();
   }
 
   /** Shows a picture once it is there; the one before stays until then. */
@@ -55,8 +72,13 @@ export function canvasView(wish, names) {
     }
     if (layer.wanted !== url) return;
     layer.shown = url;
-    layer.element.src = url;
+    next.className = layer.element.className;
+    next.alt = alt;
+    next.style.cssText = layer.element.style.cssText; // how far it is seen, and how it is cropped
+    layer.element.replaceWith(next); // and not its address: that would ask for the picture once more
+    layer.element = next;
     stops[names.indexOf(name)].disabled = false;
+    tell();
   }
 
   /** Shows what stands for a goal: its picture, or its words. @param {Term[]} terms */
@@ -64,8 +86,10 @@ export function canvasView(wish, names) {
     const term = mainTerm(terms);
     words.hidden = !term?.words;
     words.textContent = term?.words ?? "";
+    showCrop(layers.goal.element, term?.crop);
     if (term?.picture) picture("goal", api.picture(term.picture), "The goal");
     else stops[names.indexOf("goal")].disabled = !term;
+    tell();
   }
 
   /**
@@ -93,6 +117,7 @@ export function canvasView(wish, names) {
     hatching.style.maskComposite = only ? "exclude" : "add";
   }
 
+  captions({ goal: "The goal", plan: "The plan" });
   fade(most);
-  return { element, slider, fade, picture, goal, highlight, region };
+  return { element, slider, caption, captions, fade, picture, goal, highlight, region };
 }

@@ -2,39 +2,25 @@
 
 import * as api from "./api.js";
 import { shape } from "./canvasview.js";
-import { choices, count, duration, h, kept, reveal, show, slider } from "./dom.js";
-import { toPaint, toPlan } from "./estimate.js";
-import { KINDS, mainTerm, nearestWeight, weights } from "./goal.js";
+import { choices, count, duration, h, kept, mainAction, reveal, show, slider } from "./dom.js";
+import { asPainted, toPaint, toPlan } from "./estimate.js";
+import { KINDS, learnKinds, nearestWeight, termPicture, weights } from "./goal.js";
 import { pad } from "./pad.js";
+import { goalPreview } from "./preview.js";
+import { BRUSHES, FOCUS, group, grounds, MINUTES, nearestStrokes, PRESETS, SIZES, STROKES } from "./settings.js";
 
 const LATER = { text: "text", style: "a style", sketch: "a drawing", semantic: "the content of a picture" }; // what may need a network first
 const FIRST = { text: "+ Text", image: "+ Picture", style: "+ Style" };
-const STROKES = [15, 30, 50, 80, 120, 160, 200, 250, 300, 400, 500, 650, 800, 1000];
-const MINUTES = [null, 10, 15, 20, 30, 45, 60, 90, 120, 180, 240]; // of the robot
-const SIZES = [["14 × 11 in", 355.6, 279.4], ["A4", 297, 210], ["A3", 420, 297], ["30 × 30 cm", 300, 300], ["20 × 20 cm", 200, 200]];
-const BRUSHES = [["", "usual"], ["broad", "broad"], ["medium", "medium"], ["fine", "fine"], ["broad,medium", "broad, medium"], ["broad,medium,fine", "broad, medium, fine"], ["auto", "best suited"]]
-  .map(([value, label]) => ({ value, label }));
-const FOCUS = [
-  { value: "faces", label: "faces", title: "Faces matter most in a picture, where there are any" },
-  { value: "subject", label: "the subject", title: "What the picture shows, as networks see it, and edges matter most" },
-  { value: "none", label: "all alike", title: "Every place of a picture is worth the same" },
-];
-const PRESETS = [
-  { label: "Quick study", strokes: 80, colors: 6, replans: 2, effort: 0.5 },
-  { label: "Normal", strokes: 300, colors: 12, replans: 4, effort: 1 },
-  { label: "Detailed", strokes: 800, colors: 16, replans: 8, effort: 1.5 },
-];
-
 /** @returns {Wish} */
 export const fresh = () => ({
-  title: "", terms: [], initial: [], strokes: 300, colors: 12, width: 355.6, height: 279.4, brushes: "", replans: 4, ground: null, on_canvas: false, focus: "faces", sharpness: 0.3, drying: 20, minutes: null, effort: 1, seed: 0,
+  title: "", terms: [], initial: [], together: false, strokes: 300, colors: 12, width: 355.6, height: 279.4, brushes: "", strokes_of: "", replans: 4, ground: null, on_canvas: false, focus: "faces", sharpness: 0.3, paints: "acrylics", drying: 20, minutes: null, effort: 1, seed: 0,
 });
 
 /**
  * The form for a wish; `wish` is changed as the person goes, `changed` is called after that. `ondraw` opens a drawing pad and
  * hands on what was drawn.
  * @param {House} house @param {Wish} wish @param {() => void} changed
- * @param {{ goalsOnly?: boolean, ondraw?: ((use: (blob: Blob) => Promise<void>) => void) | null }} options
+ * @param {{ goalsOnly?: boolean, ondraw?: ((use: (blob: Blob) => Promise<string | undefined>) => void) | null }} options
  */
 export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = null } = {}) {
   const cards = h("ul", { class: "terms" });
@@ -45,17 +31,39 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
   let more = false; // whether more settings are shown
   let adding = { kind: "image", terms: wish.terms };
   wish.initial ??= [];
+  learnKinds(house.abilities);
   if (house.canvas && !goalsOnly) [wish.width, wish.height] = house.canvas;
 
+  const uploads = new Set(); // pictures on their way to the studio
+
+  /** Takes in a picture; whoever needs the whole wish waits for it by `settled`. */
   async function add(kind, blob, terms = wish.terms) {
+    const work = take(kind, blob, terms);
+    uploads.add(work);
+    changed();
+    const id = await work;
+    uploads.delete(work);
+    changed();
+    return id;
+  }
+
+  /** Waits for all pictures; whether each of them has arrived. */
+  async function settled() {
+    let all = true;
+    while (uploads.size) all = (await Promise.all(uploads)).every(Boolean) && all;
+    return all;
+  }
+
+  async function take(kind, blob, terms) {
     const id = await house.attempt(() => api.upload(blob));
-    if (!id) return;
+    if (!id) return undefined;
     terms.push({ kind, picture: id, weight: 1 });
     if (terms === wish.terms && !wish.title && blob.name) wish.title = blob.name.replace(/\.[^.]*$/, "").replace(/[_-]+/g, " ").slice(0, 80);
     await shapeLike(id);
     draw();
     drawHow();
     changed();
+    return id;
   }
 
   let proportions = 0; // width over height of the first picture, 0 where there is none or it is to be cropped
@@ -89,7 +97,7 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
     return h("button", {
       type: "button", class: "add", "data-kind": terms === wish.terms ? kind : null, disabled: !ready, title: advice,
       onclick: () => {
-        if (kind === "text") { addText("", terms); (terms === wish.terms ? cards : first).querySelector("li:last-child input[type=text]").focus(); }
+        if (KINDS[kind].words) { addText("", terms, kind); (terms === wish.terms ? cards : first).querySelector("li:last-child input[type=text]").focus(); }
         else if (kind === "sketch" && ondraw) ondraw((blob) => add(kind, blob));
         else choose(kind, terms);
       },
@@ -109,10 +117,10 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
 
   function card(term, terms) {
     return h("li", {},
-      term.picture ? h("img", { src: api.picture(term.picture), alt: KINDS[term.kind].label }) : h("span", { class: "quote", "aria-hidden": "true" }, "“"),
+      term.picture ? termPicture(term, KINDS[term.kind].label) : h("span", { class: "quote", "aria-hidden": "true" }, "“"),
       h("div", {},
-        term.kind === "text"
-          ? h("input", { type: "text", maxLength: 300, value: term.words, placeholder: "a sailing ship at dusk", "aria-label": "What to paint", oninput: (event) => { term.words = event.target.value; changed(); } })
+        KINDS[term.kind].words
+          ? h("input", { type: "text", maxLength: 300, value: term.words, placeholder: term.kind === "text" ? "a sailing ship at dusk" : KINDS[term.kind].verb, "aria-label": term.kind === "text" ? "What to paint" : KINDS[term.kind].label, oninput: (event) => { term.words = event.target.value; changed(); } })
           : h("p", {}, terms === wish.terms ? KINDS[term.kind].verb : "The painting starts from this and keeps its composition"),
         terms !== wish.terms ? null : slider({ label: "Weight", min: 0, max: weights.length - 1, value: nearestWeight(term.weight), words: (index) => weights[index][1],
           oninput: (index) => { term.weight = weights[index][0]; changed(); } })),
@@ -122,41 +130,53 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
 
   function drawHow() {
     const same = (preset) => ["strokes", "colors", "replans", "effort"].every((name) => preset[name] === wish[name]);
-    const nearest = STROKES.reduce((best, strokes, index) => (Math.abs(strokes - wish.strokes) < Math.abs(STROKES[best] - wish.strokes) ? index : best), 0);
     const set = (name) => (value) => { wish[name] = value; tellTime(); changed(); };
     tellTime();
     show(how,
       choices({ legend: "Detail", name: "preset", value: PRESETS.findIndex(same),
-        options: PRESETS.map((preset, index) => ({ value: index, label: preset.label })),
-        onchange: (index) => { const { label, ...values } = PRESETS[index]; Object.assign(wish, values); drawHow(); changed(); } }),
+        options: PRESETS.map((preset, index) => ({ value: index, label: preset.label, picture: preset.picture })),
+        onchange: (index) => { const { label, picture, ...values } = PRESETS[index]; Object.assign(wish, values); drawHow(); changed(); } }),
       h("details", { open: more, ontoggle: (event) => { more = event.target.open; } },
         h("summary", {}, "More settings"),
-        slider({ label: "Strokes", min: 0, max: STROKES.length - 1, value: nearest, words: (index) => String(STROKES[index]), oninput: (index) => set("strokes")(STROKES[index]) }),
-        slider({ label: "Paints to mix", min: 1, max: 24, value: wish.colors, oninput: set("colors") }),
-        slider({ label: "Replans", min: 0, max: 12, value: wish.replans, words: (looks) => (looks ? `${looks} times it looks at the canvas and replans` : "none"), oninput: set("replans") }),
-        choices({ legend: "Brush", name: "brushes", value: wish.brushes, options: BRUSHES, onchange: set("brushes") }),
-        choices({ legend: "Canvas at the start", name: "ground", value: wish.on_canvas ? "as it is" : wish.ground ?? (house.simulated ? "usual" : "white"),
-          options: [...(house.simulated ? [{ value: "usual", label: "usual", title: "Toned for words alone and for a picture of 100 strokes or more, otherwise white" }] : []),
-            { value: "white", label: "white" }, { value: "auto", label: "toned", title: `A colour that suits the picture${house.simulated ? "" : "; you tone the canvas, by a recipe"}` },
-            ...(house.simulated ? [] : [{ value: "as it is", label: "as it is", title: "Paint on what is there: a toned ground, an old painting, or what you painted" }])],
-          onchange: (value) => { wish.on_canvas = value === "as it is"; wish.ground = value === "usual" ? null : value === "auto" ? "auto" : "white"; changed(); } }),
-        choices({ legend: "Most careful with", name: "focus", value: wish.focus ?? "faces", options: FOCUS, onchange: set("focus") }),
-        slider({ label: "Sharpness", min: 0, max: 10, value: Math.round(10 * (wish.sharpness ?? 0.3)),
-          words: (tenths) => (tenths ? `${tenths / 10} times sharper than the picture` : "as sharp as the picture"), oninput: (tenths) => set("sharpness")(tenths / 10) }),
-        house.simulated ? null : slider({ label: "Drying", min: 5, max: 60, value: wish.drying ?? 20, words: (minutes) => `${minutes} minutes between two layers`, oninput: set("drying") }),
-        house.robot === "human" ? null : slider({ label: "Robot's time", min: 0, max: MINUTES.length - 1, value: Math.max(0, MINUTES.indexOf(wish.minutes ?? null)),
-          words: (index) => (MINUTES[index] ? `at most ${MINUTES[index]} minutes` : "as long as it takes"), oninput: (index) => set("minutes")(MINUTES[index]) }),
-        h("div", { class: "field" }, h("span", {}, "Start from another picture or text"), first,
-          h("div", { class: "adders", role: "group", "aria-label": "Start from" }, Object.entries(FIRST).map(([kind, label]) => adder(kind, wish.initial, label)))),
-        h("label", { class: "field" }, h("span", {}, "Canvas"), house.canvas ? h("span", {}, `${Math.round(wish.width)} × ${Math.round(wish.height)} mm, from the workspace file of the robot`) : canvasChoice()),
-        h("label", { class: "field" }, h("span", {}, "Seed"), h("span", { class: "pair" },
-          h("input", { type: "number", min: 0, max: 2147483647, step: 1, value: wish.seed, onchange: (event) => { wish.seed = Math.max(0, Math.min(2147483647, Math.trunc(Number(event.target.value)) || 0)); event.target.value = wish.seed; changed(); } }),
-          h("small", {}, "The same seed gives the same painting. Another seed gives a different one.")))));
+        group("Brush and paints",
+          slider({ label: "Strokes", min: 0, max: STROKES.length - 1, value: nearestStrokes(wish.strokes), words: (index) => String(STROKES[index]), oninput: (index) => set("strokes")(STROKES[index]) }),
+          slider({ label: "Paints to mix", min: 1, max: 24, value: wish.colors, oninput: set("colors") }),
+          choices({ legend: "Colours", name: "paints", value: wish.paints ?? "acrylics", options: [
+            { value: "acrylics", label: "that acrylics mix", title: "Colours that six common acrylics cannot give become the nearest ones that they can" },
+            { value: "any", label: "any", title: "For pens, screens and paints that are not mixed" }], onchange: set("paints") }),
+          choices({ legend: "Brush", name: "brushes", value: wish.brushes, options: BRUSHES, onchange: set("brushes") }),
+          h("label", { class: "field" }, h("span", {}, "Shape of the marks"), h("span", { class: "pair" },
+            h("select", { onchange: (event) => set("strokes_of")(event.target.value) }, strokeKinds().map(([value, label]) => h("option", { value, selected: value === (wish.strokes_of ?? "") }, label))),
+            h("a", { href: "#/teach", "data-for": "operate" }, "Teach a stroke")))),
+        group("Care",
+          choices({ legend: "Most careful with", name: "focus", value: wish.focus ?? "faces", options: FOCUS, onchange: set("focus") }),
+          slider({ label: "Sharpness", min: 0, max: 10, value: Math.round(10 * (wish.sharpness ?? 0.3)),
+            words: (tenths) => (tenths ? `${tenths / 10} times sharper than the picture` : "as sharp as the picture"), oninput: (tenths) => set("sharpness")(tenths / 10) }),
+          !house.watched ? null : slider({ label: "Replans", min: 0, max: 12, value: wish.replans, words: (looks) => (looks ? `${looks} times it looks at the canvas and replans` : "none"), oninput: set("replans") })),
+        group("Canvas and beginning",
+          h("label", { class: "field" }, h("span", {}, "Canvas"), house.canvas ? h("span", {}, `${Math.round(wish.width)} × ${Math.round(wish.height)} mm, from the workspace file of the robot`) : canvasChoice()),
+          choices({ legend: "Canvas at the start", name: "ground", value: wish.on_canvas ? "as it is" : wish.ground ?? (house.simulated ? "usual" : "white"), options: grounds(house),
+            onchange: (value) => { wish.on_canvas = value === "as it is"; wish.ground = value === "usual" ? null : value === "auto" ? "auto" : "white"; changed(); } }),
+          h("div", { class: "field" }, h("span", {}, "Start from another picture or text"), first,
+            h("div", { class: "adders", role: "group", "aria-label": "Start from" }, Object.entries(FIRST).map(([kind, label]) => adder(kind, wish.initial, label))))),
+        group("Time and chance",
+          house.simulated ? null : slider({ label: "Drying", min: 5, max: 60, value: wish.drying ?? 20, words: (minutes) => `${minutes} minutes between two layers`, oninput: set("drying") }),
+          house.robot === "human" ? null : slider({ label: "Robot's time", min: 0, max: MINUTES.length - 1, value: Math.max(0, MINUTES.indexOf(wish.minutes ?? null)),
+            words: (index) => (MINUTES[index] ? `at most ${MINUTES[index]} minutes` : "as long as it takes"), oninput: (index) => set("minutes")(MINUTES[index]) }),
+          h("label", { class: "field" }, h("span", {}, "Seed"), h("span", { class: "pair" },
+            h("input", { type: "number", min: 0, max: 2147483647, step: 1, value: wish.seed, onchange: (event) => { wish.seed = Math.max(0, Math.min(2147483647, Math.trunc(Number(event.target.value)) || 0)); event.target.value = wish.seed; changed(); } }),
+            h("small", {}, "The same seed gives the same painting. Another seed gives a different one."))))));
   }
 
-  /** How long it will take, from how long the last paintings took here. */
+  /** Kinds of strokes beside the brush's own: taught families, by name. @returns {[string, string][]} */
+  const strokeKinds = () => [["", "the brush's own"], ...house.families.map((/** @type {string} */ name) => /** @type {[string, string]} */ ([name, `with 40 % of the stroke "${name}"`])), ["auto", "whichever suits best"]];
+
+  /** How long it will take, from how long the last paintings took here; nothing is promised before one was measured. */
   function tellTime() {
-    show(time, `${house.pace.known ? "About" : "At a first guess,"} ${duration(toPlan(house.pace, wish))} to plan, and ${duration(toPaint(house.pace, wish))} to paint.`);
+    if (wish.together) { show(time, `Up to ${wish.strokes} strokes of the robot, as long as you like to draw.`); return; }
+    const about = house.pace.known ? `About ${duration(toPlan(house.pace, wish))} to plan, and ${duration(toPaint(house.pace, asPainted(house, wish)))} to paint, as the last ones took here.`
+      : "How long it takes is measured on your first painting here, and told from then on.";
+    show(time, `${about}${house.watched ? "" : " There is no camera: the plan is painted as it is, and nobody looks."}`);
   }
 
   function canvasChoice() {
@@ -178,19 +198,45 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
         : h("button", { type: "button", class: "quiet", onclick: () => set(place, !turned) }, "Rotate"));
   }
 
+  /** A painting without a goal: the person begins. It needs one brush, and no plan. */
+  function drawTogether(on) {
+    wish.together = on;
+    if (on) {
+      wish.terms.splice(0);
+      wish.initial.splice(0);
+      wish.minutes = null;
+      wish.strokes_of = "";
+      if (wish.ground === "auto") wish.ground = null;
+      if (wish.brushes.includes(",") || wish.brushes === "auto") wish.brushes = "";
+    }
+    how.hidden = on;
+    tellTime();
+    draw();
+    changed();
+  }
+
+  const noGoal = () => h("li", {}, h("span", { class: "quote", "aria-hidden": "true" }, "∞"),
+    h("div", {}, h("p", {}, "No goal: we draw together"), h("small", {}, "You begin with strokes of your own. The robot continues in their spirit: your colours, directions, lengths and rhythm.")),
+    h("button", { type: "button", class: "quiet remove", "aria-label": "Remove: no goal", title: "Remove", onclick: () => drawTogether(false) }, "×"));
+
   function draw() {
-    show(cards, wish.terms.map((term) => card(term, wish.terms)));
+    show(cards, wish.together ? noGoal() : wish.terms.map((term) => card(term, wish.terms)));
+    adders.hidden = advice.hidden = Boolean(wish.together);
     show(first, wish.initial.map((term) => card(term, wish.initial)));
     if (!how.hasChildNodes()) drawHow();
   }
 
   drawHow();
+  const advice = h("div", {}, fetching());
+  const adders = h("div", { class: "adders", role: "group", "aria-label": "Add to the goal" }, Object.keys(KINDS).filter((kind) => kind in house.abilities).map((kind) => adder(kind)),
+    goalsOnly || !house.watched ? null : h("button", { type: "button", class: "add", onclick: () => drawTogether(true) }, "+ No goal"));
   const element = h("div", { class: "wish" },
     goalsOnly ? null : h("label", { class: "field title" }, h("span", {}, "Title"), h("input", { type: "text", maxLength: 80, value: wish.title, placeholder: "Untitled", oninput: (event) => { wish.title = event.target.value; changed(); } })),
     cards,
-    h("div", { class: "adders", role: "group", "aria-label": "Add to the goal" }, Object.keys(KINDS).filter((kind) => kind in house.abilities).map((kind) => adder(kind))),
-    fetching(),
+    adders,
+    advice,
     chooser, goalsOnly ? null : [how, time]);
+  how.hidden = Boolean(wish.together);
   draw();
 
   /** Lets a person choose a file for a goal of that kind. */
@@ -199,16 +245,22 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
     chooser.click();
   }
 
-  function addText(words, terms = wish.terms) {
-    terms.push({ kind: "text", words, weight: 1 });
+  function addText(words, terms = wish.terms, kind = "text") {
+    terms.push({ kind, words, weight: 1 });
     draw();
     changed();
   }
 
-  return { element, add, addText, choose, drawButton: () => element.querySelector("[data-kind=sketch]") };
+  return { element, add, addText, choose, settled, isBusy: () => uploads.size > 0, drawTerms: draw, drawButton: () => element.querySelector("[data-kind=sketch]") };
 }
 
 const DRAFT = "draft"; // under which name a goal is kept until its plan is asked for
+
+/** Keeps a goal for the form; null for none. @param {Wish | null} wish */
+export const keepDraft = (wish) => kept.set(DRAFT, wish);
+
+/** True if a goal was begun in the form and not planned yet. */
+export const draftIsBegun = () => kept.get(DRAFT) !== null;
 
 /** The goal that was left unfinished, without pictures that are gone; null where there is none. */
 async function draft() {
@@ -221,6 +273,7 @@ async function draft() {
 
 /** The first view of a new painting. */
 export function composer(house) {
+  if (house.role === "watch") return { element: h("section", { class: "workbench lost" }, h("h1", {}, "You watch here"), h("p", {}, "To set a goal, ask whoever opened the studio for another link."), h("p", {}, h("a", { href: "#/" }, "To the gallery"))) };
   const element = h("section", { class: "workbench" });
   let close = () => {};
   let left = false;
@@ -239,21 +292,35 @@ function composing(house, wish) {
   const button = h("button", { type: "button", class: "button wide", disabled: true, onclick: begin }, "Make a plan");
   const missing = h("p", { class: "label beneath", role: "status" });
   const over = h("button", { type: "button", class: "quiet", onclick: startOver }, "Start over");
+  let doing = ""; // what the button says while it works
+  let takeDrawing = async () => true; // takes in what is on the pad, while that is open; false if it could not
   const form = wishForm(house, wish, changed, { ondraw: sketch });
-  const caption = h("p", { class: "caption" }, "The canvas");
-  const easel = h("div", { class: "easel" }, mount, caption);
+  const preview = goalPreview(wish, cropped);
+  const easel = h("div", { class: "easel" }, mount, preview.element);
+
+  function cropped() {
+    form.drawTerms();
+    changed();
+  }
 
   /** A drawing pad in place of the canvas, over the first picture, if any. */
   function sketch(use) {
     const first = wish.terms.find((term) => term.kind === "image");
     const drawing = pad({ shape: wish.width / wish.height, background: first ? api.picture(first.picture) : "" });
-    const back = () => { show(easel, mount, caption); reveal(form.element, form.drawButton() ?? form.element); };
-    const done = h("button", { type: "button", class: "button", onclick: async () => {
-      const blob = await drawing.picture();
-      if (!blob) { house.notice("Nothing is drawn yet."); return; }
-      await use(blob);
-      back();
-    } }, "Use this drawing");
+    const back = () => { takeDrawing = async () => true; show(easel, mount, preview.element); reveal(form.element, form.drawButton() ?? form.element); };
+    let taking = null; // once, though two buttons may ask for it
+    const keep = () => {
+      taking ??= (async () => {
+        const blob = await drawing.picture();
+        const lost = Boolean(blob) && !(await use(blob));
+        taking = null; // what could not be taken in is still on the pad
+        if (blob && !lost) back();
+        return { drawn: Boolean(blob), lost };
+      })();
+      return taking;
+    };
+    takeDrawing = async () => !(await keep()).lost;
+    const done = h("button", { type: "button", class: "button", onclick: async () => { if (!(await keep()).drawn) house.notice("Nothing is drawn yet."); } }, "Use this drawing");
     show(easel, drawing.element, drawing.tools, h("p", { class: "pair" }, done, h("button", { type: "button", class: "quiet", onclick: back }, "Cancel")));
     drawing.open();
   }
@@ -262,35 +329,40 @@ function composing(house, wish) {
     const title = form.element.querySelector(".title input");
     if (title && !title.value && wish.title) title.value = wish.title;
     shape(mount, wish);
-    const term = mainTerm(wish.terms);
-    const shown = term ? `${term.picture ?? ""}/${term.words ?? ""}` : "";
-    if (mount.dataset.shown !== shown) {
-      mount.dataset.shown = shown;
-      show(mount, term?.picture ? h("img", { src: api.picture(term.picture), alt: "The picture to paint" })
-        : term ? h("p", { class: "words" }, term.words)
-          : h("button", { type: "button", class: "invitation", onclick: () => form.choose("image") },
-            h("span", {}, "Choose a picture"), h("small", {}, "or drop or paste one here. Text, styles and drawings can be added in the form.")));
+    const shown = preview.update(mount);
+    if (wish.together) show(mount, h("p", { class: "words" }, "You begin"));
+    else if (!shown && !mount.querySelector(".invitation")) {
+      show(mount, h("button", { type: "button", class: "invitation", onclick: () => form.choose("image") },
+        h("span", {}, "Choose a picture"), h("small", {}, "or drop or paste one here. Text, styles and drawings can be added in the form.")));
     }
-    const wordless = [...wish.terms, ...wish.initial].some((each) => each.kind === "text" && !each.words.trim());
-    missing.textContent = wordless ? "Enter the text first, or remove it." : wish.terms.length ? "" : "There is no goal yet. Add text, a picture or a drawing.";
-    button.disabled = Boolean(missing.textContent) || house.role === "watch";
-    const begun = Boolean(wish.terms.length || wish.initial.length || wish.title);
+    const wordless = [...wish.terms, ...wish.initial].some((each) => KINDS[each.kind].words && !each.words.trim());
+    const taking = form.isBusy();
+    missing.textContent = wordless ? "Enter the text first, or remove it." : taking ? "The picture is on its way to the studio." : wish.terms.length || wish.together ? "" : "There is no goal yet. Add text, a picture or a drawing.";
+    button.disabled = Boolean(doing) || (Boolean(missing.textContent) && !(taking && !wordless));
+    button.textContent = doing || (wish.together ? "Draw together" : "Make a plan");
+    const begun = Boolean(wish.terms.length || wish.together || wish.initial.length || wish.title);
     over.hidden = !begun;
-    kept.set(DRAFT, begun ? wish : null);
+    keepDraft(begun ? wish : null);
   }
 
   function startOver() {
-    kept.set(DRAFT, null);
+    keepDraft(null);
     window.dispatchEvent(new HashChangeEvent("hashchange"));
   }
 
   async function begin() {
-    button.disabled = true;
+    doing = "Taking in the picture …";
+    changed();
+    const whole = (await takeDrawing()) && (await form.settled());
+    doing = whole && (wish.terms.length || wish.together) ? "Starting the plan …" : ""; // what could not be taken in was refused in words
+    changed();
+    if (!doing) return;
     const words = wish.terms.find((term) => term.words)?.words.trim().slice(0, 80);
     const begun = await house.attempt(() => api.post("/api/paintings", { ...wish, title: wish.title || words || "" }));
-    button.disabled = false;
+    doing = "";
+    changed();
     if (!begun) return;
-    kept.set(DRAFT, null);
+    keepDraft(null);
     location.hash = `#/p/${begun.id}`;
   }
 
@@ -318,7 +390,7 @@ function composing(house, wish) {
   });
   document.addEventListener("paste", paste);
   changed();
-  const panel = h("aside", { class: "panel" }, h("h1", {}, "Set the goal"), h("p", {}, "Tell the robot what to paint: text, pictures, a style or your own drawing. You can combine several goals. The weight says how much each one counts."), form.element, button, missing, over);
+  const panel = h("div", { class: "panel" }, h("h1", {}, "Set the goal"), h("p", {}, "Tell the robot what to paint: text, pictures, a style or your own drawing. You can combine several goals. The weight says how much each one counts."), form.element, mainAction(missing, button), over);
   return { elements: [steps("say"), easel, panel], close: () => document.removeEventListener("paste", paste) };
 }
 
@@ -328,11 +400,11 @@ const STEPS = [["say", "Set the goal"], ["plan", "Review the plan"], ["prepare",
 export function steps(current, end) {
   const place = STEPS.findIndex(([name]) => name === current);
   return h("ol", { class: "steps", "aria-label": "Steps to a painting" }, STEPS.map(([name, label], index) =>
-    h("li", { class: index < place ? "past" : "", "aria-current": index === place ? "step" : null }, (name === "done" && end) || label)));
+    h("li", { class: index < place ? "past" : "", "data-place": `${index + 1} of ${STEPS.length}`, "aria-current": index === place ? "step" : null }, (name === "done" && end) || label)));
 }
 
 /** "fine brush", "broad, medium brushes", "usual brushes". @param {string} brushes */
 const brushWords = (brushes) => `${BRUSHES.find(({ value }) => value === brushes)?.label ?? brushes} ${["broad", "medium", "fine"].includes(brushes) ? "brush" : "brushes"}`;
 
 /** What was wished, in a line. */
-export const summary = (wish) => `${count(wish.strokes, "stroke", "strokes")}, ${count(Math.min(wish.colors, wish.strokes), "paint", "paints")}, ${brushWords(wish.brushes)}`;
+export const summary = (wish) => wish.together ? `Drawn together, without a goal; at most ${count(wish.strokes, "stroke", "strokes")} of the robot` : `${count(wish.strokes, "stroke", "strokes")}, ${count(Math.min(wish.colors, wish.strokes), "paint", "paints")}, ${brushWords(wish.brushes)}`;

@@ -38,6 +38,9 @@ export function show(element, ...children) {
 
 const named = (control) => control.getAttribute("aria-label") ?? control.closest("label")?.textContent ?? control.textContent;
 
+/** What a person does next in a view: on a phone it stays at the bottom of the screen, in reach of the thumb. */
+export const mainAction = (...children) => h("div", { class: "main-action" }, ...children);
+
 /** Scrolls something that was just opened into sight, and gives it the keyboard's focus. */
 export function reveal(element, focused = element) {
   element.scrollIntoView({ block: "nearest" });
@@ -88,10 +91,15 @@ export function slider({ label, min, max, step = 1, value, words = String, oninp
   return h("label", { class: "slider" }, h("span", { class: "row-between" }, h("span", {}, label), output), input, hint ? h("small", {}, hint) : null);
 }
 
+/** A picture of 36 x 24 in lines: how wide each is, and its path. @typedef {[number, string][]} Lines */
+
+/** @param {Lines} lines */
+const choicePicture = (lines) => svg("svg", { class: "choice-picture", viewBox: "0 0 36 24", "aria-hidden": "true" }, ...lines.map(([width, d]) => svg("path", { d, "stroke-width": width })));
+
 /** A group of choices of which one holds. */
 export function choices({ legend, name, options, value, onchange }) {
   return h("fieldset", { class: "choices" }, h("legend", {}, legend), h("div", { class: "segments" }, options.map((option) =>
     h("label", { title: option.title ?? "" },
       h("input", { type: "radio", name, value: option.value, checked: option.value === value, onchange: () => onchange(option.value) }),
-      h("span", {}, option.label)))));
+      h("span", {}, option.picture ? choicePicture(option.picture) : null, option.label)))));
 }

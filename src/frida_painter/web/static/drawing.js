@@ -2,8 +2,8 @@
 
 /**
  * One line of a drawing. points: pixels of the sheet and the pen's pressure in [0, 1]; width: a share of the
- * sheet's shorter side; pen: whether the pressure was measured.
- * @typedef {{ points: number[][], color: string, width: number, erase: boolean, pen: boolean }} Line
+ * sheet's shorter side; pen: whether the pressure was measured; fill: whether what the line goes around belongs to it.
+ * @typedef {{ points: number[][], color: string, width: number, erase: boolean, pen: boolean, fill?: boolean }} Line
  */
 
 /** The lines of a drawing, with undo and redo; clearing can be undone as well. */
@@ -22,6 +22,11 @@ export class Drawing {
 
   /** @param {Line} line */
   add(line) { this.#change([...this.lines, line]); }
+  /** Fills what the last line goes around; this can be undone. */
+  fillLast() {
+    const last = this.lines.at(-1);
+    if (last) this.#change([...this.lines.slice(0, -1), { ...last, fill: true }]);
+  }
   clear() { if (this.lines.length) this.#change([]); }
 
   /** Takes back the line that is being drawn, as if it had not been begun. */
@@ -83,6 +88,21 @@ export function following(view, [x, y]) {
   const at = (share, corner) => share * view.scale + corner;
   const by = (share, corner) => within(0.05, at(share, corner), 0.95) - at(share, corner);
   return moved(view, by(x, view.x), by(y, view.y));
+}
+
+const MIN_INSIDE = 0.005; // of the sheet; less is a thick dot
+const MAX_GAP = 0.3; // between the ends of a line that goes around something, as a share of the line's extent
+
+/**
+ * Whether a line goes around a part of the sheet: its ends are near each other, and there is something between.
+ * @param {number[][]} points @param {number} width @param {number} height of the sheet
+ */
+export function goesAround(points, width, height) {
+  const sides = [0, 1].map((axis) => points.map((point) => point[axis]));
+  const extent = Math.hypot(...sides.map((values) => values.reduce((most, value) => Math.max(most, value), -Infinity) - values.reduce((least, value) => Math.min(least, value), Infinity)));
+  const [[x0, y0], [x1, y1]] = [points[0], points[points.length - 1]];
+  const twice = points.reduce((sum, [x, y], index) => { const [nextX, nextY] = points[(index + 1) % points.length]; return sum + x * nextY - nextX * y; }, 0);
+  return Math.hypot(x1 - x0, y1 - y0) <= MAX_GAP * extent && Math.abs(twice) / 2 >= MIN_INSIDE * width * height;
 }
 
 /**

@@ -9,6 +9,12 @@
 export const toPlan = (pace, { strokes, effort }) => pace.loading + pace.planning * strokes * effort;
 
 /**
+ * The size of a painting as it is painted: without a camera, nothing is planned again.
+ * @param {{ watched: boolean }} house @param {Size} size
+ */
+export const asPainted = (house, size) => (house.watched ? size : { ...size, replans: 0 });
+
+/**
  * Seconds from the start to the last stroke: at each of the looks, evenly spaced, what is left is planned again.
  * @param {Pace} pace @param {Size} size
  */

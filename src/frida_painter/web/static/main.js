@@ -8,8 +8,10 @@ import { gallery } from "./gallery.js";
 import { Herald, turn } from "./needs.js";
 import { painting } from "./painting.js";
 import { WorkWatch } from "./queue.js";
+import { setup } from "./setup.js";
 import { shortcuts } from "./shortcuts.js";
 import { armStop } from "./stop.js";
+import { teaching } from "./teach.js";
 
 /** @param {string} id */
 const part = (id) => /** @type {HTMLElement} */ (document.getElementById(id));
@@ -18,40 +20,65 @@ const noticeBoard = part("notice");
 const connection = part("connection");
 const stopButton = part("stop");
 
+const AWAY = "No connection. Trying again.";
+
 let studio = null;
-const work = new WorkWatch();
+const lost = { view: "", work: "" }; // sentences of a view that follows a painting, and of the watch over all work
+const work = new WorkWatch((there) => { lost.work = there ? "" : AWAY; tellConnection(); });
 let active = false;
 let leave = () => {};
 let first = true; // the page was just opened: the focus stays where the browser puts it
 let noticeTimer = 0;
 
-/** Shows a sentence for a while, and what can be done about it. */
-function notice(sentence, label = "Close", work = () => {}) {
-  refuse(sentence, label, work);
-  noticeTimer = setTimeout(() => show(noticeBoard), 20000);
+let noticeClosed = () => {}; // told when the notice that is shown goes
+let noticeWhile = ""; // the reason of the notice that is shown
+
+function tellConnection() {
+  const sentence = lost.view || lost.work;
+  if (connection.textContent !== sentence) connection.textContent = sentence; // it is read aloud
+  if (!sentence && noticeWhile === "away") clearNotice();
 }
 
-/** Says why what a person wanted was not done, until it is closed: whoever looked away still learns of it. */
-function refuse(sentence, label = "Close", work = () => {}) {
+function clearNotice() {
   clearTimeout(noticeTimer);
-  show(noticeBoard, h("p", {}, sentence), h("button", { type: "button", class: "quiet", onclick: () => { show(noticeBoard); work(); } }, label));
+  noticeWhile = "";
+  show(noticeBoard);
+  const closed = noticeClosed;
+  noticeClosed = () => {};
+  closed();
 }
 
-/** From now on this page has the robot do things. */
-async function lead() {
-  if (await attempt(() => api.post("/api/lead"))) notice("This page is in control now. Repeat your command.");
+/** Shows a sentence for a while, and what can be done about it. */
+function notice(sentence, label = "", work = () => {}) {
+  refuse(sentence, label, work);
+  noticeTimer = setTimeout(clearNotice, 20000);
 }
 
-/** Does something that may fail, and shows the sentence if it does. */
+/**
+ * Says why what a person wanted was not done, until it is closed, or its reason is gone: whoever looked away still learns of it.
+ * `while_` names the reason: "away" as long as there is no connection, "now" as long as the studio does the same, "" for ever.
+ */
+function refuse(sentence, label = "", work = () => {}, closed = () => {}, while_ = "") {
+  clearNotice();
+  noticeClosed = closed;
+  noticeWhile = while_;
+  const does = label ? h("button", { type: "button", class: "quiet", onclick: () => { noticeClosed = () => {}; clearNotice(); work(); } }, label) : null;
+  show(noticeBoard, h("div", {}, h("p", {}, sentence), does, h("button", { type: "button", class: "quiet", onclick: clearNotice }, "Close")));
+}
+
+/**
+ * Does something that may fail, and shows the sentence if it does. If another browser is in control, a person may take over:
+ * then it is done after all.
+ */
 async function attempt(work) {
   try {
     const done = await work();
-    show(noticeBoard);
+    clearNotice();
     return done;
   } catch (/** @type {any} */ error) {
-    if (error.led) refuse(error.message, "Take control", lead);
-    else refuse(error.message);
-    return undefined;
+    if (!error.led) { refuse(error.message, "", undefined, undefined, error.away ? "away" : error.now ? "now" : ""); return undefined; }
+    const again = async () => { await api.post("/api/lead"); return work(); };
+    return new Promise((resolve) => { refuse(error.message, "Take control and continue", () => resolve(attempt(again)), () => resolve(undefined), "now"); });
   }
 }
 
@@ -63,9 +90,12 @@ const house = {
   get simulated() { return studio.simulated; },
   get robot() { return studio.robot; },
   get camera() { return studio.camera; },
+  get watched() { return studio.watched; },
   get canvas() { return studio.canvas; },
+  get families() { return studio.families; },
+  get turns() { return studio.turns; },
   get pace() { return studio.pace; },
-  connected(there, sentence) { connection.textContent = there ? "" : sentence || "No connection. Trying again."; },
+  connected(there, sentence) { lost.view = there ? "" : sentence || AWAY; tellConnection(); },
   /** Asks again what the studio can do, and how fast it is: both change while the page is open. */
   async refresh() { studio = await api.get("/api/studio").catch(() => studio); },
   /** A view, or a step of one, has just been shown. */
@@ -86,9 +116,9 @@ async function route() {
   leave();
   house.active(false);
   house.connected(true);
-  show(noticeBoard);
+  clearNotice();
   const [, place = "", id = ""] = location.hash.split("/");
-  const views = { "": gallery, new: composer, p: painting, calibrate: calibration };
+  const views = { "": gallery, new: composer, p: painting, calibrate: calibration, setup, teach: teaching };
   const page = views[place] ?? gallery;
   for (const link of document.querySelectorAll(".bar nav a")) {
     link.toggleAttribute("aria-current", link.getAttribute("href") === `#/${place}`);
@@ -100,19 +130,31 @@ async function route() {
   first = false;
 }
 
-armStop(stopButton, notice, async () => {
-  const now = await api.get("/api/work").catch(() => null);
-  return studio?.simulated === true && now !== null && now.working.length === 0;
+/** Whether a machine could hurt somebody: the setup moves one at every easel. */
+const dangerous = () => studio?.dangerous !== false || location.hash.startsWith("#/setup") || work.latest.working.includes("setup");
+
+let moved = true; // whether a robot may have moved since Stop was pressed
+armStop(stopButton, notice, {
+  pressed() { moved = work.latest.moves; },
+  dangerous,
+  async harmless() {
+    const now = await api.get("/api/work").catch(() => null);
+    if (!studio || !now) return false;
+    moved ||= now.moves;
+    return !now.moves && !(dangerous() && moved); // of a machine a person has to say that it stands still
+  },
 });
 
 document.querySelector(".bar nav")?.append(shortcuts());
 
 try {
   studio = await api.enter();
+  document.body.dataset.role = studio.role; // what a role may not do is not shown to it
+  part("role").textContent = { watch: "You watch", plan: "You plan", operate: "" }[studio.role] ?? "";
   window.addEventListener("hashchange", route);
   window.addEventListener("pagehide", api.leave);
   const herald = new Herald();
-  work.listen((now) => { house.active(active); herald.tell(turn(now, studio.simulated)); });
+  work.listen((now) => { if (noticeWhile === "now") clearNotice(); house.active(active); herald.tell(turn(now, studio.simulated)); });
   work.start();
   await route();
 } catch (/** @type {any} */ error) {

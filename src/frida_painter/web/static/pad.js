@@ -1,8 +1,8 @@
 // A drawing pad over a picture: pen, eraser, undo, redo, zoom, width, colour; by hand or by keyboard; for drawings, and for
 // parts of the canvas.
 
-import { h, reveal, slider, svg } from "./dom.js";
-import { between, Drawing, following, moved, WHOLE, zoomed } from "./drawing.js";
+import { h, reveal, show, slider, svg } from "./dom.js";
+import { between, Drawing, following, goesAround, moved, WHOLE, zoomed } from "./drawing.js";
 import { getStroke } from "./perfect-freehand.js";
 
 const COLORS = [["#23211e", "Black"], ["#9a3b1f", "Red"], ["#d09a35", "Yellow"], ["#3f6b4d", "Green"], ["#2f4b7c", "Blue"], ["#ffffff", "White"]];
@@ -40,16 +40,23 @@ export function pad({ shape, mask = false, background = "" }) {
     return [((event.clientX - box.left) / box.width) * width, ((event.clientY - box.top) / box.height) * height, pressure];
   }
 
-  function trace(target, { points, color, erase, width: share, pen }, ink) {
+  /** @param {CanvasRenderingContext2D} target @param {import("./drawing.js").Line} line @param {string} [ink] */
+  function trace(target, { points, color, erase, width: share, pen, fill }, ink) {
     const outline = getStroke(points, { size: share * Math.min(width, height), thinning: mask || erase ? 0 : 0.5, simulatePressure: !pen });
     target.globalCompositeOperation = erase ? "destination-out" : "source-over";
     target.fillStyle = ink ?? color;
     target.beginPath();
     for (const [x, y] of outline) target.lineTo(x, y); // (the first one begins the path)
     target.fill();
+    if (fill) {
+      target.beginPath();
+      for (const [x, y] of points) target.lineTo(x, y);
+      target.fill();
+    }
     target.globalCompositeOperation = "source-over";
   }
 
+  const question = h("div", { class: "ask-inside", role: "status" });
   let drawn = 0;
   function draw() {
     cancelAnimationFrame(drawn);
@@ -61,7 +68,19 @@ export function pad({ shape, mask = false, background = "" }) {
     redo.disabled = !drawing.canRedo;
   }
 
+  /** The line is drawn; of one that goes around a part it is asked if the inside is meant as well. */
+  function end() {
+    const drawn = line;
+    line = null;
+    if (!mask || !drawn || drawn.erase || !goesAround(drawn.points, width, height)) return;
+    const close = () => { show(question); surface.focus({ preventScroll: true }); };
+    show(question, h("p", {}, "You drew around a part of the canvas. Does the inside belong to it?"), h("p", { class: "pair" },
+      h("button", { type: "button", class: "button second", onclick: () => { drawing.fillLast(); draw(); close(); } }, "Mark the inside too"),
+      h("button", { type: "button", class: "quiet", onclick: close }, "Only the line")));
+  }
+
   function begin(point, pen) {
+    show(question);
     line = { ...tool, points: [point], pen };
     drawing.add(line);
     draw();
@@ -105,20 +124,22 @@ export function pad({ shape, mask = false, background = "" }) {
     for (const each of known.length ? known : [event]) line.points.push(place(each));
     draw();
   });
-  for (const end of ["pointerup", "pointercancel"]) {
-    surface.addEventListener(end, (event) => { touching.delete(event.pointerId); line = null; });
+  for (const lifted of ["pointerup", "pointercancel"]) {
+    surface.addEventListener(lifted, (event) => { touching.delete(event.pointerId); end(); });
   }
   element.addEventListener("wheel", (event) => {
-    if (!event.ctrlKey && view.scale === 1) return; // the page scrolls
+    const used = document.activeElement === surface;
+    if (!event.ctrlKey && view.scale === 1 && !used) return; // the page scrolls
     event.preventDefault();
     const box = element.getBoundingClientRect();
-    look(event.ctrlKey ? zoomed(view, Math.exp(-event.deltaY / 200), inWindow([event.clientX, event.clientY])) : moved(view, -event.deltaX / box.width, -event.deltaY / box.height));
+    const zooms = event.ctrlKey || (used && !event.shiftKey && Math.abs(event.deltaY) > Math.abs(event.deltaX));
+    look(zooms ? zoomed(view, Math.exp(-event.deltaY / (event.ctrlKey ? 200 : 600)), inWindow([event.clientX, event.clientY])) : moved(view, -event.deltaX / box.width, -event.deltaY / box.height));
   }, { passive: false });
 
   const center = [0.5, 0.5];
   const change = (work) => () => { work(); draw(); };
-  const undoing = change(() => drawing.undo());
-  const redoing = change(() => drawing.redo());
+  const undoing = change(() => { show(question); drawing.undo(); });
+  const redoing = change(() => { show(question); drawing.redo(); });
 
   function move(/** @type {number[]} */ [across, down], far) {
     const step = STEP * LONGEST * (far ? 5 : 1) / Math.sqrt(view.scale);
@@ -144,7 +165,7 @@ export function pad({ shape, mask = false, background = "" }) {
     else if (order || event.altKey) return;
     else if (ARROWS[event.key]) move(ARROWS[event.key], event.shiftKey);
     else if (event.key === " " || event.key === "Enter") {
-      if (line) line = null;
+      if (line) end();
       else begin([...cursor, 0.5], false);
       tellCursor();
     } else if (key === "+" || key === "=") look(zoomed(view, 1.5, center));
@@ -159,7 +180,7 @@ export function pad({ shape, mask = false, background = "" }) {
   const button = (label, onclick, more = {}) => h("button", { type: "button", class: "quiet", onclick, ...more }, label);
   const undo = button("Undo", undoing, { title: "Ctrl+Z" });
   const redo = button("Redo", redoing, { title: "Ctrl+Y" });
-  const clear = button("Clear", change(() => drawing.clear()));
+  const clear = button("Clear", change(() => { show(question); drawing.clear(); }));
   const whole = button("100 %", () => look(WHOLE), { "aria-label": "Show the whole sheet" });
   const pen = button(mask ? "Brush" : "Pen", () => pick({ erase: false }));
   const eraser = button("Eraser", () => pick({ erase: true }));
@@ -175,10 +196,10 @@ export function pad({ shape, mask = false, background = "" }) {
 
   const toolbar = h("div", { class: "tools", role: "toolbar", "aria-label": "Drawing tools" },
     inks.length ? h("span", { class: "inks" }, inks) : null, pen, eraser, undo, redo, clear,
-    h("span", { class: "zoom", role: "group", "aria-label": "Zoom" },
+    h("span", { class: "zoom", role: "group", "aria-label": "Zoom", title: "Also by the wheel, or by two fingers" },
       button("−", () => look(zoomed(view, 1 / 1.5, center)), { "aria-label": "Zoom out" }), whole, button("+", () => look(zoomed(view, 1.5, center)), { "aria-label": "Zoom in" })),
     slider({ label: "Width", min: 1, max: 20, value: Math.round(tool.width * (mask ? 100 : 500)), words: (value) => (value < 5 ? "fine" : value < 12 ? "medium" : "broad"), oninput: (value) => { tool.width = value / (mask ? 100 : 500); } }));
-  const tools = h("div", { class: "under-pad" }, h("p", { class: "label pad-help" }, HELP), toolbar, said);
+  const tools = h("div", { class: "under-pad" }, h("p", { class: "label pad-help" }, HELP), question, toolbar, said);
   pick({});
   look(WHOLE);
   draw();

@@ -19,14 +19,13 @@ const WORDS = {
 export function paintStage(house, here, first) {
   const { wish } = /** @type {PlanState} */ (first.plans.find((plan) => plan.number === first.painting.plan));
   const canvas = canvasView(wish, ["goal", "plan", "painting"]);
-  const caption = h("p", { class: "caption" });
   const bar = h("progress", { max: 1, value: 0, "aria-label": "Strokes painted" });
   const said = h("p", { class: "status", role: "status" });
   const left = h("p", { class: "label" });
   const looks = h("ol", { class: "looks" });
   const parts = easelState(house.simulated ? "Simulated robot" : `Robot ${house.robot.split(":")[0]}`);
   const live = liveCamera(house, here.id);
-  const easel = h("div", { class: "easel" }, canvas.element, canvas.slider, caption, parts.element, live.element);
+  const easel = h("div", { class: "easel" }, canvas.element, canvas.slider, canvas.caption, parts.element, live.element);
   const padPlace = h("div", { class: "easel", hidden: true });
   const tools = togetherTools(house, here, wish, (drawing) => {
     show(padPlace, drawing);
@@ -35,7 +34,7 @@ export function paintStage(house, here, first) {
   });
   const goals = h("div", {});
   const tellMe = h("button", { type: "button", class: "quiet", hidden: !mayAsk(), onclick: async () => { await ask(); tellMe.hidden = !mayAsk(); } }, "Notify me when I am needed");
-  const panel = h("aside", { class: "panel" }, h("h1", {}, "Paint together"), bar, said, left, tools.element, tellMe, h("h2", {}, "The goal"), goals, h("h2", {}, "Camera views"), looks);
+  const panel = h("div", { class: "panel" }, h("h1", {}, "Paint together"), bar, said, left, tools.element, tellMe, h("h2", {}, "The goal"), goals, h("h2", {}, "Camera views"), looks);
   /** @type {{ key: string, paths: Strokes | null, palette: Paint[], from: number, place: string | number, prefix: string }} */
   let strokes = { key: "", paths: null, palette: [], from: 0, place: "", prefix: "" };
   let shownLooks = "";
@@ -55,19 +54,24 @@ export function paintStage(house, here, first) {
 
   function lookCard(look) {
     const picture = (name, words) => h("figure", {}, h("img", { src: api.file(here.id, "live", look[name]), alt: `${words}, after ${look.done} strokes`, loading: "lazy" }), h("figcaption", {}, words));
-    const came = outcome(look);
+    const came = outcome(look, wish.together);
     return h("li", {}, h("h3", {}, `After ${count(look.done, "stroke", "strokes")}`), came ? h("p", {}, came) : null, ...(look.touch ?? []).map((sentence) => h("p", {}, sentence)),
-      h("div", { class: "trio" }, picture("expected", "Expected"), picture("seen", "Seen"), picture("difference", "Difference")));
+      h("div", { class: "trio" }, picture("expected", "Expected"), picture("seen", "Seen"), look.found ? picture("found", "What you painted") : picture("difference", "Difference")));
   }
 
   function update(state) {
     const { painting } = state;
     bar.value = painting.of ? painting.done / painting.of : 0;
     const wait = painting.status === "drying" && painting.dries ? `, ${duration(painting.dries)} more` : "";
-    said.textContent = painting.status === "painting" ? `Stroke ${painting.done} of ${painting.of}` : `${painting.done ? `Stroke ${painting.done} of ${painting.of}: ` : ""}${WORDS[painting.status] ?? ""}${wait}`;
+    bar.hidden = wish.together;
+    said.textContent = wish.together ? `${painting.done ? `${count(painting.done, "stroke", "strokes")} of the robot; ` : ""}${painting.cause === "turn" && painting.status === "paused" ? "your turn" : WORDS[painting.status] ?? ""}${wait}` : painting.status === "painting" ? `Stroke ${painting.done} of ${painting.of}` : `${painting.done ? `Stroke ${painting.done} of ${painting.of}: ` : ""}${WORDS[painting.status] ?? ""}${wait}`;
     left.textContent = painting.left && !["finishing", "paused"].includes(painting.status) ? `about ${duration(painting.left)} left` : "";
     if (painting.photograph) canvas.picture("painting", api.file(here.id, "live", painting.photograph), `The canvas after ${painting.done} strokes`);
-    caption.textContent = painting.photograph ? "The easel, as it was photographed last, and the next stroke" : "The plan. The first photograph of the easel comes soon.";
+    const next = painting.status === "painting" ? ", and the next stroke" : "";
+    canvas.captions({
+      plan: painting.photograph || !house.watched ? "The plan" : "The plan. The first photograph of the easel comes soon.",
+      painting: house.watched ? `The easel, as it was photographed last${next}` : `There is no camera: the canvas as it should look now${next}`,
+    });
     const region = painting.region ? api.file(here.id, "live", painting.region.picture) : "";
     canvas.region(region, painting.region?.only);
     const terms = (painting.wish ?? wish).terms;
@@ -89,7 +93,7 @@ export function paintStage(house, here, first) {
     const key = JSON.stringify(painting.looks);
     if (key !== shownLooks) {
       shownLooks = key;
-      show(looks, painting.looks.length ? [...painting.looks].reverse().map(lookCard) : h("li", { class: "label" }, "No photograph yet."));
+      show(looks, painting.looks.length ? [...painting.looks].reverse().map(lookCard) : h("li", { class: "label" }, house.watched ? "No look yet: the robot has not compared the canvas with the plan." : "There is no camera. Nobody looks at the canvas, and the plan is painted as it is."));
     }
   }
 

@@ -3,17 +3,19 @@
 import * as api from "./api.js";
 import { steps } from "./composer.js";
 import { h, show } from "./dom.js";
-import { finishedStage } from "./finished.js";
+import { finishedStage, lostStage } from "./finished.js";
 import { Herald, need } from "./needs.js";
 import { paintStage } from "./paint.js";
 import { planStage } from "./plan.js";
 import { questionCard } from "./question.js";
 
-const STAGES = { plan: planStage, prepare: planStage, paint: paintStage, done: finishedStage };
+const STAGES = { plan: planStage, prepare: planStage, paint: paintStage, done: finishedStage, lost: lostStage };
 
+/** Which view shows a painting: by the status that the studio tells. @param {State} state */
 function stageOf(state) {
-  if (!state.painting) return "plan";
-  return !state.working && ["finished", "stopped", "failed"].includes(state.painting.status) ? "done" : "paint";
+  if (state.stage === "lost") return "lost";
+  if (!state.painting) return state.plans.length ? "plan" : "lost";
+  return !state.working && ["finished", "stopped", "failed"].includes(state.stage) ? "done" : "paint";
 }
 
 export function painting(house, id) {
@@ -25,6 +27,7 @@ export function painting(house, id) {
   let name = "";
   let step = "";
   let title = "";
+  let begun = ""; // when
   let last = null;
 
   function go(steps) { step = steps; if (last) hear(last); }
@@ -37,14 +40,15 @@ export function painting(house, id) {
       stage?.close?.();
       name = next;
       step = next;
-      stage = STAGES[next](house, { id, get title() { return title; }, go }, state);
+      stage = STAGES[next](house, { id, get title() { return title; }, get begun() { return begun; }, go }, state);
     }
     const shown = name === "plan" ? step : name;
+    element.classList.toggle("lost", name === "lost");
     const end = name === "done" ? { stopped: "Stopped", failed: "Failed" }[state.painting.status] : "";
     const entered = element.dataset.step !== `${name}/${shown}`;
     if (entered) {
       element.dataset.step = `${name}/${shown}`;
-      element.replaceChildren(steps(shown, end), trouble, asked.element, ...stage.elements);
+      element.replaceChildren(...(name === "lost" ? [] : [steps(shown, end)]), trouble, asked.element, ...stage.elements);
     }
     asked.update(state.question);
     show(trouble, state.trouble ? h("p", {}, state.trouble) : null);
@@ -59,6 +63,7 @@ export function painting(house, id) {
     const state = await api.get(`/api/paintings/${id}`);
     if (closed) return;
     title = state.title;
+    begun = state.begun;
     document.title = `${title} · The studio`;
     hear(state);
     stopFollowing = api.follow(`/api/paintings/${id}`, hear, house.connected);

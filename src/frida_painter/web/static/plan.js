@@ -3,8 +3,8 @@
 import * as api from "./api.js";
 import { canvasView } from "./canvasview.js";
 import { summary, wishForm } from "./composer.js";
-import { count, duration, h, reveal, show } from "./dom.js";
-import { corrected, toPaint } from "./estimate.js";
+import { count, duration, h, mainAction, reveal, show } from "./dom.js";
+import { asPainted, corrected, toPaint } from "./estimate.js";
 import { goalList } from "./goal.js";
 import { pad } from "./pad.js";
 import { placeOf } from "./queue.js";
@@ -14,13 +14,12 @@ const TAKEN = [["strokes.svg", "The strokes, for plotters and Inkscape (SVG)"], 
 /** @param {House} house @param {Here} here @param {State} first */
 export function planStage(house, here, first) {
   const canvas = canvasView(first.plans[0].wish, ["goal", "plan"]);
-  const caption = h("p", { class: "caption" });
   const scrub = h("input", { type: "range", min: 0, max: 1, value: 1, "aria-label": "Strokes painted so far" });
   const scrubbing = h("div", { class: "scrub" }, scrub, h("output", {}));
-  const easel = h("div", { class: "easel" }, canvas.element, scrubbing, canvas.slider, caption);
+  const easel = h("div", { class: "easel" }, canvas.element, scrubbing, canvas.slider, canvas.caption);
   const goals = h("div", {});
   const changes = new Map(); // of goals, by plan, as a person is making them
-  const panel = h("aside", { class: "panel" });
+  const panel = h("div", { class: "panel" });
   const others = h("ul", { class: "plans" });
   const padPlace = h("div", { class: "easel", hidden: true });
   const strokes = new Map();
@@ -51,6 +50,7 @@ export function planStage(house, here, first) {
     const frame = plan.made.frames.reduce((best, after) => (after <= done ? after : best), 0);
     scrubbing.querySelector("output").textContent = `${done} of ${plan.made.strokes}`;
     canvas.picture("plan", api.file(here.id, plan.number, whole ? "plan.jpg" : `after-${frame}.jpg`), whole ? "The finished plan" : `The canvas after ${done} strokes`);
+    canvas.captions({ plan: whole ? `Plan ${plan.number}` : `Plan ${plan.number}, after ${count(frame, "stroke", "strokes")}${done === frame ? "" : `; the outlined stroke is number ${done}`}` });
     const paths = await strokesOf(plan);
     if (plan !== current() && plan.number !== chosen) return;
     const paint = paths && done > 0 ? plan.made.palette[paths.paint[done - 1]] : null;
@@ -76,20 +76,24 @@ export function planStage(house, here, first) {
       h("strong", {}, `Plan ${plan.number}`), h("small", {}, said)));
   }
 
-  async function another(wish) {
+  /** Plans again, when the pictures of the wish have been taken in. @param {{ settled: () => Promise<boolean> } | null} form */
+  async function another(wish, form = null) {
+    if (form && !(await form.settled())) return;
     await house.attempt(() => api.post(`/api/paintings/${here.id}/plans`, wish));
   }
 
   function paletteList(plan, withRecipes = false) {
-    const recipe = (mixture) => h("p", { class: "recipe" }, `${mixture.recipe} · about ${Math.max(1, Math.round(mixture.millilitres))} ml`, mixture.near ? "" : " · not exact");
-    return h("ol", { class: "palette" }, plan.made.palette.map((paint, index) =>
+    const recipe = (mixture) => h("p", { class: "recipe" }, plan.wish.together ? mixture.recipe : `${mixture.recipe} · about ${Math.max(1, Math.round(mixture.millilitres))} ml`, mixture.near ? "" : " · not exact");
+    const changes = Object.entries(plan.made.mixing ?? {}).map(([what, words]) => h("p", { class: "label" }, `${what}: ${words}`));
+    const list = h("ol", { class: "palette" }, plan.made.palette.map((paint, index) =>
       h("li", {}, h("b", { style: { background: paint.hex } }), h("span", {}, h("strong", {}, String(paint.number)), ` ${paint.hex}`),
-        h("small", {}, `${count(paint.strokes, "stroke", "strokes")}, ${paint.share < 0.005 ? "hardly any" : `${Math.round(100 * paint.share)} %`}`), withRecipes ? recipe(plan.made.mixtures[index]) : null)));
+        plan.wish.together ? null : h("small", {}, `${count(paint.strokes, "stroke", "strokes")}, ${paint.share < 0.005 ? "hardly any" : `${Math.round(100 * paint.share)} %`}`), withRecipes ? recipe(plan.made.mixtures[index]) : null)));
+    return h("div", {}, list, ...changes);
   }
 
   function planning(plan) {
-    show(panel, h("h1", {}, "Review the plan"),
-      h("p", {}, "The program plans the strokes: it places them, optimises them and chooses the colours. The robot does not move yet."),
+    show(panel, h("h1", {}, plan.wish.together ? "Prepare" : "Review the plan"),
+      h("p", {}, plan.wish.together ? "The program chooses paints to begin with. The robot does not move yet." : "The program plans the strokes: it places them, optimises them and chooses the colours. The robot does not move yet."),
       h("progress", { max: 1, "aria-label": "Planning" }), h("p", { class: "left label" }),
       h("p", { class: "label" }, summary(plan.wish)), h("h2", {}, "The goal"), goals);
   }
@@ -101,8 +105,7 @@ export function planStage(house, here, first) {
     const done = async () => {
       const blob = await sheet.picture();
       if (!blob) { house.notice("Nothing is drawn yet."); return; }
-      await use(blob);
-      back();
+      if (await use(blob)) back();
     };
     show(padPlace, sheet.element, sheet.tools, h("p", { class: "pair" }, h("button", { type: "button", class: "button", onclick: done }, "Use this drawing"), h("button", { type: "button", class: "quiet", onclick: back }, "Cancel")));
     padPlace.hidden = false;
@@ -120,7 +123,7 @@ export function planStage(house, here, first) {
     tell();
     stopWaiting = house.work.listen(tell);
     show(panel, h("h1", {}, "Review the plan"), h("p", {}, "The painter is busy with other paintings. This plan waits in the queue and is begun by itself."), place,
-      h("p", {}, h("button", { type: "button", class: "button second", disabled: house.role === "watch", onclick: () => unqueue() }, "Remove from the queue")),
+      h("p", { "data-for": "plan" }, h("button", { type: "button", class: "button second", onclick: () => unqueue() }, "Remove from the queue")),
       h("p", { class: "label" }, summary(plan.wish)), h("h2", {}, "The goal"), goals);
   }
 
@@ -134,19 +137,37 @@ export function planStage(house, here, first) {
     const form = wishForm(house, wish, () => {}, { ondraw: (use) => sketch(plan, use) });
     show(panel, h("h1", {}, "Review the plan"),
       h("p", {}, "This is what the robot will paint. Move the slider under the canvas to see the plan stroke by stroke."),
-      plan.made ? h("p", { class: "label" }, `Painting it takes about ${duration(toPaint(corrected(house.pace, plan.wish, plan.made.seconds), plan.wish))}.`) : null,
-      plan.made ? h("button", { type: "button", class: "button wide", disabled: house.role !== "operate", "aria-keyshortcuts": "u", onclick: () => here.go("prepare") }, `Use plan ${plan.number}`) : null,
-      h("h2", {}, "Other plans"),
-      h("p", {}, h("button", { type: "button", class: "button second", disabled: state.working || house.role === "watch", "aria-keyshortcuts": "a", onclick: () => another(again) }, "Make another plan")),
-      h("details", { open: differs }, h("summary", {}, "Change the goal"), form.element, h("button", { type: "button", class: "button second wide", disabled: state.working || house.role === "watch", onclick: () => another(wish) }, "Plan with these changes")),
+      plan.made ? h("p", { class: "label" }, `Painting it takes ${house.pace.known ? "about" : "very roughly"} ${duration(toPaint(corrected(house.pace, plan.wish, plan.made.seconds), asPainted(house, plan.wish)))}${house.pace.known ? "" : "; nothing was painted here yet from which it could be known"}.`) : null,
+      plan.made ? mainAction(h("button", { type: "button", class: "button wide", "data-for": "operate", "aria-keyshortcuts": "u", onclick: () => here.go("prepare") }, `Use plan ${plan.number}`)) : null,
+      house.role === "plan" && plan.made ? h("p", { class: "label" }, "You plan here. Somebody who may move the robot starts the painting.") : null,
+      h("h2", { "data-for": "plan" }, "Other plans"),
+      h("p", { "data-for": "plan" }, h("button", { type: "button", class: "button second", disabled: state.working, "aria-keyshortcuts": "a", onclick: () => another(again) }, "Make another plan")),
+      h("details", { open: differs, "data-for": "plan" }, h("summary", {}, "Change the goal"), form.element, h("button", { type: "button", class: "button second wide", disabled: state.working, onclick: () => another(wish, form) }, "Plan with these changes")),
       h("p", { class: "label" }, summary(plan.wish)),
       h("h2", {}, "The goal"), goals,
       plan.made ? [h("h2", {}, "The palette"), paletteList(plan), h("h2", {}, "Downloads"), h("ul", { class: "files" }, TAKEN.map(([name, label]) => h("li", {}, h("a", { href: api.file(here.id, plan.number, name), download: name }, label))))] : null);
   }
 
+  /** The planning was stopped, or it failed. */
+  function broken(plan) {
+    if (!changes.has(plan.number)) changes.set(plan.number, structuredClone(plan.wish));
+    const wish = changes.get(plan.number);
+    const form = wishForm(house, wish, () => {}, { ondraw: (use) => sketch(plan, use) });
+    show(panel, h("h1", {}, plan.status === "stopped" ? "You stopped the planning" : "The planning failed"),
+      h("p", {}, `Plan ${plan.number} is not finished${plan.status === "stopped" ? "" : "; what went wrong is said above"}.${house.role === "watch" ? "" : " Plan again, or change the goal first."}`),
+      mainAction(h("button", { type: "button", class: "button wide", disabled: state.working, "data-for": "plan", "aria-keyshortcuts": "a", onclick: () => another(plan.wish) }, "Plan again")),
+      h("details", { "data-for": "plan" }, h("summary", {}, "Change the goal"), form.element, h("button", { type: "button", class: "button second wide", disabled: state.working, onclick: () => another(wish, form) }, "Plan with these changes")),
+      h("p", { class: "label" }, summary(plan.wish)), h("h2", {}, "The goal"), goals);
+  }
+
   function prepare(plan) {
     const boxes = [];
-    const allow = () => { start.disabled = state.working || !boxes.every((box) => box.checked); };
+    const allow = () => {
+      const all = boxes.every((box) => box.checked);
+      start.disabled = state.working || !all;
+      first.textContent = all ? "" : "Look at the easel first, and tick both boxes.";
+    };
+    const first = h("p", { class: "label", role: "status" });
     const start = h("button", { type: "button", class: "button wide", disabled: true, onclick: () => {
       start.disabled = true;
       house.attempt(() => api.post(`/api/paintings/${here.id}/start`, { plan: plan.number, ready: true })).then((begun) => { if (!begun) start.disabled = false; });
@@ -162,12 +183,12 @@ export function planStage(house, here, first) {
       h("p", { class: "label" }, "The recipes are for six common acrylics, computed from published pigment data. Test each mixture on paper first."),
       h("p", {}, h("a", { href: api.file(here.id, plan.number, "palette.png"), download: "palette.png" }, "Download the palette to print")),
       h("div", { class: "checks" }, check("A bare canvas is on the easel."), check("The paints are in their wells. Water and rag are in place.")),
-      start,
+      mainAction(first, start),
       state.queued === "paint"
         ? h("p", { class: "label beneath" }, house.simulated ? "It waits in the queue, and is painted when those before it are done. " : "It waits in the queue. Start it when the easel is free and the canvas is bare. ",
-          h("button", { type: "button", class: "quiet", disabled: house.role !== "operate", onclick: unqueue }, "Remove from the queue"))
-        : h("button", { type: "button", class: "quiet later", disabled: house.role !== "operate", onclick: () => later(plan) }, "Paint it after the others (queue)"),
-      h("p", {}, h("button", { type: "button", class: "quiet", onclick: () => here.go("plan") }, "Back to the plan")));
+          h("button", { type: "button", class: "quiet", "data-for": "operate", onclick: unqueue }, "Remove from the queue"))
+        : h("button", { type: "button", class: "quiet later", "data-for": "operate", onclick: () => later(plan) }, "Paint it after the others (queue)"),
+      plan.wish.together ? null : h("p", {}, h("button", { type: "button", class: "quiet", onclick: () => here.go("plan") }, "Back to the plan")));
     return allow;
   }
 
@@ -181,6 +202,7 @@ export function planStage(house, here, first) {
       chosen = last.number;
     }
     const plan = current();
+    if (plan.wish.together && plan.made && step === "plan" && house.role === "operate") { queueMicrotask(() => here.go("prepare")); return; } // there is no plan to review
     const preparing = step === "prepare" && plan.made;
     const key = `${step}/${plan.number}/${plan.status}/${preparing || state.working}/${state.queued}`;
     if (key !== drawn) {
@@ -192,19 +214,20 @@ export function planStage(house, here, first) {
       show(goals, goalList(plan.wish.terms));
       if (preparing) allowStart = prepare(plan);
       else if (plan.status === "waiting") waiting(plan);
-      else if (plan.status === "planning" && state.working) planning(plan);
+      else if (plan.status === "planning") planning(plan);
+      else if (!plan.made) broken(plan);
       else ready(plan);
       if (plan.made) scrubbed();
     }
     allowStart();
-    scrubbing.hidden = !plan.made || step === "prepare";
-    others.hidden = state.plans.length < 2 || step === "prepare";
+    scrubbing.hidden = !plan.made || Boolean(preparing);
+    others.hidden = state.plans.length < 2 || Boolean(preparing);
     const cards = JSON.stringify(state.plans.map((other) => [other.number, other.status, Math.round(20 * other.share), other.number === chosen]));
     if (cards !== others.dataset.shown) {
       others.dataset.shown = cards;
       show(others, state.plans.map(planCard));
     }
-    if (plan.status === "planning") {
+    if (!plan.made) {
       canvas.highlight(null, null);
       if (plan.growing) canvas.picture("plan", api.file(here.id, plan.number, plan.growing), "The plan so far");
       const bar = panel.querySelector("progress");
@@ -215,7 +238,7 @@ export function planStage(house, here, first) {
         panel.querySelector(".left").textContent = !begun ? "loading the planner and its networks" : `about ${duration(plan.left)} left`;
       }
     }
-    caption.textContent = plan.made ? `Plan ${plan.number}` : "The plan so far";
+    if (!plan.made) canvas.captions({ plan: "The plan as far as it came" });
   }
 
   return { elements: [easel, padPlace, panel, others], update, close: () => stopWaiting() };

@@ -1,7 +1,8 @@
-// What the painter wants to know of a person: yes or no, four corners to be dragged, a height to be set, a length.
+// What the painter wants to know of a person: yes or no, four corners to be dragged, a height to be set, a length, a place.
 
 import * as api from "./api.js";
 import { h, show, svg } from "./dom.js";
+import { addressCard, chooseCard, guideCard } from "./guide.js";
 
 const CORNERS = ["top left", "top right", "bottom right", "bottom left"];
 const NUDGES = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
@@ -14,9 +15,11 @@ export function questionCard(house, path, picture) {
   const may = house.role === "operate";
   let shown = "";
   let leave = () => {};
+  /** @type {((asked: any) => void) | null} */
+  let goOn = null; // shows the next question of a dialogue in the same card
 
   const answer = (id, values) => house.attempt(() => api.post(`${path}/answer`, { question: id, ...values }));
-  const button = (label, work, kind = "second") => h("button", { type: "button", class: `button ${kind}`, disabled: !may, onclick: work }, label);
+  const button = (label, work, kind = "second") => h("button", { type: "button", class: `button ${kind}`, "data-for": "operate", disabled: !may, onclick: work }, label);
 
   function confirm(asked) {
     const yes = button("Yes", () => answer(asked.id, { yes: true }), asked.proposal ? "" : "second");
@@ -53,6 +56,7 @@ export function questionCard(house, path, picture) {
     document.addEventListener("keydown", onkey);
     leave = () => document.removeEventListener("keydown", onkey);
     show(element, h("div", { class: "asked" }, h("p", { class: "text" }, asked.text), keys,
+      asked.remark ? h("p", { class: "remark" }, asked.remark) : null,
       h("p", { class: "label" }, "The up and down arrow keys move the brush by 1 mm, with Shift by 5 mm, with Alt by 0.2 mm."),
       h("p", {}, button("The height is right", () => answer(asked.id, { settled: true }), ""))),
       asked.picture ? h("img", { class: "evidence", src: picture(asked.picture), alt: "Test strokes and their widths" }) : null);
@@ -69,16 +73,28 @@ export function questionCard(house, path, picture) {
       h("p", { class: "pair" }, input, h("span", { class: "label" }, "mm"), button("Save the length", give, ""))));
   }
 
+  function guide(asked) {
+    const card = guideCard(asked, may, (values) => answer(shown, values));
+    leave = card.close;
+    goOn = card.update;
+    show(element, card.element);
+  }
+
+  const choose = (asked) => show(element, chooseCard(asked, may, (values) => answer(asked.id, values)));
+  const address = (asked) => show(element, addressCard(asked, may, (values) => answer(asked.id, values)));
+
   function update(asked) {
     const key = asked?.id ?? "";
     if (key === shown) return;
+    shown = key;
+    if (goOn && asked?.again) { goOn(asked); return; }
     leave();
     leave = () => {};
-    shown = key;
+    goOn = null;
     element.hidden = !asked;
     if (!asked) { show(element); return; }
-    ({ confirm, corners, jog, measure })[asked.kind]?.(asked);
-    const first = asked.kind === "measure" ? "input" : asked.kind === "jog" ? ".jog" : ".button:not(.second)";
+    ({ confirm, corners, jog, measure, guide, choose, address })[asked.kind]?.(asked);
+    const first = { measure: "input", address: "input", jog: ".jog", guide: ".guide", choose: '.thing[aria-current="true"], .thing' }[asked.kind] ?? ".button:not(.second)";
     element.querySelector(first)?.focus({ preventScroll: true });
   }
 

@@ -4,26 +4,39 @@ import * as api from "./api.js";
 import { h, show } from "./dom.js";
 
 const BETWEEN = 3000; // ms
+const PATIENCE = 9000; // ms
 
 /**
  * @typedef {{ painting: string, plan: number, job: "plan" | "paint", title: string }} Waiting
- * @typedef {{ working: string[], queue: Waiting[], held: boolean }} Work
+ * @typedef {{ working: string[], moves: boolean, queue: Waiting[], held: boolean }} Work
  */
 
-/** Asks what is being done as long as the page is seen, and tells whoever listens when that has changed. */
+/** Asks what is being done as long as the page is seen, and tells whoever listens when that, or the connection, has changed. */
 export class WorkWatch {
   /** @type {Work} */
-  latest = { working: [], queue: [], held: false };
+  latest = { working: [], moves: true, queue: [], held: false }; // as long as nobody knows, something may move
   /** @type {Set<(work: Work) => void>} */
   #listeners = new Set();
+  /** @type {Promise<void> | null} */
+  #asking = null;
+
+  /** @param {(there: boolean) => void} connected hears after each question if the studio has answered */
+  constructor(connected) { this.connected = connected; }
 
   start() {
     setInterval(() => { if (document.visibilityState === "visible") this.ask(); }, BETWEEN);
+    for (const change of ["online", "offline"]) addEventListener(change, () => this.ask()); // the browser's network
     this.ask();
   }
 
-  async ask() {
-    const work = await api.get("/api/work").catch(() => null);
+  ask() {
+    this.#asking ??= this.#ask().finally(() => { this.#asking = null; });
+    return this.#asking;
+  }
+
+  async #ask() {
+    const work = await api.get("/api/work", PATIENCE).catch(() => null);
+    this.connected(work !== null);
     if (!work || JSON.stringify(work) === JSON.stringify(this.latest)) return;
     this.latest = work;
     for (const hear of this.#listeners) hear(work);
@@ -44,19 +57,18 @@ export function queueList(house) {
   const element = h("section", { class: "queue", "aria-label": "Queue" });
 
   const change = (path) => house.attempt(async () => { await api.post(path); await house.work.ask(); });
-  const button = (label, about, path, may) => h("button", { type: "button", class: "quiet", disabled: !may, "aria-label": `${label}: ${about}`, onclick: () => change(path) }, label);
+  const button = (label, about, path) => h("button", { type: "button", class: "quiet", "data-for": "plan", "aria-label": `${label}: ${about}`, onclick: () => change(path) }, label);
 
   /** @param {Work} work */
   function update({ queue, held }) {
-    const may = house.role !== "watch";
     element.hidden = queue.length === 0;
     show(element, h("h2", {}, "Queue"),
       held ? h("p", { class: "remark" }, "Somebody pressed Stop. Nothing of this is begun until you let it go on. ",
-        h("button", { type: "button", class: "button second", disabled: house.role !== "operate", onclick: () => change("/api/queue/go-on") }, "Let the queue go on")) : null,
+        h("button", { type: "button", class: "button second", "data-for": "operate", onclick: () => change("/api/queue/go-on") }, "Let the queue go on")) : null,
       h("ol", {}, queue.map(({ painting, job, title }, index) => h("li", {},
         h("span", {}, h("a", { href: `#/p/${painting}` }, title), h("small", {}, job === "plan" ? "to be planned" : house.simulated ? "to be painted" : "to be painted: put up a bare canvas, then start it")),
-        index ? button("Put first", title, `/api/queue/${painting}/first`, may) : null,
-        button("Remove", title, `/api/queue/${painting}/remove`, may)))));
+        index ? button("Put first", title, `/api/queue/${painting}/first`) : null,
+        button("Remove", title, `/api/queue/${painting}/remove`)))));
   }
 
   return { element, update };

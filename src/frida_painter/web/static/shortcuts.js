@@ -7,7 +7,7 @@ const SHORTCUTS = [
   ["?", "This list"],
   ["G", "Gallery"], ["N", "New painting"], ["C", "Calibrate"],
   ["U", "Use this plan"], ["A", "Make another plan"],
-  ["P", "Pause after this stroke, or continue"], ["L", "Look at the canvas and replan"], ["M", "Mark a part of the canvas"],
+  ["P", "Pause after this stroke, or continue"], ["L", "Look at the canvas and replan"], ["M", "Mark a part of the canvas"], ["B", "Paint on the canvas yourself"],
   ["1 2 3", "Show the goal, the plan or the painting"],
   ["← →", "On a slider: one step"],
 ];

@@ -8,7 +8,9 @@ const UNTIL_DOUBT = 1500; // ms
 const GIVE_UP = 30000;
 const AGAIN = 1000;
 const LOST = "The stop did not arrive. Use the emergency stop at the robot, or switch off its power, now.";
+const LOST_SIMULATED = "The stop has not arrived yet. It is sent again every second.";
 const UNHEARD = "The stop was sent, but the painter has not confirmed it. If the robot moves, use its emergency stop.";
+const UNHEARD_SIMULATED = "The stop was sent, but the painter has not confirmed it yet.";
 const TWICE = 700; // ms between two presses of Escape
 
 let way = read();
@@ -23,6 +25,9 @@ export function setStopWay(told) {
   way = told;
   keep(WAY, JSON.stringify(told));
 }
+
+/** Whether a stop can be sent from here though the studio's page does not know this browser. */
+export const canStop = () => way !== null;
 
 async function answer(promise) {
   const response = await promise;
@@ -45,10 +50,11 @@ function send(signal) {
  * Has the button and the keyboard stop everything.
  * @param {HTMLElement} button
  * @param {(sentence: string) => void} said shows what is of interest and no alarm
- * @param {() => Promise<boolean>} harmless whether nobody is at work and no machine could be moving: then an alarm that
- *   the painter has not confirmed ends by itself
+ * @param {{ pressed: () => void, arrived?: () => void, dangerous: () => boolean, harmless: () => Promise<boolean> }} safety is
+ *   told when Stop is pressed and when all have confirmed it; says whether a machine could hurt somebody, and whether nothing
+ *   can move any more: then an alarm ends by itself
  */
-export function armStop(button, said, harmless) {
+export function armStop(button, said, safety) {
   const alarm = document.createElement("div");
   alarm.className = "stop-alarm";
   alarm.setAttribute("role", "alert");
@@ -56,31 +62,45 @@ export function armStop(button, said, harmless) {
   const words = document.createElement("p");
   const close = document.createElement("button");
   close.type = "button";
-  close.textContent = "I have looked at the robot";
   close.addEventListener("click", () => { alarm.hidden = true; });
   alarm.append(words, close);
   document.body.append(alarm);
   let pressing = 0;
+  let watching = false;
+
+  /** Below the header, for Stop itself stays in reach. */
+  const place = () => { alarm.style.top = `${button.closest("header")?.getBoundingClientRect().bottom ?? 0}px`; };
+  new ResizeObserver(place).observe(button.closest("header") ?? button);
 
   function warn(sentence) {
     words.textContent = sentence;
+    close.textContent = safety.dangerous() ? "I have looked at the robot" : "Close";
     alarm.hidden = false;
+    place();
+    if (!watching) watchUntilHarmless();
   }
 
-  async function warnUntilHarmless() {
-    warn(UNHEARD);
-    while (!alarm.hidden && words.textContent === UNHEARD) {
+  async function watchUntilHarmless() {
+    watching = true;
+    while (!alarm.hidden) {
       await new Promise((resolve) => setTimeout(resolve, AGAIN));
-      if (await harmless() && words.textContent === UNHEARD) { alarm.hidden = true; said("Everything has stopped."); }
+      if (alarm.hidden || !(await safety.harmless()) || alarm.hidden) continue;
+      pressing += 1; // it is not sent any more: it would stop what is begun later
+      button.classList.remove("pressed");
+      alarm.hidden = true;
+      said("Everything has stopped.");
     }
+    watching = false;
   }
 
   async function press() {
     pressing += 1;
     const number = pressing;
     const pressed = performance.now();
+    safety.pressed();
+    const lost = () => { if (number === pressing) warn(safety.dangerous() ? LOST : LOST_SIMULATED); };
     button.classList.add("pressed");
-    const doubt = setTimeout(() => { if (number === pressing) warn(LOST); }, UNTIL_DOUBT);
+    const doubt = setTimeout(lost, UNTIL_DOUBT);
     while (number === pressing && performance.now() - pressed < GIVE_UP) {
       const cut = new AbortController();
       const patience = setTimeout(() => cut.abort(), 5000);
@@ -91,12 +111,13 @@ export function armStop(button, said, harmless) {
         clearTimeout(doubt);
         alarm.hidden = true;
         const late = (performance.now() - pressed) / 1000;
-        if (done.heard < done.stopped) warnUntilHarmless();
-        else if (late > UNTIL_DOUBT / 1000) warn(`The stop arrived after ${late.toFixed(1)} s. Look at the robot.`);
+        if (done.heard < done.stopped) warn(safety.dangerous() ? UNHEARD : UNHEARD_SIMULATED);
+        else if (late > UNTIL_DOUBT / 1000) warn(`The stop arrived after ${late.toFixed(1)} s.${safety.dangerous() ? " Look at the robot." : ""}`);
         else if (done.stopped === 0) said("Nothing is running.");
+        else safety.arrived?.();
         break;
       }
-      if (number === pressing) warn(LOST);
+      lost();
       await new Promise((resolve) => setTimeout(resolve, AGAIN));
     }
     clearTimeout(doubt);

@@ -2,20 +2,22 @@
 
 import * as api from "./api.js";
 import { wishForm } from "./composer.js";
-import { h, reveal, show, slider } from "./dom.js";
+import { h, mainAction, reveal, show, slider } from "./dom.js";
 import { pad } from "./pad.js";
+import { personBrush } from "./personbrush.js";
+import { turnForm } from "./turns.js";
 
 export function togetherTools(house, here, wish, onPad) {
-  const element = h("div", { class: "together" });
-  const say = (kind, count = 0) => house.attempt(() => api.post(`/api/paintings/${here.id}/say`, { kind, count }));
-  const may = house.role === "operate";
+  const element = h("div", { class: "together", "data-for": "operate" });
+  /** @param {Command} command */
+  const say = (command) => house.attempt(() => api.post(`/api/paintings/${here.id}/say`, command));
   let shown = "";
   let latest = null;
   let drawing = false; // on the pad
   let changed = null; // the goal as a person is changing it
-  let turnsWanted = 5;
+  let brush = null; // a person's own, while they paint
 
-  const button = (label, work, kind = "second", key = "") => h("button", { type: "button", class: `button ${kind}`, disabled: !may, onclick: work, "aria-keyshortcuts": key || null }, label);
+  const button = (label, work, kind = "second", key = "") => h("button", { type: "button", class: `button ${kind}`, onclick: work, "aria-keyshortcuts": key || null }, label);
 
   const photograph = (state) => (state.painting.photograph ? api.file(here.id, "live", state.painting.photograph) : "");
 
@@ -26,8 +28,7 @@ export function togetherTools(house, here, wish, onPad) {
     const take = async (use) => {
       const blob = await sheet.picture();
       if (!blob) return house.notice("Nothing is drawn yet. Draw over the canvas first.");
-      await use(blob);
-      return close();
+      return (await use(blob)) ? close() : undefined; // what could not be sent is still on the pad
     };
     drawing = true;
     element.hidden = true;
@@ -37,7 +38,7 @@ export function togetherTools(house, here, wish, onPad) {
   }
 
   function protecting(state) {
-    const hand = (only) => (blob) => house.attempt(async () => api.post(`/api/paintings/${here.id}/region`, { picture: await api.upload(blob), only }));
+    const hand = (only) => (blob) => house.attempt(() => api.upload(blob)).then((picture) => picture && say({ kind: "protect", picture, only }));
     drawOver(state, { title: "Mark a part of the canvas", mask: true,
       actions: [{ label: "Do not paint in this part", kind: "", use: hand(false) }, { label: "Paint only in this part", kind: "second", use: hand(true) }] });
   }
@@ -45,35 +46,53 @@ export function togetherTools(house, here, wish, onPad) {
   /** A drawing over the photograph of the canvas, to go by from now on. */
   const sketching = (state, use) => drawOver(state, { title: "Draw over the canvas", mask: false, actions: [{ label: "Use this drawing", kind: "", use }] });
 
+  /** A brush for the person, in place of everything else until it is put down. */
+  function paintBeside(state) {
+    const close = () => { brush = null; drawing = false; onPad(null); element.hidden = false; shown = ""; update(latest); };
+    brush = personBrush({ house, here, wish, say, close });
+    drawing = true;
+    element.hidden = true;
+    brush.update(state.painting);
+    onPad(brush.element);
+    brush.open();
+  }
+
+  /** Without a camera: a picture that a person took counts as a look. */
+  function picturing() {
+    const chooser = h("input", { type: "file", accept: "image/*,.heic,.heif", hidden: true });
+    chooser.addEventListener("change", async () => {
+      const [file] = chooser.files ?? [];
+      const picture = file && await house.attempt(() => api.upload(file));
+      if (picture) await say({ kind: "picture", picture });
+      chooser.value = "";
+    });
+    return [button("Give a picture of the canvas and replan", () => chooser.click(), "second wide", "l"), chooser];
+  }
+
   function leavingOut(left) {
     let strokes = Math.min(left, 10);
     return h("details", {}, h("summary", {}, "Skip strokes"),
       slider({ label: "The last strokes of the plan", min: 1, max: left, value: strokes, words: (value) => `${value} of ${left}`, oninput: (value) => { strokes = value; } }),
-      button("Skip them", () => say("leave out", strokes)));
+      button("Skip them", () => say({ kind: "leave out", count: strokes })));
   }
 
   function changing(state) {
     const begun = changed !== null;
     changed ??= structuredClone(state.painting.wish ?? wish);
     const form = wishForm(house, changed, () => {}, { goalsOnly: true, ondraw: (use) => sketching(state, use) });
-    const replan = async () => { if (await house.attempt(() => api.post(`/api/paintings/${here.id}/goal`, changed))) changed = null; };
+    const replan = async () => { if ((await form.settled()) && (await say({ kind: "goal", request: /** @type {Wish} */ (changed) }))) changed = null; };
     return h("details", { open: begun && JSON.stringify(changed) !== JSON.stringify(state.painting.wish ?? wish) }, h("summary", {}, "Change the goal"), h("p", {}, "The canvas and the paints stay the same. The remaining strokes are replanned for the new goal."),
       form.element, button("Replan with this goal", replan, "second wide"));
   }
 
-  function turns(state) {
-    const on = state.painting.turns > 0;
-    return h("details", {}, h("summary", {}, on ? `Turns: the robot paints ${state.painting.turns} strokes, then you paint` : "Take turns"),
-      slider({ label: "The robot paints", min: 1, max: 50, value: state.painting.turns || turnsWanted, words: (value) => `${value} strokes, then you`, oninput: (value) => { turnsWanted = value; } }),
-      h("p", { class: "pair" }, button(on ? "Change" : "Take turns", () => say("turns", turnsWanted)), on ? button("Stop taking turns", () => say("turns", 0)) : null));
-  }
+  const turns = (state) => turnForm(house, state.painting, say, wish.together);
 
   function pausing() {
     const pause = button("Pause after this stroke", async () => {
       if (pause.ariaDisabled === "true") return; // (a button that is disabled would lose the keyboard's focus)
       pause.ariaDisabled = "true";
       pause.textContent = "It will pause after this stroke";
-      if (await say("pause")) return;
+      if (await say({ kind: "pause" })) return;
       pause.ariaDisabled = "false";
       pause.textContent = "Pause after this stroke";
     }, "second wide", "p");
@@ -83,23 +102,35 @@ export function togetherTools(house, here, wish, onPad) {
   function update(state) {
     const { painting } = state;
     latest = state;
+    if (brush && painting.held) { brush.update(painting); return; }
+    brush = null;
     const left = painting.of - painting.done;
-    const key = JSON.stringify([painting.status, painting.held, painting.turns, painting.region, painting.remark, left && painting.status === "paused" ? left : 0]);
+    const key = JSON.stringify([painting.status, painting.person?.wells, painting.held, painting.turns, painting.game, painting.region, painting.remark, left && painting.status === "paused" ? left : 0]);
     if (key === shown || (drawing && painting.status === "paused")) return;
     shown = key;
     drawing = element.hidden = false;
     onPad(null);
     const remark = painting.remark ? h("p", { class: "remark", role: "alert" }, painting.remark) : null;
-    if (painting.status === "paused") {
+    if (painting.status === "paused" && wish.together) {
       show(element, remark, h("p", {}, painting.reason),
-        h("p", { class: "stack" }, button("Continue", () => say("go on"), "wide", "p"), button("Look at the canvas and replan", () => say("look"), "second wide", "l"),
+        mainAction(painting.person?.wells.length ? button("Paint on the canvas", () => paintBeside(state), "wide", "b") : button("Let the robot answer", () => say({ kind: "go on" }), "wide", "p")),
+        h("p", { class: "stack" }, painting.person?.wells.length ? button("Let the robot answer", () => say({ kind: "go on" }), "second wide", "p") : null,
           button(painting.region ? "Protect another part" : "Protect a part", () => protecting(state), "second wide", "m"),
-          painting.region ? button("Remove the protection", () => say("free"), "second wide") : null),
+          painting.region ? button("Remove the protection", () => say({ kind: "free" }), "second wide") : null,
+          button("The drawing is finished", () => say({ kind: "finish" }), "second wide")),
+        turns(state));
+    } else if (painting.status === "paused") {
+      show(element, remark, h("p", {}, painting.reason),
+        mainAction(button("Continue", () => say({ kind: "go on" }), "wide", "p")),
+        h("p", { class: "stack" }, painting.person?.wells.length ? button("Paint on the canvas yourself", () => paintBeside(state), "second wide", "b") : null,
+          house.watched ? button("Look at the canvas and replan", () => say({ kind: "look" }), "second wide", "l") : picturing(),
+          button(painting.region ? "Protect another part" : "Protect a part", () => protecting(state), "second wide", "m"),
+          painting.region ? button("Remove the protection", () => say({ kind: "free" }), "second wide") : null),
         left > 0 ? leavingOut(left) : null, changing(state), turns(state));
     } else if (painting.held && !["stopped", "failed", "finished"].includes(painting.status)) {
       show(element, remark, h("p", {}, "It does what you asked for. Then it waits for you."));
     } else if (["painting", "drying", "planning", "mixing"].includes(painting.status)) {
-      show(element, remark, h("p", { class: "stack" }, pausing()), turns(state));
+      show(element, remark, mainAction(pausing()), turns(state));
     } else {
       show(element);
     }

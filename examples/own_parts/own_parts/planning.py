@@ -1,0 +1,86 @@
+"""A planner, an initialiser, a mixer, an exporter and a listener, each in a few lines."""
+
+import json
+
+import torch
+
+from frida_painter.plugins import (
+    Event,
+    ExporterKind,
+    ExportOptions,
+    Finish,
+    InitialiserKind,
+    InitialTask,
+    ListenerKind,
+    MixerKind,
+    Notify,
+    Plan,
+    PlannerKind,
+    PlanningTask,
+    Strokes,
+)
+
+
+def plan_rows(task: PlanningTask) -> Plan:
+    """Level strokes in rows from the top, as long as the brush allows, in the mean colours of the picture there."""
+    from frida_painter import images
+    from frida_painter.palette import Palette
+
+    model = next(iter(task.planner.models.values()))
+    limits = model.limits.within(task.size)
+    across = max(1, int(task.size.width / limits.length[1]))
+    down = -(-task.strokes // across)
+    guide = next((term.guide for term in task.goal.terms if term.guide is not None), task.canvas)
+    colors = images.fit(guide, down, across).flatten(1).T[: task.strokes]  # [n, 3], row by row
+    palette = Palette.cluster(colors, torch.ones(len(colors)), min(task.colors, len(colors)), task.seed)
+    paint, order = palette.nearest(colors).sort(stable=True)
+    place = torch.stack((order % across + 0.1, down - order // across - 0.5), 1)
+    position = place * torch.tensor([task.size.width / across, task.size.height / down])
+    one = torch.ones(task.strokes)
+    strokes = Strokes(position, 0 * one, limits.length[1] * one, 0 * one, 0.5 * one, palette.color[paint])
+    inside = strokes.project(limits, task.size)
+    facts = {"brush": model.brush, "limits": limits, "canvas": task.size, "ground": task.planner.ground}
+    return Plan.of(inside, palette, paint, **facts)
+
+
+def place_columns(task: InitialTask) -> Strokes:
+    """Upright strokes at random places, in the colours that the target has there."""
+    size, (rows, columns) = task.problem.size, task.target.shape[1:]
+    share = torch.rand(task.count, 2, generator=task.generator)
+    color = task.target[:, ((1 - share[:, 1]) * (rows - 1)).long(), (share[:, 0] * (columns - 1)).long()].T
+    one = torch.ones(task.count)
+    position = share * torch.tensor([size.width, size.height])
+    return Strokes(position, 1.5708 * one, task.problem.limits.length[1] * one, 0 * one, 0.5 * one, color.contiguous())
+
+
+def mix_light(parts: torch.Tensor, absorption: torch.Tensor, scattering: torch.Tensor, finish: Finish) -> torch.Tensor:
+    """The mean of the paints' reflectances, as of tiny dots side by side."""
+    ratio = absorption / scattering
+    pure = 1 + ratio - (ratio.square() + 2 * ratio).sqrt()
+    return parts / parts.sum(1, keepdim=True) @ pure
+
+
+def write_paths(plan: Plan, options: ExportOptions) -> str:
+    """The middle line of each stroke in millimetres, as JSON."""
+    points = plan.strokes.path(torch.linspace(0, 1, 9)) * 1000
+    return json.dumps([[[round(x, 2), round(y, 2)] for x, y in path] for path in points.tolist()])
+
+
+def open_counter(text: str) -> Notify:
+    """Says after every so many strokes how many are painted."""
+    every = int(text) if text.isdigit() and int(text) else 100
+
+    def hear(event: Event) -> None:
+        from frida_painter.session.events import StrokePainted
+
+        if isinstance(event, StrokePainted) and event.done % every == 0:
+            print(f"{event.done} of {event.of} strokes")
+
+    return hear
+
+
+ROWS = PlannerKind("rows", "Level strokes in rows.", plan_rows)
+COLUMNS = InitialiserKind("columns", "Upright strokes at random places.", place_columns)
+DOTS = MixerKind("dots", "Dots side by side.", mix_light)
+PATHS = ExporterKind("paths", "Middle lines in millimetres, as JSON.", write_paths)
+COUNTER = ListenerKind("counter", "Counts painted strokes.", open_counter)

@@ -1,0 +1,338 @@
+"""Teaching: marks of a person's hand, read from files, become a stroke family.
+
+A mark is a trajectory with pressures. It is resampled evenly along its way, fitted by a spline, and laid over the
+other marks of its family (turned, moved and scaled; generalised Procrustes). The principal components of the splines
+are the modes of the family. docs/lab/families.md compares them with a small variational network.
+"""
+
+import csv
+import io
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from frida_painter import storage
+from frida_painter.errors import FamilyError
+from frida_painter.stroke_family import CODE_REACH, MAX_CODES, MAX_SIZE, MIN_SIZE, StrokeFamily, spline_matrix
+
+MIN_MARKS, MAX_MARKS = 10, 1000
+"""Smallest and largest number of marks of a family."""
+MIN_POINTS, MAX_POINTS = 4, 5000
+"""Smallest and largest number of points of a mark."""
+_MAX_BYTES = 2**26
+_UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
+_FARTHEST = 10.0  # metres
+_SAME = 1e-6  # metres between two points that count as one
+_CONTROLS = 48
+_SAMPLES = 193
+_ROUNDS = 8
+_WEIGHTS = np.array([1.0, 1.0, 0.2])  # of x, y and pressure in the components
+_WORTHWHILE = 0.9  # a further mode lowers the held-out error at least to this share
+_ROOM = 1.3  # factor between the taught sizes and the limits of the size
+_NAMES = {
+    "x": ("x", "x_m", "x_mm", "x_cm"),
+    "y": ("y", "y_m", "y_mm", "y_cm"),
+    "height": ("height", "z", "height_m", "height_mm", "z_m", "z_mm"),
+    "pressure": ("pressure", "thickness", "p"),
+    "time": ("time", "t", "time_s"),
+}
+
+
+@dataclass(frozen=True)
+class TaughtMark:
+    """One mark of a person's hand.
+
+    place [k, 2]: metres, y up
+    pressure [k]: in [0, 1], 0 above the canvas
+    seconds: time that it took; 0 if unknown
+    Raises FamilyError if it is no mark: fewer than 4 or more than 5,000 points, a number that is not finite, a lift
+    in its middle, or a size outside of 3 mm to 0.5 m. `name` stands in the message.
+    """
+
+    place: NDArray[np.float64]
+    pressure: NDArray[np.float64]
+    seconds: float = 0.0
+    name: str = "the mark"
+
+    def __post_init__(self) -> None:
+        count = len(self.place)
+        what = self.name[:80]
+        if count > MAX_POINTS:
+            raise FamilyError(
+                f"{what} has {count:,} points; a mark has at most {MAX_POINTS:,}: keep every "
+                f"{math.ceil(count / MAX_POINTS)}. point."
+            )
+        if self.place.shape != (count, 2) or self.pressure.shape != (count,):
+            raise FamilyError(
+                f"{what} has {count} places and {len(self.pressure)} pressures; give one of each a point."
+            )
+        if not (np.abs(self.place) <= _FARTHEST).all():
+            raise FamilyError(
+                f"{what} has a place that is not a number within {_FARTHEST:g} m; leave that point out, or give a unit."
+            )
+        if not ((self.pressure >= 0) & (self.pressure <= 1)).all():
+            raise FamilyError(f"{what} has a pressure that is not a number from 0 to 1; scale it, or leave it out.")
+        down = np.flatnonzero(self.pressure > 0)
+        if len(down) < MIN_POINTS:
+            raise FamilyError(
+                f"{what} has {len(down)} {'point' if len(down) == 1 else 'points'} on the canvas; a mark is a way of "
+                f"at least {MIN_POINTS}."
+            )
+        if not (self.pressure[down[0] : down[-1] + 1] > 0).all():
+            raise FamilyError(f"{what} lifts the brush in its middle; teach the parts as marks of two families.")
+        if not MIN_SIZE <= self.size <= MAX_SIZE:
+            raise FamilyError(
+                f"{what} is {1000 * self.size:.1f} mm large; a mark is from {1000 * MIN_SIZE:g} to {1000 * MAX_SIZE:g} "
+                "mm: draw it at another size, or give its unit."
+            )
+
+    @property
+    def size(self) -> float:
+        """Greatest distance between two of its places in metres."""
+        place = self._on_canvas[0]
+        from scipy.spatial import ConvexHull, QhullError
+        from scipy.spatial.distance import pdist
+
+        try:
+            place = place[ConvexHull(place).vertices]
+        except (QhullError, ValueError):  # all places on one line
+            place = place[[*place.argmin(0), *place.argmax(0)]]
+        return float(pdist(place).max())
+
+    @property
+    def _on_canvas(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Places and pressures from the first touch to the last, without repeated places."""
+        down = np.flatnonzero(self.pressure > 0)
+        place, pressure = self.place[down[0] : down[-1] + 1], self.pressure[down[0] : down[-1] + 1]
+        moved = np.r_[True, np.linalg.norm(np.diff(place, axis=0), axis=1) > _SAME]
+        return place[moved], pressure[moved]
+
+    def resample(self, count: int = _SAMPLES) -> NDArray[np.float64]:
+        """Returns x, y and pressure at `count` places, evenly along the way: [count, 3]."""
+        place, pressure = self._on_canvas
+        way = np.r_[0, np.cumsum(np.linalg.norm(np.diff(place, axis=0), axis=1))]
+        at = np.linspace(0, way[-1], count)
+        return np.stack([np.interp(at, way, part) for part in (*place.T, pressure)], 1)
+
+
+# Files of marks: JSON ({"unit": "mm", "marks": [{"x": [...], "y": [...], "pressure": [...], "time": [...]}]}, or a
+# list of marks, or of points [x, y, pressure, time]) and CSV (a header row; a column "mark" parts several marks).
+
+
+def read_marks(path: Path, unit: str = "mm") -> list[TaughtMark]:
+    """Returns the marks of a file (.json or .csv), or of all such files of a folder, by name.
+
+    unit: unit of the places and heights if the file does not say: m, cm or mm
+    Raises FamilyError that names the file and the mark.
+    """
+    if unit not in _UNITS:
+        raise FamilyError(f"The unit {unit[:20]!r} is not known; give {', '.join(_UNITS)}.")
+    if path.is_dir():
+        files = sorted(one for one in path.iterdir() if one.suffix.lower() in (".json", ".csv"))
+        if not files:
+            raise FamilyError(f"{storage.abridge(path)} has no marks; put .json or .csv files of trajectories into it.")
+        return [mark for file in files for mark in read_marks(file, unit)]
+    if path.suffix.lower() not in (".json", ".csv"):
+        raise FamilyError(
+            f"{storage.abridge(path)} is no file of marks; give a .json or .csv file, or a folder of them."
+        )
+    with storage.open_checked(path, "marks of a stroke family", _MAX_BYTES, FamilyError) as file:
+        content = file.read(_MAX_BYTES + 1)
+    try:
+        text = content.decode("utf-8-sig")
+        tables = _of_json(json.loads(text), unit) if path.suffix.lower() == ".json" else _of_csv(text, unit)
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError, csv.Error) as cause:
+        raise FamilyError(
+            f"{storage.abridge(path)} holds no marks ({' '.join(str(cause).split())[:120]}); a mark has the columns x, "
+            "y and pressure or height, and may have time."
+        ) from cause
+    if len(tables) > MAX_MARKS:
+        raise FamilyError(f"{storage.abridge(path)} has {len(tables):,} marks; a family has at most {MAX_MARKS:,}.")
+    deepest = max((float(-table["height"].min()) for table in tables if len(table.get("height", ()))), default=0.0)
+    return [
+        _mark(table, deepest, path.name if len(tables) == 1 else f"Mark {number} of {path.name}")
+        for number, table in enumerate(tables, 1)
+    ]
+
+
+Table = dict[str, NDArray[np.float64]]
+
+
+def _mark(table: Table, deepest: float, name: str) -> TaughtMark:
+    """Returns the mark of a table in metres; `deepest` is the depth that counts as a pressure of 1."""
+    place = np.stack((table["x"], table["y"]), 1)
+    if "pressure" in table:
+        pressure = table["pressure"]
+    elif "height" in table and deepest > 0:
+        pressure = np.clip(-table["height"] / deepest, 0, 1)  # keeps NaN
+    elif "height" in table:
+        raise FamilyError(f"{name} never goes below the canvas (height 0); give heights above the lightest touch.")
+    else:
+        pressure = np.full(len(place), 0.5)
+    time = table.get("time", np.zeros(0))
+    seconds = float(time[-1] - time[0]) if len(time) > 1 else 0.0
+    return TaughtMark(place, pressure, seconds if math.isfinite(seconds) else 0.0, name)
+
+
+def _of_json(content: Any, unit: str) -> list[Table]:
+    """Returns the tables of a JSON document. Raises ValueError, KeyError or TypeError."""
+    if isinstance(content, dict) and "marks" in content:
+        unit = str(content.get("unit", unit))
+        content = content["marks"]
+    marks = content if isinstance(content, list) else [content]
+    if marks and all(isinstance(one, list | tuple) and one and isinstance(one[0], int | float) for one in marks):
+        marks = [marks]  # one mark as a list of points
+    return [_table(_columns(one), unit) for one in marks]
+
+
+def _columns(mark: Any) -> Mapping[str, Any]:
+    if isinstance(mark, dict):
+        return mark if "points" not in mark else _columns(mark["points"])
+    width = {len(point) for point in mark}
+    if len(width) != 1 or not width <= {2, 3, 4}:
+        raise ValueError("a point is x, y, pressure and time")
+    return dict(zip(("x", "y", "pressure", "time"), zip(*mark, strict=True), strict=False))
+
+
+def _of_csv(text: str, unit: str) -> list[Table]:
+    """Returns the tables of a CSV file. Raises ValueError or KeyError."""
+    rows = csv.DictReader(io.StringIO(text), skipinitialspace=True)
+    parts: dict[str, dict[str, list[str]]] = {}
+    for row in rows:
+        columns = parts.setdefault(str(row.get("mark", "")), {})
+        for name, value in row.items():
+            if name is not None and name != "mark":
+                columns.setdefault(name.strip().lower(), []).append(value)
+    return [_table(columns, unit) for columns in parts.values()]
+
+
+def _table(columns: Mapping[str, Any], unit: str) -> Table:
+    """Returns the known columns of a mark as arrays in metres and seconds."""
+    found: Table = {}
+    for kind, names in _NAMES.items():
+        name = next((name for name in names if name in columns), None)
+        if name is None:
+            continue
+        own = name.rsplit("_", 1)[-1] if "_" in name else unit
+        scale = 1.0 if kind in ("pressure", "time") else _UNITS[own]
+        found[kind] = scale * np.array([math.nan if one in (None, "") else float(one) for one in columns[name]])
+    if len({len(found["x"]), *map(len, found.values())}) != 1 or "y" not in found:
+        raise ValueError("its columns x and y are not equally long")
+    return found
+
+
+# From marks to a family
+
+
+def align_marks(marks: Sequence[TaughtMark]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Returns marks laid over each other, [n, samples, 3], with a mean of size 1, and their sizes in metres [n].
+
+    Each is turned, moved and scaled onto the mean. The mean points along x from its start to its end, or along its
+    longest side if it ends near its start.
+    """
+    curves = np.stack([mark.resample() for mark in marks])
+    flat = curves[..., 0] + 1j * curves[..., 1]  # [n, samples]
+    flat = flat - flat.mean(1, keepdims=True)
+    scale = np.sqrt((np.abs(flat) ** 2).mean(1))
+    flat = flat / scale[:, None]
+    mean = flat[0]
+    for _ in range(_ROUNDS):
+        turn = (flat.conj() * mean).sum(1)
+        flat = flat * (turn / np.abs(turn))[:, None]
+        mean = flat.mean(0)
+        mean = mean / np.sqrt((np.abs(mean) ** 2).mean())
+    heading = mean[-1] - mean[0]
+    if abs(heading) < 0.2 * np.abs(mean).max():
+        values, vectors = np.linalg.eigh(np.cov(mean.real, mean.imag))
+        heading = complex(*vectors[:, int(values.argmax())])
+    size = float(np.abs(mean[:, None] - mean[None]).max())
+    flat = flat * (heading.conjugate() / abs(heading)) / size
+    # How hard a mark is pressed is a parameter of the stroke; the family keeps how the pressure changes.
+    aligned = np.stack((flat.real, flat.imag, curves[..., 2] / curves[..., 2].max(1, keepdims=True)), -1)
+    return aligned, scale * size
+
+
+def learn_family(
+    marks: Sequence[TaughtMark], name: str, size: tuple[float, float] | None = None, codes: int | None = None
+) -> StrokeFamily:
+    """Learns a family from ten or more marks.
+
+    size: limits of the size in metres. None: those of the marks, with room.
+    codes: number of modes. None: a second one only if it lowers the error on held-out marks by a tenth.
+    Raises FamilyError if there are fewer than 10 marks, or they are all the same or nothing alike.
+    """
+    if not MIN_MARKS <= len(marks) <= MAX_MARKS:
+        raise FamilyError(
+            f"{len(marks)} {'mark was' if len(marks) == 1 else 'marks were'} given; a family is learned from "
+            f"{MIN_MARKS} to {MAX_MARKS:,} marks of one kind."
+        )
+    aligned, sizes = align_marks(marks)
+    if codes is None:
+        errors = [held_out_error(aligned, count) for count in range(1, MAX_CODES + 1)]
+        codes = 1
+        while codes < MAX_CODES and errors[codes] < _WORTHWHILE * errors[codes - 1]:
+            codes += 1
+    mean, modes = find_modes(aligned, codes)
+    spread = np.sqrt(((aligned - mean)[..., :2] ** 2).sum(-1).mean())
+    if not spread < _MAX_UNLIKE:
+        raise FamilyError(
+            f"The {len(marks)} marks are nothing alike (they differ by {100 * spread:.0f} % of their size); teach "
+            "marks of one kind, each in the same direction."
+        )
+    if size is None:
+        least, most = float(sizes.min()) / _ROOM, float(sizes.max()) * _ROOM
+        size = (max(MIN_SIZE, least), min(MAX_SIZE, most))
+    return StrokeFamily(name, _controls(mean), _controls(modes), size)
+
+
+_MAX_UNLIKE = 0.2
+
+
+def find_modes(aligned: NDArray[np.float64], codes: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Returns the mean [samples, 3] and the modes [codes, samples, 3], each for one standard deviation.
+
+    They are the principal components of the aligned marks [n, samples, 3].
+    """
+    mean = aligned.mean(0)
+    apart = ((aligned - mean) * _WEIGHTS).reshape(len(aligned), -1)
+    _, values, vectors = np.linalg.svd(apart, full_matrices=False)
+    deviation = values[:codes] / math.sqrt(max(1, len(aligned) - 1))
+    return mean, (deviation[:, None] * vectors[:codes]).reshape(codes, *mean.shape) / _WEIGHTS
+
+
+def reconstruct(
+    mean: NDArray[np.float64], modes: NDArray[np.float64], marks: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Returns the nearest shapes of a family to aligned marks [n, samples, 3], within the reach of the codes."""
+    flat = (_WEIGHTS * modes).reshape(len(modes), -1)
+    code = (_WEIGHTS * (marks - mean)).reshape(len(marks), -1) @ flat.T / np.maximum((flat**2).sum(1), 1e-12)
+    return np.asarray(mean + np.einsum("nk,ktc->ntc", code.clip(-CODE_REACH, CODE_REACH), modes))
+
+
+def held_out_error(aligned: NDArray[np.float64], codes: int) -> float:
+    """Returns the mean distance between marks and their reconstruction without them, as a share of their size.
+
+    Each mark is left out once.
+    """
+    errors = []
+    for one in range(len(aligned)):
+        mean, modes = find_modes(np.delete(aligned, one, 0), codes)
+        missed = reconstruct(mean, modes, aligned[one : one + 1]) - aligned[one]
+        errors.append(float(np.linalg.norm(missed[..., :2], axis=-1).mean()))
+    return float(np.mean(errors))
+
+
+def _controls(curves: NDArray[np.float64]) -> torch.Tensor:
+    """Returns the control points of splines [..., controls, 3] for curves [..., samples, 3], from their start."""
+    matrix = spline_matrix(torch.linspace(0, 1, curves.shape[-2], dtype=torch.float64), _CONTROLS)
+    controls = torch.linalg.pinv(matrix) @ torch.from_numpy(np.ascontiguousarray(curves))
+    start = (matrix[:1] @ controls)[..., :2]
+    controls[..., :2] -= start
+    return controls.float()

@@ -1,0 +1,152 @@
+"""Command `teach`: marks of a person's hand become a stroke family, and the virtual studio paints it."""
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from frida_painter.brush import MAX_STROKES
+from frida_painter.cli.strokes import training_bar
+from frida_painter.errors import ConfigError
+from frida_painter.options import BrushOption, out_file, whole_number_within
+
+if TYPE_CHECKING:
+    from frida_painter.brush.evaluation import Learned
+    from frida_painter.brush.kinds import BrushKind
+    from frida_painter.brush.library import StrokeLibrary
+
+
+def _sizes(text: str) -> tuple[float, float]:
+    """Parses "20-60" (millimetres) to metres. Raises typer.BadParameter."""
+    found = re.fullmatch(r"(\d+(?:\.\d+)?)-(\d+(?:\.\d+)?)(?:mm)?", text.strip())
+    if found is None:
+        raise typer.BadParameter(f"{text[:40]!r} is no range of sizes; write 20-60, in millimetres")
+    return float(found[1]) / 1000, float(found[2]) / 1000
+
+
+def teach(
+    marks: Annotated[
+        Path,
+        typer.Argument(
+            metavar="MARKS",
+            help="A file of marks (.json or .csv), or a folder of such files. A mark has the columns x, y and pressure "
+            "(0 to 1) or height (below 0 on the canvas), and may have time.",
+        ),
+    ],
+    name: Annotated[str, typer.Option(metavar="NAME", help="The name of the family.")],
+    brush: BrushOption = "fine",
+    size: Annotated[
+        str,
+        typer.Option(
+            metavar="A-B",
+            help="Smallest and largest size of its strokes in millimetres. [dim]those of the marks, with room[/]",
+            show_default=False,
+        ),
+    ] = "",
+    unit: Annotated[str, typer.Option(metavar="m|cm|mm", help="The unit of x, y and height.")] = "mm",
+    count: Annotated[
+        int,
+        typer.Option(
+            parser=whole_number_within(0, MAX_STROKES),
+            metavar="N",
+            help="Number of strokes that the virtual studio paints to learn from. 0 for none: the planner then expects "
+            "a plain ribbon.",
+        ),
+    ] = 40,
+    library: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="A library of the family's strokes, to learn from instead of the virtual studio (.npz).",
+            show_default=False,
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option(parser=whole_number_within(0, 2**31 - 1), metavar="N", help="Random seed.")] = 0,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            parser=out_file,
+            metavar="FILE",
+            help="The family to write (.safetensors), for --strokes-of. [dim]NAME.safetensors[/]",
+            show_default=False,
+        ),
+    ] = None,
+) -> None:
+    """Teach a stroke: ten or more marks of one kind become a family of strokes for the planner.
+
+    The marks are laid over each other, and their shapes become one or two numbers, the shape code. The
+    virtual studio then paints the family, and a stroke model is learned from the photographs. A sheet beside
+    the family shows the marks and what was learned. If the command was interrupted, run it again to continue.
+    """
+    from frida_painter import images
+    from frida_painter.brush.families import write_family
+    from frida_painter.brush.kinds import brush_kind
+    from frida_painter.brush.library import StrokeLibrary
+    from frida_painter.brush.teaching import learn_family, read_marks
+    from frida_painter.devices import prepare_process
+    from frida_painter.report.family_sheet import family_sheet
+
+    out = out or Path(f"{name}.safetensors")
+    if out.suffix != ".safetensors":
+        raise ConfigError(f"--out was given {str(out)!r}; a family goes into a file that ends in .safetensors.")
+    taught = read_marks(marks, unit)
+    family = learn_family(taught, name, _sizes(size) if size else None)
+    kind = brush_kind(brush).of_family(family)
+    prepare_process()
+    codes = "one shape code" if family.codes == 1 else f"{family.codes} shape codes"
+    said = f"{len(taught)} marks make the family {name}, with {codes}."
+    if count == 0 and library is None:
+        write_family(out, family)
+        images.save(family_sheet(family, taught), out.with_suffix(".png"))
+        print(f"{said} Its strokes were not painted: {out}\nSheet: {out.with_suffix('.png')}")
+        return
+    strokes = StrokeLibrary.load(library) if library is not None else _paint(kind, count, seed, out)
+    learned = _learn(kind, strokes, seed)
+    learned.model.save(out)
+    images.save(family_sheet(family, taught, learned.model), out.with_suffix(".png"))
+    print(
+        f"{said} Learned from {len(learned.library)} clean strokes of {len(strokes)} for the {brush} brush; on "
+        f"{len(learned.report.held_out)} others the mean error of the magnitude is "
+        f"{learned.report.validation_error:.4f}: {out}\nSheet: {out.with_suffix('.png')}\n"
+        f"Paint with it: frida-painter paint PICTURE --brushes {brush} --strokes-of {out}"
+    )
+
+
+def _paint(kind: "BrushKind", count: int, seed: int, out: Path) -> "StrokeLibrary":
+    """Returns the strokes that the virtual studio paints; kept beside `out`."""
+    from frida_painter.brush.library import Flaw
+    from frida_painter.easel.dialogue import lead
+    from frida_painter.procedures.strokes import StrokesProgress, strokes
+    from frida_painter.session.opening import open_virtual_easel
+
+    with training_bar() as bar:
+        task = bar.add_task("painting strokes", total=count)
+
+        def hear(progress: StrokesProgress) -> None:
+            flaw = f", {progress.flaw.words}" if progress.flaw is not Flaw.NONE else ""
+            bar.update(task, completed=progress.done, description=f"painting strokes, paper {progress.sheet}{flaw}")
+
+        easel = open_virtual_easel(kind.name, seed)
+        painting = strokes(easel, kind, out.with_suffix(".npz"), count=count, seed=seed, notify=hear)
+        return lead(painting, lambda question: question.proposal or False).library
+
+
+def _learn(kind: "BrushKind", library: "StrokeLibrary", seed: int) -> "Learned":
+    from frida_painter.brush import FIELD
+    from frida_painter.brush.evaluation import learn
+    from frida_painter.brush.training import TrainingProgress
+
+    with training_bar() as bar:
+        task = bar.add_task("training", total=None)
+
+        def hear(progress: TrainingProgress) -> None:
+            words = f"training, error {progress.validation_error:.4f}, best {progress.best_error:.4f}"
+            bar.update(task, total=progress.epochs, completed=progress.epoch, description=words)
+
+        return learn(FIELD, library, kind, seed=seed, notify=hear)
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the command."""
+    app.command("teach")(teach)

@@ -1,0 +1,223 @@
+"""Examination and connection of a machine before anything moves; a lost zero is found again."""
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.easel.dialogue import Answer, Confirm, Jog, JogMove, Procedure, Question, lead
+from frida_painter.easel.host import RobotLock
+from frida_painter.easel.kinds import state_folder
+from frida_painter.easel.open import lock_path, machines, make_robot
+from frida_painter.easel.order import EaselOrder
+from frida_painter.errors import RobotDisconnected, RobotError, WorkspaceViolation, ZeroUnknown
+from frida_painter.hardware.deadline import in_our_errors, within
+from frida_painter.hardware.easel import Easel
+from frida_painter.hardware.gateway import RobotGateway
+from frida_painter.hardware.motion import Motion
+from frida_painter.hardware.robot import (
+    Examination,
+    ExaminedRobot,
+    LimitedRobot,
+    MachineFact,
+    TimedRobot,
+    Waypoints,
+    Workspace,
+    Zero,
+    ZeroedRobot,
+)
+from frida_painter.hardware.timing import AxisTiming
+from frida_painter.hardware.travel import TravelLimits
+
+_MAX_STEP = 0.02  # metres of a jog
+_ROOM = 2.0  # metres that a person may jog along one axis, in all
+_AXES = ("x", "y", "z")
+_PATIENCE = 20.0  # seconds: an examination takes ten, and a driver may hang
+_SOME_CANVAS = CanvasSize(0.3, 0.2)
+_SLOWER = 0.95  # share of the wanted speed below which a person is told
+
+
+def connect_easel(easel: Easel, answer: Callable[[Question], Answer] | None, tell: Callable[[str], None]) -> Easel:
+    """Connects robot and camera, and returns the easel with the limits that the robot's controller told.
+
+    answer: asks a person, who finds the zero again if the machine lost it; None if nobody is there
+    tell: receives a sentence about each speed of the workspace that the machine cannot do, and about each place that
+        is beyond its own limits
+
+    Raises ZeroUnknown if the zero is lost and nobody finds it. Raises RobotError, CameraError and their subclasses.
+    """
+    robot = easel.robot
+    robot.connect()
+    if isinstance(robot, ZeroedRobot) and not (zero := robot.zero()).known:
+        if answer is None:
+            raise _refusal(zero, "nobody is there to find it again; start it in a terminal or in the studio")
+        lead(find_zero(easel, robot), answer)
+    timing = robot.timing() if isinstance(robot, TimedRobot) else None
+    if timing is not None:
+        easel = replace(easel, timing=timing)
+        for sentence in warn_of_speeds(timing, easel.workspace):
+            tell(sentence)
+    travel = robot.travel_limits() if isinstance(robot, LimitedRobot) else None
+    if travel is not None:
+        easel = replace(easel, travel=travel)
+        lowest = easel.calibration.press_height
+        for sentence in warn_of_places(travel, easel.workspace, easel.canvas, lowest):
+            tell(sentence)
+    easel.camera.connect()
+    return easel
+
+
+def examine_robot(name: str, workspace: Workspace, *, compare: bool = True) -> Examination | None:
+    """Returns what the controller of a named robot tells, without motion; None if its driver has no examination.
+
+    workspace: of the machine; a driver needs one
+    compare: True to add a warning for each speed of the workspace that the machine cannot do
+
+    Raises ConfigError if the name is wrong, RobotBusy if another process uses the robot, RobotError if nobody answers.
+    """
+    driver = make_robot(name, workspace)
+    if not isinstance(driver, ExaminedRobot):
+        return None
+    with ExitStack() as stack:
+        order = EaselOrder(name, _SOME_CANVAS, ("broad",), 0, state_folder())
+        for identity in sorted(machines(order)):
+            stack.callback(RobotLock(lock_path(order.state, identity), identity).release)
+        found = in_our_errors(
+            lambda: within(_PATIENCE, name, driver.examine),
+            late=lambda: RobotDisconnected(
+                f"{name[:60]} did not finish its answers in {_PATIENCE:.0f} s; look at it and at its cable."
+            ),
+            failed=lambda why: RobotError(f"The examination of {name[:60]} failed ({why}); look at the robot."),
+        )
+    if not compare or found.timing is None:
+        return found
+    slow = (MachineFact(sentence, "warning") for sentence in warn_of_speeds(found.timing, workspace))
+    return replace(found, facts=(*found.facts, *slow))
+
+
+def warn_of_speeds(timing: AxisTiming, workspace: Workspace) -> list[str]:
+    """Returns a sentence for each speed of the workspace that the machine does not reach along x, y or z."""
+    found = []
+    for name, speed in (("painting", workspace.painting_speed), ("travel", workspace.travel_speed)):
+        reached = timing.limit_speeds(np.eye(3), np.full(3, speed))
+        slow = [f"{1000 * most:.3g} mm/s along {axis}" for axis, most in zip(_AXES, reached, strict=True)
+                if most < _SLOWER * speed]  # fmt: skip
+        if slow:
+            found.append(
+                f"The machine cannot do the {name} speed of {1000 * speed:g} mm/s: its controller allows "
+                f"{', '.join(slow)}, and that is what it will do."
+            )
+    return found
+
+
+def warn_of_places(travel: TravelLimits, workspace: Workspace, canvas: CanvasSize, lowest: float) -> list[str]:
+    """Returns a sentence if a machine's own limits do not include some places of the workspace.
+
+    lowest: robot z of the hardest press on the canvas, metres
+    """
+    corners = np.array([(0, 0), (canvas.width, 0), (canvas.width, canvas.height), (0, canvas.height)], np.float64)
+    high = workspace.top + workspace.hover
+    places: dict[str, NDArray[np.float64]] = {
+        "the canvas": workspace.to_robot(np.r_[corners, corners], np.repeat((lowest, high), 4)),
+        **{f"well {number}": np.array([well]) for number, well in enumerate(workspace.wells, 1)},
+        "the water": np.array([workspace.water]),
+        "the rag": np.array([workspace.rag]) + np.array([[-1.0], [1.0]]) * (workspace.rag_width / 2, 0, 0),
+    }
+    if workspace.home is not None:
+        places["home"] = np.array([workspace.home])
+    beyond = {name for name, place in places.items() if travel.beyond(place).any()}
+    whole = np.concatenate(list(places.values()))
+    axes = np.flatnonzero(travel.beyond(whole).any(0)).tolist()
+    if not axes:
+        return []
+    limits = ", ".join(f"{_AXES[axis]} {travel.describe(axis)}" for axis in axes)
+    what = ", ".join(name for name in places if name in beyond) or "all places of the workspace together"
+    return [
+        f"The machine's own limits ({limits}) do not include {what}; motions there are refused. Make the workspace "
+        "true, or change the machine's limits if they are wrong."
+    ]
+
+
+def find_zero(easel: Easel, robot: ZeroedRobot) -> Procedure[None]:
+    """Asks a person to find the zero again: by limit switches, by looking, or by jogging to a corner of the canvas.
+
+    Raises ZeroUnknown if the person does not.
+    """
+    zero = robot.zero()
+    lost = f"The machine does not know where its brush is: {zero.lost}."
+    if zero.homes and (yield Confirm(f"{lost} Shall it drive to its limit switches now? Keep its way free.")) is True:
+        robot.find_zero()
+        return
+    corner = np.array([*easel.workspace.canvas_origin[:2], easel.calibration.touch_height])
+    here = easel.robot.pose()
+    told = f"{lost} It says that the tip is {_place(here, easel)}. Is it exactly there?"
+    if (yield Confirm(told, proposal=False)) is True:
+        robot.set_zero(here)
+        return
+    while True:
+        yield from _jog_to(robot, "the bottom-left corner of the canvas, in lightest touch")
+        robot.set_zero(corner)
+        if (yield from _is_at_other_corner(easel)):
+            return
+        again = "Then it is to be done once more; the motors may have lost steps, or the canvas has moved. Go on?"
+        if (yield Confirm(again)) is not True:
+            raise _refusal(Zero("nobody has found it"), "jog to the corner once more when the canvas lies still")
+
+
+def _is_at_other_corner(easel: Easel) -> Procedure[bool]:
+    """Drives to above the opposite corner; returns True if a person sees the tip there."""
+    motion = Motion(easel.workspace, easel.calibration)
+    far = easel.workspace.to_robot(np.array([[0.0, 0.0], [easel.canvas.width, easel.canvas.height]]), np.zeros(2))
+    far[:, 2] = motion.travel_height
+    way = Waypoints("to the other corner", far, easel.workspace.travel_speed)
+    question = "The brush goes up now, and to above the top-right corner of the canvas. Is its way free?"
+    if (yield Confirm(question)) is not True:
+        return True  # the first corner counts alone
+    RobotGateway(easel).perform([way])
+    return (yield Confirm("Is the tip above the top-right corner now?")) is True
+
+
+def _jog_to(robot: ZeroedRobot, where: str) -> Procedure[None]:
+    """Moves the tip by a person's keys: first up, then along x and y, then down."""
+    tasks = (
+        (2, "Raise the brush until it is free of everything (u is up)"),
+        (0, f"Move it along x until it is above {where} (u is towards greater x)"),
+        (1, f"Move it along y until it is above {where} (u is towards greater y)"),
+        (2, f"Lower it (d is down) to {where}"),
+    )
+    for axis, task in tasks:
+        gone, refused = 0.0, ""
+        while True:
+            move = yield Jog(f"{task}; ok when it is there.", gone, -_ROOM, _ROOM, remark=refused)
+            refused = ""
+            if not isinstance(move, JogMove) or not abs(move.step) <= _ROOM:
+                raise _refusal(Zero("the jog was not understood"), "type millimetres, u, d or ok")
+            if move.settled:
+                break
+            left = move.step
+            while abs(left) > 1e-9:
+                step = np.zeros(3)
+                step[axis] = np.clip(left, -_MAX_STEP, _MAX_STEP)
+                try:
+                    robot.jog(step)
+                except WorkspaceViolation as beyond:  # nothing moved
+                    refused = f"Not moved: {beyond}"
+                    break
+                left, gone = left - step[axis], gone + step[axis]
+
+
+def _place(tip: NDArray[np.float64], easel: Easel) -> str:
+    """Returns the position of a tip in words, as seen from the canvas's corner."""
+    x, y = 1000 * easel.workspace.to_canvas(tip[None])[0]
+    up = 1000 * (tip[2] - easel.calibration.touch_height)
+    return (
+        f"{abs(x):.0f} mm {'right' if x >= 0 else 'left'} of the bottom-left corner of the canvas, {abs(y):.0f} mm "
+        f"{'beyond' if y >= 0 else 'before'} it and {abs(up):.0f} mm {'above' if up >= 0 else 'below'} lightest touch"
+    )
+
+
+def _refusal(zero: Zero, remedy: str) -> ZeroUnknown:
+    return ZeroUnknown(f"The machine does not know where its brush is ({zero.lost}); {remedy}. Nothing was moved.")

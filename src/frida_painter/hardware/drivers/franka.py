@@ -1,0 +1,793 @@
+"""The robot kind `franka`: Franka Research 3 and Panda through franky, a client of libfranka.
+
+A motion is planned as a whole before anything moves: the tip's path in time (Timing), the arm's joint angles along it
+by the arm's own model, with the brush upright, and their limits. It is sent as one motion in joint angles. Neither
+franky nor this program clears an error: a person does that, at the arm.
+"""
+
+import math
+import platform
+import socket
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frida_painter.errors import ConfigError, FridaError, MotionFailed, RobotDisconnected, RobotError, RobotStopped
+from frida_painter.hardware.deadline import one_line, steady, within
+from frida_painter.hardware.drivers.interlock import PATIENCE, Interlock
+from frida_painter.hardware.gateway import FASTEST
+from frida_painter.hardware.kinds import MachineName, Needed, RobotKind, at_host, require_home
+from frida_painter.hardware.robot import (
+    Examination,
+    MachineFact,
+    MotionReport,
+    Point,
+    Sense,
+    Waypoints,
+    Workspace,
+    plan_way_home,
+)
+from frida_painter.hardware.timing import AxisTiming, Timing
+
+_NEEDED = Needed("pip install 'frida-painter[franka]'", "franky")
+_POLL = 0.01
+_PORT, _LISTENING = 1337, 0.1  # port of the control interface; seconds to wait for words of another device
+_STILL, _APART = 2e-5, 0.02  # metres that a standing tip moves at most in so many seconds of the arm's clock
+_SETTLING = 2.0  # seconds that the arm may take until it stands
+_PERIOD = 0.02  # seconds between the joint angles of a motion
+_TURNING = 0.5  # rad/s of the hand, and of the elbow, as they come into the painting posture
+_MAX_TURNED, _MAX_BENT = math.radians(75), math.radians(60)
+_CONVERGED, _ITERATIONS = 1e-7, 20
+_DAMPING, _LONGEST_STEP = 1e-9, 0.2
+
+# Metres above the first touch from which the second begins; the largest force, as a multiple of the touch force.
+_ABOVE_TOUCH, _MAX_TIMES = 0.003, 3.0
+_TOUCHES, _NEAR_LOWEST = 4, 2e-4  # attempts, because noise may end one; metres within which the lowest place is reached
+_SMOOTHED, _ZEROS, _FITTED = 40, 10, 300  # forces that are averaged along the way and before it; those that are fitted
+
+# Joint limits of the Franka Research 3, which are inside those of the Panda, with the distance that is kept.
+_JOINT_MARGIN = math.radians(3)
+LOWER_JOINTS = np.array([-2.7437, -1.7837, -2.9007, -3.0421, -2.8065, 0.5445, -3.0159])
+UPPER_JOINTS = np.array([2.7437, 1.7837, 2.9007, -0.1518, 2.8065, 4.5169, 3.0159])
+"""Joint limits in radians (Franka's data sheet; also in the model that the arm sends)."""
+_NO_RATE = 1e-6  # rad/s below which a joint counts as resting: franky's planner fails at numbers near 0
+_RESTING = 0.5  # seconds until it has come to rest
+_SHARE_OF_SPEED = 0.7  # of the joints' speed limits
+
+_MODES = {
+    "UserStopped": "its user stop is pressed, or its brakes are locked",
+    "Reflex": "it is in a reflex: it ran into something or was commanded beyond its limits",
+    "Guiding": "somebody guides it by hand",
+    "Move": "another program moves it",
+    "AutomaticErrorRecovery": "it recovers from an error",
+    "Other": "it is in no state for motions",
+}
+_REMEDY = {
+    "UserStopped": "release the user stop and unlock the brakes in Desk",
+    "Reflex": "look at it, free it, then press and release its user stop, or clear the error in Desk; this program "
+    "never does",
+    "Guiding": "let it go",
+    "Move": "end the other program",
+    "AutomaticErrorRecovery": "wait until it stands",
+    "Other": "look at Desk",
+}
+
+
+@dataclass(frozen=True)
+class FrankaSettings:
+    """Settings of a Franka arm.
+
+    address: of the control cabinet or of the arm's base
+    home: home position of the tip, metres
+    approach: m/s to the first waypoint
+    brush_length: from the arm's tool frame to the brush's tip along the tool, metres
+    turn: of the hand about the vertical, degrees; 0 as in the arm's usual start posture
+    acceleration: m/s2 of the tip
+    force: N and Nm on the arm above which it stops by reflex
+    touch_force: N on the brush that count as a touch
+
+    Raises ConfigError if a value is out of range.
+    """
+
+    address: str
+    home: Point
+    approach: float = 0.15
+    brush_length: float = 0.0
+    turn: float = 0.0
+    acceleration: float = 0.5
+    force: float = 20.0
+    touch_force: float = 1.5
+
+    def __post_init__(self) -> None:
+        if not (0 < self.approach <= 1 and 0 <= self.brush_length <= 1 and -180 <= self.turn <= 180):
+            raise ConfigError(
+                f"A Franka was given an approach of {self.approach} m/s, a brush of {self.brush_length} m and a turn "
+                f"of {self.turn} degrees; they are above 0 to 1 m/s, 0 to 1 m and -180 to 180 degrees."
+            )
+        if not (0 < self.acceleration <= 5 and 5 <= self.force <= 100 and 0.2 <= self.touch_force <= 10):
+            raise ConfigError(
+                f"A Franka was given an acceleration of {self.acceleration} m/s2, a force of {self.force} N and a "
+                f"touch force of {self.touch_force} N; they are above 0 to 5 m/s2, 5 to 100 N and 0.2 to 10 N."
+            )
+
+    @property
+    def upright(self) -> NDArray[np.float64]:
+        """Rotation of the tool [3, 3] in the arm's frame with the brush pointing straight down."""
+        cos, sin = math.cos(math.radians(self.turn)), math.sin(math.radians(self.turn))
+        return np.array([[cos, sin, 0.0], [sin, -cos, 0.0], [0.0, 0.0, -1.0]])
+
+
+# Lengths of the arm in metres (Denavit-Hartenberg table of Franka's documentation), from its base to the tool frame
+# of its hand: to the shoulder, to the elbow and to the wrist, with the elbow's offset, and the offset and length of
+# the hand.
+_SHOULDER, _UPPER, _FORE, _ELBOW, _WRIST, _HAND = 0.333, 0.316, 0.384, 0.0825, 0.088, 0.107 + 0.1034
+
+
+@dataclass(frozen=True)
+class FrankaReach:
+    """Reach of a Franka with its hand, the brush upright and the elbow up: inverse kinematics in closed form.
+
+    Implements hardware.robot.Reach. The driver itself solves with the model that the arm sends; this one is known
+    before the arm is.
+
+    brush_length, turn: as in FrankaSettings
+    """
+
+    brush_length: float
+    turn: float = 0.0
+
+    def reachable(self, position: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Returns True for each position [k, 3] (m) that the tip reaches within the limits of all joints: [k]."""
+        joints = self.solve(position)
+        with np.errstate(invalid="ignore"):
+            inside = (joints >= LOWER_JOINTS + _JOINT_MARGIN) & (joints <= UPPER_JOINTS - _JOINT_MARGIN)
+        return np.asarray(inside.all(1))
+
+    def solve(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Returns the joint angles [k, 7] (radians) at positions [k, 3] (m); NaN at those beyond the arm's length."""
+        x, y, z = np.asarray(position, np.float64).T
+        across = np.hypot(x, y) - _WRIST
+        up = z + self.brush_length + _HAND - _SHOULDER
+        upper, fore = math.hypot(_UPPER, _ELBOW), math.hypot(_FORE, _ELBOW)
+        bent_upper, bent_fore = math.atan2(_ELBOW, _UPPER), math.atan2(_ELBOW, _FORE)
+        away = np.hypot(across, up)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            at_elbow = np.arccos((upper**2 + fore**2 - away**2) / (2 * upper * fore))
+            at_shoulder = np.arccos((upper**2 + away**2 - fore**2) / (2 * upper * away))
+        base, rest = np.arctan2(y, x), np.zeros_like(x)
+        second = np.arctan2(across, up) - at_shoulder - bent_upper
+        fourth = at_elbow - math.pi - bent_upper - bent_fore
+        last = math.pi / 4 + base - math.radians(self.turn)
+        last = (last + math.pi) % (2 * math.pi) - math.pi
+        return np.stack([base, second, rest, fourth, rest, second - fourth, last], -1)
+
+
+class FrankaRobot:
+    """Robot through franky. Implements hardware.robot.Robot, Reach, TimedRobot, ExaminedRobot and
+    TouchProbe.
+
+    The arm allows one client. A stop goes over the same connection, beside the motion's thread.
+    """
+
+    sense: Sense = "force"
+
+    def __init__(self, settings: FrankaSettings) -> None:
+        self.settings = settings
+        self._interlock = Interlock(f"the Franka at {settings.address}")
+        self._timing = Timing(settings.acceleration, smoothing=0.1, period=_PERIOD)
+        self._told_at, self._alive_at = -1.0, -math.inf
+        self._franky: Any = None
+        self._arm: Any = None
+
+    # Connection.
+
+    def connect(self) -> None:
+        """Connects to the arm and checks that it obeys and has no error.
+
+        Raises RobotDisconnected if the address does not answer or refuses the control interface.
+        Raises RobotStopped if the user stop is pressed, MotionFailed after a reflex, which only a person clears.
+        Raises RobotError if the package is missing, of another version, or the arm is not ready.
+        """
+        try:
+            self._open()
+            self._require_idle("connect")
+            self.pose()
+        except FridaError:
+            self.close()
+            raise
+
+    def _open(self) -> None:
+        """Loads franky and opens a connection."""
+        self.close()
+        try:
+            import franky
+        except ImportError as missing:
+            raise RobotError(
+                f"Frankas need the package franky-control; install it with: {_NEEDED.install}"
+            ) from missing
+        self._franky = franky
+        self._interlock.mark_connected()
+        self._arm = self._open_connection()
+
+    def close(self) -> None:
+        """Disconnects from the arm."""
+        self._arm = None  # franky closes a connection when nothing refers to it
+        self._interlock.mark_disconnected()
+
+    def home(self) -> MotionReport:
+        """Moves to the home position, first vertically."""
+        return self.follow(plan_way_home(self.pose(), self.settings.home, self.settings.approach))
+
+    def pose(self) -> NDArray[np.float64]:
+        """Returns the position of the tip, [3] metres. Raises RobotError if the arm's answer is no position."""
+        self._interlock.require_ready("pose")
+        return self._tip(self._state("pose"))
+
+    # Limits and state for people.
+
+    def reachable(self, position: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Returns True for each position [k, 3] that the arm reaches with its hand and the brush upright: [k]."""
+        return FrankaReach(self.settings.brush_length, self.settings.turn).reachable(position)
+
+    def timing(self) -> AxisTiming:
+        """Returns the limits of the planned motions. Implements hardware.robot.TimedRobot."""
+        return self._timing.tell(FASTEST, _RESTING)
+
+    def alive_at(self) -> float:
+        """Returns the time when the arm's clock was last seen to advance."""
+        return self._alive_at
+
+    def examine(self) -> Examination:
+        """Connects, reads the arm's state, and disconnects. Implements hardware.robot.ExaminedRobot."""
+        try:
+            self._open()
+            return Examination(tuple(self._facts(self._state("examine"))), self.timing())
+        finally:
+            self.close()
+
+    def _facts(self, state: Any) -> Iterator[MachineFact]:
+        x, y, z = self._tip(state)
+        yield MachineFact(f"The brush's tip is at ({x:.3f}, {y:.3f}, {z:.3f}) m of the arm's base.")
+        mode = state.robot_mode.name
+        if mode == "Idle":
+            yield MachineFact("The arm is idle and ready for motions.")
+        else:
+            errors = "".join(f", {error}" for error in _names(state.current_errors))
+            yield MachineFact(f"The arm does not move: {_MODES[mode]}{errors}; {_REMEDY[mode]}.", "refusal")
+        if ended := _names(state.last_motion_errors):
+            yield MachineFact(f"Its last motion ended with {', '.join(ended)}.", "warning")
+        near = np.minimum(np.array(state.q) - LOWER_JOINTS, UPPER_JOINTS - np.array(state.q))
+        joint = int(near.argmin())
+        yield MachineFact(
+            f"Joint {joint + 1} is nearest to its limit: {math.degrees(near[joint]):.0f} degrees away.",
+            "fact" if near[joint] >= _JOINT_MARGIN else "warning",
+        )
+        if state.m_total > 0:
+            yield MachineFact(f"It reckons with {state.m_total:.2f} kg at its flange.")
+        else:
+            yield MachineFact(
+                "It reckons with no weight at its flange, so that it feels forces that are none; enter hand and brush "
+                "in Desk.",
+                "warning",
+            )
+        if self.settings.brush_length == 0:
+            yield MachineFact(
+                "No brush length is given (brush_length=METRES): the arm's own tool frame must end at the brush's tip.",
+                "warning",
+            )
+        if not _has_realtime():
+            yield MachineFact(
+                "This computer's kernel does not run programs in real time (PREEMPT_RT): if it is busy, the arm may "
+                "give up a motion for lack of commands; install such a kernel, or run nothing else beside.",
+                "warning",
+            )
+
+    # Motions.
+
+    def follow(self, waypoints: Waypoints) -> MotionReport:
+        """Moves along the waypoints as one motion with the brush upright; returns when the arm stands.
+
+        The tip slows down before corners and stops in sharp ones.
+        Raises MotionFailed before anything moves if a waypoint is beyond the arm's reach or a joint would be too fast.
+        Raises MotionFailed with the arm's error, RobotDisconnected, or RobotStopped if it was stopped here or at the
+        arm. The arm then stands.
+        """
+        self._interlock.require_ready(waypoints.label)
+        self._interlock.require_path(waypoints)
+        started = time.monotonic()
+        try:
+            self._require_idle(waypoints.label)
+            joints = self._plan(waypoints)
+            self._perform(waypoints.label, joints)
+            reached = self._settle(waypoints.label)
+        except FridaError as error:
+            self._interlock.fault(error)
+            self._halt()
+            raise
+        return MotionReport(waypoints.label, started, time.monotonic(), reached)
+
+    def touch(self, lowest: float, speed: float) -> MotionReport:
+        """Moves straight down until the arm feels the canvas. Implements hardware.robot.TouchProbe.
+
+        It touches twice: the second time slowly from just above. The height of the touch is where the line through
+        the forces begins, so that it does not depend on how far the brush bends. `reached` is there.
+
+        lowest: robot z in metres at which the motion ends; `reached` is there if nothing was felt
+        speed: m/s
+        Raises MotionFailed if the force is far above the one that counts as a touch, and the errors of `follow`.
+        """
+        label = "touch"
+        self._interlock.require_ready(label)
+        started, here = time.monotonic(), self.pose()
+        low = np.array([*here[:2], lowest])
+        self._interlock.require_path(Waypoints(label, low[None], speed))
+        for _ in range(_TOUCHES):
+            found = self._contact(self._feel(label, low, speed))
+            if found is not None or self.pose()[2] <= lowest + _NEAR_LOWEST:
+                break
+        else:
+            error = MotionFailed(
+                f"{label}: the force that {self._interlock.name} feels changes although nothing touches the brush; "
+                "enter the weight of hand and brush in Desk, or let a larger force count (touch_force=NEWTON)."
+            )
+            raise self._interlock.fault(error)
+        if found is not None:
+            above = np.array([[*here[:2], min(found + _ABOVE_TOUCH, float(here[2]))]])
+            self.follow(Waypoints(label, above, self.settings.approach))
+            finer = self._contact(self._feel(label, low, speed / 4))
+            found = found if finer is None else finer
+            self.follow(Waypoints(label, np.array([[*here[:2], max(found, lowest)]]), speed))
+        return MotionReport(label, started, time.monotonic(), self.pose())
+
+    def _feel(self, label: str, low: NDArray[np.float64], speed: float) -> NDArray[np.float64]:
+        """Moves down until the force changes, and returns z in metres and the vertical force in newton [n, 2].
+
+        The arm itself watches the force, at every millisecond. The estimate of a standing arm is off by some newton,
+        so that the first part of the way down, on which nothing is touched, is its zero.
+        """
+        try:
+            self._require_idle(label)
+            zero = self._mean_force(label)
+            state = self._state(label)
+            joints = self._plan(Waypoints(label, low[None], speed), speed)
+            felt: list[tuple[NDArray[np.float64], float]] = []
+            self._perform(label, joints, felt=felt, zero=zero)
+            self._settle(label)
+            self._require_gentle(label, abs(self._mean_force(label) - zero))
+        except FridaError as error:
+            self._interlock.fault(error)
+            self._halt()
+            raise
+        heights = [float(self._pose_of(angles, state)[0][2]) for angles, _ in felt]
+        return np.array([(z, force) for z, (_, force) in zip(heights, felt, strict=True)]).reshape(-1, 2)
+
+    def _contact(self, samples: NDArray[np.float64]) -> float | None:
+        """Returns the height in metres at which the force sets in; None if none was felt."""
+        if len(samples) < 3 * _SMOOTHED:
+            return None
+        even = np.full(_SMOOTHED, 1 / _SMOOTHED)
+        z, force = (np.convolve(column, even, "valid") for column in samples.T)
+        force = np.abs(force - np.median(force[: len(force) // 3]))
+        most = float(force.max())
+        if not most >= self.settings.touch_force / 2:
+            return None
+        last = int(force.argmax()) + 1
+        thin = max(1, last // _FITTED)
+        return _onset(z[:last:thin], force[:last:thin])
+
+    def _require_gentle(self, label: str, force: float) -> None:
+        """Raises MotionFailed if the standing arm presses far more than a touch."""
+        counts = self.settings.touch_force
+        if not force <= _MAX_TIMES * counts:
+            raise MotionFailed(
+                f"{label}: {self._interlock.name} pressed with {force:.1f} N, and a touch counts from {counts:g} N: "
+                "something stiff is under the brush, or it came too fast. Look at it, and touch more slowly."
+            )
+
+    def _mean_force(self, label: str) -> float:
+        return float(np.mean([self._force(self._state(label)) for _ in range(_ZEROS)]))
+
+    @staticmethod
+    def _force(state: Any) -> float:
+        """Returns the vertical force in newton between brush and canvas, off by a constant; its sign is not used."""
+        return float(np.array(state.O_F_ext_hat_K)[2])
+
+    def stop(self) -> None:
+        """Tells the arm to brake at once; it gives up its motion."""
+        self._interlock.stop()
+        self._halt()
+
+    def _plan(self, waypoints: Waypoints, approach: float | None = None) -> NDArray[np.float64]:
+        """Returns joint angles [n, 7] at every period, from rest to rest. Raises MotionFailed.
+
+        approach: m/s to the first waypoint; None for that of the settings
+        """
+        state = self._state(waypoints.label)
+        start = np.array(state.q_d, np.float64)
+        tip, rotation = self._pose_of(start, state)
+        first = self._into_posture(waypoints.label, start, tip, rotation, state)
+        path = np.concatenate([tip[None], waypoints.position])
+        speed = np.r_[approach or self.settings.approach, np.full(len(waypoints.position) - 1, waypoints.speed)]
+        places = self._timing.places(path, speed)
+        elbow = np.zeros(len(places))
+        rotations = np.broadcast_to(self.settings.upright, (len(places), 3, 3))
+        joints = np.concatenate(
+            [start[None], first, self._solve(waypoints.label, first[-1], places, rotations, elbow, state)]
+        )
+        self._require_limits(waypoints.label, joints)
+        return joints
+
+    def _into_posture(
+        self,
+        label: str,
+        start: NDArray[np.float64],
+        tip: NDArray[np.float64],
+        rotation: NDArray[np.float64],
+        state: Any,
+    ) -> NDArray[np.float64]:
+        """Returns joint angles [k, 7] that turn the hand upright and the elbow up, while the tip stays in place."""
+        off = _rotation_vector(self.settings.upright @ rotation.T)
+        angle = float(np.linalg.norm(off))
+        if not (angle <= _MAX_TURNED and abs(start[2]) <= _MAX_BENT):
+            raise MotionFailed(
+                f"{label}: the hand of {self._interlock.name} is turned by {math.degrees(angle):.0f} degrees from "
+                f"upright, and its elbow by {math.degrees(start[2]):.0f} degrees; up to "
+                f"{math.degrees(_MAX_TURNED):.0f} and {math.degrees(_MAX_BENT):.0f} are put right by itself. Guide "
+                "the arm by hand until the brush points straight down and the elbow up. It did not move."
+            )
+        steps = max(1, math.ceil(max(angle, abs(start[2])) / _TURNING / _PERIOD))
+        share = np.linspace(0, 1, steps + 1)[1:]
+        share = share**2 * (3 - 2 * share)
+        rotations = np.array([_rotation(part * off) @ rotation for part in share])
+        return self._solve(label, start, np.tile(tip, (steps, 1)), rotations, (1 - share) * start[2], state)
+
+    def _solve(
+        self,
+        label: str,
+        seed: NDArray[np.float64],
+        tips: NDArray[np.float64],
+        rotations: NDArray[np.float64],
+        elbow: NDArray[np.float64],
+        state: Any,
+    ) -> NDArray[np.float64]:
+        """Returns joint angles [n, 7] for tips [n, 3], rotations [n, 3, 3] and angles of the third joint [n].
+
+        Newton's method on the arm's own model, each place from the one before. Raises MotionFailed.
+        """
+        joints = np.empty((len(tips), 7))
+        angles = seed.copy()
+        for index, (tip, rotation, third) in enumerate(zip(tips, rotations, elbow, strict=True)):
+            for _ in range(_ITERATIONS):
+                here, turned = self._pose_of(angles, state)
+                lever = self.settings.brush_length * turned[:, 2]
+                off = np.r_[tip - here, _rotation_vector(rotation @ turned.T), third - angles[2]]
+                if np.abs(off).max() <= _CONVERGED:
+                    break
+                jacobian = np.vstack([self._jacobian(angles, state, lever), np.eye(7)[2]])
+                step = np.linalg.solve(jacobian + _DAMPING * np.eye(7), off)
+                angles = angles + step * min(1.0, _LONGEST_STEP / float(np.abs(step).max()))
+            else:
+                raise self._out_of_reach(label, tip)
+            if not self._within_limits(angles):
+                raise self._out_of_reach(label, tip)
+            joints[index] = angles
+        return joints
+
+    def _within_limits(self, angles: NDArray[np.float64]) -> bool:
+        return bool((angles >= LOWER_JOINTS + _JOINT_MARGIN).all() and (angles <= UPPER_JOINTS - _JOINT_MARGIN).all())
+
+    def _out_of_reach(self, label: str, tip: NDArray[np.float64]) -> MotionFailed:
+        place = ", ".join(f"{metres:.3f}" for metres in tip)
+        return MotionFailed(
+            f"{label}: {self._interlock.name} does not reach ({place}) m with the brush upright; move the canvas "
+            "nearer to it, or the other way round. It did not move."
+        )
+
+    def _require_limits(self, label: str, joints: NDArray[np.float64]) -> None:
+        """Raises MotionFailed if a joint would turn faster than the arm's limits allow."""
+        fastest = np.abs(np.diff(joints, axis=0)).max(0) / _PERIOD
+        allowed = _SHARE_OF_SPEED * np.array(self._arm.joint_velocity_limit.get())
+        if not (fastest <= allowed).all():
+            worst = int((fastest / allowed).argmax())
+            raise MotionFailed(
+                f"{label}: joint {worst + 1} of {self._interlock.name} would turn at {fastest[worst]:.2f} rad/s, and "
+                f"{allowed[worst]:.2f} rad/s are allowed; lower the speed, or move the canvas away from the arm's "
+                "base. It did not move."
+            )
+
+    def _perform(
+        self,
+        label: str,
+        joints: NDArray[np.float64],
+        felt: list[tuple[NDArray[np.float64], float]] | None = None,
+        zero: float = 0.0,
+    ) -> None:
+        """Sends joint angles as one motion and returns when the arm has taken the last of them.
+
+        felt: receives the joint angles and the vertical force (N) at every millisecond; the motion then also ends if
+            that force differs from `zero` by the touch force
+        """
+        franky = self._franky
+        rates = np.zeros_like(joints)
+        rates[1:-1] = (joints[2:] - joints[:-2]) / (2 * _PERIOD)
+        rates[np.abs(rates) < _NO_RATE] = 0.0
+        period = franky.Duration(round(1000 * _PERIOD))
+        points = [
+            franky.JointWaypoint(franky.JointState(angles, rate), minimum_time=period)
+            for angles, rate in zip(joints[1:], rates[1:], strict=True)
+        ]
+        motion = franky.JointWaypointMotion(points)
+        if felt is not None:
+            force, enough = franky.Measure.FORCE_Z - zero, self.settings.touch_force
+            motion.add_reaction(
+                franky.JointPositionReaction((force > enough) | (force < -enough), franky.JointStopMotion())
+            )
+            motion.register_callback(lambda state, *_: felt.append((np.array(state.q, np.float64), self._force(state))))
+        self._interlock.heed_stop(label)
+        self._ask(label, lambda: self._arm.move(motion, asynchronous=True))
+        self._wait(label, _PERIOD * len(joints))
+
+    def _wait(self, label: str, seconds: float) -> None:
+        """Returns when the motion has ended. Its time limit counts on the arm's own clock."""
+        began = self._clock(label)
+        while not self._ask(label, lambda: self._arm.join_motion(_POLL)):
+            self._interlock.heed_stop(label)
+            if not self._clock(label) - began <= 1.5 * seconds + PATIENCE:
+                raise MotionFailed(
+                    f"{label}: {self._interlock.name} did not arrive in time, and is stopped now; look at it, then "
+                    "connect anew."
+                )
+        self._interlock.heed_stop(label)
+
+    def _settle(self, label: str) -> NDArray[np.float64]:
+        """Returns the tip's position when it stands. Raises MotionFailed if the arm does not come to rest."""
+        before = self._state(label)
+        began = before.time.to_sec()
+        while True:
+            time.sleep(_POLL)
+            self._interlock.heed_stop(label)
+            state = self._state(label)
+            now = state.time.to_sec()
+            if now - before.time.to_sec() < _APART:
+                continue
+            here = self._tip(state)
+            if float(np.linalg.norm(here - self._tip(before))) <= _STILL:
+                return here
+            if not now - began <= _SETTLING:
+                raise MotionFailed(f"{label}: {self._interlock.name} does not come to rest; look at it.")
+            before = state
+
+    # The arm's state and model.
+
+    def _state(self, label: str) -> Any:
+        state = self._ask(label, lambda: self._arm.state)
+        if (now := state.time.to_sec()) != self._told_at:  # an arm whose clock advances is alive
+            self._told_at, self._alive_at = now, steady()
+        return state
+
+    def _clock(self, label: str) -> float:
+        return float(self._state(label).time.to_sec())
+
+    def _tip(self, state: Any) -> NDArray[np.float64]:
+        """Returns the tip [3] by the measured joint angles. (franky-sim reports the desired pose as the measured.)"""
+        tip, _ = self._pose_of(np.array(state.q, np.float64), state)
+        if not np.isfinite(tip).all():
+            raise self._interlock.fault(RobotError(f"{self._interlock.name} does not know where it is; look at it."))
+        return tip
+
+    def _pose_of(self, angles: NDArray[np.float64], state: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Returns the tip [3] and the tool's rotation [3, 3] for joint angles, by the arm's model."""
+        matrix = self._arm.model.pose(self._franky.Frame.EndEffector, angles, state.F_T_EE, state.EE_T_K).matrix
+        return matrix[:3, 3] + self.settings.brush_length * matrix[:3, 2], matrix[:3, :3]
+
+    def _jacobian(self, angles: NDArray[np.float64], state: Any, lever: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Returns the Jacobian [6, 7] of the tip, which is `lever` [3] from the tool frame."""
+        plain = self._arm.model.zero_jacobian(self._franky.Frame.EndEffector, angles, state.F_T_EE, state.EE_T_K)
+        moved = np.array(plain)
+        moved[:3] += np.cross(plain[3:].T, lever).T
+        return moved
+
+    def _require_idle(self, label: str) -> None:
+        """Raises RobotStopped, MotionFailed or RobotError unless the arm is ready for a motion."""
+        state = self._state(label)
+        mode = state.robot_mode.name
+        if mode == "Idle":
+            return
+        errors = _names(state.current_errors)
+        because = f" ({', '.join(errors)})" if errors else ""
+        told = f"{label}: {self._interlock.name} does not move, {_MODES[mode]}{because}; {_REMEDY[mode]}."
+        if mode == "UserStopped":
+            raise RobotStopped(told)
+        if mode == "Reflex":
+            raise MotionFailed(told, errors[0] if errors else "reflex")
+        raise RobotError(told)
+
+    # Calls into franky.
+
+    def _open_connection(self) -> Any:
+        """Returns an open connection. Raises RobotDisconnected if nobody answers; libfranka would wait for a minute."""
+        config = self._franky.RealtimeConfig
+        try:
+            self._interlock.asking("connect", self._require_protocol, 2 * PATIENCE)
+            return self._ask(
+                "connect",
+                lambda: self._franky.Robot(
+                    self.settings.address,
+                    default_torque_threshold=self.settings.force,
+                    default_force_threshold=self.settings.force,
+                    realtime_config=config.Enforce if _has_realtime() else config.Ignore,
+                ),
+            )
+        except RobotDisconnected as silence:
+            raise RobotDisconnected(
+                f"No Franka answers at {self.settings.address} ({silence.__cause__ and one_line(silence.__cause__)}); "
+                "look whether it is on and in this computer's network, whether FCI is activated in Desk, whether "
+                "another program is connected to it, and whether the address is right."
+            ) from silence
+
+    def _require_protocol(self) -> None:
+        """Raises RobotDisconnected unless somebody listens at the address and says nothing before it is asked.
+
+        libfranka takes the first bytes for the length of a message: another device made it reserve gigabytes.
+        """
+        try:
+            with socket.create_connection((self.settings.address, _PORT), timeout=PATIENCE) as probe:
+                probe.settimeout(_LISTENING)
+                said = probe.recv(16)
+        except TimeoutError:
+            return
+        except OSError as failure:
+            raise RobotDisconnected(f"connect: {self._interlock.name} is not there") from failure
+        if said:
+            raise RobotDisconnected("connect: another device answers there") from ConnectionError(
+                "another device answers there"
+            )
+        raise RobotDisconnected("connect: the connection was closed at once") from ConnectionError("closed at once")
+
+    def _ask(self, label: str, call: Callable[[], Any]) -> Any:
+        """Returns the result of a call into franky; its errors become ours and block all further motions."""
+        try:
+            return self._interlock.asking(label, lambda: self._translate(label, call))
+        except RobotError as error:
+            raise self._interlock.fault(error) from error.__cause__
+
+    def _translate(self, label: str, call: Callable[[], Any]) -> Any:
+        franky, name = self._franky, self._interlock.name
+        try:
+            return call()
+        except franky.NetworkException as gone:
+            raise self._lost(label, gone) from gone
+        except RuntimeError as failure:  # of its planner, or of its network library
+            if self._arm is not None and self._answers():
+                raise MotionFailed(
+                    f"{label}: {name} could not make the motion ({one_line(failure)}); look at it, then connect anew."
+                ) from failure
+            raise self._lost(label, failure) from failure
+        except franky.IncompatibleVersionException as other:
+            raise RobotError(
+                f"{label}: {name} has other system software than this franky-control speaks ({one_line(other)}); "
+                "install the package for its version, as franky's FAQ tells."
+            ) from other
+        except franky.RealtimeException as lacking:
+            raise RobotError(
+                f"{label}: {name} needs a computer whose kernel lets programs run in real time ({one_line(lacking)})."
+            ) from lacking
+        except (franky.ControlException, franky.CommandException) as refused:
+            if self._interlock.stopped:
+                raise RobotStopped(f"{label}: {name} was stopped; look at it before it is connected anew.") from refused
+            self._explain(label, refused)
+            raise MotionFailed(
+                f"{label}: {name} gave the motion up ({one_line(refused)}); look at it, then connect anew."
+            ) from refused
+
+    def _lost(self, label: str, failure: Exception) -> RobotDisconnected:
+        return RobotDisconnected(
+            f"{label}: the connection to {self._interlock.name} is lost or was refused ({one_line(failure)}); look at "
+            "it and at its cable, activate FCI in Desk, and end other programs that use it."
+        )
+
+    def _answers(self) -> bool:
+        try:
+            return self._arm.state is not None
+        except Exception:  # any failure means that it does not
+            return False
+
+    def _explain(self, label: str, failure: Exception) -> None:
+        """Raises the error that the arm's mode tells, as `_require_idle` does, if it tells one."""
+        try:
+            self._require_mode_of(label, self._arm.state, failure)
+        except FridaError:
+            raise
+        except Exception:  # the arm does not answer; the failure itself is told
+            return
+
+    def _require_mode_of(self, label: str, state: Any, failure: Exception) -> None:
+        mode = state.robot_mode.name
+        if mode in ("UserStopped", "Reflex"):
+            errors = _names(state.current_errors) or _names(state.last_motion_errors)
+            told = f"{label}: {self._interlock.name} stopped by itself, {_MODES[mode]} ({one_line(failure)}); " + (
+                f"{_REMEDY[mode]}."
+            )
+            raise RobotStopped(told) if mode == "UserStopped" else MotionFailed(told, errors[0] if errors else "reflex")
+
+    def _halt(self) -> None:
+        """Stops the arm. Waits at most a second."""
+        if self._arm is not None:
+            with suppress(Exception):  # any exception of the library: the interlock holds all the same
+                within(1.0, f"{self._interlock.name}: stop", lambda: self._arm.stop())
+
+
+def _onset(z: NDArray[np.float64], force: NDArray[np.float64]) -> float:
+    """Returns the height at which a force sets in: zero above it, and linear in the height below it, with a jump.
+
+    z: descending heights [n]; force: [n], from about 0 to its greatest
+
+    Every height is tried, and that with the least squares is taken. The line's own zero counts if it is lower, because
+    hairs that bend begin without a jump.
+    """
+    best, found = math.inf, float(z[-1])
+    for first in range(1, len(z) - 3):
+        slope, constant = np.polyfit(z[first:], force[first:], 1)
+        error = float((force[:first] ** 2).sum() + ((force[first:] - slope * z[first:] - constant) ** 2).sum())
+        if error < best:
+            best = error
+            found = min(float(z[first - 1]), -float(constant / slope)) if slope < 0 else float(z[first - 1])
+    return found
+
+
+def _names(errors: Any) -> list[str]:
+    """Returns the names of the errors that are set."""
+    return [name for name in dir(errors) if not name.startswith("_") and getattr(errors, name) is True]
+
+
+def _has_realtime() -> bool:
+    """Returns True if this computer's kernel runs programs in real time."""
+    return "PREEMPT_RT" in platform.version().replace(" ", "_")
+
+
+def _rotation_vector(rotation: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Returns the axis of a rotation [3, 3] times its angle in radians [3]."""
+    axis = np.array([rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]])
+    sine, cosine = float(np.linalg.norm(axis)) / 2, (float(np.trace(rotation)) - 1) / 2
+    angle = math.atan2(sine, cosine)
+    return axis / 2 if sine < 1e-12 else axis * (angle / (2 * sine))
+
+
+def _rotation(vector: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Returns the rotation [3, 3] about a vector [3] by its length in radians (Rodrigues' formula)."""
+    angle = float(np.linalg.norm(vector))
+    if angle < 1e-12:
+        return np.eye(3)
+    x, y, z = vector / angle
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
+
+
+def _open(name: MachineName, workspace: Workspace) -> FrankaRobot:
+    name.require("brush_length", "turn", "force", "touch_force")
+    return FrankaRobot(
+        FrankaSettings(
+            name.where,
+            require_home(name, workspace),
+            workspace.travel_speed,
+            name.choose("brush_length", float, 0.0),
+            name.choose("turn", float, 0.0),
+            force=name.choose("force", float, 20.0),
+            touch_force=name.choose("touch_force", float, 1.5),
+        )
+    )
+
+
+KIND = RobotKind(
+    "franka",
+    "franka:ADDRESS[,brush_length=METRES][,turn=DEGREES][,force=NEWTON][,touch_force=NEWTON]",
+    "Franka Research 3 and Panda",
+    open=_open,
+    needed=_NEEDED,
+    identify=lambda name: at_host(name.where),
+)

@@ -1,0 +1,43 @@
+"""Command that checks whether something can be made again here: verify FOLDER."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from frida_painter.cli.commands import Deferred
+
+VERIFY = Deferred(
+    "verify",
+    "frida_painter.lab.verify_command",
+    "Check whether a plan, a painting or a sweep can be made again here, from the record in its folder.",
+)
+
+
+def verify(
+    folder: Annotated[
+        Path, typer.Argument(metavar="FOLDER", help="A painting, a plan or a sweep.", show_default=False)
+    ],
+    again: Annotated[
+        bool, typer.Option("--again", help="Make it again and compare, bit for bit. Nothing is written.")
+    ] = False,
+) -> None:
+    """Check whether a plan, a painting or a sweep can be made again here, from the record in its folder.
+
+    Versions, plug-ins, code, device and all files that went in are compared. If something differs, it is named, and
+    the exit status is 1.
+    """
+    from frida_painter.compiled import LoopCompiler  # loaded here, so that help is quick
+    from frida_painter.lab.records import record
+
+    found = record(folder)
+    with LoopCompiler():
+        checked = found.make_again() if again else found.check()
+    typer.echo(str(checked))
+    if not checked.passed:
+        raise typer.Exit(1)
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the command."""
+    app.command("verify")(verify)

@@ -1,0 +1,156 @@
+"""Everything that a package of your own parts needs, in one module: `from frida_painter.plugins import GoalKind`.
+
+The names here are a promise. Versions are semantic: a name, or what it promises, changes only in a version that says
+so in its notes, and what goes away still works, with a DeprecationWarning, for two minor versions. `check` tries the
+parts of a package.
+
+    >>> import frida_painter as fp
+    >>> [finding.name for finding in fp.plugins.check("frida-painter", kinds=["exporters"])]
+    ['svg', 'gcode', 'csv', 'png']
+
+Each name is loaded at its first use, so that a part may import this module where it may not load PyTorch.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from frida_painter.brush.families import FamilyPart
+    from frida_painter.brush.kinds import BrushKind, BrushModel, StrokeFunction, StrokeModel
+    from frida_painter.canvas_size import CanvasSize
+    from frida_painter.easel.kinds import EaselKind, OpenEasel
+    from frida_painter.errors import CameraError, ConfigError, FridaError, ImageError, PluginError, RobotError
+    from frida_painter.exporter import ExporterKind, ExportOptions
+    from frida_painter.frames import MapFrame, PixelGrid
+    from frida_painter.hardware.cameras.shutter import Shutter
+    from frida_painter.hardware.drivers.interlock import Interlock
+    from frida_painter.hardware.easel import Easel
+    from frida_painter.hardware.kinds import CameraKind, MachineName, Needed, RobotKind, require_home, yes_or_no
+    from frida_painter.hardware.robot import Camera, Frame, MotionReport, Point, Robot, Waypoints, Workspace
+    from frida_painter.mixing.finish import Finish
+    from frida_painter.mixing.recipe import MixerKind
+    from frida_painter.objectives.encoders.base import Encoder
+    from frida_painter.objectives.objective import (
+        Gives,
+        Goal,
+        GoalKind,
+        Objective,
+        ObjectiveContext,
+        ObjectiveTerm,
+        Term,
+        require_weight,
+    )
+    from frida_painter.palette import Palette
+    from frida_painter.plan import Layer, Plan
+    from frida_painter.planning.initialisers import InitialiserKind, InitialTask
+    from frida_painter.planning.planner import PlannerKind, PlanningTask
+    from frida_painter.plugins.conformance import PartFinding, check
+    from frida_painter.runs.event_file import ListenerKind
+    from frida_painter.session.events import Event, Notify
+    from frida_painter.session.replan_policy import CanvasSeen, ReplanPolicy
+    from frida_painter.strokes import StrokeLimits, Strokes
+
+_HOMES = {
+    "brush.families": ("FamilyPart",),
+    "brush.kinds": ("BrushKind", "BrushModel", "StrokeFunction", "StrokeModel"),
+    "canvas_size": ("CanvasSize",),
+    "easel.kinds": ("EaselKind", "OpenEasel"),
+    "errors": ("CameraError", "ConfigError", "FridaError", "ImageError", "PluginError", "RobotError"),
+    "exporter": ("ExportOptions", "ExporterKind"),
+    "frames": ("MapFrame", "PixelGrid"),
+    "hardware.cameras.shutter": ("Shutter",),
+    "hardware.drivers.interlock": ("Interlock",),
+    "hardware.easel": ("Easel",),
+    "hardware.kinds": ("CameraKind", "MachineName", "Needed", "RobotKind", "require_home", "yes_or_no"),
+    "hardware.robot": ("Camera", "Frame", "MotionReport", "Point", "Robot", "Waypoints", "Workspace"),
+    "mixing.finish": ("Finish",),
+    "mixing.recipe": ("MixerKind",),
+    "objectives.encoders.base": ("Encoder",),
+    "objectives.objective": (
+        *("Gives", "Goal", "GoalKind", "Objective", "ObjectiveContext", "ObjectiveTerm", "Term", "require_weight"),
+    ),
+    "palette": ("Palette",),
+    "plan": ("Layer", "Plan"),
+    "planning.initialisers": ("InitialTask", "InitialiserKind"),
+    "planning.planner": ("PlannerKind", "PlanningTask"),
+    "plugins.conformance": ("PartFinding", "check"),
+    "runs.event_file": ("ListenerKind",),
+    "session.events": ("Event", "Notify"),
+    "session.replan_policy": ("CanvasSeen", "ReplanPolicy"),
+    "strokes": ("StrokeLimits", "Strokes"),
+}
+"""Names by the module that they come from."""
+_MODULES = {name: module for module, names in _HOMES.items() for name in names}
+
+__all__ = [
+    "BrushKind",
+    "BrushModel",
+    "Camera",
+    "CameraError",
+    "CameraKind",
+    "CanvasSeen",
+    "CanvasSize",
+    "ConfigError",
+    "Easel",
+    "EaselKind",
+    "Encoder",
+    "Event",
+    "ExportOptions",
+    "ExporterKind",
+    "FamilyPart",
+    "Finish",
+    "Frame",
+    "FridaError",
+    "Gives",
+    "Goal",
+    "GoalKind",
+    "ImageError",
+    "InitialTask",
+    "InitialiserKind",
+    "Interlock",
+    "Layer",
+    "ListenerKind",
+    "MachineName",
+    "MapFrame",
+    "MixerKind",
+    "MotionReport",
+    "Needed",
+    "Notify",
+    "Objective",
+    "ObjectiveContext",
+    "ObjectiveTerm",
+    "OpenEasel",
+    "Palette",
+    "PartFinding",
+    "PixelGrid",
+    "Plan",
+    "PlannerKind",
+    "PlanningTask",
+    "PluginError",
+    "Point",
+    "ReplanPolicy",
+    "Robot",
+    "RobotError",
+    "RobotKind",
+    "Shutter",
+    "StrokeFunction",
+    "StrokeLimits",
+    "StrokeModel",
+    "Strokes",
+    "Term",
+    "Waypoints",
+    "Workspace",
+    "check",
+    "require_home",
+    "require_weight",
+    "yes_or_no",
+]  # fmt: skip
+
+if not TYPE_CHECKING:  # a type checker would take any name, and a typo, for one of the module
+
+    def __getattr__(name: str) -> Any:
+        if name not in _MODULES:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}; it offers {', '.join(__all__)}")
+        found = getattr(import_module(f"frida_painter.{_MODULES[name]}"), name)
+        globals()[name] = found
+        return found

@@ -1,0 +1,417 @@
+"""Conformance of parts: each registered part of a package is loaded and tried as the program would use it.
+
+Each trial runs in a thread with a deadline, so that a part that hangs is a finding and not a program that hangs. No
+device is connected to. A trial that ends with an error of this project counts as a refusal in a sentence.
+"""
+
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from frida_painter import registry
+from frida_painter.brush.families import FamilyPart
+from frida_painter.brush.kinds import BrushModel, StrokeModel
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.easel.kinds import EaselKind
+from frida_painter.errors import ConfigError, FridaError, PluginError
+from frida_painter.exporter import ExporterKind
+from frida_painter.frames import PixelGrid
+from frida_painter.hardware.kinds import CameraKind, RobotKind
+from frida_painter.mixing.finish import Finish
+from frida_painter.mixing.paint import usual_paints
+from frida_painter.mixing.recipe import MixerKind
+from frida_painter.objectives.encoders.loading import EncoderRegistry
+from frida_painter.objectives.image import ImageTerm
+from frida_painter.objectives.objective import Gives, Goal, GoalKind, ObjectiveContext, require_objective
+from frida_painter.palette import Palette
+from frida_painter.plan import Plan
+from frida_painter.planning.initialisers import InitialiserKind, InitialTask
+from frida_painter.planning.initialize import Growth
+from frida_painter.planning.planner import Planner, PlannerKind, PlanningTask
+from frida_painter.planning.settings import PlannerSettings
+from frida_painter.runs.event_file import ListenerKind
+from frida_painter.session.events import Drying, Finished
+from frida_painter.session.replan_policy import CanvasSeen
+from frida_painter.strokes import StrokeLimits, Strokes
+
+_SECONDS = 60.0
+_CANVAS = CanvasSize(0.12, 0.09)
+_ROWS = 48
+_COUNT = 6
+_DRIVER = ("connect", "home", "pose", "follow", "stop", "close")
+_CAMERA = ("connect", "capture", "close")
+
+
+@dataclass(frozen=True)
+class PartFinding:
+    """Outcome for one part.
+
+    kind: group without "frida_painter.", for example "objectives"
+    name: name of the part
+    fault: sentence that says what is wrong; "" if it conforms
+    """
+
+    kind: str
+    name: str
+    fault: str = ""
+
+    @property
+    def passed(self) -> bool:
+        """True if the part conforms."""
+        return not self.fault
+
+    def __str__(self) -> str:
+        return f"{self.kind} {self.name}: {self.fault or 'conforms'}"
+
+
+def check(
+    package: str,
+    *,
+    kinds: Sequence[str] | None = None,
+    examples: Mapping[str, str] | None = None,
+    seconds: float = _SECONDS,
+) -> list[PartFinding]:
+    """Tries every part that a package registers, and returns a finding for each.
+
+    package: name of the installed distribution, such as "own-parts" or "own_parts"
+    kinds: groups to try, such as ["objectives"]. None: all
+    examples: text for parts that need one, by name: {"mirror": "left-right", "trace": "trace:/tmp/sheet.csv"}
+    seconds: time that a part may take before it counts as hanging
+    Raises ConfigError if the package registers no part, or if a kind is unknown.
+
+        >>> import frida_painter as fp
+        >>> all(finding.passed for finding in fp.plugins.check("frida-painter", kinds=["mixers", "stroke_models"]))
+        True
+    """
+    groups = {group.removeprefix(_PREFIX): group for group in _TRIALS}
+    if kinds is not None and (unknown := sorted(set(kinds) - set(groups))):
+        raise ConfigError(f"{unknown[0][:40]!r} is no kind of part; there are {', '.join(groups)}.")
+    if not seconds > 0:
+        raise ConfigError(f"{seconds} seconds were given to each part; give a number above 0.")
+    found = [
+        part
+        for kind, group in groups.items()
+        if kinds is None or kind in kinds
+        for part in registry.parts(group).values()
+        if any(_plain(one) == _plain(package) for one in part.packages)
+    ]
+    if not found:
+        raise ConfigError(
+            f"No installed package {package[:60]!r} registers a part of a kind that was asked for; install it, or see "
+            "`frida-painter doctor`."
+        )
+    return [_try(part, MappingProxyType(dict(examples or {})), seconds) for part in found]
+
+
+_PREFIX = "frida_painter."
+
+
+def _plain(package: str) -> str:
+    return package.lower().replace("_", "-")
+
+
+def _try(part: registry.Part, examples: Mapping[str, str], seconds: float) -> PartFinding:
+    """Returns the finding for a part, within the time."""
+    faults: list[str] = []
+
+    def attempt() -> None:
+        try:
+            kind, trial = _TRIALS[part.group]
+            trial(part.load(kind), _Given(part.name, examples))
+        except FridaError as error:
+            faults.append(str(error))
+        except BaseException as failure:  # a foreign part may raise anything, also SystemExit
+            why = " ".join(f"{type(failure).__name__}: {failure}".split())[:200]
+            faults.append(f"It raised {why}; a part raises errors of frida_painter.errors, or works.")
+
+    thread = threading.Thread(target=attempt, name=f"trial of {part.name}", daemon=True)
+    thread.start()
+    thread.join(seconds)
+    if thread.is_alive():
+        faults = [f"It did not answer within {seconds:g} seconds; a part does its work and returns."]
+    return PartFinding(part.group.removeprefix(_PREFIX), part.name, faults[0] if faults else "")
+
+
+@dataclass(frozen=True)
+class _Given:
+    """Name of the part that is tried, and the examples by name."""
+
+    name: str
+    examples: Mapping[str, str]
+
+    def text(self, default: str | None = None) -> str:
+        """Returns the example of this part. Raises ConfigError if there is none and no default."""
+        if self.name in self.examples:
+            return self.examples[self.name]
+        if default is None:
+            raise ConfigError(f"It needs a text to be tried with; give examples={{{self.name!r}: TEXT}}.")
+        return default
+
+
+def _require(holds: bool, sentence: str) -> None:
+    if not holds:
+        raise PluginError(sentence)
+
+
+def _require_words(kind: Any, *names: str) -> None:
+    for name in names:
+        words = getattr(kind, name, "")
+        _require(isinstance(words, str) and bool(words.strip()), f"Its {name} says nothing; people read it in lists.")
+
+
+def _require_methods(made: Any, names: Sequence[str], what: str) -> None:
+    missing = [name for name in names if not callable(getattr(made, name, None))]
+    _require(not missing, f"Its {what} has no {', '.join(missing)}; see the protocol in frida_painter.plugins.")
+
+
+def _picture(rows: int = _ROWS) -> Tensor:
+    """Returns a picture [3, rows, columns] of a dark disc before a graded ground."""
+    columns = round(rows * _CANVAS.width / _CANVAS.height)
+    y, x = torch.meshgrid(torch.linspace(0, 1, rows), torch.linspace(0, 1, columns), indexing="ij")
+    ground = torch.stack((0.9 - 0.2 * y, 0.8 - 0.1 * x, 0.6 + 0.3 * x))
+    return torch.where(((x - 0.4) ** 2 + (y - 0.5) ** 2) < 0.05, 0.2 * ground, ground)
+
+
+def _planner(**settings: Any) -> Planner:
+    chosen = PlannerSettings(
+        _CANVAS, "fine", strokes=_COUNT, colors=2, rows=_ROWS, effort=0.05, focus="none", sharpness=0.0, layers=1,
+        **settings,
+    )  # fmt: skip
+    return Planner(Goal((ImageTerm(_picture()),)), chosen)
+
+
+def _plan() -> Plan:
+    """Returns a plan of two strokes in two paints."""
+    palette = Palette(["#f0e0d0", "#203040"])
+    rows = [[0.02, 0.05, 0.3, 0.02, 0.002, 0.5, 0, 0, 0], [0.06, 0.04, -0.4, 0.03, -0.002, 0.8, 0, 0, 0]]
+    limits = StrokeLimits((0.008, 0.048), (-0.014, 0.014))
+    return Plan.of(Strokes.from_array(rows), palette, torch.tensor([0, 1]), brush="fine", limits=limits, canvas=_CANVAS)
+
+
+def _try_robot(kind: RobotKind, given: _Given) -> None:
+    from frida_painter.hardware.kinds import MachineName
+    from frida_painter.session.rehearsal import FlatbedWorkspace
+
+    _require_words(kind, "form", "title")
+    _require(kind.form.startswith(kind.name), f"Its form {kind.form!r} does not begin with its name.")
+    if given.name not in given.examples and ":" in kind.form.partition("[")[0]:
+        _require_refusal(lambda: kind.open(MachineName.of(kind.name, kind.form), None))  # type: ignore[arg-type]
+        return
+    workspace = FlatbedWorkspace().motion(_CANVAS).workspace
+    text = given.text(kind.name)
+    named = text if text.partition(":")[0] == kind.name else f"{kind.name}:{text}"
+    machine = MachineName.of(named, kind.form)
+    try:
+        made = kind.open(machine, workspace)
+    except ConfigError as refusal:  # for example: the workspace says no home
+        _require(bool(str(refusal)), "It refuses without a sentence.")
+        return
+    _require_methods(made, _DRIVER, "driver")
+    identities = kind.identify(machine)
+    _require(
+        isinstance(identities, frozenset) and bool(identities),
+        "Its identify returned no frozenset of identities; a stop is latched under each of them.",
+    )
+
+
+def _require_refusal(opened: Callable[[], object]) -> None:
+    try:
+        opened()
+    except FridaError:
+        return
+    except Exception as failure:  # what should have been refused went on
+        raise PluginError(
+            f"A name without its place raised {type(failure).__name__}; refuse it with ConfigError and a sentence."
+        ) from failure
+    raise PluginError("A name without its place was accepted; refuse it with ConfigError and a sentence.")
+
+
+def _try_camera(kind: CameraKind, given: _Given) -> None:
+    _require_words(kind, "form", "title")
+    _require(kind.form.startswith(kind.name), f"Its form {kind.form!r} does not begin with its name.")
+    try:
+        made = kind.open(given.text(""))
+    except ConfigError:
+        return  # it needs a place, and says so
+    _require_methods(made, _CAMERA, "driver")
+
+
+def _try_easel(kind: EaselKind, given: _Given) -> None:
+    _require_words(kind, "title")
+    _require(callable(kind.open) and callable(kind.load), "It has no functions to open and to load.")
+    _require(not (kind.person and kind.simulated), "It is simulated and painted by a person; it is one of them.")
+
+
+def _try_brush(kind: BrushModel, given: _Given) -> None:
+    model = kind.load()
+    _require(model.brush == kind.name, f"Its stroke model is of the brush {model.brush!r}.")
+    _require(model.limits == kind.kind.limits, "Its stroke model has other limits than its brush.")
+    _try_model(model)
+
+
+def _try_model(model: StrokeModel) -> None:
+    (least, most), (left, right) = model.limits.length, model.limits.bend
+    _require(0 < least <= most <= 1 and -1 <= left <= right <= 1, "Its limits are not metres, from least to most.")
+    thickness = torch.tensor([0.0, 0.5, 1.0, 1.0])
+    length, bend = torch.tensor([least, most, most, least]), torch.tensor([0.0, left, right, 0.0])
+    maps = model(thickness, length, bend).detach()
+    wanted = (4, model.frame.rows, model.frame.columns)
+    _require(tuple(maps.shape) == wanted, f"Its maps have the shape {tuple(maps.shape)}; for 4 strokes {wanted}.")
+    _require(bool(((maps >= 0) & (maps <= 1)).all()), "Its magnitudes are not in [0, 1].")
+    _require(bool((maps[1:].flatten(1).amax(1) > 0.1).all()), "Its marks are empty where a stroke presses.")
+    again = model(thickness, length, bend).detach()
+    _require(torch.equal(maps, again), "It gives other maps for the same strokes; take chance from a seed.")
+    edge = torch.cat((maps[:, 0], maps[:, -1], maps[:, :, 0], maps[:, :, -1]), 1)
+    _require(float(edge.max()) < 0.05, "Its marks touch the edge of its frame and would be cut; make the frame larger.")
+
+
+def _try_family(kind: FamilyPart, given: _Given) -> None:
+    family = kind.load()
+    _require(family.name == kind.name, f"Its file holds the family {family.name!r}.")
+
+
+def _try_goal(kind: GoalKind, given: _Given) -> None:
+    _require_words(kind, "help", "label")
+    if kind.gives is Gives.PICTURE:
+        term: Any = _open_picture(kind)
+    else:
+        term = kind.open(given.text("a lemon" if kind.networks or _is_ours(kind) else None), 1.0)
+    _require_refusal_of_weight(kind, given, term)
+    if kind.networks or not term.is_tried:
+        return  # its networks need not be here
+    grid = PixelGrid.of_height(_CANVAS, _ROWS)
+    made = term.fit_to(grid.rows, grid.columns).prepare(ObjectiveContext(grid, EncoderRegistry(), 0))
+    require_objective(made.objective, "Its objective", grid.rows, grid.columns, torch.device("cpu"))
+    if made.validation is not None:
+        with torch.no_grad():
+            value = made.validation(_picture())
+        _require(isinstance(value, Tensor) and value.dim() == 0, "Its validation returns no number.")
+
+
+def _is_ours(kind: GoalKind) -> bool:
+    return kind.name in registry.OUR_PARTS[registry.OBJECTIVES]
+
+
+def _open_picture(kind: GoalKind) -> Any:
+    from tempfile import TemporaryDirectory
+
+    from frida_painter import images
+
+    with TemporaryDirectory() as folder:
+        images.save(_picture(), Path(folder) / "picture.png")
+        return kind.open(Path(folder) / "picture.png", 1.0)
+
+
+def _require_refusal_of_weight(kind: GoalKind, given: _Given, term: Any) -> None:
+    weight = getattr(term, "weight", None)
+    _require(isinstance(weight, int | float) and weight == 1.0, "Its term does not keep the weight that it was given.")
+    for wrong in (0.0, float("nan")):
+        try:
+            if kind.gives is Gives.WORDS:
+                kind.open(given.text("a lemon"), wrong)
+            else:
+                type(term)(term.image, wrong)
+        except ConfigError:
+            continue
+        except (AttributeError, TypeError):
+            return  # a picture term of another form
+        raise PluginError(f"It accepts a weight of {wrong}; call require_weight.")
+
+
+def _try_policy(parse: Any, given: _Given) -> None:
+    _require(callable(parse), "It is not a function of the text after the colon.")
+    for text in (given.examples.get(given.name), "0.5", "10", "2", ""):
+        if text is None:
+            continue
+        try:
+            policy = parse(text)
+        except ConfigError:
+            continue
+        for done, of in ((0, 100), (37, 100), (99, 100)):
+            look = policy.next_look(done, of)
+            _require(
+                isinstance(look, int) and done < look <= of,
+                f"Its next_look({done}, {of}) returned {look!r}; it is a whole number above {done} and at most {of}.",
+            )
+        wants = policy.wants_replan(CanvasSeen(10, 90, 0.02))
+        _require(isinstance(wants, bool), f"Its wants_replan returned a {type(wants).__name__}; it returns a bool.")
+        return
+    raise ConfigError(f"It refused every text that was tried; give examples={{{given.name!r}: TEXT}}.")
+
+
+def _try_exporter(kind: ExporterKind, given: _Given) -> None:
+    _require_words(kind, "help")
+    first = kind.export(_plan())
+    _require(len(first) > 0, "It returned an empty file.")
+    _require(kind.export(_plan()) == first, "It returned another file for the same plan.")
+    kind.export(_plan().part([]))
+
+
+def _try_planner(kind: PlannerKind, given: _Given) -> None:
+    _require_words(kind, "help")
+    planner = _planner(planner=given.name)
+    task = PlanningTask(planner, planner.bare, _COUNT, 2, lambda step: None)
+    made = kind.make(task)
+    _require(kind.make(task).digest == made.digest, "It made another plan from the same seed.")
+    rest = made.part(list(range(2, len(made))))
+    kind.make_rest(PlanningTask(planner, planner.expected(made), len(rest), 2, lambda step: None), rest)
+
+
+def _try_initialiser(kind: InitialiserKind, given: _Given) -> None:
+    _require_words(kind, "help")
+    planner = _planner()
+    problem = planner.problems.initial(planner.bare, planner.coarse, planner.kinds[0])
+
+    def begin(guide: Tensor | None) -> Strokes:
+        chance = torch.Generator().manual_seed(0)
+        return kind.begin(InitialTask(_COUNT, problem, guide, chance, Growth(2, 2, 4), lambda step: None))
+
+    guide = planner.problems.guide(problem)
+    same = torch.equal(begin(guide).position, begin(guide).position)
+    _require(same, "It placed other strokes with the same generator; take every random choice from it.")
+
+
+def _try_mixer(kind: MixerKind, given: _Given) -> None:
+    _require_words(kind, "help")
+    paints = usual_paints()[:3]
+    absorption = torch.stack([paint.absorption for paint in paints])
+    scattering = torch.stack([paint.scattering for paint in paints])
+    pure = kind.mix(torch.eye(3, dtype=absorption.dtype), absorption, scattering, Finish.matte)
+    _require(tuple(pure.shape) == tuple(absorption.shape), f"It returned the shape {tuple(pure.shape)} for 3 paints.")
+    _require(bool(((pure >= 0) & (pure <= 1)).all()), "It returned reflectances outside [0, 1].")
+    doubled = kind.mix(2 * torch.eye(3, dtype=absorption.dtype), absorption, scattering, Finish.matte)
+    _require(torch.allclose(pure, doubled, atol=1e-4), "Twice the paint gave another colour; only shares count.")
+
+
+def _try_listener(kind: ListenerKind, given: _Given) -> None:
+    _require_words(kind, "help")
+    try:
+        heard = kind.open(given.text(""))
+    except ConfigError:
+        return  # it needs a text, and says so
+    _require(callable(heard), f"It opened a {type(heard).__name__}, and it is a function.")
+    for event in (Drying(1, 60.0, 30.0), Finished(3)):
+        heard(event)
+
+
+_TRIALS: Mapping[str, tuple[type[Any], Callable[[Any, _Given], None]]] = {
+    registry.ROBOTS: (RobotKind, _try_robot),
+    registry.EASELS: (EaselKind, _try_easel),
+    registry.CAMERAS: (CameraKind, _try_camera),
+    registry.STROKE_MODELS: (BrushModel, _try_brush),
+    registry.STROKE_FAMILIES: (FamilyPart, _try_family),
+    registry.OBJECTIVES: (GoalKind, _try_goal),
+    registry.REPLAN_POLICIES: (object, _try_policy),
+    registry.PLANNERS: (PlannerKind, _try_planner),
+    registry.INITIALISERS: (InitialiserKind, _try_initialiser),
+    registry.MIXERS: (MixerKind, _try_mixer),
+    registry.LISTENERS: (ListenerKind, _try_listener),
+    registry.EXPORTERS: (ExporterKind, _try_exporter),
+}
+"""Class and trial of each kind of part, by its group."""

@@ -1,0 +1,157 @@
+"""Facts that decide a result: versions of the program, its libraries and plug-ins, and hashes of their code."""
+
+import hashlib
+import platform
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
+from importlib.metadata import PackageNotFoundError, distribution, version
+from importlib.util import find_spec
+from pathlib import Path
+
+from frida_painter import registry
+
+LIBRARIES = ("torch", "numpy", "numba")
+PROGRAM = "frida-painter"
+PLUGIN = "plug-in "
+"""Beginning of the name of a plug-in among the facts."""
+NOT_DECISIVE = ("commit", "processor")
+"""Facts that are told, and do not decide what comes out: the hash of the code says more than its commit does."""
+_DIGITS = 16
+_CODE = {".py", ".so", ".pyd", ".json", ".toml", ".csv", ".txt"}
+_MAX_FILES = 5000
+
+
+def describe_here(device: str = "cpu") -> dict[str, str]:
+    """Returns the facts that decide a result on this machine, by name: versions, hashes of code, device.
+
+    device: type of the device that plans
+    """
+    home = Path(__file__).parent
+    return {
+        PROGRAM: version(PROGRAM),
+        "code": hash_code(home),
+        **({"commit": commit} if (commit := find_commit(home)) else {}),
+        "python": platform.python_version(),
+        **{name: version(name) for name in LIBRARIES},
+        **describe_plugins(),
+        "device": device,
+        "machine": f"{sys.platform} {platform.machine()}",
+        **({"processor": name} if (name := _processor()) else {}),
+    }
+
+
+def identify(facts: Mapping[str, str]) -> str:
+    """Returns the facts that decide a result as one line, the same for the same program, libraries and plug-ins.
+
+    Python, device and machine do not count, so that the machines of one sweep may differ in them.
+    """
+    known = {PROGRAM, "code", *LIBRARIES}
+    return ", ".join(f"{name} {facts[name]}" for name in sorted(facts) if name in known or name.startswith(PLUGIN))
+
+
+def identify_here() -> str:
+    """Returns the line of `identify` for this program, with its libraries and plug-ins."""
+    return identify(describe_here())
+
+
+def describe_plugins() -> dict[str, str]:
+    """Returns version and hash of the code of each other package that registers a part, by "plug-in NAME"."""
+    return {f"{PLUGIN}{package}": _describe(package, names) for package, names in registry.modules_of_others().items()}
+
+
+def _describe(package: str, modules: Sequence[str]) -> str:
+    """Returns version and hash of a package's code, from the modules that it registers; imports nothing."""
+    try:
+        told = distribution(package).version
+    except PackageNotFoundError:
+        told = "of unknown version"
+    content = hashlib.sha256()
+    for name in modules:
+        try:
+            spec = find_spec(name)
+        except (ImportError, ValueError, AttributeError):
+            spec = None
+        places = [] if spec is None else list(spec.submodule_search_locations or [spec.origin or ""])
+        for place in places:
+            content.update(hash_code(Path(place)).encode())
+    return f"{told} code {content.hexdigest()[:_DIGITS]}"
+
+
+def hash_code(path: Path) -> str:
+    """Returns a short hash of a source file, or of the names and contents of all source files below a folder.
+
+    Files that cannot be read count as empty.
+    """
+    content = hashlib.sha256()
+    for file in _sources(path):
+        name = file.name if file == path else file.relative_to(path).as_posix()
+        content.update(f"{name}\0".encode())
+        content.update(_digest(file, *_stamp(file)))
+    return content.hexdigest()[:_DIGITS]
+
+
+def _sources(path: Path) -> Iterator[Path]:
+    if path.is_file():
+        yield path
+        return
+    found = (file for file in path.rglob("*") if file.suffix in _CODE and "__pycache__" not in file.parts)
+    yield from sorted(file for number, file in enumerate(found) if number < _MAX_FILES and file.is_file())
+
+
+def _stamp(file: Path) -> tuple[int, int]:
+    """Returns size and time of a file, which change with its content."""
+    try:
+        found = file.stat()
+    except OSError:
+        return 0, 0
+    return found.st_size, found.st_mtime_ns
+
+
+@cache  # reading all sources takes 50 ms
+def _digest(file: Path, size: int, changed: int) -> bytes:
+    try:
+        return hashlib.sha256(file.read_bytes()).digest()  # a source file that Python would import
+    except OSError:
+        return b""
+
+
+def find_commit(home: Path) -> str:
+    """Returns the commit of the checkout from which a package runs; "" if it runs from none."""
+    git = next((folder / ".git" for folder in home.parents if (folder / ".git").exists()), None)
+    if git is None or "site-packages" in home.parts:
+        return ""
+    try:
+        if git.is_file():  # a worktree
+            git = (git.parent / git.read_text("utf-8").removeprefix("gitdir:").strip()).resolve()
+        head = (git / "HEAD").read_text("utf-8").strip()
+        if not head.startswith("ref:"):
+            return head[:40]
+        shared = git / (git / "commondir").read_text("utf-8").strip() if (git / "commondir").exists() else git
+        name = head.removeprefix("ref:").strip()
+        for place in (git / name, shared / name):
+            if place.is_file():
+                return place.read_text("utf-8").strip()[:40]
+        packed = (shared / "packed-refs").read_text("utf-8").splitlines()
+        return next((line.split()[0] for line in packed if line.endswith(f" {name}")), "")[:40]
+    except (OSError, UnicodeDecodeError):
+        return ""
+
+
+def _processor() -> str:
+    """Returns the name of the processor; "" if the system does not tell it."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text("utf-8", "replace").splitlines()
+    except OSError:
+        return platform.processor()
+    return next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), "")
+
+
+def compare_facts(before: Mapping[str, str], here: Mapping[str, str]) -> list[str]:
+    """Returns a phrase for each fact that decides a result and has changed: "torch was 2.4.0 and is 2.5.1 here"."""
+    found = []
+    for name in dict.fromkeys((*before, *here)):
+        one, other = before.get(name, "missing"), here.get(name, "missing")
+        if one != other and name not in NOT_DECISIVE:
+            found.append(f"{name} was {one} and is {other} here")
+    return found

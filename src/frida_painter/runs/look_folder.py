@@ -1,0 +1,158 @@
+"""Pictures of the canvas that people take, for paintings without a camera: the folder `looks` of a painting.
+
+A picture that is put there, with any program or by `frida-painter look`, counts as a look. It waits there until the
+painter takes it between two strokes, and then goes on to `looks/used` or `looks/refused`.
+"""
+
+import contextlib
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from torch import Tensor
+
+from frida_painter import images, picture_file, storage
+from frida_painter.brush.weights import load_models_of
+from frida_painter.calibration import Corners
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.easel.kinds import JOURNAL
+from frida_painter.errors import ConfigError, StorageError
+from frida_painter.event_log import EventLog
+from frida_painter.perception.snapshot import Snapshot, find_corners, read_snapshot
+from frida_painter.session import resuming
+from frida_painter.session.events import StrokeLeftOut, StrokePainted, events_of, time_of
+from frida_painter.session.journal import History
+from frida_painter.session.open_loop import bare_paper
+
+LOOKS = "looks"
+USED, REFUSED = "used", "refused"
+_BETWEEN, _STILL = 0.5, 0.3  # seconds between two looks into the folder; age of a file that is written no more
+
+
+@dataclass(frozen=True)
+class GivenPicture:
+    """Picture that waits to be taken for a look.
+
+    corners: of the canvas, as a person pointed at them; None if they are still to be found
+    """
+
+    path: Path
+    corners: Corners | None = None
+
+    def load(self) -> NDArray[np.uint8]:
+        """Returns the picture [H, W, 3], upright. Raises ImageError."""
+        return images.to_uint8(images.load(self.path))
+
+    def read(self, canvas: CanvasSize, ground: tuple[float, float, float], expected: Tensor) -> Snapshot:
+        """Returns the canvas in the picture, if it looks as expected [3, H, W].
+
+        ground: colour (sRGB) below the strokes
+        Raises FrameRejected and CalibrationError if it is another canvas or cannot be found, ImageError.
+        """
+        photograph = self.load()
+        corners = self.corners or find_corners(photograph, canvas)
+        return read_snapshot(photograph, corners, canvas, bare_paper(canvas, ground), expected)
+
+    def count_strokes(self, journal: Path, painted: int) -> int:
+        """Returns the number of strokes on the canvas when the picture was taken, by its own date.
+
+        painted: number of strokes now, for a picture without a date
+        Raises ImageError.
+        """
+        taken = picture_file.exposure_time(self.path)
+        if taken is None:
+            return painted
+        done = 0
+        for record in EventLog.read(journal):
+            if time_of(record).timestamp() <= taken:
+                done = max(
+                    [
+                        done,
+                        *(
+                            event.done
+                            for event in events_of(record)
+                            if isinstance(event, StrokePainted | StrokeLeftOut)
+                        ),
+                    ]
+                )
+        return min(done, painted)
+
+
+class LookFolder:
+    """Folder `looks` of one painting."""
+
+    def __init__(self, painting: Path) -> None:
+        self.path = painting / LOOKS
+        self._next = 0.0
+
+    def take_next(self) -> GivenPicture | None:
+        """Returns the picture that waits longest; None if there is none. Looks every half second at most."""
+        now = time.monotonic()
+        if now < self._next:
+            return None
+        self._next = now + _BETWEEN
+        with contextlib.suppress(OSError):
+            files = [file for file in self.path.iterdir() if file.suffix.lower() in picture_file.SUFFIXES]
+            ages = {file: time.time() - file.stat().st_mtime for file in files if file.name[0] != "."}
+            waiting = sorted((file for file, age in ages.items() if not 0 <= age < _STILL), key=lambda one: -ages[one])
+            if waiting:
+                return GivenPicture(waiting[0], _read_corners(waiting[0]))
+        return None
+
+    def put(self, picture: Path, corners: Corners | None) -> Path:
+        """Copies a picture into the folder, with the corners that a person pointed at; returns the copy.
+
+        Raises StorageError.
+        """
+        name = f"{time.strftime('%Y%m%d-%H%M%S')}-{picture.name}"
+        if corners is not None:
+            storage.write_json(_corners_file(self.path / name), {"corners": [list(corner) for corner in corners]})
+        storage.copy(picture, self.path / name, "a picture of the canvas", storage.MAX_BYTES)
+        return self.path / name
+
+    def file_away(self, given: GivenPicture, where: str) -> None:
+        """Moves a picture to `used` or `refused`; if that fails, it is deleted, so that it is taken once only."""
+        for file in (given.path, _corners_file(given.path)):
+            with contextlib.suppress(OSError):
+                (self.path / where).mkdir(exist_ok=True)
+                file.replace(self.path / where / file.name)
+            file.unlink(missing_ok=True)
+
+
+def is_finished(folder: Path) -> bool:
+    """Returns True if the painting in `folder` is complete; a painter may be at work. Raises StorageError."""
+    return History.of(EventLog.read(folder / JOURNAL), folder).finished
+
+
+def check_picture(folder: Path, given: GivenPicture) -> Snapshot:
+    """Returns the canvas in a picture, if it is the one of the painting in `folder`; no painter need be at work.
+
+    Raises ConfigError if the painting has no strokes yet, FrameRejected and CalibrationError if it is another canvas
+    or cannot be found, ImageError, StorageError and PlanError.
+    """
+    history = History.of(EventLog.read(folder / JOURNAL), folder)
+    kept = resuming.load_kept_plan(folder, history)
+    if kept is None or not history.painted:
+        raise ConfigError(
+            f"{storage.abridge(folder)} has no strokes yet; give a picture when there is something to see."
+        )
+    done = given.count_strokes(folder / JOURNAL, history.painted)
+    plan = kept.plan
+    _, expected = resuming.resume_open_loop(folder, kept, done, history.left_out, load_models_of(plan))
+    return given.read(plan.canvas, plan.ground, expected)
+
+
+def _corners_file(picture: Path) -> Path:
+    return picture.with_name(f"{picture.name}.corners.json")
+
+
+def _read_corners(picture: Path) -> Corners | None:
+    """Returns the corners beside a picture; None if there are none that can be read."""
+    try:
+        told = storage.read_json(_corners_file(picture), "the corners of a canvas")["corners"]
+        corners = tuple((float(column), float(row)) for column, row in told)
+    except (StorageError, KeyError, TypeError, ValueError):
+        return None
+    return corners if len(corners) == 4 else None

@@ -1,0 +1,64 @@
+"""Written events of a person at a painting: regions, changed goals and own strokes."""
+
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class RegionProtected:
+    """A person drew a region: no stroke may touch it, or, with `only`, strokes may be only there.
+
+    region: file of the drawing in the painting's folder. None: nothing is protected any more.
+    picture: picture for the page.
+    """
+
+    region: str | None
+    only: bool = False
+    picture: str | None = None
+
+
+@dataclass(frozen=True)
+class GoalChanged:
+    """A person changed the goal.
+
+    goal: folder of the goal in the painting's folder.
+    wish: request of the page.
+    """
+
+    goal: str
+    wish: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class PersonStrokeBegan:
+    """A person's stroke will now be painted on the canvas of a simulated easel, after `done` strokes of the robot.
+
+    number: from 1, over the whole painting.
+    stroke: as in hardware.easel.PersonStroke.
+    color: sRGB of its paint.
+    """
+
+    number: int
+    done: int
+    stroke: dict[str, Any]
+    color: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class PersonStrokePainted:
+    """The person's stroke of this number is on the canvas, after `done` strokes of the robot."""
+
+    number: int
+    done: int
+
+
+@dataclass(frozen=True)
+class PersonPaintShown:
+    """A person painted with a real brush, as two photographs of a pause show.
+
+    picture: the canvas with a line around it, for the page.
+    share: of the canvas.
+    """
+
+    picture: str
+    share: float

@@ -1,0 +1,152 @@
+"""Conformance of parts: ours pass, the example's pass, and each way to be wrong is one sentence."""
+
+import re
+import time
+from pathlib import Path
+
+import pytest
+
+import frida_painter as fp
+from frida_painter import registry
+from frida_painter.cli import commands
+from frida_painter.errors import ConfigError
+from plugins import install, install_own_parts
+
+EXAMPLES = {"mirror": "left-right", "trace": "sheet.csv"}
+GOAL = """
+from dataclasses import dataclass
+from frida_painter.plugins import Gives, GoalKind, ObjectiveTerm, Term, require_weight
+
+@dataclass(frozen=True)
+class Calm(Term):
+    words_given: str
+    weight: float = 1.0
+    def __post_init__(self):
+        require_weight(self.weight, "calm")
+    def prepare(self, context):
+        return ObjectiveTerm(lambda picture: {loss})
+
+KIND = GoalKind("calm", Gives.WORDS, "Calm.", "Calm", Calm)
+"""
+LISTENER = """
+from frida_painter.plugins import ListenerKind
+KIND = ListenerKind("calm", "Hears.", lambda text: {heard})
+"""
+EXPORTER = """
+from frida_painter.plugins import ExporterKind
+KIND = ExporterKind("calm", {help!r}, lambda plan, options: {made})
+"""
+INITIALISER = """
+from frida_painter.plugins import InitialiserKind, Strokes
+KIND = InitialiserKind("calm", "Places.", lambda task: {placed})
+"""
+POLICY = """
+class Policy:
+    def next_look(self, done, of):
+        return {look}
+    def wants_replan(self, seen):
+        return {wants}
+KIND = lambda text: Policy()
+"""
+MIXER = """
+from frida_painter.plugins import MixerKind
+KIND = MixerKind("calm", "Mixes.", lambda parts, absorption, scattering, finish: {mixed})
+"""
+
+
+def finding_of(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, group: str, module: str, seconds: float = 60.0
+) -> fp.plugins.PartFinding:
+    name = f"calm_{abs(hash((group, module)))}"
+    install(tmp_path, monkeypatch, "calm", {group: {"calm": f"{name}:KIND"}}, {name: module})
+    (found,) = fp.plugins.check("calm", examples={"calm": "softly"}, seconds=seconds)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("group", "module", "says"),
+    [
+        (registry.OBJECTIVES, GOAL.format(loss="picture.diff(dim=1).abs().mean()"), ""),
+        (registry.OBJECTIVES, GOAL.format(loss="picture.detach().mean()"), "without a gradient"),
+        (registry.OBJECTIVES, GOAL.format(loss="3.0"), "of type float"),
+        (registry.OBJECTIVES, GOAL.format(loss="picture.mean()").replace("require_weight(self.w", "abs(self.w")
+         .replace(', "calm")', ")"), "accepts a weight of 0.0; call require_weight"),
+        (registry.OBJECTIVES, GOAL.format(loss="0").replace('"Calm.", "Calm"', '"", "Calm"'), "Its help says nothing"),
+        (registry.OBJECTIVES, "KIND = 3\n", "is a int and should be a GoalKind"),
+        (registry.OBJECTIVES, "1/0\n", "cannot be loaded .ZeroDivisionError"),
+        (registry.OBJECTIVES, "raise SystemExit(3)\n", "cannot be loaded .SystemExit"),
+        (registry.LISTENERS, LISTENER.format(heard="print"), ""),
+        (registry.LISTENERS, LISTENER.format(heard="3"), "opened a int, and it is a function"),
+        (registry.LISTENERS, LISTENER.format(heard="lambda event: event.nothing"), "It raised AttributeError"),
+        (registry.EXPORTERS, EXPORTER.format(help="A.", made="str(len(plan))"), ""),
+        (registry.EXPORTERS, EXPORTER.format(help="A.", made="len(plan)"), "returned a int; it returns text or bytes"),
+        (registry.EXPORTERS, EXPORTER.format(help="A.", made="''"), "empty file"),
+        (registry.EXPORTERS, EXPORTER.format(help="A.", made="str(__import__('time').monotonic_ns())"),
+         "another file for the same plan"),
+        (registry.INITIALISERS, INITIALISER.format(placed="Strokes.empty()"), "returned 0 strokes for 6 strokes"),
+        (registry.INITIALISERS, INITIALISER.format(placed="None"), "returned a NoneType"),
+        (registry.REPLAN_POLICIES, POLICY.format(look="of", wants="True"), ""),
+        (registry.REPLAN_POLICIES, POLICY.format(look="done", wants="True"), r"next_look\(0, 100\) returned 0"),
+        (registry.REPLAN_POLICIES, POLICY.format(look="of", wants="1"), "wants_replan returned a int"),
+        (registry.MIXERS, MIXER.format(mixed="parts @ absorption * 0 + 0.5"), ""),
+        (registry.MIXERS, MIXER.format(mixed="parts @ absorption * 0 + 1.5"), r"outside \[0, 1\]"),
+        (registry.MIXERS, MIXER.format(mixed="parts"), "It returned the shape"),
+    ],
+)  # fmt: skip
+def test_each_way_to_be_wrong_is_one_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, group: str, module: str, says: str
+) -> None:
+    found = finding_of(tmp_path, monkeypatch, group, module)
+    if not says:
+        assert found.passed, str(found)
+        return
+    assert re.search(says, found.fault), str(found)
+    assert not found.passed and "\n" not in found.fault and found.fault.endswith(".")
+
+
+def test_a_part_that_hangs_is_a_finding(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    began = time.monotonic()
+    found = finding_of(tmp_path, monkeypatch, registry.LISTENERS, "import time\ntime.sleep(5)\nKIND = 3\n", 0.2)
+    assert found.fault.startswith("It did not answer within 0.2 seconds") and time.monotonic() - began < 4
+
+
+def test_what_cannot_be_tried_is_refused() -> None:
+    with pytest.raises(ConfigError, match="No installed package 'nothing-here' registers a part"):
+        fp.plugins.check("nothing-here")
+    with pytest.raises(ConfigError, match="'brushes' is no kind of part; there are robots"):
+        fp.plugins.check("frida-painter", kinds=["brushes"])
+    with pytest.raises(ConfigError, match="give a number above 0"):
+        fp.plugins.check("frida-painter", seconds=float("nan"))
+
+
+@pytest.mark.slow
+def test_all_of_ours_conform() -> None:
+    found = fp.plugins.check("frida-painter")
+    assert [str(one) for one in found if not one.passed] == []
+    assert {one.kind for one in found} == {
+        "robots", "easels", "cameras", "stroke_models", "stroke_families", "objectives", "replan_policies", "planners",
+        "initialisers", "mixers", "listeners", "exporters",
+    }  # fmt: skip
+
+
+@pytest.mark.slow
+def test_the_example_s_parts_conform(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    install_own_parts(tmp_path, monkeypatch)
+    monkeypatch.chdir(tmp_path)
+    examples = [part for name, text in EXAMPLES.items() for part in ("--example", f"{name}={text}")]
+    monkeypatch.setattr("sys.argv", ["frida-painter", "parts", "own_parts", *examples])
+    with pytest.raises(SystemExit) as left:
+        commands.main()
+    said = capsys.readouterr().out.splitlines()
+    assert not left.value.code, said
+    assert len(said) >= 9 and all(line.endswith(": conforms") for line in said)
+
+
+def test_every_type_is_there_and_none_loads_pytorch() -> None:
+    assert fp.plugins.__all__ == sorted(fp.plugins.__all__)
+    for name in fp.plugins.__all__:
+        assert getattr(fp.plugins, name) is not None
+    with pytest.raises(AttributeError, match="has no attribute 'GoalKnd'; it offers"):
+        fp.plugins.GoalKnd  # type: ignore[attr-defined]  # noqa: B018

@@ -1,0 +1,231 @@
+"""Every state that the page can be in: status, role, connection and device, each drawn in a real browser.
+
+The test draws every status once, with the other three in turn. `make views` draws all of them together, and keeps them
+as sheets for people in docs/lab/views.
+"""
+
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import ExitStack, nullcontext
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import Any, get_args
+
+import pytest
+from PIL import Image, ImageDraw
+from playwright.sync_api import Browser, BrowserContext, Page, Route, expect
+
+from browsing import SCREENSHOTS, WITH_CHROMIUM, OpenStudio, chromium, complaints, deadline, opened_studio
+from frida_painter.web.painting_state import Stage
+from support.told import FINISHED, PAINTED, PAUSED, PICTURES, PLANNED, PROTECTED, Told
+
+pytestmark = [pytest.mark.slow, WITH_CHROMIUM, pytest.mark.timeout(560)]  # all views take some minutes
+
+ROOT = Path(__file__).parents[2]
+EVERY_VIEW = bool(os.environ.get("EVERY_VIEW"))
+SHEETS = ROOT / "docs/lab/views"
+
+REQUESTED, MADE = PLANNED
+GROWING: list[dict[str, Any]] = [
+    {"kind": "planning_progress", "share": 0.4, "left": 21.0, "plan": 1},
+    {"kind": "plan_preview", "picture": "after-40.jpg", "plan": 1},
+]
+STOPPED = {"kind": "stopped", "done": 3}
+BEGUN = PAINTED[:1]
+DRYING = {"kind": "drying", "done": 3, "seconds": 900.0, "left": 600.0}
+LEFT = {"kind": "time_left", "seconds": 160.0}
+FAILED = {"kind": "failed", "reason": "The serial line /dev/ttyUSB0 is gone (no such device); look at its cable."}
+STATES: dict[Stage, tuple[list[dict[str, Any]], bool]] = {  # its events, and if a process is at work
+    "waiting": ([REQUESTED, {"kind": "queued", "plan": 1, "job": "plan"}], False),
+    "planning": ([REQUESTED, *GROWING], True),
+    "plan stopped": ([REQUESTED, *GROWING, STOPPED], False),
+    "plan failed": ([REQUESTED, {"kind": "failed", "reason": "The disk is full; make room on it."}], False),
+    "planned": ([*PLANNED], False),
+    "queued": ([*PLANNED, {"kind": "queued", "plan": 1, "job": "paint"}], False),
+    "preparing": ([*PLANNED, *BEGUN], True),
+    "mixing": ([*PLANNED, *BEGUN, {"kind": "mixing"}], True),
+    "painting": ([*PLANNED, *PAINTED, LEFT], True),
+    "drying": ([*PLANNED, *PAINTED, DRYING], True),
+    "replanning": ([*PLANNED, *PAINTED, {"kind": "considering"}], True),
+    "paused": ([*PLANNED, *PAINTED, *PROTECTED, PAUSED], True),
+    "finishing": ([*PLANNED, *PAINTED, *FINISHED[:-2]], True),
+    "finished": ([*PLANNED, *PAINTED, *FINISHED], False),
+    "stopped": ([*PLANNED, *PAINTED, STOPPED], False),
+    "failed": ([*PLANNED, *PAINTED, FAILED], False),
+    "lost": ([*PLANNED, *PAINTED], False),
+}
+PLACES = {"gallery": "#/", "new": "#/new", "calibrate": "#/calibrate"}
+ROLES = ("watch", "plan", "operate")
+CONNECTIONS = ("connected", "cut")
+DEVICES: dict[str, dict[str, Any]] = {
+    "desk": {"viewport": {"width": 1440, "height": 900}, "color_scheme": "light"},
+    "phone": {"viewport": {"width": 390, "height": 844}, "color_scheme": "dark", "has_touch": True, "is_mobile": True},
+}
+
+
+@dataclass(frozen=True)
+class View:
+    status: str  # a stage of a painting, or a place of the page
+    role: str
+    connection: str
+    device: str
+
+    @property
+    def name(self) -> str:
+        return f"{self.status.replace(' ', '-')}-{self.role}-{self.connection}-{self.device}"
+
+
+def each_status_once() -> list[View]:
+    """Every status, with the next of all combinations of the others; after twelve of them all have been there."""
+    others = list(product(ROLES, CONNECTIONS, DEVICES))
+    statuses = [*STATES, *PLACES]
+    return [View(status, *others[(5 * number) % len(others)]) for number, status in enumerate(statuses)]
+
+
+def all_views() -> list[View]:
+    return [View(*each) for each in product([*STATES, *PLACES], ROLES, CONNECTIONS, DEVICES)]
+
+
+def test_every_stage_has_its_state() -> None:
+    assert set(STATES) == set(get_args(Stage))
+
+
+@pytest.fixture(scope="module")
+def studio(tmp_path_factory: pytest.TempPathFactory) -> Iterator[OpenStudio]:
+    with opened_studio(tmp_path_factory.mktemp("studio") / "paintings") as opened:
+        goal, *_ = coffee()
+        for name in PICTURES:
+            goal.save(opened.folder / "pictures" / f"{name}.png")
+        yield opened
+
+
+@pytest.fixture(scope="module")
+def paintings(studio: OpenStudio) -> Iterator[dict[str, Told]]:
+    """A painting in every stage."""
+    _, plan, canvas = coffee()
+    with ExitStack() as stack:
+        told: dict[str, Told] = {}
+        for stage, (events, works) in STATES.items():
+            told[stage] = Told(studio, *events, title=stage.capitalize(), pictures={"plan": plan, "canvas": canvas})
+            if stage in ("stopped", "failed"):
+                (told[stage].folder.painting / "journal").write_text("")
+            stack.enter_context(told[stage].at_work() if works else nullcontext())
+        shutil.rmtree(told["lost"].folder.path)
+        yield told
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with deadline(), chromium() as opened:
+        yield opened
+
+
+def coffee() -> list[Image.Image]:
+    """Goal, plan and canvas of a painting, small."""
+    side_by_side = Image.open(ROOT / "docs/images/coffee.jpg")
+    third, height = side_by_side.width // 3, side_by_side.height
+    crops = [side_by_side.crop((number * third, 0, number * third + 4 * height // 3, height)) for number in range(3)]
+    return [crop.resize((480, 360)) for crop in crops]
+
+
+def open_as(browser: Browser, studio: OpenStudio, role: str, device: str) -> tuple[BrowserContext, Page]:
+    context = browser.new_context(**DEVICES[device])
+    context.add_init_script("delete window.SharedWorker")  # a browser that is told to be offline leaves it its stream
+
+    def as_role(route: Route) -> None:
+        route.fulfill(json={**route.fetch().json(), "role": role})
+
+    context.route("**/api/studio", as_role)
+    page = context.new_page()
+    page.goto(studio.address)
+    page.wait_for_url("**/#/")
+    expect(page.get_by_text("What do you want to paint?")).to_be_visible()
+    return context, page
+
+
+def show(page: Page, paintings: dict[str, Told], view: View) -> None:
+    if view.status in PLACES:
+        page.evaluate("place => { location.hash = place; }", PLACES[view.status])
+    else:
+        paintings[view.status].show(page)
+        expect(page.locator(".workbench h1")).to_be_visible()
+    expect(page.locator("main h1:visible").first).to_be_visible()
+    expect(page.locator("main [aria-busy]")).to_have_count(0)
+    eager = "[...document.images].filter((image) => image.loading !== 'lazy' && image.src)"
+    page.evaluate(f"Promise.all({eager}.map((image) => image.decode().catch(() => {{}})))")
+
+
+def cut(context: BrowserContext, page: Page) -> None:
+    context.set_offline(True)
+    expect(page.locator("#connection")).not_to_be_empty()
+
+
+def require_whole(page: Page, view: View) -> None:
+    """Whatever is shown: Stop is in reach and under nothing, one heading names the view, nothing is too wide."""
+    stop = page.locator("#stop").bounding_box()
+    assert stop is not None, view
+    assert stop["x"] >= 0 and stop["x"] + stop["width"] <= page.evaluate("innerWidth"), (view, stop)
+    middle = [stop["x"] + stop["width"] / 2, stop["y"] + stop["height"] / 2]
+    assert page.evaluate("([x, y]) => document.elementFromPoint(x, y)?.id", middle) == "stop", view
+    assert page.locator("h1:visible").count() == 1, view
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), view
+    text = page.locator("body").inner_text()
+    assert not [word for word in ("undefined", "NaN", "null", "[object") if word in text], (view, text)
+
+
+def draw(
+    browser: Browser, studio: OpenStudio, paintings: dict[str, Told], views: list[View], folder: Path
+) -> list[str]:
+    """Draws the views, and returns what axe finds in them."""
+    found: list[str] = []
+    folder.mkdir(parents=True, exist_ok=True)
+    for role, device in product(ROLES, DEVICES):
+        wanted = [view for view in views if (view.role, view.device) == (role, device)]
+        if not wanted:
+            continue
+        context, page = open_as(browser, studio, role, device)
+        for view in sorted(wanted, key=lambda each: (each.status, each.connection != "connected")):
+            show(page, paintings, view)
+            if view.connection == "cut":
+                cut(context, page)
+            require_whole(page, view)
+            found += [f"{view.name}: {each}" for each in complaints(page)]
+            page.screenshot(path=folder / f"{view.name}.png")
+            if view.connection == "cut":
+                context.set_offline(False)
+                expect(page.locator("#connection")).to_be_empty()
+        context.close()
+    return found
+
+
+def test_every_state_of_the_page_is_whole(
+    browser: Browser, studio: OpenStudio, paintings: dict[str, Told], tmp_path: Path
+) -> None:
+    views = all_views() if EVERY_VIEW else each_status_once()
+    folder = tmp_path / "views" if EVERY_VIEW else SCREENSHOTS / "views"
+    found = draw(browser, studio, paintings, views, folder)
+    assert not found, "\n".join(found)
+    if EVERY_VIEW:
+        for device in DEVICES:
+            draw_sheet(views, device, folder).save(SHEETS / f"{device}.jpg", quality=80)
+
+
+def draw_sheet(views: list[View], device: str, folder: Path) -> Image.Image:
+    """One row for each status, one column for each role and connection."""
+    width, height = (360, 225) if device == "desk" else (156, 338)
+    columns = list(product(ROLES, CONNECTIONS))
+    statuses = [*STATES, *PLACES]
+    sheet = Image.new("RGB", (90 + len(columns) * (width + 8), 24 + len(statuses) * (height + 8)), "white")
+    pen = ImageDraw.Draw(sheet)
+    for column, (role, connection) in enumerate(columns):
+        pen.text((90 + column * (width + 8), 6), f"{role}, {connection}", fill="black")
+    for row, status in enumerate(statuses):
+        top = 24 + row * (height + 8)
+        pen.text((4, top + 4), status, fill="black")
+        for column, (role, connection) in enumerate(columns):
+            view = View(status, role, connection, device)
+            with Image.open(folder / f"{view.name}.png") as drawn:
+                sheet.paste(drawn.convert("RGB").resize((width, height)), (90 + column * (width + 8), top))
+    return sheet
