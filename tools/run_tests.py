@@ -47,6 +47,8 @@ GROUPS = (
 )
 PARTS = {"session": 6, "web": 2, "lab": 14}  # rooms that are more than one group
 SLOW_TESTS = ROOT / "tests" / "slow_tests.txt"
+# No temporary file of Python: the first of the forked processes that ends would remove it.
+TIMES = ROOT / ".pytest_cache" / "times"
 MAX_PROCESSOR_TIME, MAX_TIME = 0.15, 0.5  # seconds that a quick test takes, of a processor and of a clock
 QUICK = ("-m", "not slow", "--hypothesis-profile", "quick")
 # Libraries that are loaded once. None of them is a plugin of pytest, which has to load those itself.
@@ -68,14 +70,14 @@ def main(words: list[str]) -> int:
     options, more = parser.parse_known_args(words)
     groups = list_groups()
     if options.quick:
-        groups, more = merge_groups(groups, options.jobs), [*QUICK, *more]
-    with tempfile.TemporaryDirectory() as folder:
-        times = Path(folder) / "times"
-        began = time.monotonic()
-        told = run_groups(groups, [*more, "--times", str(times)] if options.renew else more, options.jobs)
-        took = time.monotonic() - began
-        if options.renew:
-            renew_slow_tests(times.read_text())
+        groups, more = deal_files(groups, options.jobs), [*QUICK, *more]
+    TIMES.parent.mkdir(exist_ok=True)
+    TIMES.unlink(missing_ok=True)
+    began = time.monotonic()
+    told = run_groups(groups, [*more, "--times", str(TIMES)] if options.renew else more, options.jobs)
+    took = time.monotonic() - began
+    if options.renew:
+        renew_slow_tests(TIMES.read_text())
     failures = [line for why in told for line in why]
     print(
         "\n".join([*failures, f"{told.count([])} of {len(groups)} groups of tests passed in {took / 60:.1f} minutes."]),
@@ -102,9 +104,14 @@ def split_rooms(rooms: tuple[str, ...]) -> list[list[str]]:
     return [files[first :: PARTS[rooms[0]]] for first in range(PARTS[rooms[0]])]
 
 
-def merge_groups(groups: list[list[str]], count: int) -> list[list[str]]:
-    """Returns `count` groups that take about as long; each process has to load all that its tests use."""
-    return [[path for group in groups[first::count] for path in group] for first in range(min(count, len(groups)))]
+def deal_files(groups: list[list[str]], count: int) -> list[list[str]]:
+    """Returns `count` groups that take about as long: files in turn, since those of a room are alike.
+
+    There are no more groups than processes at a time, because each has to load all that its tests use.
+    """
+    paths = [ROOT / path for group in groups for path in group]
+    files = [file for path in paths for file in (sorted(path.rglob("test_*.py")) if path.is_dir() else [path])]
+    return [[str(file.relative_to(ROOT)) for file in files[first::count]] for first in range(count)]
 
 
 def renew_slow_tests(times: str) -> None:

@@ -18,7 +18,7 @@ def runner():
 def test_every_file_of_tests_is_in_one_group(runner, count: int | None) -> None:
     groups = runner.list_groups()
     if count is not None:
-        groups = runner.merge_groups(groups, count)
+        groups = runner.deal_files(groups, count)
         assert len(groups) == count
     paths = [ROOT / path for group in groups for path in group]
     found = [file for path in paths for file in (path.rglob("test_*.py") if path.is_dir() else [path])]
