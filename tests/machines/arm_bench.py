@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from frida_painter.hardware.drivers.franka import FrankaReach, FrankaRobot, FrankaSettings
+from frida_painter.hardware.drivers.franka import FrankaRobot, FrankaSettings
+from frida_painter.hardware.drivers.franka_kinematics import FrankaReach
 from frida_painter.hardware.drivers.ros import RosRobot, RosSettings
 from frida_painter.hardware.drivers.ros_connections import RosbridgeConnection
 from frida_painter.hardware.drivers.so101 import So101Kinematics, So101Robot, So101Settings

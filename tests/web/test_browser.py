@@ -76,7 +76,7 @@ def start(page: Page, plan: int = 1) -> None:
 def test_a_painting_from_the_wish_to_the_gallery(page: Page, studio: OpenStudio, photograph: Path) -> None:
     say(page, photograph)
     expect(page.locator(".palette li").first).to_be_visible(timeout=PATIENCE)
-    assert page.locator(".palette li").count() in (2, 3), "a paint each for disc and bar; a third if it paints something"
+    assert page.locator(".palette li").count() in (2, 3), "one each for disc and bar; a third if it paints something"
     scrub = page.get_by_label("Strokes painted so far")
     scrub.fill("7")
     expect(page.get_by_text("7 of 15")).to_be_visible()

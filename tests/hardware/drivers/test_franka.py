@@ -15,10 +15,13 @@ from hypothesis import strategies as st
 pytest.importorskip("franky")
 pytest.importorskip("franky_sim")
 
+import franky
+
 from frida_painter.easel.guard import GuardedRobot
 from frida_painter.errors import ConfigError, MotionFailed, RobotDisconnected, RobotError, RobotStopped
 from frida_painter.hardware.drivers import franka, interlock
-from frida_painter.hardware.drivers.franka import FrankaReach, FrankaRobot, FrankaSettings
+from frida_painter.hardware.drivers.franka import FrankaRobot, FrankaSettings
+from frida_painter.hardware.drivers.franka_kinematics import FrankaReach, resume_path
 from frida_painter.hardware.latch import Latch
 from frida_painter.hardware.robot import TouchProbe, Waypoints, Workspace
 from machines.franky_arm import BRUSH, HEIGHT, TABLE_AT, FrankyArm, tip_positions
@@ -203,6 +206,60 @@ def test_stop_from_another_thread_brakes_at_once(arm: FrankyArm, robot: FrankaRo
     assert np.linalg.norm(tips[-1] - tips[step]) < 0.015
     with pytest.raises(RobotStopped, match="close the connection and connect it anew"):
         robot.home()
+
+
+class LosesItsWay:
+    """The arm as franky drives it, whose planner gives up in mid-motion some times, as it does if packets are lost."""
+
+    def __init__(self, arm: object, times: int) -> None:
+        self._arm, self._left, self._asked = arm, times, 0
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self._arm, name)
+
+    def join_motion(self, seconds: float) -> bool:
+        self._asked += 1
+        if self._left and self._asked % 40 == 0:
+            self._left -= 1
+            self._arm.move(franky.JointStopMotion())
+            raise RuntimeError("Motion planner failed with error code -111")
+        return self._arm.join_motion(seconds)
+
+
+def test_a_motion_whose_planner_gave_up_goes_on_where_the_arm_stands(arm: FrankyArm, robot: FrankaRobot) -> None:
+    stroke = a_stroke()
+    robot.follow(Waypoints("above", stroke.position[:1], 0.1))
+    since, moves = len(arm.joints()), arm.moves()
+    robot._arm = LosesItsWay(robot._arm, 2)
+    report = robot.follow(stroke)
+    assert arm.moves() == moves + 3
+    tips = painted(arm, since)
+    assert np.sqrt((off_path(tips, stroke) ** 2).mean()) < 3e-4
+    assert np.linalg.norm(off_path(stroke.position, Waypoints("", tips[::20], 1.0)).max()) < 1e-3  # and it paints all
+    assert report.reached == pytest.approx(stroke.position[-1], abs=5e-4)
+
+
+def test_a_motion_that_loses_its_way_again_and_again_is_given_up(arm: FrankyArm, robot: FrankaRobot) -> None:
+    robot._arm = LosesItsWay(robot._arm, 99)
+    with pytest.raises(MotionFailed, match="lost its way, and stands; packets to it are lost"):
+        robot.follow(a_stroke(0.01))
+    with pytest.raises(RobotError, match="does not move after its last fault"):
+        robot.home()
+
+
+@given(left=st.integers(0, 80), off=st.floats(-0.01, 0.01), seed=st.integers(0, 9))
+def test_a_path_that_goes_on_begins_at_rest_where_the_arm_is_and_ends_as_before(
+    left: int, off: float, seed: int
+) -> None:
+    share = np.linspace(0, 1, 101)[:, None]
+    joints = (share**2 * (3 - 2 * share) * np.random.default_rng(seed).uniform(-1, 1, 7))[100 - left :]
+    rest = resume_path(joints, joints[0] + off)
+    assert rest[0] == pytest.approx(joints[0] + off) and rest[-1] == pytest.approx(joints[-1])
+    steps = np.diff(rest, axis=0)
+    fastest = np.abs(np.diff(joints, axis=0)).max(initial=0)
+    assert np.abs(steps).max() <= fastest + 0.1 * abs(off) + 1e-12
+    assert np.abs(steps[0]).max() <= 0.1 * fastest + 0.01 * abs(off) + 1e-12
+    assert len(rest) <= left + 1 + 20
 
 
 def test_a_reflex_is_told_and_only_a_person_clears_it(arm: FrankyArm, robot: FrankaRobot, tmp_path: Path) -> None:

@@ -19,6 +19,15 @@ from numpy.typing import NDArray
 
 from frida_painter.errors import ConfigError, FridaError, MotionFailed, RobotDisconnected, RobotError, RobotStopped
 from frida_painter.hardware.deadline import one_line, steady, within
+from frida_painter.hardware.drivers.franka_kinematics import (
+    JOINT_MARGIN,
+    LOWER_JOINTS,
+    UPPER_JOINTS,
+    FrankaReach,
+    make_rotation,
+    resume_path,
+    rotation_vector,
+)
 from frida_painter.hardware.drivers.interlock import PATIENCE, Interlock
 from frida_painter.hardware.gateway import FASTEST
 from frida_painter.hardware.kinds import MachineName, Needed, RobotKind, at_host, require_home
@@ -50,14 +59,16 @@ _ABOVE_TOUCH, _MAX_TIMES = 0.003, 3.0
 _TOUCHES, _NEAR_LOWEST = 4, 2e-4  # attempts, because noise may end one; metres within which the lowest place is reached
 _SMOOTHED, _ZEROS, _FITTED = 40, 10, 300  # forces that are averaged along the way and before it; those that are fitted
 
-# Joint limits of the Franka Research 3, which are inside those of the Panda, with the distance that is kept.
-_JOINT_MARGIN = math.radians(3)
-LOWER_JOINTS = np.array([-2.7437, -1.7837, -2.9007, -3.0421, -2.8065, 0.5445, -3.0159])
-UPPER_JOINTS = np.array([2.7437, 1.7837, 2.9007, -0.1518, 2.8065, 4.5169, 3.0159])
-"""Joint limits in radians (Franka's data sheet; also in the model that the arm sends)."""
 _NO_RATE = 1e-6  # rad/s below which a joint counts as resting: franky's planner fails at numbers near 0
 _RESTING = 0.5  # seconds until it has come to rest
 _SHARE_OF_SPEED = 0.7  # of the joints' speed limits
+
+# franky plans from waypoint to waypoint while the arm moves. If packets are lost in between, its planner may find no
+# way, and ends the motion.
+_NO_WAY = "Motion planner failed"
+_MAX_RESUMED = 5  # times that a motion goes on after that
+_BEFORE, _AFTER = 100, 15  # periods around the one of the timetable in which the arm may stand then
+_OFF_WAY = 0.01  # radians that a joint may be off its way then
 
 _MODES = {
     "UserStopped": "its user stop is pressed, or its brakes are locked",
@@ -122,51 +133,6 @@ class FrankaSettings:
         return np.array([[cos, sin, 0.0], [sin, -cos, 0.0], [0.0, 0.0, -1.0]])
 
 
-# Lengths of the arm in metres (Denavit-Hartenberg table of Franka's documentation), from its base to the tool frame
-# of its hand: to the shoulder, to the elbow and to the wrist, with the elbow's offset, and the offset and length of
-# the hand.
-_SHOULDER, _UPPER, _FORE, _ELBOW, _WRIST, _HAND = 0.333, 0.316, 0.384, 0.0825, 0.088, 0.107 + 0.1034
-
-
-@dataclass(frozen=True)
-class FrankaReach:
-    """Reach of a Franka with its hand, the brush upright and the elbow up: inverse kinematics in closed form.
-
-    Implements hardware.robot.Reach. The driver itself solves with the model that the arm sends; this one is known
-    before the arm is.
-
-    brush_length, turn: as in FrankaSettings
-    """
-
-    brush_length: float
-    turn: float = 0.0
-
-    def reachable(self, position: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Returns True for each position [k, 3] (m) that the tip reaches within the limits of all joints: [k]."""
-        joints = self.solve(position)
-        with np.errstate(invalid="ignore"):
-            inside = (joints >= LOWER_JOINTS + _JOINT_MARGIN) & (joints <= UPPER_JOINTS - _JOINT_MARGIN)
-        return np.asarray(inside.all(1))
-
-    def solve(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Returns the joint angles [k, 7] (radians) at positions [k, 3] (m); NaN at those beyond the arm's length."""
-        x, y, z = np.asarray(position, np.float64).T
-        across = np.hypot(x, y) - _WRIST
-        up = z + self.brush_length + _HAND - _SHOULDER
-        upper, fore = math.hypot(_UPPER, _ELBOW), math.hypot(_FORE, _ELBOW)
-        bent_upper, bent_fore = math.atan2(_ELBOW, _UPPER), math.atan2(_ELBOW, _FORE)
-        away = np.hypot(across, up)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            at_elbow = np.arccos((upper**2 + fore**2 - away**2) / (2 * upper * fore))
-            at_shoulder = np.arccos((upper**2 + away**2 - fore**2) / (2 * upper * away))
-        base, rest = np.arctan2(y, x), np.zeros_like(x)
-        second = np.arctan2(across, up) - at_shoulder - bent_upper
-        fourth = at_elbow - math.pi - bent_upper - bent_fore
-        last = math.pi / 4 + base - math.radians(self.turn)
-        last = (last + math.pi) % (2 * math.pi) - math.pi
-        return np.stack([base, second, rest, fourth, rest, second - fourth, last], -1)
-
-
 class FrankaRobot:
     """Robot through franky. Implements hardware.robot.Robot, Reach, TimedRobot, ExaminedRobot and
     TouchProbe.
@@ -181,6 +147,7 @@ class FrankaRobot:
         self._interlock = Interlock(f"the Franka at {settings.address}")
         self._timing = Timing(settings.acceleration, smoothing=0.1, period=_PERIOD)
         self._told_at, self._alive_at = -1.0, -math.inf
+        self._moved = 0.0  # seconds, by the arm's clock, of its last motion
         self._franky: Any = None
         self._arm: Any = None
 
@@ -265,7 +232,7 @@ class FrankaRobot:
         joint = int(near.argmin())
         yield MachineFact(
             f"Joint {joint + 1} is nearest to its limit: {math.degrees(near[joint]):.0f} degrees away.",
-            "fact" if near[joint] >= _JOINT_MARGIN else "warning",
+            "fact" if near[joint] >= JOINT_MARGIN else "warning",
         )
         if state.m_total > 0:
             yield MachineFact(f"It reckons with {state.m_total:.2f} kg at its flange.")
@@ -431,7 +398,7 @@ class FrankaRobot:
         state: Any,
     ) -> NDArray[np.float64]:
         """Returns joint angles [k, 7] that turn the hand upright and the elbow up, while the tip stays in place."""
-        off = _rotation_vector(self.settings.upright @ rotation.T)
+        off = rotation_vector(self.settings.upright @ rotation.T)
         angle = float(np.linalg.norm(off))
         if not (angle <= _MAX_TURNED and abs(start[2]) <= _MAX_BENT):
             raise MotionFailed(
@@ -443,7 +410,7 @@ class FrankaRobot:
         steps = max(1, math.ceil(max(angle, abs(start[2])) / _TURNING / _PERIOD))
         share = np.linspace(0, 1, steps + 1)[1:]
         share = share**2 * (3 - 2 * share)
-        rotations = np.array([_rotation(part * off) @ rotation for part in share])
+        rotations = np.array([make_rotation(part * off) @ rotation for part in share])
         return self._solve(label, start, np.tile(tip, (steps, 1)), rotations, (1 - share) * start[2], state)
 
     def _solve(
@@ -465,7 +432,7 @@ class FrankaRobot:
             for _ in range(_ITERATIONS):
                 here, turned = self._pose_of(angles, state)
                 lever = self.settings.brush_length * turned[:, 2]
-                off = np.r_[tip - here, _rotation_vector(rotation @ turned.T), third - angles[2]]
+                off = np.r_[tip - here, rotation_vector(rotation @ turned.T), third - angles[2]]
                 if np.abs(off).max() <= _CONVERGED:
                     break
                 jacobian = np.vstack([self._jacobian(angles, state, lever), np.eye(7)[2]])
@@ -479,7 +446,7 @@ class FrankaRobot:
         return joints
 
     def _within_limits(self, angles: NDArray[np.float64]) -> bool:
-        return bool((angles >= LOWER_JOINTS + _JOINT_MARGIN).all() and (angles <= UPPER_JOINTS - _JOINT_MARGIN).all())
+        return bool((angles >= LOWER_JOINTS + JOINT_MARGIN).all() and (angles <= UPPER_JOINTS - JOINT_MARGIN).all())
 
     def _out_of_reach(self, label: str, tip: NDArray[np.float64]) -> MotionFailed:
         place = ", ".join(f"{metres:.3f}" for metres in tip)
@@ -509,9 +476,30 @@ class FrankaRobot:
     ) -> None:
         """Sends joint angles as one motion and returns when the arm has taken the last of them.
 
+        A motion for which franky finds no way any more goes on from where the arm stands. One that feels does not.
+
         felt: receives the joint angles and the vertical force (N) at every millisecond; the motion then also ends if
             that force differs from `zero` by the touch force
         """
+        for _ in range(_MAX_RESUMED + 1):
+            if self._send(label, joints, felt, zero):
+                return
+            if felt is not None:
+                break
+            joints = self._rest(label, joints)
+        raise MotionFailed(
+            f"{label}: {self._interlock.name} lost its way, and stands; packets to it are lost. Look at the network "
+            "and at what else this computer does, then connect anew."
+        )
+
+    def _send(
+        self,
+        label: str,
+        joints: NDArray[np.float64],
+        felt: list[tuple[NDArray[np.float64], float]] | None,
+        zero: float,
+    ) -> bool:
+        """Sends joint angles as one motion, as `_perform`; returns False if franky finds no way any more."""
         franky = self._franky
         rates = np.zeros_like(joints)
         rates[1:-1] = (joints[2:] - joints[:-2]) / (2 * _PERIOD)
@@ -530,12 +518,39 @@ class FrankaRobot:
             motion.register_callback(lambda state, *_: felt.append((np.array(state.q, np.float64), self._force(state))))
         self._interlock.heed_stop(label)
         self._ask(label, lambda: self._arm.move(motion, asynchronous=True))
-        self._wait(label, _PERIOD * len(joints))
+        return self._wait(label, _PERIOD * len(joints))
 
-    def _wait(self, label: str, seconds: float) -> None:
-        """Returns when the motion has ended. Its time limit counts on the arm's own clock."""
+    def _rest(self, label: str, joints: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Returns the joint angles of the rest of a motion that ended on its way, from rest where the arm stands.
+
+        Raises MotionFailed if the arm is not idle, or stands beside the way.
+        """
+        self._settle(label)
+        self._require_idle(label)
+        here = np.array(self._state(label).q_d, np.float64)
+        due = round(self._moved / _PERIOD)
+        near = slice(max(0, due - _BEFORE), max(1, due + _AFTER))
+        off = np.abs(joints[near] - here).max(1)
+        at = near.start + int(off.argmin())
+        if not off.min() <= _OFF_WAY:
+            raise MotionFailed(
+                f"{label}: {self._interlock.name} stands {off.min():.3f} rad beside its way after packets were lost; "
+                f"{_OFF_WAY} are allowed. Look at it, then connect anew."
+            )
+        rest = resume_path(joints[at:], here)
+        self._require_limits(label, rest)
+        return rest
+
+    def _wait(self, label: str, seconds: float) -> bool:
+        """Returns True when the motion has ended, False if franky found no way any more.
+
+        Its time limit counts on the arm's own clock.
+        """
         began = self._clock(label)
-        while not self._ask(label, lambda: self._arm.join_motion(_POLL)):
+        while not (ended := self._ask(label, self._join)):
+            self._moved = self._clock(label) - began
+            if ended is None:
+                return False
             self._interlock.heed_stop(label)
             if not self._clock(label) - began <= 1.5 * seconds + PATIENCE:
                 raise MotionFailed(
@@ -543,6 +558,16 @@ class FrankaRobot:
                     "connect anew."
                 )
         self._interlock.heed_stop(label)
+        return True
+
+    def _join(self) -> bool | None:
+        """Returns True if the motion has ended, False if it goes on, None if franky found no way any more."""
+        try:
+            return bool(self._arm.join_motion(_POLL))
+        except RuntimeError as failure:
+            if not str(failure).startswith(_NO_WAY):
+                raise
+            return None
 
     def _settle(self, label: str) -> NDArray[np.float64]:
         """Returns the tip's position when it stands. Raises MotionFailed if the arm does not come to rest."""
@@ -748,24 +773,6 @@ def _names(errors: Any) -> list[str]:
 def _has_realtime() -> bool:
     """Returns True if this computer's kernel runs programs in real time."""
     return "PREEMPT_RT" in platform.version().replace(" ", "_")
-
-
-def _rotation_vector(rotation: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns the axis of a rotation [3, 3] times its angle in radians [3]."""
-    axis = np.array([rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]])
-    sine, cosine = float(np.linalg.norm(axis)) / 2, (float(np.trace(rotation)) - 1) / 2
-    angle = math.atan2(sine, cosine)
-    return axis / 2 if sine < 1e-12 else axis * (angle / (2 * sine))
-
-
-def _rotation(vector: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns the rotation [3, 3] about a vector [3] by its length in radians (Rodrigues' formula)."""
-    angle = float(np.linalg.norm(vector))
-    if angle < 1e-12:
-        return np.eye(3)
-    x, y, z = vector / angle
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
 
 
 def _open(name: MachineName, workspace: Workspace) -> FrankaRobot:
