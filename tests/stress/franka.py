@@ -21,6 +21,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+import pytest
 from PIL import Image
 from skimage import data
 
@@ -31,6 +32,7 @@ from frida_painter.errors import MotionFailed, RobotError, RobotStopped
 from frida_painter.hardware.drivers.franka import FrankaRobot, FrankaSettings
 from frida_painter.hardware.latch import Latch
 from frida_painter.hardware.motion import Motion
+from frida_painter.hardware.preset import find_preset
 from frida_painter.hardware.robot import Waypoints
 from frida_painter.hardware.workcell import WorkcellConfig
 from frida_painter.plan import Plan
@@ -42,6 +44,7 @@ import contextlib
 from machines.driven_arm import DrivenArm, DrivenPainting, before_the_arm, to_segment
 from machines.driven_arm import paint as paint_in_studio
 from machines.franky_arm import BRUSH, HEIGHT, FrankyArm, table_height, tip_positions
+from machines.newcomer import DEEPER, FIFTEEN, Newcomer, check_files, in_this_process, over_canvas, rehearse
 from support.virtual_painting import VirtualPainting
 
 WORST = 3e-4
@@ -126,6 +129,12 @@ def main() -> int:
         refused = reflex(folder, arm)
         print(f"reflex: {refused or 'refused until a person cleared it at the arm and armed the robot'}", flush=True)
     with tempfile.TemporaryDirectory() as place:
+        thought, moved = set_up(Path(place))
+        print(
+            f"setup by a newcomer: {thought / 60:.1f} min of thinking and pressing, {moved / 60:.1f} min of motion",
+            flush=True,
+        )
+    with tempfile.TemporaryDirectory() as place:
         seen = closed_loop(Path(place), asked.seen, 2)
         print(
             f"closed loop in the virtual studio: {seen.strokes} of {asked.seen} strokes, {seen.looks} looks; tip "
@@ -137,8 +146,27 @@ def main() -> int:
     cut = wrong or "refused until armed, then resumed; all strokes but the broken one are painted"
     print(f"power cut in a stroke: {cut}")
     good = found.strokes == asked.strokes and found.rms < WORST and off < 5e-4
-    good = good and seen.strokes == asked.seen and seen.rms < WORST
+    good = good and seen.strokes == asked.seen and seen.rms < WORST and thought + moved <= FIFTEEN
     return 0 if good and all(one.heard < 100 for one in stops) and not refused and not wrong else 1
+
+
+def set_up(folder: Path) -> tuple[float, float]:
+    """Returns the seconds of thinking and of motion that a newcomer takes for `setup`."""
+    thought = [0.0]
+
+    def think(seconds: float) -> None:
+        thought[0] += seconds
+
+    height, near = find_preset("franka").lift.touch + DEEPER, 8e-4
+    with FrankyArm(folder, table=False) as arm, pytest.MonkeyPatch.context() as patched:
+        person = Newcomer(think, height, arm.address, folder / "easel", near)
+        with in_this_process(patched, folder, None):
+            rehearse(person, "franka", lambda event: None)
+        joints = arm.joints()
+    workcell = check_files(folder / "easel", "franka", height, near=near)
+    low = over_canvas(1000 * tip_positions(joints, brush=0.0), workcell)[:, 2].min()
+    assert low == pytest.approx(1000 * workcell.press_height, abs=0.5), "the hardest stroke, and nothing lower"
+    return thought[0], float((np.abs(np.diff(joints, axis=0)).max(1) > 1e-7).sum()) / 1000
 
 
 def prepare(folder: Path) -> None:
