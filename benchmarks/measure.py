@@ -5,6 +5,7 @@ import json
 import os
 import platform
 import re
+import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
@@ -18,6 +19,7 @@ from rich.console import Console
 from rich.table import Table as TerminalTable
 from torch import Tensor
 
+import frida_painter
 from frida_painter import images
 from frida_painter.brush.table import StrokeTable, cached_table
 from frida_painter.brush.weights import load_stroke_model
@@ -73,6 +75,13 @@ def versions() -> dict[str, str]:
     return {"python": platform.python_version(), **{name: version(name) for name in LIBRARIES}}
 
 
+def loaded_sources() -> list[str]:
+    """Files of the project's source that this process has loaded, from the package on."""
+    package = Path(frida_painter.__file__).parent
+    files = {Path(module.__file__) for module in list(sys.modules.values()) if getattr(module, "__file__", None)}
+    return sorted(str(file.relative_to(package)) for file in files if file.is_relative_to(package))
+
+
 def _read(path: str) -> str:
     return Path(path).read_text() if Path(path).exists() else ""
 
@@ -93,7 +102,7 @@ def publish(tables: Sequence[Table], figures: object, options: argparse.Namespac
         for row in table.rows:
             shown.add_row(*row)
         console.print(shown, *table.notes, sep="\n")
-    record = {"hardware": hardware(), "versions": versions()}
+    record = {"hardware": hardware(), "versions": versions(), "sources": loaded_sources()}
     console.print(record["hardware"], ", ".join(f"{name} {number}" for name, number in versions().items()), sep="; ")
     if options.json:
         content = {**record, "tables": [asdict(table) for table in tables], "figures": figures}

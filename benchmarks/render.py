@@ -11,26 +11,22 @@ paints every cell of the maps, so that nothing is gained from empty cells around
 """
 
 import argparse
-import json
-import platform
 import re
 import statistics
 import subprocess
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
-import numba
 import torch
-from rich.console import Console
-from rich.table import Table
 from torch import Tensor
 
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.frames import MapFrame, PixelGrid, pixel_to_map
 from frida_painter.render import plain, reference, scanline
+from measure import Table, arguments, publish
 
 CANVAS = CanvasSize(0.356, 0.279)
 FRAME = MapFrame(-0.020, 0.090, -0.034, 0.034, 48, 80)  # about 100 x 62 pixels at 256 rows
@@ -157,28 +153,21 @@ def measure(rows: int, strokes: int, repeats: int, dense: bool) -> list[Figures]
     return figures
 
 
-def processor() -> str:
-    names = re.findall(r"model name\s*:\s*(.+)", Path("/proc/cpuinfo").read_text())
-    return names[0] if names else platform.processor()
-
-
 def table(all_figures: list[Figures], dense: bool) -> Table:
-    columns = ("canvas", "strokes", "path", "CPU s", "faster", "extra MB", "smaller", "measured on")
-    shown = Table(
-        *columns, title=f"Rendering, forward + backward, one thread, float32{', dense maps' if dense else ''}"
-    )
-    for one in all_figures:
-        shown.add_row(
-            f"{one.rows} x {one.columns}",
-            str(one.strokes),
-            one.path,
-            f"{one.cpu_seconds:.4f}",
-            f"{one.speedup:.0f}x",
-            f"{one.extra_megabytes:.1f}",
-            f"1/{one.memory_ratio:.0f}",
-            f"{one.measured_strokes} strokes",
+    rows = [
+        (
+            f"{one.rows} x {one.columns}", str(one.strokes), one.path,
+            f"{one.cpu_seconds:.3f} s", f"{one.speedup:.0f}x",
+            f"{one.extra_megabytes:.0f} MB", f"1/{one.memory_ratio:.0f}", str(one.measured_strokes),
         )
-    return shown
+        for one in all_figures
+    ]  # fmt: skip
+    return Table(
+        f"Rendering, forward and backward, one thread, float32{', dense maps' if dense else ''}",
+        ("canvas", "strokes", "path", "CPU", "faster", "extra memory", "of the reference's", "strokes timed"),
+        rows,
+        ["The reference is timed on some of the strokes and scaled if all would not fit into memory."],
+    )
 
 
 def case(text: str) -> tuple[int, int]:
@@ -189,11 +178,10 @@ def case(text: str) -> tuple[int, int]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = arguments(__doc__)
     parser.add_argument("--case", type=case, nargs="+", default=CASES, help="rows x strokes, for example 256x400")
     parser.add_argument("--repeats", type=int, default=5, help="runs of which the median is taken")
     parser.add_argument("--dense", action="store_true", help="maps without empty cells")
-    parser.add_argument("--json", type=Path, help="also write the figures there")
     parser.add_argument("--peak", nargs=3, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.peak:
@@ -204,20 +192,13 @@ def main() -> None:
     start = time.perf_counter()
     forward_backward(scanline.composite, workload(32, 2))
     first_call = time.perf_counter() - start
-    figures = [one for rows, strokes in options.case for one in measure(rows, strokes, options.repeats, options.dense)]
-    versions = {"torch": torch.__version__, "numba": numba.__version__, "python": platform.python_version()}
-    console = Console(width=110)
-    console.print(table(figures, options.dense))
-    console.print(f"{processor()}; " + ", ".join(f"{name} {version}" for name, version in versions.items()))
-    console.print(f"First scanline call {first_call:.1f} s (compiles if nothing is cached).")
-    if options.json:
-        record = {
-            "processor": processor(),
-            "versions": versions,
-            "dense": options.dense,
-            "figures": [asdict(one) for one in figures],
-        }
-        options.json.write_text(json.dumps(record, indent=2))
+    cases = ((64, 20),) if options.quick else options.case
+    figures = [one for rows, strokes in cases for one in measure(rows, strokes, options.repeats, options.dense)]
+    shown = table(figures, options.dense)
+    shown = replace(
+        shown, notes=[*shown.notes, f"First scanline call {first_call:.1f} s (compiles if nothing is cached)."]
+    )
+    publish([shown], [asdict(one) for one in figures], options)
 
 
 if __name__ == "__main__":

@@ -2,9 +2,9 @@
 
     python benchmarks/report.py [--only iteration planning ...] [--keep]
 
-Every benchmark leaves its figures in .benchmarks/NAME.json, with a digest of the source that they were measured on.
-The page holds figures of the present source only: those that are not run are taken from there if their digest is that
-of the present source, and are left out otherwise. --keep runs none. What needs a GPU is run if it is named. Leave the
+Every benchmark leaves its figures in .benchmarks/NAME.json, with the source files that it loaded, and their digest.
+The page holds figures of the present source only: those that are not run are taken from there if these files are still
+the same, and are left out otherwise. --keep runs none. What needs a GPU is run if it is named. Leave the
 machine alone meanwhile: wall time suffers from everything else.
 """
 
@@ -13,9 +13,9 @@ import hashlib
 import json
 import subprocess
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import date
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -62,7 +62,8 @@ class Section:
     def run(self) -> None:
         command = [sys.executable, str(ROOT / "benchmarks" / f"{self.name}.py"), *self.options]
         subprocess.run([*command, "--json", str(self.file)], check=True, cwd=ROOT)
-        record = json.loads(self.file.read_text()) | {"code": digest(SOURCE), "date": f"{date.today():%Y-%m-%d}"}
+        record = json.loads(self.file.read_text())
+        record |= {"code": digest(SOURCE, record["sources"]), "date": f"{date.today():%Y-%m-%d}"}
         self.file.write_text(json.dumps(record, indent=2))
 
     def record(self) -> dict[str, Any] | None:
@@ -70,22 +71,23 @@ class Section:
         if not self.file.exists():
             return None
         found: dict[str, Any] = json.loads(self.file.read_text())
-        return found if found.get("code") == digest(SOURCE) else None
+        return found if found.get("code") == digest(SOURCE, found.get("sources", ())) else None
 
     def markdown(self) -> str:
         record = self.record()
         if record is None:
             return f"{self.head}\n{MISSING}\n"
-        tables = [Table(**table) for table in record["tables"]] if "tables" in record else [rendering(record)]
-        about = f"Measured on {record['date']}: {measured_on(record)}.\n"
+        tables = [Table(**table) for table in record["tables"]]
+        about = f"Measured on {record['date']}: {measured_on(record)}; source {record['code']}.\n"
         return "\n".join([self.head, about, *(f"{table.markdown()}\n" for table in tables)])
 
 
-def digest(source: Path) -> str:
-    """Twelve digits that change with every source file and its name."""
+def digest(source: Path, files: Sequence[str]) -> str:
+    """Twelve digits that change with the name and the content of each of these source files, and if one is gone."""
     content = hashlib.sha256()
-    for path in sorted(source.rglob("*.py")):
-        content.update(f"{path.relative_to(source)}\0".encode() + path.read_bytes())
+    for name in sorted(files):
+        path = source / name
+        content.update(f"{name}\0".encode() + (path.read_bytes() if path.is_file() else b""))
     return content.hexdigest()[:12]
 
 
@@ -175,23 +177,6 @@ SECTIONS = (
 )
 
 
-def rendering(record: dict[str, Any]) -> Table:
-    """The figures of benchmarks/render.py as a table."""
-    rows = [
-        (
-            f"{one['rows']} x {one['columns']}", str(one["strokes"]), one["path"], f"{one['cpu_seconds']:.3f} s",
-            f"{one['speedup']:.0f}x", f"{one['extra_megabytes']:.0f} MB", f"1/{one['memory_ratio']:.0f}",
-        )
-        for one in record["figures"]
-    ]  # fmt: skip
-    return Table(
-        "Rendering, forward and backward, one thread, float32",
-        ("canvas", "strokes", "path", "CPU", "faster", "extra memory", "of the reference's"),
-        rows,
-        ["The reference is timed on some of the strokes and scaled where all would not fit into memory."],
-    )
-
-
 def measured_on(record: dict[str, Any]) -> str:
     """The machine and the versions of a record, in one line."""
     libraries = ", ".join(f"{name} {version}" for name, version in record["versions"].items())
@@ -200,8 +185,7 @@ def measured_on(record: dict[str, Any]) -> str:
 
 def page() -> str:
     """The whole page, with what was measured on the present source."""
-    code = f"Code: frida-painter {version('frida-painter')}, source {digest(SOURCE)}.\n"
-    return "\n".join([OPENING, code, *(section.markdown() for section in SECTIONS)])
+    return "\n".join([OPENING, *(section.markdown() for section in SECTIONS)])
 
 
 def main() -> None:

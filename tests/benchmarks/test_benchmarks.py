@@ -82,7 +82,7 @@ def test_a_quick_run_prints_and_writes_tables(name, more, tmp_path, run, in_smal
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["iteration", "sweep"])
+@pytest.mark.parametrize("name", ["iteration", "render", "sweep"])
 def test_so_does_one_that_measures_in_processes_of_its_own(name, tmp_path):
     figures = tmp_path / "figures.json"
     command = [sys.executable, str(BENCHMARKS / f"{name}.py"), "--quick", "--json", str(figures)]
@@ -181,11 +181,19 @@ def test_the_page_holds_only_what_was_measured_on_the_present_source(tmp_path, m
     report = program("report")
     monkeypatch.setattr(report, "FIGURES", tmp_path)
     assert report.page().count(report.MISSING) == len(report.SECTIONS)
-    record = {"hardware": "another machine", "versions": {"torch": "9"}, "tables": [], "figures": {}}
-    for code, shown in ((report.digest(report.SOURCE), 1), ("of yesterday", 0)):
+    record = {
+        "hardware": "another machine",
+        "versions": {"torch": "9"},
+        "tables": [],
+        "figures": {},
+        "sources": ["a.py"],
+    }
+    monkeypatch.setattr(report, "SOURCE", tmp_path)
+    (tmp_path / "a.py").write_text("x = 1")
+    for code, shown in ((report.digest(tmp_path, ["a.py"]), 1), ("of yesterday", 0)):
         (tmp_path / "gpu.json").write_text(json.dumps(record | {"code": code, "date": "2026-11-25"}))
         page = report.page()
-        assert page.count("Measured on 2026-11-25: another machine; torch 9.") == shown
+        assert page.count(f"Measured on 2026-11-25: another machine; torch 9; source {code}.") == shown
         assert page.count(report.MISSING) == len(report.SECTIONS) - shown
 
 
@@ -199,12 +207,23 @@ def test_the_page_in_the_docs_is_what_the_command_writes(monkeypatch):
     assert page.count("\n## ") == len(heads)
 
 
-def test_every_source_file_changes_the_digest(tmp_path, monkeypatch):
+def test_every_file_that_was_loaded_changes_the_digest_and_no_other(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(str(BENCHMARKS))
     report = program("report")
-    (tmp_path / "a.py").write_text("x = 1")
-    first = report.digest(tmp_path)
+    found = [report.digest(tmp_path, [])]
+    for content in ("x = 1", "y = 1"):
+        (tmp_path / "a.py").write_text(content)
+        found.append(report.digest(tmp_path, ["a.py"]))
     (tmp_path / "b.py").write_text("")
-    second = report.digest(tmp_path)
-    (tmp_path / "b.py").write_text("y = 1")
-    assert len({first, second, report.digest(tmp_path)}) == 3
+    assert report.digest(tmp_path, ["a.py"]) == found[-1]
+    found.append(report.digest(tmp_path, ["a.py", "b.py"]))
+    (tmp_path / "a.py").unlink()
+    found.append(report.digest(tmp_path, ["a.py", "b.py"]))
+    assert len(set(found)) == len(found)
+
+
+def test_a_benchmark_names_the_sources_that_it_loaded(monkeypatch):
+    monkeypatch.syspath_prepend(str(BENCHMARKS))
+    sources = program("measure").loaded_sources()
+    assert {"__init__.py", "planning/problem.py", "brush/table.py"} <= set(sources)
+    assert not any(name.startswith("web/") for name in sources)
