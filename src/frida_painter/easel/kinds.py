@@ -160,3 +160,20 @@ def _describe(part: registry.Part, kind: type[registry.Kind], tell: Callable[[re
         return tell(part.load(kind))
     except PluginError:
         return part.name
+
+
+def require_equipment(robot: str, workspace: Path | None, camera: str) -> None:
+    """Raises ConfigError, which tells what to say, if a named robot has no workspace file or no camera."""
+    missing = []
+    if workspace is None:
+        missing.append(
+            "a workspace file (--workspace FILE): `frida-painter setup` writes one for your machine, and "
+            "`frida-painter workspace example` prints a whole one"
+        )
+    if not camera:
+        missing.append(
+            f"a camera (--camera {'|'.join(camera_forms())}); with {NO_CAMERA} the plan is painted as it is, without a "
+            "look"
+        )
+    if missing:
+        raise ConfigError(f"The robot {robot[:60]!r} needs {'. It also needs '.join(missing)}.")

@@ -20,6 +20,7 @@ from frida_painter.easel.kinds import (
     EaselKind,
     OpenEasel,
     camera_forms,
+    require_equipment,
     require_known,
     robot_forms,
 )
@@ -79,12 +80,8 @@ def lock_path(state: Path, name: str) -> Path:
 
 def _open_real(order: EaselOrder) -> OpenEasel:
     """Opens a named robot and camera in the workspace of the order's file."""
-    if order.workspace is None or not order.camera:
-        raise ConfigError(
-            f"The robot {order.robot[:60]!r} needs a workspace file (--workspace) and a camera (--camera "
-            f"{'|'.join(camera_forms())}). Without a camera, say --camera {NO_CAMERA}: the plan is then painted as it "
-            "is. `frida-painter workspace example` prints a whole workspace."
-        )
+    require_equipment(order.robot, order.workspace, order.camera)
+    assert order.workspace is not None
     workcell = WorkcellConfig.load(order.workspace)
     if max(abs(order.canvas.width - workcell.canvas.width), abs(order.canvas.height - workcell.canvas.height)) > 0.001:
         raise ConfigError(

@@ -9,7 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Self
 
-from frida_painter.easel.kinds import HUMAN, MACHINES, NO_CAMERA, SIMULATED, require_known
+from frida_painter.easel.kinds import HUMAN, MACHINES, NO_CAMERA, SIMULATED, require_equipment, require_known
 from frida_painter.errors import ConfigError
 
 # Canvas size of a workspace file, read in a short process.
@@ -78,12 +78,8 @@ class WebAppEasel:
         Raises ConfigError for an unknown robot, for a missing workspace file or camera, or for a wrong workspace
         file.
         """
-        if require_known(self.robot) in MACHINES and (self.workspace is None or not self.camera):
-            raise ConfigError(
-                f"The robot {self.robot[:60]!r} needs a workspace file (--workspace) and a camera (--camera). Without "
-                f"a camera, say --camera {NO_CAMERA}: the plan is then painted as it is. `frida-painter workspace "
-                "example` prints a whole workspace."
-            )
+        if require_known(self.robot) in MACHINES:
+            require_equipment(self.robot, self.workspace, self.camera)
         return self if self.workspace is None else replace(self, canvas=canvas_of_workspace(self.workspace))
 
     def plain(self) -> dict[str, str]:
