@@ -16,7 +16,7 @@ import pytest
 from fastapi.testclient import TestClient
 from PIL import Image
 
-from frida_painter import web
+from frida_painter import registry, web
 from frida_painter.hardware.latch import Latch, latch_path
 from frida_painter.registry import VARIABLE
 from frida_painter.session.events import PaintingKept, Stopped, TakenUp
@@ -26,6 +26,7 @@ from frida_painter.web.store import Entry
 from frida_painter.web.studio_folder import Feed, WorkerLock
 from frida_painter.web.web_app_easel import WebAppEasel
 from frida_painter.web.workers import PaintingQueue, Workers, WorkerSlot
+from plugins import install
 from support.studio import Studio, Visitor
 
 
@@ -678,6 +679,20 @@ def test_a_taught_stroke_can_be_chosen_and_another_one_is_refused(
     assert visitor.post("/api/paintings", json={**wish, "strokes_of": "hook:40%"}).status_code == 200
     refused = visitor.post("/api/paintings", json={**wish, "strokes_of": "crook"})
     assert refused.status_code == 422 and "no stroke family 'crook'" in refused.json()["sentence"]
+
+
+def test_a_brush_of_another_package_can_be_chosen_and_one_that_nobody_has_is_refused(
+    visitor: Visitor, started: list[tuple[str, int]], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    wish = painting_request(give(visitor), brushes="mop:40%,fine:60%")
+    refused = visitor.post("/api/paintings", json=wish)
+    assert refused.status_code == 422 and "Brush 'mop' is not known" in refused.json()["sentence"]
+    refused = visitor.post("/api/calibration/start", json={"what": ["strokes"], "brush": "mop"})
+    assert refused.status_code == 422 and "Brush 'mop' is not known" in refused.json()["sentence"]
+    install(tmp_path / "mops", monkeypatch, "mops", {registry.STROKE_MODELS: {"mop": "mops:MOP"}})
+    assert visitor.get("/api/studio").json()["brushes"] == ["fine", "medium", "broad", "mop"]
+    assert visitor.post("/api/paintings", json=wish).status_code == 200
+    assert visitor.post("/api/calibration/start", json={"what": ["strokes"], "brush": "mop"}).status_code == 200
 
 
 @pytest.mark.parametrize(

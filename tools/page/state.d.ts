@@ -47,6 +47,8 @@ interface House {
   /** False if no camera looks at the canvas, so that every picture of it shows what is expected. */
   readonly watched: boolean;
   readonly canvas: [number, number] | null;
+  /** Names of the brushes, those of other packages too. */
+  readonly brushes: string[];
   /** Names of the stroke families that can be painted with. */
   readonly families: string[];
   /** Names of the ways in which the robot can answer a person's turn. */

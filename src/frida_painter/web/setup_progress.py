@@ -15,7 +15,7 @@ from frida_painter.session.setup_events import (
     SetupWritten,
 )
 from frida_painter.web.painting_state import Truth
-from frida_painter.web.studio_folder import KeptRequest
+from frida_painter.web.studio_folder import Brush, KeptRequest
 
 StepName = Literal["canvas", "touch", "surface", "paint", "trace", "strokes"]
 SETUP_STEPS: tuple[StepName, ...] = get_args(StepName)
@@ -39,7 +39,7 @@ class SetupRequest(KeptRequest):
     easel: str | None = Field(None, pattern=r"^[A-Za-z0-9][A-Za-z0-9 _-]{0,60}$")
     width: _Side | None = None
     height: _Side | None = None
-    brush: Literal["fine", "medium", "broad"] | None = None
+    brush: Brush | None = None
     step: StepName | None = None
     anew: bool = False
 

@@ -16,7 +16,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self, get_args
 from filelock import lock_descriptor
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints, ValidationError, model_validator
 
-from frida_painter import storage
+from frida_painter import registry, storage
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.kinds import LIVE_PICTURE, STOP_FILE
 from frida_painter.errors import StorageError
@@ -52,14 +52,23 @@ def _find_known(kind: str) -> str:
 Kind = Annotated[str, AfterValidator(_find_known)]
 
 
-def _shares(text: str) -> str:
-    if text:
-        brush_shares(text)
+def _require_brush(name: str) -> str:
+    known = registry.parts(registry.STROKE_MODELS)
+    if name not in known:
+        raise ValueError(f"Brush {name[:60]!r} is not known; brushes are {', '.join(known)}.")
+    return name
+
+
+def _require_brushes(text: str) -> str:
+    if text not in ("", AUTO):
+        for name, _ in brush_shares(text):
+            _require_brush(name)
     return text
 
 
-_BRUSH = r"(fine|medium|broad)(:\d{1,3}%)?"
-Brushes = Annotated[str, StringConstraints(pattern=rf"^({AUTO}|{_BRUSH}(,{_BRUSH}){{0,7}})?$"), AfterValidator(_shares)]
+_Short = StringConstraints(max_length=400)
+Brush = Annotated[str, _Short, AfterValidator(_require_brush)]
+Brushes = Annotated[str, _Short, AfterValidator(_require_brushes)]
 
 
 def _families(text: str) -> str:
@@ -475,7 +484,7 @@ class CalibrationRequest(KeptRequest):
     _name = "what is to be calibrated"
 
     what: tuple[Procedure, ...] = Field(min_length=1, max_length=5)
-    brush: Literal["fine", "medium", "broad"] = "broad"
+    brush: Brush = "broad"
     width: _Side = 14 * 25.4
     height: _Side = 11 * 25.4
     seed: int = Field(0, ge=0, le=2**31 - 1)

@@ -1,7 +1,7 @@
 """Teaching of a stroke on the page: the request with a person's marks, and its state, computed from its feed."""
 
 from dataclasses import dataclass, field
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from pydantic import Field
 
@@ -14,7 +14,7 @@ from frida_painter.session.events import (
     Written,
 )
 from frida_painter.web.painting_state import Truth
-from frida_painter.web.studio_folder import KeptRequest
+from frida_painter.web.studio_folder import Brush, KeptRequest
 
 FAMILY_NAME = r"[a-z][a-z0-9-]{0,29}"
 """Names of families on the page."""
@@ -38,7 +38,7 @@ class TeachingRequest(KeptRequest):
     _name = "the stroke to teach"
 
     name: str = Field(pattern=rf"^{FAMILY_NAME}$")
-    brush: Literal["fine", "medium", "broad"] = "fine"
+    brush: Brush = "fine"
     marks: list[_Mark] = Field(min_length=_MIN_MARKS, max_length=_MAX_MARKS)
     count: int = Field(40, ge=0, le=200)
 

@@ -105,6 +105,7 @@ class Studio:
             "dangerous": easel.drives_machine,
             "pace": asdict(self.pace.pace(self.store, real_time=not easel.simulated)),
             "canvas": easel.canvas,
+            "brushes": list(registry.parts(registry.STROKE_MODELS)),
             "families": list(self._families),
             "turns": list(registry.parts(registry.TURN_POLICIES)),
         }

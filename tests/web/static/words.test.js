@@ -9,12 +9,21 @@ import { KINDS, learnKinds, mainTerm, nearestWeight, weights } from "../../../sr
 import { cardFacts, linesOf } from "../../../src/frida_painter/web/static/keepsake.js";
 import { outcome } from "../../../src/frida_painter/web/static/looks.js";
 import { placeOf } from "../../../src/frida_painter/web/static/queue.js";
+import { brushes, brushesInWords, oneBrush } from "../../../src/frida_painter/web/static/settings.js";
 import { need, turn } from "../../../src/frida_painter/web/static/needs.js";
 
 test("durations are said as people say them", () => {
   const said = { 0: "5 s", 1: "5 s", 12: "15 s", 59: "60 s", 60: "1 min", 95: "2 min", 3600: "1 h 0 min", 5460: "1 h 31 min" };
   for (const [seconds, words] of Object.entries(said)) assert.equal(duration(Number(seconds)), words);
   assert.deepEqual([0, 1, 2].map((number) => count(number, "stroke", "strokes")), ["0 strokes", "1 stroke", "2 strokes"]);
+});
+
+test("brushes of other packages can be chosen on a real easel, and all are named", () => {
+  const real = /** @type {House} */ ({ simulated: false, brushes: ["broad", "medium", "fine", "mop"] });
+  assert.deepEqual(oneBrush(real).map(({ value }) => value), ["broad", "medium", "fine", "mop"]);
+  assert.ok(brushes(real).some(({ value }) => value === "mop"));
+  assert.ok(!brushes({ ...real, simulated: true }).some(({ value }) => value === "mop"), "the virtual studio has no mop");
+  assert.deepEqual(["", "auto", "fine", "mop", "broad,medium"].map(brushesInWords), ["usual brushes", "best suited brushes", "fine brush", "mop brush", "broad, medium brushes"]);
 });
 
 test("the sentence about a look says what it was for and does not claim that nothing changed", () => {

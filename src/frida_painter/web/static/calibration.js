@@ -3,6 +3,7 @@
 import * as api from "./api.js";
 import { choices, h, show, slider, svg } from "./dom.js";
 import { questionCard } from "./question.js";
+import { oneBrush } from "./settings.js";
 
 const PROCEDURES = {
   canvas: { title: "Canvas position", tells: "The camera takes a photograph and the program finds the corners of the canvas. You confirm them.",
@@ -26,9 +27,8 @@ export function calibration(house) {
   const list = h("ol", { class: "procedures" });
   const asked = { brush: "broad", count: 60 };
   const all = h("button", { type: "button", class: "button wide", "data-for": "operate", onclick: () => begin(Object.keys(PROCEDURES)) }, "Run all five procedures");
-  const how = house.simulated ? h("details", {}, h("summary", {}, "More settings"),
-    choices({ legend: "Brush", name: "calibrated-brush", value: asked.brush, options: ["fine", "medium", "broad"].map((brush) => ({ value: brush, label: brush })), onchange: (brush) => { asked.brush = brush; } }),
-    countSlider()) : countSlider();
+  const brush = choices({ legend: house.simulated ? "Brush" : "Brush in the holder", name: "calibrated-brush", value: asked.brush, options: oneBrush(house), onchange: (name) => { asked.brush = name; } });
+  const how = house.simulated ? h("details", {}, h("summary", {}, "More settings"), brush, countSlider()) : h("div", {}, brush, countSlider());
   const panel = h("div", { class: "panel" }, h("h1", {}, "Calibrate the easel"),
     h("p", {}, house.simulated
       ? "The virtual studio needs no calibration. Here you can try the calibration of a real easel. The virtual studio provides paper, paint and colour checker by itself."

@@ -7,7 +7,7 @@ import { asPainted, toPaint, toPlan } from "./estimate.js";
 import { KINDS, learnKinds, nearestWeight, termPicture, weights } from "./goal.js";
 import { pad } from "./pad.js";
 import { goalPreview } from "./preview.js";
-import { BRUSHES, FOCUS, group, grounds, MINUTES, nearestStrokes, PRESETS, SIZES, STROKES } from "./settings.js";
+import { brushes, brushesInWords, FOCUS, group, grounds, MINUTES, nearestStrokes, PRESETS, SIZES, STROKES } from "./settings.js";
 
 const LATER = { text: "text", style: "a style", sketch: "a drawing", semantic: "the content of a picture" }; // what may need a network first
 const FIRST = { text: "+ Text", image: "+ Picture", style: "+ Style" };
@@ -144,7 +144,7 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
           choices({ legend: "Colours", name: "paints", value: wish.paints ?? "acrylics", options: [
             { value: "acrylics", label: "that acrylics mix", title: "Colours that six common acrylics cannot give become the nearest ones that they can" },
             { value: "any", label: "any", title: "For pens, screens and paints that are not mixed" }], onchange: set("paints") }),
-          choices({ legend: "Brush", name: "brushes", value: wish.brushes, options: BRUSHES, onchange: set("brushes") }),
+          choices({ legend: "Brush", name: "brushes", value: wish.brushes, options: brushes(house), onchange: set("brushes") }),
           h("label", { class: "field" }, h("span", {}, "Shape of the marks"), h("span", { class: "pair" },
             h("select", { onchange: (event) => set("strokes_of")(event.target.value) }, strokeKinds().map(([value, label]) => h("option", { value, selected: value === (wish.strokes_of ?? "") }, label))),
             h("a", { href: "#/teach", "data-for": "operate" }, "Teach a stroke")))),
@@ -403,8 +403,5 @@ export function steps(current, end) {
     h("li", { class: index < place ? "past" : "", "data-place": `${index + 1} of ${STEPS.length}`, "aria-current": index === place ? "step" : null }, (name === "done" && end) || label)));
 }
 
-/** "fine brush", "broad, medium brushes", "usual brushes". @param {string} brushes */
-const brushWords = (brushes) => `${BRUSHES.find(({ value }) => value === brushes)?.label ?? brushes} ${["broad", "medium", "fine"].includes(brushes) ? "brush" : "brushes"}`;
-
 /** What was wished, in a line. */
-export const summary = (wish) => wish.together ? `Drawn together, without a goal; at most ${count(wish.strokes, "stroke", "strokes")} of the robot` : `${count(wish.strokes, "stroke", "strokes")}, ${count(Math.min(wish.colors, wish.strokes), "paint", "paints")}, ${brushWords(wish.brushes)}`;
+export const summary = (wish) => wish.together ? `Drawn together, without a goal; at most ${count(wish.strokes, "stroke", "strokes")} of the robot` : `${count(wish.strokes, "stroke", "strokes")}, ${count(Math.min(wish.colors, wish.strokes), "paint", "paints")}, ${brushesInWords(wish.brushes)}`;

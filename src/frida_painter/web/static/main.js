@@ -92,6 +92,7 @@ const house = {
   get camera() { return studio.camera; },
   get watched() { return studio.watched; },
   get canvas() { return studio.canvas; },
+  get brushes() { return studio.brushes; },
   get families() { return studio.families; },
   get turns() { return studio.turns; },
   get pace() { return studio.pace; },

@@ -14,7 +14,7 @@ const [BROAD, MEDIUM, FINE] = [7, 4, 1.6]; // widths of marks
 const wave = (y) => `M5 ${y + 1}c8 -5 16 5 26 -1`;
 
 /** @type {{ value: string, label: string, picture: import("./dom.js").Lines }[]} */
-export const BRUSHES = [
+const BRUSHES = [
   { value: "", label: "usual", picture: [[1.2, "M6 4h24v16h-24z"], [3, "M11 12h14"]] },
   { value: "broad", label: "broad", picture: [[BROAD, wave(12)]] },
   { value: "medium", label: "medium", picture: [[MEDIUM, wave(12)]] },
@@ -23,6 +23,17 @@ export const BRUSHES = [
   { value: "broad,medium,fine", label: "broad, medium, fine", picture: [[BROAD, wave(6)], [MEDIUM, wave(14)], [FINE, wave(20)]] },
   { value: "auto", label: "best suited", picture: [[1.8, "M18 3v6M18 15v6M9 12h6M21 12h6"]] },
 ];
+const OURS = ["broad", "medium", "fine"];
+
+/** One brush each: ours, and on a real easel those of other packages. @param {House} house */
+export const oneBrush = (house) => [...OURS, ...(house.simulated ? [] : house.brushes.filter((name) => !OURS.includes(name)))].map((brush) => ({ value: brush, label: brush }));
+
+/** Brushes of a painting. @param {House} house */
+export const brushes = (house) => [...BRUSHES, ...oneBrush(house).slice(OURS.length).map((brush) => ({ ...brush, picture: /** @type {import("./dom.js").Lines} */ ([[MEDIUM, wave(12)]]) }))];
+
+/** "fine brush", "broad, medium brushes", "usual brushes". @param {string} names */
+export const brushesInWords = (names) => `${BRUSHES.find(({ value }) => value === names)?.label ?? names} ${names && names !== "auto" && !names.includes(",") ? "brush" : "brushes"}`;
+
 /** @type {{ value: string, label: string, title: string, picture: import("./dom.js").Lines }[]} */
 export const FOCUS = [
   { value: "faces", label: "faces", title: "Faces matter most in a picture, where there are any", picture: [[1.5, "M18 3a9 9 0 1 0 .01 0M15 9.5v.5M21 9.5v.5M14 15c2.5 2.5 5.5 2.5 8 0"]] },

@@ -3,6 +3,7 @@
 import * as api from "./api.js";
 import { choices, h, show, svg } from "./dom.js";
 import { questionCard } from "./question.js";
+import { oneBrush } from "./settings.js";
 
 const PATH = "/api/setup";
 const TITLES = { canvas: "Canvas", touch: "Touch and press", surface: "Surface", paint: "Wells, water, rag", trace: "Outlines in the air", strokes: "Three strokes" };
@@ -36,7 +37,7 @@ export function setup(house) {
     return [button(label, beginNew, "wide"), h("details", {}, h("summary", {}, "More settings"),
       h("div", { class: "field" }, h("span", {}, "Size of the canvas in mm, if you know it. Two corners are then marked, not three."),
         h("span", { class: "pair" }, side("width", "width"), side("height", "height"))),
-      choices({ legend: "Brush in the holder", name: "setup-brush", value: asked.brush ?? "fine", options: ["fine", "medium", "broad"].map((brush) => ({ value: brush, label: brush })), onchange: (brush) => { asked.brush = brush; } }),
+      choices({ legend: "Brush in the holder", name: "setup-brush", value: asked.brush ?? "fine", options: oneBrush(house), onchange: (brush) => { asked.brush = brush; } }),
       h("label", { class: "check" }, h("input", { type: "checkbox", checked: asked.anew, onchange: (event) => { asked.anew = event.target.checked; } }), h("span", {}, "Begin from the start, even if a setup of this machine was left")))];
   }
 
