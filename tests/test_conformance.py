@@ -52,6 +52,42 @@ MIXER = """
 from frida_painter.plugins import MixerKind
 KIND = MixerKind("calm", "Mixes.", lambda parts, absorption, scattering, finish: {mixed})
 """
+TURN = """
+import numpy as np
+from frida_painter.plugins import TurnAnswer, TurnPolicy
+KIND = TurnPolicy("calm", "Answer calmly", lambda turn: {answer})
+"""
+ENCODER = """
+import torch
+class Net:
+    name = "calm"
+    side = 64
+    def features(self, views):
+        return ({maps},)
+    def reads_all(self, prompt):
+        return True
+    def embed_text(self, prompt):
+        return torch.tensor([1.0, 0.0, 0.0])
+    def embed_pictures(self, pictures):
+        return {seen}
+KIND = lambda device: Net()
+"""
+LIBRARY = """
+import torch
+from types import SimpleNamespace
+class Pictures:
+    name, credit, is_own = "calm", "", False
+    def list_captioned(self):
+        return [SimpleNamespace(file="a.png", captions={captions}, realism=0.5)]
+    def pictures(self, file):
+        return [{picture}]
+KIND = Pictures
+"""
+ARM = """
+from frida_painter.plugins import StudioArm
+KIND = StudioArm("calm", "calm arm", lambda canvas, brush, seed: {made})
+"""
+NORMED = "torch.nn.functional.normalize(pictures.mean((2, 3)), dim=1)"
 
 
 def finding_of(
@@ -91,6 +127,19 @@ def finding_of(
         (registry.MIXERS, MIXER.format(mixed="parts @ absorption * 0 + 0.5"), ""),
         (registry.MIXERS, MIXER.format(mixed="parts @ absorption * 0 + 1.5"), r"outside \[0, 1\]"),
         (registry.MIXERS, MIXER.format(mixed="parts"), "It returned the shape"),
+        (registry.TURN_POLICIES, TURN.format(answer="TurnAnswer('I go on.', turn.painted)"), ""),
+        (registry.TURN_POLICIES, TURN.format(answer="'I go on.'"), "returned a str; it returns a TurnAnswer"),
+        (registry.TURN_POLICIES, TURN.format(answer="TurnAnswer('')"), "no sentence for the person"),
+        (registry.TURN_POLICIES, TURN.format(answer="TurnAnswer('I go on.', np.zeros((3, 3)))"), "forbids a mask of"),
+        (registry.ENCODERS, ENCODER.format(maps="views * 2", seen=NORMED), ""),
+        (registry.ENCODERS, ENCODER.format(maps="views.detach()", seen=NORMED), "features has no gradient"),
+        (registry.ENCODERS, ENCODER.format(maps="views[0]", seen=NORMED), r"no maps \[n, c, h, w\]"),
+        (registry.ENCODERS, ENCODER.format(maps="views", seen="pictures.mean((2, 3))"), "not of unit length"),
+        (registry.PICTURE_LIBRARIES, LIBRARY.format(captions="('cup',)", picture="torch.zeros(4, 9, 9)"), ""),
+        (registry.PICTURE_LIBRARIES, LIBRARY.format(captions="()", picture="torch.zeros(4, 9, 9)"), "has no caption"),
+        (registry.PICTURE_LIBRARIES, LIBRARY.format(captions="('cup',)", picture="torch.zeros(3, 9, 9)"),
+         r"it gives \[4, h, w\]"),
+        (registry.STUDIO_ARMS, ARM.format(made="None"), "furnish returned a NoneType"),
     ],
 )  # fmt: skip
 def test_each_way_to_be_wrong_is_one_sentence(
@@ -125,7 +174,7 @@ def test_all_of_ours_conform() -> None:
     assert [str(one) for one in found if not one.passed] == []
     assert {one.kind for one in found} == {
         "robots", "easels", "cameras", "stroke_models", "stroke_families", "objectives", "replan_policies", "planners",
-        "initialisers", "mixers", "listeners", "exporters",
+        "initialisers", "mixers", "listeners", "exporters", "turn_policies", "studio_arms",
     }  # fmt: skip
 
 

@@ -24,12 +24,12 @@ if TYPE_CHECKING:
     from frida_painter.frames import MapFrame, PixelGrid
     from frida_painter.hardware.cameras.shutter import Shutter
     from frida_painter.hardware.drivers.interlock import Interlock
-    from frida_painter.hardware.easel import Easel
+    from frida_painter.hardware.easel import Easel, PersonStroke
     from frida_painter.hardware.kinds import CameraKind, MachineName, Needed, RobotKind, require_home, yes_or_no
     from frida_painter.hardware.robot import Camera, Frame, MotionReport, Point, Robot, Waypoints, Workspace
     from frida_painter.mixing.finish import Finish
     from frida_painter.mixing.recipe import MixerKind
-    from frida_painter.objectives.encoders.base import Encoder
+    from frida_painter.objectives.encoders.base import Encoder, Reader
     from frida_painter.objectives.objective import (
         Gives,
         Goal,
@@ -48,7 +48,10 @@ if TYPE_CHECKING:
     from frida_painter.runs.event_file import ListenerKind
     from frida_painter.session.events import Event, Notify
     from frida_painter.session.replan_policy import CanvasSeen, ReplanPolicy
+    from frida_painter.session.turn_policy import TurnAnswer, TurnPolicy, TurnTaken
     from frida_painter.strokes import StrokeLimits, Strokes
+    from frida_painter.virtual.studio import ArmAndTable, StudioArm
+    from frida_painter.virtual.tabletop import HandNoise, StudioLayout
 
 _HOMES = {
     "brush.families": ("FamilyPart",),
@@ -60,12 +63,12 @@ _HOMES = {
     "frames": ("MapFrame", "PixelGrid"),
     "hardware.cameras.shutter": ("Shutter",),
     "hardware.drivers.interlock": ("Interlock",),
-    "hardware.easel": ("Easel",),
+    "hardware.easel": ("Easel", "PersonStroke"),
     "hardware.kinds": ("CameraKind", "MachineName", "Needed", "RobotKind", "require_home", "yes_or_no"),
     "hardware.robot": ("Camera", "Frame", "MotionReport", "Point", "Robot", "Waypoints", "Workspace"),
     "mixing.finish": ("Finish",),
     "mixing.recipe": ("MixerKind",),
-    "objectives.encoders.base": ("Encoder",),
+    "objectives.encoders.base": ("Encoder", "Reader"),
     "objectives.objective": (
         *("Gives", "Goal", "GoalKind", "Objective", "ObjectiveContext", "ObjectiveTerm", "Term", "require_weight"),
     ),
@@ -77,12 +80,16 @@ _HOMES = {
     "runs.event_file": ("ListenerKind",),
     "session.events": ("Event", "Notify"),
     "session.replan_policy": ("CanvasSeen", "ReplanPolicy"),
+    "session.turn_policy": ("TurnAnswer", "TurnPolicy", "TurnTaken"),
     "strokes": ("StrokeLimits", "Strokes"),
+    "virtual.studio": ("ArmAndTable", "StudioArm"),
+    "virtual.tabletop": ("HandNoise", "StudioLayout"),
 }
 """Names by the module that they come from."""
 _MODULES = {name: module for module, names in _HOMES.items() for name in names}
 
 __all__ = [
+    "ArmAndTable",
     "BrushKind",
     "BrushModel",
     "Camera",
@@ -104,6 +111,7 @@ __all__ = [
     "Gives",
     "Goal",
     "GoalKind",
+    "HandNoise",
     "ImageError",
     "InitialTask",
     "InitialiserKind",
@@ -122,12 +130,14 @@ __all__ = [
     "OpenEasel",
     "Palette",
     "PartFinding",
+    "PersonStroke",
     "PixelGrid",
     "Plan",
     "PlannerKind",
     "PlanningTask",
     "PluginError",
     "Point",
+    "Reader",
     "ReplanPolicy",
     "Robot",
     "RobotError",
@@ -137,7 +147,12 @@ __all__ = [
     "StrokeLimits",
     "StrokeModel",
     "Strokes",
+    "StudioArm",
+    "StudioLayout",
     "Term",
+    "TurnAnswer",
+    "TurnPolicy",
+    "TurnTaken",
     "Waypoints",
     "Workspace",
     "check",

@@ -11,6 +11,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -22,6 +23,7 @@ from frida_painter.easel.kinds import EaselKind
 from frida_painter.errors import ConfigError, FridaError, PluginError
 from frida_painter.exporter import ExporterKind
 from frida_painter.frames import PixelGrid
+from frida_painter.hardware.easel import PersonStroke
 from frida_painter.hardware.kinds import CameraKind, RobotKind
 from frida_painter.mixing.finish import Finish
 from frida_painter.mixing.paint import usual_paints
@@ -38,7 +40,10 @@ from frida_painter.planning.settings import PlannerSettings
 from frida_painter.runs.event_file import ListenerKind
 from frida_painter.session.events import Drying, Finished
 from frida_painter.session.replan_policy import CanvasSeen
+from frida_painter.session.turn_policy import TurnAnswer, TurnPolicy, TurnTaken
 from frida_painter.strokes import StrokeLimits, Strokes
+from frida_painter.virtual.bristles import find_brush
+from frida_painter.virtual.studio import ArmAndTable, StudioArm
 
 _SECONDS = 60.0
 _CANVAS = CanvasSize(0.12, 0.09)
@@ -400,6 +405,82 @@ def _try_listener(kind: ListenerKind, given: _Given) -> None:
         heard(event)
 
 
+def _try_turn_policy(policy: TurnPolicy, given: _Given) -> None:
+    _require_words(policy, "title")
+    before = torch.full_like(_picture(), 0.95)
+    painted = torch.zeros(before.shape[1:], dtype=torch.bool)
+    painted[10:14, 12:40] = True
+    after = torch.where(painted, torch.tensor([0.1, 0.2, 0.5])[:, None, None], before)
+    along = np.linspace(0, 1, 8)
+    place = np.stack([0.03 + 0.06 * along, np.full(8, 0.065)], 1)
+    mark = PersonStroke(1, "fine", 0, place, np.full(8, 0.5), np.zeros(8), np.zeros(8), 2.0)
+    for count in (0, 2):  # with a goal, and without
+        turn = TurnTaken(before, after, painted.numpy(), (mark,), ((0.1, 0.2, 0.5),), _plan(), 0, count, 4)
+        try:
+            answers = [policy.answer(turn) for _ in range(2)]
+        except ConfigError as refusal:  # that turn has no answer of this kind
+            _require(bool(str(refusal)), "It refuses a turn without a sentence.")
+            continue
+        answer, again = answers
+        if not isinstance(answer, TurnAnswer):
+            raise PluginError(f"It returned a {type(answer).__name__}; it returns a TurnAnswer.")
+        _require(bool(answer.sentence.strip()), "Its answer has no sentence for the person.")
+        if (forbidden := answer.forbidden) is not None:
+            fits = forbidden.dtype == np.bool_ and forbidden.shape == tuple(painted.shape)
+            _require(fits, f"It forbids a mask of {forbidden.shape}; for this canvas {tuple(painted.shape)}, of bool.")
+        if answer.rest is not None:
+            same = again.rest is not None and answer.rest.digest == again.rest.digest
+            _require(same, "It gave another answer to the same turn; take every random choice from its seed.")
+
+
+def _try_encoder(make: Any, given: _Given) -> None:
+    _require(callable(make), "It is no function of a device.")
+    encoder = make(torch.device("cpu"))
+    _require_methods(encoder, ("features",), "encoder")
+    _require_words(encoder, "name")
+    views = torch.stack([_picture(64), _picture(64).flip(2)]).requires_grad_()
+    maps = encoder.features(views)
+    shaped = len(maps) > 0 and all(each.dim() == 4 and len(each) == 2 for each in maps)
+    _require(shaped, "Its features are no maps [n, c, h, w] of n views.")
+    _require(all(bool(each.isfinite().all()) for each in maps), "Its features are not finite.")
+    _require_gradient(sum(each.square().mean() for each in maps), views, "features")
+    if callable(getattr(encoder, "embed_text", None)):
+        words, seen = encoder.embed_text("a red apple"), encoder.embed_pictures(views)
+        _require(words.dim() == 1 and tuple(seen.shape) == (2, len(words)), "Words and pictures have other lengths.")
+        norms = torch.cat([words.norm()[None], seen.norm(dim=1)])
+        _require(bool((norms - 1).abs().max() < 1e-3), "Its embeddings are not of unit length.")
+        _require_gradient((seen @ words.detach()).sum(), views, "embed_pictures")
+        _require(encoder.reads_all("a red apple") is True, "It says that it does not read three words.")
+
+
+def _require_gradient(value: Any, views: Tensor, name: str) -> None:
+    (slope,) = torch.autograd.grad(value, views) if value.requires_grad else (torch.zeros(1),)
+    _require(bool(slope.isfinite().all() and slope.any()), f"Its {name} has no gradient to the pictures.")
+
+
+def _try_library(make: Any, given: _Given) -> None:
+    _require(callable(make), "It is no function that returns a library.")
+    library = make()
+    _require_methods(library, ("list_captioned", "pictures"), "library")
+    _require_words(library, "name")
+    listed = list(library.list_captioned())
+    _require(bool(listed), "It lists no picture.")
+    for each in listed:
+        named = bool(each.captions) and all(isinstance(one, str) and one.strip() for one in each.captions)
+        _require(named, f"Its picture {each.file[:40]!r} has no caption.")
+        _require(0 <= each.realism <= 1, f"Its picture {each.file[:40]!r} has a realism that is not in [0, 1].")
+    for picture in library.pictures(listed[0].file):
+        fits = picture.dim() == 3 and len(picture) == 4 and bool(((picture >= 0) & (picture <= 1)).all())
+        _require(fits, f"It gave a picture of the shape {tuple(picture.shape)}; it gives [4, h, w] in [0, 1].")
+
+
+def _try_studio_arm(kind: StudioArm, given: _Given) -> None:
+    _require_words(kind, "easel")
+    made = kind.furnish(_CANVAS, find_brush("fine"), 0)
+    _require(isinstance(made, ArmAndTable), f"Its furnish returned a {type(made).__name__}; it returns an ArmAndTable.")
+    _require_methods(made.arm, ("connect", "move", "state", "remember", "close"), "arm")
+
+
 _TRIALS: Mapping[str, tuple[type[Any], Callable[[Any, _Given], None]]] = {
     registry.ROBOTS: (RobotKind, _try_robot),
     registry.EASELS: (EaselKind, _try_easel),
@@ -413,5 +494,9 @@ _TRIALS: Mapping[str, tuple[type[Any], Callable[[Any, _Given], None]]] = {
     registry.MIXERS: (MixerKind, _try_mixer),
     registry.LISTENERS: (ListenerKind, _try_listener),
     registry.EXPORTERS: (ExporterKind, _try_exporter),
+    registry.TURN_POLICIES: (TurnPolicy, _try_turn_policy),
+    registry.STUDIO_ARMS: (StudioArm, _try_studio_arm),
+    registry.ENCODERS: (object, _try_encoder),
+    registry.PICTURE_LIBRARIES: (object, _try_library),
 }
 """Class and trial of each kind of part, by its group."""
