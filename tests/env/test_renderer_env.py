@@ -210,6 +210,16 @@ def test_the_judge_of_structure_ranks_the_goal_first(env):
     assert -1 <= info["score"] <= 1 and info["score"] - start["score"] == pytest.approx(reward)
 
 
+def test_the_judge_of_structure_needs_room_for_its_windows():
+    narrow = {**SMALL, "canvas": "9x21cm", "goal": GOAL, "judge": "ssim"}
+    with pytest.raises(
+        ConfigError, match=r"windows of 11 x 11 pixels, and the observed pictures are 10 x 23; give more"
+    ):
+        gymnasium.make("renderer/strokes-v1", **{**narrow, "rows": 23})
+    it = gymnasium.make("renderer/strokes-v1", **{**narrow, "rows": 26})  # 11 columns
+    assert np.isfinite(it.reset(seed=0)[1]["score"])
+
+
 @pytest.mark.slow
 def test_many_processes_paint_as_one_does(env):
     """Processes are forked after this one has painted, with its threads and compiled loops."""

@@ -15,6 +15,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections import deque
 from pathlib import Path
 from typing import Any, Self
 
@@ -66,7 +67,10 @@ class FrankyArm:
         self.process.wait()
 
     def order(self, **what: Any) -> None:
-        """Sets `mode` (name of a RobotMode), `errors` (numbers), `abort` (name of a MoveStatus), `reject`, ..."""
+        """Sets `mode` (name of a RobotMode), `errors` (numbers), `abort` (name of a MoveStatus), `reject`, ...
+
+        `guide`: file of joint angles, float64 [n, 7], along which a person leads it, one row a millisecond
+        """
         done = f"done {json.dumps(what)}"
         before = self._told.count(done)
         self.process.stdin.write(json.dumps(what) + "\n")
@@ -163,6 +167,7 @@ def _serve(
     plain_state = FrankaRobotServer.robot_state.fget
     felt = np.zeros(6)
     step = 0
+    led: deque[np.ndarray] = deque()
 
     def state(server: Any) -> Any:
         told = plain_state(server).replace(
@@ -218,6 +223,9 @@ def _serve(
         def after(simulation: Any) -> None:
             nonlocal step
             step += 1
+            if led:  # a hand is stronger than the arm's own hold
+                simulation.data.qpos[robot._qpos_addrs] = led.popleft()
+                simulation.data.qvel[robot._dof_addrs] = 0.0
             sink.write(np.array(robot.inner_state.q).tobytes())
             model, data, total, one = simulation.model, simulation.data, np.zeros(3), np.zeros(6)
             for number in range(data.ncon):
@@ -245,6 +253,8 @@ def _serve(
                 what = json.loads(line)
                 abort = what.get("abort")
                 now.update(what)
+                if what.get("guide"):
+                    led.extend(np.fromfile(what["guide"]).reshape(-1, 7))
                 arm = server.robot_servers[0]
                 if abort and arm.current_motion_id:
                     number = arm.current_motion_id

@@ -22,6 +22,7 @@ STANDARD_REACH = (100.0, 700.0)
 """Nearest and farthest place of the tool from the shoulder of an xArm 6, millimetres."""
 _SHOULDER = np.array([0.0, 0.0, 267.0])
 MOVING, STANDBY, PAUSED, STOPPED, RESET = 1, 2, 3, 4, 5
+TEACHING = 2
 QUEUE_IS_FULL, NO_SOLUTION = 11, 14
 PLANNING, COLLISION = 25, 31
 _GET_VERSION, _GET_SN, _MOTION_EN, _SET_STATE, _GET_STATE, _GET_CMDNUM, _GET_ERROR = 1, 2, 11, 12, 13, 14, 15
@@ -113,6 +114,21 @@ class XarmBox:
         """A person clears the error at the arm and switches it on again."""
         with self._lock:
             self.error, self.state = 0, STANDBY
+
+    def guide(self, poses: np.ndarray, seconds: float) -> int:
+        """A person leads the arm through poses [n, 6] (mm, radians); returns how many of them it followed.
+
+        It follows in mode 2, joint teaching, once set_state(0) enabled that (xarm_api.py: set_mode and
+        start_record_trajectory), and holds its place otherwise.
+        """
+        followed = 0
+        for pose in poses:
+            with self._lock:
+                if self.mode == TEACHING and self.state in (MOVING, STANDBY) and self.on and not self.error:
+                    self.pose = np.array(pose, dtype=np.float64)
+                    followed += 1
+            time.sleep(seconds / len(poses))
+        return followed
 
     # Connections.
 

@@ -13,13 +13,16 @@ from itertools import product
 from pathlib import Path
 from typing import Any, get_args
 
+import numpy as np
 import pytest
+import torch
 from PIL import Image, ImageDraw
 from playwright.sync_api import Browser, BrowserContext, Page, Route, expect
 
 from browsing import SCREENSHOTS, WITH_CHROMIUM, OpenStudio, chromium, complaints, deadline, opened_studio
+from frida_painter.report.painters import Painters
 from frida_painter.web.painting_state import Stage
-from support.told import FINISHED, PAINTED, PAUSED, PICTURES, PLANNED, PROTECTED, Told
+from support.told import FINISHED, PAINTED, PAUSED, PICTURES, PLANNED, PROTECTED, REQUEST, Told
 
 pytestmark = [pytest.mark.slow, WITH_CHROMIUM, pytest.mark.timeout(560)]  # all views take some minutes
 
@@ -56,7 +59,32 @@ STATES: dict[Stage, tuple[list[dict[str, Any]], bool]] = {  # its events, and if
     "failed": ([*PLANNED, *PAINTED, FAILED], False),
     "lost": ([*PLANNED, *PAINTED], False),
 }
-PLACES = {"gallery": "#/", "new": "#/new", "calibrate": "#/calibrate"}
+PLACES = {"gallery": "#/", "new": "#/new", "calibrate": "#/calibrate", "teach": "#/teach"}
+TOGETHER = {**REQUEST, "terms": [], "together": True, "brushes": "medium"}
+WITHOUT_GOAL: list[dict[str, Any]] = [
+    {"kind": "plan_requested", "plan": 1, "wish": TOGETHER},
+    {**MADE, "wish": TOGETHER, "strokes": 0, "frames": [0]},
+]
+PERSON: list[dict[str, Any]] = [
+    {
+        "kind": "person_may_paint",
+        "brushes": [
+            {"name": name, "light": wide / 4, "hard": wide} for name, wide in (("fine", 0.004), ("medium", 0.008))
+        ],
+        "wells": ["#c06030", "#203050"],
+    },
+    *({"kind": "person_stroke_painted", "number": number, "done": 3} for number in (1, 2)),
+]
+TURNS = {"kind": "turns", "strokes": 3, "minutes": 0.0, "policy": "continue", "keep": "keep"}
+KEPT_BY_TWO = [{**line, "painters": True} if line["kind"] == "painting_kept" else line for line in FINISHED]
+TOGETHERS: dict[str, tuple[list[dict[str, Any]], bool]] = {  # stages of a person who paints, too
+    "no goal, planned": (WITHOUT_GOAL, False),
+    "no goal, your turn": ([*WITHOUT_GOAL, {**BEGUN[0], "of": 0}, *PERSON, TURNS, PAUSED], True),
+    "form of turns": ([*PLANNED, *PAINTED, *PERSON, PAUSED], True),
+    "who painted what": ([*PLANNED, *PAINTED, *PERSON, *KEPT_BY_TWO], False),
+}
+STATUSES = (*STATES, *TOGETHERS, *PLACES)
+ANSWER = "The robot's answer to what you paint"
 ROLES = ("watch", "plan", "operate")
 CONNECTIONS = ("connected", "cut")
 DEVICES: dict[str, dict[str, Any]] = {
@@ -80,12 +108,11 @@ class View:
 def each_status_once() -> list[View]:
     """Every status, with the next of all combinations of the others; after twelve of them all have been there."""
     others = list(product(ROLES, CONNECTIONS, DEVICES))
-    statuses = [*STATES, *PLACES]
-    return [View(status, *others[(5 * number) % len(others)]) for number, status in enumerate(statuses)]
+    return [View(status, *others[(5 * number) % len(others)]) for number, status in enumerate(STATUSES)]
 
 
 def all_views() -> list[View]:
-    return [View(*each) for each in product([*STATES, *PLACES], ROLES, CONNECTIONS, DEVICES)]
+    return [View(*each) for each in product(STATUSES, ROLES, CONNECTIONS, DEVICES)]
 
 
 def test_every_stage_has_its_state() -> None:
@@ -107,10 +134,16 @@ def paintings(studio: OpenStudio) -> Iterator[dict[str, Told]]:
     _, plan, canvas = coffee()
     with ExitStack() as stack:
         told: dict[str, Told] = {}
-        for stage, (events, works) in STATES.items():
-            told[stage] = Told(studio, *events, title=stage.capitalize(), pictures={"plan": plan, "canvas": canvas})
+        for stage, (events, works) in {**STATES, **TOGETHERS}.items():
+            bare = Image.new("RGB", canvas.size, (247, 245, 240))
+            pictures = (
+                dict.fromkeys(("plan", "canvas"), bare) if "no goal" in stage else {"plan": plan, "canvas": canvas}
+            )
+            told[stage] = Told(studio, *events, title=stage.capitalize(), pictures=pictures)
             if stage in ("stopped", "failed"):
                 (told[stage].folder.painting / "journal").write_text("")
+            if stage == "who painted what":
+                keep_painters(told[stage].folder.painting, canvas)
             stack.enter_context(told[stage].at_work() if works else nullcontext())
         shutil.rmtree(told["lost"].folder.path)
         yield told
@@ -120,6 +153,15 @@ def paintings(studio: OpenStudio) -> Iterator[dict[str, Told]]:
 def browser() -> Iterator[Browser]:
     with deadline(), chromium() as opened:
         yield opened
+
+
+def keep_painters(folder: Path, canvas: Image.Image) -> None:
+    """Writes who painted what: the robot the upper half of a canvas, the person most of the lower one."""
+    rows, columns = canvas.height, canvas.width
+    owner = np.zeros((rows, columns), np.int32)
+    owner[: rows // 2], owner[rows // 2 :, : 2 * columns // 3] = 7, -2
+    picture = torch.from_numpy(np.array(canvas)).permute(2, 0, 1).float() / 255
+    Painters(owner).save(folder, picture)
 
 
 def coffee() -> list[Image.Image]:
@@ -153,6 +195,15 @@ def show(page: Page, paintings: dict[str, Told], view: View) -> None:
         expect(page.locator(".workbench h1")).to_be_visible()
     expect(page.locator("main h1:visible").first).to_be_visible()
     expect(page.locator("main [aria-busy]")).to_have_count(0)
+    if view.status == "form of turns" and view.role == "operate":
+        form = page.locator("details", has_text=ANSWER)
+        if form.get_attribute("open") is None:
+            form.locator("summary").click()
+        expect(form.get_by_label(ANSWER)).to_be_visible()
+    if view.status == "who painted what":
+        shares = page.locator(".painters-key", has_text="bare canvas: 17 %")
+        shares.scroll_into_view_if_needed()
+        expect(shares).to_be_visible()
     eager = "[...document.images].filter((image) => image.loading !== 'lazy' && image.src)"
     page.evaluate(f"Promise.all({eager}.map((image) => image.decode().catch(() => {{}})))")
 
@@ -209,19 +260,18 @@ def test_every_state_of_the_page_is_whole(
     assert not found, "\n".join(found)
     if EVERY_VIEW:
         for device in DEVICES:
-            draw_sheet(views, device, folder).save(SHEETS / f"{device}.jpg", quality=80)
+            draw_sheet(views, device, folder).save(SHEETS / f"{device}.jpg", quality=68)
 
 
 def draw_sheet(views: list[View], device: str, folder: Path) -> Image.Image:
     """One row for each status, one column for each role and connection."""
     width, height = (360, 225) if device == "desk" else (156, 338)
     columns = list(product(ROLES, CONNECTIONS))
-    statuses = [*STATES, *PLACES]
-    sheet = Image.new("RGB", (90 + len(columns) * (width + 8), 24 + len(statuses) * (height + 8)), "white")
+    sheet = Image.new("RGB", (90 + len(columns) * (width + 8), 24 + len(STATUSES) * (height + 8)), "white")
     pen = ImageDraw.Draw(sheet)
     for column, (role, connection) in enumerate(columns):
         pen.text((90 + column * (width + 8), 6), f"{role}, {connection}", fill="black")
-    for row, status in enumerate(statuses):
+    for row, status in enumerate(STATUSES):
         top = 24 + row * (height + 8)
         pen.text((4, top + 4), status, fill="black")
         for column, (role, connection) in enumerate(columns):

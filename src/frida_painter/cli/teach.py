@@ -1,6 +1,8 @@
 """Command `teach`: marks of a person's hand become a stroke family, and the virtual studio paints it."""
 
 import re
+import select
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -8,10 +10,13 @@ import typer
 
 from frida_painter.brush import MAX_STROKES
 from frida_painter.cli.strokes import training_bar
-from frida_painter.errors import ConfigError
-from frida_painter.options import BrushOption, out_file, whole_number_within
+from frida_painter.errors import ConfigError, FridaError
+from frida_painter.options import BrushOption, WorkspaceOption, out_file, whole_number_within
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from frida_painter.brush.evaluation import Learned
     from frida_painter.brush.kinds import BrushKind
     from frida_painter.brush.library import StrokeLibrary
@@ -26,14 +31,16 @@ def _sizes(text: str) -> tuple[float, float]:
 
 
 def teach(
+    *,
     marks: Annotated[
-        Path,
+        Path | None,
         typer.Argument(
-            metavar="MARKS",
+            metavar="[MARKS]",
             help="A file of marks (.json or .csv), or a folder of such files. A mark has the columns x, y and pressure "
-            "(0 to 1) or height (below 0 on the canvas), and may have time.",
+            "(0 to 1) or height (below 0 on the canvas), and may have time. With --robot, the file to write them to.",
+            show_default=False,
         ),
-    ],
+    ] = None,
     name: Annotated[str, typer.Option(metavar="NAME", help="The name of the family.")],
     brush: BrushOption = "fine",
     size: Annotated[
@@ -62,6 +69,15 @@ def teach(
             show_default=False,
         ),
     ] = None,
+    robot: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME",
+            help="An arm that you guide by hand over its canvas, to draw the marks with it: xarm or franka.",
+            show_default=False,
+        ),
+    ] = "",
+    workspace: WorkspaceOption = None,
     seed: Annotated[int, typer.Option(parser=whole_number_within(0, 2**31 - 1), metavar="N", help="Random seed.")] = 0,
     out: Annotated[
         Path | None,
@@ -78,6 +94,9 @@ def teach(
     The marks are laid over each other, and their shapes become one or two numbers, the shape code. The
     virtual studio then paints the family, and a stroke model is learned from the photographs. A sheet beside
     the family shows the marks and what was learned. If the command was interrupted, run it again to continue.
+
+    With --robot and --workspace, you guide the arm by hand: down to the canvas for each mark. It stays stopped
+    afterwards, until you arm it.
     """
     from frida_painter import images
     from frida_painter.brush.families import write_family
@@ -90,6 +109,14 @@ def teach(
     out = out or Path(f"{name}.safetensors")
     if out.suffix != ".safetensors":
         raise ConfigError(f"--out was given {str(out)!r}; a family goes into a file that ends in .safetensors.")
+    if robot:
+        marks = marks or Path(f"{name}-marks.json")
+        guide(robot, workspace, brush, marks)
+        unit = "mm"
+    elif workspace is not None:
+        raise ConfigError("--workspace was given without --robot; name the arm that you guide, or leave it out.")
+    elif marks is None:
+        raise ConfigError("No marks were given; give a file of MARKS, or an arm to guide by hand: --robot.")
     taught = read_marks(marks, unit)
     family = learn_family(taught, name, _sizes(size) if size else None)
     kind = brush_kind(brush).of_family(family)
@@ -111,6 +138,58 @@ def teach(
         f"{learned.report.validation_error:.4f}: {out}\nSheet: {out.with_suffix('.png')}\n"
         f"Paint with it: frida-painter paint PICTURE --brushes {brush} --strokes-of {out}"
     )
+
+
+def guide(robot: str, workspace: Path | None, brush: str, path: Path) -> None:
+    """Records marks that a person draws with a named arm, and writes them to a file.
+
+    Raises ConfigError if there is no workspace file, the file of marks exists, or nobody is at the terminal.
+    Raises the errors of `guide_arm` after the marks were written, if there are any, and FamilyError without marks.
+    """
+    from frida_painter.brush.guided_marks import MarkCutter
+    from frida_painter.calibration import Calibration
+    from frida_painter.easel.guiding import guide_arm
+    from frida_painter.hardware.workcell import WorkcellConfig
+    from frida_painter.runs.painting_easel import default_record
+
+    if workspace is None:
+        raise ConfigError(f"Where the canvas of {robot[:60]!r} is, is not known; say it with --workspace FILE.")
+    if path.suffix != ".json" or path.exists():
+        raise ConfigError(
+            f"Marks of a guided arm go into a new .json file, and not into {str(path)!r}; give another one. A folder "
+            "of several can be taught together."
+        )
+    if not sys.stdin.isatty():
+        raise ConfigError("You end the recording with Enter; run this in a terminal beside the arm.")
+    workcell = WorkcellConfig.load(workspace)
+    record = default_record(workcell.easel)
+    known = Calibration.load(record).of_brush(brush) if record.exists() else workcell.calibration(brush)
+    cutter = MarkCutter(known.touch_height - known.press_height)
+
+    def hear(tip: "NDArray[np.float64]", at: float) -> None:
+        place, before = workcell.workspace.to_canvas(tip[None]), len(cutter.marks)
+        cutter.add(place[0], float(tip[2] - known.touch_height - known.unevenness(place)[0]), at)
+        if len(cutter.marks) > before:
+            print(f"\r{len(cutter.marks)} marks", end="", flush=True)
+
+    print(
+        "The arm is released now: hold it, and support its weight. Guide the tip down to the canvas for each mark, and "
+        "lift it in between. A Franka follows while you press the buttons at its hand. Enter ends it."
+    )
+    fault: FridaError | KeyboardInterrupt | None = None
+    try:
+        guide_arm(robot, workcell, hear, lambda: bool(select.select([sys.stdin], [], [], 0)[0]))
+    except (FridaError, KeyboardInterrupt) as error:
+        fault = error
+    cutter.finish()
+    if cutter.marks or fault is None:
+        for sentence in cutter.save(path):
+            print(f"\n{sentence}", end="")
+        print(f"\nMarks: {path}")
+    if fault is not None:
+        raise fault
+    sys.stdin.readline()
+    print("The arm holds its place and stays stopped. Look at it, then let it paint again: frida-painter arm")
 
 
 def _paint(kind: "BrushKind", count: int, seed: int, out: Path) -> "StrokeLibrary":

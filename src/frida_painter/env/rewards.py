@@ -45,6 +45,8 @@ def _perceptual() -> Judge:
 
 JUDGES = ("psnr", "ssim", "perceptual")
 """Names of the judges."""
+SSIM_WINDOW = 11
+"""Pixels along a side of the windows of "ssim"; pictures are at least as large."""
 
 
 def open_judge(name: str) -> Judge:

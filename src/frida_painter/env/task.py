@@ -17,7 +17,7 @@ from frida_painter import images
 from frida_painter.brush.kinds import BrushKind, brush_kind
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.env.actions import NUMBERS, StrokeCode
-from frida_painter.env.rewards import JUDGES
+from frida_painter.env.rewards import JUDGES, SSIM_WINDOW
 from frida_painter.errors import ConfigError, ImageError
 from frida_painter.frames import PixelGrid
 from frida_painter.lab import targets
@@ -92,6 +92,11 @@ class PaintingTask:
         if judge not in JUDGES:
             raise ConfigError(f"The judge {str(judge)[:40]!r} was given; take {', '.join(JUDGES)}.")
         grid = PixelGrid.of_height(size, rows)
+        if judge == "ssim" and not min(grid.rows, grid.columns) >= SSIM_WINDOW:
+            raise ConfigError(
+                f"The judge ssim compares windows of {SSIM_WINDOW} x {SSIM_WINDOW} pixels, and the observed pictures "
+                f"are {grid.columns} x {grid.rows}; give more rows, or take another judge."
+            )
         goals = [_fit(one, grid) for one in _each(goal)]
         palettes = torch.stack([_palette(paints, images.from_uint8(one)) for one in goals])
         red, green, blue = _color(ground).tolist()

@@ -303,6 +303,26 @@ class ExaminedRobot(Protocol):
 
 
 @runtime_checkable
+class GuidedRobot(Protocol):
+    """Arm that a person guides by hand while it tells where its tip is; it never moves by itself then."""
+
+    def begin_guiding(self) -> None:
+        """Connects and lets the arm follow a person's hand. A failed attempt leaves nothing open.
+
+        Raises RobotError and its subclasses.
+        """
+
+    def guided_tip(self) -> NDArray[np.float64]:
+        """Returns the tip [3] (m) in the arm's present posture, the brush upright or not.
+
+        Raises RobotError and its subclasses if the arm left this mode or has a fault.
+        """
+
+    def end_guiding(self) -> None:
+        """Lets the arm hold its place, without obeying motions, and disconnects. May be called repeatedly."""
+
+
+@runtime_checkable
 class PausableRobot(Protocol):
     """Robot whose board has a pause button."""
 

@@ -205,10 +205,17 @@ def _distance(drawn: NDArray[np.float64], marks: NDArray[np.float64]) -> float:
 # The stroke model on held-out painted strokes
 
 
-def paint_library(kind: BrushKind, count: int, seed: int, notify: Notify) -> StrokeLibrary:
-    """Paints a library of strokes of a brush, or of a family with it, in the virtual studio."""
+_REPEATS = 4  # of each held-out stroke, in other studios
+
+
+def paint_library(kind: BrushKind, count: int, seed: int, notify: Notify, studio: int | None = None) -> StrokeLibrary:
+    """Paints a library of strokes of a brush, or of a family with it, in the virtual studio.
+
+    seed: of the strokes
+    studio: seed of the studio, so that the same strokes can be repeated; None for `seed`
+    """
     painting = strokes(
-        open_virtual_easel(kind.name, seed),
+        open_virtual_easel(kind.name, seed if studio is None else studio),
         kind,
         count=count,
         seed=seed,
@@ -217,11 +224,28 @@ def paint_library(kind: BrushKind, count: int, seed: int, notify: Notify) -> Str
     return clean(lead(painting, lambda question: question.proposal or False).library)
 
 
-def measure_model(name: str, model: StrokeModel, library: StrokeLibrary) -> Row:
-    """Returns the error of a stroke model on strokes that it did not learn from, as a row of a table."""
+def measure_model(name: str, model: StrokeModel, library: StrokeLibrary, repeats: Sequence[StrokeLibrary] = ()) -> Row:
+    """Returns the error of a stroke model on strokes that it did not learn from, as a row of a table.
+
+    repeats: the same strokes, painted again. They give the noise of the studio, which no model knows: the error of a
+        stroke against the median of its repeats.
+    """
     missed = float(errors(model, library).mean())
     paint = float(library.magnitude.mean()) / 255
-    return {"strokes": name, "painted": len(library), "mean L1": missed, "share of the paint": missed / paint}
+    noise = measure_noise(library, repeats)
+    row: Row = {"strokes": name, "painted": len(library), "mean L1": missed, "share of the paint": missed / paint}
+    return row if math.isnan(noise) else {**row, "noise of the studio": noise, "share": noise / paint}
+
+
+def measure_noise(library: StrokeLibrary, repeats: Sequence[StrokeLibrary]) -> float:
+    """Returns the mean L1 between strokes and the medians of their repeats; NaN without two repeats of any stroke."""
+    found = []
+    for index, mark in zip(library.recorded_index, library.magnitude, strict=True):
+        again = [other.magnitude[other.recorded_index == index] for other in repeats]
+        others = np.concatenate([np.zeros((0, *mark.shape), np.uint8), *again]).astype(np.float64)
+        if len(others) > 1:
+            found.append(float(np.abs(np.median(others, 0) - mark).mean()) / 255)
+    return float(np.mean(found)) if found else math.nan
 
 
 # A drawing of long lines with and without the family
@@ -298,9 +322,12 @@ def run(*, brush: str = "fine", seed: int = 0, scale: ExperimentScale = FULL, no
     for number, name in enumerate(names):
         part = within(notify, 0.05 + 0.5 * number / len(names), 0.05 + 0.5 * (number + 1) / len(names))
         kind = brush_kind(brush) if not name else brush_kind(brush).of_family(load_family(name))
-        library = paint_library(kind, scale.held_out, seed + 1000, part)
+        library, *repeats = (
+            paint_library(kind, scale.held_out, seed + 1000, within(part, *share), seed + 1000 + studio)
+            for studio, share in enumerate(_parts(1 + (2 if scale.quick else _REPEATS)))
+        )
         model = load_stroke_model(f"{brush}+{name}" if name else brush)
-        models.append(measure_model(name or f"{brush} brush", model, library))
+        models.append(measure_model(name or f"{brush} brush", model, library, repeats))
     seeds = range(seed, seed + (1 if scale.quick else 2))
     ways = (brush, f"{brush}+{_LONG}")
     painted = []
@@ -319,6 +346,10 @@ def run(*, brush: str = "fine", seed: int = 0, scale: ExperimentScale = FULL, no
         (_note(painted, ways),),
         {NAME: _sheet(painted, ways)},
     )
+
+
+def _parts(count: int) -> list[tuple[float, float]]:
+    return [(number / count, (number + 1) / count) for number in range(count)]
 
 
 def _note(painted: Sequence[PaintedLines], ways: tuple[str, str]) -> str:

@@ -88,6 +88,13 @@ class Truth:
             return "The studio's disk is full: make room first."
         return "It may have been killed, or the machine had too little memory or was switched off."
 
+    def explain(self, ended: bool, said: str, remedy: str) -> str:
+        """Returns the sentences for a process that ended without an event; "" if it works or told its end.
+
+        said, remedy: sentences before and after the probable cause
+        """
+        return "" if self.working or ended else f"{said} {self.suspicion} {remedy}"
+
 
 Stage = Literal[
     "waiting", "planning", "plan stopped", "plan failed", "planned", "queued",

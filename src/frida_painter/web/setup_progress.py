@@ -107,8 +107,7 @@ class SetupProgress:
 
     def to_plain(self, truth: Truth) -> dict[str, Any]:
         """Returns the state as plain values; a process that ended without an event is reported as an error."""
-        vanished = not (truth.working or self.ended)
-        said = "The setup's process ended in the middle of its work, without saying why. "
+        said = "The setup's process ended in the middle of its work, without saying why."
         return {
             "version": self.version,
             "working": truth.working,
@@ -120,5 +119,5 @@ class SetupProgress:
             "written": self.written,
             "left": self.left,
             "stopped": self.stopped,
-            "trouble": self.trouble or (f"{said}{truth.suspicion} Continue the setup." if vanished else ""),
+            "trouble": self.trouble or truth.explain(self.ended, said, "Continue the setup."),
         }

@@ -81,7 +81,7 @@ class CalibrationState:
         """Returns the state as plain values; a process that ended without an event is reported as an error."""
         working, shown = truth.working, self.procedures.values()
         vanished = not (working or self.stopped) and any(each.status in ("waiting", "busy") for each in shown)
-        said = "The calibration's process ended in the middle of its work, without saying why. "
+        said = "The calibration's process ended in the middle of its work, without saying why."
         ended = {"busy": "failed", "waiting": ""} if vanished else {}
         return {
             "version": self.version,
@@ -91,7 +91,7 @@ class CalibrationState:
             "question": self.question if working else None,
             "progress": self.progress if working else "",
             "stopped": self.stopped,
-            "trouble": self.trouble or (f"{said}{truth.suspicion} Run the procedure again." if vanished else ""),
+            "trouble": self.trouble or truth.explain(not vanished, said, "Run the procedure again."),
         }
 
     def _hear(self, event: Written) -> None:

@@ -80,8 +80,7 @@ class TeachingProgress:
 
     def to_plain(self, truth: Truth) -> dict[str, Any]:
         """Returns the state as plain values; a process that ended without an event is reported as an error."""
-        vanished = not (truth.working or self.ended)
-        said = "The process that learned the stroke ended without saying why. "
+        said = "The process that learned the stroke ended without saying why."
         return {
             "version": self.version,
             "working": truth.working,
@@ -89,5 +88,5 @@ class TeachingProgress:
             "taught": self.taught,
             "progress": self.progress if truth.working else "",
             "stopped": self.stopped,
-            "trouble": self.trouble or (f"{said}{truth.suspicion} Teach it again." if vanished else ""),
+            "trouble": self.trouble or truth.explain(self.ended, said, "Teach it again."),
         }

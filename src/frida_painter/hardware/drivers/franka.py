@@ -11,13 +11,12 @@ import socket
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from frida_painter.errors import ConfigError, FridaError, MotionFailed, RobotDisconnected, RobotError, RobotStopped
+from frida_painter.errors import FridaError, MotionFailed, RobotDisconnected, RobotError, RobotStopped
 from frida_painter.hardware.deadline import one_line, steady, within
 from frida_painter.hardware.drivers.franka_kinematics import (
     JOINT_MARGIN,
@@ -28,17 +27,16 @@ from frida_painter.hardware.drivers.franka_kinematics import (
     resume_path,
     rotation_vector,
 )
+from frida_painter.hardware.drivers.franka_settings import FrankaSettings
 from frida_painter.hardware.drivers.interlock import PATIENCE, Interlock
 from frida_painter.hardware.gateway import FASTEST
-from frida_painter.hardware.kinds import MachineName, Needed, RobotKind, at_host, require_home
+from frida_painter.hardware.kinds import Needed, RobotKind, at_host
 from frida_painter.hardware.robot import (
     Examination,
     MachineFact,
     MotionReport,
-    Point,
     Sense,
     Waypoints,
-    Workspace,
     plan_way_home,
 )
 from frida_painter.hardware.timing import AxisTiming, Timing
@@ -70,6 +68,8 @@ _MAX_RESUMED = 5  # times that a motion goes on after that
 _BEFORE, _AFTER = 100, 15  # periods around the one of the timetable in which the arm may stand then
 _OFF_WAY = 0.01  # radians that a joint may be off its way then
 
+_GUIDE = "guide"
+_GUIDED = ("Idle", "Guiding", "UserStopped")  # a Panda is guided with its user stop pressed, too
 _MODES = {
     "UserStopped": "its user stop is pressed, or its brakes are locked",
     "Reflex": "it is in a reflex: it ran into something or was commanded beyond its limits",
@@ -89,53 +89,9 @@ _REMEDY = {
 }
 
 
-@dataclass(frozen=True)
-class FrankaSettings:
-    """Settings of a Franka arm.
-
-    address: of the control cabinet or of the arm's base
-    home: home position of the tip, metres
-    approach: m/s to the first waypoint
-    brush_length: from the arm's tool frame to the brush's tip along the tool, metres
-    turn: of the hand about the vertical, degrees; 0 as in the arm's usual start posture
-    acceleration: m/s2 of the tip
-    force: N and Nm on the arm above which it stops by reflex
-    touch_force: N on the brush that count as a touch
-
-    Raises ConfigError if a value is out of range.
-    """
-
-    address: str
-    home: Point
-    approach: float = 0.15
-    brush_length: float = 0.0
-    turn: float = 0.0
-    acceleration: float = 0.5
-    force: float = 20.0
-    touch_force: float = 1.5
-
-    def __post_init__(self) -> None:
-        if not (0 < self.approach <= 1 and 0 <= self.brush_length <= 1 and -180 <= self.turn <= 180):
-            raise ConfigError(
-                f"A Franka was given an approach of {self.approach} m/s, a brush of {self.brush_length} m and a turn "
-                f"of {self.turn} degrees; they are above 0 to 1 m/s, 0 to 1 m and -180 to 180 degrees."
-            )
-        if not (0 < self.acceleration <= 5 and 5 <= self.force <= 100 and 0.2 <= self.touch_force <= 10):
-            raise ConfigError(
-                f"A Franka was given an acceleration of {self.acceleration} m/s2, a force of {self.force} N and a "
-                f"touch force of {self.touch_force} N; they are above 0 to 5 m/s2, 5 to 100 N and 0.2 to 10 N."
-            )
-
-    @property
-    def upright(self) -> NDArray[np.float64]:
-        """Rotation of the tool [3, 3] in the arm's frame with the brush pointing straight down."""
-        cos, sin = math.cos(math.radians(self.turn)), math.sin(math.radians(self.turn))
-        return np.array([[cos, sin, 0.0], [sin, -cos, 0.0], [0.0, 0.0, -1.0]])
-
-
 class FrankaRobot:
-    """Robot through franky. Implements hardware.robot.Robot, Reach, TimedRobot, ExaminedRobot and
-    TouchProbe.
+    """Robot through franky. Implements hardware.robot.Robot, Reach, TimedRobot, ExaminedRobot,
+    GuidedRobot and TouchProbe.
 
     The arm allows one client. A stop goes over the same connection, beside the motion's thread.
     """
@@ -194,6 +150,32 @@ class FrankaRobot:
         """Returns the position of the tip, [3] metres. Raises RobotError if the arm's answer is no position."""
         self._interlock.require_ready("pose")
         return self._tip(self._state("pose"))
+
+    # Guiding by a person's hand.
+
+    def begin_guiding(self) -> None:
+        """Connects and reads the tip. A Franka is released by the buttons at its hand. Implements GuidedRobot."""
+        try:
+            self._open()
+            self.guided_tip()
+        except FridaError:
+            self.close()
+            raise
+
+    def guided_tip(self) -> NDArray[np.float64]:
+        """Returns the tip [3] (m), the brush tilted or not.
+
+        Raises RobotError and its subclasses if another program moves the arm, or it is at fault.
+        """
+        self._interlock.require_ready(_GUIDE)
+        state = self._state(_GUIDE)
+        if state.robot_mode.name not in _GUIDED:
+            raise self._refusal(_GUIDE, state)
+        return self._tip(state)
+
+    def end_guiding(self) -> None:
+        """Disconnects; the arm holds its place as soon as its buttons are let go."""
+        self.close()
 
     # Limits and state for people.
 
@@ -620,17 +602,19 @@ class FrankaRobot:
     def _require_idle(self, label: str) -> None:
         """Raises RobotStopped, MotionFailed or RobotError unless the arm is ready for a motion."""
         state = self._state(label)
-        mode = state.robot_mode.name
-        if mode == "Idle":
-            return
-        errors = _names(state.current_errors)
+        if state.robot_mode.name != "Idle":
+            raise self._refusal(label, state)
+
+    def _refusal(self, label: str, state: Any) -> RobotError:
+        """Returns the error of an arm that is not ready."""
+        mode, errors = state.robot_mode.name, _names(state.current_errors)
         because = f" ({', '.join(errors)})" if errors else ""
         told = f"{label}: {self._interlock.name} does not move, {_MODES[mode]}{because}; {_REMEDY[mode]}."
         if mode == "UserStopped":
-            raise RobotStopped(told)
+            return RobotStopped(told)
         if mode == "Reflex":
-            raise MotionFailed(told, errors[0] if errors else "reflex")
-        raise RobotError(told)
+            return MotionFailed(told, errors[0] if errors else "reflex")
+        return RobotError(told)
 
     # Calls into franky.
 
@@ -775,26 +759,11 @@ def _has_realtime() -> bool:
     return "PREEMPT_RT" in platform.version().replace(" ", "_")
 
 
-def _open(name: MachineName, workspace: Workspace) -> FrankaRobot:
-    name.require("brush_length", "turn", "force", "touch_force")
-    return FrankaRobot(
-        FrankaSettings(
-            name.where,
-            require_home(name, workspace),
-            workspace.travel_speed,
-            name.choose("brush_length", float, 0.0),
-            name.choose("turn", float, 0.0),
-            force=name.choose("force", float, 20.0),
-            touch_force=name.choose("touch_force", float, 1.5),
-        )
-    )
-
-
 KIND = RobotKind(
     "franka",
     "franka:ADDRESS[,brush_length=METRES][,turn=DEGREES][,force=NEWTON][,touch_force=NEWTON]",
     "Franka Research 3 and Panda",
-    open=_open,
+    open=lambda name, workspace: FrankaRobot(FrankaSettings.of(name, workspace)),
     needed=_NEEDED,
     identify=lambda name: at_host(name.where),
 )

@@ -86,6 +86,8 @@ _WARNINGS = {
 """Warnings of the control box (ControllerWarnCodeMap). The SDK returns 0 for a command that was dropped with one."""
 _SILENT, _GONE = (3,), (-1, 8)  # ERR_TOUT; NOT_CONNECTED, ERR_NOTTCP
 _NO_PAYLOAD = 0.05  # kg
+_POSITIONS, _TEACHING = 0, 2  # modes of the control box
+_GUIDE = "guide"
 
 
 @dataclass(frozen=True)
@@ -125,7 +127,9 @@ class XarmSettings:
 
 
 class XarmRobot:
-    """Robot through UFACTORY's SDK. Implements Robot, TimedRobot and ExaminedRobot. Stops use a separate connection.
+    """Robot through UFACTORY's SDK. Implements Robot, TimedRobot, ExaminedRobot and GuidedRobot.
+
+    Stops use a separate connection.
 
     Its joints have absolute encoders, so its zero survives everything.
     """
@@ -145,6 +149,10 @@ class XarmRobot:
         Raises RobotError if the package is missing or the arm refuses a command, MotionFailed if it has an error,
         which only a person clears.
         """
+        self._start(_POSITIONS, self.pose)
+
+    def _start(self, mode: int, look: Callable[[], object]) -> None:
+        """Opens both connections and puts the arm into a mode; closes them if that, or `look`, fails."""
         self.close()
         kind = self._load_sdk()
         self._interlock.mark_connected()
@@ -156,17 +164,53 @@ class XarmRobot:
             self._require_no_fault("connect", None)
             for what, call in (
                 ("motion_enable", lambda: self._arm.motion_enable(True)),
-                ("set_mode", lambda: self._arm.set_mode(0)),
+                ("set_mode", lambda: self._arm.set_mode(mode)),
                 ("set_state", lambda: self._arm.set_state(0)),
             ):
                 self._require_done(what, self._interlock.asking(what, call))
             time.sleep(_AFTER_START)
             self._require_no_fault("connect", None)
-            self._require_ready("connect")
-            self.pose()
+            self._require_ready("connect", mode)
+            look()
         except FridaError:
+            self._end_mode(mode)
             self.close()
             raise
+
+    # Guiding by a person's hand: the control box's mode for joint teaching.
+
+    def begin_guiding(self) -> None:
+        """Connects and puts the arm into its teach mode, in which it carries its own weight. Implements GuidedRobot.
+
+        Raises the errors of `connect`.
+        """
+        self._start(_TEACHING, self.guided_tip)
+
+    def guided_tip(self) -> NDArray[np.float64]:
+        """Returns the tip [3] (m), the brush tilted or not.
+
+        Raises MotionFailed if the control box has an error, RobotStopped if the arm was stopped there, RobotError if
+        another program ended the teach mode.
+        """
+        self._interlock.require_ready(_GUIDE)
+        self._require_no_fault(_GUIDE, None)
+        self._require_ready(_GUIDE, _TEACHING)
+        place = self._place(_GUIDE)
+        return place[:3] / 1000 + self.settings.brush_length * _along_tool(np.radians(place[3:]))
+
+    def end_guiding(self) -> None:
+        """Stops the arm, ends its teach mode and disconnects."""
+        self._end_mode(_TEACHING)
+        self.close()
+
+    def _end_mode(self, mode: int) -> None:
+        """Ends the teach mode, if the arm may be in it: it then holds its place and takes no motions."""
+        if mode == _POSITIONS or self._arm is None:
+            return
+        self._halt()
+        with suppress(RobotError):  # an arm that does not answer was told to stop over both connections
+            self._interlock.asking("set_mode", lambda: self._arm.set_mode(_POSITIONS))
+            self._interlock.asking("set_state", lambda: self._arm.set_state(_STOPPED[0]))
 
     def home(self) -> MotionReport:
         """Moves to the home position, first vertically."""
@@ -175,18 +219,22 @@ class XarmRobot:
     def pose(self) -> NDArray[np.float64]:
         """Returns the position of the tip, [3] metres. Raises RobotError if the answer is no position."""
         self._interlock.require_ready("pose")
-        answer = self._interlock.asking("pose", lambda: self._arm.get_position(is_radian=False))
+        return self._place("pose")[:3] / 1000 - (0, 0, self.settings.brush_length)
+
+    def _place(self, label: str) -> NDArray[np.float64]:
+        """Returns x, y and z of the tool's centre in mm, and roll, pitch and yaw in degrees: [6]."""
+        answer = self._interlock.asking(label, lambda: self._arm.get_position(is_radian=False))
         try:
-            code, place = answer
-            position = np.array(place, dtype=np.float64)[:3]
+            code, told = answer
+            place = np.array(told, dtype=np.float64)
         except (TypeError, ValueError):
-            code, position = None, np.empty(0)
-        self._require_line("pose", code)
-        if code != 0 or position.shape != (3,) or not np.isfinite(position).all():
+            code, place = None, np.empty(0)
+        self._require_line(label, code)
+        if code != 0 or place.shape != (6,) or not np.isfinite(place).all():
             raise self._interlock.fault(
                 RobotError(f"{self._interlock.name} said {str(answer)[:80]} when asked where it is; look at it.")
             )
-        return position / 1000 - (0, 0, self.settings.brush_length)
+        return place
 
     def follow(self, waypoints: Waypoints) -> MotionReport:
         """Moves along the waypoints in straight lines with slightly rounded corners; returns when the arm stands.
@@ -402,16 +450,17 @@ class XarmRobot:
                 )
             time.sleep(_POLL)
 
-    def _require_ready(self, label: str) -> None:
-        """Raises RobotError if the arm is not in position mode and ready for motions."""
+    def _require_ready(self, label: str, mode: int = _POSITIONS) -> None:
+        """Raises RobotError if the arm is not in a mode, that for positions, and ready in it."""
         if self._state(label) == _PAUSED:
             raise RobotError(f"{label}: {self._interlock.name} is paused; let it go on there, then connect anew.")
         until = time.monotonic() + 1.0  # the mode comes with reports, five times a second
-        while self._arm.mode != 0:
+        while self._arm.mode != mode:
             if time.monotonic() > until:
                 raise RobotError(
-                    f"{label}: {self._interlock.name} is in mode {self._arm.mode} and not in 0, for positions; another "
-                    "program uses it. End that, then connect anew."
+                    f"{label}: {self._interlock.name} is in mode {self._arm.mode} and not in {mode}, for "
+                    f"{'positions' if mode == _POSITIONS else 'teaching'}; another program uses it. End that, then "
+                    "connect anew."
                 )
             time.sleep(_POLL)
 
@@ -515,6 +564,12 @@ _SDK = {
     "check_cmdnum_limit": False,
     "check_robot_sn": False,
 }
+
+
+def _along_tool(angles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Returns the direction [3] in which a tool points, for its roll, pitch and yaw in radians about fixed axes."""
+    (sr, sp, sy), (cr, cp, cy) = np.sin(angles), np.cos(angles)
+    return np.array([cy * sp * cr + sy * sr, sy * sp * cr - cy * sr, cp * cr])
 
 
 def _name(code: int, names: dict[int, str]) -> str:

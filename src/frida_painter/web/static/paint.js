@@ -69,7 +69,7 @@ export function paintStage(house, here, first) {
     if (painting.photograph) canvas.picture("painting", api.file(here.id, "live", painting.photograph), `The canvas after ${painting.done} strokes`);
     const next = painting.status === "painting" ? ", and the next stroke" : "";
     canvas.captions({
-      plan: painting.photograph || !house.watched ? "The plan" : "The plan. The first photograph of the easel comes soon.",
+      plan: wish.together ? "The canvas as it began" : painting.photograph || !house.watched ? "The plan" : "The plan. The first photograph of the easel comes soon.",
       painting: house.watched ? `The easel, as it was photographed last${next}` : `There is no camera: the canvas as it should look now${next}`,
     });
     const region = painting.region ? api.file(here.id, "live", painting.region.picture) : "";

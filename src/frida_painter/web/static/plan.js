@@ -50,7 +50,7 @@ export function planStage(house, here, first) {
     const frame = plan.made.frames.reduce((best, after) => (after <= done ? after : best), 0);
     scrubbing.querySelector("output").textContent = `${done} of ${plan.made.strokes}`;
     canvas.picture("plan", api.file(here.id, plan.number, whole ? "plan.jpg" : `after-${frame}.jpg`), whole ? "The finished plan" : `The canvas after ${done} strokes`);
-    canvas.captions({ plan: whole ? `Plan ${plan.number}` : `Plan ${plan.number}, after ${count(frame, "stroke", "strokes")}${done === frame ? "" : `; the outlined stroke is number ${done}`}` });
+    canvas.captions({ plan: plan.wish.together ? "The bare canvas" : whole ? `Plan ${plan.number}` : `Plan ${plan.number}, after ${count(frame, "stroke", "strokes")}${done === frame ? "" : `; the outlined stroke is number ${done}`}` });
     const paths = await strokesOf(plan);
     if (plan !== current() && plan.number !== chosen) return;
     const paint = paths && done > 0 ? plan.made.palette[paths.paint[done - 1]] : null;
@@ -148,6 +148,14 @@ export function planStage(house, here, first) {
       plan.made ? [h("h2", {}, "The palette"), paletteList(plan), h("h2", {}, "Downloads"), h("ul", { class: "files" }, TAKEN.map(([name, label]) => h("li", {}, h("a", { href: api.file(here.id, plan.number, name), download: name }, label))))] : null);
   }
 
+  /** A drawing without a goal has no plan: those who may not prepare it are told how it begins. */
+  function drawing(plan) {
+    show(panel, h("h1", {}, "Draw together"),
+      h("p", {}, "There is no plan to review. A person begins with strokes of their own, and the robot continues in their spirit."),
+      h("p", {}, "Somebody who may move the robot prepares the easel and starts."),
+      h("p", { class: "label" }, summary(plan.wish)), h("h2", {}, "The palette"), paletteList(plan));
+  }
+
   /** The planning was stopped, or it failed. */
   function broken(plan) {
     if (!changes.has(plan.number)) changes.set(plan.number, structuredClone(plan.wish));
@@ -216,11 +224,12 @@ export function planStage(house, here, first) {
       else if (plan.status === "waiting") waiting(plan);
       else if (plan.status === "planning") planning(plan);
       else if (!plan.made) broken(plan);
+      else if (plan.wish.together) drawing(plan);
       else ready(plan);
       if (plan.made) scrubbed();
     }
     allowStart();
-    scrubbing.hidden = !plan.made || Boolean(preparing);
+    scrubbing.hidden = !plan.made || Boolean(preparing || plan.wish.together);
     others.hidden = state.plans.length < 2 || Boolean(preparing);
     const cards = JSON.stringify(state.plans.map((other) => [other.number, other.status, Math.round(20 * other.share), other.number === chosen]));
     if (cards !== others.dataset.shown) {
