@@ -462,22 +462,20 @@ class Planner:
         rest, canvas = self._clear(rest), as_picture(canvas)
         if len(rest) == 0:
             return rest
-        task = PlanningTask(self, canvas, len(rest), self.settings.colors, notify or unheard)
-        kind = find_planner(self.settings.planner)
-        if kind is LAYERS_KIND:
-            return self._replan_in_layers(rest, canvas, task.notify, rounds, fresh=fresh)
-        return self._clear(kind.make_rest(task, rest))
+        task = PlanningTask(self, canvas, len(rest), self.settings.colors, notify or unheard, rounds, fresh)
+        return self._clear(find_planner(self.settings.planner).make_rest(task, rest))
 
-    def _replan_in_layers(
-        self, rest: Plan, canvas: Tensor, hear: Callable[[Step], None], rounds: int = 1, *, fresh: bool = False
-    ) -> Plan:
+    def _replan_in_layers(self, task: "PlanningTask", rest: Plan) -> Plan:
         """Returns the rest, planned again by the project's own planner."""
+        canvas, hear = task.canvas, task.notify
         for sparing in (False, True):
             try:
                 cost = self.cost(rest, canvas)
                 for moving in (False,) if sparing else (True, False):
                     told = hear if moving else at_the_end(hear)
-                    again = self._again(rest, canvas, told, rounds, moving=moving, sparing=sparing, fresh=fresh)
+                    again = self._again(
+                        rest, canvas, told, task.rounds, moving=moving, sparing=sparing, fresh=task.fresh
+                    )
                     if self.cost(again, canvas) < cost:
                         return again
                 return rest
@@ -636,6 +634,8 @@ class PlanningTask:
     canvas [3, H, W]: picture of the canvas
     strokes, colors: number of strokes, and largest number of paints of a palette
     notify: called after each step; may raise to end the planning
+    rounds: number of rounds of replanning; more than one if the goal has changed
+    fresh: True if a layer begins now, and none of its strokes is painted
     """
 
     planner: Planner
@@ -643,6 +643,8 @@ class PlanningTask:
     strokes: int
     colors: int
     notify: Callable[[Step], None]
+    rounds: int = 1
+    fresh: bool = False
 
     @property
     def goal(self) -> Goal:
@@ -700,7 +702,8 @@ class PlannerKind:
         unknown = [kind for kind in made.kinds if kind not in task.planner.models]
         if unknown:
             raise PluginError(f"The planner {self.name!r} used the brush {unknown[0]!r}, which was not given; mend it.")
-        return replace(made, ground=task.planner.ground)
+        ground = task.planner.ground
+        return made if made.ground == ground else replace(made, ground=ground)
 
 
 def find_planner(name: str) -> PlannerKind:
@@ -715,5 +718,5 @@ LAYERS_KIND = PlannerKind(
     "layers",
     "Layers of strokes that are grown, optimised together and replanned by gradients.",
     lambda task: task.planner._plan_in_layers(task),
-    lambda task, rest: task.planner._replan_in_layers(rest, task.canvas, task.notify),
+    lambda task, rest: task.planner._replan_in_layers(task, rest),
 )
