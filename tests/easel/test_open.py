@@ -141,7 +141,10 @@ def test_a_real_easel_is_put_together_from_its_workspace(tmp_path: Path) -> None
     ("values", "says"),
     [
         ({"workspace": None}, r"needs a workspace file \(--workspace FILE\): `frida-painter setup` writes one[^.]*\.$"),
-        ({"camera": ""}, r"needs a camera \(--camera opencv.*\); with none the plan is painted as it is"),
+        (
+            {"camera": ""},
+            r"needs a camera \(--camera opencv.*\)\. Without a camera, say --camera none: the plan is then painted as it is",
+        ),
         ({"workspace": None, "camera": ""}, r"needs a workspace file .* It also needs a camera"),
         ({"canvas": CanvasSize(0.3, 0.2)}, "for a canvas of 300 x 200 mm, and the one in .* is 356 x 279 mm"),
         ({"robot": "kuka"}, "no robot 'kuka'; take .*virtual"),

@@ -172,8 +172,8 @@ def require_equipment(robot: str, workspace: Path | None, camera: str) -> None:
         )
     if not camera:
         missing.append(
-            f"a camera (--camera {'|'.join(camera_forms())}); with {NO_CAMERA} the plan is painted as it is, without a "
-            "look"
+            f"a camera (--camera {'|'.join(camera_forms())}). Without a camera, say --camera {NO_CAMERA}: the plan is "
+            "then painted as it is"
         )
     if missing:
         raise ConfigError(f"The robot {robot[:60]!r} needs {'. It also needs '.join(missing)}.")
