@@ -143,7 +143,7 @@ def test_a_real_easel_is_put_together_from_its_workspace(tmp_path: Path) -> None
         ({"workspace": None}, r"needs a workspace file \(--workspace FILE\): `frida-painter setup` writes one[^.]*\.$"),
         (
             {"camera": ""},
-            r"needs a camera \(--camera opencv.*\)\. Without a camera, say --camera none: the plan is then painted as it is",
+            r"needs a camera \(--camera opencv.*\)\. Without a camera, say --camera none: the plan is then painted",
         ),
         ({"workspace": None, "camera": ""}, r"needs a workspace file .* It also needs a camera"),
         ({"canvas": CanvasSize(0.3, 0.2)}, "for a canvas of 300 x 200 mm, and the one in .* is 356 x 279 mm"),
