@@ -3,6 +3,7 @@
 import json
 import shutil
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -169,6 +170,9 @@ def test_only_a_look_tells_how_much_of_a_stroke_that_was_given_up_is_on_the_canv
     killed = tmp_path / "killed"
     spec = RunSpec.of(goal=[{"image": str(photo)}], strokes=3, replans=0, **SMALL)
     kill_when(killed / "journal", began(2), PaintingRun(spec, killed).start)
+    until = time.monotonic() + 60
+    while list(killed.rglob(".*-reserve")) and time.monotonic() < until:  # the easel's process ends after the painter's
+        time.sleep(0.05)
     states: list[ResumeState] = []
 
     def keep(session: PaintingSession, where: ResumeState) -> Painting:
