@@ -26,8 +26,9 @@ if TYPE_CHECKING:
     from frida_painter.planning.planner import Planner
     from frida_painter.planning.settings import PlannerSettings
     from frida_painter.render.painting import render_batch, render_plan, render_strokes
+    from frida_painter.runs.goals import make_goal
     from frida_painter.runs.run import PaintingRun, paint
-    from frida_painter.runs.settle import make_goal, make_planner
+    from frida_painter.runs.settle import make_planner
     from frida_painter.runs.spec import RunSpec
     from frida_painter.session import events
     from frida_painter.strokes import Strokes

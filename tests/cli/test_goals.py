@@ -18,7 +18,7 @@ from frida_painter.objectives.objective import Goal
 from frida_painter.objectives.semantic import SemanticTerm
 from frida_painter.objectives.sketch import SketchTerm
 from frida_painter.objectives.style import StyleTerm
-from frida_painter.runs.settle import open_goal, picture_of
+from frida_painter.runs.goals import open_goal, picture_of
 from frida_painter.runs.spec import RunSpec
 from frida_painter.words.reading import prompt_reader
 from frida_painter.words.retrieval import picture_index

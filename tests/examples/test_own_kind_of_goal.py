@@ -18,7 +18,7 @@ from frida_painter.planning.layers import Effort
 from frida_painter.planning.planner import Planner
 from frida_painter.registry import OBJECTIVES
 from frida_painter.runs.goal_item import GoalItem, read_goal_file
-from frida_painter.runs.settle import open_goal, picture_of
+from frida_painter.runs.goals import open_goal, picture_of
 from frida_painter.runs.spec import RunSpec
 from support.planning import CANVAS, plain, small_table
 

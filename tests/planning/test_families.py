@@ -10,7 +10,7 @@ from frida_painter.errors import PlanError
 from frida_painter.planning.mixable import mixing_changes
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.settings import PlannerSettings
-from frida_painter.runs.settle import make_goal
+from frida_painter.runs.goals import make_goal
 from frida_painter.stroke_family import CODE_REACH
 from marks import coarse_table, ribbon, wave_family
 

@@ -20,8 +20,9 @@ from frida_painter.plan import Plan
 from frida_painter.planning.layers import Effort
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.settings import PlannerSettings
+from frida_painter.runs.goals import make_goal
 from frida_painter.runs.run import PaintingRun
-from frida_painter.runs.settle import make_goal, make_planner, planner_settings, wanted_ground
+from frida_painter.runs.settle import make_planner, planner_settings, wanted_ground
 from frida_painter.runs.spec import RunSpec
 from frida_painter.words.text import TextTerm
 from marks import coarse_table

@@ -3,7 +3,7 @@ import math
 import pytest
 
 from frida_painter.errors import ConfigError
-from frida_painter.runs.spec import millimetres_and_degrees
+from frida_painter.runs.fields import millimetres_and_degrees
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,8 @@ import torch
 from frida_painter import images
 from frida_painter.errors import ConfigError
 from frida_painter.objectives.objective import Goal
-from frida_painter.runs.settle import fit_canvas, make_goal
+from frida_painter.runs.goals import make_goal
+from frida_painter.runs.settle import fit_canvas
 from frida_painter.runs.spec import RunSpec
 
 

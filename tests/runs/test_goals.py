@@ -12,8 +12,8 @@ from frida_painter.objectives.semantic import SemanticTerm
 from frida_painter.objectives.sketch import SketchTerm
 from frida_painter.objectives.style import StyleTerm
 from frida_painter.runs.goal_item import name_of, read_prompt, title_of
+from frida_painter.runs.goals import make_goal, open_goal
 from frida_painter.runs.painting_folder import keep_goal, read_goal
-from frida_painter.runs.settle import make_goal, open_goal
 from frida_painter.runs.spec import RunSpec
 from frida_painter.words.text import TextTerm
 from support.planning import picture

@@ -22,7 +22,7 @@ from frida_painter.plan import Plan
 from frida_painter.planning.placement import Placement, displace_strokes
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.settings import PlannerSettings
-from frida_painter.runs.settle import make_goal
+from frida_painter.runs.goals import make_goal
 from frida_painter.strokes import Strokes
 
 Observation = dict[str, Any]

@@ -29,7 +29,8 @@ from frida_painter.procedures.strokes import StrokesFinding, StrokesProgress
 from frida_painter.procedures.strokes import strokes as strokes_procedure
 from frida_painter.procedures.surface import POINTS
 from frida_painter.procedures.surface import surface as surface_procedure
-from frida_painter.runs.spec import RunSpec, millimetres_and_degrees
+from frida_painter.runs.fields import millimetres_and_degrees
+from frida_painter.runs.spec import RunSpec
 from frida_painter.session.human import ByHand
 from frida_painter.session.opening import NEEDED
 from frida_painter.virtual.studio import open_studio

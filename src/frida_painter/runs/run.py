@@ -51,6 +51,7 @@ from frida_painter.planning.optimize import Step
 from frida_painter.planning.planner import Planner
 from frida_painter.report.recorder import Recorder
 from frida_painter.runs.event_file import open_listener
+from frida_painter.runs.goals import open_goal
 from frida_painter.runs.look_folder import REFUSED, USED, GivenPicture, LookFolder
 from frida_painter.runs.painting_easel import needed_calibrations, order, require_sensible, with_operator
 from frida_painter.runs.painting_folder import (
@@ -71,7 +72,6 @@ from frida_painter.runs.settle import (
     SettledRun,
     begin_together,
     fit_canvas,
-    open_goal,
     open_recorder,
     open_session,
     settle,

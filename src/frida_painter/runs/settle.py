@@ -1,10 +1,10 @@
 """Settling of a description: it fits pictures and canvas, chooses open settings, and opens planner and session."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Unpack, cast
+from typing import Unpack
 
 import torch
 from torch import Tensor
@@ -23,24 +23,14 @@ from frida_painter.easel.operator import ground_recipe
 from frida_painter.errors import ConfigError
 from frida_painter.frames import PixelGrid
 from frida_painter.hardware.easel import Easel
-from frida_painter.images import AnyPicture, as_picture
+from frida_painter.images import AnyPicture
 from frida_painter.mixing.paint import usual_paints
 from frida_painter.mixing.recipe import ANY_PAINTS, PaintSet
 from frida_painter.objectives.encoders.loading import EncoderRegistry
-from frida_painter.objectives.image import ImageTerm, PictureTerm
 from frida_painter.objectives.objective import (
-    Gives,
     Goal,
-    Objective,
-    ObjectiveContext,
-    ObjectiveTerm,
     Term,
-    goal_kinds,
-    require_weight,
 )
-from frida_painter.objectives.semantic import SemanticTerm
-from frida_painter.objectives.sketch import SketchTerm
-from frida_painter.objectives.style import StyleTerm
 from frida_painter.palette import Palette, from_hex, to_hex
 from frida_painter.perception.flatfield import FlatField
 from frida_painter.plan import WHITE, Plan
@@ -53,10 +43,11 @@ from frida_painter.planning.planner import FEWEST_FOR_LAYERS, Planner, stroke_mo
 from frida_painter.planning.problem import Region
 from frida_painter.planning.settings import PlannerSettings
 from frida_painter.report.recorder import Recorder
-from frida_painter.runs.goal_item import GoalItem
+from frida_painter.runs.fields import OF_SCENE, ground_color, rgb
+from frida_painter.runs.goals import OF_PICTURES, make_goal, picture_of
 from frida_painter.runs.run_settings import RunSettings
 from frida_painter.runs.shares import AUTO, brush_shares, family_shares
-from frida_painter.runs.spec import OF_SCENE, RunSpec, ground_color, rgb
+from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import Notify, PauseCause, Paused
 from frida_painter.session.hand import Hand, with_measured_dip
 from frida_painter.session.journal import History, Journal
@@ -67,151 +58,6 @@ from frida_painter.session.person_turns import Adapt
 from frida_painter.session.replan_policy import EvenlySpaced, NeverLooks, ReplanPolicy, parse_replan_policy
 from frida_painter.session.turn_policy import answer_usually
 from frida_painter.strokes import Strokes
-
-# Goals: opened from a painting's description, or made in one line in a notebook.
-
-_MAX_TERMS = 20
-
-_OF_PICTURES: dict[str, type[PictureTerm]] = {
-    "image": ImageTerm,
-    "semantic": SemanticTerm,
-    "sketch": SketchTerm,
-    "style": StyleTerm,
-}
-_OBJECTIVE = "objective"
-
-
-def open_goal(spec: RunSpec) -> Goal:
-    """Returns the goal of a description, with its pictures read.
-
-    Raises ConfigError for an invalid goal, and ImageError.
-    """
-    if spec.together:
-        return Goal((_NoGoal(),))
-    if not spec.goal:
-        options = ", ".join(f"{kind.option} {kind.gives.value}" for kind in goal_kinds().by_name.values())
-        raise ConfigError(
-            f"There is nothing to paint; give a PHOTO, one or more of {options}, or --together, to begin yourself."
-        )
-    count = len(spec.goal) + len(spec.initial)
-    if count > _MAX_TERMS:
-        raise ConfigError(f"{count} goals were given; at most {_MAX_TERMS} are pursued together.")
-    return Goal(
-        tuple(_open_term(item, beginning=False) for item in spec.goal),
-        tuple(_open_term(item, beginning=True) for item in spec.initial),
-    )
-
-
-def picture_of(goal: Goal) -> Tensor | None:
-    """Returns the first picture that shows the content; without one, and without words, the picture of a style."""
-    every: tuple[Term, ...] = (*goal.terms, *goal.initial)
-    pictures = [term.guide for term in every] + [term.colors for term in goal.initial]
-    if all(term.words is None for term in every):
-        pictures += [term.colors for term in goal.terms]
-    return next((picture for picture in pictures if picture is not None), None)
-
-
-def _open_term(item: GoalItem, *, beginning: bool) -> Term:
-    term = goal_kinds()[item.kind].open_term(item.path or item.value, item.weight, beginning=beginning)
-    return term if item.crop is None else term.crop(item.crop)
-
-
-def make_goal(
-    image: AnyPicture | Sequence[AnyPicture] = (),
-    *,
-    semantic: AnyPicture | Sequence[AnyPicture] = (),
-    sketch: AnyPicture | Sequence[AnyPicture] = (),
-    text: str | Sequence[str] = (),
-    style: AnyPicture | Sequence[AnyPicture] = (),
-    objective: Objective | Sequence[Objective] = (),
-    kinds: Mapping[str, AnyPicture | Sequence[AnyPicture]] | None = None,
-    weights: Mapping[str, float] | None = None,
-) -> Goal:
-    """Returns a goal from one or more of these inputs, each a single one or a sequence: `make_goal("photo.jpg")`.
-
-    image: picture to match pixel by pixel.
-    semantic: picture to match by its content.
-    sketch: drawing to follow.
-    text: words.
-    style: picture whose colours and marks the painting takes.
-    objective: function of your own.
-    kinds: goals of any registered kind by its name, also of other packages: {"mirror": "left-right"}.
-    weights: weight of each of these, by its name, above 0; 1 by default.
-
-    Semantic, sketch, text and style need networks that `frida-painter models fetch` gets.
-    Raises ConfigError if no input is given, or for an unknown kind or a wrong weight. Raises ImageError if a picture
-    cannot be read.
-
-        >>> import frida_painter as fp
-        >>> goal = fp.make_goal("photo.jpg", objective=lambda picture: picture.diff(dim=2).abs().mean())
-        >>> [term.weight for term in goal.terms]
-        [1.0, 1.0]
-    """
-    named = {"image": image, "semantic": semantic, "sketch": sketch, "text": text, "style": style}
-    given = {name: _each(some) for name, some in named.items()}
-    for name, some in (kinds or {}).items():
-        goal_kinds()[name]
-        given[name] = [*given.get(name, ()), *_each(some)]
-    functions = [objective] if callable(objective) else list(objective)
-    if strange := [one for one in functions if not callable(one)]:
-        raise ConfigError(f"An objective was given as {type(strange[0]).__name__}; it is a function of a picture.")
-    there = [*(name for name, some in given.items() if some), *([_OBJECTIVE] if functions else [])]
-    weights = weights or {}
-    known = (*goal_kinds().by_name, _OBJECTIVE)
-    if unknown := sorted(set(weights) - set(known)):
-        raise ConfigError(f"A weight was given to {unknown[0][:40]!r}; weights are given to {', '.join(known)}.")
-    if absent := sorted(set(weights) - set(there)):
-        raise ConfigError(
-            f"A weight was given to {absent[0]!r}, and this goal is made of {', '.join(there) or 'nothing'}; give that "
-            "as well, or leave the weight out."
-        )
-    terms = [_term(kind, one, float(weights.get(kind, 1.0))) for kind, some in given.items() for one in some]
-    terms += [_FunctionTerm(float(weights.get(_OBJECTIVE, 1.0)), function) for function in functions]
-    return Goal(tuple(terms))
-
-
-@dataclass(frozen=True)
-class _FunctionTerm(Term):
-    """Goal term from a function of the picture. Raises ConfigError for an invalid weight."""
-
-    weight: float
-    function: Objective
-
-    def __post_init__(self) -> None:
-        require_weight(self.weight, "an objective")
-
-    def prepare(self, context: ObjectiveContext) -> ObjectiveTerm:
-        """Returns the function itself as the objective term."""
-        return ObjectiveTerm(self.function)
-
-
-@dataclass(frozen=True)
-class _NoGoal(Term):
-    """Goal term of a painting without a goal: every picture is as good as any other."""
-
-    weight: float = 1.0
-    is_tried = False
-
-    def prepare(self, context: ObjectiveContext) -> ObjectiveTerm:
-        """Returns an objective that is 0 for every picture."""
-        return ObjectiveTerm(lambda picture: 0 * picture.sum())
-
-
-def _each(some: AnyPicture | Sequence[AnyPicture]) -> list[AnyPicture]:
-    """Returns one thing, or a list of them, as a list."""
-    return list(some) if isinstance(some, list | tuple) else [cast(AnyPicture, some)]
-
-
-def _term(kind: str, one: AnyPicture, weight: float) -> Term:
-    """Returns the term of a file, words or a picture. Raises ConfigError and ImageError."""
-    known = goal_kinds()[kind]
-    if isinstance(one, str | Path):
-        return known.open_term(str(one) if known.gives is Gives.WORDS else Path(one), weight, beginning=False)
-    if kind not in _OF_PICTURES:
-        wanted = "words" if known.gives is Gives.WORDS else "the file of a picture"
-        raise ConfigError(f"A {type(one).__name__} was given to {kind}, which takes {wanted}; give that.")
-    return _OF_PICTURES[kind](as_picture(one).float(), weight)
-
 
 _TOLD = 0.01  # share of a picture that may be cut off without a remark, because pixels are whole numbers
 
@@ -688,7 +534,7 @@ def brushes_of(plan: Plan) -> str:
 
 # Settling of a description: open settings are chosen once, and the planner is opened.
 
-_SETTLING_KINDS: dict[type[Term], str] = {term: name for name, term in _OF_PICTURES.items()}
+_SETTLING_KINDS: dict[type[Term], str] = {term: name for name, term in OF_PICTURES.items()}
 
 
 @dataclass(frozen=True)

@@ -35,8 +35,8 @@ from frida_painter.frames import PixelGrid
 from frida_painter.palette import to_hex
 from frida_painter.plan import Plan
 from frida_painter.planning.problem import Region, region_of
+from frida_painter.runs.goals import open_goal
 from frida_painter.runs.painting_folder import keep_goal
-from frida_painter.runs.settle import open_goal
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import (
     Answered,

@@ -22,9 +22,10 @@ from frida_painter.easel.kinds import LIVE_PICTURE, STOP_FILE
 from frida_painter.errors import StorageError
 from frida_painter.event_log import FEED, EventLog, LogReader
 from frida_painter.objectives.objective import Gives, goal_kinds
+from frida_painter.runs.fields import Focus, Ground
 from frida_painter.runs.goal_item import Crop, GoalItem
 from frida_painter.runs.shares import AUTO, brush_shares, family_shares
-from frida_painter.runs.spec import Focus, Ground, RunSpec
+from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import Failed, PlanningProgress, Written, events_of, record
 
 # Request for a painting from the page: goals with weights and settings, checked before planning.
