@@ -35,6 +35,23 @@ def write_clip(folder: Path) -> Path:
     return folder
 
 
+def write_siglip(folder: Path) -> Path:
+    """A SigLIP of the same size, as its authors' folder is: sentences padded to the full length."""
+    from transformers import SiglipConfig, SiglipModel
+
+    write_clip(folder)
+    (folder / "model.safetensors").unlink()
+    text = {"hidden_size": 16, "intermediate_size": 32, "num_hidden_layers": 2, "num_attention_heads": 2,
+            "vocab_size": 64, "max_position_embeddings": MAX_TOKENS, "projection_size": 16}  # fmt: skip
+    vision = {"hidden_size": 16, "intermediate_size": 32, "num_hidden_layers": 2, "num_attention_heads": 2,
+              "image_size": SIDE, "patch_size": PATCH}  # fmt: skip
+    with torch.random.fork_rng():
+        torch.manual_seed(0)
+        model = SiglipModel(SiglipConfig(text_config=text, vision_config=vision))
+    model.save_pretrained(folder)
+    return folder
+
+
 def resnet_tensors(width: int = 16, depths: tuple[int, ...] = (2, 1, 1, 1), side: int = 64) -> dict[str, torch.Tensor]:
     """Random tensors under the published names, of a tower that many channels wide; RN50 is 64, (3, 4, 6, 3), 224."""
     chance = torch.Generator().manual_seed(0)

@@ -16,7 +16,8 @@ from frida_painter.errors import PlanningDiverged
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.encoders.base import Reader
 from frida_painter.objectives.encoders.classifiers import EfficientNetLite
-from frida_painter.objectives.encoders.clip import Clip, ClipResNet
+from frida_painter.objectives.encoders.clip import Clip
+from frida_painter.objectives.encoders.clip_resnet import ClipResNet
 from frida_painter.objectives.encoders.vgg import Hed, Vgg16
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.interpretation import WeightedObjective, prepare

@@ -364,6 +364,7 @@ class ObjectiveTerm:
     if unknown
     recognizes: True if `validation` measures how well the picture is recognised as the wish
     on_rows: makes the term for pictures with some rows of the grid only; None if the loss is no mean over pixels
+    lasts: number of iterations that one gradient of `objective` may serve: above 1 if it is slow and smooth
     """
 
     objective: Objective
@@ -371,6 +372,7 @@ class ObjectiveTerm:
     of_variance: Callable[[Tensor], Tensor] | None = None
     recognizes: bool = False
     on_rows: Callable[[Rows], ObjectiveTerm] | None = None
+    lasts: int = 1
 
 
 def require_objective(objective: Objective, what: str, rows: int, columns: int, device: torch.device) -> None:

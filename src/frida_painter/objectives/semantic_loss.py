@@ -1,6 +1,7 @@
 """Semantic objective: same content as a picture, as networks see it, instead of the same pixels."""
 
 import math
+from collections.abc import Sequence
 
 import torch
 from torch import Tensor
@@ -31,6 +32,10 @@ class Views:
         whole = torch.eye(3)
         self._maps = torch.stack([whole, *(_look(generator) for _ in range(count - 1))])  # [count, 3, 3]
         self._size = size
+        along = (torch.arange(size) + 0.5) / size * 2 - 1
+        y, x = torch.meshgrid(along, along, indexing="ij")
+        seen = torch.einsum("nij,hwj->nhwi", self._maps, torch.stack((x, y, torch.ones_like(x)), -1))
+        self._points = seen[..., :2] / seen[..., 2:]  # [count, size, size, 2]
 
     def __len__(self) -> int:
         return len(self._maps)
@@ -42,14 +47,31 @@ class Views:
         """
         side = self._size * 5 // 4
         small = functional.interpolate(picture[None], [side, side], mode="bilinear", antialias=True)
-        along = (torch.arange(self._size) + 0.5) / self._size * 2 - 1
-        y, x = torch.meshgrid(along, along, indexing="ij")
-        points = torch.stack((x, y, torch.ones_like(x)), -1)  # [size, size, 3]
-        seen = torch.einsum("nij,hwj->nhwi", self._maps[which], points)
-        grid = send_to_device((seen[..., :2] / seen[..., 2:]).to(picture.dtype), picture.device)
+        grid = send_to_device(self._points[which].to(picture.dtype), picture.device)
         return functional.grid_sample(
             small.expand(len(which), -1, -1, -1), grid, mode="bilinear", padding_mode="reflection", align_corners=False
         )
+
+    def of_squares(self, picture: Tensor, which: Tensor, places: Sequence[float]) -> Tensor:
+        """Returns views of the largest squares of a picture [3, H, W], without distortion: [n, 3, size, size].
+
+        which [n]: numbers of the views, on the CPU
+        places: position of each view's square, from the left or upper end (0) to the other (1)
+        """
+        _, rows, columns = picture.shape
+        short = min(rows, columns)
+        fine = self._size * 5 / 4 / short
+        size = [max(1, round(rows * fine)), max(1, round(columns * fine))]
+        small = functional.interpolate(picture[None], size, mode="bilinear", antialias=True)
+        square = torch.tensor([short / columns, short / rows])  # half sides of the square, relative to the picture
+        along = 2 * torch.tensor(places)[:, None] - 1
+        middle = along * (1 - square)  # [n, 2]; 0 along the shorter side
+        seen = self._points[which]
+        grid = (seen * square + middle[:, None, None]).to(picture.dtype)
+        return functional.grid_sample(
+            small.expand(len(which), -1, -1, -1), send_to_device(grid, picture.device),
+            mode="bilinear", padding_mode="reflection", align_corners=False,
+        )  # fmt: skip
 
 
 def _look(generator: torch.Generator) -> Tensor:

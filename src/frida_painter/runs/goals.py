@@ -1,7 +1,7 @@
 """Goals: opened from a painting's description, or made in one line in a notebook."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import cast
 
@@ -25,6 +25,8 @@ from frida_painter.objectives.sketch import SketchTerm
 from frida_painter.objectives.style import StyleTerm
 from frida_painter.runs.goal_item import GoalItem
 from frida_painter.runs.spec import RunSpec
+from frida_painter.words.text import TextTerm
+from frida_painter.words.word_settings import WordSettings
 
 _MAX_TERMS = 20
 
@@ -57,6 +59,15 @@ def open_goal(spec: RunSpec) -> Goal:
         tuple(_open_term(item, beginning=False) for item in spec.goal),
         tuple(_open_term(item, beginning=True) for item in spec.initial),
     )
+
+
+def say_words(goal: Goal, settings: WordSettings) -> Goal:
+    """Returns the goal with these settings of its words."""
+
+    def say(term: Term) -> Term:
+        return replace(term, settings=settings) if isinstance(term, TextTerm) else term
+
+    return replace(goal, terms=tuple(map(say, goal.terms)), initial=tuple(map(say, goal.initial)))
 
 
 def picture_of(goal: Goal) -> Tensor | None:

@@ -49,6 +49,10 @@ class RunSettings(TypedDict, total=False):
     listener: str | None
     seed: int
     clip: str | None
+    beginning: Literal["auto", "scene", "abstract", "nothing"]
+    avoid: str
+    phrases: str
+    cutouts: int
     pictures: str | Path | None
     palette: str | Path | None
     film: bool

@@ -51,6 +51,7 @@ from frida_painter.runs.fields import (
 from frida_painter.runs.run_settings import RunSettings
 from frida_painter.runs.shares import AUTO, MAX_LAYERS, brush_shares, family_shares
 from frida_painter.storage import count_of
+from frida_painter.words.word_settings import USUAL, Beginning, WordSettings
 
 VERSION = 1
 SETTLED = ("strokes", "layers", "colors", "canvas", "brushes", "new_paints", "ground", "paints")
@@ -284,6 +285,32 @@ class RunSpec(BaseModel):
         description="Random seed. The same seed gives the same painting, another seed a different one.",
     )
     clip: str | None = Field(None, min_length=1)
+    beginning: Beginning = Field(
+        USUAL.beginning,
+        description="First picture of a painting of words alone. scene: pictures of its things; abstract: patches of "
+        "colour, arranged until the network sees the words in them; nothing: none. auto: what a CLIP likes best of "
+        "scene and patches, or a scene.",
+        json_schema_extra={"metavar": "auto|scene|abstract|nothing"},
+    )
+    avoid: str = Field(
+        USUAL.avoid,
+        max_length=200,
+        description="Words that a painting of words should not look like.",
+        json_schema_extra={"metavar": "WORDS", "default": "none"},
+    )
+    phrases: str = Field(
+        "; ".join(USUAL.phrases),
+        max_length=1000,
+        description="How the words are said to a network: sentences with {} in the place of the words, divided by ; as "
+        'in "a painting of {}; a drawing of {}".',
+        json_schema_extra={"metavar": "SENTENCES", "default": "the words alone"},
+    )
+    cutouts: int = Field(
+        USUAL.cutouts,
+        ge=1,
+        le=24,
+        description="Number of views in which a CLIP sees the picture at a time. More of them take longer.",
+    )
     pictures: File = None
     palette: File = None
     film: bool = True
@@ -301,6 +328,10 @@ class RunSpec(BaseModel):
     @model_validator(mode="after")
     def _fit_together(self) -> Self:
         given = self.model_fields_set
+        try:
+            _ = self.words
+        except ConfigError as error:
+            raise ValueError(f"--phrases: {error}") from error
         self._require_no_goal()
         if "colors" in given and self.colors > self.strokes:
             raise ValueError(f"{self.colors} colors for {self.strokes} strokes; give at most as many colors as strokes")
@@ -472,6 +503,13 @@ class RunSpec(BaseModel):
             *([("Goal", "none: drawn together")] if self.together else []),
             *((item.label, item.described) for item in self.goal),
             *((f"Begun with {item.kind}", item.described) for item in self.initial),
+        )
+
+    @property
+    def words(self) -> WordSettings:
+        """Settings of the words. Raises ConfigError if a phrase has no place for them."""
+        return WordSettings(
+            self.beginning, self.avoid, tuple(part.strip() for part in self.phrases.split(";")), self.cutouts
         )
 
     @property

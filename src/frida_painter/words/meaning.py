@@ -10,11 +10,13 @@ from frida_painter.devices import Constant, send_to_device
 from frida_painter.objectives.encoders.base import Reader
 from frida_painter.objectives.encoders.classifiers import ConSE
 from frida_painter.objectives.semantic_loss import Views
+from frida_painter.words.word_settings import USUAL, WordSettings
 
 _VIEWS = 24
-_AT_A_TIME = 2
+_AT_A_TIME = 2  # views of networks by class names, which see small pictures
 _STEADY = 4  # number of fixed views for validation
 _NOISE = 0.03  # standard deviation, of sRGB
+_AVOIDED = 0.5  # weight of words to avoid, relative to the prompt's
 _KEPT = 1.0  # weight of the distance from the initial picture, relative to the prompt's
 _BALANCE = 1.0  # weight against a picture's squared difference, if both terms have weight 1
 
@@ -27,28 +29,38 @@ class Text:
     seed: of the views and the noise
     begun: [3, H, W] initial picture of the painting; readers by class names also keep to its features, place by
         place
+    settings: words to avoid, phrases, and the number of views of a CLIP
 
-    A call looks at a square of the picture in two random views (perspective, crop). Half of the calls blur them,
-    and all add noise.
+    A call looks at squares of the picture in random views (perspective, crop). Half of the calls blur them, and all
+    add noise.
     """
 
-    def __init__(self, prompt: str, readers: Sequence[Reader], seed: int, begun: Tensor | None = None) -> None:
+    def __init__(
+        self,
+        prompt: str,
+        readers: Sequence[Reader],
+        seed: int,
+        begun: Tensor | None = None,
+        settings: WordSettings = USUAL,
+    ) -> None:
+        self._at_a_time = [_AT_A_TIME if isinstance(reader, ConSE) else settings.cutouts for reader in readers]
+        self._first_steady = [0 if isinstance(reader, ConSE) else 1 for reader in readers]
         self._views = [Views(_VIEWS, reader.side, seed) for reader in readers]
         self._generator = torch.Generator().manual_seed(seed)
         self._next = 0
-        elsewhere = torch.rand(_VIEWS - _STEADY, generator=self._generator)
-        self._places = [0.5] * _STEADY + elsewhere.tolist()  # position of each view's square, from one end to the other
+        elsewhere = torch.rand(_VIEWS - _STEADY - 1, generator=self._generator)
+        self._places = [0.5] * (_STEADY + 1) + elsewhere.tolist()  # of each view's square, from end to end
         self._distances = [
-            distance_to(prompt, reader)
+            wish(prompt, reader, settings)
             if begun is None or not isinstance(reader, ConSE)
             else _Kept(prompt, reader, self._embed_views(number, begun, torch.arange(_VIEWS)))
             for number, reader in enumerate(readers)
         ]
 
     def __call__(self, picture: Tensor) -> Tensor:
-        """Returns the distance of a picture [3, H, W] in [0, 1] in two random views; differentiable."""
+        """Returns the distance of a picture [3, H, W] in [0, 1] in a few random views; differentiable."""
         reader, self._next = self._next, (self._next + 1) % len(self._distances)
-        which = torch.randperm(_VIEWS, generator=self._generator)[:_AT_A_TIME]
+        which = torch.randperm(_VIEWS, generator=self._generator)[: self._at_a_time[reader]]
         seen = self._embed_views(reader, picture, which)
         if torch.rand((), generator=self._generator) < 0.5:
             seen = functional.avg_pool2d(seen, 3, 1, 1, count_include_pad=False)
@@ -56,7 +68,11 @@ class Text:
         return _BALANCE * self._distance(reader, seen + _NOISE * noise, which)
 
     def validation(self, picture: Tensor) -> Tensor:
-        """Returns the mean distance by all readers, always in the same few views of the middle."""
+        """Returns the mean distance by all readers, always in the same few views of the middle.
+
+        A CLIP sees no view of the whole here, which is the same for all seeds: an objective with another seed
+        judges by views that this one never draws.
+        """
         return self._steadily(picture, _STEADY)
 
     def glance(self, picture: Tensor) -> Tensor:
@@ -64,18 +80,15 @@ class Text:
         return self._steadily(picture, 1)
 
     def _steadily(self, picture: Tensor, views: int) -> Tensor:
-        which = torch.arange(views)
-        found = [
-            self._distance(reader, self._embed_views(reader, picture, which), which)
-            for reader in range(len(self._distances))
-        ]
+        found = []
+        for reader, first in enumerate(self._first_steady):
+            which = torch.arange(first, first + views)
+            found.append(self._distance(reader, self._embed_views(reader, picture, which), which))
         return _BALANCE * torch.stack(found).mean()
 
     def _embed_views(self, reader: int, picture: Tensor, which: Tensor) -> Tensor:
         """Returns the views numbered `which` [n] of a picture [3, H, W] for a reader: [n, 3, side, side]."""
-        return torch.cat(
-            [self._views[reader].of(_square(picture, self._places[int(view)]), view[None]) for view in which]
-        )
+        return self._views[reader].of_squares(picture, which, [self._places[int(view)] for view in which])
 
     def _distance(self, reader: int, seen: Tensor, which: Tensor) -> Tensor:
         """Returns the mean distance of views [n, 3, side, side], which are numbered `which` [n]."""
@@ -108,14 +121,6 @@ class _Kept:
         return total
 
 
-def _square(picture: Tensor, place: float) -> Tensor:
-    """Returns the largest square of a picture [3, H, W] without distortion, from one end (0) to the other (1)."""
-    _, rows, columns = picture.shape
-    side = min(rows, columns)
-    top, left = round(place * (rows - side)), round(place * (columns - side))
-    return picture[:, top : top + side, left : left + side]
-
-
 def distance_to(prompt: str, reader: Reader) -> Callable[[Tensor], Tensor]:
     """Returns a function from pictures [n, 3, h, w] to their distances [n] from a prompt.
 
@@ -130,3 +135,20 @@ def distance_to(prompt: str, reader: Reader) -> Callable[[Tensor], Tensor]:
         return 1 - reader.embed_pictures(pictures) @ meaning.like(pictures)
 
     return apart
+
+
+def wish(prompt: str, reader: Reader, settings: WordSettings) -> Callable[[Tensor], Tensor]:
+    """Returns a function from pictures [n, 3, h, w] to their distances [n] from a prompt, away from words to avoid."""
+    said = [distance_to(words, reader) for words in settings.say(prompt)]
+    away = distance_to(settings.avoid, reader) if settings.avoid else None
+    if isinstance(reader, ConSE) or len(said) + bool(away) == 1:
+        return lambda pictures: (
+            torch.stack([near(pictures) for near in said]).mean(0)
+            - (0.0 if away is None else _AVOIDED * away(pictures))
+        )
+    # The mean of cosine distances is the distance from the mean: the network sees each picture once.
+    wanted = torch.stack([reader.embed_text(words) for words in settings.say(prompt)]).mean(0)
+    unwanted = reader.embed_text(settings.avoid) if settings.avoid else torch.zeros_like(wanted)
+    meaning = Constant(wanted - _AVOIDED * unwanted)
+    level = 1.0 - (_AVOIDED if settings.avoid else 0.0)
+    return lambda pictures: level - reader.embed_pictures(pictures) @ meaning.like(pictures)

@@ -16,6 +16,10 @@ from frida_painter.objectives.objective import (
     Term,
     require_weight,
 )
+from frida_painter.words.word_settings import USUAL, WordSettings
+
+_LASTS = 8  # iterations for which one gradient of a CLIP serves
+_HELD_OUT = 7919  # added to the seed of views by which a CLIP judges what it has optimised
 
 
 @dataclass(frozen=True)
@@ -24,6 +28,7 @@ class TextTerm(Term):
 
     prompt: str
     weight: float = 1.0
+    settings: WordSettings = USUAL
     interpretation_order = 2
     is_tried = False
 
@@ -45,26 +50,35 @@ class TextTerm(Term):
     def prepare(self, context: ObjectiveContext) -> ObjectiveTerm:
         """Returns the text objective of the prompt, which also keeps to the initial picture.
 
-        It is validated by a reader that the optimiser never uses, if there is one.
+        It is validated by a reader that the optimiser never uses, if there is one. A CLIP validates itself what it
+        has optimised, in views that the optimiser never sees: smaller networks may not overrule it.
         """
         from frida_painter.words.meaning import Text
 
         readers = context.encoders.readers()
-        if not all(reader.reads_all(self.prompt) for reader in readers):
+        if not all(reader.reads_all(said) for reader in readers for said in self.settings.say(self.prompt)):
             context.encoders.remark(
                 f"The words {self.prompt[:40]!r}... are too many to be read; the last were cut off."
             )
-        words = Text(self.prompt, readers, context.seed, context.begun)
+        words = Text(self.prompt, readers, context.seed, context.begun, self.settings)
+        if context.encoders.reads_by_clip:
+            judge = Text(self.prompt, readers, context.seed + _HELD_OUT, settings=self.settings)
+            return ObjectiveTerm(words, judge.validation, recognizes=True, lasts=_LASTS)
         aside = context.encoders.reader_aside()
-        steady = words if aside is None else Text(self.prompt, [aside], context.seed, context.begun)
+        steady = words if aside is None else Text(self.prompt, [aside], context.seed, context.begun, self.settings)
         return ObjectiveTerm(words, steady.validation, recognizes=True)
 
     @classmethod
     def interpret(cls, goal: Goal, context: ObjectiveContext) -> Goal:
         """Returns the goal with an initial picture, if its words come without one."""
-        from frida_painter.words.scene import initial_composition
+        from frida_painter.words.beginnings import with_beginning
 
-        return initial_composition(goal, context.grid, context.encoders, context.seed)
+        said = [term for term in goal.terms if isinstance(term, cls)]
+        main = max(said, key=lambda term: term.weight, default=None)
+        is_alone = len(said) == len(goal.terms) and not goal.initial
+        if main is None:
+            return with_beginning(goal, context, None, USUAL, is_alone=False)
+        return with_beginning(goal, context, main.prompt, main.settings, is_alone=is_alone)
 
 
 KIND = GoalKind(
@@ -74,5 +88,5 @@ KIND = GoalKind(
     label="Words",
     open=TextTerm,
     initial_help="A text prompt to start from. The painting keeps its composition.",
-    networks=(("minilm",), ("efficientnet-lite0",)),
+    networks=(("clip-vit-b-32", "minilm"), ("clip-vit-b-32", "efficientnet-lite0")),
 )

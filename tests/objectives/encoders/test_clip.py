@@ -14,7 +14,7 @@ from PIL import Image
 from frida_painter import images
 from frida_painter.errors import WeightsError
 from frida_painter.objectives.encoders.clip import MEAN, SPREAD, Clip
-from tiny_clip import MAX_TOKENS, PATCH, SIDE, write_clip
+from tiny_clip import MAX_TOKENS, PATCH, SIDE, write_clip, write_siglip
 from tiny_weights import Trap, serving
 
 
@@ -143,9 +143,53 @@ def test_a_name_that_cannot_be_reached_costs_no_retries(monkeypatch: pytest.Monk
         with pytest.raises(WeightsError, match=r"no-such/clip cannot be loaded as CLIP .*cannot be reached.*a folder"):
             Clip.load("no-such/clip")
     monkeypatch.setenv("HF_HUB_OFFLINE", "1")
-    for name in ("no-such/clip", "/no/such/folder", "a b"):
-        with pytest.raises(WeightsError, match=r"cannot be loaded as CLIP .HF_HUB_OFFLINE is set"):
+    with pytest.raises(WeightsError, match=r"cannot be loaded as CLIP .HF_HUB_OFFLINE is set"):
+        Clip.load("no-such/clip")
+    for name in ("/no/such/folder", "a b", "vit-b-32"):
+        with pytest.raises(WeightsError, match=r"there is no such folder, and a name on the hub is like openai/clip"):
             Clip.load(name)
+
+
+@pytest.mark.parametrize("size", [(SIDE, SIDE), (50, 70)])
+def test_siglip_is_asked_as_transformers_asks_it(tmp_path: Path, size: tuple[int, int]) -> None:
+    """Its own image processor squashes pictures; its sentences are in small letters, padded, without a mask."""
+    from transformers import AutoTokenizer, SiglipImageProcessorPil, SiglipModel
+
+    folder = write_siglip(tmp_path / "siglip")
+    siglip, model = Clip.load(folder), SiglipModel.from_pretrained(folder).eval()
+    smooth = torch.nn.functional.interpolate(
+        torch.rand(1, 3, 5, 6, generator=torch.Generator().manual_seed(0)), size, mode="bicubic"
+    )[0].clamp(0, 1)
+    processor = SiglipImageProcessorPil(size={"height": SIDE, "width": SIDE})
+    pixels = processor(Image.fromarray(images.to_uint8(smooth)), return_tensors="pt")["pixel_values"]
+    torch.testing.assert_close(siglip._as_input(smooth[None]), pixels, atol=0.03, rtol=0)
+    tokens = AutoTokenizer.from_pretrained(folder)("a cat", padding="max_length", max_length=MAX_TOKENS)["input_ids"]
+    with torch.no_grad():
+        words = model.get_text_features(torch.tensor([tokens])).pooler_output[0]
+        seen = model.get_image_features(pixels).pooler_output
+        last = model.vision_model(pixels).last_hidden_state
+    torch.testing.assert_close(siglip.embed_text("A cat!"), words / words.norm())
+    torch.testing.assert_close(siglip.embed_pictures(smooth[None]), seen / seen.norm(), atol=0.02, rtol=0.02)
+    (maps,) = siglip.features(smooth[None])
+    assert maps.shape == (1, 16, SIDE // PATCH, SIDE // PATCH)
+    torch.testing.assert_close(maps[0, :, 1, 2], last[0, SIDE // PATCH + 2], atol=0.05, rtol=0.05)
+
+
+def test_the_older_archive_of_tensors_gives_the_same_network(folder: Path, clip: Clip, tmp_path: Path) -> None:
+    """As the hub has OpenAI's own: pytorch_model.bin, with the positions as tensors beside the weights."""
+    from safetensors.torch import load_file
+
+    older = write_clip(tmp_path / "older")
+    tensors = load_file(older / "model.safetensors")
+    tensors["vision_model.embeddings.position_ids"] = torch.arange(17)[None]
+    (older / "model.safetensors").unlink()
+    torch.save(tensors, older / "pytorch_model.bin")
+    picture = torch.rand(1, 3, SIDE, SIDE)
+    torch.testing.assert_close(Clip.load(older).embed_pictures(picture), clip.embed_pictures(picture))
+    del tensors["text_projection.weight"]
+    torch.save(tensors, older / "pytorch_model.bin")
+    with pytest.raises(WeightsError, match=r"pytorch_model.bin lacks text_projection.weight"):
+        Clip.load(older)
 
 
 def test_a_hub_that_has_no_such_name(monkeypatch: pytest.MonkeyPatch) -> None:

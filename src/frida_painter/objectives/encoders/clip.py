@@ -1,7 +1,11 @@
-"""CLIP: words and pictures in one space (Radford et al. 2021), loaded by `transformers` without foreign code."""
+"""CLIP and SigLIP: words and pictures in one space, loaded by `transformers` without foreign code.
+
+Radford et al., "Learning transferable visual models from natural language supervision", ICML 2021; Zhai et al.,
+"Sigmoid loss for language image pre-training", ICCV 2023.
+"""
 
 import json
-from collections.abc import Mapping
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
@@ -13,147 +17,43 @@ from torch.nn import functional
 from frida_painter import registry, storage
 from frida_painter.devices import Constant, half_precision
 from frida_painter.errors import WeightsError
-from frida_painter.weights.sources import Hub
-
-# Image tower of CLIP's ResNet variants; the paper compares its last convolutional layer (Radford et al. 2021).
-#
-# It is a ResNet with three changes. The stem has three convolutions and an average pool. Each stride is an average
-# pool before a convolution of stride one, which avoids aliasing. Attention replaces the mean at the end. Batch
-# normalisations are folded into the convolutions.
-
-MEAN, SPREAD = (0.48145466, 0.4578275, 0.40821073), (0.26862954, 0.26130258, 0.27577711)
-_PREFIX = "visual."
-_EPSILON = 1e-5
-_EXPANSION = 4  # output channels of a block, relative to those inside
-_HEAD = 64  # channels of one attention head
-_CELL = 32  # pixels of a side that one feature of the last layer covers
-
-
-@dataclass(frozen=True)
-class _Convolution:
-    """Convolution with folded normalisation: weight [out, in, k, k], bias [out]."""
-
-    weight: Tensor
-    bias: Tensor
-
-    def __call__(self, x: Tensor, stride: int = 1) -> Tensor:
-        reach = self.weight.shape[-1] // 2
-        return functional.conv2d(x, self.weight.to(x), self.bias.to(x), stride=stride, padding=reach)
-
-
-@dataclass(frozen=True)
-class _Block:
-    """Bottleneck block: narrow, convolve, widen, with a skip connection that is adapted to the shape if needed."""
-
-    narrow: _Convolution
-    look: _Convolution
-    widen: _Convolution
-    beside: _Convolution | None
-    stride: int
-
-    def __call__(self, x: Tensor) -> Tensor:
-        inner = functional.relu(self.look(functional.relu(self.narrow(x))))
-        out = self.widen(_pool(inner, self.stride))
-        return functional.relu(out + (x if self.beside is None else self.beside(_pool(x, self.stride))))
-
-
-class ClipResNet:
-    """Image tower with frozen weights from the tensors of OpenAI's state dict (`visual.conv1.weight` and so on).
-
-    The tensors set the size: RN50, RN101, RN50x4 and so on. Raises WeightsError if they do not fit.
-    """
-
-    def __init__(self, tensors: Mapping[str, Tensor], name: str = "CLIP ResNet") -> None:
-        self.name = name
-        self._statistics = Constant(torch.tensor((MEAN, SPREAD))[..., None, None])
-        mine = {key.removeprefix(_PREFIX): tensor.float() for key, tensor in tensors.items() if key.startswith(_PREFIX)}
-        try:
-            self._stem = [_fold(mine, f"conv{number}", f"bn{number}") for number in (1, 2, 3)]
-            self._stages = [_stage(mine, number) for number in (1, 2, 3, 4)]
-            parts = ("q_proj", "k_proj", "v_proj", "c_proj")
-            self._attention = {part: (mine[f"attnpool.{part}.weight"], mine[f"attnpool.{part}.bias"]) for part in parts}
-            self._places = mine["attnpool.positional_embedding"]  # [1 + cells, channels]
-        except KeyError as cause:
-            raise WeightsError(
-                f"The weights hold no {_PREFIX + str(cause.args[0])!r}, so they are not those of CLIP's ResNet kind; "
-                "give the state dict of an image tower such as RN50."
-            ) from cause
-        self.side = _CELL * round((len(self._places) - 1) ** 0.5)
-        channels = self._stages[-1][-1].widen.weight.shape[0]
-        if self._places.shape != (1 + (self.side // _CELL) ** 2, channels) or channels % _HEAD:
-            raise WeightsError(
-                f"The weights have {len(self._places)} places for {channels} channels, which is not CLIP's ResNet kind."
-            )
-
-    def features(self, views: Tensor) -> tuple[Tensor, Tensor]:
-        """Returns feature maps of views [n, 3, h, w], sRGB in [0, 1]: the last layers of stages three and four.
-
-        Returns [n, c / 2, h / 16, w / 16] and [n, c, h / 32, w / 32]. Differentiable.
-        """
-        mean, spread = self._statistics.like(views)
-        x = (views - mean) / spread
-        with half_precision(views.device):
-            for number, convolution in enumerate(self._stem):
-                x = functional.relu(convolution(x, stride=1 if number else 2))
-            x = _pool(x, 2)
-            seen = []
-            for stage in self._stages:
-                for block in stage:
-                    x = block(x)
-                seen.append(x)
-        return seen[2].to(views), seen[3].to(views)
-
-    def embed_pictures(self, pictures: Tensor) -> Tensor:
-        """Returns embeddings of pictures [n, 3, h, w], sRGB in [0, 1]: [n, d], each of unit length. Differentiable."""
-        size = [self.side, self.side]
-        seen = self.features(functional.interpolate(pictures, size, mode="bicubic", antialias=True).clamp(0, 1))[1]
-        cells = seen.flatten(2).transpose(1, 2)  # [n, cells, c]
-        cells = torch.cat((cells.mean(1, keepdim=True), cells), 1) + self._places.to(cells)
-        query, key, value = (self._project(part, cells) for part in ("q_proj", "k_proj", "v_proj"))
-        heads = cells.shape[2] // _HEAD
-        query, key, value = (x.reshape(*x.shape[:2], heads, _HEAD).transpose(1, 2) for x in (query[:, :1], key, value))
-        summed = functional.scaled_dot_product_attention(query, key, value)  # [n, heads, 1, channels of a head]
-        return functional.normalize(self._project("c_proj", summed.flatten(1)), dim=1)
-
-    def _project(self, part: str, x: Tensor) -> Tensor:
-        weight, bias = self._attention[part]
-        return functional.linear(x, weight.to(x), bias.to(x))
-
-
-def _stage(tensors: Mapping[str, Tensor], number: int) -> list[_Block]:
-    """Returns the blocks of one stage; each stage but the first halves the picture in its first block."""
-    blocks: list[_Block] = []
-    while not blocks or f"layer{number}.{len(blocks)}.conv1.weight" in tensors:
-        name = f"layer{number}.{len(blocks)}"
-        narrow, look, widen = (_fold(tensors, f"{name}.conv{part}", f"{name}.bn{part}") for part in (1, 2, 3))
-        if len(widen.bias) != _EXPANSION * len(narrow.bias):
-            raise WeightsError(f"Block {name} widens to {len(widen.bias)} channels, which is not CLIP's ResNet kind.")
-        has_beside = f"{name}.downsample.0.weight" in tensors
-        beside = _fold(tensors, f"{name}.downsample.0", f"{name}.downsample.1") if has_beside else None
-        blocks.append(_Block(narrow, look, widen, beside, stride=2 if number > 1 and not blocks else 1))
-    return blocks
-
-
-def _fold(tensors: Mapping[str, Tensor], convolution: str, norm: str) -> _Convolution:
-    scale = tensors[f"{norm}.weight"] * torch.rsqrt(tensors[f"{norm}.running_var"] + _EPSILON)
-    bias = tensors[f"{norm}.bias"] - tensors[f"{norm}.running_mean"] * scale
-    return _Convolution(tensors[f"{convolution}.weight"] * scale[:, None, None, None], bias)
-
-
-def _pool(x: Tensor, stride: int) -> Tensor:
-    return functional.avg_pool2d(x, stride) if stride > 1 else x
-
+from frida_painter.objectives.encoders.clip_resnet import MEAN, SPREAD
+from frida_painter.weights.catalogue import state_dict
+from frida_painter.weights.hub_folder import hub_folder
 
 _MAX_BYTES = 2**20  # size of a settings file
 _FILES = "config.json, model.safetensors and tokenizer.json"
 
 
+@dataclass(frozen=True)
+class _Family:
+    """Differences between networks of two towers.
+
+    pads: sentences are in small letters without punctuation, and padded to the full length
+    squashes: pictures are resized to a square, instead of cropped to one
+    skips: tokens of the last layer before those of the patches
+    """
+
+    model: str
+    pads: bool
+    squashes: bool
+    skips: int
+    mean: tuple[float, ...]
+    spread: tuple[float, ...]
+
+
+_FAMILIES = {
+    "clip": _Family("CLIPModel", pads=False, squashes=False, skips=1, mean=MEAN, spread=SPREAD),
+    "siglip": _Family("SiglipModel", pads=True, squashes=True, skips=0, mean=(0.5,) * 3, spread=(0.5,) * 3),
+}
+
+
 class Clip:
-    """CLIP of the ViT variant with frozen weights.
+    """CLIP of the ViT variant, or SigLIP, with frozen weights.
 
     model, tokenizer: objects of `transformers`
     name: name in messages
-    mean, spread: statistics of the sRGB channels in training
+    mean, spread: statistics of the sRGB channels in training. None: those that were published.
     """
 
     def __init__(
@@ -161,57 +61,58 @@ class Clip:
         model: Any,
         tokenizer: Any,
         name: str,
-        mean: tuple[float, ...] = MEAN,
-        spread: tuple[float, ...] = SPREAD,
+        mean: tuple[float, ...] | None = None,
+        spread: tuple[float, ...] | None = None,
     ) -> None:
         self._model = model.eval().requires_grad_(False)
         self._tokenizer = tokenizer
+        self._family = _FAMILIES[model.config.model_type]
         self.name = name
         self.side = int(model.config.vision_config.image_size)
-        self._mean, self._spread = (Constant(torch.tensor(part)[:, None, None]) for part in (mean, spread))
+        statistics = mean or self._family.mean, spread or self._family.spread
+        self._mean, self._spread = (Constant(torch.tensor(part)[:, None, None]) for part in statistics)
 
     @classmethod
-    def load(cls, source: str | Path, name: str | None = None) -> Self:
-        """Loads the CLIP in a local folder, or of that name on the hub of `transformers`.
+    def load(cls, source: str | Path, name: str | None = None, cache: Path | None = None) -> Self:
+        """Loads the network in a local folder, or of any of its names (`hub_folder`).
 
-        Weights are read only as safetensors, and no code beside them is run. Raises WeightsError if that fails,
-        ConfigError if transformers is not installed.
+        Weights are read as safetensors, or from PyTorch's older archive as tensors and nothing else; no code beside
+        them is run.
+        cache: folder of fetched weights; by default the usual one
+        Raises WeightsError if that fails, ConfigError if transformers is not installed.
         """
         registry.require("words", "transformers", "Seeing through CLIP")
         from safetensors import SafetensorError
-        from transformers import AutoConfig, AutoTokenizer, CLIPModel
+        from transformers import AutoConfig, AutoTokenizer
 
-        given = str(source)
-        folder = Path(source).is_dir()
-        local = folder or _is_here(given)
+        given, is_folder = str(source), Path(source).is_dir()
         try:
-            if not local:
-                Hub(given, "main").require("config.json")
-            settings = AutoConfig.from_pretrained(given, local_files_only=local, trust_remote_code=False)
-            if settings.model_type != "clip":
+            folder = Path(source) if is_folder else hub_folder(given, cache)
+            settings = AutoConfig.from_pretrained(folder, local_files_only=True, trust_remote_code=False)
+            if settings.model_type not in _FAMILIES:
                 raise WeightsError(f"it is a {settings.model_type!r} network")
-            model = CLIPModel.from_pretrained(
-                given, config=settings, local_files_only=local, use_safetensors=True, dtype=torch.float32
-            )
-            tokenizer = AutoTokenizer.from_pretrained(given, local_files_only=local, trust_remote_code=False)
+            model = _read_model(folder, settings)
+            tokenizer = AutoTokenizer.from_pretrained(folder, local_files_only=True, trust_remote_code=False)
+            mean, spread = _statistics(folder)
         except (OSError, ValueError, KeyError, TypeError, RuntimeError, SafetensorError, WeightsError) as cause:
             reason = " ".join(str(cause).split())[:160].rstrip(".")
-            advice = f"a folder holds {_FILES}" if folder else "fetch it where there is a network, or give a folder"
-            raise WeightsError(f"{given} cannot be loaded as CLIP ({reason}); {advice}.") from cause
-        mean, spread = _statistics(Path(source)) if folder else (MEAN, SPREAD)
+            advice = f"a folder holds {_FILES}" if is_folder else "fetch it where there is a network, or give a folder"
+            raise WeightsError(f"{given[:80]} cannot be loaded as CLIP ({reason}); {advice}.") from cause
         return cls(model, tokenizer, name or f"CLIP {Path(source).name}", mean, spread)
 
     def reads_all(self, prompt: str) -> bool:
-        """Returns True if all words fit in the network's 77 tokens."""
-        return len(self._tokenizer(prompt)["input_ids"]) <= self._most_tokens
+        """Returns True if all words fit in the network's tokens: 77 of CLIP, 64 of SigLIP."""
+        return len(self._tokenizer(self._plain(prompt))["input_ids"]) <= self._most_tokens
 
     @torch.no_grad()
     def embed_text(self, prompt: str) -> Tensor:
-        """Returns the embedding of words: [d], of unit length. Cuts off words beyond 77 tokens."""
-        tokens = self._tokenizer(prompt, truncation=True, max_length=self._most_tokens, return_tensors="pt").to(
-            self._model.device
-        )
-        found = self._model.get_text_features(tokens["input_ids"], attention_mask=tokens["attention_mask"])
+        """Returns the embedding of words: [d], of unit length. Cuts off words beyond the network's tokens."""
+        padding = "max_length" if self._family.pads else False
+        tokens = self._tokenizer(
+            self._plain(prompt), truncation=True, padding=padding, max_length=self._most_tokens, return_tensors="pt"
+        ).to(self._model.device)
+        mask = None if self._family.pads else tokens["attention_mask"]  # SigLIP was trained on padded sentences
+        found = self._model.get_text_features(tokens["input_ids"], attention_mask=mask)
         return functional.normalize(found.pooler_output[0], dim=0)
 
     def embed_pictures(self, pictures: Tensor) -> Tensor:
@@ -227,7 +128,7 @@ class Clip:
         """
         with half_precision(views.device):
             every = self._model.vision_model(self._as_input(views)).last_hidden_state
-        seen = every[:, 1:]  # the first one is the class token
+        seen = every[:, self._family.skips :]
         cells = round(seen.shape[1] ** 0.5)
         return (seen.transpose(1, 2).reshape(len(seen), -1, cells, cells).to(views),)
 
@@ -235,11 +136,17 @@ class Clip:
     def _most_tokens(self) -> int:
         return int(self._model.config.text_config.max_position_embeddings)
 
+    def _plain(self, prompt: str) -> str:
+        """Returns the prompt as the network's training had it."""
+        return " ".join(re.sub(r"[^\w\s]", "", prompt.lower()).split()) if self._family.pads else prompt
+
     def _as_input(self, pictures: Tensor) -> Tensor:
         """Prepares pictures like the image processor of `transformers`: resize, centre crop, normalisation."""
         _, _, rows, columns = pictures.shape
         scale = self.side / min(rows, columns)
         size = [max(self.side, int(rows * scale)), max(self.side, int(columns * scale))]
+        if self._family.squashes:
+            size = [self.side, self.side]
         if size != [rows, columns]:
             pictures = functional.interpolate(pictures, size, mode="bicubic", antialias=True).clamp(0, 1)
         top, left = (size[0] - self.side) // 2, (size[1] - self.side) // 2
@@ -248,27 +155,34 @@ class Clip:
         return ((middle - self._mean.like(middle)) / self._spread.like(middle)).to(self._model.dtype)
 
 
-def _is_here(name: str) -> bool:
-    """Returns True if `transformers` has fetched that name before."""
-    from transformers import AutoConfig
+def _read_model(folder: Path, settings: Any) -> Any:
+    """Returns the network of a folder. Raises WeightsError, and what `transformers` raises."""
+    import transformers
 
-    try:
-        AutoConfig.from_pretrained(name, local_files_only=True, trust_remote_code=False)
-    except (OSError, ValueError, KeyError, TypeError):
-        return False
-    return True
+    kind = getattr(transformers, _FAMILIES[settings.model_type].model)
+    archive = folder / "pytorch_model.bin"
+    if any(folder.glob("*.safetensors")) or not archive.is_file():
+        return kind.from_pretrained(
+            folder, config=settings, local_files_only=True, use_safetensors=True, dtype=torch.float32
+        )
+    tensors = {name: tensor.float() for name, tensor in state_dict(archive).items() if "position_ids" not in name}
+    model, told = kind.from_pretrained(None, config=settings, state_dict=tensors, output_loading_info=True)
+    missing = sorted(told["missing_keys"])
+    if missing:
+        raise WeightsError(f"{archive.name} lacks {missing[0]}")
+    return model
 
 
-def _statistics(folder: Path) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Returns mean and spread of the channels from the folder, or the published ones. Raises WeightsError."""
+def _statistics(folder: Path) -> tuple[tuple[float, ...] | None, tuple[float, ...] | None]:
+    """Returns mean and spread of the channels that the folder tells; None if it does not. Raises WeightsError."""
     path = folder / "preprocessor_config.json"
     if not path.is_file():
-        return MEAN, SPREAD
+        return None, None
     try:
         record = json.loads(storage.read_bytes(path, "the settings of CLIP's pictures", _MAX_BYTES, WeightsError))
         mean, spread = (tuple(float(part) for part in record[key]) for key in ("image_mean", "image_std"))
         if len(mean) != 3 or len(spread) != 3 or not all(0 < part < 10 for part in spread):
             raise ValueError(f"{mean}, {spread}")
     except (ValueError, KeyError, TypeError) as cause:
-        raise WeightsError(f"{path} does not say image_mean and image_std as three numbers each; mend it.") from cause
+        raise WeightsError(f"{path} does not say image_mean and image_std as three numbers each; mend it") from cause
     return mean, spread

@@ -134,7 +134,7 @@ class EncoderRegistry:
 
         if self._clip is None:
             if self._clip_source is not None:
-                self._clip = _load_clip(self._clip_source, self.device)
+                self._clip = _load_clip(self._clip_source, self.device, self.cache)
             elif (folder := weights.find(_CLIP, self.cache)) is not None:
                 self._clip = Clip.load(folder, "CLIP ViT-B/32")
         return self._clip
@@ -177,6 +177,16 @@ class EncoderRegistry:
             self._note(_ASIDE)
         return self._aside
 
+    @property
+    def reads_by_clip(self) -> bool:
+        """True if a CLIP, or another encoder of words and pictures in one space, reads the words."""
+        return isinstance(self.clip(), Reader)
+
+    @property
+    def composes(self) -> bool:
+        """True if the networks are here that compose a scene from the words."""
+        return all(map(self._has, ("minilm", "efficientnet-lite0")))
+
     def readers(self) -> tuple[Reader, ...]:
         """Returns encoders of words and pictures: CLIP, or classifiers with named classes (ConSE)."""
 
@@ -201,8 +211,10 @@ class EncoderRegistry:
     def reader_aside(self) -> Reader | None:
         """Returns the encoder of words for the validation, which decides when to stop; None if there is none.
 
-        The optimiser does not use it.
+        The optimiser does not use it. A CLIP has none: smaller networks may not overrule what it sees.
         """
+        if self.reads_by_clip:
+            return None
         if self._reader_aside is None and self._has("efficientnet-lite2") and self._has("minilm"):
             self._reader_aside = self._conse(2)
             self._note(_ASIDE)
@@ -255,12 +267,13 @@ class EncoderRegistry:
         return ConSE(classifier, names, meanings, self.sentences(), f"EfficientNet-Lite{number}")
 
 
-def _load_clip(source: str, device: torch.device) -> Encoder:
+def _load_clip(source: str, device: torch.device, cache: Path | None) -> Encoder:
     """Returns the encoder of an installed package, or the CLIP of a safetensors file, a folder or a name on the hub.
 
     Raises WeightsError.
     """
-    from frida_painter.objectives.encoders.clip import Clip, ClipResNet
+    from frida_painter.objectives.encoders.clip import Clip
+    from frida_painter.objectives.encoders.clip_resnet import ClipResNet
 
     for point in entry_points(group=GROUP, name=source):
         return _load_plugin(point, device)
@@ -268,7 +281,7 @@ def _load_clip(source: str, device: torch.device) -> Encoder:
     if path.is_file():
         tensors, _ = tensor_file.read_tensors(path, "the weights of a CLIP", WeightsError)
         return ClipResNet({name: tensor.to(device) for name, tensor in tensors.items()}, f"CLIP {path.stem}")
-    return Clip.load(source)
+    return Clip.load(source, cache=cache)
 
 
 def _load_plugin(point: EntryPoint, device: torch.device) -> Encoder:

@@ -1,0 +1,39 @@
+"""Settings of words: how they become a painting."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from frida_painter.errors import ConfigError
+
+Beginning = Literal["auto", "scene", "abstract", "nothing"]
+
+
+@dataclass(frozen=True)
+class WordSettings:
+    """Settings of words on their way to a painting.
+
+    beginning: first picture. scene: things of the words, put together; abstract: patches of colour, chosen by the
+    network that reads the words; nothing: none. auto: a scene, or what a CLIP likes best of these.
+    avoid: words that the painting should not look like; "" for none
+    phrases: sentences with {} in the place of the words; the network compares with the mean of their meanings
+    cutouts: number of views in which a CLIP sees the picture at a time
+    Raises ConfigError if a phrase has no {}.
+    """
+
+    beginning: Beginning = "auto"
+    avoid: str = ""
+    phrases: tuple[str, ...] = ("{}",)
+    cutouts: int = 6
+
+    def __post_init__(self) -> None:
+        for phrase in self.phrases:
+            if phrase.count("{}") != 1:
+                raise ConfigError(f"The phrase {phrase[:40]!r} was given; it has {{}} once, in the place of the words.")
+
+    def say(self, prompt: str) -> tuple[str, ...]:
+        """Returns the prompt in each of the phrases."""
+        return tuple(phrase.replace("{}", prompt) for phrase in self.phrases)
+
+
+USUAL = WordSettings()
+"""Settings of words that come without any."""

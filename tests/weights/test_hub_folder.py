@@ -1,0 +1,162 @@
+"""Folders of networks by any of their names; the hub is huggingface_hub's own cache, or a server that answers as it."""
+
+import json
+import shutil
+from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from threading import Thread
+
+import pytest
+
+from frida_painter.errors import WeightsError
+from frida_painter.weights import hub_folder as module
+from frida_painter.weights.hub_folder import hub_folder
+
+COMMIT = "0123456789abcdef0123456789abcdef01234567"
+
+
+@pytest.fixture
+def hub(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder of what the hub's own library has fetched; the hub itself is not asked."""
+    from huggingface_hub import constants
+
+    monkeypatch.setattr(constants, "HF_HUB_CACHE", str(tmp_path / "hub"))
+    monkeypatch.setenv("HF_HUB_OFFLINE", "1")
+    return tmp_path / "hub"
+
+
+def keep(hub: Path, repository: str, *files: str) -> Path:
+    """An earlier download, in the layout of the hub's library."""
+    home = hub / f"models--{repository.replace('/', '--')}"
+    folder = home / "snapshots" / COMMIT
+    folder.mkdir(parents=True)
+    (home / "refs").mkdir()
+    (home / "refs" / "main").write_text(COMMIT)
+    for file in files:
+        (folder / file).write_text("{}")
+    return folder
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "clip-vit-b-32",
+        "openai/clip-vit-base-patch32",
+        "OpenAI/CLIP-ViT-base-patch32",
+        "clip-vit-base-patch32",
+        "ViT-B/32",
+    ],
+)
+def test_a_fetched_network_is_found_by_each_of_its_names(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "find", lambda known, cache: cache / known if known == "clip-vit-b-32" else None)
+    assert hub_folder(name, tmp_path) == tmp_path / "clip-vit-b-32"
+
+
+@pytest.mark.parametrize(
+    ("name", "repository"),
+    [
+        ("laion/CLIP-ViT-B-32-laion2B-s34B-b79K", "laion/CLIP-ViT-B-32-laion2B-s34B-b79K"),
+        ("ViT-L/14", "openai/clip-vit-large-patch14"),
+        ("clip-vit-b-32", "openai/clip-vit-base-patch32"),
+    ],
+)
+@pytest.mark.parametrize("weights", ["model.safetensors", "pytorch_model.bin"])
+def test_an_earlier_download_of_others_is_used(
+    hub: Path, tmp_path: Path, name: str, repository: str, weights: str
+) -> None:
+    folder = keep(hub, repository, "config.json", "tokenizer.json", weights)
+    assert hub_folder(name, tmp_path / "none") == folder
+
+
+def test_half_a_download_is_not_used(hub: Path, tmp_path: Path) -> None:
+    keep(hub, "some/clip", "config.json", "tokenizer.json")
+    with pytest.raises(WeightsError, match="HF_HUB_OFFLINE is set"):
+        hub_folder("some/clip", tmp_path)
+
+
+@pytest.mark.parametrize("name", ["", "no such", "/no/such/folder", "../up", "a/b/c"])
+def test_what_is_no_name_is_said(name: str, tmp_path: Path) -> None:
+    with pytest.raises(WeightsError, match="there is no such folder, and a name on the hub is like"):
+        hub_folder(name, tmp_path)
+
+
+FILES = {
+    "config.json": b"{}",
+    "tokenizer.json": b"{}",
+    "model.safetensors": b"S" * 100,
+    "pytorch_model.bin": b"P" * 100,
+    "own.py": b"raise SystemExit",
+    "onnx/model.onnx": b"O",
+}
+
+
+class Answers(BaseHTTPRequestHandler):
+    """What the hub answers to its own library, for one repository."""
+
+    asked: list[str]
+
+    def log_message(self, *_: object) -> None:
+        pass
+
+    def _answer(self, *, with_content: bool) -> None:
+        path = self.path.split("?")[0]
+        name = path.rpartition(f"/resolve/{COMMIT}/")[2] if COMMIT in path else path.rpartition("/resolve/main/")[2]
+        if "/tree/" in path:
+            content = json.dumps(
+                [{"type": "file", "path": file, "size": len(some), "oid": file} for file, some in FILES.items()]
+            ).encode()
+        elif path.startswith("/api/models/some/clip"):
+            content = json.dumps(
+                {"id": "some/clip", "sha": COMMIT, "siblings": [{"rfilename": file} for file in FILES]}
+            ).encode()
+        elif path.startswith("/some/clip/") and name in FILES:
+            content = FILES[name]
+            if with_content:
+                self.asked.append(name)
+        else:
+            self.send_error(404)
+            return
+        self.send_response(200)
+        self.send_header("Content-Length", str(len(content)))
+        self.send_header("ETag", f'"{name.replace("/", "-")}"')
+        self.send_header("X-Repo-Commit", COMMIT)
+        self.end_headers()
+        if with_content:
+            self.wfile.write(content)
+
+    def do_GET(self) -> None:
+        self._answer(with_content=True)
+
+    def do_HEAD(self) -> None:
+        self._answer(with_content=False)
+
+
+@pytest.fixture
+def online(hub: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[list[str]]:
+    monkeypatch.delenv("HF_HUB_OFFLINE")
+    asked: list[str] = []
+    handler = type("Hub", (Answers,), {"asked": asked})
+    server = ThreadingHTTPServer(("127.0.0.1", 0), handler)
+    monkeypatch.setenv("HF_ENDPOINT", f"http://127.0.0.1:{server.server_address[1]}")
+    Thread(target=server.serve_forever, daemon=True).start()
+    yield asked
+    server.shutdown()
+    server.server_close()
+
+
+def test_settings_and_tensors_are_fetched_and_nothing_else(online: list[str], hub: Path, tmp_path: Path) -> None:
+    """The hub's own library fetches; code and copies in other formats stay where they are."""
+    folder = hub_folder("some/clip", tmp_path)
+    assert sorted(online) == ["config.json", "model.safetensors", "tokenizer.json"]
+    assert (folder / "model.safetensors").read_bytes() == FILES["model.safetensors"]
+    online.clear()
+    assert hub_folder("some/clip", tmp_path) == folder and online == []
+    shutil.rmtree(hub)
+
+
+def test_a_name_that_the_hub_does_not_know(online: list[str], tmp_path: Path) -> None:
+    with pytest.raises(WeightsError, match="answers 404"):
+        hub_folder("no/such", tmp_path)

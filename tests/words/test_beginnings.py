@@ -1,0 +1,128 @@
+"""First pictures of words, chosen by the settings or by the CLIP that reads the words; it needs no other network."""
+
+from pathlib import Path
+
+import pytest
+import torch
+
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.errors import ConfigError
+from frida_painter.frames import PixelGrid
+from frida_painter.objectives.encoders.clip import Clip
+from frida_painter.objectives.encoders.loading import EncoderRegistry
+from frida_painter.objectives.image import ImageTerm
+from frida_painter.objectives.objective import Goal, ObjectiveContext
+from frida_painter.words.abstract import Patches, arrange, scatter
+from frida_painter.words.meaning import Text, wish
+from frida_painter.words.text import TextTerm
+from frida_painter.words.word_settings import Beginning, WordSettings
+from tiny_clip import write_clip
+
+GRID = PixelGrid(CanvasSize.parse("12x9cm"), 24, 32)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_clip(tmp_path_factory.mktemp("clip"))
+
+
+@pytest.fixture
+def alone(folder: Path, tmp_path: Path) -> EncoderRegistry:
+    """A CLIP, and nothing else: no sentence encoder, no classifier, no pictures."""
+    return EncoderRegistry(tmp_path, clip=str(folder))
+
+
+def begin(encoders: EncoderRegistry, beginning: Beginning, *more: ImageTerm) -> Goal:
+    goal = Goal((TextTerm("a fox", settings=WordSettings(beginning)), *more))
+    return TextTerm.interpret(goal, ObjectiveContext(GRID, encoders, 0))
+
+
+class TestAClipAlone:
+    @pytest.mark.parametrize("beginning", ["auto", "abstract"])
+    def test_it_begins_with_patches_that_it_prefers(self, alone: EncoderRegistry, beginning: Beginning) -> None:
+        goal = begin(alone, beginning)
+        (first,) = goal.initial
+        assert isinstance(first, ImageTerm) and first.image.shape == (3, 24, 32)
+        assert alone.remarks == ["Begun with patches of colour, arranged for the words."]
+        judge = Text("a fox", alone.readers(), 99)
+        with torch.no_grad():
+            others = torch.stack([judge.validation(one) for one in scatter(12, 5).draw(24, 32)])
+            assert float(judge.validation(first.image)) < float(others.median())
+        again = begin(alone, beginning).initial[0]
+        assert isinstance(again, ImageTerm) and torch.equal(again.image, first.image)
+
+    def test_it_begins_with_nothing(self, alone: EncoderRegistry) -> None:
+        assert begin(alone, "nothing").initial == ()
+
+    def test_a_picture_beside_the_words_is_the_beginning(self, alone: EncoderRegistry) -> None:
+        assert begin(alone, "auto", ImageTerm(torch.rand(3, 24, 32))).initial == ()
+
+    def test_a_scene_needs_more_networks(self, alone: EncoderRegistry) -> None:
+        with pytest.raises(ConfigError, match=r"--beginning scene .* `frida-painter models fetch words`, or give"):
+            begin(alone, "scene")
+
+    def test_it_validates_what_it_optimised_in_views_that_the_optimiser_never_sees(
+        self, alone: EncoderRegistry, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(alone, "_has", lambda name: True)
+        assert alone.reader_aside() is None
+        term = TextTerm("a fox").prepare(ObjectiveContext(GRID, alone, 0))
+        assert term.recognizes and term.lasts > 1 and term.validation is not None
+        seen: list[torch.Tensor] = []
+        look = Clip.embed_pictures
+
+        def watch(clip: Clip, pictures: torch.Tensor) -> torch.Tensor:
+            seen.append(pictures)
+            return look(clip, pictures)
+
+        monkeypatch.setattr(Clip, "embed_pictures", watch)
+        picture = torch.rand(3, 24, 32)
+        for _ in range(12):
+            term.objective(picture)
+        count = len(seen)
+        first, again = term.validation(picture), term.validation(picture)
+        assert torch.equal(first, again)
+        held_out = torch.cat(seen[count:])
+        apart = torch.cdist(held_out.flatten(1), torch.cat(seen[:count]).flatten(1))
+        assert float(apart.min()) > 3 * 0.03 * held_out[0].numel() ** 0.5  # beyond the optimiser's own noise
+
+
+class TestSettings:
+    def test_phrases_and_words_to_avoid_are_part_of_the_distance(self, alone: EncoderRegistry) -> None:
+        settings = WordSettings(avoid="a dog", phrases=("{}", "art of {}"))
+        (clip,) = alone.readers()
+        pictures = torch.rand(2, 3, 32, 32)
+
+        said = [
+            1 - clip.embed_pictures(pictures) @ clip.embed_text(words) for words in ("a fox", "art of a fox", "a dog")
+        ]
+        torch.testing.assert_close(
+            wish("a fox", clip, settings)(pictures), (said[0] + said[1]) / 2 - 0.5 * said[2], atol=1e-5, rtol=0
+        )
+
+    @pytest.mark.parametrize("phrase", ["a painting", "{} and {}"])
+    def test_a_phrase_has_one_place_for_the_words(self, phrase: str) -> None:
+        with pytest.raises(ConfigError, match=r"it has {} once, in the place of the words"):
+            WordSettings(phrases=(phrase,))
+
+
+class TestPatches:
+    def test_a_network_finds_its_wish_in_them(self, alone: EncoderRegistry) -> None:
+        """A wish for red above blue, by the mean colours of the halves: no network, and known by sight."""
+
+        def wish(pictures: torch.Tensor) -> torch.Tensor:
+            upper, lower = pictures.chunk(2, dim=2)
+            red, blue = torch.tensor([0.9, 0.1, 0.1]), torch.tensor([0.1, 0.1, 0.9])
+            return (upper.mean((2, 3)) - red).square().sum(1) + (lower.mean((2, 3)) - blue).square().sum(1)
+
+        found = arrange(wish, alone.readers()[0], (30, 40), 0)
+        assert found.shape == (3, 30, 40) and float(found.min()) >= 0 and float(found.max()) <= 1
+        assert float(wish(found[None])) < 0.1
+        assert torch.equal(found, arrange(wish, alone.readers()[0], (30, 40), 0))
+
+    def test_slopes_agree_with_differences(self) -> None:
+        some = scatter(1, 3)
+        patches, ground = some.patches.double().requires_grad_(), some.ground.double().requires_grad_()
+        assert torch.autograd.gradcheck(
+            lambda one, other: Patches(one, other).draw(6, 8, 0.3)[:, :, ::3, ::3], (patches, ground), atol=1e-4
+        )
