@@ -83,7 +83,7 @@ def test_the_mark_covers_the_line(models, degrees):
 
 def test_a_long_path_is_split_and_a_curve_is_followed(models):
     straight, remarks = fit(line((0.02, 0.1), (0.26, 0.1)), models=models)
-    assert 4 <= len(straight) <= 6 and remarks == (f"1 strokes became {len(straight)} brush strokes.",)
+    assert 4 <= len(straight) <= 6 and remarks == (f"1 stroke became {len(straight)} brush strokes.",)
     angle = np.linspace(0, 1.5 * np.pi, 40)
     circle = np.stack((0.14 + 0.06 * np.cos(angle), 0.105 + 0.06 * np.sin(angle)), -1)
     round_, _ = fit(line(*circle), models=models)

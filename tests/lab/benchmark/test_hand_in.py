@@ -37,6 +37,7 @@ drawn = st.lists(
 @settings(max_examples=30, deadline=None)
 @given(drawn)
 def test_what_is_written_is_read(strokes):
+    strokes = [*strokes, ([(0.0, 0.0), (200.0, 100.0)], 4.0, 0, 1.0)]  # not all in one spot
     rows = [
         f"s{number},#{color:06x},{width!r},{x!r},{y!r},{opacity!r}"
         for number, (path, width, color, opacity) in enumerate(strokes)
@@ -80,6 +81,10 @@ def test_the_ground_is_read_and_white_by_default():
         (csv_of("1,#aa3311,4,10,10")[:-4] + b",", "y_mm ''"),
         (b"\xff\xfe\x00stroke", "UTF-8"),
         (csv_of('1,"#aa3311,4,10,10'), "cut off"),
+        (csv_of("1,#aa3311,4,1_0,10"), "x_mm '1_0'"),
+        (csv_of("1,#aa3311,\uff14,10,10"), "width_mm"),
+        (csv_of("1,#aa3311,4,9,9,9", header=HEADER + ",x_mm"), "the columns x_mm twice"),
+        (csv_of("1,#aa3311,4,0.01,0.02", "2,#aa3311,4,0.27,0.2"), r"lie within 0\.26 x 0\.18 mm .* check the unit"),
         (csv_of("1,#aa3311,4,10,10,0", header=HEADER + ",opacity"), "opacity 0"),
     ],
 )  # fmt: skip

@@ -122,6 +122,7 @@ def test_what_leaves_the_page_is_cut_and_told():
     )
 
 
+THICK = 'stroke="#aa3311" stroke-width="400"'
 BOMB = (
     '<!DOCTYPE svg [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;"><!ENTITY c "&b;&b;&b;&b;&b;&b;&b;">]>'
 )
@@ -145,7 +146,8 @@ OUTSIDE = '<!DOCTYPE svg [<!ENTITY x SYSTEM "file:///etc/passwd">]>'
         (document("<text x='1' y='2'>a</text>"), "text"),
         (document("<g>" * 100 + line() + "</g>" * 100), "in more than 64 others"),
         (document(line(), 'viewBox="0 0 1e30 1e30"'), "beyond"),
-        (document(line(), 'viewBox="0 0 nan 210"'), "neither width nor viewBox"),
+        (document(line(), 'viewBox="0 0 nan 210"'), "it has four numbers"),
+        (document(line(), ""), "neither width nor viewBox"),
         (document(line(), 'viewBox="0 0 -280 -210"'), "beyond"),
         (document(line(), 'viewBox="0 0 0 0"'), "beyond"),
         (document(line(), 'width="20em" height="15em"'), "'em'"),
@@ -162,11 +164,40 @@ OUTSIDE = '<!DOCTYPE svg [<!ENTITY x SYSTEM "file:///etc/passwd">]>'
         (document(line(more='stroke="#12" stroke-width="4"')), "'#12', which is no colour"),
         (document('<path d="M0 0 L nan 50" stroke="#aa3311"/>'), "not finite"),
         (document(line(more='stroke="#aa3311" stroke-width="900"')), "900 mm wide"),
+        (document(line(x2="nan")), "the x2 'nan', which is not finite"),
+        (document(line(more='stroke="#aa3311" stroke-width="4" stroke-opacity="nan"')), "stroke-opacity 'nan'"),
+        (document(line(more='style="stroke:#aa3311;stroke-width:inf"')), "not finite"),
+        (document('<path d="hello" stroke="#aa3311"/>'), "is no SVG; check its commands"),
+        (document("<mask><rect width='9' height='9' fill='#ffffff'/></mask>" + line()), "a mask"),
+        (document("<marker/>" + line()), "a marker"),
+        (document(line()).replace(b'"1.0"', b'"1.0" encoding="klingon"'), "unknown encoding"),
+        (document(f"<g transform='scale(0.01)'>{line(more=THICK) * 2}</g>"), "lie within 0.5 x 0 mm .* check the unit"),
         (document("".join(line(x1=1000 + n, x2=2000, y1=900, y2=900) for n in range(5))), "lie off its page"),
     ],
 )
 def test_hostile_and_useless_documents_are_refused_in_one_sentence(content, told):
     assert re.search(told, refused(content))
+
+
+def test_what_no_screen_shows_is_left_out_and_clips_are_told():
+    body = (
+        line(y1=30, y2=30)
+        + line(more='stroke="#aa3311" visibility="hidden"')
+        + line(more='stroke="#a31" display="none"')
+    )
+    found = read_svg(document(f'<g clip-path="url(#c)">{body}</g>'), "a.svg", CANVAS)
+    assert len(found.strokes) == 1 and found.remarks == ("The clip path of 1 element was ignored.",)
+
+
+def test_points_are_counted_over_all_paths_before_they_are_drawn(monkeypatch):
+    monkeypatch.setattr(svg_strokes, "MAX_POINTS", 100)
+    zigzag = f'<path d="M0 0 {"L5 5 " * 30}" stroke="#000"/>'
+    assert len(read_svg(document(zigzag * 3), "a.svg", CANVAS).strokes) == 3
+    monkeypatch.setattr(svg_strokes, "_path", lambda shape: pytest.fail("drawn"))
+    assert "more than 100 points" in refused(document(zigzag * 4))
+    monkeypatch.undo()
+    monkeypatch.setattr(svg_strokes, "MAX_POINTS", 100)
+    assert "100 points" in refused(document(f'<path d="M0 0 {"C5 5 6 6 9 9 " * 10}" stroke="#000"/>'))
 
 
 def test_too_many_elements_are_refused_before_they_are_drawn(monkeypatch):

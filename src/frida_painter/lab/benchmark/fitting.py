@@ -108,7 +108,7 @@ def fit_hand_in(
             "from the first on."
         )
     elif len(pieces) > len(drawing.strokes):
-        told.append(f"{len(drawing.strokes)} strokes became {len(pieces)} brush strokes.")
+        told.append(f"{count_of(len(drawing.strokes), 'stroke')} became {len(pieces)} brush strokes.")
     return plan, (*drawing.remarks, *told, *remarks, *_tell_widths(drawing.strokes[:painted], chosen))
 
 

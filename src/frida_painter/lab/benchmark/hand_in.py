@@ -39,8 +39,10 @@ MAX_POINTS = 200_000
 WIDTHS = (0.0001, 0.2)
 """Least and greatest width of a stroke in metres."""
 TOLERANCE = 0.001  # metres beyond the canvas that count as on its edge
+_SPOT = 0.01  # share of the longer side below which a drawing is a spot
 _COLUMNS = ("stroke", "color", "width_mm", "x_mm", "y_mm")
 _COLOR = re.compile("#[0-9a-fA-F]{6}")
+_DECIMAL = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 
 Color = tuple[float, float, float]
 Points = NDArray[np.float64]
@@ -96,7 +98,7 @@ def read_csv(content: bytes, name: str, canvas: CanvasSize) -> HandIn:
     ground = _read_comments(comments, name)
     rows = csv.reader(io.StringIO("\n".join(lines[len(comments) :])), strict=True)
     try:
-        strokes = tuple(_collect(_parse_rows(rows, len(comments), name, canvas), name))
+        strokes = tuple(_collect(_parse_rows(rows, len(comments), name, canvas), name, canvas))
     except csv.Error as error:
         raise HandInError(
             f"{name} is cut off or is no CSV near line {len(comments) + rows.line_num}: {error}."
@@ -106,8 +108,11 @@ def read_csv(content: bytes, name: str, canvas: CanvasSize) -> HandIn:
     return HandIn(canvas, hashlib.sha256(content).hexdigest(), strokes, ground)
 
 
-def require_strokes(strokes: Sequence[DrawnStroke], name: str) -> None:
-    """Raises HandInError unless the number of strokes, their widths and points can be painted."""
+def require_strokes(strokes: Sequence[DrawnStroke], name: str, canvas: CanvasSize) -> None:
+    """Raises HandInError unless the number of strokes, their widths and points can be painted on the canvas.
+
+    Strokes that all lie in one spot were written in another unit, such as metres.
+    """
     if not 1 <= len(strokes) <= MAX_STROKES:
         raise HandInError(
             f"{name} has {len(strokes) or 'no'} strokes; a hand-in has from 1 to {MAX_STROKES:,}, and the largest "
@@ -125,6 +130,13 @@ def require_strokes(strokes: Sequence[DrawnStroke], name: str) -> None:
             raise HandInError(
                 f"Stroke {number} of {name} has the opacity {stroke.opacity:g}; it is above 0, at most 1."
             )
+    places = np.concatenate([stroke.points for stroke in strokes])
+    across, down = np.ptp(places, axis=0)
+    if len(strokes) > 1 and max(across, down) < _SPOT * max(canvas.width, canvas.height):
+        raise HandInError(
+            f"All {len(strokes)} strokes of {name} lie within {across * 1000:.2g} x {down * 1000:.2g} mm of a canvas "
+            f"of {canvas}; check the unit of their points."
+        )
 
 
 def draw(drawing: HandIn, rows: int, columns: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -206,6 +218,9 @@ def _parse_rows(rows: Iterator[list[str]], above: int, name: str, canvas: Canvas
             f"{name} lacks the columns {', '.join(missing)}; the first row names {','.join(_COLUMNS)} and perhaps "
             "opacity, lengths in millimetres."
         )
+    twice = sorted({column for column in header if header.count(column) > 1})
+    if twice:
+        raise HandInError(f"{name} has the columns {', '.join(twice)} twice; name each once.")
     for count, cells in enumerate(rows, 1):
         if not cells:
             continue
@@ -235,16 +250,13 @@ def _parse_row(cells: Mapping[str, str], where: str, canvas: CanvasSize) -> _Poi
 
 
 def _number(text: str, column: str, where: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
+    value = float(text) if _DECIMAL.fullmatch(text.strip()) else math.nan
     if not math.isfinite(value):
         raise HandInError(f"{where} has {column} {text[:20]!r}; give a finite number in millimetres.")
     return value
 
 
-def _collect(points: Iterator[_Point], name: str) -> Iterator[DrawnStroke]:
+def _collect(points: Iterator[_Point], name: str, canvas: CanvasSize) -> Iterator[DrawnStroke]:
     """Yields the strokes of successive points. Raises HandInError."""
     strokes, last = list[DrawnStroke](), ""
     for (stroke, color, width, opacity), group in itertools.groupby(
@@ -260,7 +272,7 @@ def _collect(points: Iterator[_Point], name: str) -> Iterator[DrawnStroke]:
         places = np.array([point.place for point in group], np.float64)
         strokes.append(DrawnStroke(places, width, (red, green, blue), opacity))
         last = stroke
-    require_strokes(strokes, name)
+    require_strokes(strokes, name, canvas)
     yield from strokes
 
 

@@ -44,8 +44,15 @@ _SAME = 0.001  # metres by which a page may differ from the canvas
 _ASPECT = 0.01  # share by which the proportions of a page without units may differ
 _GROUND = 0.99  # share of each side of the page that a ground covers
 _CURVE_STEPS = 16
+_STEPS = np.arange(1, _CURVE_STEPS + 1) / _CURVE_STEPS
 _FULL = 0.75  # least share of its rectangle that a filled shape covers: an ellipse covers 0.785
 _MAX_SIDES = 64
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
+_NOT_FINITE = re.compile(r"(?<![a-z])(?:nan|inf(?:inity)?)(?![a-z])", re.IGNORECASE)
+_SHAPES = frozenset(("path", "line", "polyline", "polygon", "rect", "circle", "ellipse"))
+_PLACES = ("d", "points", "transform", "viewBox", "style", "x", "y", "width", "height", "x1", "y1", "x2", "y2")
+_MEASURES = {*_PLACES, "cx", "cy", "r", "rx", "ry", "stroke-width", "opacity", "stroke-opacity", "fill-opacity"}
+"""Attributes with numbers; svgelements takes one that is not finite for 0 or 1."""
 _REFUSED = {
     "script": "a script",
     "foreignObject": "foreign content",
@@ -58,6 +65,8 @@ _REFUSED = {
     "iframe": "a frame",
     "text": "text",
     "pattern": "a pattern",
+    "mask": "a mask",
+    "marker": "a marker",
     "symbol": "a symbol",
 }
 
@@ -69,7 +78,8 @@ def read_svg(content: bytes, name: str, canvas: CanvasSize) -> HandIn:
     fills the page is the ground. A filled rectangle or ellipse is a stroke along its longer side, as wide as the other.
     Parts beyond the page are cut off, as on every screen.
     """
-    page = _inspect(content, name)
+    found = _inspect(content, name)
+    page = found.page
     registry.require("benchmark", "svgelements", "Reading an SVG hand-in")
     import svgelements
 
@@ -78,9 +88,14 @@ def read_svg(content: bytes, name: str, canvas: CanvasSize) -> HandIn:
         drawing = svgelements.SVG.parse(io.BytesIO(content), reify=True, width=page.width, height=page.height)
         elements = [one for one in drawing.elements() if isinstance(one, svgelements.Shape)]
     except (ValueError, TypeError, AttributeError, IndexError, KeyError, ZeroDivisionError, RecursionError) as error:
-        raise HandInError(f"{name} has a part that is no SVG ({type(error).__name__}: {str(error)[:80]}).") from error
-    ground, strokes, filled, bars = WHITE, list[DrawnStroke](), 0, 0
+        raise HandInError(
+            f"{name} has a path, a transform or a style that is no SVG; check its commands and numbers."
+        ) from error
+    ground, strokes, filled, bars, points = WHITE, list[DrawnStroke](), 0, 0, 0
     for number, shape in enumerate(elements, 1):
+        if str(shape.values.get("visibility", "visible")).strip() != "visible":
+            continue
+        before = len(strokes)
         for part, paint in (("stroke", shape.stroke), ("fill", shape.fill)):
             if _is_paint(paint) and not _is_known(str(shape.values.get(part, "black")), paint):
                 raise HandInError(
@@ -101,18 +116,23 @@ def read_svg(content: bytes, name: str, canvas: CanvasSize) -> HandIn:
                 f"Shape {number} of {name} has no stroke colour; a brush paints strokes, so give each path a stroke "
                 "and a stroke-width, and hatch what is filled, unless it is a rectangle or an ellipse."
             )
-        if len(strokes) > MAX_STROKES:
-            raise HandInError(f"{name} has more than {MAX_STROKES:,} strokes; the largest budget is 1,000.")
+        points += sum(len(stroke.points) for stroke in strokes[before:])
+        if len(strokes) > MAX_STROKES or points > MAX_POINTS:
+            raise HandInError(
+                f"{name} has more than {MAX_STROKES:,} strokes or {MAX_POINTS:,} points; the largest budget is 1,000 "
+                "strokes."
+            )
     inside, cut, lost = _cut(strokes, canvas)
     if lost > len(strokes) / 2:
         raise HandInError(
             f"{lost} of {len(strokes)} strokes of {name} lie off its page of {canvas}; check its units and viewBox."
         )
-    require_strokes(inside, name)
+    require_strokes(inside, name, canvas)
     remarks = [
         *([f"{count_of(cut, 'stroke')} lost what lay beyond the edge of the page."] if cut else []),
         *([f"{count_of(lost, 'stroke')} left out: beside the page."] if lost else []),
         *([f"{count_of(bars, 'filled shape')} painted along the longer side."] if bars else []),
+        *([f"The clip path of {count_of(found.clipped, 'element')} was ignored."] if found.clipped else []),
         *([f"The fill of {count_of(filled, 'stroke')} was ignored; only outlines are painted."] if filled else []),
     ]
     return HandIn(canvas, hashlib.sha256(content).hexdigest(), tuple(inside), ground, remarks=tuple(remarks))
@@ -154,6 +174,9 @@ class _Inspector:
     page: _Page = field(default_factory=_Page)
     depth: int = 0
     count: int = 0
+    shapes: int = 0
+    numbers: int = 0
+    clipped: int = 0
     in_style: bool = False
 
     def refuse(self, what: str) -> HandInError:
@@ -185,6 +208,9 @@ class _Inspector:
             raise self.refuse("another SVG within it")
         if local in _REFUSED:
             raise self.refuse(_REFUSED[local])
+        self.shapes += local in _SHAPES
+        if self.shapes > MAX_STROKES:
+            raise HandInError(f"{self.name} has more than {MAX_STROKES:,} strokes; the largest budget is 1,000.")
         self.in_style = local == "style"
         for key, value in attributes.items():
             self._check_attribute(key.rpartition(":")[2], value)
@@ -204,11 +230,19 @@ class _Inspector:
             raise self.refuse(f"a script ({key[:30]})")
         if (key == "href" and not value.startswith("#")) or re.search(r"url\(\s*[\"']?(?!#)", value):
             raise self.refuse("a reference to another file")
-        if key in ("d", "points", "transform") and re.search(r"nan|inf", value, re.IGNORECASE):
-            raise HandInError(f"{self.name} has a path with a number that is not finite; give finite numbers.")
+        if key in _MEASURES and _NOT_FINITE.search(value):
+            raise HandInError(f"{self.name} has the {key} {value[:30]!r}, which is not finite; give finite numbers.")
+        if key in ("d", "points"):  # counted before anything is built of them
+            self.numbers += len(_NUMBER.findall(value))
+            if self.numbers > 2 * MAX_POINTS:
+                raise HandInError(f"{self.name} has more than {MAX_POINTS:,} points; make its paths simpler.")
+        self.clipped += key == "clip-path" or (key == "style" and "clip-path" in value)
 
     def _read_page(self, attributes: Mapping[str, str]) -> None:
-        box = re.split(r"[\s,]+", attributes.get("viewBox", "").strip())
+        told = attributes.get("viewBox", "").strip()
+        box = re.split(r"[\s,]+", told)
+        if told and not (len(box) == 4 and all(map(_LENGTH.fullmatch, box))):
+            raise HandInError(f"The viewBox of {self.name} is {told[:40]!r}; it has four numbers.")
         sides = [float(side) for side in box[2:]] if len(box) == 4 and all(map(_LENGTH.fullmatch, box)) else []
         found: list[tuple[float, bool]] = []
         for index, key in enumerate(("width", "height")):
@@ -234,8 +268,8 @@ class _Inspector:
         self.page = _Page(found[0][0], found[1][0], all(physical for _, physical in found))
 
 
-def _inspect(content: bytes, name: str) -> _Page:
-    """Returns the page of a document. Raises HandInError for a document that is cut off or no drawing."""
+def _inspect(content: bytes, name: str) -> _Inspector:
+    """Returns what a first pass found in a document. Raises HandInError if it is cut off or is no drawing."""
     inspector, parser = _Inspector(name), expat.ParserCreate()
     parser.StartDoctypeDeclHandler = inspector.doctype
     parser.EntityDeclHandler = inspector.entity
@@ -250,7 +284,9 @@ def _inspect(content: bytes, name: str) -> _Page:
             f"{name} is cut off or is no XML ({expat.ErrorString(error.code)}, line {error.lineno}); hand in the whole "
             "file."
         ) from error
-    return inspector.page
+    except LookupError as error:
+        raise HandInError(f"{name} is in an unknown encoding; save it in UTF-8.") from error
+    return inspector
 
 
 def _is_paint(color: Any) -> bool:
@@ -295,7 +331,7 @@ def _strokes_of(
     opacity = shape.stroke.opacity * _opacity(shape, number, name)
     given = shape.implicit_stroke_width
     width = float(1.0 if given is None else given) * (scale[0] + scale[1]) / 2
-    count, parts = 0, list[list[tuple[float, float]]]()
+    parts = list[list[tuple[float, float]]]()
     for segment in _path(shape):
         if isinstance(segment, svgelements.Move) or not parts:
             if segment.end is not None:
@@ -304,11 +340,7 @@ def _strokes_of(
         if segment.start is None or segment.end is None:
             continue
         straight = isinstance(segment, svgelements.Line | svgelements.Close)
-        steps = [1.0] if straight else [step / _CURVE_STEPS for step in range(1, _CURVE_STEPS + 1)]
-        parts[-1] += [tuple(segment.point(step)) for step in steps]
-        count += len(steps)
-        if count > MAX_POINTS:
-            raise HandInError(f"Shape {number} of {name} has more than {MAX_POINTS:,} points; make it simpler.")
+        parts[-1] += [(segment.end.x, segment.end.y)] if straight else map(tuple, segment.npoint(_STEPS).tolist())
     for part in parts:
         if len(part) > 1:
             points = np.array(part, np.float64)
