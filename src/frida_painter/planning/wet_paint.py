@@ -35,7 +35,7 @@ _DARKEST, _LIGHTEST = 0.006, 0.985  # reflectance of paints
 
 
 class Wetness(NamedTuple):
-    """How paint mixes while it is wet, and when.
+    """Exchange of wet paint, and the times at which strokes are painted.
 
     paint: exchange of brush and canvas
     painted_at: second at which each stroke of a plan is painted, in painting order

@@ -283,7 +283,7 @@ class ExecutionMonitor:
         self._hand, self._observer = hand, observer
         self._journal, self._interruptions = journal, interruptions
         self._progress, self._tell = progress, tell
-        self._painted: list[PaintedPart] = []
+        self._painted: list[tuple[Plan, Tensor, Tensor]] = []  # batches of ours alone, as seen and as expected
         self._looked_after: int | None = None  # strokes at a look that could not tell whether the canvas was moved
 
     def look(self) -> Tensor:
@@ -311,15 +311,18 @@ class ExecutionMonitor:
         if len(batch) and not progress.remark:  # the landed strokes show how to correct the robot
             self._learn(planner.locate(batch, self._hand.placement, last, canvas))
             if alone:
-                painted_at = self._hand.timetable(batch, no_looks, BrushLoad()).after
-                stacked = planner.problems.stack(batch, last, planner.fine)
-                self._painted.append(PaintedPart(*stacked, painted_at, canvas, expected))
+                self._painted.append((batch, canvas, expected))
         progress.canvas.saw(canvas, progress.painted)
         return CanvasSeen(progress.painted, len(progress.rest), difference(canvas, expected), progress.gain)
 
     def learn_wet_paint(self) -> WetPaint | None:
-        """Returns how wet paint mixed in all that was seen of this painting; None if it hardly shows."""
-        return learn_wet_paint(self._painted)
+        """Returns how wet paint mixed in the batches of this painting; None if it hardly shows."""
+        parts, planner = [], self._plans.planner
+        for batch, seen, expected in self._painted:
+            painted_at = self._hand.timetable(batch, no_looks, BrushLoad()).after
+            stacked = planner.problems.stack(batch, expected, planner.fine)
+            parts.append(PaintedPart(*stacked, painted_at, seen, expected))
+        return learn_wet_paint(parts)
 
     def _learn(self, placement: Placement) -> None:
         """Corrects later motions by this placement; reports each brush whose height changes."""
