@@ -5,7 +5,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Self
+from types import MappingProxyType
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,6 +95,33 @@ class BrushRecord:
 
 
 @dataclass(frozen=True)
+class WetPaint:
+    """Exchange of paint between a brush and wet paint on the canvas, learned from photographs of a painting.
+
+    rate: share of its paint that a brush exchanges with a full wet mark, for each metre at first
+    share: share of the wet paint below that mixes with the mark where it lies
+    drying: seconds until a full mark has set
+    Raises CalibrationError if a number is out of range.
+    """
+
+    BOUNDS: ClassVar[Mapping[str, tuple[float, float]]] = MappingProxyType(
+        {"rate": (0.0, 100.0), "share": (0.0, 1.0), "drying": (1.0, 1e5)}
+    )
+
+    rate: float
+    share: float
+    drying: float
+
+    def __post_init__(self) -> None:
+        for name, (least, most) in self.BOUNDS.items():
+            value = getattr(self, name)
+            if not least <= value <= most:
+                raise CalibrationError(
+                    f"Wet paint with the {name} {value:g} was given; it is from {least:g} to {most:g}."
+                )
+
+
+@dataclass(frozen=True)
 class Calibration:
     """Calibration of one easel: the canvas in the camera's photograph, and corrections of the robot.
 
@@ -111,6 +139,7 @@ class Calibration:
     library, weights: stroke library of the painted strokes, and the stroke model learned from it
     bare: measurements of a bare canvas; None if there are none
     surface: height map of an uneven canvas; None if it is flat
+    wet: how wet paints mix on the canvas; None if no painting has shown it
     done: finished procedures by name
     others: calibrations of other brushes by name
 
@@ -135,6 +164,7 @@ class Calibration:
     weights: LearnedFile | None = None
     bare: BareCanvas | None = None
     surface: SurfaceMap | None = None
+    wet: WetPaint | None = None
     done: Mapping[str, Done] = field(default_factory=dict)
     others: Mapping[str, BrushRecord] = field(default_factory=dict)
 

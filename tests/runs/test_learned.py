@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from frida_painter.calibration import Calibration, previous
+from frida_painter.calibration import Calibration, WetPaint, previous
 from frida_painter.planning.placement import Placement
 from frida_painter.runs.painting_folder import keep_learned
 from frida_painter.runs.spec import RunSpec
@@ -31,6 +31,14 @@ def test_the_next_painting_begins_with_what_this_one_learned(tmp_path: Path) -> 
     assert kept == learned.correct(begun, CANVAS)
     assert kept.press_height == pytest.approx(CALIBRATION.press_height - 0.001, abs=1e-6)
     assert kept.done == begun.done and Calibration.load(previous(record)) == begun
+
+
+def test_wet_paint_is_kept_beside_it_and_what_is_known_of_it_stays_if_a_painting_shows_none(tmp_path: Path) -> None:
+    record, wet = tmp_path / "calibration.json", WetPaint(12.0, 0.2, 300.0)
+    CALIBRATION.save(record)
+    for found in (wet, None):
+        assert keep_learned(spec(record), Calibration.load(record), LEARNED, FINISHED, lambda: found) == record  # noqa: B023
+        assert Calibration.load(record).wet == wet
 
 
 @pytest.mark.parametrize("case", ["no record", "unfinished", "nothing planned", "by hand", "calibrated meanwhile"])

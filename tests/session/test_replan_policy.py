@@ -126,7 +126,7 @@ class OftenWrong(NotingPlanner):
 
     looks = 0
 
-    def expected(self, plan: Plan, canvas: Tensor) -> Tensor:
+    def expected(self, plan: Plan, canvas: Tensor, wetness: object = None) -> Tensor:
         return torch.full((3, 48, 64), 0.9) if len(plan) == 2 and self.looks == 1 else canvas
 
     def locate(self, *told):  # type: ignore[no-untyped-def]

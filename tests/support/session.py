@@ -15,6 +15,7 @@ from frida_painter.planning.forecast import Fading, SimilarityForecast
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.placement import Placement
 from frida_painter.planning.problem import Region
+from frida_painter.planning.wet_paint import Wetness
 from frida_painter.session.events import Event, Paused
 from frida_painter.session.hand import Hand
 from frida_painter.session.journal import Journal
@@ -44,6 +45,7 @@ class NotingPlanner:
     located: list[int] = field(default_factory=list)
     placements: list[Placement] = field(default_factory=list)
     left_out: list[int] = field(default_factory=list)
+    wet: list[Wetness | None] = field(default_factory=list)
 
     def keeping_clear(self, region: Region | None) -> "NotingPlanner":
         """Itself: no stroke of it keeps clear of anything."""
@@ -87,7 +89,7 @@ class NotingPlanner:
         self.placements.append(replace(known, error=(0.001 * len(self.located), 0.0, 0.0)))
         return self.placements[-1]
 
-    def expected(self, plan: Plan, canvas: Tensor) -> Tensor:
+    def expected(self, plan: Plan, canvas: Tensor, wetness: Wetness | None = None) -> Tensor:
         return torch.full((3, 48, 64), 1 - len(plan) / 1000)
 
     def validation_loss(self, picture: Tensor) -> float:
@@ -96,7 +98,10 @@ class NotingPlanner:
     def expected_loss(self, plan: Plan, canvas: Tensor) -> float:
         return self.validation_loss(self.expected(plan, canvas))
 
-    def forecast(self, plan: Plan, canvas: Tensor, placement: Placement, unseen: int) -> SimilarityForecast:
+    def forecast(
+        self, plan: Plan, canvas: Tensor, placement: Placement, unseen: int, wetness: Wetness | None = None
+    ) -> SimilarityForecast:
+        self.wet.append(wetness)
         assert 0 <= unseen <= len(plan)
         return SimilarityForecast(20 + len(plan) / 100, 19.0, 25.0)
 

@@ -62,6 +62,7 @@ def forecast(
     problems: Sequence[PlanningProblem],
     placement: Placement | None = None,
     unseen: int = 0,
+    change: Tensor | None = None,
 ) -> SimilarityForecast | None:
     """Forecasts the similarity of a painting to its photograph; None if the goal has no photograph.
 
@@ -69,12 +70,14 @@ def forecast(
     placement: placement error of the robot as known so far. None: strokes land exactly.
     unseen: number of strokes painted before the next photograph improves the placement. Later strokes are planned
     on that photograph and repair a part of the earlier errors, equal to their share of the plan.
+    change [3, H, W]: change of the expected picture by wet paint (wet_paint.py). None: all paint is dry.
     """
     photograph = next((term.picture for term in goal.terms if term.is_pixelwise), None)
     if photograph is None:
         return None
     canvas = problems[0].canvas
     target = images.resize_by_area(photograph.to(canvas), *canvas.shape[1:])
+    target = target if change is None else target - change  # the same difference to the expected picture
     error, chance = _error_and_chance(strokes, problems, target)
     if placement is None or unseen == 0:
         return SimilarityForecast.of_error(error, chance)

@@ -46,6 +46,7 @@ from frida_painter.planning.problem import PlanningProblems, Region, is_bare, is
 from frida_painter.planning.refine import HARDLY_APART, MOVED, MOVED_WHERE_A_LAYER_BEGINS, bind_to_palette
 from frida_painter.planning.settings import PlannerSettings
 from frida_painter.planning.variables import Paints, as_palette
+from frida_painter.planning.wet_paint import Wetness, change_by_wet_paint
 from frida_painter.provenance import describe_here, hash_code, identify
 
 # Layers: later strokes go on the dry paint of earlier ones, and start light again, as painters work.
@@ -539,13 +540,25 @@ class Planner:
         coarse, fine = (self.problems.of(before, grid, last.layers[0].kind) for grid in (self.coarse, self.fine))
         return learn(last.strokes.to(self.device), known, coarse, fine, seen.to(self.device))
 
-    def expected(self, plan: Plan, canvas: AnyPicture | None = None) -> Tensor:
-        """Returns the expected canvas [3, H, W] after the plan; the canvas before it is bare by default."""
+    def expected(self, plan: Plan, canvas: AnyPicture | None = None, wetness: Wetness | None = None) -> Tensor:
+        """Returns the expected canvas [3, H, W] after the plan; the canvas before it is bare by default.
+
+        wetness: how paint mixes while it is wet. None: all paint is dry.
+        """
         picture = self.bare if canvas is None else as_picture(canvas)
         with torch.no_grad():
             for brush, strokes in plan.by_kind():
                 picture = self.problems.of(picture, self.fine, brush).render(strokes.to(self.device))
-        return images.fit(picture, self.fine.rows, self.fine.columns).cpu()
+        picture = images.fit(picture, self.fine.rows, self.fine.columns)
+        change = self._change_by(wetness, plan)
+        return picture.cpu() if change is None else (picture + change).clamp(0, 1).cpu()
+
+    @torch.no_grad()
+    def _change_by(self, wetness: Wetness | None, plan: Plan) -> Tensor | None:
+        """Returns the change [3, H, W] of the expected canvas by wet paint; None if nothing is known of it."""
+        if wetness is None or len(plan) == 0:
+            return None
+        return change_by_wet_paint(*self.problems.stack(plan, self.bare, self.fine), *wetness)
 
     def expected_loss(self, plan: Plan, canvas: AnyPicture) -> float:
         """Returns the mean distance to the goal over paintings of the plan on a canvas [3, H, W]."""
@@ -561,11 +574,18 @@ class Planner:
             return float(by(strokes, problems, problems[0].validation))
 
     def forecast(
-        self, plan: Plan, canvas: AnyPicture, placement: Placement | None = None, unseen: int = 0
+        self,
+        plan: Plan,
+        canvas: AnyPicture,
+        placement: Placement | None = None,
+        unseen: int = 0,
+        wetness: Wetness | None = None,
     ) -> SimilarityForecast | None:
         """Forecasts the similarity of the plan's painting on a canvas [3, H, W] to its photograph; see forecast.py."""
         seen = images.resize_by_area(as_picture(canvas), self.fine.rows, self.fine.columns)
-        return forecast(self.goal, *self.problems.stack(plan, seen, self.fine), placement, unseen)
+        return forecast(
+            self.goal, *self.problems.stack(plan, seen, self.fine), placement, unseen, self._change_by(wetness, plan)
+        )
 
     def validation_loss(self, picture: AnyPicture) -> float:
         """Returns the distance of a picture [3, H, W] of the canvas to the goal.

@@ -17,7 +17,8 @@ mixing.png, strokes.svg and strokes.csv.
 
 import hashlib
 import json
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -25,7 +26,7 @@ from typing import Any
 from torch import Tensor
 
 from frida_painter import storage
-from frida_painter.calibration import Calibration
+from frida_painter.calibration import Calibration, WetPaint
 from frida_painter.easel.kinds import SIMULATION_LOG
 from frida_painter.errors import ConfigError, StorageError
 from frida_painter.event_log import missing
@@ -43,12 +44,19 @@ from frida_painter.session.journal import History, Journal
 from frida_painter.session.progress import Painting
 from frida_painter.session.resuming import KeptPlan
 
-# Placement and touch heights that a painting learned are kept in the calibration record, for the next painting.
+# Placement, touch heights and wet paint that a painting learned are kept in the calibration record for the next one.
 
 
-def keep_learned(spec: RunSpec, begun: Calibration | None, learned: Placement, painting: Painting) -> Path | None:
-    """Writes the learned placement and touch heights of a finished painting into its calibration record.
+def keep_learned(
+    spec: RunSpec,
+    begun: Calibration | None,
+    learned: Placement,
+    painting: Painting,
+    wet: Callable[[], WetPaint | None] = lambda: None,
+) -> Path | None:
+    """Writes what a finished painting taught into its calibration record: placement, touch heights and wet paint.
 
+    wet: called if the record is written; returns how wet paint mixed, or None to keep what is known of it.
     begun: record at the beginning of the painting. If the file has changed since, it stays as it is, because a
     newer calibration is better. The old record is kept beside the new one, as by Calibration.save.
     Returns the file of the record, or None if nothing was written.
@@ -64,7 +72,8 @@ def keep_learned(spec: RunSpec, begun: Calibration | None, learned: Placement, p
         or Calibration.load(record) != begun
     ):
         return None
-    learned.correct(begun, spec.canvas).save(record)
+    corrected = learned.correct(begun, spec.canvas)
+    replace(corrected, wet=wet() or corrected.wet).save(record)
     return record
 
 

@@ -576,7 +576,9 @@ class PaintingRun:
             done = {} if len(painting.rest) else {"painting": hash_picture(painting.photograph)}
             self._run_record.finish(self._led, **done)
         learned = session.hand.placement
-        kept = None if trouble or painting is None else keep_learned(self.spec, self._record, learned, painting)
+        kept = None
+        if not trouble and painting is not None:
+            kept = keep_learned(self.spec, self._record, learned, painting, session.learn_wet_paint)
         return RunOutcome(self.folder, painting, page, trouble, kept)
 
     def _is_as_left(self, session: PaintingSession, before: Tensor, now: Tensor) -> bool:

@@ -25,6 +25,7 @@ from typing import Final
 import torch
 from torch import Tensor
 
+from frida_painter.calibration import WetPaint
 from frida_painter.errors import FridaError
 from frida_painter.palette import Palette, to_hex
 from frida_painter.plan import WHITE, Plan
@@ -179,6 +180,10 @@ class PaintingSession:
             self._plans.replan(rounds)
         else:
             self._plans.keep()
+
+    def learn_wet_paint(self) -> WetPaint | None:
+        """Returns how wet paint mixed in this painting; None if no camera saw it, or if it hardly shows."""
+        return self._monitor.learn_wet_paint() if isinstance(self._monitor, ExecutionMonitor) else None
 
     @property
     def open_loop(self) -> OpenLoopMonitor | None:

@@ -13,6 +13,7 @@ from functools import partial
 import numpy as np
 from torch import Tensor
 
+from frida_painter.calibration import WetPaint
 from frida_painter.errors import CameraError, ConfigError, FrameDoubtful, PaintingPaused
 from frida_painter.palette import Palette
 from frida_painter.perception.flatfield import is_evenly
@@ -20,7 +21,8 @@ from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Planner
-from frida_painter.session.choreography import BrushLoad, Looks
+from frida_painter.planning.wet_paint import PaintedPart, Wetness, learn_wet_paint
+from frida_painter.session.choreography import BrushLoad, Looks, no_looks
 from frida_painter.session.events import (
     LastLookDoubted,
     Looked,
@@ -28,6 +30,7 @@ from frida_painter.session.events import (
     Planned,
     PlanningStep,
     Scheduled,
+    Timetable,
     TouchCorrected,
 )
 from frida_painter.session.executor import BatchExecutor, Interruptions
@@ -137,13 +140,14 @@ class PlanKeeper:
         self._interruptions.retry(note)
         progress.planned_at = progress.painted
 
-    def schedule(self) -> None:
-        """Reports the time that the robot takes for the rest, with all looks."""
+    def schedule(self) -> Timetable:
+        """Reports and returns the time that the robot takes for the rest, with all looks."""
         done, of, rest = self._progress.painted, self._progress.strokes, self._progress.rest
         table = self._hand.timetable(rest, self._looks(done, of))
         if self._progress.must_dry:
             table = table.after_drying(self._progress.wet_for(self._hand.drying))
         self._tell(Scheduled(table, done))
+        return table
 
     def _looks(self, done: int, of: int) -> Looks:
         """Returns the function that counts trips to the home position after each stroke that follows stroke `done`."""
@@ -209,12 +213,13 @@ class PlanKeeper:
         note = partial(self._journal.record_plan, plan, progress.painted, placement, answers=answers)
         self._interruptions.retry(note)
         progress.plan, progress.planned_at, progress.answers = plan, progress.painted, answers
-        self.schedule()
+        wet, table = self._hand.easel.calibration.wet, self.schedule()
+        wetness = None if wet is None else Wetness(wet, table.after)
         canvas, unseen = progress.canvas.last_seen, 0
         if len(rest):
             unseen = self._policy.next_look(progress.painted, progress.strokes) - progress.painted
-        expected, after = self.planner.expected(rest, canvas), self.planner.expected_loss(rest, canvas)
-        forecast = self.planner.forecast(rest, canvas, placement, unseen)
+        expected, after = self.planner.expected(rest, canvas, wetness), self.planner.expected_loss(rest, canvas)
+        forecast = self.planner.forecast(rest, canvas, placement, unseen, wetness)
         self._tell(Planned(rest, progress.painted, expected, before, after, forecast))
         return after
 
@@ -278,6 +283,7 @@ class ExecutionMonitor:
         self._hand, self._observer = hand, observer
         self._journal, self._interruptions = journal, interruptions
         self._progress, self._tell = progress, tell
+        self._painted: list[tuple[Plan, Tensor, Tensor]] = []  # batches of ours alone, as seen and as expected
         self._looked_after: int | None = None  # strokes at a look that could not tell whether the canvas was moved
 
     def look(self) -> Tensor:
@@ -297,14 +303,26 @@ class ExecutionMonitor:
 
     def observe(self) -> CanvasSeen:
         """Looks, reports the seen and the expected canvas, and learns the placement."""
+        alone = not (self._interruptions.touched or self._progress.person_unseen)
         canvas, progress, planner = self.look(), self._progress, self._plans.planner
         batch, last = progress.batch, progress.canvas.last_seen
         expected = planner.expected(batch, last)
         self._tell(Looked(canvas, expected, progress.painted))
         if len(batch) and not progress.remark:  # the landed strokes show how to correct the robot
             self._learn(planner.locate(batch, self._hand.placement, last, canvas))
+            if alone:
+                self._painted.append((batch, canvas, expected))
         progress.canvas.saw(canvas, progress.painted)
         return CanvasSeen(progress.painted, len(progress.rest), difference(canvas, expected), progress.gain)
+
+    def learn_wet_paint(self) -> WetPaint | None:
+        """Returns how wet paint mixed in the batches of this painting; None if it hardly shows."""
+        parts, planner = [], self._plans.planner
+        for batch, seen, expected in self._painted:
+            painted_at = self._hand.timetable(batch, no_looks, BrushLoad()).after
+            stacked = planner.problems.stack(batch, expected, planner.fine)
+            parts.append(PaintedPart(*stacked, painted_at, seen, expected))
+        return learn_wet_paint(parts)
 
     def _learn(self, placement: Placement) -> None:
         """Corrects later motions by this placement; reports each brush whose height changes."""

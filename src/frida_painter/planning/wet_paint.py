@@ -1,0 +1,235 @@
+"""Wet paint on wet paint: how it changes the expected picture, and how much of it a painting shows.
+
+A brush takes up wet paint along its way, and its mark mixes with the wet paint below it. The state of the canvas is,
+for each pixel, the amount of wet paint (1 is a full mark) with its absorption K and scattering S; a mark adds its
+own, and each second takes the same amount away until the paint has set. Mixtures are those of Kubelka and Munk
+(mixing/kubelka_munk.py), here in three bands. docs/lab/planning.md has the measurements.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+from torch.nn.functional import grid_sample, interpolate
+
+from frida_painter import images
+from frida_painter.calibration import WetPaint
+from frida_painter.errors import PlanError
+from frida_painter.frames import PixelGrid
+from frida_painter.perception.srgb import to_linear, to_srgb
+from frida_painter.planning.problem import PlanningProblem
+from frida_painter.strokes import Strokes
+
+_ROWS = 64  # of the picture in which wet paint is reckoned; it changes a picture less sharply than marks do
+_ALONG = 17  # places along a path at which the brush takes up paint
+_SEEN = 0.02  # coverage below which a pixel is not part of a mark
+_TRACE = 1e-4  # amount of paint that counts as none
+_TYPICAL = WetPaint(rate=10.0, share=0.1, drying=300.0)
+_COARSE, _FINE = 2.0, 1.2  # factors of the search
+_MIN_EXPLAINED = 0.05
+_ENOUGH = 300  # strokes
+_DARKEST, _LIGHTEST = 0.006, 0.985  # reflectance of paints
+
+
+class Wetness(NamedTuple):
+    """Exchange of wet paint, and the times at which strokes are painted.
+
+    paint: exchange of brush and canvas
+    painted_at: second at which each stroke of a plan is painted, in painting order
+    """
+
+    paint: WetPaint
+    painted_at: Sequence[float]
+
+
+def change_by_wet_paint(
+    strokes: Sequence[Strokes], problems: Sequence[PlanningProblem], wet: WetPaint, painted_at: Sequence[float]
+) -> Tensor:
+    """Returns the change [3, H, W] of the expected picture by wet paint, differentiable in the strokes.
+
+    strokes, problems: one for each brush in painting order; the canvas of the first problem is dry.
+    painted_at: second at which each stroke is painted, for the strokes of all brushes.
+    Raises PlanError if there is not one time for each stroke, or a time is before the one of the stroke before.
+    """
+    canvas = problems[0].canvas
+    rows, columns = canvas.shape[1:]
+    grid = PixelGrid.of_height(problems[0].size, min(_ROWS, rows))
+    laid = [mark for part, problem in zip(strokes, problems, strict=True) for mark in marks_on(part, problem, grid)]
+    change = lay_wet(laid, wet, painted_at, canvas.new_zeros(3, grid.rows * grid.columns))
+    small = change.reshape(1, 3, grid.rows, grid.columns)
+    return interpolate(small, (rows, columns), mode="bilinear", align_corners=False)[0]
+
+
+@dataclass(frozen=True)
+class PaintedPart:
+    """Strokes that were painted on a dry canvas, and the photograph of it.
+
+    strokes, problems, painted_at: as for `change_by_wet_paint`
+    seen [3, h, w]: photograph of the canvas after them
+    expected [3, H, W]: expected picture without wet paint
+    """
+
+    strokes: Sequence[Strokes]
+    problems: Sequence[PlanningProblem]
+    painted_at: Sequence[float]
+    seen: Tensor
+    expected: Tensor
+
+
+@torch.no_grad()
+def learn_wet_paint(painted: Sequence[PaintedPart]) -> WetPaint | None:
+    """Returns the wet paint that explains best how photographs differ from the expected pictures.
+
+    None if it explains less than a share of `_MIN_EXPLAINED` of the squared difference.
+    """
+    known = []
+    for part in _latest(painted):
+        grid = PixelGrid.of_height(part.problems[0].size, min(_ROWS, part.expected.shape[1]))
+        pairs = zip(part.strokes, part.problems, strict=True)
+        marks = [mark for strokes, problem in pairs for mark in marks_on(strokes, problem, grid)]
+        seen, expected = (
+            images.resize_by_area(picture.to(part.problems[0].canvas), grid.rows, grid.columns)
+            for picture in (part.seen, part.expected)
+        )
+        off = (seen - expected).flatten(1)
+        known.append((marks, part.painted_at, off))
+
+    def error(wet: WetPaint) -> float:
+        return sum(
+            float((off - lay_wet(marks, wet, at, torch.zeros_like(off))).square().mean()) for marks, at, off in known
+        )
+
+    best, least = _TYPICAL, error(_TYPICAL)
+    factor = _COARSE
+    while factor >= _FINE:
+        better = min(((error(one), one) for one in _near(best, factor)), key=lambda each: each[0])
+        if better[0] < least:
+            least, best = better
+        else:
+            factor **= 0.5
+    without = sum(float(off.square().mean()) for _, _, off in known)
+    return best if least < (1 - _MIN_EXPLAINED) * without else None
+
+
+def _latest(painted: Sequence[PaintedPart]) -> list[PaintedPart]:
+    """Returns the last parts, with `_ENOUGH` strokes or a few more, or all if they are fewer."""
+    count, found = 0, []
+    for part in reversed(painted):
+        if count >= _ENOUGH:
+            break
+        found.append(part)
+        count += sum(map(len, part.strokes))
+    return found
+
+
+def _near(wet: WetPaint, factor: float) -> Iterator[WetPaint]:
+    """Yields the paints that differ in one number by a factor, within the bounds."""
+    for name, (low, high) in WetPaint.BOUNDS.items():
+        for by in (factor, 1 / factor):
+            value = getattr(wet, name) * by
+            if low <= value <= high:
+                yield replace(wet, **{name: value})
+
+
+class WetMark(NamedTuple):
+    """Mark of one stroke on the pixels that it covers.
+
+    pixel [k]: numbers of the pixels
+    alpha [k]: their coverage
+    nearest [k]: the place along the path that is nearest to each
+    steps [17]: metres from the place before; 0 at the first
+    color [3]: sRGB of the paint
+    """
+
+    pixel: Tensor
+    alpha: Tensor
+    nearest: Tensor
+    steps: Tensor
+    color: Tensor
+
+
+def marks_on(strokes: Strokes, problem: PlanningProblem, grid: PixelGrid) -> Iterator[WetMark]:
+    """Yields the marks of the strokes of one brush on a grid."""
+    if len(strokes) == 0:
+        return
+    small = replace(problem, canvas=problem.canvas.new_empty(3, grid.rows, grid.columns))
+    magnitude, affine = small.marks(strokes)
+    path = grid.to_pixels(strokes.path(torch.linspace(0, 1, _ALONG).to(strokes.length)))  # [n, 17, 2]
+    metres = path * path.new_tensor(grid.pitch)
+    steps = torch.cat((path.new_zeros(len(strokes), 1), (metres[:, 1:] - metres[:, :-1]).norm(dim=2)), 1)
+    row, column = torch.meshgrid(*(torch.arange(count).to(path) for count in (grid.rows, grid.columns)), indexing="ij")
+    place = torch.stack((column.flatten(), row.flatten()), 1)  # [P, 2]
+    last = magnitude.new_tensor((magnitude.shape[2] - 1, magnitude.shape[1] - 1))
+    for index in range(len(strokes)):
+        cell = place @ affine[index, :, :2].T + affine[index, :, 2]
+        shown = (2 * cell / last - 1)[None, None]
+        alpha = grid_sample(magnitude[index][None, None], shown, align_corners=True)[0, 0, 0]
+        pixel = (alpha.detach() > _SEEN).nonzero()[:, 0]
+        nearest = torch.cdist(place[pixel], path[index].detach()).argmin(1)
+        yield WetMark(pixel, alpha[pixel], nearest, steps[index], strokes.color[index])
+
+
+def lay_wet(marks: Sequence[WetMark], wet: WetPaint, painted_at: Sequence[float], change: Tensor) -> Tensor:
+    """Returns the change [3, P] of a picture of P pixels by wet paint, after marks in painting order.
+
+    change [3, P]: change before the marks, of a canvas that is dry.
+    """
+    if len(painted_at) != len(marks) or not all(before <= after for before, after in pairwise(painted_at)):
+        raise PlanError(
+            f"{len(painted_at)} times were given for {len(marks)} strokes; give one for each, in painting order."
+        )
+    amount, pigment = change.new_zeros(change.shape[1]), change.new_ones(6, change.shape[1])
+    now = painted_at[0] if painted_at else 0.0
+    for mark, at in zip(marks, painted_at, strict=True):
+        amount, now = (amount - (at - now) / wet.drying).clamp(min=0), at
+        pixel, alpha = mark.pixel, mark.alpha
+        if len(pixel) == 0:
+            continue
+        below, paint_below = amount[pixel], pigment[:, pixel]
+        own = pigment_of(mark.color)
+        held = _held_along(mark, below, paint_below, own, wet.rate)[mark.nearest].T  # [6, k]
+        mixed = held + wet.share * below * (paint_below - held)
+        off = color_of(mixed) - color_of(own)[:, None]
+        change = change.index_copy(1, pixel, change[:, pixel] * (1 - alpha) + off * alpha)
+        kept = below * (1 - alpha)
+        total = kept + alpha
+        pigment = pigment.index_copy(1, pixel, (paint_below * kept + mixed * alpha) / total)
+        amount = amount.index_copy(0, pixel, total.clamp(max=1))
+    return change
+
+
+def _held_along(mark: WetMark, below: Tensor, paint_below: Tensor, own: Tensor, rate: float) -> Tensor:
+    """Returns K and S of the paint on the brush at the places along the path, [17, 6].
+
+    At each place it has exchanged the share 1 - exp(-rate amount way) of its paint. The sum over the places before
+    is in closed form: each share weakens by the exchanges that follow it.
+    """
+    near = torch.zeros(_ALONG, len(mark.pixel)).to(mark.alpha)
+    near = near.scatter(0, mark.nearest[None], mark.alpha[None])
+    there = near.sum(1) + 1e-6
+    amount = near @ below / there
+    paint = (near * below) @ paint_below.T / there[:, None] / amount.clamp(min=_TRACE)[:, None]
+    exchange = rate * mark.steps * amount
+    so_far = exchange.cumsum(0)
+    taken = (-torch.expm1(-exchange) * so_far.exp())[:, None] * paint
+    return (-so_far).exp()[:, None] * (own + taken.cumsum(0))
+
+
+def pigment_of(color: Tensor) -> Tensor:
+    """Returns K and S [6] of a paint with this colour, sRGB [3], relative to the S of white.
+
+    K / S is that of a thick film. Deep colours hold less white and scatter less.
+    """
+    reflected = to_linear(color.clamp(0, 1)).clamp(_DARKEST, _LIGHTEST)
+    ratio = (1 - reflected).square() / (2 * reflected)
+    scattering = (1 + ratio).rsqrt()
+    return torch.cat((ratio * scattering, scattering))
+
+
+def color_of(pigment: Tensor) -> Tensor:
+    """Returns the colour, sRGB [3, ...], of thick films of paints with K and S [6, ...]."""
+    ratio = pigment[:3] / pigment[3:]
+    return to_srgb(1 + ratio - (ratio.square() + 2 * ratio).sqrt())
