@@ -167,10 +167,10 @@ class Strokes:
                 f"Strokes were given as an array of shape {rows.shape}; it is [n, {len(COLUMNS)}] finite numbers: "
                 f"{', '.join(COLUMNS)}; {', '.join(TILT_COLUMNS)} may follow."
             )
-        upright, tilt = torch.from_numpy(rows).split((len(COLUMNS), rows.shape[1] - len(COLUMNS)), 1)
-        position, angle, length, bend, thickness, color = torch.split(upright, list(_SIZES.values()), 1)
-        columns = (part[:, 0] for part in (angle, length, bend, thickness))
-        return cls(position, *columns, color, tilt=tilt if tilt.shape[1] else None)
+        parts = torch.split(torch.from_numpy(rows[:, : len(COLUMNS)]), list(_SIZES.values()), 1)
+        position, angle, length, bend, thickness, color = parts
+        tilt = torch.from_numpy(rows[:, len(COLUMNS) :]) if rows.shape[1] > len(COLUMNS) else None
+        return cls(position, angle[:, 0], length[:, 0], bend[:, 0], thickness[:, 0], color, tilt=tilt)
 
     def to_frame(self) -> Any:
         """Returns the strokes as a pandas table with the columns `COLUMNS`; tilts, families and codes follow, if any.
