@@ -154,3 +154,27 @@ def test_nothing_above_the_hardware_moves_a_robot_but_through_the_gateway() -> N
 def test_the_reader_of_sources_can_fail(source: str) -> None:
     assert moves(source)
     assert not moves(source.replace("robot", "page"))
+
+
+@pytest.mark.parametrize(
+    ("lean", "most", "says"),
+    [
+        ([[0.3, 0.0]], 0.0, "tilted by 17 degrees, and this robot can tilt it not at all"),
+        ([[0.6, 0.6]], 0.7, "tilted by 49 degrees, and this robot can tilt it at most 40 degrees"),
+        ([[math.nan, 0.0]], 0.7, "the brush is to be tilted by nan degrees"),
+        ([[0.1, 0.0, 0.0]], 0.7, "tilts of shape"),
+    ],
+)
+def test_a_brush_is_tilted_only_as_far_as_the_robot_can(
+    lean: list[list[float]], most: float, says: str, tmp_path: Path
+) -> None:
+    leaning = replace(motion("leaning", 0.1), lean=np.array(lean))
+    gateway = RobotGateway(replace(stub_easel(robot := NotingRobot()), max_tilt=most))
+    with pytest.raises(WorkspaceViolation, match=f"leaning: .*{says}.*Nothing was sent"):
+        gateway.perform([motion("good", 0.1), leaning])
+    guarded = GuardedRobot(robot, WORKSPACE, Latch(tmp_path / "stopped.json", "the arm"))
+    with pytest.raises(WorkspaceViolation, match="leaning"):
+        guarded.follow(leaning)  # a driver that cannot tilt never gets such a motion
+    assert robot.motions == []
+    upright = replace(leaning, lean=np.zeros((1, 2)))
+    gateway.check([upright])

@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import pytest
 import torch
@@ -182,3 +183,13 @@ def test_a_shape_that_is_not_finite_stays_so() -> None:
             variables.shape[1, 3] = math.nan
         variables.bring_inside(LIMITS, SIZE, lambda color: color)
         assert variables.shape.isfinite().all(1).tolist() == [True, False, True]
+
+
+def test_a_stroke_keeps_its_tilt_while_it_is_planned() -> None:
+    strokes = some_strokes(5, 3, F64)
+    tilt = torch.linspace(-0.3, 0.3, 10, dtype=F64).reshape(5, 2)
+    variables = Variables(replace(strokes, tilt=tilt), None, vary_colors=True, light_to_dark=True)
+    order = variables.order()
+    ordered = variables.strokes(order)
+    assert ordered.tilt is not None and torch.equal(ordered.tilt, tilt[order])
+    assert torch.equal(variables.strokes().tilt, tilt)

@@ -28,6 +28,7 @@ from frida_painter.hardware.robot import (
     LooseRobot,
     Reach,
     Robot,
+    TiltingRobot,
     TimedRobot,
     Waypoints,
     Workspace,
@@ -164,7 +165,7 @@ def check_plan(
     known = _load_record(calibration, there.calibration, watched=watched)
     if not watched:
         print(NOBODY_LOOKS)
-    found = rehearse(loaded, place, there.canvas, known, there.reach, there.travel)
+    found = rehearse(loaded, place, there.canvas, known, there.reach, there.travel, there.max_tilt)
     found = replace(found, mismatches=(*there.refusals, *found.mismatches))
     if found.passed:
         print(
@@ -196,6 +197,7 @@ class _Place:
     timing: Timing | AxisTiming | None
     simulated: bool
     travel: TravelLimits | None = None
+    max_tilt: float = 0.0
     refusals: tuple[str, ...] = ()
 
 
@@ -233,10 +235,12 @@ def _place(plan: Plan, robot: str | None, workspace: Path | None) -> _Place:
         reach: Reach | None = workcell.reach
         timing: Timing | AxisTiming | None = None
         told: Examination | None = None
+        max_tilt = 0.0
         if robot is not None and require_known(robot) in MACHINES:
             driver = make_robot(robot, workcell.workspace)
             reach = find_reach(workcell, driver)
             timing = driver.timing() if isinstance(driver, TimedRobot) else None
+            max_tilt = driver.max_tilt if isinstance(driver, TiltingRobot) else 0.0
             _tell_play(driver, workcell)
             told = _examine(robot, workcell.workspace)
             timing = timing if told is None or told.timing is None else told.timing
@@ -246,12 +250,20 @@ def _place(plan: Plan, robot: str | None, workspace: Path | None) -> _Place:
         known, simulated = workcell.calibration(first, others=others), robot in SIMULATED
         travel, facts = (None, ()) if told is None else (told.travel, told.facts)
         refusals = tuple(fact.text for fact in facts if fact.weight == "refusal")
-        return _Place(workcell.workspace, workcell.canvas, known, reach, timing, simulated, travel, refusals)
+        return _Place(workcell.workspace, workcell.canvas, known, reach, timing, simulated, travel, max_tilt, refusals)
     if robot is not None and require_known(robot) in MACHINES:
         raise ConfigError(f"Where things stand around {robot[:60]!r} is not known; say it with --workspace FILE.")
     order = EaselOrder(robot or VIRTUAL, plan.canvas, plan.brushes, 0, state_folder(), camera=_SOME_CAMERA)
     easel = open_easel(order).easel
-    return _Place(easel.workspace, easel.canvas, easel.calibration, easel.reach, easel.timing, easel.simulated)
+    return _Place(
+        easel.workspace,
+        easel.canvas,
+        easel.calibration,
+        easel.reach,
+        easel.timing,
+        easel.simulated,
+        max_tilt=easel.max_tilt,
+    )
 
 
 def _load_record(record: Path | None, default: Calibration, *, watched: bool) -> Calibration:

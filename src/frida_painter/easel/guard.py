@@ -39,6 +39,7 @@ from frida_painter.hardware.robot import (
     PausableRobot,
     Robot,
     Sense,
+    TiltingRobot,
     TimedRobot,
     TouchProbe,
     Waypoints,
@@ -99,6 +100,12 @@ class GuardedRobot:
         self._lifted = False
         self._zero = Zero()
         self._timing: AxisTiming | None = None
+
+    @property
+    def max_tilt(self) -> float:
+        """Radians by which the robot can tilt its brush; 0 if it cannot."""
+        told = self.robot.max_tilt if isinstance(self.robot, TiltingRobot) else 0.0
+        return told if isinstance(told, int | float) else 0.0
 
     @property
     def moving(self) -> bool:
@@ -266,7 +273,7 @@ class GuardedRobot:
         Raises WorkspaceViolation before anything moves, RobotStopped if the robot is stopped, RobotError and its
         subclasses.
         """
-        gateway.check([waypoints], self.workspace)
+        gateway.check([waypoints], self.workspace, max_tilt=self.max_tilt)
         self._require_zero(waypoints.label)
         self._lift_first()
         seconds = self._seconds(waypoints.position, waypoints.speed, self._tip)

@@ -166,7 +166,7 @@ class Host:
                 return {}, {"pose": robot.pose()}
             case "robot.follow":
                 cue = None if words.get("cue") is None else (str(words["cue"][0]), str(words["cue"][1]))
-                way = Waypoints(str(words["label"]), arrays["position"], float(words["speed"]), cue)
+                way = Waypoints(str(words["label"]), arrays["position"], float(words["speed"]), cue, arrays.get("lean"))
                 return _report(robot.follow(way))
             case "robot.feels":
                 return {"feels": robot.feels() if isinstance(robot, GuardedRobot) else None}, {}
@@ -388,6 +388,7 @@ def _about(easel: Easel) -> dict[str, Any]:
         "has_camera": easel.has_camera,
         "person_brushes": TypeAdapter(tuple[PersonBrush, ...]).dump_python(easel.person_brushes, mode="json"),
         "pace": easel.pace,
+        "max_tilt": easel.max_tilt,
         "timing": TypeAdapter(Timing | AxisTiming | None).dump_python(easel.timing, mode="json"),
     }
 

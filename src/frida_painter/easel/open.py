@@ -29,7 +29,7 @@ from frida_painter.easel.order import EaselOrder
 from frida_painter.errors import ConfigError, FridaError
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.kinds import CameraKind, MachineName, RobotKind, by_name
-from frida_painter.hardware.robot import Camera, Reach, Robot, Workspace
+from frida_painter.hardware.robot import Camera, Reach, Robot, TiltingRobot, Workspace
 from frida_painter.hardware.workcell import WorkcellConfig
 
 
@@ -97,6 +97,7 @@ def _open_real(order: EaselOrder) -> OpenEasel:
         calibration=workcell.calibration(order.brushes[0], camera=order.camera, others=order.brushes[1:]),
         canvas=workcell.canvas,
         reach=find_reach(workcell, robot),
+        max_tilt=robot.max_tilt if isinstance(robot, TiltingRobot) else 0.0,
     )
     return OpenEasel(easel, lambda: None)
 

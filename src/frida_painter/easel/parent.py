@@ -184,7 +184,8 @@ class RemoteRobot:
         )
         seconds = self._seconds(path, waypoints.speed) if waypoints.speed > 0 else 0.0
         words = {"label": waypoints.label, "speed": float(waypoints.speed), "cue": waypoints.cue}
-        return self._report("robot.follow", seconds, {"position": position}, **words)
+        lean = {} if waypoints.lean is None else {"lean": np.asarray(waypoints.lean, np.float64)}
+        return self._report("robot.follow", seconds, {"position": position, **lean}, **words)
 
     def feels(self) -> Sense | None:
         """Returns how the robot feels a touch; None if it does not. Raises RobotError and its subclasses."""
@@ -407,4 +408,5 @@ def _easel(about: dict[str, Any], link: Link) -> Easel:
         has_camera=about["has_camera"],
         person_brushes=TypeAdapter(tuple[PersonBrush, ...]).validate_python(about["person_brushes"]),
         pace=about["pace"],
+        max_tilt=about["max_tilt"],
     )

@@ -215,6 +215,8 @@ COLUMNS = (
 )
 
 
+TILT_COLUMNS = ("tilt_left_deg", "tilt_forward_deg")
+"""Further columns of a plan with tilted strokes."""
 FAMILY_COLUMNS = ("family", *(f"code{number}" for number in range(1, MAX_CODES + 1)))
 """Further columns of a plan with strokes of families; such strokes have no single Bezier curve."""
 
@@ -239,11 +241,13 @@ def table(plan: Plan) -> str:
 
     Lengths are millimetres from the canvas's bottom-left corner, x right, y up. Angles are degrees,
     counter-clockwise from x, in [-180, 180). Thickness is in [0, 1]. Strokes, layers and wells count from 1.
+    If a stroke is tilted, two more columns give the tilts in degrees.
     """
     content = io.StringIO()
     rows = csv.writer(content, lineterminator="\n")
-    rows.writerow((*COLUMNS, *FAMILY_COLUMNS) if plan.families else COLUMNS)
     strokes = plan.strokes
+    tilts = (strokes.tilt * (180 / math.pi)).tolist() if strokes.tilt is not None and strokes.is_tilted else None
+    rows.writerow((*COLUMNS, *(FAMILY_COLUMNS if plan.families else ()), *(() if tilts is None else TILT_COLUMNS)))
     points = (control_points(strokes).double() * 1000).flatten(1).tolist()  # n rows of x, y of four points
     paths = bezier_paths(strokes)
     families, codes = _families(plan), _codes(plan)
@@ -268,5 +272,6 @@ def table(plan: Plan) -> str:
         shape = (*ends[:2], *ends[-2:], angle, length, bend)
         numbers = (*(f"{value:.3f}" for value in shape), f"{thickness:.4f}", *(f"{value:.3f}" for value in path))
         taught = (*([""] * (8 - len(path))), family, *codes[number - 1]) if plan.families else ()
-        rows.writerow((number, layer + 1, brushes[layer], paint + 1, color, *numbers, *taught))
+        tilt = () if tilts is None else (f"{degrees:.3f}" for degrees in tilts[number - 1])
+        rows.writerow((number, layer + 1, brushes[layer], paint + 1, color, *numbers, *taught, *tilt))
     return content.getvalue()

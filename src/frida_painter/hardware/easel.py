@@ -123,6 +123,7 @@ class Easel:
         stroke
     person_brushes: brushes with which a person can paint through this program; none on a real easel, on which
         people paint with a real brush. The operator is then a PersonCanvas.
+    max_tilt: radians by which the robot can tilt the brush (TiltingRobot); 0 if it holds it upright
     """
 
     robot: Robot
@@ -139,3 +140,4 @@ class Easel:
     pace: float = 1.0
     foretell: Callable[[Sequence[Waypoints]], None] = _unheard
     person_brushes: tuple[PersonBrush, ...] = ()
+    max_tilt: float = 0.0

@@ -61,14 +61,16 @@ def check(
     surface: Surface | None = None,
     reach: Reach | None = None,
     travel: TravelLimits | None = None,
+    max_tilt: float = 0.0,
 ) -> None:
     """Raises WorkspaceViolation, which names motion and axis, unless every motion is allowed.
 
     surface: depth limit over the canvas; None if unknown
     reach: of the robot's arm; None if it reaches every point
     travel: limits of the machine itself; None without
+    max_tilt: radians by which the robot can tilt the brush; 0 for a robot that cannot
     """
-    for fault in faults(batch, workspace, surface, reach, travel):
+    for fault in faults(batch, workspace, surface, reach, travel, max_tilt):
         raise WorkspaceViolation(f"{fault.label}: {fault.reason}. Nothing was sent to the robot; {fault.remedy}.")
 
 
@@ -78,10 +80,11 @@ def faults(
     surface: Surface | None = None,
     reach: Reach | None = None,
     travel: TravelLimits | None = None,
+    max_tilt: float = 0.0,
 ) -> Iterator[Fault]:
     """Yields each motion that is not allowed, with its first fault."""
     for motion in batch:
-        found = _of_form(motion) or _outside(motion, workspace)
+        found = _of_form(motion) or _too_tilted(motion, max_tilt) or _outside(motion, workspace)
         found = found or (_too_deep(motion, workspace, surface) if surface else None)
         found = found or (_out_of_reach(motion, reach) if reach else None)
         found = found or (_beyond_travel(motion, travel) if travel else None)
@@ -97,6 +100,19 @@ def _of_form(motion: Waypoints) -> tuple[str, str] | None:
         allowed = f"a speed of {motion.speed} m/s was planned; allowed is above 0 to {FASTEST} m/s"
         return allowed, "correct the speeds of the workspace"
     return None
+
+
+def _too_tilted(motion: Waypoints, max_tilt: float) -> tuple[str, str] | None:
+    if motion.lean is None:
+        return None
+    if motion.lean.shape != (len(motion.position), 2):
+        return f"tilts of shape {motion.lean.shape} were planned; each waypoint needs two numbers", "report this"
+    tilt = np.hypot(*motion.lean.T)
+    if (tilt <= max_tilt + _TOLERANCE).all():
+        return None
+    most = f"at most {np.degrees(max_tilt):.0f} degrees" if max_tilt else "not at all"
+    reason = f"the brush is to be tilted by {np.degrees(tilt.max()):.0f} degrees, and this robot can tilt it {most}"
+    return reason, "paint upright strokes, as plan.edit(tilt=0) makes them, or take a robot that can"
 
 
 def _outside(motion: Waypoints, workspace: Workspace) -> tuple[str, str] | None:
@@ -177,9 +193,11 @@ class RobotGateway:
         """Raises WorkspaceViolation unless every motion of the batch is allowed; nothing is clamped.
 
         A motion is refused if it contains NaN, leaves the workspace, is faster than 1 m/s, goes over the canvas
-        below the hardest press, or is out of the arm's reach or beyond the machine's own limits.
+        below the hardest press, is out of the arm's reach or beyond the machine's own limits, or tilts the brush
+        further than the robot can.
         """
-        check(motions, self.easel.workspace, self._surface, self.easel.reach, self.easel.travel)
+        easel = self.easel
+        check(motions, easel.workspace, self._surface, easel.reach, easel.travel, easel.max_tilt)
 
     def perform(self, motions: Iterable[Waypoints]) -> bool:
         """Makes the motions if all are allowed; returns True if a person who paints by hand left one out.

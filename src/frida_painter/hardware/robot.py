@@ -80,6 +80,10 @@ class Workspace:
         """Converts positions in the robot's frame [k, 3] to canvas metres [k, 2], as seen from above."""
         return (position[:, :2] - np.array(self.canvas_origin[:2])) @ self._turn.T
 
+    def turn_to_robot(self, direction: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Converts directions on the canvas [k, 2] to directions of the robot's frame [k, 2]."""
+        return np.asarray(direction @ self._turn)
+
     @property
     def _turn(self) -> NDArray[np.float64]:
         cos, sin = np.cos(self.canvas_angle), np.sin(self.canvas_angle)
@@ -122,12 +126,15 @@ class Waypoints:
     position: waypoints [k, 3] in metres of the robot's frame, z up
     speed: m/s
     cue: ("dip", number of the well from 1) or ("change", name of the brush) for such a motion; None for others
+    lean: x and y [k, 2] of the direction to which the handle leans at each waypoint, as long as the tilt in radians;
+        None for an upright brush
     """
 
     label: str
     position: NDArray[np.float64]
     speed: float
     cue: tuple[str, str] | None = None
+    lean: NDArray[np.float64] | None = None
 
     @property
     def length(self) -> float:
@@ -300,6 +307,16 @@ class ExaminedRobot(Protocol):
 
         A machine in an alarm is examined, too. Raises RobotError if nobody answers or it is another device.
         """
+
+
+@runtime_checkable
+class TiltingRobot(Protocol):
+    """Robot that can tilt its brush while the tip follows the waypoints. All others hold it upright.
+
+    max_tilt: largest tilt from upright, radians; 0 if it cannot
+    """
+
+    max_tilt: float
 
 
 @runtime_checkable

@@ -52,6 +52,7 @@ class Variables:
 
     def __init__(self, strokes: Strokes, paints: Paints | None, *, vary_colors: bool, light_to_dark: bool) -> None:
         self._taught = None if strokes.taught is None else strokes.taught.detach()
+        self._tilt = None if strokes.tilt is None else strokes.tilt.detach()  # a stroke keeps it
         codes = 0 if self._taught is None else self._taught.code.shape[1]
         self._unit = strokes.angle.new_tensor((*_UNITS, *[_CODE_UNIT] * codes))
         self.shape = self._shape_of(strokes).requires_grad_()  # [n, 6], or more with codes
@@ -76,7 +77,8 @@ class Variables:
             groups, taught = look(self.shape, self.color, self._unit, order, self.paint), None
         else:
             groups, taught = self._plainly(order), self._coded(order)
-        return Strokes(**dict(zip(GROUPS, groups, strict=True)), taught=taught)
+        tilt = self._tilt if self._tilt is None or order is None else self._tilt[order]
+        return Strokes(**dict(zip(GROUPS, groups, strict=True)), taught=taught, tilt=tilt)
 
     def _coded(self, order: Tensor | None) -> Taught | None:
         """Returns the families and codes of the strokes in the given order."""

@@ -26,7 +26,16 @@ if TYPE_CHECKING:
     from frida_painter.hardware.drivers.interlock import Interlock
     from frida_painter.hardware.easel import Easel, PersonStroke
     from frida_painter.hardware.kinds import CameraKind, MachineName, Needed, RobotKind, require_home, yes_or_no
-    from frida_painter.hardware.robot import Camera, Frame, MotionReport, Point, Robot, Waypoints, Workspace
+    from frida_painter.hardware.robot import (
+        Camera,
+        Frame,
+        MotionReport,
+        Point,
+        Robot,
+        TiltingRobot,
+        Waypoints,
+        Workspace,
+    )
     from frida_painter.mixing.finish import Finish
     from frida_painter.mixing.recipe import MixerKind
     from frida_painter.objectives.encoders.base import Encoder, Reader
@@ -65,7 +74,7 @@ _HOMES = {
     "hardware.drivers.interlock": ("Interlock",),
     "hardware.easel": ("Easel", "PersonStroke"),
     "hardware.kinds": ("CameraKind", "MachineName", "Needed", "RobotKind", "require_home", "yes_or_no"),
-    "hardware.robot": ("Camera", "Frame", "MotionReport", "Point", "Robot", "Waypoints", "Workspace"),
+    "hardware.robot": ("Camera", "Frame", "MotionReport", "Point", "Robot", "TiltingRobot", "Waypoints", "Workspace"),
     "mixing.finish": ("Finish",),
     "mixing.recipe": ("MixerKind",),
     "objectives.encoders.base": ("Encoder", "Reader"),
@@ -150,6 +159,7 @@ __all__ = [
     "StudioArm",
     "StudioLayout",
     "Term",
+    "TiltingRobot",
     "TurnAnswer",
     "TurnPolicy",
     "TurnTaken",

@@ -1,5 +1,6 @@
 """Robot of the studio: an arm moves the brush tip along its waypoints, by the studio's clock."""
 
+import math
 import threading
 import time
 from collections.abc import Sequence
@@ -188,9 +189,13 @@ class VirtualRobot:
     motions: number of motions that began.
     note: receives the arm's state after every motion.
     watcher: observer of the motions.
+    max_tilt: radians by which the arm can tilt the brush; 0 if it cannot.
     """
 
-    def __init__(self, table: Table, layout: StudioLayout, arm: Arm, clock: Clock, pace: float = 0.0) -> None:
+    def __init__(
+        self, table: Table, layout: StudioLayout, arm: Arm, clock: Clock, pace: float = 0.0, max_tilt: float = 0.0
+    ) -> None:
+        self.max_tilt = max_tilt
         self.faults: Faults = NO_FAULTS
         self.motions = 0
         self.note: Note = ignore_entry
@@ -256,7 +261,8 @@ class VirtualRobot:
             raise
         self._clock.now += course.seconds
         # The canvas gets the way as a whole, so that marks do not depend on the checks for a stop.
-        self._table.move(course.places, self._clock.now, self.faults)
+        lean = None if waypoints.lean is None else _lean_along(self._tip, waypoints.position, waypoints.lean, course)
+        self._table.move(course.places, self._clock.now, self.faults, lean)
         self._tip = course.places[-1].copy()
         if state := self._arm.state():
             self.note({"did": "arm", "state": list(state)})
@@ -324,6 +330,11 @@ class VirtualRobot:
             raise WorkspaceViolation(
                 f"{waypoints.label}: {waypoints.speed} m/s was asked for; allowed is above 0 to {_FASTEST} m/s."
             )
+        if waypoints.lean is not None and not (np.hypot(*waypoints.lean.T) <= self.max_tilt + _TOLERANCE).all():
+            raise WorkspaceViolation(
+                f"{waypoints.label}: a tilted brush was wanted; this robot tilts it by at most "
+                f"{math.degrees(self.max_tilt):.0f} degrees. It did not move; plan with upright strokes."
+            )
         lower, upper = np.array(self._workspace.lower), np.array(self._workspace.upper)
         inside = (position >= lower - _TOLERANCE) & (position <= upper + _TOLERANCE)
         if not inside.all():
@@ -332,3 +343,18 @@ class VirtualRobot:
                 f"{waypoints.label}: waypoint {point} has {'xyz'[axis]} = {position[point, axis]:g} m; the virtual "
                 f"robot reaches from {lower[axis]:g} to {upper[axis]:g} m. It did not move; plan inside its workspace."
             )
+
+
+def _lean_along(
+    tip: NDArray[np.float64], position: NDArray[np.float64], lean: NDArray[np.float64], course: Course
+) -> NDArray[np.float64]:
+    """Returns the tilt [n, 2] at each place of a course from `tip` through waypoints with their leans [k, 2].
+
+    The brush is turned before it comes to the first waypoint.
+    """
+    path = np.concatenate([tip[None], position])
+    done, planned = (
+        np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))] for way in (course.places, path)
+    )
+    meant = np.concatenate([lean[:1], lean])
+    return np.stack([np.interp(done, planned, column) for column in meant.T], -1)
