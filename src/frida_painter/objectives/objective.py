@@ -336,6 +336,20 @@ class CanvasLoss(Protocol):
 
 
 @dataclass(frozen=True)
+class Sparing:
+    """Objective of one optimisation that computes slow terms in some iterations only.
+
+    anew: loss with all terms computed
+    between: loss with slow terms from their gradients at the last call of `anew`
+    lasts: number of iterations that one gradient serves
+    """
+
+    anew: CanvasLoss
+    between: CanvasLoss
+    lasts: int
+
+
+@dataclass(frozen=True)
 class ObjectiveContext:
     """Data that terms need to prepare their objectives.
 
@@ -364,6 +378,7 @@ class ObjectiveTerm:
     if unknown
     recognizes: True if `validation` measures how well the picture is recognised as the wish
     on_rows: makes the term for pictures with some rows of the grid only; None if the loss is no mean over pixels
+    lasts: number of iterations that one gradient of `objective` may serve: above 1 if it is slow and smooth
     """
 
     objective: Objective
@@ -371,6 +386,7 @@ class ObjectiveTerm:
     of_variance: Callable[[Tensor], Tensor] | None = None
     recognizes: bool = False
     on_rows: Callable[[Rows], ObjectiveTerm] | None = None
+    lasts: int = 1
 
 
 def require_objective(objective: Objective, what: str, rows: int, columns: int, device: torch.device) -> None:

@@ -16,6 +16,7 @@ from frida_painter.objectives.sketch_loss import color_drawing
 from frida_painter.words.arrangement import ScenePart, arrange_parts, copies, is_person, known_like, with_figures
 from frida_painter.words.compositing import composite_into_style, is_colored, recolor
 from frida_painter.words.composition import ComposedScene, compose_photograph, compose_scene, saliency
+from frida_painter.words.in_style import in_style
 from frida_painter.words.libraries import fade_edges
 from frida_painter.words.meaning import Text
 from frida_painter.words.places import (
@@ -465,9 +466,10 @@ _SUBJECT = 4.0  # the same for things in a scene
 def initial_composition(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, seed: int) -> Goal:
     """Returns the goal with an initial picture, if it has words and no other picture to begin with.
 
-    The picture also becomes a term beside the words, so that the composition lasts while the words change it. A
-    sketch without a photograph is filled with the colours of that picture or of a style. A style picture to begin
-    with gets the thing of the words laid into it. All other goals are returned unchanged.
+    The picture also becomes a term beside the words, so that the composition lasts while the words change it. It has
+    the colours and the marks of the heaviest style, in proportion if that is lighter than the words. A sketch without
+    a photograph is filled with the colours of that picture or of a style. A style picture to begin with gets the
+    thing of the words laid into it. All other goals are returned unchanged.
     """
     said = [(term.words, term.weight) for term in goal.terms if term.words is not None]
     words, weight = max(said, key=lambda pair: pair[1]) if said else ("", 0.0)
@@ -485,9 +487,13 @@ def initial_composition(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, 
     drawing = next((term.drawing for term in goal.terms if term.drawing is not None), None)
     if not words or any(term.picture is not None for term in goal.terms):
         return goal
-    style = next((term.colors for term in goal.terms if term.colors is not None), None)
+    styles = [(term.colors, term.weight) for term in goal.terms if term.colors is not None]
+    style, style_weight = max(styles, key=lambda pair: pair[1]) if styles else (None, 0.0)
     if drawing is None:
         scene = scene_of(words, grid, encoders, seed)
+        if style is not None:
+            shown = in_style(scene.picture, scene.where, style)
+            scene = replace(scene, picture=torch.lerp(scene.picture, shown, min(1.0, style_weight / weight)))
         kept = _KEPT if scene.is_alone else _KEPT_SCENE
         begun = _term(scene, weight * (kept if all(term.words is not None for term in goal.terms) else _AMONG))
     else:
