@@ -175,18 +175,19 @@ def test_a_place_where_nothing_of_it_must_be_seen_stays_empty(encoders: QuickEnc
     assert not any("crab" in remark for remark in encoders.remarks)
 
 
+@pytest.mark.slow
 def test_in_a_style_the_scene_of_words_is_in_its_colours(encoders: QuickEncoders) -> None:
     words, style = TextTerm("a strawberry"), torch.zeros(3, 60, 80)
     style[2], style[0, ::4] = 0.6, 0.5
 
-    def begun(weight: float) -> torch.Tensor:
-        found = initial_composition(Goal((words, StyleTerm(style, weight))), GRID, encoders, 0).terms[-1].picture
+    def begun(*style: StyleTerm) -> torch.Tensor:
+        found = initial_composition(Goal((words, *style)), GRID, encoders, 0).terms[-1].picture
         assert found is not None
         return found
 
-    assert float(begun(1.0)[1].max()) < 0.1, "no green, as in the style, and no bare paper"
-    plain = initial_composition(Goal((words,)), GRID, encoders, 0).terms[-1].picture
-    torch.testing.assert_close(begun(0.25), torch.lerp(plain, begun(1.0), 0.25))
+    whole = begun(StyleTerm(style))
+    assert float(whole[1].max()) < 0.1, "no green, as in the style, and no bare paper"
+    torch.testing.assert_close(begun(StyleTerm(style, 0.25)), torch.lerp(begun(), whole, 0.25))
 
 
 @pytest.mark.slow

@@ -152,7 +152,8 @@ def prepare(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry | None = None
     """
     picture = next((term.picture for term in goal.initial if term.picture is not None), None)
     begun = None if picture is None else images.fit(picture, grid.rows, grid.columns)
-    context = ObjectiveContext(grid, encoders or EncoderRegistry(), seed, begun)
+    in_style = any(term.colors is not None for term in goal.terms)
+    context = ObjectiveContext(grid, encoders or EncoderRegistry(), seed, begun, in_style=in_style)
     return WeightedObjective([(term.weight, _prepare_term(term, context)) for term in goal.terms], begun)
 
 

@@ -358,6 +358,7 @@ class ObjectiveContext:
     seed: seed of the run
     begun [3, H, W]: picture on that grid that the painting begins with, if the goal has one beside its terms
     sharpness: strength of the sharpening of photographs before planning (objectives/pixel_loss.py)
+    in_style: True if a term of the goal is a style
     """
 
     grid: PixelGrid
@@ -365,6 +366,7 @@ class ObjectiveContext:
     seed: int
     begun: Tensor | None = None
     sharpness: float = 0.0
+    in_style: bool = False
 
 
 @dataclass(frozen=True)

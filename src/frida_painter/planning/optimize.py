@@ -244,7 +244,8 @@ def optimize_together(
     pace: factor of the step size.
     notify: called after every iteration; on a GPU, for several iterations at once.
     Returns the best parts seen, never worse than the given ones. They are compared on all rows, by the objective.
-    If the scene has a validation objective, that one compares them, every ten iterations.
+    If the scene has a validation objective, that one compares them, every ten iterations; every twenty if slow terms
+    are spared.
     Raises PlanningDiverged at the third loss or gradient that is not finite, or if no loss was finite.
 
     Iterations render some rows in turn if that is enough (`interlace_rows`), but all rows at the beginning and at the
@@ -266,6 +267,7 @@ def optimize_together(
     readings = _Readings(1 if leaves[0].device.type == "cpu" else _READ_TOGETHER)
     turns, renewed = take_turns(problems)
     validation = problems[0].validation
+    pause = _BETWEEN_VALIDATIONS * (2 if renewed else 1)  # a validation costs as much as some spared iterations
     failures = 0
     for iteration in range(iterations + 1):
         current = [each.strokes(each.order()) for each in variables]
@@ -276,7 +278,7 @@ def optimize_together(
         if validation is None:
             if whole:  # losses of different rows are not comparable, nor is a tangent a loss
                 best.consider(loss, variables)
-        elif iteration % _BETWEEN_VALIDATIONS == 0 or iteration == iterations:
+        elif iteration % pause == 0 or iteration == iterations:
             with torch.no_grad():
                 best.consider(stacked_cost(current, problems, validation), variables)
         if iteration == iterations:

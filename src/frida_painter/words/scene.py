@@ -487,8 +487,8 @@ def initial_composition(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, 
     drawing = next((term.drawing for term in goal.terms if term.drawing is not None), None)
     if not words or any(term.picture is not None for term in goal.terms):
         return goal
-    styles = [(term.colors, term.weight) for term in goal.terms if term.colors is not None]
-    style, style_weight = max(styles, key=lambda pair: pair[1]) if styles else (None, 0.0)
+    weighted = [(term.colors, term.weight) for term in goal.terms if term.colors is not None]
+    style, style_weight = max(weighted, key=lambda pair: pair[1]) if weighted else (None, 0.0)
     if drawing is None:
         scene = scene_of(words, grid, encoders, seed)
         if style is not None:

@@ -17,6 +17,8 @@ from frida_painter.objectives.objective import (
     require_weight,
 )
 
+_LASTS = 4  # iterations that one gradient serves in a style, which has its own and keeps the scene
+
 
 @dataclass(frozen=True)
 class TextTerm(Term):
@@ -57,7 +59,7 @@ class TextTerm(Term):
         words = Text(self.prompt, readers, context.seed, context.begun)
         aside = context.encoders.reader_aside()
         steady = words if aside is None else Text(self.prompt, [aside], context.seed, context.begun)
-        return ObjectiveTerm(words, steady.validation, recognizes=True)
+        return ObjectiveTerm(words, steady.validation, recognizes=True, lasts=_LASTS if context.in_style else 1)
 
     @classmethod
     def interpret(cls, goal: Goal, context: ObjectiveContext) -> Goal:
