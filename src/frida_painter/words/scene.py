@@ -459,7 +459,7 @@ _KEPT = 60.0  # weight of the composition against the words: networks invent col
 _KEPT_SCENE = 600.0  # the same for several things, or a place: networks take a scene for a single thing
 _AMONG = 3.0  # the same if a style or a sketch has a term too
 _STAGED = 20.0  # the same for a style picture, which words would soon destroy
-_MATTERS = 8.0  # weight of a thing in a style picture, relative to its surroundings
+_MATTERS = 8.0  # weight of a thing in a style picture or in its marks, relative to its surroundings
 _SUBJECT = 4.0  # the same for things in a scene
 
 
@@ -491,11 +491,13 @@ def initial_composition(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, 
     style, style_weight = max(weighted, key=lambda pair: pair[1]) if weighted else (None, 0.0)
     if drawing is None:
         scene = scene_of(words, grid, encoders, seed)
+        subject = _SUBJECT if style is None else _MATTERS
         if style is not None:
             shown = in_style(scene.picture, scene.where, style)
             scene = replace(scene, picture=torch.lerp(scene.picture, shown, min(1.0, style_weight / weight)))
         kept = _KEPT if scene.is_alone else _KEPT_SCENE
-        begun = _term(scene, weight * (kept if all(term.words is not None for term in goal.terms) else _AMONG))
+        kept = kept if all(term.words is not None for term in goal.terms) else _AMONG
+        begun = _term(scene, weight * kept, subject)
     else:
         drawing = images.fit(drawing, grid.rows, grid.columns)
         like = scene_of(words, grid, encoders, seed, "coloured like").picture if style is None else style
@@ -503,9 +505,9 @@ def initial_composition(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, 
     return Goal((*goal.terms, begun), (replace(begun, weight=1.0),))
 
 
-def _term(scene: ComposedScene, weight: float = 1.0) -> ImageTerm:
+def _term(scene: ComposedScene, weight: float = 1.0, subject: float = _SUBJECT) -> ImageTerm:
     """Returns a scene as a term: its things have more weight than their ground."""
-    matters = 1 + (_SUBJECT - 1) * scene.where
+    matters = 1 + (subject - 1) * scene.where
     return ImageTerm(scene.picture, weight, matters / matters.mean())
 
 
