@@ -64,6 +64,17 @@ def run(monkeypatch):
 
 
 @pytest.mark.slow
+def test_a_judge_names_the_style_of_pictures_that_are_there(tmp_path, run, capsys):
+    style = Image.open(BENCHMARKS / "styles" / "great-wave.jpg")
+    style.save(tmp_path / "starry-night-cat.png")  # as if it were the plan of a cat
+    run("styles", "--quick", "--out", tmp_path, "--json", tmp_path / "figures.json")
+    (figure,) = json.loads((tmp_path / "figures.json").read_text())["figures"]
+    assert (figure["style"], figure["painted"]) == ("starry-night", "cat") and 1 / 6 < figure["probability"] <= 1
+    assert figure["named"] != "udnie" and "Right: " in capsys.readouterr().out
+    assert (tmp_path / "sheet.png").exists()
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "more"),
     [

@@ -61,6 +61,35 @@ def test_pictures_are_judged_by_some_of_their_rows_and_all_else_sees_whole_pictu
     )
 
 
+def test_a_slow_term_counts_by_its_tangent_until_it_is_computed_anew() -> None:
+    calls: list[int] = []
+
+    def slow(picture: torch.Tensor) -> torch.Tensor:
+        calls.append(1)
+        return picture.pow(3).mean()
+
+    quick = ImageTerm(flat(0.25)).prepare(ObjectiveContext(GRID, EncoderRegistry(), 0))
+    whole = WeightedObjective([(1.0, quick), (0.5, ObjectiveTerm(slow, lasts=3))])
+    assert whole.sparing is not None
+    sparing, chance = whole.sparing(), torch.Generator().manual_seed(0)
+    assert sparing.lasts == 3
+    first, later = (torch.rand(3, GRID.rows, GRID.columns, generator=chance).requires_grad_() for _ in range(2))
+    variance = torch.rand(GRID.rows, GRID.columns, generator=chance)
+    for loss in (sparing.anew, sparing.between):  # its value and its slope are those of the plain sum
+        seen, plain = loss(first, variance), whole(first, variance)
+        torch.testing.assert_close(seen, plain)
+        torch.testing.assert_close(*(torch.autograd.grad(one, first)[0] for one in (seen, plain)))
+    before = len(calls)
+    tangent = first.pow(3).mean() + ((later - first) * 3 * first.square()).sum() / first.numel()
+    torch.testing.assert_close(sparing.between(later), quick.objective(later) + 0.5 * tangent)
+    assert len(calls) == before, "between, the slow term is not computed"
+    torch.testing.assert_close(sparing.anew(later), whole(later))
+
+
+def test_nothing_is_spared_where_no_term_is_slow() -> None:
+    assert prepare(Goal((ImageTerm(flat(0.25)),)), GRID).sparing is None
+
+
 def test_an_objective_has_the_slope_of_what_it_says() -> None:
     objective = prepare(Goal((ImageTerm(flat(0.25)),)), PixelGrid.of_height(CANVAS, 6))
     picture = torch.rand(3, 6, 8, dtype=torch.float64, generator=torch.Generator().manual_seed(0), requires_grad=True)

@@ -9,10 +9,12 @@ from hypothesis import strategies as st
 from frida_painter.errors import ConfigError
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
+from frida_painter.objectives.style import StyleTerm
 from frida_painter.plan import WHITE
 from frida_painter.planning.ground import ground_around_things, possible_grounds, proposed_ground
 from frida_painter.planning.layers import Effort
 from frida_painter.planning.planner import Planner
+from support.networks import QuickEncoders
 from support.planning import CANVAS, plain, small_table
 
 CHANNEL = st.floats(0, 1, width=32)
@@ -71,6 +73,13 @@ def test_around_things_the_commonest_colour_is_the_ground() -> None:
     assert ground_around_things(by) == WHITE, "a photograph says nothing of things"
     by = Planner(Goal((ImageTerm(picture, 1.0, matters / matters.mean()),)), plain(CANVAS, small_table(), rows=64))
     assert ground_around_things(by) == pytest.approx((0.8, 0.8, 0.8), abs=0.003)
+
+
+def test_a_painting_that_begins_with_a_style_is_on_its_commonest_colour() -> None:
+    picture = torch.full((3, 64, 85), 0.2)
+    picture[2, :50] = 0.6
+    by = Planner(Goal((StyleTerm(picture),)), plain(CANVAS, small_table(), rows=64), encoders=QuickEncoders())
+    assert ground_around_things(by) == pytest.approx((0.2, 0.2, 0.6), abs=0.003)
 
 
 @pytest.mark.slow

@@ -10,7 +10,8 @@ import torch
 from frida_painter.brush.kinds import CoverageSpread
 from frida_painter.errors import ConfigError
 from frida_painter.frames import PixelGrid
-from frida_painter.objectives.interpretation import prepare
+from frida_painter.objectives.interpretation import WeightedObjective, prepare
+from frida_painter.objectives.objective import ObjectiveTerm
 from frida_painter.planning.initialize import best_proposals
 from frida_painter.planning.layers import Effort, beneath, find_later_mixing
 from frida_painter.planning.optimize import (
@@ -21,9 +22,10 @@ from frida_painter.planning.optimize import (
     optimize_together,
     stacked_cost,
     stacked_loss,
+    take_turns,
 )
 from frida_painter.planning.planner import Planner
-from frida_painter.planning.problem import PlanningProblem
+from frida_painter.planning.problem import PlanningProblem, Region
 from frida_painter.planning.variables import Paints
 from frida_painter.strokes import Strokes
 from support.planning import CANVAS, goal, plain, problem, small_table, some_strokes, target
@@ -209,3 +211,43 @@ def test_what_networks_judge_is_grown_more_and_settled_in_fewer_rounds() -> None
     assert (of_words.rounds, of_words.settling) == (3, of_pictures.refining)
     assert of_words.growing_of(2).growth.settling > of_pictures.growing_of(2).growth.settling
     assert of_words.growing_of(1) == of_words and replace(of_pictures, rounds=1).for_network_objectives().rounds == 1
+
+
+def slow_scene(lasts: int, calls: list[int]) -> PlanningProblem:
+    """A scene with a term that is slow, and counts its calls."""
+    on, wanted = problem(), 0.4 * torch.ones(3, 1, 1)
+
+    def slow(picture: torch.Tensor) -> torch.Tensor:
+        calls.append(1)
+        return (picture.mean((1, 2), keepdim=True) - wanted).square().mean() + (picture - target(on)).abs().mean()
+
+    objective = WeightedObjective([(1.0, ObjectiveTerm(slow, lasts=lasts))])
+    return replace(on, objective=objective, objective_on_rows=None, sparing=objective.sparing)
+
+
+@pytest.mark.parametrize("protected", [False, True], ids=["all free", "some protected"])
+def test_a_slow_term_is_computed_in_every_few_iterations_and_the_plan_gains_nearly_as_much(protected: bool) -> None:
+    found, strokes = {}, some_strokes(12, 0)
+    for lasts in (1, 4):
+        calls: list[int] = []
+        on = slow_scene(lasts, calls)
+        if protected:
+            forbidden = torch.zeros(on.canvas.shape[1:], dtype=torch.bool)
+            forbidden[:10, :10] = True
+            on = Region(forbidden).guard(on)
+        before = float(on.expected_loss(strokes).detach())
+        calls.clear()
+        better, _ = optimize(strokes, on, iterations=24)
+        assert len(calls) == {1: 25, 4: 7}[lasts]  # and once more at the end, to compare
+        found[lasts] = before - float(on.expected_loss(better).detach())
+    assert found[4] > 0.7 * found[1] > 0
+
+
+def test_the_turns_of_a_slow_term_begin_with_one_that_computes_it() -> None:
+    on = slow_scene(3, [])
+    turns, renewed = take_turns([on, on])
+    assert renewed == len(turns) == 3 and all(len(turn) == 2 for turn in turns)
+    picture = on.canvas.clone()
+    anew = float(turns[0][0].objective(picture))
+    assert anew == pytest.approx(float(on.objective(picture))) == float(turns[1][0].objective(picture))
+    assert take_turns([problem()])[1] == 0

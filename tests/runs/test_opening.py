@@ -47,6 +47,10 @@ def test_a_policy_that_is_named_is_the_policy() -> None:
         ("scene", {"goal": [{"sketch": "pear.png"}, {"text": "a pear"}, {"style": "waves.jpg"}]}),
         ("white", {"goal": [{"sketch": "pear.png"}, {"style": "waves.jpg"}]}),
         ("white", {"initial": [{"text": "a lemon"}]}),
+        ("auto", {"goal": [{"semantic": "boat.png"}]}),
+        ("scene", {"goal": [{"style": "waves.jpg"}]}),
+        ("scene", {"goal": [{"image": "boat.png"}, {"style": "waves.jpg"}], "strokes": 60}),
+        ("scene", {"goal": [{"text": "a lemon"}, {"style": "waves.jpg"}], "initial": [{"style": "waves.jpg"}]}),
     ],
 )
 def test_pictures_are_painted_on_a_toned_ground_where_nobody_has_to_tone_it(

@@ -176,6 +176,21 @@ def test_a_place_where_nothing_of_it_must_be_seen_stays_empty(encoders: QuickEnc
 
 
 @pytest.mark.slow
+def test_in_a_style_the_scene_of_words_is_in_its_colours(encoders: QuickEncoders) -> None:
+    words, style = TextTerm("a strawberry"), torch.zeros(3, 60, 80)
+    style[2], style[0, ::4] = 0.6, 0.5
+
+    def begun(*style: StyleTerm) -> torch.Tensor:
+        found = initial_composition(Goal((words, *style)), GRID, encoders, 0).terms[-1].picture
+        assert found is not None
+        return found
+
+    whole = begun(StyleTerm(style))
+    assert float(whole[1].max()) < 0.1, "no green, as in the style, and no bare paper"
+    torch.testing.assert_close(begun(StyleTerm(style, 0.25)), torch.lerp(begun(), whole, 0.25))
+
+
+@pytest.mark.slow
 def test_beside_a_style_or_a_sketch_the_scene_leaves_them_a_say(encoders: QuickEncoders) -> None:
     words, drawing = TextTerm("a strawberry", 2.0), torch.ones(3, 60, 80)
     drawing[:, 15:45, 20:60] = 0

@@ -15,6 +15,7 @@ from frida_painter.objectives.objective import (
     Goal,
     ObjectiveContext,
     ObjectiveTerm,
+    Sparing,
     Term,
     require_objective,
 )
@@ -73,6 +74,19 @@ class WeightedObjective:
             return None
         return lambda rows: WeightedObjective([(weight, make(rows)) for weight, make in makers])
 
+    @property
+    def sparing(self) -> Callable[[], Sparing] | None:
+        """Maker of the same sum for one optimisation, with slow terms computed seldom; None if no term is slow."""
+        lasts = [term.lasts for _, term in self._terms if term.lasts > 1]
+        if not lasts:
+            return None
+
+        def begin() -> Sparing:
+            made = _Tangents(self._terms)
+            return Sparing(made.anew, made.between, min(lasts))
+
+        return begin
+
     def recognition(self, picture: Tensor) -> Tensor:
         """Returns how far a picture [3, H, W] is from being recognised as the wish; 0 if no term measures it."""
         return self._validate(picture, None)[1]
@@ -92,6 +106,40 @@ class WeightedObjective:
         return total, recognition
 
 
+class _Tangents:
+    """Weighted sum of terms that keeps the tangent of each slow one: its value and gradient at a picture.
+
+    Slow terms are smooth and strokes move little in a step, so a tangent serves for several steps.
+    """
+
+    def __init__(self, terms: Sequence[tuple[float, ObjectiveTerm]]) -> None:
+        self._terms = tuple(terms)
+        self._held: dict[int, tuple[Tensor, Tensor, Tensor]] = {}  # value, gradient and picture, by number of the term
+
+    def anew(self, picture: Tensor, variance: Tensor | None = None) -> Tensor:
+        """Returns the loss of a picture [3, H, W] with pixel variance [H, W]; keeps the tangents there."""
+        for number, (_, term) in enumerate(self._terms):
+            if term.lasts > 1:
+                with torch.enable_grad():
+                    at = picture.detach().requires_grad_()
+                    value = term.objective(at)
+                    (slope,) = torch.autograd.grad(value, at)
+                self._held[number] = value.detach(), slope, at.detach()
+        return self.between(picture, variance)
+
+    def between(self, picture: Tensor, variance: Tensor | None = None) -> Tensor:
+        """Returns the same with slow terms as their tangents tell; exact at the picture last given to `anew`."""
+        total = picture.new_zeros(())
+        for number, (weight, term) in enumerate(self._terms):
+            if number in self._held:
+                value, slope, at = self._held[number]
+                loss = value + (slope * (picture - at)).sum()
+            else:
+                loss = term.objective(picture)
+            total = total + weight * (loss + _of_variance(term, variance))
+        return total
+
+
 def _of_variance(term: ObjectiveTerm, variance: Tensor | None) -> Tensor | float:
     return 0.0 if variance is None or term.of_variance is None else term.of_variance(variance)
 
@@ -104,7 +152,8 @@ def prepare(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry | None = None
     """
     picture = next((term.picture for term in goal.initial if term.picture is not None), None)
     begun = None if picture is None else images.fit(picture, grid.rows, grid.columns)
-    context = ObjectiveContext(grid, encoders or EncoderRegistry(), seed, begun)
+    in_style = any(term.colors is not None for term in goal.terms)
+    context = ObjectiveContext(grid, encoders or EncoderRegistry(), seed, begun, in_style=in_style)
     return WeightedObjective([(term.weight, _prepare_term(term, context)) for term in goal.terms], begun)
 
 

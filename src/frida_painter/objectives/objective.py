@@ -336,6 +336,20 @@ class CanvasLoss(Protocol):
 
 
 @dataclass(frozen=True)
+class Sparing:
+    """Objective of one optimisation that computes slow terms in some iterations only.
+
+    anew: loss with all terms computed
+    between: loss with slow terms from their gradients at the last call of `anew`
+    lasts: number of iterations that one gradient serves
+    """
+
+    anew: CanvasLoss
+    between: CanvasLoss
+    lasts: int
+
+
+@dataclass(frozen=True)
 class ObjectiveContext:
     """Data that terms need to prepare their objectives.
 
@@ -344,6 +358,7 @@ class ObjectiveContext:
     seed: seed of the run
     begun [3, H, W]: picture on that grid that the painting begins with, if the goal has one beside its terms
     sharpness: strength of the sharpening of photographs before planning (objectives/pixel_loss.py)
+    in_style: True if a term of the goal is a style
     """
 
     grid: PixelGrid
@@ -351,6 +366,7 @@ class ObjectiveContext:
     seed: int
     begun: Tensor | None = None
     sharpness: float = 0.0
+    in_style: bool = False
 
 
 @dataclass(frozen=True)

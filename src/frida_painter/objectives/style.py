@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from torch import Tensor
 
 
+_LASTS = 4  # iterations for which one gradient serves; docs/lab/goals.md has the measurements
 _FLAT = 0.01  # standard deviation below which a picture has a single colour
 
 
@@ -47,9 +48,10 @@ class StyleTerm(PictureTerm):
 
     def prepare(self, context: ObjectiveContext) -> ObjectiveTerm:
         """Returns the distance in style by VGG16."""
-        from frida_painter.objectives.style_loss import Style
+        from frida_painter.objectives.style_loss import Style, pixels_of
 
-        return ObjectiveTerm(Style(self.image, context.encoders.style(), context.seed))
+        judge = Style(self.image, context.encoders.style(), context.seed, pixels_of(context.grid))
+        return ObjectiveTerm(judge, lasts=_LASTS)
 
     @classmethod
     def interpret(cls, goal: Goal, context: ObjectiveContext) -> Goal:

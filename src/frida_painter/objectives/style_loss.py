@@ -6,6 +6,7 @@ import torch
 from torch import Tensor
 
 from frida_painter.devices import Constant, send_to_device
+from frida_painter.frames import PixelGrid
 from frida_painter.images import resize_to_pixels
 from frida_painter.objectives.encoders.vgg import Vgg16
 from frida_painter.objectives.objective import Goal, Term
@@ -130,10 +131,16 @@ def _root(matrix: Tensor) -> Tensor:
 
 LAYERS = ("conv1_2", "conv2_2", "conv3_1", "conv3_3", "conv4_3")
 _PIXELS = 16_000  # pixels of the compared picture, about 112 x 143
+_FEWEST_PIXELS, _OF_GRID = 6_000, 0.4  # least number of them; share of the grid's pixels
 _BALANCE = 0.04  # relative to the squared difference to a picture, if both weights are 1
 _SAMPLES = 1024  # places at which features are compared
 # Rows of the matrix from sRGB to lightness and two colour differences, which vary independently.
 _DECORRELATE = ((0.577, 0.577, 0.577), (-0.577, 0.789, -0.211), (0.577, 0.211, -0.789))
+
+
+def pixels_of(grid: PixelGrid) -> int:
+    """Number of pixels of the pictures compared for a painting on a grid: plans that are coarse need fewer."""
+    return max(_FEWEST_PIXELS, min(_PIXELS, round(_OF_GRID * grid.rows * grid.columns)))
 
 
 class Style:
@@ -142,13 +149,14 @@ class Style:
     style [3, H, W]: style picture in [0, 1]
     vgg: network whose features are compared
     seed: places are sampled once from it, so the distance is deterministic
+    pixels: number of pixels of the compared pictures
 
     The distance is a sum of relaxed Earth Mover's Distances and differences of moments.
     """
 
-    def __init__(self, style: Tensor, vgg: Vgg16, seed: int) -> None:
+    def __init__(self, style: Tensor, vgg: Vgg16, seed: int, pixels: int = _PIXELS) -> None:
         self._vgg = vgg
-        self._seed = seed
+        self._seed, self._pixels = seed, pixels
         self._decorrelate = Constant(torch.tensor(_DECORRELATE))
         with torch.no_grad():
             self._clouds = self._see(style)
@@ -167,7 +175,7 @@ class Style:
 
     def _see(self, picture: Tensor) -> list[Tensor]:
         """Returns colours, then the features of each layer, at sampled places: [n, c] each."""
-        small = resize_to_pixels(picture, _PIXELS)
+        small = resize_to_pixels(picture, self._pixels)
         maps = [small, *self._vgg.features(small, LAYERS)]
         clouds = [_sample(one, self._seed) for one in maps]
         clouds[0] = clouds[0] @ self._decorrelate.like(clouds[0]).T

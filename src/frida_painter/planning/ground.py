@@ -100,14 +100,17 @@ def ground_around_things(planner: Planner) -> tuple[float, float, float]:
     """Returns the commonest colour around the things of the goal's start picture, in sRGB rounded to 8 bits.
 
     Areas of this colour need no strokes, so that more strokes remain for the things. A hundred strokes do not cover
-    a canvas. The ground is white if the goal has no start picture, or if that picture has no importance map.
+    a canvas. A start picture without an importance map counts as a whole if the goal has a style; without a style, or
+    without a start picture, the ground is white.
     """
     term = next((term for term in planner.goal.initial_terms if term.guide is not None), None)
-    if term is None or term.guide is None or term.importance is None:
+    styled = any(one.colors is not None for one in planner.goal.terms)
+    if term is None or term.guide is None or (term.importance is None and not styled):
         return WHITE
-    color = images.fit(_in_paint(term.guide, planner), _ROWS, _ROWS).flatten(1).T  # [pixels, 3]
-    matters = images.fit(term.importance[None], _ROWS, _ROWS).flatten()
-    around = color[matters <= matters.median().clamp(max=1)]
+    around = images.fit(_in_paint(term.guide, planner), _ROWS, _ROWS).flatten(1).T  # [pixels, 3]
+    if term.importance is not None:
+        matters = images.fit(term.importance[None], _ROWS, _ROWS).flatten()
+        around = around[matters <= matters.median().clamp(max=1)]
     lab = to_lab(around)
     apart = torch.cdist(lab, lab).clamp(max=_OTHER).mean(1)
     red, green, blue = (around[apart.argmin()] * 255).round().div(255).tolist()

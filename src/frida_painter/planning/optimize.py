@@ -101,6 +101,24 @@ def _rows_apart(problem: PlanningProblem) -> int:
     return max(1, int(min(mark, problem.size.height) / _ROWS_TO_A_MARK / pitch))
 
 
+# Slow terms of the objective, such as those of networks, are computed in some iterations only.
+
+
+def take_turns(problems: list[PlanningProblem]) -> tuple[list[list[PlanningProblem]], int]:
+    """Returns the scenes of each turn of one optimisation, and the number of turns after which all terms are new.
+
+    If a term is slow, the first turn computes it and the others use its gradient there; else the turns have rows of
+    their own (`interlace_rows`). The number is 0 if only the first and the last iteration see all rows.
+    """
+    sparing = problems[0].sparing
+    if sparing is None:
+        return interlace_rows(problems), 0
+    made = sparing()
+    first, *others = problems
+    anew, between = ([replace(first, objective=judge), *others] for judge in (made.anew, made.between))
+    return [anew, *([between] * (made.lasts - 1))], made.lasts
+
+
 # Strokes of several brushes, each painted over the one before: their joint picture and loss.
 #
 # Each part has a scene with its brush; all parts are on the canvas of the first scene.
@@ -226,11 +244,13 @@ def optimize_together(
     pace: factor of the step size.
     notify: called after every iteration; on a GPU, for several iterations at once.
     Returns the best parts seen, never worse than the given ones. They are compared on all rows, by the objective.
-    If the scene has a validation objective, that one compares them, every ten iterations.
+    If the scene has a validation objective, that one compares them, every ten iterations; every twenty if slow terms
+    are spared.
     Raises PlanningDiverged at the third loss or gradient that is not finite, or if no loss was finite.
 
     Iterations render some rows in turn if that is enough (`interlace_rows`), but all rows at the beginning and at the
-    end. A step that is not finite is discarded (on a GPU at the next reading), and later steps are half as large.
+    end. Slow terms of the objective are computed in some iterations only (`take_turns`). A step that is not finite is
+    discarded (on a GPU at the next reading), and later steps are half as large.
     """
     working = [part for part in parts if len(part.strokes)]
     if not working:
@@ -245,18 +265,20 @@ def optimize_together(
     adam = Adam(leaves, _BETAS)
     best = _Best(variables)
     readings = _Readings(1 if leaves[0].device.type == "cpu" else _READ_TOGETHER)
-    turns = interlace_rows(problems)
+    turns, renewed = take_turns(problems)
     validation = problems[0].validation
+    pause = _BETWEEN_VALIDATIONS * (2 if renewed else 1)  # a validation costs as much as some spared iterations
     failures = 0
     for iteration in range(iterations + 1):
         current = [each.strokes(each.order()) for each in variables]
-        seen = problems if iteration in (0, iterations) else turns[iteration % len(turns)]
+        whole = iteration in (0, iterations) or (renewed > 0 and iteration % renewed == 0)
+        seen = problems if iteration == iterations or (whole and not renewed) else turns[iteration % len(turns)]
         with torch.set_grad_enabled(iteration < iterations):
             loss = stacked_cost(current, seen)
         if validation is None:
-            if seen is problems:  # losses of different rows are not comparable
+            if whole:  # losses of different rows are not comparable, nor is a tangent a loss
                 best.consider(loss, variables)
-        elif iteration % _BETWEEN_VALIDATIONS == 0 or iteration == iterations:
+        elif iteration % pause == 0 or iteration == iterations:
             with torch.no_grad():
                 best.consider(stacked_cost(current, problems, validation), variables)
         if iteration == iterations:

@@ -14,7 +14,7 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError, PlanError
 from frida_painter.frames import ALL_ROWS, PixelGrid, Rows
 from frida_painter.objectives.interpretation import WeightedObjective
-from frida_painter.objectives.objective import CanvasLoss, Goal
+from frida_painter.objectives.objective import CanvasLoss, Goal, Sparing
 from frida_painter.objectives.pixel_loss import spread
 from frida_painter.objectives.style_flow import flow_of
 from frida_painter.plan import Plan
@@ -40,6 +40,7 @@ class PlanningProblem:
     paint_price: share by which the loss must fall for the paint of the brush's largest mark.
 
     objective_on_rows: objective for pictures with some of the rows only. None: the objective needs whole pictures.
+    sparing: maker of the objective for one optimisation if some of its terms are slow. None: none is.
     rows: rows of the canvas that are rendered and judged.
     darkest [3]: sRGB of the darkest available paint. None: black.
     """
@@ -53,6 +54,7 @@ class PlanningProblem:
     flow: Tensor | None = None
     paint_price: float = 0.0
     objective_on_rows: Callable[[Rows], CanvasLoss] | None = None
+    sparing: Callable[[], Sparing] | None = None
     rows: Rows = ALL_ROWS
     darkest: Tensor | None = None
 
@@ -175,7 +177,20 @@ class Region:
         validation = None if problem.validation is None else guard(problem.validation)
         some = problem.objective_on_rows
         on_rows = None if some is None else lambda rows: guard(some(rows), rows)
-        return replace(problem, objective=guard(problem.objective), validation=validation, objective_on_rows=on_rows)
+        make = problem.sparing
+
+        def sparing() -> Sparing:
+            assert make is not None
+            made = make()
+            return Sparing(guard(made.anew), guard(made.between), made.lasts)
+
+        return replace(
+            problem,
+            objective=guard(problem.objective),
+            validation=validation,
+            objective_on_rows=on_rows,
+            sparing=None if make is None else sparing,
+        )
 
     def find_touching(self, strokes: Strokes, model: StrokeModel, size: CanvasSize, rows: int) -> Tensor:
         """Returns True for each stroke with a rendered pixel in the region, [n], each drawn alone.
@@ -311,7 +326,9 @@ class PlanningProblems:
         price = PAINT_PRICE if all(term.is_pixelwise for term in self.goal.terms) else 0.0
         judge, some = objective.validation, objective.on_rows
         floor = None if self.darkest is None else torch.tensor(self.darkest, device=self.device)
-        problem = PlanningProblem(picture, self.size, model, objective, judge, matters, way, price, some, darkest=floor)
+        problem = PlanningProblem(
+            picture, self.size, model, objective, judge, matters, way, price, some, objective.sparing, darkest=floor
+        )
         return problem if self.region is None else self.region.guard(problem)
 
     def initial(self, canvas: Tensor, grid: PixelGrid, kind: str) -> PlanningProblem:

@@ -164,16 +164,18 @@ class Controls:
 def wanted_ground(spec: RunSpec) -> str:
     """Returns the ground of the description, or the default one.
 
-    The default is white. If a simulated operator tones, it is AUTO for pictures of 100 strokes or more, and
-    OF_SCENE for words without a picture. The planner later replaces AUTO and OF_SCENE by a colour.
+    The default is white. If a simulated operator tones, it is AUTO for pictures and their content of 100 strokes or
+    more, and OF_SCENE for words without a picture and for styles. The planner later replaces AUTO and OF_SCENE by a
+    colour.
     """
     if spec.ground is not None:
         return spec.ground
     if not spec.simulated or spec.studio_canvas is not None or spec.on_canvas:
         return "white"
-    if spec.is_composed:
+    kinds = {item.kind for item in spec.goal}
+    if spec.is_composed or ("style" in kinds and "sketch" not in kinds):
         return OF_SCENE
-    pictured = not spec.initial and any(item.kind == "image" for item in spec.goal)
+    pictured = not spec.initial and not kinds.isdisjoint(("image", "semantic"))
     return AUTO if pictured and spec.strokes >= FEWEST_FOR_LAYERS else "white"
 
 

@@ -212,8 +212,8 @@ class RunSpec(BaseModel):
         "suits the picture. A person tones it; the recipe is told, and the camera looks before anything is planned.",
         json_schema_extra={
             "metavar": "auto|white|#RRGGBB",
-            "default": "white; in the studio, auto for a picture of 100 strokes or more, and for words alone the "
-            "commonest colour around the things of their scene",
+            "default": "white; in the studio, auto for a picture of 100 strokes or more, and for words alone and "
+            "styles the commonest colour around the things",
         },
     )
     darkest: DarkestPaint = Field(

@@ -163,8 +163,8 @@ def composite_into_style(drawing: Tensor, picture: Tensor, *, keeps_colors: bool
     _, rows, columns = picture.shape
     small = images.fit(picture, _ROWS, round(_ROWS * columns / rows))
     edges, light = _edges(small), _lightness(small)
-    colors = _colors(picture)
-    painted = [drawing] if keeps_colors else [_tone(drawing, colors, *tones) for tones in _TONES]
+    colors = style_colors(picture)
+    painted = [drawing] if keeps_colors else [tone(drawing, colors, *tones) for tones in _TONES]
     best, chosen = -float("inf"), (0, _SIZES[-1], 0.5, 0.5)
     for number, size in product(range(len(painted)), _SIZES):
         thing = _resize_to(painted[number], size, small)
@@ -207,7 +207,7 @@ def _lightness(picture: Tensor) -> Tensor:
     return to_lab(picture.permute(1, 2, 0))[..., 0]
 
 
-def _colors(picture: Tensor) -> Tensor:
+def style_colors(picture: Tensor) -> Tensor:
     """Returns the picture's colours in Lab, [n, 3], from its darkest to its lightest."""
     seen = picture.flatten(1).T
     seen = seen[:: max(1, len(seen) // _LOOKED_AT)]
@@ -218,7 +218,7 @@ def _colors(picture: Tensor) -> Tensor:
     return torch.cat((ends[0], between, ends[1]))
 
 
-def _tone(drawing: Tensor, colors: Tensor, low: float, high: float) -> Tensor:
+def tone(drawing: Tensor, colors: Tensor, low: float, high: float) -> Tensor:
     """Returns the drawing in `colors` (Lab, dark to light), restricted to the range from `low` to `high`."""
     light = _lightness(drawing[:3])
     seen = light[drawing[3] > 0.5]

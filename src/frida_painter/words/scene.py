@@ -16,6 +16,7 @@ from frida_painter.objectives.sketch_loss import color_drawing
 from frida_painter.words.arrangement import ScenePart, arrange_parts, copies, is_person, known_like, with_figures
 from frida_painter.words.compositing import composite_into_style, is_colored, recolor
 from frida_painter.words.composition import ComposedScene, compose_photograph, compose_scene, saliency
+from frida_painter.words.in_style import in_style
 from frida_painter.words.libraries import fade_edges
 from frida_painter.words.meaning import Text
 from frida_painter.words.places import (
@@ -458,16 +459,17 @@ _KEPT = 60.0  # weight of the composition against the words: networks invent col
 _KEPT_SCENE = 600.0  # the same for several things, or a place: networks take a scene for a single thing
 _AMONG = 3.0  # the same if a style or a sketch has a term too
 _STAGED = 20.0  # the same for a style picture, which words would soon destroy
-_MATTERS = 8.0  # weight of a thing in a style picture, relative to its surroundings
+_MATTERS = 8.0  # weight of a thing in a style picture or in its marks, relative to its surroundings
 _SUBJECT = 4.0  # the same for things in a scene
 
 
 def initial_composition(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, seed: int) -> Goal:
     """Returns the goal with an initial picture, if it has words and no other picture to begin with.
 
-    The picture also becomes a term beside the words, so that the composition lasts while the words change it. A
-    sketch without a photograph is filled with the colours of that picture or of a style. A style picture to begin
-    with gets the thing of the words laid into it. All other goals are returned unchanged.
+    The picture also becomes a term beside the words, so that the composition lasts while the words change it. It has
+    the colours and the marks of the heaviest style, in proportion if that is lighter than the words. A sketch without
+    a photograph is filled with the colours of that picture or of a style. A style picture to begin with gets the
+    thing of the words laid into it. All other goals are returned unchanged.
     """
     said = [(term.words, term.weight) for term in goal.terms if term.words is not None]
     words, weight = max(said, key=lambda pair: pair[1]) if said else ("", 0.0)
@@ -485,11 +487,17 @@ def initial_composition(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, 
     drawing = next((term.drawing for term in goal.terms if term.drawing is not None), None)
     if not words or any(term.picture is not None for term in goal.terms):
         return goal
-    style = next((term.colors for term in goal.terms if term.colors is not None), None)
+    weighted = [(term.colors, term.weight) for term in goal.terms if term.colors is not None]
+    style, style_weight = max(weighted, key=lambda pair: pair[1]) if weighted else (None, 0.0)
     if drawing is None:
         scene = scene_of(words, grid, encoders, seed)
+        subject = _SUBJECT if style is None else _MATTERS
+        if style is not None:
+            shown = in_style(scene.picture, scene.where, style)
+            scene = replace(scene, picture=torch.lerp(scene.picture, shown, min(1.0, style_weight / weight)))
         kept = _KEPT if scene.is_alone else _KEPT_SCENE
-        begun = _term(scene, weight * (kept if all(term.words is not None for term in goal.terms) else _AMONG))
+        kept = kept if all(term.words is not None for term in goal.terms) else _AMONG
+        begun = _term(scene, weight * kept, subject)
     else:
         drawing = images.fit(drawing, grid.rows, grid.columns)
         like = scene_of(words, grid, encoders, seed, "coloured like").picture if style is None else style
@@ -497,9 +505,9 @@ def initial_composition(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, 
     return Goal((*goal.terms, begun), (replace(begun, weight=1.0),))
 
 
-def _term(scene: ComposedScene, weight: float = 1.0) -> ImageTerm:
+def _term(scene: ComposedScene, weight: float = 1.0, subject: float = _SUBJECT) -> ImageTerm:
     """Returns a scene as a term: its things have more weight than their ground."""
-    matters = 1 + (_SUBJECT - 1) * scene.where
+    matters = 1 + (subject - 1) * scene.where
     return ImageTerm(scene.picture, weight, matters / matters.mean())
 
 

@@ -20,6 +20,7 @@ from frida_painter.words.word_settings import USUAL, WordSettings
 
 _LASTS = 8  # iterations for which one gradient of a CLIP serves
 _HELD_OUT = 7919  # added to the seed of views by which a CLIP judges what it has optimised
+_LASTS_IN_STYLE = 4  # the same of smaller networks in a style, which has its own gradient and keeps the scene
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,8 @@ class TextTerm(Term):
             return ObjectiveTerm(words, judge.validation, recognizes=True, lasts=_LASTS)
         aside = context.encoders.reader_aside()
         steady = words if aside is None else Text(self.prompt, [aside], context.seed, context.begun, self.settings)
-        return ObjectiveTerm(words, steady.validation, recognizes=True)
+        lasts = _LASTS_IN_STYLE if context.in_style else 1
+        return ObjectiveTerm(words, steady.validation, recognizes=True, lasts=lasts)
 
     @classmethod
     def interpret(cls, goal: Goal, context: ObjectiveContext) -> Goal:
