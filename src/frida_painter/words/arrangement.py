@@ -105,6 +105,11 @@ _OPPOSITE = {
 }  # fmt: skip
 
 
+def is_arranged(word: str) -> bool:
+    """Returns True if a preposition or a verb has an arrangement of its own; others put things side by side."""
+    return word in _OF_WORD
+
+
 @dataclass(frozen=True)
 class ScenePart:
     """Thing to be placed.

@@ -13,7 +13,16 @@ from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.objectives.sketch_loss import color_drawing
-from frida_painter.words.arrangement import ScenePart, arrange_parts, copies, is_person, known_like, with_figures
+from frida_painter.words.account import Account, Mark
+from frida_painter.words.arrangement import (
+    ScenePart,
+    arrange_parts,
+    copies,
+    is_arranged,
+    is_person,
+    known_like,
+    with_figures,
+)
 from frida_painter.words.compositing import composite_into_style, is_colored, recolor
 from frida_painter.words.composition import ComposedScene, compose_photograph, compose_scene, saliency
 from frida_painter.words.libraries import fade_edges
@@ -27,7 +36,10 @@ from frida_painter.words.places import (
     PAPER,
     SKY,
     TIMES,
+    Light,
+    Place,
     Setting,
+    Weather,
     find_light,
     find_place,
     find_weather,
@@ -265,7 +277,8 @@ def scene_of(
     reading = replace(
         reading, relations=tuple(_lay_on_table(one, reading.things, sentences) for one in reading.relations)
     )
-    setting, settled = _setting(reading, index, encoders)
+    account = Account(reading)
+    setting, settled, seen = _setting(reading, index, encoders)
     if len(settled) == len(reading.things) and setting.place is not PAPER:
         reading = _people_place(reading, setting, sentences)
     reading = with_figures(reading, lambda thing: index is not None and index.has_own(thing))
@@ -273,12 +286,10 @@ def scene_of(
     shown = [one for one in things if one is not None and one.found is not None]
     whole = next((one for one in shown if _fills_the_canvas(one, shown)), None)
     if whole is not None and whole.found is not None:
-        left_out = [one.thing.label for one in shown if one is not whole]
-        _tell(reading, [whole], replace(setting, is_named=False), encoders, use, index)
-        if left_out:
-            encoders.remark(
-                f"That picture has a ground of its own and fills the canvas; {', '.join(left_out)} could not be added."
-            )
+        _account_for([whole], reading, replace(setting, place=PAPER), seen, account)
+        _tell(reading, [whole], replace(setting, is_named=False), encoders, use, index, account)
+        if len(shown) > 1:
+            encoders.remark("The picture has a ground of its own and fills the canvas; nothing else is added.")
         picture, words = whole.colored[:3], Text(whole.thing.name, encoders.readers(), seed)
         return compose_photograph(picture, saliency(picture, words.glance, seed), setting, grid, seed)
     if setting.place is PAPER:
@@ -291,6 +302,7 @@ def scene_of(
         place = infer_place(names, sentences, _IMPLIED, outside=outside)
         place = HILLS if place is PAPER and asked else place
         setting = replace(setting, place=place, is_named=asked)
+    _account_for(things, reading, setting, seen, account)
     things = _dress(things, relations, sentences)
     among = len(shown) > 1 or setting.is_named
     pasted = [
@@ -314,7 +326,7 @@ def scene_of(
     }
     in_the_air = bool(known_parts) and (all(part.where == "air" for part in known_parts) or _subjects(things, over))
     scene = compose_scene(arrange_parts(parts, relations), setting, grid, seed, in_the_air=in_the_air)
-    _tell(reading, things, setting, encoders, use, index)
+    _tell(reading, things, setting, encoders, use, index, account)
     for one in pasted:
         encoders.remark(
             f"Your picture of {one.thing.label!r} has a ground of its own, whose edges fade; as a PNG without "
@@ -375,9 +387,18 @@ def _subjects(things: list[SceneThing | None], over: set[int]) -> bool:
     return bool(shown) and shown <= over
 
 
-def _setting(reading: Reading, index: PictureIndex | None, encoders: EncoderRegistry) -> tuple[Setting, set[int]]:
-    """Returns the setting that the words name, and the numbers of the things that are only part of it."""
+_Seen = list[tuple[Thing, str, Place | Light | Weather]]
+
+
+def _setting(
+    reading: Reading, index: PictureIndex | None, encoders: EncoderRegistry
+) -> tuple[Setting, set[int], _Seen]:
+    """Returns the setting that the words name, the numbers of the things that are only part of it, and its words.
+
+    Each of its words comes with the thing that it belongs to and the part of the setting that it means.
+    """
     sentences, setting, settled = encoders.sentences(), Setting(), set[int]()
+    seen: _Seen = []
     for number, thing in enumerate(reading.things):
         beside = {one.word for one in reading.relations if one.object == number and one.word in _BY_THINGS}
         under_sky = bool(beside) and beside <= set(_UNDER) and find_place(thing.noun, sentences) is SKY
@@ -401,11 +422,14 @@ def _setting(reading: Reading, index: PictureIndex | None, encoders: EncoderRegi
         if under_sky:  # the sky is over any place; the words before it tell its light and weather
             setting = replace(setting, is_named=True)
             settled.add(number)
+            seen.append((thing, thing.noun, SKY))
         elif place is not None:
+            seen.append((thing, thing.noun, place))
             paint = paint_of(thing.color)
             setting = replace(setting, place=place if paint is None else in_color(place, paint), is_named=True)
             settled.add(number)
         elif light is not None:
+            seen.append((thing, thing.noun, light))
             setting = replace(setting, light=light, is_named=True)
             if not subject_only:
                 settled.add(number)
@@ -413,16 +437,56 @@ def _setting(reading: Reading, index: PictureIndex | None, encoders: EncoderRegi
                 setting = replace(setting, place=HILLS)
                 settled.add(number)
         elif weather is not None:
+            seen.append((thing, thing.noun, weather))
             setting = replace(setting, weather=weather, is_named=True)
             settled.add(number)
         for word in thing.name.split()[:-1]:
             if setting.light == DAY and (felt := find_light(word, sentences, _SURE)) is not None:
                 setting = replace(setting, light=felt, is_named=True)
+                seen.append((thing, word, felt))
             if setting.weather == CLEAR and (felt_weather := find_weather(word, sentences, _SURE)) is not None:
                 setting = replace(setting, weather=felt_weather, is_named=True)
+                seen.append((thing, word, felt_weather))
     if setting.weather.rain and setting.light == DAY:
         setting = replace(setting, light=GREY)
-    return setting, settled
+    return setting, settled, seen
+
+
+_SIDE_BY_SIDE = ("beside", "next to", "near", "by", "along", "around", "at")
+
+
+def _account_for(
+    things: Sequence[SceneThing | None], reading: Reading, setting: Setting, seen: _Seen, account: Account
+) -> None:
+    """Marks what a scene shows: the words of its setting, the things with pictures, and the relations of both.
+
+    things: of the scene, before clothes are merged into their wearers
+    """
+    for thing, word, part in seen:
+        if part in (setting.light, setting.weather) or (isinstance(part, Place) and part.name == setting.place.name):
+            account.mark_setting(thing.at, part.name, word)
+            colored = set(thing.color.split()) if isinstance(part, Place) else set[str]()
+            for color in colored:
+                account.mark([at for at in thing.at if account.is_word(at, color)], Mark.SHOWN, part.name)
+    whole = [one for one in things if one is not None and one.found is not None]
+    for one in whole:
+        assert one.found is not None
+        account.mark_picture(one.thing, one.found.caption, exact=one.found.exact, several=one.found.several)
+    for relation in reading.relations:
+        first, second = reading.things[relation.subject], reading.things[relation.object]
+        for one in whole:  # one picture may show both and their relation
+            if one.found is not None and one.thing.at == first.at and _says_all(one.found.caption, second, reading):
+                account.mark_picture(second, one.found.caption, exact=True, several=False)
+                account.mark(relation.at, Mark.SHOWN, one.found.caption)
+        if account.shows(first.at) and account.shows(second.at):
+            is_placed = is_arranged(relation.word) or relation.word in _SIDE_BY_SIDE
+            settles = any(second is thing or first is thing for thing, _, _ in seen)
+            account.mark(relation.at, Mark.SHOWN if is_placed or settles else Mark.SIMILAR, "beside")
+
+
+def _says_all(caption: str, thing: Thing, reading: Reading) -> bool:
+    """Returns True if a caption names a thing by its noun."""
+    return any(word.at in thing.at and word.lemma == thing.noun.lower() and word.says(caption) for word in reading.said)
 
 
 def _tell(
@@ -432,8 +496,9 @@ def _tell(
     encoders: EncoderRegistry,
     use: str,
     index: PictureIndex | None,
+    account: Account,
 ) -> None:
-    """Makes remarks about the scene's pictures, their authors, and missing pictures."""
+    """Makes remarks about the scene's pictures, their authors, and what is not shown."""
     shown = [one for one in things if one is not None and one.found is not None]
     credits = dict.fromkeys(one.found.library.credit for one in shown if one.found and one.found.library.credit)
     made = f"; pictures by {'; '.join(credits)}" if credits else ""
@@ -442,12 +507,9 @@ def _tell(
     encoders.remark(f"{use.capitalize()} {told}{place}{made}.")
     if reading.too_many:
         encoders.remark(f"The words name more than {MAX_THINGS} things; the first ones are painted.")
-    missing = [one.thing.label for one in things if one is not None and not (one.found and one.found.exact)]
-    if missing:
-        encoders.remark(
-            f"No picture of {', '.join(map(repr, missing))} was found; give one with --image, or a folder of your own "
-            "with --pictures."
-        )
+    encoders.remark(account.told)
+    if any(line.mark is not Mark.SHOWN and line.word.kind == "thing" for line in account.lines):
+        encoders.remark("What is not shown needs a picture: give one with --image, or a folder with --pictures.")
     for fault in dict.fromkeys(() if index is None else index.faults):
         encoders.remark(f"Of your own pictures one cannot be used: {fault}")
 
@@ -515,7 +577,10 @@ def _start_with_style(
     goal: Goal, style: Tensor, words: str, weight: float, grid: PixelGrid, encoders: EncoderRegistry, seed: int
 ) -> Goal:
     """Returns the goal that begins with the style picture, with the thing of the words in it, and keeps to it."""
-    thing = thing_of(words, encoders, seed)
+    thing, reading = thing_of(words, encoders, seed), prompt_reader(encoders).read(words)
+    account = Account(reading)
+    _account_for([thing], reading, Setting(), [], account)
+    encoders.remark(account.told)
     if thing is None:
         encoders.remark(f"No picture was found for {words[:60]!r}; begun with the style picture alone.")
         return goal
