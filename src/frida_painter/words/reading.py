@@ -6,6 +6,7 @@ spaCy's small English model (Honnibal et al. 2020) parses the grammar. No word l
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
@@ -18,6 +19,7 @@ from frida_painter import registry, weights
 from frida_painter.errors import ConfigError, WeightsError
 from frida_painter.objectives.encoders.classifiers import synonyms
 from frida_painter.objectives.encoders.loading import EncoderRegistry
+from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.palette import from_lab, to_lab
 
 if TYPE_CHECKING:
@@ -45,6 +47,7 @@ _VIVID = 72.0  # chroma
 _PARTS = ("of", "with")  # these words introduce a part of the thing before them
 _LABEL = 60
 _STEM, _ENDING = 4, 3  # least letters of a word with other forms and compounds, and greatest number of an ending's
+_LEXICON = 1000  # greatest number of new words in one call that are kept
 _LONGEST = 400  # characters; a longer text is no description of one picture
 
 
@@ -137,6 +140,31 @@ class Reading:
     absent: tuple[str, ...] = ()
     too_many: bool = False
     said: tuple[SaidWord, ...] = ()
+
+
+class WordMeanings(SentenceEncoder):
+    """Sentence encoder that keeps the embeddings of what it has read: the words of tables are read once."""
+
+    def __init__(self, encoder: SentenceEncoder) -> None:
+        self._encoder = encoder
+        self._read: dict[str, Tensor] = {}
+
+    def is_cut_off(self, sentence: str) -> bool:
+        """Returns True if the end of a sentence is cut off."""
+        return self._encoder.is_cut_off(sentence)
+
+    def embed(self, sentences: Sequence[str]) -> Tensor:
+        """Returns embeddings of sentences: [n, d], each of unit length."""
+        new = [sentence for sentence in dict.fromkeys(sentences) if sentence not in self._read]
+        if len(new) > _LEXICON:
+            return self._encoder.embed(sentences)
+        self._read |= dict(zip(new, self._encoder.embed(new), strict=True)) if new else {}
+        return torch.stack([self._read[sentence] for sentence in sentences])
+
+
+def word_meanings(encoders: EncoderRegistry) -> WordMeanings:
+    """Returns the encoder of words that keeps what it has read."""
+    return encoders.keep("word meanings", lambda: WordMeanings(encoders.sentences()))
 
 
 def prompt_reader(encoders: EncoderRegistry) -> PromptReader:
@@ -302,7 +330,7 @@ class _Walk:
             return self._thing(shown)
         counted = next((word for word in _children(noun, "prep") if word.lower_ == "of"), None)
         inner = None if counted is None or noun.lemma_ not in _GATHERED else _child(counted, "pobj")
-        if inner is not None:
+        if inner is not None and counted is not None:
             numbers = self._thing(inner)
             for first in numbers[:1]:
                 inside = self.things[first]
