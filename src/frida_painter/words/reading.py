@@ -143,7 +143,7 @@ class Reading:
 
 
 class WordMeanings(SentenceEncoder):
-    """Sentence encoder that keeps the embeddings of what it has read: the words of tables are read once."""
+    """Sentence encoder that keeps its embeddings, so that the words of tables are read once."""
 
     def __init__(self, encoder: SentenceEncoder) -> None:
         self._encoder = encoder
