@@ -160,3 +160,26 @@ def test_a_colour_is_not_told_from_a_photographs_ground(tmp_path: Path) -> None:
     ibex = encoders(tmp_path, Reading((Thing("ibex", "ibex", "gray"),)))
     scene_of("a gray ibex", GRID, ibex, 0)
     assert "'ibex' (pictures)" in ibex.remarks[0], "rather than none"
+
+
+def test_a_feeling_is_painted_without_a_thing_even_if_a_picture_is_called_so(tmp_path: Path) -> None:
+    class Moody(Pictures):
+        def list_captioned(self) -> Sequence[Captioned]:
+            return [*super().list_captioned(), Captioned("goat", ("grief",), 0.8)]
+
+    seen = encoders(tmp_path, Reading((Thing("quiet grief", "grief"),)), Moody())
+    scene = scene_of("a quiet grief", GRID, seen, 0)
+    assert "strokes and colours of sorrow" in seen.remarks[0]
+    assert seen.remarks[1] == "Your words: shown by something similar: 'grief' (by sorrow); not shown: 'quiet'."
+    assert float((scene.picture.amin(0) > 0.93).float().mean()) < 0.05 and not scene.is_alone
+    among = encoders(tmp_path, Reading((GOAT, Thing("grief", "grief")), (Relation(0, "in", 1),)), Moody())
+    scene_of("a goat in grief", GRID, among, 0)
+    assert "'goat' (pictures), on " in among.remarks[0] and "sorrow" in among.remarks[0]
+
+
+def test_weather_is_no_object_and_its_light_goes_before_that_of_a_mood(tmp_path: Path) -> None:
+    reading = Reading((Thing("sound", "sound"), Thing("thunder", "thunder")), (Relation(0, "of", 1),))
+    seen = encoders(tmp_path, reading)
+    scene_of("the sound of thunder", GRID, seen, 0)
+    assert "strokes and colours of a storm" in seen.remarks[0]
+    assert "'sound' (by music), 'thunder' (by a storm)" in seen.remarks[1]

@@ -217,7 +217,6 @@ _Part = TypeVar("_Part", Place, Light, Weather)
 _CALLED = 0.72  # similarity to a place's words above which words name it
 _FELT, _FELT_WEATHER = 0.62, 0.7  # to the words of a light, and of a weather: a snowmobile (0.67) is a thing
 _ABSTRACT, _MOOD = 0.25, 0.35  # margin of an abstract noun with a picture, and least similarity to a light's words
-_EVEN = 0.5  # share of the second light in a mixture
 _TOLD_APART, _MIDDLE = 40.0, 55.0  # Lab distance, and L*
 
 
@@ -339,14 +338,16 @@ def rank_lights(words: str, sentences: SentenceEncoder) -> list[Light]:
 
 def mix_lights(first: Light, second: Light) -> Light:
     """Returns the light halfway between two, with the form of the second: grief at dawn."""
-    halves = {
-        name: tuple(
-            ((1 - _EVEN) * one + _EVEN * two)
-            for one, two in zip(getattr(first, name), getattr(second, name), strict=True)
-        )
-        for name in ("top", "low", "shade", "accent")
-    }
-    return replace(second, name=f"{first.name}, {second.name}", stars=first.stars, **halves)
+    top, low, shade, accent = (
+        _halve(getattr(first, name), getattr(second, name)) for name in ("top", "low", "shade", "accent")
+    )
+    name = f"{first.name}, {second.name}"
+    return replace(second, name=name, stars=first.stars, top=top, low=low, shade=shade, accent=accent)
+
+
+def _halve(one: Color, two: Color) -> Color:
+    red, green, blue = ((first + second) / 2 for first, second in zip(one, two, strict=True))
+    return red, green, blue
 
 
 def infer_place(names: Sequence[str], sentences: SentenceEncoder, least: float, *, outside: bool = False) -> Place:

@@ -447,9 +447,9 @@ def _setting(
     times = [part for *_, part in seen if isinstance(part, Light) and part in TIMES]
     moods = [part for *_, part in seen if isinstance(part, Light) and part not in TIMES]
     weather = weathers[0] if weathers else CLEAR
-    felt = [*times[:1], *([weather.light] if weathers else []), *dict.fromkeys(moods)] or [DAY]
-    light = mix_lights(times[0], moods[0]) if times and moods else felt[0]
-    second = next((one for one in felt if one.name not in light.name), None)
+    lights = [*times[:1], *([weather.light] if weathers else []), *dict.fromkeys(moods)] or [DAY]
+    light = mix_lights(times[0], moods[0]) if times and moods else lights[0]
+    second = next((one for one in lights if one.name not in light.name), None)
     open_places = [place for place in places if place is not SKY] or places
     place = open_places[0] if open_places else NOWHERE
     used = {place.name, SKY.name if place.is_open else "", weather.name, *light.name.split(", ")}
