@@ -267,6 +267,7 @@ _SUPPORTS = ("on", "on top of", "upon")
 _TABLES, _SMALL = ("table", "desk", "shelf"), 0.65  # and the greatest height in metres of the things that they carry
 _ROUNDING = 1e-3
 _SURE = 0.8  # similarity above which a word of a name means a place: a watering can is not in water
+_FELT = 0.75  # the same for an adjective and a light: a sad clown
 _TREES = 5  # number of trees in a forest without other things
 _IMPLIED = 0.42  # similarity to the usual things of a place above which things imply it
 
@@ -429,7 +430,7 @@ def _setting(
         nearest = 0.0 if index is None else index.nearest(thing)
         if index is None or not index.has_own(thing):
             others = [one.name for one in known_things()]
-            mood = find_mood(thing.name, others, sentences, is_pictured=nearest >= NAMED_ALONE)
+            mood = find_mood(thing.noun, others, sentences, is_pictured=nearest >= NAMED_ALONE)
             weather = find_weather(thing.noun, sentences)
             if mood is not None or weather is not None:
                 settled.add(number)
@@ -439,7 +440,7 @@ def _setting(
             paint = paint_of(thing.color)
             seen.append((thing, thing.noun, place if paint is None else in_color(place, paint)))
         for word in thing.name.split()[:-1]:
-            felt = find_weather(word, sentences, _SURE) or find_light(word, sentences, _SURE)
+            felt = find_weather(word, sentences, _SURE) or find_light(word, sentences, _FELT)
             if felt is not None:
                 seen.append((thing, word, felt))
     places = [part for *_, part in seen if isinstance(part, Place)]
@@ -513,7 +514,7 @@ def _account_for(things: Sequence[SceneThing | None], reading: Reading, seen: _S
         if account.shows(first.at) and account.shows(second.at):
             is_placed = is_arranged(relation.word) or relation.word in _SIDE_BY_SIDE
             settles = any(second is thing or first is thing for thing, _, _ in seen)
-            account.mark(relation.at, Mark.SHOWN if is_placed or settles else Mark.SIMILAR, "beside")
+            account.mark(relation.at, Mark.SHOWN if is_placed or settles else Mark.SIMILAR, "side by side")
 
 
 def _says_all(caption: str, thing: Thing, reading: Reading) -> bool:
