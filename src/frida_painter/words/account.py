@@ -85,11 +85,6 @@ class Account:
         """One line for each noun, adjective, number, verb and preposition of the prompt, in its order."""
         return tuple(self._lines[at] for at in sorted(self._lines))
 
-    def is_word(self, at: int, text: str) -> bool:
-        """Returns True if the word at a position is written so."""
-        line = self._lines.get(at)
-        return line is not None and line.word.text.lower() == text
-
     def shows(self, words: Iterable[int]) -> bool:
         """Returns True if a noun among these positions is shown, or something similar."""
         lines = (self._lines.get(at) for at in words)
