@@ -173,6 +173,8 @@ class QuickEncoders(EncoderRegistry):
     def keep(self, name: str, make: Callable[[], Kept]) -> Kept:
         """Reads prompts without a grammar, and knows only the pictures that a test put under "picture index"."""
         known = {"prompt reader": PromptReader(None), "picture index": None, **self.own}
+        if name not in known:
+            known[name] = self.own[name] = make()
         return cast(Kept, known[name])
 
     @property

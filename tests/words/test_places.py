@@ -2,7 +2,6 @@
 
 import pytest
 import torch
-from torch.nn import functional
 
 from frida_painter.frames import PixelGrid
 from frida_painter.palette import to_lab
@@ -11,15 +10,23 @@ from frida_painter.words.composition import compose_scene
 from frida_painter.words.places import (
     CLEAR,
     DAY,
+    GREY,
     LIGHTS,
+    NOWHERE,
     PAPER,
     PLACES,
+    ROOM,
     WEATHERS,
+    Place,
     Setting,
     find_light,
+    find_mood,
     find_place,
     find_weather,
+    in_color,
     infer_place,
+    mix_lights,
+    rank_lights,
     with_contrast,
 )
 from support.networks import WordBag
@@ -28,29 +35,35 @@ from support.planning import CANVAS
 GRID = PixelGrid.of_height(CANVAS, 48)
 
 
-@pytest.mark.parametrize("place", PLACES, ids=lambda place: place.name)
+@pytest.mark.parametrize("place", [place for place in PLACES if not place.is_paper], ids=lambda place: place.name)
 @pytest.mark.parametrize("light", [DAY, *LIGHTS], ids=lambda light: light.name)
 def test_every_ground_has_a_sky_and_a_land(place, light) -> None:
     ground = Setting(place, light, is_named=True).ground(GRID, 0)
     assert ground.shape == (3, GRID.rows, GRID.columns) and 0 <= float(ground.min()) <= float(ground.max()) <= 1
-    assert float((ground[:, 0].mean(1) - ground[:, -1].mean(1)).abs().max()) > 0.03
+    assert float((ground[:, 0].mean(1) - ground[:, -1].mean(1)).abs().max()) > 0.015
 
 
 def test_night_is_dark_and_fog_is_seen() -> None:
     day, night = (Setting(PLACES[3], light, is_named=True).ground(GRID, 0).mean() for light in (DAY, LIGHTS[2]))
     assert float(night) < 0.4 * float(day)
-    clear, foggy = (Setting(PLACES[3], LIGHTS[2], weather, is_named=True) for weather in (CLEAR, WEATHERS[2]))
+    clear, foggy = (Setting(PLACES[3], LIGHTS[2], weather, is_named=True) for weather in (CLEAR, WEATHERS[3]))
     ground = clear.ground(GRID, 0)
     assert torch.equal(clear.in_fog(ground), ground)
     assert float((foggy.in_fog(ground) - ground).abs().amax(0).gt(0.1).float().mean()) > 0.3
 
 
-@pytest.mark.parametrize("light", [DAY, *LIGHTS], ids=lambda light: light.name)
-def test_most_of_a_ground_has_one_colour_which_a_canvas_can_have(light) -> None:
-    for place in PLACES:
-        ground = Setting(place, light, is_named=True).ground(GRID, 0).flatten(1)
-        same = (ground - ground[:, :1]).abs().amax(0) < 1e-3
-        assert float(same.float().mean()) > 0.35, place.name
+@pytest.mark.parametrize("place", [place for place in PLACES if not place.is_paper], ids=lambda place: place.name)
+def test_a_ground_has_depth_and_loose_strokes_and_no_white_paper(place: Place) -> None:
+    for light in (DAY, LIGHTS[1]):
+        ground = Setting(place, light, is_named=True).ground(GRID, 0)
+        assert float((ground.amin(0) > 0.93).float().mean()) < 0.1 or "snow" in place.name
+        light_of = to_lab(ground.permute(1, 2, 0))[..., 0]
+        horizon = round(place.horizon * GRID.rows)
+        assert float(light_of[horizon + 1 : horizon + 4].mean() - light_of[-3:].mean()) > 2, "darker in front"
+        assert float(light_of.std(1).mean()) > 1, "and of strokes"
+    assert not torch.equal(ground, Setting(place, light).ground(GRID, 1)) and torch.equal(
+        ground, Setting(place, light, is_named=True).ground(GRID, 0)
+    ), "another seed, another hand"
 
 
 def test_words_name_places_lights_and_weathers_or_imply_them() -> None:
@@ -60,14 +73,14 @@ def test_words_name_places_lights_and_weathers_or_imply_them() -> None:
     assert find_light("dawn", bag) is LIGHTS[0] and find_light("dog", bag) is None
     assert find_weather("rain", bag) is WEATHERS[0] and find_weather("dog", bag) is None
     assert find_weather("rain mobile", bag) is None and find_light("dawn chorus", bag) is LIGHTS[0]
-    assert infer_place(["a whale"], bag, 0.4) is PLACES[0] and infer_place(["zygote"], bag, 0.4) is PAPER
+    assert infer_place(["a whale"], bag, 0.4) is PLACES[0] and infer_place(["zygote"], bag, 0.4) is NOWHERE
 
 
 def test_sizes_come_from_what_is_similar() -> None:
     bag = WordBag()
     assert known_like("elephant", bag).height == pytest.approx(3.2, rel=0.2)
     assert known_like("moon", bag).where == "air" and known_like("dress", bag).where == "worn"
-    places = ("ground", "air", "water", "worn", "held", "head", "facing")
+    places = ("ground", "person", "air", "water", "worn", "held", "head", "facing")
     assert all(thing.height > 0 and thing.where in places for thing in known_things())
     assert known_like("spider web", bag).where == "facing" and known_like("umbrella", bag).where == "held"
 
@@ -105,15 +118,36 @@ def test_things_never_touch_the_edge(shape: tuple[int, int], named: bool, in_the
         assert float(edges.max()) < 0.5
 
 
-def test_where_no_place_is_named_there_is_paper() -> None:
+def test_a_thing_without_a_named_place_stands_on_a_painted_ground_with_its_shadow() -> None:
     drawing = torch.zeros(4, 30, 40)
     drawing[3], drawing[0] = 1, 1
-    meadow = next(place for place in PLACES if place.name == "a meadow")
-    standing = compose_scene([Placed(drawing, 0, 0, 1)], Setting(meadow), GRID, 0, in_the_air=False)
-    assert float(standing.picture[:, standing.where < 0.01].min()) == 1
-    drawing[:3] = 0.97
-    pale = compose_scene([Placed(drawing, 0, 0, 1)], Setting(meadow), GRID, 0, in_the_air=False)
-    around = functional.max_pool2d(pale.where[None, None], 3, 1, 1)[0, 0] > 0.5
-    rim = pale.picture[:, around & (pale.where < 0.5)]
-    assert float((1 - rim).amax(0).min()) > 0.05, "what is pale is seen against a tone"
-    assert float(pale.picture[:, 0].std(1).max()) == 0, "which is the same everywhere, so that a canvas can have it"
+    setting = Setting(ROOM)
+    scene = compose_scene([Placed(drawing, 0, 0, 1)], setting, GRID, 0, in_the_air=False)
+    assert float((scene.picture.amin(0) > 0.93).float().mean()) < 0.1
+    aloft = compose_scene([Placed(drawing, 0, 0, 1)], setting, GRID, 0, in_the_air=True).picture.mean(0)
+    foot = int((scene.where > 0.5).any(1).nonzero().max())
+    shade = (aloft - scene.picture.mean(0))[foot + 1 : foot + 3]
+    assert float(shade.max()) > 0.05, "its shadow"
+    assert scene.is_alone and not compose_scene([], setting, GRID, 0, in_the_air=False).is_alone
+
+
+def test_paper_stays_bare_if_words_ask_for_it() -> None:
+    drawing = torch.zeros(4, 30, 40)
+    drawing[3], drawing[0] = 1, 1
+    scene = compose_scene([Placed(drawing, 0, 0, 1)], Setting(PAPER, is_named=True), GRID, 0, in_the_air=False)
+    assert float(scene.picture[:, scene.where < 0.01].min()) == 1
+    assert find_place("blank page", WordBag()) is PAPER
+    blue = Setting(in_color(PAPER, torch.tensor([0.2, 0.3, 0.9]))).ground(GRID, 0)
+    assert float(blue[2].min()) == pytest.approx(0.9) and float(blue.std((1, 2)).max()) < 1e-6
+
+
+def test_a_feeling_is_a_light_and_a_thing_is_none() -> None:
+    bag = WordBag()
+    assert find_mood("grief", [], bag, is_pictured=False) is GREY
+    assert find_mood("grief", ["grief"], bag, is_pictured=False) is None, "no nearer than to a thing"
+    assert find_mood("teapot", [], bag, is_pictured=False) is None
+    assert find_mood("deep grief", ["grief machine"], bag, is_pictured=True) is None, "there is a picture of it"
+    assert rank_lights("war and chaos", bag)[0].name in ("anger", "chaos")
+    mixed = mix_lights(LIGHTS[2], GREY)
+    assert mixed.name == "night, sorrow" and mixed.stars == LIGHTS[2].stars
+    assert mixed.top == pytest.approx([(one + two) / 2 for one, two in zip(LIGHTS[2].top, GREY.top, strict=True)])

@@ -18,7 +18,7 @@ from frida_painter.words.reading import MAX_THINGS, Reading, Relation, Thing
 
 # Sizes and usual places of things, from known things of similar meaning.
 
-_PEOPLE = ("person", "man", "woman", "child", "boy", "girl")
+_ALIKE = 0.3  # least similarity to a person
 _NEIGHBOURS = 3
 _SHARPNESS = 0.05  # difference of similarity at which a neighbour's weight falls to 1/e
 
@@ -28,8 +28,8 @@ class Known(NamedTuple):
 
     name: of the thing
     height: metres
-    where: "ground", "air" or "water"; "worn": clothes; "held": its holder lifts it; "head": worn on the head;
-        "facing": a thing on it appears in front of it, as on a web
+    where: "ground", "air" or "water"; "person" for people, on the ground; "worn": clothes; "held": its holder lifts
+        it; "head": worn on the head; "facing": a thing on it appears in front of it, as on a web
     """
 
     name: str
@@ -59,7 +59,8 @@ def known_like(name: str, sentences: SentenceEncoder) -> Known:
 
 def is_person(name: str, sentences: SentenceEncoder) -> bool:
     """Returns True if the most similar known thing is a person."""
-    return known_things()[int(_likeness(name, sentences).argmax())].name in _PEOPLE
+    similarity, nearest = _likeness(name, sentences).max(0)
+    return float(similarity) >= _ALIKE and known_things()[int(nearest)].where == "person"
 
 
 def _likeness(name: str, sentences: SentenceEncoder) -> torch.Tensor:
@@ -103,6 +104,11 @@ _OPPOSITE = {
     "on": "beneath", "in": "around", "around": "in", "under": "over", "over": "under", "behind": "front",
     "front": "behind",
 }  # fmt: skip
+
+
+def is_arranged(word: str) -> bool:
+    """Returns True if a preposition or a verb has an arrangement of its own; others put things side by side."""
+    return word in _OF_WORD
 
 
 @dataclass(frozen=True)

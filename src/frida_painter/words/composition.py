@@ -1,8 +1,8 @@
-"""Composition of a scene: its things on a contrasting ground, with rain, snow or stars over them."""
+"""Composition of a scene: its things on a ground with depth, or a mood, with rain, snow or stars over them."""
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -12,10 +12,10 @@ from torch.nn import functional
 
 from frida_painter import images
 from frida_painter.frames import PixelGrid
-from frida_painter.palette import to_lab
 from frida_painter.words.arrangement import Placed
+from frida_painter.words.brushwork import paint_mood
 from frida_painter.words.compositing import paste, resize, soften
-from frida_painter.words.places import DAY, Setting, with_contrast
+from frida_painter.words.places import DAY, Light, Setting, with_contrast
 
 # Simplification for few strokes: areas of one colour, without texture.
 
@@ -132,14 +132,13 @@ _THIRD = 0.07  # of the width: distance from the middle of a thing that leaves r
 
 _LIT = 0.55  # share of the light's colour that things take on
 _BROAD = 0.05  # of the height: a mark of the broad brush
+_STANDING = 0.05  # of its height, by which a thing on the floor may be above it
+_SHADOW, _LEAN, _DARK = 0.28, 1.1, 0.42  # length by the thing's height, columns per row to the right, and opacity
 _SHARP = 2.0  # factor by which a picture gets sharp earlier than its thing begins
 _SOFT = 12  # a height divided by this is the width of smoothing of an extended ground
 _DARKENED = 0.75  # share of the light's colour that a picture with its own ground takes on
 _CUT_OFF = 0.15  # greatest share of a side that is cut off to fill the canvas
 
-_PALE = 22.0  # Lab distance from bare paper at which colours are visible on it
-_LOST = 0.35  # share of pale outline above which a thing is lost on paper
-_RIM = 7  # pixels of an outline's width
 _DIPS = 0.07  # of its height: the part of a thing that water hides
 
 
@@ -147,7 +146,7 @@ _DIPS = 0.07  # of its height: the part of a thing that water hides
 class ComposedScene:
     """Composed scene: its picture [3, H, W], and the opacity of its things and marks, [H, W] in [0, 1].
 
-    is_alone: True if it has things of one kind only, on bare paper
+    is_alone: True if it has things of one kind only, in no place that the words name
     """
 
     picture: Tensor
@@ -162,9 +161,6 @@ def compose_scene(
 
     in_the_air: True if none of them stands on anything
     """
-    if not things:
-        nothing = torch.zeros(grid.rows, grid.columns)
-        return _under(setting, setting.ground(grid, seed), nothing, seed, is_alone=False)
     drawn = _fit(things, setting, grid, seed, in_the_air=in_the_air)
     where, colors = torch.zeros(grid.rows, grid.columns), torch.zeros(3, grid.rows, grid.columns)
     for picture, top, left in drawn:
@@ -174,14 +170,46 @@ def compose_scene(
     if setting.light != DAY:
         shade = torch.tensor(setting.light.shade)[:, None, None].clamp(max=1.0)
         colors = colors * torch.lerp(torch.ones_like(shade), shade, _LIT)
-    ground = torch.ones_like(colors)  # paper costs no strokes
-    if setting.is_named:
-        ground = with_contrast(setting.ground(grid, seed), where, colors, setting.place.horizon)
-    elif _is_lost_on_paper(where, colors):
-        tone = torch.tensor(setting.place.above)[:, None, None].expand_as(ground)
-        ground = with_contrast(tone, where, colors)
+    ground = with_contrast(setting.ground(grid, seed), where, colors, setting.place.horizon)
+    if not in_the_air and not setting.place.is_paper:
+        low = min(one.y for one in things) if things else 0.0
+        for one, (picture, top, left) in zip(things, drawn, strict=True):
+            if one.y - low < _STANDING * one.height:
+                ground = _cast(picture, ground, top + picture.shape[1], left, is_water=setting.place.is_water)
     is_alone = len(things) == 1 and not setting.is_named
     return _under(setting, torch.lerp(ground, colors, where), where, seed, is_alone=is_alone)
+
+
+def compose_mood(first: Light, second: Light, setting: Setting, grid: PixelGrid, seed: int) -> ComposedScene:
+    """Composes a mood without things, in the form of the first light and with strokes of the second."""
+    picture = paint_mood(first.form, first.colors, second.colors, first.energy, grid, seed)
+    scene = _under(setting, picture, torch.zeros(grid.rows, grid.columns), seed, is_alone=False)
+    return replace(scene, where=torch.ones(grid.rows, grid.columns))
+
+
+def _cast(picture: Tensor, ground: Tensor, foot: int, left: int, *, is_water: bool) -> Tensor:
+    """Returns the ground [3, H, W] with the shadow of a thing [4, h, w] on it, or its reflection in water.
+
+    foot, left: row below the thing, and its first column
+    """
+    length = 0.7 if is_water else _SHADOW
+    rows = max(2, round(length * picture.shape[1]))
+    flat = torch.cat((picture[:3] * picture[3:], picture[3:])).flip(1)[None]
+    seen = functional.interpolate(flat, (rows, picture.shape[2]), mode="area")[0]
+    fading = torch.linspace(1, 0.2, rows)[:, None] * seen[3]
+    color = seen[:3] / seen[3:].clamp(min=1e-4) if is_water else torch.zeros(3, *fading.shape)
+    lean = 0.0 if is_water else _LEAN  # the light comes from the left
+    laid, opacity = ground.clone(), torch.zeros(ground.shape[1:])
+    first = foot - round(0.5 * rows * _SHADOW)
+    for row in range(rows):
+        start = left + round(lean * row)
+        inside = slice(max(0, start), min(ground.shape[2], start + fading.shape[1]))
+        if 0 <= first + row < ground.shape[1] and inside.start < inside.stop:
+            part = slice(inside.start - start, inside.stop - start)
+            opacity[first + row, inside] = fading[row, part]
+            laid[:, first + row, inside] = color[:, row, part]
+    near = max(1, round(0.008 * ground.shape[1]))
+    return torch.lerp(ground, laid, _DARK * soften(opacity[None], near))
 
 
 def compose_photograph(picture: Tensor, where: Tensor, setting: Setting, grid: PixelGrid, seed: int) -> ComposedScene:
@@ -236,19 +264,12 @@ def _under(setting: Setting, picture: Tensor, where: Tensor, seed: int, *, is_al
     return ComposedScene(picture.clamp(0, 1), torch.maximum(where, marks), is_alone)
 
 
-def _is_lost_on_paper(where: Tensor, colors: Tensor) -> bool:
-    """Returns True if too much of the things' outline, at `where` [H, W] in colours [3, H, W], is nearly white."""
-    seen = where > 0.5
-    around = functional.max_pool2d((~seen).float()[None, None], _RIM, 1, _RIM // 2)[0, 0] > 0
-    outline = to_lab(colors.permute(1, 2, 0)[seen & around])
-    white = to_lab(torch.ones(3))
-    return bool(((outline - white).norm(dim=1) < _PALE).float().mean() > _LOST)
-
-
 def _fit(
     things: Sequence[Placed], setting: Setting, grid: PixelGrid, seed: int, *, in_the_air: bool
 ) -> list[tuple[Tensor, int, int]]:
     """Returns the pictures scaled to pixels, each with its first row and column; nothing touches the edge."""
+    if not things:
+        return []
     rows, columns = grid.rows, grid.columns
     left = min(one.x - one.width / 2 for one in things)
     right = max(one.x + one.width / 2 for one in things)
@@ -259,7 +280,7 @@ def _fit(
     scale = min(_WIDE * columns / (right - left), tall * rows / (high - low))
     width, height = scale * (right - left), scale * (high - low)
     if not setting.is_named:
-        bottom = (rows + height) / 2
+        bottom = (rows + height) / 2 + (0 if in_the_air else 0.03 * rows)
     elif in_the_air:
         bottom = _ALOFT * rows + height / 2
     else:

@@ -1,6 +1,7 @@
 """Settings of a scene: place, light and weather, chosen by the meaning of a prompt and painted as a ground.
 
-A ground has a few flat areas. The toned canvas is one of them, and broad strokes paint the others.
+A ground has depth: a sky or a wall with light on it, land or a table that is darker in front, in loose strokes. Moods
+are lights too.
 """
 
 import math
@@ -15,12 +16,15 @@ from torch.nn import functional
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.palette import from_lab, to_lab
+from frida_painter.words.brushwork import paint_loosely
 
 Color = tuple[float, float, float]
 _PAPER: Color = (1.0, 1.0, 1.0)
 _EDGE = 0.03  # share of the height over which two bands blend
 _COVERED = 0.75  # share of the land that falling snow covers
-_GLOW = 0.12  # share of the height above the horizon in the glow of a low sun: about a row of the broad brush
+_DIM, _DEEP = 0.78, (0.80, 0.88, 0.95)  # factors of a colour away from the light, and of a blue sky's top
+_FAR = 0.30  # share of the light at the horizon that far land takes on
+_SLANT, _QUIET = 0.35, 0.75  # radians of the strokes of a sky, and their liveliness
 
 
 @dataclass(frozen=True)
@@ -35,6 +39,7 @@ class Place:
     relief: height of its hills, as a share of the height
     is_water: True if things float on it
     is_open: True if there is a sky over it
+    is_paper: True if nothing is painted there
     """
 
     name: str
@@ -46,16 +51,20 @@ class Place:
     relief: float = 0.0
     is_water: bool = False
     is_open: bool = True
+    is_paper: bool = False
 
 
 @dataclass(frozen=True)
 class Light:
-    """Light of a scene.
+    """Light of a scene: of an hour, a season, or a mood; without things it becomes a picture of its own.
 
     name: for messages
     words: words that name it
     top, low: sRGB of the sky at its top and at the horizon
     shade: factors for the colours of the land
+    accent: sRGB of its brightest or strangest strokes
+    form: composition of the light as a picture, one of `FORMS`
+    energy: 0 for long calm strokes to 1 for short, restless ones
     stars: number of stars
     """
 
@@ -64,7 +73,16 @@ class Light:
     top: Color
     low: Color
     shade: Color
+    accent: Color = _PAPER
+    form: str = "horizon"
+    energy: float = 0.2
     stars: int = 0
+
+    @property
+    def colors(self) -> Tensor:
+        """Colours [4, 3] of its picture: depth, top, low and accent."""
+        depth = tuple(0.45 * part * shade for part, shade in zip(self.top, self.shade, strict=True))
+        return torch.tensor((depth, self.top, self.low, self.accent)).clamp(0, 1)
 
 
 @dataclass(frozen=True)
@@ -74,6 +92,7 @@ class Weather:
     name: for messages
     words: words that name it
     color: sRGB of rain, flakes or fog
+    light: in it, if the words name no other
     rain, flakes: number of marks
     fog: opacity
     """
@@ -81,12 +100,23 @@ class Weather:
     name: str
     words: tuple[str, ...]
     color: Color
+    light: Light
     rain: int = 0
     flakes: int = 0
     fog: float = 0.0
 
 
-PAPER = Place("bare paper", (), (), _PAPER, _PAPER, 0.5)
+NOWHERE = Place("", (), (), _PAPER, _PAPER, 0.5)
+PAPER = Place(
+    "plain paper",
+    ("plain paper", "blank page", "plain background"),
+    (),
+    _PAPER,
+    _PAPER,
+    0.5,
+    is_open=False,
+    is_paper=True,
+)
 PLACES = (
     Place("the sea", ("sea", "ocean", "harbour", "coast", "wave"), ("sailing boat", "ship", "whale", "fish", "island"),
           (0.80, 0.89, 0.95), (0.22, 0.46, 0.66), 0.70, is_water=True),
@@ -119,34 +149,74 @@ PLACES = (
     Place("a room", ("room", "indoors", "floor", "wall", "stage"),
           ("furniture", "musical instrument", "clothes", "tool", "chair", "computer"),
           (0.92, 0.88, 0.80), (0.60, 0.44, 0.32), 0.74, is_open=False),
+    PAPER,
 )  # fmt: skip
-HILLS, FOREST, SKY = PLACES[4], PLACES[6], PLACES[10]
+LAKE, MEADOW, FOREST, SKY, TABLE, ROOM = PLACES[1], PLACES[3], PLACES[6], PLACES[10], PLACES[11], PLACES[12]
 DAY = Light("day", (), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
 LIGHTS = (
     Light("dawn", ("dawn", "sunrise", "early morning", "morning"), (0.62, 0.70, 0.86), (0.99, 0.82, 0.68),
-          (0.92, 0.84, 0.84)),
+          (0.92, 0.84, 0.84), (1.0, 0.93, 0.70)),
     Light("sunset", ("sunset", "dusk", "evening", "twilight"), (0.42, 0.36, 0.58), (0.99, 0.60, 0.28),
-          (0.78, 0.60, 0.58)),
-    Light("night", ("night", "midnight", "moonlight", "dark night", "starry night"), (0.05, 0.08, 0.22),
-          (0.27, 0.35, 0.56), (0.30, 0.35, 0.52), 10),
-    Light("a grey day", ("gloomy", "sad", "lonely", "loneliness", "melancholy", "grief", "stormy", "grey weather",
-          "cloudy day"), (0.52, 0.56, 0.62), (0.76, 0.78, 0.80), (0.72, 0.75, 0.80)),
-    Light("warm light", ("joy", "happiness", "love", "cheerful", "summer"), (0.55, 0.80, 0.97),
-          (1.0, 0.94, 0.70), (1.05, 1.0, 0.88)),
-    Light("autumn light", ("autumn", "fall foliage"), (0.86, 0.84, 0.76), (0.98, 0.84, 0.56), (1.18, 0.80, 0.52)),
+          (0.78, 0.60, 0.58), (1.0, 0.86, 0.45)),
+    Light("night", ("night", "midnight", "moonlight", "darkness", "starry night"), (0.05, 0.08, 0.22),
+          (0.27, 0.35, 0.56), (0.30, 0.35, 0.52), (0.98, 0.93, 0.66), stars=10),
+    Light("autumn", ("autumn", "fall foliage", "october"), (0.80, 0.72, 0.58), (0.90, 0.58, 0.20),
+          (1.18, 0.80, 0.52), (0.72, 0.20, 0.12), "fall", 0.5),
+    Light("winter", ("cold", "winter", "frost"), (0.66, 0.76, 0.86), (0.88, 0.92, 0.96), (0.92, 0.98, 1.08),
+          (0.98, 0.90, 0.84)),
+    Light("heat", ("heat", "summer", "noon", "drought"), (0.93, 0.62, 0.25), (0.99, 0.82, 0.36), (1.10, 1.0, 0.78),
+          (1.0, 0.97, 0.80), "burst", 0.3),
+    Light("sorrow", ("sadness", "grief", "loneliness", "melancholy", "gloomy", "a farewell"), (0.34, 0.42, 0.54),
+          (0.60, 0.66, 0.72), (0.70, 0.75, 0.82), (0.80, 0.74, 0.62), "fall", 0.15),
+    Light("joy", ("joy", "happiness", "laughter", "celebration", "party"), (0.98, 0.60, 0.36), (1.0, 0.84, 0.36),
+          (1.08, 1.0, 0.88), (1.0, 0.97, 0.80), "burst", 0.8),
+    Light("love", ("love", "tenderness", "passion", "romance"), (0.76, 0.24, 0.36), (0.95, 0.60, 0.56),
+          (1.05, 0.88, 0.86), (1.0, 0.88, 0.72), "vortex", 0.25),
+    Light("anger", ("anger", "rage", "war", "hatred"), (0.62, 0.10, 0.09), (0.88, 0.28, 0.10), (0.95, 0.62, 0.58),
+          (0.99, 0.74, 0.22), "burst", 1.0),
+    Light("fear", ("fear", "anxiety", "nightmare", "danger", "pain"), (0.16, 0.20, 0.24), (0.40, 0.50, 0.40),
+          (0.52, 0.58, 0.60), (0.85, 0.82, 0.46), "vortex", 0.9),
+    Light("calm", ("calm", "peace", "silence", "sleep", "boredom"), (0.56, 0.72, 0.76), (0.84, 0.88, 0.82),
+          (0.96, 1.0, 1.0), (0.99, 0.93, 0.80), "horizon", 0.0),
+    Light("longing", ("nostalgia", "memory", "longing", "childhood", "homesickness"), (0.52, 0.44, 0.44),
+          (0.86, 0.66, 0.42), (0.92, 0.82, 0.70), (0.98, 0.88, 0.64), "horizon", 0.25),
+    Light("a dream", ("dream", "imagination", "mystery", "magic", "secret"), (0.36, 0.28, 0.58), (0.36, 0.64, 0.68),
+          (0.88, 0.84, 1.05), (0.97, 0.78, 0.84), "waves", 0.3),
+    Light("hope", ("hope", "spring", "birth", "growth", "beginning"), (0.44, 0.66, 0.44), (0.80, 0.86, 0.52),
+          (1.0, 1.05, 0.92), (0.99, 0.86, 0.86), "field", 0.4),
+    Light("freedom", ("freedom", "wind", "journey", "adventure"), (0.28, 0.56, 0.80), (0.70, 0.86, 0.92),
+          (1.0, 1.0, 1.0), (0.99, 0.97, 0.88), "waves", 0.6),
+    Light("chaos", ("chaos", "confusion", "noise", "hurry", "madness"), (0.30, 0.28, 0.52), (0.86, 0.34, 0.26),
+          (0.95, 0.92, 0.92), (0.95, 0.84, 0.34), "field", 1.0),
+    Light("music", ("music", "song", "jazz", "rhythm", "dance", "sound"), (0.18, 0.26, 0.54), (0.76, 0.28, 0.42),
+          (0.92, 0.88, 0.96), (0.97, 0.76, 0.32), "waves", 0.7),
+    Light("power", ("power", "victory", "justice", "glory", "courage"), (0.38, 0.14, 0.38), (0.86, 0.60, 0.22),
+          (1.02, 0.94, 0.90), (1.0, 0.92, 0.62), "burst", 0.4),
+    Light("emptiness", ("emptiness", "death", "nothing", "loss", "end"), (0.24, 0.24, 0.27), (0.46, 0.45, 0.45),
+          (0.62, 0.62, 0.64), (0.78, 0.76, 0.72), "horizon", 0.0),
+    Light("thought", ("thought", "idea", "time", "eternity", "gravity", "knowledge", "truth"), (0.14, 0.26, 0.44),
+          (0.34, 0.56, 0.68), (0.92, 0.96, 1.02), (0.98, 0.84, 0.48), "vortex", 0.2),
 )  # fmt: skip
-GREY = LIGHTS[3]
-TIMES = (*LIGHTS[:3], LIGHTS[5])
+GREY = LIGHTS[6]
+TIMES = LIGHTS[:6]
 """Lights of a time of day or year, in contrast to those of a mood."""
-CLEAR = Weather("clear", (), _PAPER)
+_STORM = Light(
+    "a storm", (), (0.22, 0.27, 0.34), (0.58, 0.62, 0.62), (0.62, 0.66, 0.70), (0.93, 0.90, 0.72), "vortex", 0.8
+)
+_PALE = Light(
+    "pale light", (), (0.72, 0.75, 0.78), (0.88, 0.89, 0.89), (0.85, 0.88, 0.90), (0.97, 0.95, 0.90), energy=0.0
+)
+CLEAR = Weather("clear", (), _PAPER, DAY)
 WEATHERS = (
-    Weather("rain", ("rain", "rainy", "downpour", "storm", "thunderstorm"), (0.86, 0.90, 0.95), rain=16),
-    Weather("snow", ("snowfall", "snowing", "snowy", "blizzard", "snowstorm"), (1.0, 1.0, 1.0), flakes=18),
-    Weather("fog", ("fog", "mist", "misty", "haze"), (0.90, 0.91, 0.92), fog=0.6),
+    Weather("rain", ("rain", "rainy", "downpour", "drizzle"), (0.86, 0.90, 0.95), GREY, rain=16),
+    Weather("a storm", ("storm", "stormy", "thunder", "lightning", "hurricane"), (0.82, 0.84, 0.88), _STORM, rain=12),
+    Weather("snow", ("snowfall", "snowing", "snowy", "blizzard", "snowstorm"), (1.0, 1.0, 1.0), LIGHTS[4], flakes=18),
+    Weather("fog", ("fog", "mist", "misty", "haze"), (0.90, 0.91, 0.92), _PALE, fog=0.6),
 )
 _Part = TypeVar("_Part", Place, Light, Weather)
 _CALLED = 0.72  # similarity to a place's words above which words name it
 _FELT, _FELT_WEATHER = 0.62, 0.7  # to the words of a light, and of a weather: a snowmobile (0.67) is a thing
+_ABSTRACT, _MOOD = 0.25, 0.35  # margin of an abstract noun with a picture, and least similarity to a light's words
 _TOLD_APART, _MIDDLE = 40.0, 55.0  # Lab distance, and L*
 
 
@@ -154,12 +224,14 @@ _TOLD_APART, _MIDDLE = 40.0, 55.0  # Lab distance, and L*
 class Setting:
     """Setting of a scene: place, light and weather.
 
+    second: further light that the words name, for a mood without things
     is_named: True if words of the prompt ask for it
     """
 
-    place: Place = PAPER
+    place: Place = NOWHERE
     light: Light = DAY
     weather: Weather = CLEAR
+    second: Light | None = None
     is_named: bool = False
 
     @property
@@ -173,24 +245,35 @@ class Setting:
         """Returns the ground [3, H, W] on the grid, without rain, flakes and stars."""
         rows, columns = grid.rows, grid.columns
         place, shade = self.place, torch.tensor(self.light.shade)
-        high = low = torch.tensor(place.above)
-        if self.light != DAY:
+        above, below = torch.tensor(place.above), torch.tensor(place.below)
+        if place.is_paper:
+            return (above * shade).clamp(0, 1)[:, None, None].expand(3, rows, columns).contiguous()
+        if not place.is_open:
+            high, low = above * shade * _DIM, above * shade
+        elif self.light == DAY:
+            high, low = above * torch.tensor(_DEEP), torch.lerp(above, torch.ones(3), 0.4)
+        else:
             high, low = torch.tensor(self.light.top), torch.tensor(self.light.low)
-            if not place.is_open:
-                high = low = torch.tensor(place.above) * shade
-        picture = high[:, None, None].expand(3, rows, columns)
-        glow = _below(rows, place.horizon - _GLOW)[None]
-        picture = torch.lerp(picture, low[:, None, None].expand_as(picture), glow.expand_as(picture))
-        land = torch.tensor(place.below) * shade
+        land = below * shade
         if self.weather.flakes and place.is_open and not place.is_water:  # snow also covers the land
             land = torch.lerp(land, torch.tensor(self.weather.color) * shade, _COVERED)
         if place.is_water:  # water reflects the top of the sky; the glow of a low sun would make it grey
             land = torch.lerp(land, high, 0.25)
+        down, across = ((torch.arange(side) + 0.5) / side for side in (rows, columns))
+        down, across = torch.meshgrid(down, across, indexing="ij")
+        # The light comes from the left, and along the horizon.
+        share = (down / place.horizon).clamp(max=1) ** 2
+        share = 0.35 * share + 0.65 * (1 - across) if not place.is_open else 0.85 * share + 0.15 * (1 - across)
+        picture = torch.lerp(high[:, None, None], low[:, None, None], share)
+        near = ((down - place.horizon) / (1 - place.horizon)).clamp(0, 1)
+        far = torch.lerp(land, low, _FAR if place.is_open else 0.0)
+        front = torch.lerp(far[:, None, None], (land * _DIM)[:, None, None], near)
         if place.relief:
-            far = torch.lerp(land, low, 0.35)[:, None, None]
-            picture = torch.lerp(picture, far.expand_as(picture), self._hills(rows, columns, seed))
-        near = land[:, None, None].expand_as(picture)
-        return torch.lerp(picture, near, _below(rows, place.horizon)[None].expand_as(picture)).clamp(0, 1)
+            hills = torch.lerp(land, low, 0.35)[:, None, None]
+            picture = torch.lerp(picture, hills.expand_as(picture), self._hills(rows, columns, seed))
+        picture = torch.lerp(picture, front, _below(rows, place.horizon)[None].expand_as(picture)).clamp(0, 1)
+        slant = _SLANT * (1 if seed % 2 else -1) * (1 - _below(rows, place.horizon)).expand(rows, columns)
+        return paint_loosely(picture, slant + 0.25 * (share - 0.5), seed, lively=_QUIET)
 
     def in_fog(self, picture: Tensor) -> Tensor:
         """Returns the picture [3, H, W] with fog in front of it, if there is any."""
@@ -233,8 +316,42 @@ def find_weather(name: str, sentences: SentenceEncoder, least: float = 0.0) -> W
     return weather if similarity >= max(least, _FELT_WEATHER) else None
 
 
+def find_mood(name: str, others: Sequence[str], sentences: SentenceEncoder, *, is_pictured: bool) -> Light | None:
+    """Returns the light of an abstract noun: a feeling, a time, a sound, an idea; None for a thing.
+
+    A noun is abstract if it is nearer to the words of lights than to all words for things.
+
+    others: words for things
+    is_pictured: True if there is a picture of that name, so that it must be much nearer
+    """
+    light, similarity = _nearest(name, LIGHTS, sentences)
+    meanings = sentences.embed([name, *others, *(word for place in PLACES for word in (*place.words, *place.found))])
+    margin = similarity - float((meanings[1:] @ meanings[0]).max())
+    return light if similarity >= _MOOD and margin > (_ABSTRACT if is_pictured else 0.0) else None
+
+
+def rank_lights(words: str, sentences: SentenceEncoder) -> list[Light]:
+    """Returns the lights of hours, seasons and moods, from the most to the least similar to some words."""
+    found = sorted(((_nearest(words, (light,), sentences)[1], -number) for number, light in enumerate(LIGHTS)))
+    return [LIGHTS[-number] for _, number in reversed(found)]
+
+
+def mix_lights(first: Light, second: Light) -> Light:
+    """Returns the light halfway between two, with the form of the second: grief at dawn."""
+    top, low, shade, accent = (
+        _halve(getattr(first, name), getattr(second, name)) for name in ("top", "low", "shade", "accent")
+    )
+    name = f"{first.name}, {second.name}"
+    return replace(second, name=name, stars=first.stars, top=top, low=low, shade=shade, accent=accent)
+
+
+def _halve(one: Color, two: Color) -> Color:
+    red, green, blue = ((first + second) / 2 for first, second in zip(one, two, strict=True))
+    return red, green, blue
+
+
 def infer_place(names: Sequence[str], sentences: SentenceEncoder, least: float, *, outside: bool = False) -> Place:
-    """Returns the usual place of things; bare paper if the similarity is below `least`.
+    """Returns the usual place of things; `NOWHERE` if the similarity is below `least`.
 
     outside: True to consider only places under the sky
     """
@@ -243,12 +360,14 @@ def infer_place(names: Sequence[str], sentences: SentenceEncoder, least: float, 
     meanings = sentences.embed([*names, *(word for _, word in words)])
     similarity = (meanings[len(names) :] @ meanings[: len(names)].T).mean(1)
     best = int(similarity.argmax())
-    return words[best][0] if float(similarity[best]) >= least else PAPER
+    return words[best][0] if float(similarity[best]) >= least else NOWHERE
 
 
 def in_color(place: Place, paint: Tensor) -> Place:
     """Returns the place in a named colour: a teal sky, a green meadow."""
     color = (float(paint[0]), float(paint[1]), float(paint[2]))
+    if place.is_paper:
+        return replace(place, above=color, below=color)
     return replace(place, above=color) if place.name == "the sky" else replace(place, below=color)
 
 

@@ -6,7 +6,8 @@ spaCy's small English model (Honnibal et al. 2020) parses the grammar. No word l
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -18,6 +19,7 @@ from frida_painter import registry, weights
 from frida_painter.errors import ConfigError, WeightsError
 from frida_painter.objectives.encoders.classifiers import synonyms
 from frida_painter.objectives.encoders.loading import EncoderRegistry
+from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.palette import from_lab, to_lab
 
 if TYPE_CHECKING:
@@ -44,6 +46,8 @@ _BASIC = ("black", "white", "red", "green", "yellow", "blue", "brown", "purple",
 _VIVID = 72.0  # chroma
 _PARTS = ("of", "with")  # these words introduce a part of the thing before them
 _LABEL = 60
+_STEM, _ENDING = 4, 3  # least letters of a word with other forms and compounds, and greatest number of an ending's
+_LEXICON = 1000  # greatest number of new words in one call that are kept
 _LONGEST = 400  # characters; a longer text is no description of one picture
 
 
@@ -58,6 +62,7 @@ class Thing:
     doing: verb for its action, such as "sleep", or ""
     plural: the noun as written, for a plural with a form different from the singular, such as "scissors"
     uncounted: True if it has no number and no article, such as the coffee in "a cup of coffee"
+    at: positions of its words in the prompt; two things with equal words are equal wherever they stand
     """
 
     name: str
@@ -67,6 +72,7 @@ class Thing:
     doing: str = ""
     plural: str = ""
     uncounted: bool = False
+    at: tuple[int, ...] = field(default=(), compare=False)
 
     @property
     def shown(self) -> int:
@@ -81,11 +87,41 @@ class Thing:
 
 @dataclass(frozen=True)
 class Relation:
-    """Relation of two things: their positions in `Reading.things`, and a preposition or verb between them."""
+    """Relation of two things: their positions in `Reading.things`, and a preposition or verb between them.
+
+    at: positions of its words in the prompt
+    """
 
     subject: int
     word: str
     object: int
+    at: tuple[int, ...] = field(default=(), compare=False)
+
+
+@dataclass(frozen=True)
+class SaidWord:
+    """Word of a prompt that can be shown.
+
+    at: position in the prompt
+    text: as written
+    lemma: in the singular, in small letters
+    kind: "thing" for a noun, "quality" for an adjective, an adverb, and a noun before another; "number"; "action";
+        "relation" for a preposition
+    """
+
+    at: int
+    text: str
+    lemma: str
+    kind: str
+
+    def says(self, caption: str) -> bool:
+        """Returns True if a caption has this word, an inflected form, or a compound that ends with it."""
+        stem, own = self.lemma[: max(_STEM, len(self.lemma) - 1)], (self.text.lower(), self.lemma)
+        for word in re.findall(r"[\w']+", caption.lower()):
+            is_form = word.startswith(stem) and len(word) <= len(self.lemma) + _ENDING
+            if word in own or (len(stem) >= _STEM and (is_form or word.endswith(own))):
+                return True
+        return False
 
 
 @dataclass(frozen=True)
@@ -96,12 +132,39 @@ class Reading:
     relations: between the things
     absent: nouns of things that must not be seen
     too_many: True if the prompt has more things than `things`
+    said: all its words that can be shown, in its order
     """
 
     things: tuple[Thing, ...]
     relations: tuple[Relation, ...] = ()
     absent: tuple[str, ...] = ()
     too_many: bool = False
+    said: tuple[SaidWord, ...] = ()
+
+
+class WordMeanings(SentenceEncoder):
+    """Sentence encoder that keeps its embeddings, so that the words of tables are read once."""
+
+    def __init__(self, encoder: SentenceEncoder) -> None:
+        self._encoder = encoder
+        self._read: dict[str, Tensor] = {}
+
+    def is_cut_off(self, sentence: str) -> bool:
+        """Returns True if the end of a sentence is cut off."""
+        return self._encoder.is_cut_off(sentence)
+
+    def embed(self, sentences: Sequence[str]) -> Tensor:
+        """Returns embeddings of sentences: [n, d], each of unit length."""
+        new = [sentence for sentence in dict.fromkeys(sentences) if sentence not in self._read]
+        if len(new) > _LEXICON:
+            return self._encoder.embed(sentences)
+        self._read |= dict(zip(new, self._encoder.embed(new), strict=True)) if new else {}
+        return torch.stack([self._read[sentence] for sentence in sentences])
+
+
+def word_meanings(encoders: EncoderRegistry) -> WordMeanings:
+    """Returns the encoder of words that keeps what it has read."""
+    return encoders.keep("word meanings", lambda: WordMeanings(encoders.sentences()))
 
 
 def prompt_reader(encoders: EncoderRegistry) -> PromptReader:
@@ -153,13 +216,20 @@ class PromptReader:
         text = prompt[:_LONGEST].strip().rstrip(".!")
         text = text.lower() if text.isupper() else text[:1].lower() + text[1:]
         walk = _Walk(self._words or _Words(frozenset(), frozenset(), frozenset()))
-        for sentence in self._parse(text).sents if self._language is not None else ():
+        parsed = self._parse(text) if self._language is not None else None
+        for sentence in parsed.sents if parsed is not None else ():
             walk.sentence(sentence.root)
         if walk.absent and not walk.things:
             raise ConfigError(f"The words {text[:60]!r} say only what must not be seen; say what to paint.")
         plain = re.sub("^(an?|the) ", "", text)
-        things = tuple(walk.things) or (Thing(plain, plain.rpartition(" ")[2]),)
-        return Reading(things, tuple(dict.fromkeys(walk.relations)), tuple(dict.fromkeys(walk.absent)), walk.too_many)
+        between = {at for relation in walk.relations for at in relation.at}
+        said = () if parsed is None else _list_said(parsed, between)
+        said = said or (SaidWord(0, plain, plain.lower(), "thing"),)
+        if parsed is not None and (rest := prompt.strip()[_LONGEST:].strip()):
+            said = (*said, SaidWord(len(parsed), rest[:_LABEL], rest[:_LABEL].lower(), "thing"))
+        whole = Thing(plain, plain.rpartition(" ")[2], at=tuple(word.at for word in said))
+        relations, absent = tuple(dict.fromkeys(walk.relations)), tuple(dict.fromkeys(walk.absent))
+        return Reading(tuple(walk.things) or (whole,), relations, absent, walk.too_many, said)
 
     def _parse(self, text: str) -> Doc:
         """Returns the parsed text. Words that are only nouns in the lexicon are never adjectives: a croissant."""
@@ -169,6 +239,26 @@ class PromptReader:
             if word.pos_ in ("ADJ", "ADV", "X", "INTJ") and word.i > word.head.i and word.lemma_ in self._words.nouns:
                 word.pos_ = "NOUN"
         return read
+
+
+def _list_said(parsed: Doc, between: set[int]) -> tuple[SaidWord, ...]:
+    """Returns the words of a prompt that can be shown: all but articles, conjunctions, particles and pronouns.
+
+    between: positions of the words of relations
+    """
+    kinds = {"NOUN": "thing", "PROPN": "thing", "INTJ": "thing", "X": "thing", "ADJ": "quality", "ADV": "quality",
+             "NUM": "number", "VERB": "action", "ADP": "relation"}  # fmt: skip
+    found = []
+    for word in parsed:
+        kind = "number" if _is_number(word) and word.lemma_ not in _GROUPS else kinds.get(word.pos_, "")
+        if kind in ("thing", "action") and word.dep_ in ("amod", "compound", "npadvmod"):
+            kind = "quality"
+        if (word.i in between and kind != "action") or word.dep_ in ("prep", "agent"):
+            kind = "relation"
+        is_degree = word.pos_ == "ADV" and word.is_stop and kind == "quality"
+        if kind and word.text.strip("-'\".,;:!?") and not is_degree:
+            found.append(SaidWord(word.i, word.text, word.lemma_.lower(), kind))
+    return tuple(found)
 
 
 class _Words(NamedTuple):
@@ -240,20 +330,21 @@ class _Walk:
             return self._thing(shown)
         counted = next((word for word in _children(noun, "prep") if word.lower_ == "of"), None)
         inner = None if counted is None or noun.lemma_ not in _GATHERED else _child(counted, "pobj")
-        if inner is not None:
+        if inner is not None and counted is not None:
             numbers = self._thing(inner)
             for first in numbers[:1]:
-                self.things[first] = replace(self.things[first], count=_GATHERED[noun.lemma_])
+                inside = self.things[first]
+                self.things[first] = replace(inside, count=_GATHERED[noun.lemma_], at=(*inside.at, noun.i, counted.i))
             self._hanging(noun, numbers, but=counted)
             return [*numbers, *(at for other in _join_nouns(noun) for at in self._thing(other))]
         number = len(self.things)
         if (doing := _mistaken_clause(noun)) is not None:
             # The parser takes "a farmer feeding chickens" for a kind of chickens; the article "a" shows the mistake.
             self.things.append(_describe_noun(doing.nbor(-1), doing.nbor(-1)))
-            self.things[number] = replace(self.things[number], doing=doing.lower_)
+            self._act(number, doing)
             self.things.append(_describe_noun(noun, noun, after=doing.i))
             joined = [at for other in _join_nouns(noun) for at in self._thing(other)]
-            self._relate([number], doing.lower_, [number + 1, *joined])
+            self._relate([number], doing.lower_, [number + 1, *joined], (doing.i,))
             self._hanging(noun, [number])
             return [number]
         self.things.append(self._in_one_word(_describe_noun(noun, whole or noun)))
@@ -286,11 +377,11 @@ class _Walk:
         for verb in _children(noun, "acl", "relcl", "advcl"):
             self._clause(verb, subjects)
 
-    def _preposition(self, word: Token, subjects: list[int], said: str = "") -> None:
+    def _preposition(self, word: Token, subjects: list[int], said: str = "", at: tuple[int, ...] = ()) -> None:
         """Adds a relation for each subject and each object. "In front of" and "next to" count as one word."""
-        said = f"{said} {word.lower_}".strip()
+        said, at = f"{said} {word.lower_}".strip(), (*at, word.i)
         for inner in _children(word, "prep"):
-            self._preposition(inner, subjects, said)
+            self._preposition(inner, subjects, said, at)
         for noun in _children(word, "pobj"):
             further = [one for one in _children(noun, "prep") if one.lower_ == "of"]
             if (
@@ -299,12 +390,12 @@ class _Walk:
                 and not any(child.dep_ in ("det", "amod", "nummod", "compound") for child in noun.children)
             ):
                 for one in further:
-                    self._preposition(one, subjects, f"{said} {noun.lower_}")
+                    self._preposition(one, subjects, f"{said} {noun.lower_}", (*at, noun.i))
                 continue
             if said == "without":
                 self.absent.append(noun.lemma_)
                 continue
-            self._relate(subjects, said, self._object(noun, subjects))
+            self._relate(subjects, said, self._object(noun, subjects), at)
 
     def _object(self, noun: Token, subjects: list[int]) -> list[int]:
         """Returns the numbers of an object. Its own relations to further places are moved to the subjects."""
@@ -313,7 +404,7 @@ class _Walk:
         raised = []
         for relation in self.relations[before:]:
             if relation.subject in numbers and subjects and relation.word not in _PARTS:
-                raised += [Relation(subject, relation.word, relation.object) for subject in subjects]
+                raised += [replace(relation, subject=subject) for subject in subjects]
             else:
                 raised.append(relation)
         self.relations[before:] = raised
@@ -321,16 +412,21 @@ class _Walk:
 
     def _clause(self, verb: Token, subjects: list[int]) -> None:
         for number in subjects:
-            self.things[number] = replace(self.things[number], doing=verb.lower_)
+            self._act(number, verb)
         for noun in _children(verb, "dobj", "attr"):
-            self._relate(subjects, verb.lower_, self._object(noun, subjects))
+            self._relate(subjects, verb.lower_, self._object(noun, subjects), (verb.i,))
         for word in _children(verb, "prep", "advmod"):
             self._preposition(word, subjects)
         for other in _children(verb, "advcl", "xcomp", "conj"):
             self._clause(other, subjects)
 
-    def _relate(self, subjects: list[int], word: str, objects: list[int]) -> None:
-        self.relations += [Relation(subject, word, other) for subject in subjects for other in objects]
+    def _act(self, number: int, verb: Token) -> None:
+        """Gives a thing its action."""
+        thing = self.things[number]
+        self.things[number] = replace(thing, doing=verb.lower_, at=(*thing.at, verb.i))
+
+    def _relate(self, subjects: list[int], word: str, objects: list[int], at: tuple[int, ...]) -> None:
+        self.relations += [Relation(subject, word, other, at) for subject in subjects for other in objects]
 
 
 def _mistaken_clause(noun: Token) -> Token | None:
@@ -363,7 +459,8 @@ def _describe_noun(noun: Token, whole: Token, after: int = -1) -> Thing:
     count = 1 if count is None and not plural else count
     said = noun.lower_ if plural and noun.lower_ != lemma.lower() else ""
     uncounted = not plural and not numbers and not _children(whole, "det", "poss")
-    return Thing(" ".join([*name, lemma]), lemma, color, count, plural=said, uncounted=uncounted)
+    at = tuple(sorted({noun.i, *(word.i for word in (*before, *numbers))}))
+    return Thing(" ".join([*name, lemma]), lemma, color, count, plural=said, uncounted=uncounted, at=at)
 
 
 def _belongs(word: Token, noun: Token) -> bool:

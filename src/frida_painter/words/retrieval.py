@@ -15,6 +15,7 @@ from frida_painter.objectives.encoders.classifiers import has_class, kin, synony
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.palette import to_lab
+from frida_painter.words.arrangement import is_person
 from frida_painter.words.compositing import lay, muted_color, recolor, resize
 from frida_painter.words.libraries import PictureFolder, PictureLibrary, libraries_at_hand
 from frida_painter.words.reading import (
@@ -26,6 +27,7 @@ from frida_painter.words.reading import (
     is_modified,
     split_title,
     spoken,
+    word_meanings,
 )
 
 # Appearance of a picture, independent of its thing: its worth as a start of a painting.
@@ -98,10 +100,8 @@ def _flatness(picture: Tensor) -> float:
     return float((same & pairs).sum()) / max(1, int(pairs.sum()))
 
 
-_MIN = 0.6  # similarity of a caption to a thing below which it means something else
-_AKIN = 0.42  # the same for substitutes of a thing without a picture
-_PART = 3  # least number of letters of a part of a compound noun
-_FIRST_PART, _LAST_PART = 0.5, 0.65  # of similarity for a first part, and similarity for a last part
+_MIN = 0.6  # similarity of a caption to a thing below which it means something else, and no picture is better
+_KIN = 0.42  # least worth of a relative, as similarity
 _NAMED = 0.8  # similarity above which a caption means the thing, with any words: a duck (0.64) is no goose
 _FARTHER_KIN = 0.005  # loss for each living thing that is more similar
 _AGREES = 0.35  # similarity to the prompt's own words that a synonym's caption needs
@@ -191,6 +191,7 @@ class PictureIndex:
         longest = max(len(entry.rows) for entry in self._entries)
         self._titles = torch.tensor([entry.rows[0] for entry in self._entries])
         self._kinds = np.array([" ".join(split_title(entry.title)[-1:]) for entry in self._entries])
+        self._names = np.array([entry.title for entry in self._entries])
         self._words = torch.tensor(
             [entry.rows + (entry.rows[0],) * (longest - len(entry.rows)) for entry in self._entries]
         )
@@ -210,7 +211,7 @@ class PictureIndex:
 
         prompt: whole text, for the context
         distance: returns the distance of a picture [3, h, w] from the thing, as networks see it; 0 is near
-        least: similarity that a caption needs, if similar things are not acceptable; 0 for the default
+        least: similarity that a caption needs; 0 for the default
         shows: words that the caption must all mention
         cut_out: True to exclude pictures with a ground, and other things with a similar name, except the user's own
         upright: True to prefer a person from head to foot
@@ -224,25 +225,31 @@ class PictureIndex:
         akin = None if own or shows else self._akin(thing, similarity)
         similarity = similarity if akin is None else akin
         exact = bool(own) or float(similarity.max()) >= (least or _MIN)
-        if (least or (cut_out and akin is None)) and not exact:
+        if not exact and (least or akin is None):
             return None
-        least = least or (_MIN if exact else _AKIN)
+        least = least or (_MIN if exact else _KIN)
         context = self._similar(prompt)[self._titles]
         order = (similarity + _CONTEXT * context).argsort(descending=True)[: 4 * _LOOKED_AT].tolist()
         near = [at for at in order if similarity[at] >= max(least, float(similarity.max()) - _BAND)]
         mine = sorted(own, key=lambda at: -float(similarity[at]))[:_LOOKED_AT]
         near = [*mine, *(at for at in near[:_LOOKED_AT] if at not in own)]
-        kept = (at for at in near if at in own or self._may_show(at, thing, shows, among=cut_out))
+        figure = not shows and is_person(thing.name, self._sentences)
+        kept = (at for at in near if at in own or self._may_show(at, thing, shows, among=cut_out, figure=figure))
         return self._best(kept, thing, similarity, context, distance, own, exact=exact, among=cut_out, upright=upright)
 
-    def _may_show(self, at: int, thing: Thing, shows: Sequence[str], *, among: bool) -> bool:
-        """Returns True if a picture is the user's own, or does not show another thing of that name."""
+    def _may_show(self, at: int, thing: Thing, shows: Sequence[str], *, among: bool, figure: bool) -> bool:
+        """Returns True if a picture is the user's own, or does not show another thing of that name.
+
+        figure: True if the thing is a person, whom only a person may stand for: a tooth is no dentist
+        """
         entry = self._entries[at]
         if entry.library.is_own:
             return True
         another = bool(
             set(shows) & set(split_title(entry.title)[:-1])
         )  # a spider web shows no spider, a desk lamp no desk
+        if figure and not is_called(entry.title, thing) and not is_person(entry.title, self._sentences):
+            return False
         return not another and not (among and is_modified(entry.title, thing))
 
     def _best(
@@ -351,29 +358,15 @@ class PictureIndex:
                 called = torch.maximum(called, self._embed_captions(words))
         if thing.plural and thing.count in SEVERAL:
             called = torch.maximum(called, self._embed_captions(f"{thing.name.removesuffix(thing.noun)}{thing.plural}"))
-        called = self._by_its_parts(called, thing.noun)
         for other in synonyms(thing.name):
             called = torch.maximum(called, self._embed_captions(other).masked_fill(called < _AGREES, 0))
         if thing.noun == thing.name:
             return called
-        # An older man is a man, but a slot machine is no sewing machine.
+        # An older man is a man, and any picture called a man will do; but a slot machine is no sewing machine.
+        called = torch.where(torch.from_numpy(self._names == thing.noun), called.clamp(min=_MIN), called)
         is_one = torch.from_numpy(self._kinds == thing.noun) & (called >= _MIN)
         noun = self._embed_captions(thing.noun).masked_fill(is_one, 1)
         return ((1 - _NOUN) * called + _NOUN * noun).masked_fill(noun < _SPEAKS, 0)  # stones are no stone bridge
-
-    def _by_its_parts(self, called: Tensor, noun: str) -> Tensor:
-        """Returns the similarities [n], corrected for a compound noun: a bullfrog is a frog, and no bull."""
-        if " " in noun:
-            return called
-        kinds = set(self._kinds.tolist())
-        splits = [(noun[:at], noun[at:]) for at in range(_PART, len(noun) - _PART + 1)]
-        for first, last in splits:
-            if first in kinds and last in kinds:
-                called = torch.maximum(called, self._embed_captions(f"{first} {last}"))
-        is_first = torch.from_numpy(np.isin(self._kinds, [first for first, _ in splits]))
-        is_last = torch.from_numpy(np.isin(self._kinds, [last for _, last in splits]))
-        called = torch.where(is_first, _FIRST_PART * called, called)
-        return torch.where(is_last, called.clamp(min=_LAST_PART), called)
 
     def _akin(self, thing: Thing, similarity: Tensor) -> Tensor | None:
         """Returns the similarities of related living things if a thing has no picture; None if there are none."""
@@ -381,7 +374,7 @@ class PictureIndex:
             return None
         akin = torch.zeros(len(self._entries))
         for number, other in enumerate(kin(thing.name)):
-            like = max(_AKIN, _MIN - _FARTHER_KIN * (number + 1))
+            like = max(_KIN, _MIN - _FARTHER_KIN * (number + 1))
             akin = torch.maximum(akin, like * (self._embed_captions(other) >= _SAME))
         return akin if float(akin.max()) > 0 else None
 
@@ -409,6 +402,6 @@ def picture_index(encoders: EncoderRegistry) -> PictureIndex | None:
                 f"{unnamed} of your pictures were left out, of which neither a name nor a text beside them says in "
                 "Latin letters what they show."
             )
-        return PictureIndex(libraries, encoders.sentences(), encoders.meanings)
+        return PictureIndex(libraries, word_meanings(encoders), encoders.meanings)
 
     return encoders.keep("picture index", make)

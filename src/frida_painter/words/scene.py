@@ -13,9 +13,19 @@ from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.objectives.sketch_loss import color_drawing
-from frida_painter.words.arrangement import ScenePart, arrange_parts, copies, is_person, known_like, with_figures
+from frida_painter.words.account import Account, Mark
+from frida_painter.words.arrangement import (
+    ScenePart,
+    arrange_parts,
+    copies,
+    is_arranged,
+    is_person,
+    known_like,
+    known_things,
+    with_figures,
+)
 from frida_painter.words.compositing import composite_into_style, is_colored, recolor
-from frida_painter.words.composition import ComposedScene, compose_photograph, compose_scene, saliency
+from frida_painter.words.composition import ComposedScene, compose_mood, compose_photograph, compose_scene, saliency
 from frida_painter.words.in_style import in_style
 from frida_painter.words.libraries import fade_edges
 from frida_painter.words.meaning import Text
@@ -23,19 +33,27 @@ from frida_painter.words.places import (
     CLEAR,
     DAY,
     FOREST,
-    GREY,
-    HILLS,
-    PAPER,
+    LAKE,
+    MEADOW,
+    NOWHERE,
+    ROOM,
     SKY,
+    TABLE,
     TIMES,
+    Light,
+    Place,
     Setting,
+    Weather,
     find_light,
+    find_mood,
     find_place,
     find_weather,
     in_color,
     infer_place,
+    mix_lights,
+    rank_lights,
 )
-from frida_painter.words.reading import MAX_THINGS, Reading, Relation, Thing, paint_of, prompt_reader
+from frida_painter.words.reading import MAX_THINGS, Reading, Relation, Thing, paint_of, prompt_reader, word_meanings
 from frida_painter.words.retrieval import FoundPicture, PictureIndex, has_ground, is_colorless, picture_index
 
 # Casting: the choice of a picture for each thing, alone or together with others.
@@ -153,7 +171,7 @@ class _Caster:
         leads: True if a picture with a ground may determine the whole scene
         """
         looks, least = self._looks(thing.name), _PART if is_part else 0.0
-        upright = bool(thing.doing or among) and is_person(thing.name, self._encoders.sentences())
+        upright = bool(thing.doing or among) and is_person(thing.name, word_meanings(self._encoders))
         found = self._index.find(thing, self._prompt, looks, least=least, cut_out=among, upright=upright)
         if not among or not leads or (found is not None and found.library.is_own):
             return found
@@ -250,6 +268,7 @@ _SUPPORTS = ("on", "on top of", "upon")
 _TABLES, _SMALL = ("table", "desk", "shelf"), 0.65  # and the greatest height in metres of the things that they carry
 _ROUNDING = 1e-3
 _SURE = 0.8  # similarity above which a word of a name means a place: a watering can is not in water
+_FELT = 0.75  # the same for an adjective and a light: a sad clown
 _TREES = 5  # number of trees in a forest without other things
 _IMPLIED = 0.42  # similarity to the usual things of a place above which things imply it
 
@@ -262,36 +281,36 @@ def scene_of(
     use: use of the scene by the painting, for the remarks
     """
     reading, index = prompt_reader(encoders).read(prompt), picture_index(encoders)
-    sentences = encoders.sentences()
+    sentences = word_meanings(encoders)
     reading = replace(
         reading, relations=tuple(_lay_on_table(one, reading.things, sentences) for one in reading.relations)
     )
-    setting, settled = _setting(reading, index, encoders)
-    if len(settled) == len(reading.things) and setting.place is not PAPER:
+    account = Account(reading)
+    setting, settled, seen = _setting(reading, index, encoders)
+    if len(settled) == len(reading.things) and setting.place is not NOWHERE:
         reading = _people_place(reading, setting, sentences)
     reading = with_figures(reading, lambda thing: index is not None and index.has_own(thing))
-    things, relations = cast(reading, settled, prompt, index, encoders, seed, in_place=setting.place is not PAPER)
+    things, relations = cast(reading, settled, prompt, index, encoders, seed, in_place=setting.place is not NOWHERE)
     shown = [one for one in things if one is not None and one.found is not None]
     whole = next((one for one in shown if _fills_the_canvas(one, shown)), None)
     if whole is not None and whole.found is not None:
-        left_out = [one.thing.label for one in shown if one is not whole]
-        _tell(reading, [whole], replace(setting, is_named=False), encoders, use, index)
-        if left_out:
-            encoders.remark(
-                f"That picture has a ground of its own and fills the canvas; {', '.join(left_out)} could not be added."
-            )
+        in_light = [one for one in seen if not isinstance(one[2], Place)]
+        _account_for([whole], reading, in_light, account)
+        _tell(reading, [whole], replace(setting, is_named=False), encoders, use, index, account)
+        if len(shown) > 1:
+            encoders.remark("The picture has a ground of its own and fills the canvas; nothing else is added.")
         picture, words = whole.colored[:3], Text(whole.thing.name, encoders.readers(), seed)
         return compose_photograph(picture, saliency(picture, words.glance, seed), setting, grid, seed)
-    if setting.place is PAPER:
-        carried = {id(things[one.subject]) for one in relations if one.word in _CARRIED}
-        standing = [one for one in shown if id(one) not in carried] or shown
-        names = [name for one in standing for name in (one.thing.name, one.found.caption if one.found else "")]
-        names = names or [thing.name for thing in reading.things[:1]]
-        asked = setting.is_named or not shown
-        outside = setting.weather != CLEAR
-        place = infer_place(names, sentences, _IMPLIED, outside=outside)
-        place = HILLS if place is PAPER and asked else place
-        setting = replace(setting, place=place, is_named=asked)
+    if not shown and setting.place is NOWHERE:
+        near = rank_lights(prompt, sentences)
+        first = near[0] if setting.light == DAY else setting.light
+        second = setting.second or next(light for light in near if light.name not in first.name)
+        _account_for(things, reading, seen, account)
+        _tell(reading, things, replace(setting, light=first, is_named=True), encoders, use, index, account)
+        return compose_mood(first, second, setting, grid, seed)
+    if setting.place is NOWHERE:
+        setting = replace(setting, place=_place_of(things, relations, setting, sentences))
+    _account_for(things, reading, [one for one in seen if one[2] is not setting.second], account)
     things = _dress(things, relations, sentences)
     among = len(shown) > 1 or setting.is_named
     pasted = [
@@ -315,13 +334,33 @@ def scene_of(
     }
     in_the_air = bool(known_parts) and (all(part.where == "air" for part in known_parts) or _subjects(things, over))
     scene = compose_scene(arrange_parts(parts, relations), setting, grid, seed, in_the_air=in_the_air)
-    _tell(reading, things, setting, encoders, use, index)
+    _tell(reading, things, setting, encoders, use, index, account)
     for one in pasted:
         encoders.remark(
             f"Your picture of {one.thing.label!r} has a ground of its own, whose edges fade; as a PNG without "
             "its ground it would stand free."
         )
     return scene
+
+
+def _place_of(
+    things: Sequence[SceneThing | None], relations: Sequence[Relation], setting: Setting, sentences: SentenceEncoder
+) -> Place:
+    """Returns the usual place of things without a named one, by their meaning, else by their kind and size."""
+    shown = [one for one in things if one is not None and one.found is not None]
+    carried = {id(things[one.subject]) for one in relations if one.word in _CARRIED}
+    standing = [one for one in shown if id(one) not in carried] or shown
+    names = [name for one in standing for name in (one.thing.name, one.found.caption if one.found else "")]
+    place = infer_place(names, sentences, _IMPLIED, outside=setting.weather != CLEAR or setting.light != DAY)
+    if place is not NOWHERE:
+        return place
+    known = [known_like(one.thing.name, sentences) for one in standing]
+    kinds = {one.where for one in known}
+    if kinds <= {"air", "water"}:
+        return SKY if "air" in kinds else LAKE
+    if setting.weather != CLEAR or setting.light != DAY:
+        return MEADOW
+    return TABLE if max(one.height for one in known) < _SMALL else ROOM
 
 
 def _fills_the_canvas(one: SceneThing, shown: list[SceneThing]) -> bool:
@@ -376,54 +415,112 @@ def _subjects(things: list[SceneThing | None], over: set[int]) -> bool:
     return bool(shown) and shown <= over
 
 
-def _setting(reading: Reading, index: PictureIndex | None, encoders: EncoderRegistry) -> tuple[Setting, set[int]]:
-    """Returns the setting that the words name, and the numbers of the things that are only part of it."""
-    sentences, setting, settled = encoders.sentences(), Setting(), set[int]()
+_Seen = list[tuple[Thing, str, Place | Light | Weather]]
+
+
+def _setting(
+    reading: Reading, index: PictureIndex | None, encoders: EncoderRegistry
+) -> tuple[Setting, set[int], _Seen]:
+    """Returns the setting that the words name, the numbers of the things that are only part of it, and its words.
+
+    Each of its words comes with the thing that it belongs to and the part of the setting that it means.
+    """
+    sentences, settled = word_meanings(encoders), set[int]()
+    seen: _Seen = []
     for number, thing in enumerate(reading.things):
-        beside = {one.word for one in reading.relations if one.object == number and one.word in _BY_THINGS}
-        under_sky = bool(beside) and beside <= set(_UNDER) and find_place(thing.noun, sentences) is SKY
-        if beside and not under_sky and not beside <= set(_BEFORE):
-            continue
-        subject_only = len(reading.things) == 1
-        # A thing with its own picture stays a thing: a tree is no forest.
-        least = 0.0 if index is None else index.nearest(thing) - _ROUNDING
-        least = max(least, NAMED_ALONE) if beside <= set(_BEFORE) and beside else least
-        place = find_place(thing.noun, sentences, least)
-        if place is None and thing.count is None and thing.plural and number:  # mountains, but not a single mountain
-            place = find_place(thing.plural, sentences, least)
-        if place is None and any(one.object == number and one.word in _SUPPORTS for one in reading.relations):
-            # A table that carries things is shown by its top.
-            top = find_place(thing.noun, sentences)
-            place = top if top is not None and not top.is_open else None
-        light = find_light(thing.noun, sentences, least)
-        weather = find_weather(thing.noun, sentences, least)
-        if light is None and weather is None and place is None and thing.name != thing.noun:
-            place = find_place(thing.name, sentences, max(least, _SURE))
-        if under_sky:  # the sky is over any place; the words before it tell its light and weather
-            setting = replace(setting, is_named=True)
+        nearest = 0.0 if index is None else index.nearest(thing)
+        if index is None or not index.has_own(thing):
+            others = [one.name for one in known_things()]
+            mood = find_mood(thing.noun, others, sentences, is_pictured=nearest >= NAMED_ALONE)
+            weather = find_weather(thing.noun, sentences)
+            if mood is not None or weather is not None:
+                settled.add(number)
+                seen.append((thing, thing.noun, weather or find_light(thing.noun, sentences) or mood or DAY))
+        if number not in settled and (place := _place_named(number, reading, nearest, sentences)) is not None:
             settled.add(number)
-        elif place is not None:
             paint = paint_of(thing.color)
-            setting = replace(setting, place=place if paint is None else in_color(place, paint), is_named=True)
-            settled.add(number)
-        elif light is not None:
-            setting = replace(setting, light=light, is_named=True)
-            if not subject_only:
-                settled.add(number)
-            elif light in TIMES and least < _SURE:  # a peaceful morning is not a thing
-                setting = replace(setting, place=HILLS)
-                settled.add(number)
-        elif weather is not None:
-            setting = replace(setting, weather=weather, is_named=True)
-            settled.add(number)
+            seen.append((thing, thing.noun, place if paint is None else in_color(place, paint)))
         for word in thing.name.split()[:-1]:
-            if setting.light == DAY and (felt := find_light(word, sentences, _SURE)) is not None:
-                setting = replace(setting, light=felt, is_named=True)
-            if setting.weather == CLEAR and (felt_weather := find_weather(word, sentences, _SURE)) is not None:
-                setting = replace(setting, weather=felt_weather, is_named=True)
-    if setting.weather.rain and setting.light == DAY:
-        setting = replace(setting, light=GREY)
-    return setting, settled
+            felt = find_weather(word, sentences, _SURE) or find_light(word, sentences, _FELT)
+            if felt is not None:
+                seen.append((thing, word, felt))
+    places = [part for *_, part in seen if isinstance(part, Place)]
+    weathers = [part for *_, part in seen if isinstance(part, Weather)]
+    times = [part for *_, part in seen if isinstance(part, Light) and part in TIMES]
+    moods = [part for *_, part in seen if isinstance(part, Light) and part not in TIMES]
+    weather = weathers[0] if weathers else CLEAR
+    lights = [*times[:1], *([weather.light] if weathers else []), *dict.fromkeys(moods)] or [DAY]
+    light = mix_lights(times[0], moods[0]) if times and moods else lights[0]
+    second = next((one for one in lights if one.name not in light.name), None)
+    open_places = [place for place in places if place is not SKY] or places
+    place = open_places[0] if open_places else NOWHERE
+    used = {place.name, SKY.name if place.is_open else "", weather.name, *light.name.split(", ")}
+    used |= {second.name} if second is not None and place is NOWHERE else set()
+    setting = Setting(place, light, weather, second, is_named=bool(seen))
+    return setting, settled, [one for one in seen if one[2].name in used]
+
+
+def _place_named(number: int, reading: Reading, nearest: float, sentences: SentenceEncoder) -> Place | None:
+    """Returns the place that a thing of the prompt is, or None if it is a thing.
+
+    nearest: similarity of the nearest picture: a thing with a picture of its own stays a thing, a tree is no forest
+    """
+    thing = reading.things[number]
+    beside = {one.word for one in reading.relations if one.object == number and one.word in _BY_THINGS}
+    if beside and beside <= set(_UNDER) and find_place(thing.noun, sentences) is SKY:
+        return SKY
+    if beside and not beside <= set(_BEFORE):
+        return None
+    least = max(nearest - _ROUNDING, NAMED_ALONE if beside else 0.0)
+    place = find_place(thing.noun, sentences, least)
+    if place is None and thing.count is None and thing.plural and number:  # mountains, but not a single mountain
+        place = find_place(thing.plural, sentences, least)
+    if place is None and any(one.object == number and one.word in _SUPPORTS for one in reading.relations):
+        # A table that carries things is shown by its top.
+        top = find_place(thing.noun, sentences)
+        place = top if top is not None and not top.is_open else None
+    if place is None and thing.name != thing.noun:
+        place = find_place(thing.name, sentences, max(least, _SURE))
+    return place
+
+
+_SIDE_BY_SIDE = ("beside", "next to", "near", "by", "along", "around", "at")
+
+
+def _account_for(things: Sequence[SceneThing | None], reading: Reading, seen: _Seen, account: Account) -> None:
+    """Marks what a scene shows: the words of its setting, the things with pictures, and the relations of both.
+
+    things: of the scene, before clothes are merged into their wearers
+    seen: words of the setting
+    """
+    for thing, word, part in seen:
+        account.mark_setting(thing.at, part.name, word)
+        for color in thing.color.split() if isinstance(part, Place) else ():
+            account.mark_setting(thing.at, f"{color} {part.name}", color)
+    whole = [one for one in things if one is not None and one.found is not None]
+    for one in whole:
+        assert one.found is not None
+        inside = [reading.things[each.object] for each in reading.relations if each.word == "of"
+                  and reading.things[each.subject].at == one.thing.at]  # fmt: skip
+        # The lemon of "the taste of lemon" is no taste.
+        is_of = any(_says_all(one.found.caption, each, reading) for each in inside)
+        exact = one.found.exact and (not is_of or _says_all(one.found.caption, one.thing, reading))
+        account.mark_picture(one.thing, one.found.caption, exact=exact, several=one.found.several)
+    for relation in reading.relations:
+        first, second = reading.things[relation.subject], reading.things[relation.object]
+        for one in whole:  # one picture may show both and their relation
+            if one.found is not None and one.thing.at == first.at and _says_all(one.found.caption, second, reading):
+                account.mark_picture(second, one.found.caption, exact=True, several=False)
+                account.mark(relation.at, Mark.SHOWN, one.found.caption)
+        if account.shows(first.at) and account.shows(second.at):
+            is_placed = is_arranged(relation.word) or relation.word in _SIDE_BY_SIDE
+            settles = any(second is thing or first is thing for thing, _, _ in seen)
+            account.mark(relation.at, Mark.SHOWN if is_placed or settles else Mark.SIMILAR, "side by side")
+
+
+def _says_all(caption: str, thing: Thing, reading: Reading) -> bool:
+    """Returns True if a caption names a thing by its noun."""
+    return any(word.at in thing.at and word.lemma == thing.noun.lower() and word.says(caption) for word in reading.said)
 
 
 def _tell(
@@ -433,22 +530,22 @@ def _tell(
     encoders: EncoderRegistry,
     use: str,
     index: PictureIndex | None,
+    account: Account,
 ) -> None:
-    """Makes remarks about the scene's pictures, their authors, and missing pictures."""
+    """Makes remarks about the scene's pictures, their authors, and what is not shown."""
     shown = [one for one in things if one is not None and one.found is not None]
     credits = dict.fromkeys(one.found.library.credit for one in shown if one.found and one.found.library.credit)
     made = f"; pictures by {'; '.join(credits)}" if credits else ""
-    told = " and ".join(one.told for one in shown) or "no picture of a thing"
+    told = " and ".join(one.told for one in shown)
     place = f", on {setting.words}" if setting.is_named else ""
+    if not told:
+        told, place = f"strokes and colours of {setting.words}, without a picture of a thing", ""
     encoders.remark(f"{use.capitalize()} {told}{place}{made}.")
     if reading.too_many:
         encoders.remark(f"The words name more than {MAX_THINGS} things; the first ones are painted.")
-    missing = [one.thing.label for one in things if one is not None and not (one.found and one.found.exact)]
-    if missing:
-        encoders.remark(
-            f"No picture of {', '.join(map(repr, missing))} was found; give one with --image, or a folder of your own "
-            "with --pictures."
-        )
+    encoders.remark(account.told)
+    if any(line.mark is Mark.NOT_SHOWN and line.word.kind == "thing" for line in account.lines):
+        encoders.remark("What is not shown needs a picture: give one with --image, or a folder with --pictures.")
     for fault in dict.fromkeys(() if index is None else index.faults):
         encoders.remark(f"Of your own pictures one cannot be used: {fault}")
 
@@ -523,13 +620,17 @@ def _start_with_style(
     goal: Goal, style: Tensor, words: str, weight: float, grid: PixelGrid, encoders: EncoderRegistry, seed: int
 ) -> Goal:
     """Returns the goal that begins with the style picture, with the thing of the words in it, and keeps to it."""
-    thing = thing_of(words, encoders, seed)
+    thing, reading = thing_of(words, encoders, seed), prompt_reader(encoders).read(words)
+    account = Account(reading)
+    _account_for([thing], reading, [], account)
     if thing is None:
         encoders.remark(f"No picture was found for {words[:60]!r}; begun with the style picture alone.")
+        encoders.remark(account.told)
         return goal
     scene = images.fit(style, grid.rows, grid.columns)
     shown = composite_into_style(thing.colored, scene, keeps_colors=bool(thing.thing.color))
     matters = 1 + (_MATTERS - 1) * shown.where
     kept = ImageTerm(shown.picture, _STAGED * weight, matters / matters.mean())
     encoders.remark(f"Begun with {thing.told}, laid into the style picture{thing.credit}.")
+    encoders.remark(account.told)
     return Goal((*goal.terms, kept), (replace(kept, weight=1.0),))

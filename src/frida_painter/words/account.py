@@ -1,0 +1,119 @@
+"""Account of a prompt: for each of its words, if the composition shows it, shows something similar, or does not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+
+from frida_painter.words.reading import Reading, SaidWord, Thing
+
+
+class Mark(IntEnum):
+    """Mark of a word, from worst to best."""
+
+    NOT_SHOWN = 0
+    SIMILAR = 1
+    SHOWN = 2
+
+
+@dataclass(frozen=True)
+class AccountLine:
+    """Line of an account.
+
+    word: of the prompt, with its kind
+    mark: if it is shown
+    by: picture, place or light that shows it; "" if it is not shown
+    """
+
+    word: SaidWord
+    mark: Mark
+    by: str = ""
+
+
+class Account:
+    """Account of a prompt. A word counts as not shown until something that shows it is marked.
+
+    reading: of the prompt
+    """
+
+    def __init__(self, reading: Reading) -> None:
+        self._lines = {word.at: AccountLine(word, Mark.NOT_SHOWN) for word in reading.said}
+        self._absent = set(reading.absent)
+
+    def mark(self, words: Iterable[int], mark: Mark, by: str) -> None:
+        """Marks words by their positions. A worse mark than the present one changes nothing."""
+        for at in words:
+            line = self._lines.get(at)
+            if line is not None and mark > line.mark:
+                self._lines[at] = AccountLine(line.word, mark, by)
+
+    def mark_picture(self, thing: Thing, caption: str, *, exact: bool, several: bool) -> None:
+        """Marks the words of a thing by the caption of its picture.
+
+        The noun is shown by a picture of just that thing, and by something similar otherwise. Its colour is shown if
+        the picture can have it, its number if there are as many copies, and its other words only if the caption says
+        them.
+
+        exact: True if the picture shows the noun of the thing, which may be a figure that stands for it
+        several: True if one picture shows all
+        """
+        for at in thing.at:
+            line = self._lines.get(at)
+            if line is None:
+                continue
+            word = line.word
+            recolored = word.lemma in thing.color.split() and " and " not in thing.color
+            if word.says(caption) or (recolored and word.kind != "thing"):
+                self.mark([at], Mark.SHOWN, caption)
+            elif word.kind == "thing" or len(self._lines) == 1:
+                same = exact and (word.says(thing.noun) or len(self._lines) == 1)
+                self.mark([at], Mark.SHOWN if same else Mark.SIMILAR, repr(caption))
+            elif word.kind == "number":
+                is_right = thing.count == thing.shown or several
+                self.mark([at], Mark.SHOWN if is_right else Mark.SIMILAR, f"{thing.shown} of them")
+
+    def mark_setting(self, words: Iterable[int], name: str, said: str) -> None:
+        """Marks the word `said` at these positions as shown by a place, a light or a weather of that name."""
+        for at in words:
+            line = self._lines.get(at)
+            if line is not None and (said in (line.word.text.lower(), line.word.lemma) or len(self._lines) == 1):
+                self.mark([at], Mark.SHOWN if line.word.says(name) else Mark.SIMILAR, name)
+
+    @property
+    def lines(self) -> tuple[AccountLine, ...]:
+        """One line for each noun, adjective, number, verb and preposition of the prompt, in its order."""
+        return tuple(self._lines[at] for at in sorted(self._lines))
+
+    def shows(self, words: Iterable[int]) -> bool:
+        """Returns True if a noun among these positions is shown, or something similar."""
+        lines = (self._lines.get(at) for at in words)
+        return any(line is not None and line.word.kind == "thing" and line.mark > Mark.NOT_SHOWN for line in lines)
+
+    @property
+    def told(self) -> str:
+        """Account in words, for the terminal, the page and the record: what is shown, and what is not."""
+        absent = [line for line in self.lines if line.mark is Mark.NOT_SHOWN and line.word.lemma in self._absent]
+        parts = {
+            "shown": [line for line in self.lines if line.mark is Mark.SHOWN],
+            "shown by something similar": [line for line in self.lines if line.mark is Mark.SIMILAR],
+            "not shown": [line for line in self.lines if line.mark is Mark.NOT_SHOWN and line not in absent],
+            "left out as you asked": absent,
+        }
+        return f"Your words: {'; '.join(f'{name}: {_join(lines)}' for name, lines in parts.items() if lines)}."
+
+
+def _join(lines: Sequence[AccountLine]) -> str:
+    """Returns the words of lines; neighbours in the prompt that the same thing shows become one phrase."""
+    phrases: list[list[AccountLine]] = []
+    for line in lines:
+        last = phrases[-1][-1] if phrases else None
+        if last is not None and last.word.at + 1 == line.word.at and last.by == line.by:
+            phrases[-1].append(line)
+        else:
+            phrases.append([line])
+    told = []
+    for phrase in phrases:
+        words, first = " ".join(line.word.text for line in phrase), phrase[0]
+        told.append(f"{words!r} (by {first.by[:60]})" if first.mark is Mark.SIMILAR else repr(words))
+    return ", ".join(told)
