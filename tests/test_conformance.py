@@ -32,6 +32,18 @@ LISTENER = """
 from frida_painter.plugins import ListenerKind
 KIND = ListenerKind("calm", "Hears.", lambda text: {heard})
 """
+MAKER = """
+from PIL import Image
+from frida_painter.plugins import PictureMakerKind
+class Calm:
+    facts = {{"model": "a fake"}}
+    def make(self, request):
+        files = [request.folder / f"{{seed}}.png" for seed in request.seeds[:{count}]]
+        for file in files:
+            Image.effect_noise((64, 48), 80).convert("RGB").save(file)
+        return files
+KIND = PictureMakerKind("calm", "Makes pictures.", lambda text: Calm())
+"""
 EXPORTER = """
 from frida_painter.plugins import ExporterKind
 KIND = ExporterKind("calm", {help!r}, lambda plan, options: {made})
@@ -114,6 +126,10 @@ def finding_of(
         (registry.LISTENERS, LISTENER.format(heard="print"), ""),
         (registry.LISTENERS, LISTENER.format(heard="3"), "opened a int, and it is a function"),
         (registry.LISTENERS, LISTENER.format(heard="lambda event: event.nothing"), "It raised AttributeError"),
+        (registry.PICTURE_MAKERS, MAKER.format(count=2), ""),
+        (registry.PICTURE_MAKERS, MAKER.format(count=1), "It made 1 pictures for 2 seeds"),
+        (registry.PICTURE_MAKERS, MAKER.format(count=2).replace("Calm()", "3"), "opened a int, without make and facts"),
+        (registry.PICTURE_MAKERS, MAKER.format(count=2).replace('"a fake"', "3"), "Its facts are not words by name"),
         (registry.EXPORTERS, EXPORTER.format(help="A.", made="str(len(plan))"), ""),
         (registry.EXPORTERS, EXPORTER.format(help="A.", made="len(plan)"), "returned a int; it returns text or bytes"),
         (registry.EXPORTERS, EXPORTER.format(help="A.", made="''"), "empty file"),
@@ -174,7 +190,7 @@ def test_all_of_ours_conform() -> None:
     assert [str(one) for one in found if not one.passed] == []
     assert {one.kind for one in found} == {
         "robots", "easels", "cameras", "stroke_models", "stroke_families", "objectives", "replan_policies", "planners",
-        "initialisers", "mixers", "listeners", "exporters", "turn_policies", "studio_arms",
+        "initialisers", "mixers", "listeners", "picture_makers", "exporters", "turn_policies", "studio_arms",
     }  # fmt: skip
 
 

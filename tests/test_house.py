@@ -25,7 +25,7 @@ LAYERS = layers()
 # Faces are thin, and none knows another: each can be taken away.
 FACES = ("cli", "web")
 # Edges are found through entry points, as a stranger's package is; the core imports none of them.
-EDGES = ("words", "sawyer", "lab", "env")
+EDGES = ("words", "picture_makers", "sawyer", "lab", "env")
 # What a painting is opened from. PaintingRun opens all of it, and a face asks PaintingRun.
 OPENED_BY_A_RUN = {"planning.planner", "easel.parent", "session.journal", "report.recorder"}
 # Experiments take less: no session and no easel of a painting either.

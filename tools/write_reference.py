@@ -29,6 +29,7 @@ from frida_painter.objectives.objective import GoalKind
 from frida_painter.planning.initialisers import InitialiserKind
 from frida_painter.planning.planner import PlannerKind
 from frida_painter.runs.event_file import ListenerKind
+from frida_painter.runs.picture_making import PictureMakerKind
 from frida_painter.runs.spec import RunSpec
 from frida_painter.storage import megabytes
 
@@ -55,6 +56,12 @@ GROUPS = (
     (registry.INITIALISERS, InitialiserKind, "Initialisers (`--initialiser`)", "an `InitialiserKind`"),
     (registry.MIXERS, MixerKind, 'Mixers (`mixer = "NAME"` in a file of paints)', "a `MixerKind`"),
     (registry.EXPORTERS, ExporterKind, "Exporters (`export --to`)", "an `ExporterKind`"),
+    (
+        registry.PICTURE_MAKERS,
+        PictureMakerKind,
+        "Picture makers (`--imagine`)",
+        "a `PictureMakerKind`",
+    ),
     (registry.LISTENERS, ListenerKind, "Listeners (`--listener`)", "a `ListenerKind`"),
 )
 # Groups of which the project has no part of its own, or whose parts are fetched.

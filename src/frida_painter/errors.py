@@ -27,6 +27,10 @@ class ImageError(FridaError):
     """Picture that cannot be read as an image in [0, 1], or is too small or too large."""
 
 
+class MakingFailed(FridaError):
+    """Picture maker that failed, took too long, or made nothing that can be painted."""
+
+
 class StorageError(FridaError):
     """File or folder that cannot be written or read (full disk, read-only, damaged)."""
 

@@ -45,6 +45,7 @@ MIXERS = "frida_painter.mixers"
 LISTENERS = "frida_painter.listeners"
 ENCODERS = "frida_painter.encoders"
 PICTURE_LIBRARIES = "frida_painter.picture_libraries"
+PICTURE_MAKERS = "frida_painter.picture_makers"
 
 _GROUPS = "frida_painter."
 OURS = "frida-painter"
@@ -118,6 +119,9 @@ OUR_PARTS: Mapping[str, Mapping[str, str]] = {
     },
     LISTENERS: {
         "events": "frida_painter.runs.event_file:EVENTS",
+    },
+    PICTURE_MAKERS: {
+        "command": "frida_painter.picture_makers.command:COMMAND",
     },
     EXPORTERS: {
         "svg": "frida_painter.cli.plan_output:SVG",

@@ -176,6 +176,7 @@ _WAYS = {
     "mixers": registry.MIXERS,
     "exporters": registry.EXPORTERS,
     "listeners": registry.LISTENERS,
+    "picture makers": registry.PICTURE_MAKERS,
 }
 """Groups of parts that are told by their names alone."""
 

@@ -13,6 +13,7 @@ import typer
 from pydantic.fields import FieldInfo
 
 from frida_painter import registry
+from frida_painter.cli.imagining import IMAGINING, imagining_options
 from frida_painter.errors import ConfigError, FridaError, Interrupted, PlanError
 from frida_painter.objectives.objective import Gives, GoalKind, goal_kinds
 from frida_painter.options import (
@@ -226,6 +227,7 @@ TAKEN = frozenset(RunSpec.model_fields) - {"goal", "clip", "pictures"} | {
     "yes",
     "candidates",
     "brush",
+    *IMAGINING,
 }
 """Names of options that no kind of goal can have."""
 _PLAN = (
@@ -298,6 +300,7 @@ def planning_options() -> list[Parameter]:
     """Returns the options of a plan."""
     return [
         *free_goal_options(TAKEN),
+        *(_keyword(name, option) for name, option in imagining_options().items()),
         *(_keyword(name, _option(RunSpec.model_fields[name])) for name in _PLAN),
         _keyword("palette", PaletteOption),
         _keyword("settings", SettingsFile),

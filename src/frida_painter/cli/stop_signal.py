@@ -8,6 +8,11 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 
+OF_PAINTING = (
+    "Stopping after this stroke. Once more stops the robot at once.",
+    "The robot was stopped at once; writing down what there is.",
+)
+"""Lines for the first and the second Ctrl-C during a painting."""
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
@@ -19,7 +24,8 @@ class StopSignal:
     at_once: stops the robot of an easel without a process. An easel's process receives signals itself, and sooner.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, lines: tuple[str, str] = OF_PAINTING) -> None:
+        self._lines = lines
         self.terminal = tuple(filter(os.isatty, (0, 1, 2)))
         self.asked = False
         self.signal: int | None = None
@@ -45,18 +51,21 @@ class StopSignal:
         else:
             self._interrupts += 1
             if self._interrupts == 1:
-                _say("\nStopping after this stroke. Once more stops the robot at once.")
+                _say(f"\n{self._lines[0]}")
             elif self._interrupts == 2:
                 self.at_once()
-                _say("\nThe robot was stopped at once; writing down what there is.")
+                _say(f"\n{self._lines[1]}")
             else:
                 raise KeyboardInterrupt
 
 
 @contextmanager
-def stop_on_signals() -> Iterator[StopSignal]:
-    """Handles signals as requests to stop, within the `with` block."""
-    stop = StopSignal()
+def stop_on_signals(lines: tuple[str, str] = OF_PAINTING) -> Iterator[StopSignal]:
+    """Handles signals as requests to stop, within the `with` block.
+
+    lines: told at the first and the second Ctrl-C
+    """
+    stop = StopSignal(lines)
     heard = [number for number in _SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]  # as by nohup
     before = {number: signal.signal(number, stop.hear) for number in heard}
     try:

@@ -19,7 +19,16 @@ if TYPE_CHECKING:
     from frida_painter.brush.kinds import BrushKind, BrushModel, StrokeFunction, StrokeModel
     from frida_painter.canvas_size import CanvasSize
     from frida_painter.easel.kinds import EaselKind, OpenEasel
-    from frida_painter.errors import CameraError, ConfigError, FridaError, ImageError, PluginError, RobotError
+    from frida_painter.errors import (
+        CameraError,
+        ConfigError,
+        FridaError,
+        ImageError,
+        Interrupted,
+        MakingFailed,
+        PluginError,
+        RobotError,
+    )
     from frida_painter.exporter import ExporterKind, ExportOptions
     from frida_painter.frames import MapFrame, PixelGrid
     from frida_painter.hardware.cameras.shutter import Shutter
@@ -55,6 +64,7 @@ if TYPE_CHECKING:
     from frida_painter.planning.planner import PlannerKind, PlanningTask
     from frida_painter.plugins.conformance import PartFinding, check
     from frida_painter.runs.event_file import ListenerKind
+    from frida_painter.runs.picture_making import PictureMaker, PictureMakerKind, PictureRequest
     from frida_painter.session.events import Event, Notify
     from frida_painter.session.replan_policy import CanvasSeen, ReplanPolicy
     from frida_painter.session.turn_policy import TurnAnswer, TurnPolicy, TurnTaken
@@ -67,7 +77,10 @@ _HOMES = {
     "brush.kinds": ("BrushKind", "BrushModel", "StrokeFunction", "StrokeModel"),
     "canvas_size": ("CanvasSize",),
     "easel.kinds": ("EaselKind", "OpenEasel"),
-    "errors": ("CameraError", "ConfigError", "FridaError", "ImageError", "PluginError", "RobotError"),
+    "errors": (
+        *("CameraError", "ConfigError", "FridaError", "ImageError", "Interrupted", "MakingFailed", "PluginError"),
+        "RobotError",
+    ),
     "exporter": ("ExportOptions", "ExporterKind"),
     "frames": ("MapFrame", "PixelGrid"),
     "hardware.cameras.shutter": ("Shutter",),
@@ -87,6 +100,7 @@ _HOMES = {
     "planning.planner": ("PlannerKind", "PlanningTask"),
     "plugins.conformance": ("PartFinding", "check"),
     "runs.event_file": ("ListenerKind",),
+    "runs.picture_making": ("PictureMaker", "PictureMakerKind", "PictureRequest"),
     "session.events": ("Event", "Notify"),
     "session.replan_policy": ("CanvasSeen", "ReplanPolicy"),
     "session.turn_policy": ("TurnAnswer", "TurnPolicy", "TurnTaken"),
@@ -125,9 +139,11 @@ __all__ = [
     "InitialTask",
     "InitialiserKind",
     "Interlock",
+    "Interrupted",
     "Layer",
     "ListenerKind",
     "MachineName",
+    "MakingFailed",
     "MapFrame",
     "MixerKind",
     "MotionReport",
@@ -140,6 +156,9 @@ __all__ = [
     "Palette",
     "PartFinding",
     "PersonStroke",
+    "PictureMaker",
+    "PictureMakerKind",
+    "PictureRequest",
     "PixelGrid",
     "Plan",
     "PlannerKind",

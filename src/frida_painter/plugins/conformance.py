@@ -8,6 +8,7 @@ import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from types import MappingProxyType
 from typing import Any
 
@@ -15,7 +16,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from frida_painter import registry
+from frida_painter import images, registry
 from frida_painter.brush.families import FamilyPart
 from frida_painter.brush.kinds import BrushModel, StrokeModel
 from frida_painter.canvas_size import CanvasSize
@@ -38,6 +39,7 @@ from frida_painter.planning.initialize import Growth
 from frida_painter.planning.planner import Planner, PlannerKind, PlanningTask
 from frida_painter.planning.settings import PlannerSettings
 from frida_painter.runs.event_file import ListenerKind
+from frida_painter.runs.picture_making import PictureMaker, PictureMakerKind, PictureRequest
 from frida_painter.session.events import Drying, Finished
 from frida_painter.session.replan_policy import CanvasSeen
 from frida_painter.session.turn_policy import TurnAnswer, TurnPolicy, TurnTaken
@@ -405,6 +407,25 @@ def _try_listener(kind: ListenerKind, given: _Given) -> None:
         heard(event)
 
 
+def _try_picture_maker(kind: PictureMakerKind, given: _Given) -> None:
+    _require_words(kind, "help")
+    try:
+        maker = kind.open(given.text(""))
+    except ConfigError:
+        if given.name in given.examples:
+            raise
+        return  # it needs a text, and says so
+    _require(isinstance(maker, PictureMaker), f"It opened a {type(maker).__name__}, without make and facts.")
+    with TemporaryDirectory() as folder:
+        request = PictureRequest("a lighthouse", (0, 1), 128, 128, Path(folder), torch.device("cpu"), _SECONDS)
+        files = maker.make(request)
+        _require(len(files) == 2, f"It made {len(files)} pictures for 2 seeds; it makes one for each.")
+        for file in files:
+            images.load(file)
+    plain = all(isinstance(word, str) for fact in maker.facts.items() for word in fact)
+    _require(plain, "Its facts are not words by name; records hold words.")
+
+
 def _try_turn_policy(policy: TurnPolicy, given: _Given) -> None:
     _require_words(policy, "title")
     before = torch.full_like(_picture(), 0.95)
@@ -493,6 +514,7 @@ _TRIALS: Mapping[str, tuple[type[Any], Callable[[Any, _Given], None]]] = {
     registry.INITIALISERS: (InitialiserKind, _try_initialiser),
     registry.MIXERS: (MixerKind, _try_mixer),
     registry.LISTENERS: (ListenerKind, _try_listener),
+    registry.PICTURE_MAKERS: (PictureMakerKind, _try_picture_maker),
     registry.EXPORTERS: (ExporterKind, _try_exporter),
     registry.TURN_POLICIES: (TurnPolicy, _try_turn_policy),
     registry.STUDIO_ARMS: (StudioArm, _try_studio_arm),

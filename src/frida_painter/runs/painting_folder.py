@@ -3,7 +3,8 @@
 Resuming needs these files, and nothing can make them again:
 
 settings.json: the RunSpec.
-goal/: the goal (TOML) with copies of its pictures; changes/N/goal if it was changed midway.
+goal/: the goal (TOML) with copies of its pictures, and the record of those that were made from words; changes/N/goal
+if it was changed midway.
 journal: every stroke, motion, plan and photograph.
 plan.json, plan-*.safetensors: the plan of all strokes.
 photographs/: the photographs for decisions.
@@ -36,6 +37,7 @@ from frida_painter.planning.planner import Planner
 from frida_painter.report.film import SKETCHBOOK
 from frida_painter.report.sheets import doubt
 from frida_painter.runs.goal_item import read_goal_file
+from frida_painter.runs.picture_making import MAKING, read_making
 from frida_painter.runs.shares import brush_file
 from frida_painter.runs.spec import SETTLED, RunSpec, upgrade_record
 from frida_painter.session import resuming
@@ -138,6 +140,8 @@ def keep_goal(spec: RunSpec, folder: Path) -> None:
         if item.path is not None:
             copy = Path(str(number), item.path.name)
             _copy(item.path, folder / GOAL / copy)
+            if read_making(item.path) is not None:
+                _copy(item.path.parent / MAKING, folder / GOAL / copy.parent / MAKING)
             value = copy.as_posix()
         lines += [f"[[{table}]]", f"{item.kind} = {_quote_toml(value)}", f"weight = {item.weight!r}"]
         lines += [""] if item.crop is None else [f"crop = {list(item.crop)!r}", ""]

@@ -45,6 +45,7 @@ from frida_painter.planning.settings import PlannerSettings
 from frida_painter.report.recorder import Recorder
 from frida_painter.runs.fields import OF_SCENE, ground_color, rgb
 from frida_painter.runs.goals import OF_PICTURES, make_goal, picture_of, say_words
+from frida_painter.runs.picture_making import making_facts
 from frida_painter.runs.run_settings import RunSettings
 from frida_painter.runs.shares import AUTO, brush_shares, family_shares
 from frida_painter.runs.spec import RunSpec
@@ -344,6 +345,7 @@ def open_recorder(
     encoders, first = planner.encoders, next(iter(spec.goal), None)
     facts = (
         *spec.goal_facts,
+        *making_facts(spec),
         *((f"{choice.purpose.capitalize()} seen through", choice.used) for choice in encoders.choices),
         *((f"Better for {choice.purpose}", choice.better) for choice in encoders.choices if choice.better),
         *(("Remark", remark) for remark in encoders.remarks),
@@ -358,7 +360,7 @@ def open_recorder(
     )
     settings = {
         **({"photo": Path(first.value).name} if first is not None and first.kind == "image" else {}),
-        "goal": [list(fact) for fact in spec.goal_facts],
+        "goal": [list(fact) for fact in (*spec.goal_facts, *making_facts(spec))],
         "encoders": [asdict(choice) for choice in encoders.choices],
         "remarks": list(encoders.remarks),
         **spec.record(),

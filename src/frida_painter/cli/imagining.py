@@ -1,0 +1,135 @@
+"""Pictures made from words before a painting: the options of `paint` and `plan`, and the choice at the terminal."""
+
+import sys
+from collections.abc import Callable, Mapping
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from frida_painter import registry
+from frida_painter.cli.stop_signal import stop_on_signals
+from frida_painter.errors import ConfigError, Interrupted
+from frida_painter.options import number_within, whole_number_within
+
+if TYPE_CHECKING:
+    from frida_painter.runs.picture_making import Making
+    from frida_painter.runs.spec import RunSpec
+
+_PANEL = "What to paint"
+_MAX_PICTURES, _USUAL_PICTURES = 16, 4
+_MAX_MINUTES, _USUAL_MINUTES = 1440, 30
+_FOLDER = Path("paintings") / "imagined"
+
+
+def imagining_options() -> dict[str, Any]:
+    """Returns the annotations of the options by name; each is None if it is not given."""
+    makers = ", ".join(registry.parts(registry.PICTURE_MAKERS))
+    return {
+        "imagine": Annotated[
+            str | None,
+            typer.Option(
+                "--imagine",
+                metavar="NAME:TEXT",
+                help="Make a picture from the words first, and paint that: of --init-text if it is given, else of "
+                f"--text. Makers: {makers}. command:PROGRAM runs a program of yours. [dim]nothing is made[/]",
+                rich_help_panel=_PANEL,
+            ),
+        ],
+        "imagine_pictures": Annotated[
+            int | None,
+            typer.Option(
+                "--imagine-pictures",
+                parser=whole_number_within(1, _MAX_PICTURES),
+                metavar="N",
+                help=f"Number of pictures that --imagine makes, each with a seed of its own, to choose from. "
+                f"[dim]{_USUAL_PICTURES}[/]",
+                rich_help_panel=_PANEL,
+            ),
+        ],
+        "imagine_minutes": Annotated[
+            float | None,
+            typer.Option(
+                "--imagine-minutes",
+                parser=number_within(0, _MAX_MINUTES),
+                metavar="X",
+                help=f"Minutes that --imagine may take for all its pictures. [dim]{_USUAL_MINUTES}[/]",
+                rich_help_panel=_PANEL,
+            ),
+        ],
+    }
+
+
+IMAGINING = ("imagine", "imagine_pictures", "imagine_minutes")
+"""Names of the options."""
+
+
+def imagine_if_asked(spec: "RunSpec", given: Mapping[str, Any], *, asked: bool) -> "RunSpec":
+    """Returns the description, with made pictures in place of words if --imagine was given.
+
+    given: options by name
+    asked: True if a person at the terminal chooses among several pictures
+    Raises ConfigError, MakingFailed, Interrupted after a signal, and StorageError.
+    """
+    if given.get("imagine") is None:
+        for name in IMAGINING[1:]:
+            if given.get(name) is not None:
+                raise ConfigError(
+                    f"--{name.replace('_', '-')} was given without --imagine, which names a maker; give both."
+                )
+        return spec
+    from frida_painter.runs.goal_item import name_of
+    from frida_painter.runs.picture_making import imagine, make_pictures
+
+    now = f"{datetime.now():%Y%m%d-%H%M%S}"
+    chooses = asked and sys.stdin.isatty()
+    with stop_on_signals(
+        ("Ending the making of pictures.", "The making is being ended; a third Ctrl-C ends all.")
+    ) as stop:
+
+        def make(words: str, number: int) -> Path:
+            making = make_pictures(
+                words,
+                given["imagine"],
+                _FOLDER / f"{name_of(words)}-{now}-{number}",
+                spec,
+                count=given.get("imagine_pictures") or _USUAL_PICTURES,
+                minutes=given.get("imagine_minutes") or _USUAL_MINUTES,
+                stop_asked=lambda: stop.asked,
+                tell=_tell,
+            )
+            return choose_picture(making, input if chooses else None)
+
+        return imagine(spec, make)
+
+
+def choose_picture(making: "Making", ask: Callable[[str], str] | None) -> Path:
+    """Tells the pictures, and returns the file of the chosen one.
+
+    ask: shows a prompt and returns the typed line. None: nobody is asked, and the best one by the making's rule is
+    taken
+    Raises Interrupted if the person leaves.
+    """
+    _tell(f"Made from {making.words!r} by {making.made_by}:")
+    for number, one in enumerate(making.pictures, 1):
+        _tell(f"  {number}  {one.file}  (seed {one.seed})")
+    count, best = len(making.pictures), making.best + 1
+    if ask is None or count == 1:
+        _tell(f"Picture {best} is painted, because {making.rule}.")
+        return making.choose(making.best, making.rule)
+    prompt = f"Look at them, and type the number of the one to paint, or press Enter for {best} ({making.rule}): "
+    while True:
+        try:
+            line = ask(prompt).strip()
+        except (EOFError, KeyboardInterrupt) as end:
+            raise Interrupted(f"Nobody chose a picture, and nothing was painted; they are in {making.folder}.") from end
+        if not line:
+            return making.choose(making.best, making.rule)
+        if line.isdecimal() and 1 <= int(line) <= count:
+            return making.choose(int(line) - 1, "a person chose it")
+        prompt = f"Type a number from 1 to {count}, or press Enter for {best}: "
+
+
+def _tell(sentence: str) -> None:
+    print(sentence, file=sys.stderr)

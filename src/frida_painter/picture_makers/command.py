@@ -1,0 +1,87 @@
+"""Picture maker `command`: a program of the person's own, which prints a picture file or writes one."""
+
+import re
+import shlex
+import shutil
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from frida_painter import storage
+from frida_painter.errors import ConfigError, MakingFailed
+from frida_painter.picture_makers.program import run_program
+from frida_painter.runs.picture_making import MAX_BYTES, PictureMakerKind, PictureRequest
+
+_PLACES = ("words", "seed", "width", "height", "out")
+_PLACE = re.compile("{(" + "|".join(_PLACES) + ")}")
+_EXAMPLE = "command:my-maker --prompt {words} --seed {seed} --out {out}"
+
+
+@dataclass(frozen=True)
+class CommandMaker:
+    """Program that is run once for each picture.
+
+    arguments: the program and its arguments. {words}, {seed}, {width}, {height} and {out}, the file to write, are
+    filled in. Without {words}, the words are the last argument; without {out}, the program prints the file.
+    facts: program, arguments and the hash of its file
+    """
+
+    arguments: tuple[str, ...]
+    facts: Mapping[str, str] = field(default_factory=dict)
+
+    @classmethod
+    def parse(cls, text: str) -> "CommandMaker":
+        """Returns the maker of a command line, which is split as by a shell. Raises ConfigError."""
+        try:
+            arguments = shlex.split(text)
+        except ValueError as cause:
+            raise ConfigError(
+                f"The command {text[:80]!r} cannot be split into arguments ({cause}); close its quotes."
+            ) from cause
+        if not arguments or "\0" in text:
+            raise ConfigError(f"The picture maker command was given no program; write {_EXAMPLE!r}.")
+        program = shutil.which(arguments[0])
+        if program is None:
+            raise ConfigError(
+                f"The program {arguments[0][:80]!r} is not here, or may not be run; give its path, as in {_EXAMPLE!r}."
+            )
+        if "{words}" not in text:
+            arguments.append("{words}")
+        files = [path for path in map(Path, (program, *arguments[1:])) if storage.exists(path) and path.is_file()]
+        hashes = " ".join(storage.sha256(path, "a program that makes pictures", ConfigError) for path in files)
+        return cls((program, *arguments[1:]), {"command": shlex.join(arguments), "sha256": hashes})
+
+    def make(self, request: PictureRequest) -> Sequence[Path]:
+        """Returns one picture file for each seed. Raises MakingFailed and Interrupted."""
+        until = time.monotonic() + request.seconds
+        return [self._make_one(request, number, until) for number in range(len(request.seeds))]
+
+    def _make_one(self, request: PictureRequest, number: int, until: float) -> Path:
+        count = len(request.seeds)
+        request.tell(f"{Path(self.arguments[0]).name} makes picture {number + 1} of {count}.")
+        own = request.folder / str(number + 1)
+        own.mkdir()
+        printed, said, out = (own / name for name in ("printed", "said", "picture.png"))
+        filled = {
+            "words": request.words, "seed": str(request.seeds[number]), "out": str(out),
+            "width": str(request.width), "height": str(request.height),
+        }  # fmt: skip
+        arguments = [_PLACE.sub(lambda place: filled[place[1]], part) for part in self.arguments]
+        writes = any("{out}" in part for part in self.arguments)
+        run_program(
+            arguments, "The command", printed=printed, said=said, made=out, until=until, stop_asked=request.stop_asked
+        )
+        made = out if writes else printed
+        size = made.stat().st_size if made.is_file() else 0
+        if not size:
+            where = "wrote no file {out}" if writes else "printed nothing"
+            raise MakingFailed(f"The command ended well and {where}; it writes a picture file, or prints one.")
+        if size > MAX_BYTES:
+            raise MakingFailed(f"The command made a file of {storage.megabytes(size)}; a picture file is smaller.")
+        return made
+
+
+COMMAND = PictureMakerKind(
+    "command", "A program of yours that prints a picture file, or writes one to {out}.", CommandMaker.parse
+)

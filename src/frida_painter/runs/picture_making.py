@@ -1,0 +1,327 @@
+"""Picture making: words become picture files by a maker of the person's choice, before anything is planned.
+
+The chosen picture is then a goal like any other. The folder of the pictures has `making.json` beside them, the record
+of their maker, words and seeds; it follows a picture into the folder of its painting.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, Protocol, runtime_checkable
+
+import torch
+from torch import Tensor
+
+from frida_painter import images, registry, storage
+from frida_painter.errors import ConfigError, FridaError, ImageError, MakingFailed, PluginError
+from frida_painter.objectives.encoders.loading import EncoderRegistry
+from frida_painter.runs.goal_item import GoalItem, name_of
+from frida_painter.runs.spec import RunSpec
+from frida_painter.session.opening import planning_device
+from frida_painter.storage import count_of
+
+MAX_PICTURES = 16
+USUAL_PICTURES = 4
+USUAL_MINUTES, MAX_MINUTES = 30.0, 24 * 60.0
+MAX_BYTES = 200 * 10**6
+"""Largest size of a file that a maker returns."""
+MAKING = "making.json"
+"""Record of a making, beside its pictures."""
+_FORMAT, _VERSION = "frida-painter making", 1
+_PIXELS, _STEP = 512 * 512, 64
+_PLAIN = 3 / 255  # a picture whose channels differ less than this over all its pixels shows nothing
+
+
+@dataclass(frozen=True)
+class PictureRequest:
+    """Pictures that a maker is asked for.
+
+    words: description of the picture, one line
+    seeds: one seed for each wanted picture
+    width, height: proportions of the canvas, as a size in pixels that suits many networks; multiples of 64
+    folder: empty folder for the files
+    device: device of the networks
+    seconds: time for all pictures together
+    stop_asked: True if the person has stopped the making; a maker asks at least once a second
+    tell: receives a sentence about the progress
+    """
+
+    words: str
+    seeds: tuple[int, ...]
+    width: int
+    height: int
+    folder: Path
+    device: torch.device
+    seconds: float
+    stop_asked: Callable[[], bool] = lambda: False
+    tell: Callable[[str], None] = lambda sentence: None
+
+
+@runtime_checkable
+class PictureMaker(Protocol):
+    """Open picture maker."""
+
+    @property
+    def facts(self) -> Mapping[str, str]:
+        """Facts for the record: a network, a program or an address, with hashes if there are any.
+
+        Known after `make`, at the latest.
+        """
+        ...
+
+    def make(self, request: PictureRequest) -> Sequence[Path]:
+        """Returns picture files, one for each seed, in their order.
+
+        Raises MakingFailed if there are none, and Interrupted if the person has stopped the making.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class PictureMakerKind:
+    """Picture maker that is chosen by its name.
+
+    name: as in `--imagine NAME:TEXT`
+    help: one sentence
+    open: returns the maker, from the text after the colon; fetches and starts nothing; raises ConfigError
+    """
+
+    name: str
+    help: str
+    open: Callable[[str], PictureMaker]
+
+
+def open_picture_maker(text: str) -> tuple[str, PictureMaker]:
+    """Returns the name and the maker of "NAME" or "NAME:TEXT".
+
+    Raises ConfigError if there is none, PluginError if it is broken.
+    """
+    name, _, argument = text.partition(":")
+    known = registry.parts(registry.PICTURE_MAKERS)
+    if name not in known:
+        raise ConfigError(f"There is no picture maker called {name[:40]!r}; there are {', '.join(known)}.")
+    maker = known[name].load(PictureMakerKind).open(argument)
+    if not isinstance(maker, PictureMaker):
+        raise PluginError(f"The picture maker {name!r} opened a {type(maker).__name__}, which makes none; mend it.")
+    return name, maker
+
+
+@dataclass(frozen=True)
+class MadePicture:
+    """One made picture.
+
+    file: PNG file in the folder of the making
+    picture: [3, H, W]
+    """
+
+    file: Path
+    seed: int
+    picture: Tensor
+
+
+@dataclass(frozen=True)
+class Making:
+    """Pictures that a maker made from words.
+
+    maker: name of the maker
+    facts: what made them, by name
+    pictures: those that show something, at least one
+    best: index of the picture that is taken if nobody chooses
+    rule: phrase that says why
+    """
+
+    words: str
+    maker: str
+    facts: Mapping[str, str]
+    folder: Path
+    pictures: tuple[MadePicture, ...]
+    best: int
+    rule: str
+
+    @property
+    def made_by(self) -> str:
+        """Name and facts in a line, without hashes."""
+        return ", ".join((self.maker, *(fact for name, fact in self.facts.items() if name != "sha256")))
+
+    def choose(self, index: int, why: str) -> Path:
+        """Writes the record of the making with the chosen picture, and returns its file. Raises StorageError."""
+        record = {
+            "format": _FORMAT, "version": _VERSION, "words": self.words, "maker": self.maker, "facts": dict(self.facts),
+            "made": datetime.now(UTC).isoformat(timespec="seconds"),
+            "pictures": [
+                {"file": one.file.name, "seed": one.seed, "sha256": storage.sha256(one.file, "a made picture")}
+                for one in self.pictures
+            ],
+            "chosen": self.pictures[index].file.name, "because": why,
+        }  # fmt: skip
+        storage.write_json(self.folder / MAKING, record)
+        return self.pictures[index].file
+
+
+def make_pictures(
+    words: str,
+    maker: str,
+    folder: Path,
+    spec: RunSpec,
+    *,
+    count: int = USUAL_PICTURES,
+    minutes: float = USUAL_MINUTES,
+    stop_asked: Callable[[], bool] = lambda: False,
+    tell: Callable[[str], None] = lambda sentence: None,
+    encoders: EncoderRegistry | None = None,
+) -> Making:
+    """Makes pictures from words, in a new folder; every picture is read and checked.
+
+    maker: "NAME" or "NAME:TEXT"
+    spec: description of the painting, for canvas, seed and CLIP; its seed is that of the first picture
+    count: number of pictures, each with a seed of its own
+    minutes: time for all pictures
+    encoders: networks that compare pictures with the words. None: the fetched ones
+    Raises ConfigError, MakingFailed if there is no picture to paint, Interrupted after a stop, and StorageError.
+    """
+    if not 1 <= count <= MAX_PICTURES:
+        raise ConfigError(f"{count} pictures were asked for; a making has 1 to {MAX_PICTURES}.")
+    if not 0 < minutes <= MAX_MINUTES:
+        raise ConfigError(
+            f"{minutes:g} minutes were given to the making; it takes above 0 and at most {MAX_MINUTES:g}."
+        )
+    name, opened = open_picture_maker(maker)
+    storage.new_folder(folder)
+    seeds = tuple((spec.seed + number) % 2**31 for number in range(count))
+    width, height = _size(spec)
+    device = planning_device()
+    faults: list[str] = []
+    pictures: list[MadePicture] = []
+    try:
+        with TemporaryDirectory(dir=folder, prefix=".making-") as place:
+            request = PictureRequest(words, seeds, width, height, Path(place), device, 60 * minutes, stop_asked, tell)
+            files = _ask(name, opened, request)
+            for number, (file, made_from) in enumerate(zip(files, seeds, strict=True), 1):
+                try:
+                    picture = _read(file)
+                except ImageError as fault:
+                    faults.append(f"Picture {number} of {name} cannot be painted. {fault}")
+                    continue
+                target = folder / f"{name_of(words)}-{number}.png"
+                images.save(picture, target)
+                pictures.append(MadePicture(target, made_from, picture))
+        if not pictures:
+            raise MakingFailed(f"{faults[0]} Nothing was painted; try other words, another --seed or another maker.")
+    except BaseException:
+        with suppress(OSError):
+            folder.rmdir()  # it is empty
+        raise
+    for fault in faults:
+        tell(fault)
+    best, rule = _rank(words, [one.picture for one in pictures], encoders, spec, device)
+    return Making(words, name, dict(opened.facts), folder, tuple(pictures), best, rule)
+
+
+def _ask(name: str, maker: PictureMaker, request: PictureRequest) -> list[Path]:
+    """Returns the files that a maker makes. Raises MakingFailed, Interrupted, and PluginError for any other failure."""
+    try:
+        files = [Path(file) for file in maker.make(request)]
+    except FridaError:
+        raise
+    except Exception as failure:  # foreign code may raise anything
+        why = " ".join(f"{type(failure).__name__}: {failure}".split())[:200]
+        raise PluginError(f"The picture maker {name!r} failed ({why}); mend it, or name another.") from failure
+    wanted = len(request.seeds)
+    if len(files) != wanted:
+        made = "no picture" if not files else count_of(len(files), "picture")
+        raise MakingFailed(f"{name} made {made}, and was asked for {wanted}; it makes one for each seed.")
+    return files
+
+
+def _size(spec: RunSpec) -> tuple[int, int]:
+    """Returns width and height in pixels with about the proportions of the canvas, in whole steps."""
+    aspect = min(4.0, max(0.25, spec.canvas.width / spec.canvas.height))
+    width = _STEP * max(1, round(math.sqrt(_PIXELS * aspect) / _STEP))
+    return width, _STEP * max(1, round(math.sqrt(_PIXELS / aspect) / _STEP))
+
+
+def _read(file: Path) -> Tensor:
+    """Returns a made picture. Raises ImageError if it cannot be read, or shows nothing."""
+    picture = images.load(file)
+    if float((picture.amax(dim=(1, 2)) - picture.amin(dim=(1, 2))).max()) < _PLAIN:
+        color = "black" if float(picture.max()) < 0.02 else "of one colour"
+        raise ImageError(f"It is {color} all over.")
+    return picture
+
+
+def _rank(
+    words: str, pictures: Sequence[Tensor], encoders: EncoderRegistry | None, spec: RunSpec, device: torch.device
+) -> tuple[int, str]:
+    """Returns the index of the picture that is nearest to the words, and a phrase that tells the rule."""
+    if len(pictures) == 1:
+        return 0, "it is the only one"
+    try:
+        networks = encoders or EncoderRegistry(clip=spec.clip, device=device)
+        readers = networks.readers()
+    except FridaError:
+        return 0, "it is the first; no network is here that compares pictures with words"
+    with torch.no_grad():
+        near = torch.zeros(len(pictures))
+        for reader in readers:
+            wanted = reader.embed_text(words)
+            views = torch.stack([images.fit(picture, reader.side, reader.side) for picture in pictures])
+            near += (reader.embed_pictures(views.to(device)) @ wanted.to(device)).cpu()
+    return int(near.argmax()), f"it is the nearest to the words by {' and '.join(reader.name for reader in readers)}"
+
+
+def imagine(spec: RunSpec, make: Callable[[str, int], Path]) -> RunSpec:
+    """Returns the description with pictures in place of words.
+
+    Words of the start become pictures of the start, and the words of the goal stay. Without words of the start, those
+    of the goal become pictures of the goal, with their weights.
+
+    make: makes the picture of words, from the words and their number, from 1
+    Raises ConfigError if there are no words, and the errors of `make`.
+    """
+    table = "initial" if any(item.kind == "text" for item in spec.initial) else "goal"
+    items: Sequence[GoalItem] = getattr(spec, table)
+    if all(item.kind != "text" for item in items):
+        raise ConfigError('--imagine makes a picture from words, and there are none; give them with --text "...".')
+    made: list[GoalItem] = []
+    number = 0
+    for item in items:
+        if item.kind == "text":
+            number += 1
+            item = GoalItem(kind="image", value=str(make(item.value, number)), weight=item.weight)
+        made.append(item)
+    changes: dict[str, Any] = {table: tuple(made), "title": spec.title or spec.heading[:80]}
+    return spec.with_values(**changes)
+
+
+def read_making(picture: Path) -> dict[str, Any] | None:
+    """Returns the record of the making of a picture, from the file beside it; None if the picture was not made so."""
+    path = picture.parent / MAKING
+    if not storage.exists(path):
+        return None
+    try:
+        record = storage.read_json(path, "the record of a making")
+        mine = [one for one in record.get("pictures", ()) if one.get("file") == picture.name]
+        known = record.get("format") == _FORMAT and record.get("version") == _VERSION
+        if not known or not mine or mine[0].get("sha256") != storage.sha256(picture, "a made picture"):
+            return None
+    except (FridaError, AttributeError, TypeError):  # it belongs to another picture, or to nothing
+        return None
+    return record
+
+
+def making_facts(spec: RunSpec) -> tuple[tuple[str, str], ...]:
+    """Returns how pictures of the goal were made, for page and record, as (label, description)."""
+    found = []
+    for item in (*spec.goal, *spec.initial):
+        record = None if item.path is None else read_making(item.path)
+        if item.path is None or record is None:
+            continue
+        seed = next(one["seed"] for one in record["pictures"] if one["file"] == item.path.name)
+        facts = [str(fact) for name, fact in record["facts"].items() if name != "sha256"]
+        words = f"{item.path.name} from “{record['words']}” by {', '.join((record['maker'], *facts))}, seed {seed}"
+        found.append(("Made", words))
+    return tuple(found)

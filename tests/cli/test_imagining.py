@@ -1,0 +1,113 @@
+"""`--imagine` on the command line: the making, the choice, and what is refused before anything is made."""
+
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import torch
+
+from frida_painter.cli import commands
+from frida_painter.cli.imagining import choose_picture
+from frida_painter.errors import Interrupted
+from frida_painter.runs.picture_making import MadePicture, Making
+
+PAINTER = """
+import sys
+from PIL import Image, ImageDraw
+words, seed, out = sys.argv[1], int(sys.argv[2]), sys.argv[3]
+picture = Image.new("RGB", (64, 48), (120, 170, 220))
+ImageDraw.Draw(picture).rectangle((10 * seed, 10, 10 * seed + 8, 40), fill=(200, 40, 30))
+picture.save(out)
+"""
+
+
+@pytest.fixture
+def say(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
+    """say(word, ...): exit status and all that the command says, as text."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "maker.py").write_text(PAINTER)
+
+    def saying(*words: object) -> str:
+        monkeypatch.setattr("sys.argv", ["frida-painter", *map(str, words)])
+        with pytest.raises(SystemExit) as end:
+            commands.main()
+        told = capsys.readouterr()
+        return f"{end.value.code or 0}: {told.err}{told.out}"
+
+    return saying
+
+
+@pytest.mark.slow
+def test_a_plan_from_words_by_a_program(say: Callable[..., str], tmp_path: Path) -> None:
+    maker = f"command:{sys.executable} maker.py {{words}} {{seed}} {{out}}"
+    small = (
+        "--strokes",
+        8,
+        "--colors",
+        2,
+        "--canvas",
+        "120x90mm",
+        "--render-height",
+        64,
+        "--effort",
+        0.05,
+        "--seed",
+        3,
+    )
+    asked = ("--text", "a red tower", "--imagine", maker, "--imagine-pictures", 1)
+    said = say("plan", *asked, *small, "--out", "planned")
+    assert said.startswith("0: ") and "Made from 'a red tower' by command" in said and "(seed 3)" in said, said
+    record = json.loads((tmp_path / "planned" / "goal" / "1" / "making.json").read_text())
+    assert record["words"] == "a red tower" and record["chosen"] == "a-red-tower-1.png"
+    assert "image = " in (tmp_path / "planned" / "goal" / "goal.toml").read_text()
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("--text", "a hat", "--imagine", "crystal-ball"), "There is no picture maker called 'crystal-ball'"),
+        (("--text", "a hat", "--imagine", "command"), "was given no program"),
+        (("--text", "a hat", "--imagine-pictures", "3"), "--imagine-pictures was given without --imagine"),
+        (("maker.png", "--imagine", "command:true"), "there are none; give them with --text"),
+        (("--text", "a hat", "--imagine", "command:false"), "ended with status 1 and made no picture"),
+    ],
+)
+def test_what_cannot_be_is_one_sentence_and_plans_nothing(
+    say: Callable[..., str], tmp_path: Path, words: tuple[str, ...], says: str
+) -> None:
+    said = say("plan", *words, "--out", "planned")
+    assert said.startswith("2: ") and says in said and "Traceback" not in said, said
+    assert not (tmp_path / "planned").exists() and not list(tmp_path.rglob("*.png"))
+
+
+def making(folder: Path) -> Making:
+    pictures = []
+    for number in (1, 2, 3):
+        (folder / f"hat-{number}.png").write_bytes(b"picture")
+        pictures.append(MadePicture(folder / f"hat-{number}.png", number, torch.zeros(3, 4, 4)))
+    return Making("a hat", "fake", {"model": "tiny"}, folder, tuple(pictures), 1, "it is the best")
+
+
+@pytest.mark.parametrize(("lines", "chosen"), [([""], 2), (["3"], 3), (["0", "4", "x", " 1 "], 1)])
+def test_a_person_chooses_by_number_or_takes_the_best(tmp_path: Path, lines: list[str], chosen: int) -> None:
+    left = iter(lines)
+    assert choose_picture(making(tmp_path), lambda prompt: next(left)).name == f"hat-{chosen}.png"
+    assert next(left, None) is None
+    assert json.loads((tmp_path / "making.json").read_text())["chosen"] == f"hat-{chosen}.png"
+
+
+def test_nobody_there_takes_the_best_and_tells_the_rule(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert choose_picture(making(tmp_path), None).name == "hat-2.png"
+    assert "Picture 2 is painted, because it is the best." in capsys.readouterr().err
+    assert json.loads((tmp_path / "making.json").read_text())["because"] == "it is the best"
+
+
+def test_who_leaves_paints_nothing_and_keeps_the_pictures(tmp_path: Path) -> None:
+    def leave(prompt: str) -> str:
+        raise EOFError
+
+    with pytest.raises(Interrupted, match="Nobody chose a picture, and nothing was painted; they are in"):
+        choose_picture(making(tmp_path), leave)
+    assert (tmp_path / "hat-1.png").exists()

@@ -1,0 +1,129 @@
+"""The maker `command`: a program of the person's, in every way that it can go wrong."""
+
+import json
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import torch
+from PIL import Image
+
+from frida_painter.errors import ConfigError, Interrupted, MakingFailed
+from frida_painter.picture_makers import program
+from frida_painter.picture_makers.command import CommandMaker
+from frida_painter.runs.picture_making import PictureRequest
+
+PRINTS = """
+import sys
+from PIL import Image
+Image.new("RGB", (40, 30), (200, 10, 10)).save(sys.stdout.buffer, "PNG")
+"""
+
+
+@pytest.fixture
+def command(tmp_path: Path) -> Callable[..., str]:
+    """command(source, *arguments): the command line of a Python program."""
+
+    def write(source: str, *arguments: str) -> str:
+        (tmp_path / "maker.py").write_text(source)
+        return " ".join([sys.executable, str(tmp_path / "maker.py"), *arguments])
+
+    return write
+
+
+def ask(folder: Path, words: str = "a lemon", seconds: float = 60.0, stop: Callable[[], bool] = lambda: False,
+        seeds: tuple[int, ...] = (7,)) -> PictureRequest:  # fmt: skip
+    place = folder / "place"
+    place.mkdir()
+    return PictureRequest(words, seeds, 128, 64, place, torch.device("cpu"), seconds, stop)
+
+
+def test_a_program_prints_a_picture_or_writes_one(tmp_path: Path, command: Callable[..., str]) -> None:
+    maker = CommandMaker.parse(command(PRINTS))
+    (made,) = maker.make(ask(tmp_path))
+    with Image.open(made) as picture:
+        assert picture.size == (40, 30)
+    assert maker.facts["command"].endswith("maker.py '{words}'") and len(maker.facts["sha256"].split()) == 2
+
+
+def test_words_are_one_argument_and_no_shell_reads_them(tmp_path: Path, command: Callable[..., str]) -> None:
+    source = "import sys, json, pathlib; pathlib.Path(sys.argv[-1]).write_text(json.dumps(sys.argv[1:]))"
+    words = "a $(touch here) 'lemon'; {out} | {seed}"
+    maker = CommandMaker.parse(command(source, "--w={words}", "{seed}x{width}x{height}", "{out}"))
+    files = maker.make(ask(tmp_path, words, seeds=(7, 8)))
+    heard = [json.loads(file.read_text()) for file in files]
+    assert [one[:2] for one in heard] == [[f"--w={words}", "7x128x64"], [f"--w={words}", "8x128x64"]]
+    assert not list(tmp_path.rglob("here")) and heard[0][2] != heard[1][2]
+
+
+@pytest.mark.parametrize(
+    ("source", "arguments", "says"),
+    [
+        ("import sys; sys.exit('out of\\x1b[31m paint')", (), r"ended with status 1 and .*: out of \[31m paint\.$"),
+        ("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)", (), "was ended by SIGSEGV and made no picture"),
+        ("", (), "ended well and printed nothing"),
+        ("", ("{out}",), "ended well and wrote no file {out}"),
+        ("while True: print('x' * 4096)", (), "wrote more than 1 MB and was ended"),
+        ("import sys\nwhile True: sys.stderr.write('x' * 4096)", (), "wrote more than 1 MB and was ended"),
+        ("import sys\nf = open(sys.argv[1], 'wb')\nwhile True: f.write(b'x' * 4096)", ("{out}",), "more than 1 MB"),
+    ],
+)  # fmt: skip
+def test_each_fault_is_one_sentence(
+    tmp_path: Path, command: Callable[..., str], monkeypatch: pytest.MonkeyPatch, source: str,
+    arguments: tuple[str, ...], says: str,
+) -> None:  # fmt: skip
+    monkeypatch.setattr(program, "MAX_BYTES", 10**6)
+    monkeypatch.setattr(program, "_MAX_SAID", 10**6)
+    with pytest.raises(MakingFailed, match=says) as told:
+        CommandMaker.parse(command(source, *arguments)).make(ask(tmp_path))
+    assert "\n" not in str(told.value) and "\x1b" not in str(told.value)
+
+
+HANGS = """
+import subprocess, sys, time, pathlib
+child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"])
+pathlib.Path(sys.argv[1]).write_text(str(child.pid))
+time.sleep(600)
+"""
+
+
+def is_running(pid: int) -> bool:
+    try:
+        return "\nState:\tZ" not in Path(f"/proc/{pid}/status").read_text()
+    except OSError:
+        return False
+
+
+def test_a_program_that_hangs_is_ended_with_its_children(tmp_path: Path, command: Callable[..., str]) -> None:
+    began = time.monotonic()
+    with pytest.raises(MakingFailed, match=r"not finished after \d+ s and was ended; give it more time"):
+        CommandMaker.parse(command(HANGS, str(tmp_path / "child"))).make(ask(tmp_path, seconds=3.0))
+    child = int((tmp_path / "child").read_text())
+    while is_running(child) and time.monotonic() - began < 20:
+        time.sleep(0.05)
+    assert not is_running(child) and time.monotonic() - began < 20
+
+
+def test_a_stop_ends_it_at_once(tmp_path: Path, command: Callable[..., str]) -> None:
+    began = time.monotonic()
+    with pytest.raises(Interrupted, match="nothing was painted"):
+        CommandMaker.parse(command(HANGS, str(tmp_path / "child"))).make(
+            ask(tmp_path, stop=lambda: time.monotonic() - began > 1)
+        )
+    assert time.monotonic() - began < 20
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("", "was given no program; write 'command:my-maker"),
+        ("   ", "was given no program"),
+        ("'half", "cannot be split into arguments"),
+        ("no-such-program-at-all {words}", "The program 'no-such-program-at-all' is not here"),
+    ],
+)
+def test_commands_that_cannot_be_are_refused_before_anything(text: str, says: str) -> None:
+    with pytest.raises(ConfigError, match=says):
+        CommandMaker.parse(text)

@@ -1,0 +1,187 @@
+"""Words become pictures before a painting: what is asked of a maker, what it may return, and what is kept of it."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+from torch import Tensor
+
+from frida_painter import images
+from frida_painter.errors import ConfigError, Interrupted, MakingFailed, PluginError
+from frida_painter.runs import picture_making
+from frida_painter.runs.painting_folder import keep_goal, read_goal
+from frida_painter.runs.picture_making import Making, PictureRequest, imagine, make_pictures, making_facts, read_making
+from frida_painter.runs.spec import RunSpec
+
+SPEC = RunSpec.of(goal=[{"text": "a lighthouse", "weight": 2.0}], canvas="12x9cm", seed=5)
+
+
+@dataclass
+class Maker:
+    """A maker that writes what it is told to."""
+
+    returns: Any = None
+    facts: dict[str, str] = field(default_factory=lambda: {"model": "a fake", "sha256": "0f" * 32})
+    asked: list[PictureRequest] = field(default_factory=list)
+
+    def make(self, request: PictureRequest) -> Sequence[Path]:
+        self.asked.append(request)
+        if isinstance(self.returns, BaseException):
+            raise self.returns
+        files = []
+        for number, seed in enumerate(request.seeds):
+            files.append(request.folder / f"{number}.png")
+            made = self.returns(seed) if callable(self.returns) else scene(seed)
+            files[-1].write_bytes(made) if isinstance(made, bytes) else images.save(made, files[-1])
+        return files[: self.returns] if isinstance(self.returns, int) else files
+
+
+def scene(seed: int) -> Tensor:
+    return torch.rand(3, 30, 40, generator=torch.Generator().manual_seed(seed))
+
+
+def make(monkeypatch: pytest.MonkeyPatch, folder: Path, maker: Maker, **more: Any) -> Making:
+    monkeypatch.setattr(picture_making, "open_picture_maker", lambda text: ("fake", maker))
+    return make_pictures("a lighthouse", "fake", folder, SPEC, **{"encoders": NoNetworks(), **more})
+
+
+class NoNetworks:
+    def readers(self) -> tuple[Any, ...]:
+        raise ConfigError("None is here.")
+
+
+def test_a_making_asks_once_for_all_seeds_in_the_canvas_s_proportions(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    maker = Maker()
+    making = make(monkeypatch, tmp_path / "made", maker, count=3, minutes=2)
+    (request,) = maker.asked
+    assert (request.words, request.seeds, request.seconds) == ("a lighthouse", (5, 6, 7), 120)
+    assert (request.width, request.height) == (576, 448) and request.device.type in ("cpu", "cuda")
+    assert [one.file.name for one in making.pictures] == [f"a-lighthouse-{n}.png" for n in (1, 2, 3)]
+    assert making.made_by == "fake, a fake" and making.best == 0 and "it is the first" in making.rule
+    assert torch.equal(making.pictures[1].picture, images.load(making.pictures[1].file)), "no bit is lost"
+    assert not [path for path in making.folder.iterdir() if path.name.startswith(".")]
+
+
+def test_the_nearest_to_the_words_is_best(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Reader:
+        name, side = "a network that likes green", 8
+
+        def embed_text(self, prompt: str) -> Tensor:
+            return torch.tensor([0.0, 1.0, 0.0])
+
+        def embed_pictures(self, pictures: Tensor) -> Tensor:
+            return torch.nn.functional.normalize(pictures.mean((2, 3)), dim=1)
+
+    class Networks:
+        def readers(self) -> tuple[Any, ...]:
+            return (Reader(),)
+
+    shades = {5: (0.5, 0.1, 0.1), 6: (0.1, 0.5, 0.1), 7: (0.1, 0.1, 0.5)}
+    maker = Maker(lambda seed: 0.9 * torch.tensor(shades[seed])[:, None, None] + 0.1 * scene(seed))
+    making = make(monkeypatch, tmp_path / "made", maker, count=3, encoders=Networks())
+    assert making.best == 1 and making.rule == "it is the nearest to the words by a network that likes green"
+
+
+@pytest.mark.parametrize(
+    ("returns", "error", "says"),
+    [
+        (0, MakingFailed, "fake made no picture, and was asked for 2"),
+        (1, MakingFailed, "fake made 1 picture, and was asked for 2"),
+        (
+            lambda seed: torch.zeros(3, 30, 40),
+            MakingFailed,
+            "Picture 1 of fake cannot be painted. It is black all over",
+        ),
+        (lambda seed: torch.full((3, 30, 40), 0.5), MakingFailed, "of one colour all over"),
+        (lambda seed: b"<html>Sign in</html>", MakingFailed, "Picture 1 of fake cannot be painted"),
+        (lambda seed: b"", MakingFailed, "Picture 1 of fake cannot be painted"),
+        (ValueError("no\nreason"), PluginError, r"'fake' failed \(ValueError: no reason\); mend it"),
+        (Interrupted("You stopped."), Interrupted, "You stopped"),
+    ],
+)
+def test_what_cannot_be_painted_is_one_sentence_and_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, returns: Any, error: type[Exception], says: str
+) -> None:
+    with pytest.raises(error, match=says) as told:
+        make(monkeypatch, tmp_path / "made", Maker(returns), count=2)
+    assert "\n" not in str(told.value) and not (tmp_path / "made").exists()
+
+
+def test_a_bad_picture_among_good_ones_is_left_out_and_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[str] = []
+    maker = Maker(lambda seed: scene(seed) if seed != 5 else torch.zeros(3, 30, 40))
+    making = make(monkeypatch, tmp_path / "made", maker, count=3, tell=told.append)
+    assert [one.seed for one in making.pictures] == [6, 7]
+    assert told == ["Picture 1 of fake cannot be painted. It is black all over."]
+
+
+@pytest.mark.parametrize(
+    ("more", "says"),
+    [
+        ({"count": 0}, "0 pictures were asked for; a making has 1 to 16"),
+        ({"count": 17}, "17 pictures"),
+        ({"minutes": float("nan")}, "nan minutes"),
+        ({"minutes": 0.0}, "0 minutes"),
+    ],
+)
+def test_numbers_that_make_no_sense(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, more: dict[str, Any], says: str
+) -> None:
+    with pytest.raises(ConfigError, match=says):
+        make(monkeypatch, tmp_path / "made", Maker(), **more)
+
+
+def test_makers_that_are_not_there() -> None:
+    with pytest.raises(ConfigError, match="There is no picture maker called 'dall'; there are command"):
+        picture_making.open_picture_maker("dall:e")
+
+
+def test_a_chosen_picture_is_an_ordinary_goal_and_its_record_follows_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    making = make(monkeypatch, tmp_path / "made", Maker(), count=2)
+    spec = imagine(SPEC, lambda words, number: making.choose(1, "a person chose it"))
+    (item,) = spec.goal
+    assert (item.kind, item.weight, spec.title, spec.name) == ("image", 2.0, "A lighthouse", "a-lighthouse-2")
+    (fact,) = making_facts(spec)
+    assert fact == ("Made", "a-lighthouse-2.png from “a lighthouse” by fake, a fake, seed 6")
+    keep_goal(spec, tmp_path / "painting")
+    kept = RunSpec.of(**read_goal(tmp_path / "painting"))
+    assert making_facts(kept) == making_facts(spec), "also in the painting's folder, so that resume tells it too"
+    record = json.loads((tmp_path / "painting" / "goal" / "1" / "making.json").read_text())
+    assert record["because"] == "a person chose it" and record["facts"]["sha256"] == "0f" * 32
+    assert [one["seed"] for one in record["pictures"]] == [5, 6]
+
+
+def test_words_of_the_start_are_made_and_those_of_the_goal_stay(tmp_path: Path) -> None:
+    images.save(scene(1), tmp_path / "made.png")
+    both = RunSpec.of(goal=[{"text": "a storm"}], initial=[{"text": "a ship"}])
+    asked: list[tuple[str, int]] = []
+
+    def made(words: str, number: int) -> Path:
+        asked.append((words, number))
+        return tmp_path / "made.png"
+
+    spec = imagine(both, made)
+    assert [item.kind for item in (*spec.goal, *spec.initial)] == ["text", "image"] and asked == [("a ship", 1)]
+    with pytest.raises(ConfigError, match="--imagine makes a picture from words, and there are none"):
+        imagine(RunSpec.of(goal=[{"image": str(tmp_path / "made.png")}]), made)
+
+
+@pytest.mark.parametrize("spoilt", ["{", "[]", '{"format": "frida-painter making"}', ""])
+def test_a_record_that_belongs_to_no_picture_is_no_record(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, spoilt: str
+) -> None:
+    making = make(monkeypatch, tmp_path / "made", Maker(), count=1)
+    chosen = making.choose(0, making.rule)
+    assert read_making(chosen) is not None
+    images.save(scene(9), chosen)
+    assert read_making(chosen) is None, "another picture of the same name"
+    (tmp_path / "made" / "making.json").write_text(spoilt)
+    assert read_making(chosen) is None
