@@ -16,7 +16,7 @@ PARTS = ("tutorial", "how-to", "explanation", "reference", "lab")
 OUTSIDE = ("index.md", "benchmarks.md")  # the home page, and what `make benchmarks` writes
 MADE = "<!-- `make reference` writes this page"
 MAX_WORDS, MAX_WORDS_A_PAGE = 20_000, 2_500
-MAX_LINES = 2_500  # of the ten files that CONTRIBUTING.md names first
+MAX_LINES = 2_600  # of the ten files that CONTRIBUTING.md names first
 
 
 def lost_links(page: Path) -> list[str]:

@@ -12,10 +12,10 @@ from frida_painter.objectives.encoders.clip import Clip
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal, ObjectiveContext
+from frida_painter.objectives.word_settings import Beginning, WordSettings
 from frida_painter.words.abstract import Patches, arrange, scatter
 from frida_painter.words.meaning import Text, wish
 from frida_painter.words.text import TextTerm
-from frida_painter.words.word_settings import Beginning, WordSettings
 from tiny_clip import write_clip
 
 GRID = PixelGrid(CanvasSize.parse("12x9cm"), 24, 32)

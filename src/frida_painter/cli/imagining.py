@@ -65,7 +65,7 @@ IMAGINING = ("imagine", "imagine_pictures", "imagine_minutes")
 """Names of the options."""
 
 
-def imagine_if_asked(spec: "RunSpec", given: Mapping[str, Any], *, asked: bool) -> "RunSpec":
+def imagine_beginning(spec: "RunSpec", given: Mapping[str, Any], *, asked: bool) -> "RunSpec":
     """Returns the description, with made pictures in place of words if --imagine was given.
 
     given: options by name

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from frida_painter.frames import PixelGrid, Rows
     from frida_painter.objectives.encoders.loading import EncoderRegistry
+    from frida_painter.objectives.word_settings import WordSettings
 
 
 # The goal: a person's wishes for the canvas, as weighted terms
@@ -121,6 +122,10 @@ class Term(ABC):
 
     def on_picture(self, picture: Tensor) -> Term:
         """Returns the term after its drawing was drawn on `picture`."""
+        return self
+
+    def say(self, settings: WordSettings) -> Term:
+        """Returns the term with these settings of its words."""
         return self
 
     def fit_to(self, rows: int, columns: int, *, pad: bool = False) -> Term:

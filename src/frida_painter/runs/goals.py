@@ -23,10 +23,9 @@ from frida_painter.objectives.objective import (
 from frida_painter.objectives.semantic import SemanticTerm
 from frida_painter.objectives.sketch import SketchTerm
 from frida_painter.objectives.style import StyleTerm
+from frida_painter.objectives.word_settings import WordSettings
 from frida_painter.runs.goal_item import GoalItem
 from frida_painter.runs.spec import RunSpec
-from frida_painter.words.text import TextTerm
-from frida_painter.words.word_settings import WordSettings
 
 _MAX_TERMS = 20
 
@@ -63,11 +62,8 @@ def open_goal(spec: RunSpec) -> Goal:
 
 def say_words(goal: Goal, settings: WordSettings) -> Goal:
     """Returns the goal with these settings of its words."""
-
-    def say(term: Term) -> Term:
-        return replace(term, settings=settings) if isinstance(term, TextTerm) else term
-
-    return replace(goal, terms=tuple(map(say, goal.terms)), initial=tuple(map(say, goal.initial)))
+    terms, initial = (tuple(term.say(settings) for term in some) for some in (goal.terms, goal.initial))
+    return replace(goal, terms=terms, initial=initial)
 
 
 def picture_of(goal: Goal) -> Tensor | None:

@@ -215,8 +215,8 @@ def make_pictures(
         with suppress(OSError):
             folder.rmdir()  # it is empty
         raise
-    for fault in faults:
-        tell(fault)
+    for sentence in faults:
+        tell(sentence)
     best, rule = _rank(words, [one.picture for one in pictures], encoders, spec, device)
     return Making(words, name, dict(opened.facts), folder, tuple(pictures), best, rule)
 

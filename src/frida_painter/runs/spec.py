@@ -21,6 +21,7 @@ from frida_painter import storage
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.kinds import HUMAN, NO_CAMERA, SAWYER_SIM, SIMULATED, VIRTUAL
 from frida_painter.errors import ConfigError
+from frida_painter.objectives.word_settings import USUAL, Beginning, WordSettings
 from frida_painter.planning.settings import PlannerSettings
 from frida_painter.registry import (
     INITIALISERS,
@@ -51,7 +52,6 @@ from frida_painter.runs.fields import (
 from frida_painter.runs.run_settings import RunSettings
 from frida_painter.runs.shares import AUTO, MAX_LAYERS, brush_shares, family_shares
 from frida_painter.storage import count_of
-from frida_painter.words.word_settings import USUAL, Beginning, WordSettings
 
 VERSION = 1
 SETTLED = ("strokes", "layers", "colors", "canvas", "brushes", "new_paints", "ground", "paints")

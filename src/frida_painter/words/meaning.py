@@ -10,7 +10,7 @@ from frida_painter.devices import Constant, send_to_device
 from frida_painter.objectives.encoders.base import Reader
 from frida_painter.objectives.encoders.classifiers import ConSE
 from frida_painter.objectives.semantic_loss import Views
-from frida_painter.words.word_settings import USUAL, WordSettings
+from frida_painter.objectives.word_settings import USUAL, WordSettings
 
 _VIEWS = 24
 _AT_A_TIME = 2  # views of networks by class names, which see small pictures

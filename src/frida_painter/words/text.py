@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from frida_painter.errors import ConfigError
 from frida_painter.objectives.objective import (
@@ -16,7 +16,7 @@ from frida_painter.objectives.objective import (
     Term,
     require_weight,
 )
-from frida_painter.words.word_settings import USUAL, WordSettings
+from frida_painter.objectives.word_settings import USUAL, WordSettings
 
 _LASTS = 8  # iterations for which one gradient of a CLIP serves
 _HELD_OUT = 7919  # added to the seed of views by which a CLIP judges what it has optimised
@@ -47,6 +47,10 @@ class TextTerm(Term):
     def words(self) -> str:
         """The prompt."""
         return self.prompt
+
+    def say(self, settings: WordSettings) -> TextTerm:
+        """Returns the term with these settings of its words."""
+        return replace(self, settings=settings)
 
     def prepare(self, context: ObjectiveContext) -> ObjectiveTerm:
         """Returns the text objective of the prompt, which also keeps to the initial picture.
