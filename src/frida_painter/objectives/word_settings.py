@@ -23,7 +23,7 @@ class WordSettings:
     beginning: Beginning = "auto"
     avoid: str = ""
     phrases: tuple[str, ...] = ("{}",)
-    cutouts: int = 6
+    cutouts: int = 4
 
     def __post_init__(self) -> None:
         for phrase in self.phrases:

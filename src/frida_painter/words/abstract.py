@@ -18,8 +18,8 @@ from frida_painter.objectives.semantic_loss import Views
 
 _PATCHES = 8
 _NUMBERS = 9  # of a patch: x, y, half width, half height, angle, squareness, red, green, blue
-_TRIED, _KEPT, _FOUND = 48, 6, 2  # pictures at the beginning, those that are moved, and those of the second half
-_STEPS = 36
+_TRIED, _KEPT, _FOUND = 24, 3, 1  # pictures at the beginning, those that are moved, and those of the second half
+_STEPS = 24
 _VIEWS, _AT_A_TIME = 16, 2
 _ROWS = 96  # of a picture while it is moved
 _RATE = 0.06

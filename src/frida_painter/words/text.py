@@ -18,7 +18,7 @@ from frida_painter.objectives.objective import (
 )
 from frida_painter.objectives.word_settings import USUAL, WordSettings
 
-_LASTS = 8  # iterations for which one gradient of a CLIP serves
+_LASTS = 10  # iterations for which one gradient of a CLIP serves
 _HELD_OUT = 7919  # added to the seed of views by which a CLIP judges what it has optimised
 _LASTS_IN_STYLE = 4  # the same of smaller networks in a style, which has its own gradient and keeps the scene
 
