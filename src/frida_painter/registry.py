@@ -122,6 +122,8 @@ OUR_PARTS: Mapping[str, Mapping[str, str]] = {
     },
     PICTURE_MAKERS: {
         "command": "frida_painter.picture_makers.command:COMMAND",
+        "diffusers": "frida_painter.picture_makers.diffusion:DIFFUSERS",
+        "http": "frida_painter.picture_makers.service:HTTP",
     },
     EXPORTERS: {
         "svg": "frida_painter.cli.plan_output:SVG",

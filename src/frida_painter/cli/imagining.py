@@ -33,7 +33,8 @@ def imagining_options() -> dict[str, Any]:
                 "--imagine",
                 metavar="NAME:TEXT",
                 help="Make a picture from the words first, and paint that: of --init-text if it is given, else of "
-                f"--text. Makers: {makers}. command:PROGRAM runs a program of yours. [dim]nothing is made[/]",
+                f"--text. Makers: {makers}; for example diffusers:FOLDER, command:PROGRAM, http:URL. "
+                "[dim]nothing is made[/]",
                 rich_help_panel=_PANEL,
             ),
         ],

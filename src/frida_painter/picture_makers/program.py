@@ -3,17 +3,22 @@
 import os
 import signal
 import subprocess
+import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
+from frida_painter import storage
 from frida_painter.errors import Interrupted, MakingFailed
-from frida_painter.runs.picture_making import MAX_BYTES
+from frida_painter.picture_makers.child import ANSWER, FAULT, TASK, TOLD
+from frida_painter.runs.picture_making import MAX_BYTES, PictureRequest
 from frida_painter.storage import megabytes
 
 _GLANCE = 0.05  # seconds between two looks at a program
 _MAX_SAID = 20 * 2**20  # bytes that a program may say to its standard error
+_SAID = "the words of a program"
 _TOLD = 200  # characters of a program's last line in messages
 
 
@@ -80,6 +85,43 @@ def run_program(
         raise MakingFailed(f"{name} {how} and made no picture{_last_line(said)}.")
 
 
+def run_child(
+    module: str,
+    name: str,
+    task: Mapping[str, Any],
+    folder: Path,
+    request: PictureRequest,
+    until: float,
+    *,
+    made: Path | None = None,
+    environment: Mapping[str, str] | None = None,
+) -> dict[str, Any]:
+    """Runs a module of this project in a process of its own, and returns its answer.
+
+    module: module that does its task by `run_task`
+    name, made, until: as in `run_program`
+    folder: new folder for the task and its files
+    request: the pictures that were asked for; receives what the child tells, and may be stopped
+    environment: variables of the environment that the child has besides those of this process
+    Raises MakingFailed, with the child's own sentence if there is one, and Interrupted.
+    """
+    folder.mkdir()
+    storage.write_json(folder / TASK, task)
+    try:
+        run_program(
+            [sys.executable, "-P", "-m", module, str(folder)], name,
+            printed=folder / "printed", said=folder / "said", made=made, until=until, stop_asked=request.stop_asked,
+            hear=lambda line: request.tell(line.removeprefix(TOLD)) if line.startswith(TOLD) else None,
+            environment={**os.environ, **(environment or {})},
+        )  # fmt: skip
+    except MakingFailed as end:
+        fault = folder / FAULT
+        if fault.is_file():
+            raise MakingFailed(storage.read_bytes(fault, _SAID, _MAX_SAID).decode()) from end
+        raise
+    return storage.read_json(folder / ANSWER, "the answer of a picture maker", MakingFailed)
+
+
 def _end(process: "subprocess.Popen[bytes]") -> None:
     """Ends a program and all processes of its group, and waits for it."""
     with suppress(OSError):
@@ -101,7 +143,7 @@ def _pass_on(said: Path, heard: int, hear: Callable[[str], None] | None) -> int:
     """Passes whole new lines on, and returns the number of bytes that were heard so far."""
     if hear is None:
         return heard
-    with said.open("rb") as file:
+    with storage.open_checked(said, _SAID, MAX_BYTES, MakingFailed) as file:
         file.seek(heard)
         whole, end, _ = file.read(_MAX_SAID).rpartition(b"\n")
     for line in whole.decode("utf-8", "replace").splitlines():
@@ -111,7 +153,7 @@ def _pass_on(said: Path, heard: int, hear: Callable[[str], None] | None) -> int:
 
 def _last_line(said: Path) -> str:
     """Returns the last line that a program said, as the end of a sentence; "" if it said nothing."""
-    with said.open("rb") as file:
+    with storage.open_checked(said, _SAID, MAX_BYTES, MakingFailed) as file:
         file.seek(max(0, _size(said) - 4096))
         lines = file.read().decode("utf-8", "replace").split("\n")
     plain = [" ".join("".join(mark if mark.isprintable() else " " for mark in line).split()) for line in lines]

@@ -203,8 +203,8 @@ def make_pictures(
             for number, (file, made_from) in enumerate(zip(files, seeds, strict=True), 1):
                 try:
                     picture = _read(file)
-                except ImageError as fault:
-                    faults.append(f"Picture {number} of {name} cannot be painted. {fault}")
+                except ImageError as cause:
+                    faults.append(f"Picture {number} of {name} cannot be painted. {cause}")
                     continue
                 target = folder / f"{name_of(words)}-{number}.png"
                 images.save(picture, target)

@@ -1,0 +1,121 @@
+"""Picture maker `diffusers`: a pipeline in a folder or of the hub, run in a process of its own."""
+
+import re
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from frida_painter import registry
+from frida_painter.errors import ConfigError
+from frida_painter.picture_makers.pipeline_folder import (
+    INDEX,
+    USUAL_STEPS,
+    HalfDownload,
+    PipelineFolder,
+    read_pipeline_folder,
+)
+from frida_painter.picture_makers.program import run_child
+from frida_painter.runs.picture_making import PictureMakerKind, PictureRequest
+
+_HUB_NAME = re.compile(r"[A-Za-z0-9][\w.-]{0,95}/[A-Za-z0-9][\w.-]{0,95}")
+_STEPS = re.compile(r"(.*),\s*steps=(\d{1,4})")
+_MAX_STEPS = 200
+_EXAMPLE = "diffusers:stabilityai/sd-turbo"
+_OFFLINE = {"HF_HUB_OFFLINE": "1", "TRANSFORMERS_OFFLINE": "1", "HF_HUB_DISABLE_TELEMETRY": "1"}
+
+
+@dataclass(frozen=True)
+class DiffusionMaker:
+    """Pipeline of diffusers.
+
+    source: name on the hub, or folder
+    here: the pipeline; None if it has to be fetched
+    steps: number of steps. None: the usual one of the pipeline
+    facts: name, class, steps and the hashes of the weights
+    """
+
+    source: str
+    here: PipelineFolder | None
+    steps: int | None = None
+    facts: dict[str, str] = field(default_factory=dict)
+
+    @classmethod
+    def parse(cls, text: str) -> "DiffusionMaker":
+        """Returns the maker of a folder or name, with ",steps=N" if wanted; loads and fetches nothing.
+
+        Raises ConfigError if it is neither, or a pipeline that is refused.
+        """
+        registry.require("imagine", "diffusers", "The picture maker diffusers")
+        registry.require("imagine", "transformers", "The picture maker diffusers")
+        match = _STEPS.fullmatch(text)
+        source, steps = (match[1], int(match[2])) if match else (text, None)
+        if steps is not None and not 1 <= steps <= _MAX_STEPS:
+            raise ConfigError(f"{steps} steps were asked for; a pipeline takes 1 to {_MAX_STEPS}.")
+        if not source.strip() or "\0" in source:
+            raise ConfigError(f"The picture maker diffusers was given no pipeline; write for example {_EXAMPLE}.")
+        folder = Path(source).expanduser()
+        try:
+            if folder.is_dir():
+                return cls(source, read_pipeline_folder(folder.resolve(), folder.resolve().name), steps)
+            if folder.exists():
+                raise ConfigError(f"{source[:80]} is a file; name the folder of a pipeline, or a name on the hub.")
+        except OSError as cause:
+            raise ConfigError(f"{source[:80]} cannot be read ({cause.strerror}); name a folder.") from cause
+        if not _HUB_NAME.fullmatch(source):
+            raise ConfigError(
+                f"{source[:80]!r} is neither a folder that is here nor a name on the hub; write for example {_EXAMPLE}."
+            )
+        return cls(source, _find(source), steps)
+
+    def make(self, request: PictureRequest) -> Sequence[Path]:
+        """Returns one picture file for each seed. Raises MakingFailed, ConfigError and Interrupted."""
+        until = time.monotonic() + request.seconds
+        pipeline = self.here or self._fetch(request, until)
+        usual = pipeline.steps
+        steps = self.steps or usual
+        task = {
+            "name": pipeline.name, "folder": str(pipeline.folder), "pipeline": pipeline.pipeline,
+            "variant": pipeline.variant, "weights": [str(file) for file in pipeline.weights], "steps": steps,
+            "few": usual < USUAL_STEPS, "words": request.words, "seeds": list(request.seeds),
+            "width": request.width, "height": request.height, "device": str(request.device),
+        }  # fmt: skip
+        folder = request.folder / "pipeline"
+        answer = run_child(
+            "frida_painter.picture_makers.pipeline_process", "The pipeline", task, folder, request, until,
+            environment=_OFFLINE,
+        )  # fmt: skip
+        self.facts.update(
+            model=pipeline.name, pipeline=pipeline.pipeline, steps=f"{steps} steps", size=str(answer["size"]),
+            sha256=" ".join(answer["hashes"]),
+        )  # fmt: skip
+        return [folder / Path(name).name for name in answer["files"]]
+
+    def _fetch(self, request: PictureRequest, until: float) -> PipelineFolder:
+        """Fetches the pipeline from the hub into its cache, and reads it."""
+        answer = run_child(
+            "frida_painter.picture_makers.pipeline_fetch", "The download", {"name": self.source},
+            request.folder / "fetched", request, until,
+            environment={"HF_HUB_DISABLE_PROGRESS_BARS": "1", "HF_HUB_DISABLE_TELEMETRY": "1"},
+        )  # fmt: skip
+        return read_pipeline_folder(Path(answer["folder"]), self.source)
+
+
+def _find(name: str) -> PipelineFolder | None:
+    """Returns the pipeline of that name in the cache of the hub; None if it has to be fetched. Raises ConfigError."""
+    from huggingface_hub import try_to_load_from_cache
+
+    index = try_to_load_from_cache(name, INDEX)
+    if not isinstance(index, str):
+        return None
+    try:
+        return read_pipeline_folder(Path(index).parent, name)
+    except HalfDownload:
+        return None
+
+
+DIFFUSERS = PictureMakerKind(
+    "diffusers",
+    "A pipeline of diffusers: a folder, or a name on the hub, which is fetched once; FOLDER,steps=N sets the steps.",
+    DiffusionMaker.parse,
+)

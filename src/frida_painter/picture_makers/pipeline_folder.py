@@ -1,0 +1,176 @@
+"""Folders of diffusion pipelines: read before anything of them is loaded, and refused if they could run code."""
+
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from frida_painter import storage
+from frida_painter.errors import ConfigError
+
+INDEX = "model_index.json"
+"""List of a pipeline's parts."""
+FEW_STEPS, USUAL_STEPS = 4, 20
+_FEW = re.compile("turbo|lcm|lightning|schnell|hyper|tcd|flash", re.IGNORECASE)
+_LIBRARIES = ("diffusers", "transformers")
+_WEIGHTS = re.compile(r"(?:model|diffusion_pytorch_model)(?:\.(\w+))?(?:-(\d{5})-of-(\d{5}))?\.safetensors")
+_PICKLES = (".bin", ".ckpt", ".pt", ".pth", ".pkl", ".pickle")
+_MAX_HEADER, _MAX_WEIGHTS = 10**8, 500 * 10**9  # bytes
+_MAX_JSON = 100 * 10**6  # bytes; the tokenizers of large language models have some 20 MB
+
+
+class HalfDownload(ConfigError):
+    """Folder of a pipeline in which files are missing or cut off."""
+
+
+@dataclass(frozen=True)
+class PipelineFolder:
+    """Pipeline that may be loaded.
+
+    name: name for messages and the record
+    pipeline: class of `diffusers`
+    weights: files that are read
+    variant: variant of the weights, for example fp16, if some exist in no other
+    steps: usual number of steps; few if the name or the scheduler says that the network was made for few
+    """
+
+    folder: Path
+    name: str
+    pipeline: str
+    weights: tuple[Path, ...]
+    variant: str | None
+    steps: int
+
+
+def read_pipeline_folder(folder: Path, name: str) -> PipelineFolder:
+    """Reads a pipeline's folder and the headers of its weights; loads nothing.
+
+    Raises HalfDownload if files are missing or cut off, and ConfigError if this is no pipeline, or one that could run
+    code: parts of other libraries, code beside the weights, weights in pickles.
+    """
+    if not (folder / INDEX).is_file():
+        error = HalfDownload if any(folder.glob("*/*.safetensors")) else ConfigError
+        raise error(f"{name} has no {INDEX}, so it is no pipeline of diffusers; name the folder that has it.")
+    index = _read_json(folder / INDEX)
+    pipeline, parts = parse_index(index, name)
+    code = next((path for path in sorted(folder.rglob("*.py")) if path.is_file()), None)
+    if code is not None:
+        raise _wants_code(name, f"it has the program {code.relative_to(folder)}")
+    if any(folder.rglob("*.incomplete")):
+        raise _half(name, "a file is marked as incomplete")
+    weights: list[Path] = []
+    variants: set[str] = set()
+    for part, kind in parts.items():
+        found, variant = _read_part(folder / part, kind, name)
+        weights += found
+        variants |= {variant} - {""}
+    if not weights:
+        raise ConfigError(f"{name} has no weights at all; name a pipeline with networks.")
+    if len(variants) > 1:
+        raise ConfigError(f"{name} has its weights in the variants {', '.join(sorted(variants))}; give all in one.")
+    scheduler = parts.get("scheduler", "")
+    known_as = f"{name} {scheduler} {index.get('_name_or_path', '')}"
+    steps = FEW_STEPS if _FEW.search(known_as) else USUAL_STEPS
+    return PipelineFolder(folder, name, pipeline, tuple(weights), next(iter(variants), None), steps)
+
+
+def parse_index(index: Mapping[str, Any], name: str) -> tuple[str, dict[str, str]]:
+    """Returns the class of a pipeline, and the classes of its parts by name. Raises ConfigError."""
+    pipeline = index.get("_class_name")
+    if isinstance(pipeline, list):
+        raise _wants_code(name, "its pipeline is a class of its own")
+    if not isinstance(pipeline, str) or not pipeline.isidentifier():
+        raise ConfigError(f"The {INDEX} of {name} names no pipeline; take an undamaged copy.")
+    parts: dict[str, str] = {}
+    for part, value in index.items():
+        if part.startswith("_") or not isinstance(value, list) or value == [None, None]:
+            continue
+        words = [word for word in value if isinstance(word, str) and word.isidentifier()]
+        if not part.isidentifier() or len(words) != 2 or len(value) != 2:
+            raise _wants_code(name, f"its part {part[:40]!r} is {str(value)[:80]}")
+        library, kind = words
+        if library not in _LIBRARIES and not _is_of_diffusers(library):
+            raise _wants_code(name, f"its part {part!r} is of the library {library[:40]!r}")
+        parts[part] = kind
+    return pipeline, parts
+
+
+def choose_weights(names: list[str]) -> list[str]:
+    """Returns the weights that are read among the names of a part's files: the plain ones, else one variant's."""
+    found = {name: match[1] or "" for name in sorted(names) if (match := _WEIGHTS.fullmatch(name))}
+    variants = sorted(set(found.values()))
+    wanted = "fp16" if "fp16" in variants and "" not in variants else next(iter(variants), "")
+    return [name for name, variant in found.items() if variant == wanted]
+
+
+def _is_of_diffusers(library: str) -> bool:
+    """Returns True for a room of diffusers' own pipelines, as the safety checker of Stable Diffusion has."""
+    package = find_spec("diffusers")
+    return package is not None and package.origin is not None and (
+        Path(package.origin).parent / "pipelines" / library
+    ).is_dir()  # fmt: skip
+
+
+def _read_part(part: Path, kind: str, name: str) -> tuple[list[Path], str]:
+    """Returns the weights of a part and their variant; no weights for a part without a network."""
+    if not part.is_dir() or not any(part.iterdir()):
+        raise _half(name, f"the folder {part.name} is missing or empty")
+    for path in part.glob("*.json"):
+        if "auto_map" in _read_json(path):
+            raise _wants_code(name, f"{part.name}/{path.name} names code")
+    if any(word in kind for word in ("Scheduler", "Tokenizer", "Processor", "FeatureExtractor")):
+        if not any(path.suffix in (".json", ".model", ".txt") and path.is_file() for path in part.iterdir()):
+            raise _half(name, f"the settings of {part.name} are missing")
+        return [], ""
+    if not (part / "config.json").is_file():
+        raise _half(name, f"{part.name}/config.json is missing")
+    files = [part / file for file in choose_weights([path.name for path in part.iterdir()])]
+    if not files:
+        if any(path.suffix in _PICKLES for path in part.iterdir()):
+            raise ConfigError(
+                f"{name} has the weights of {part.name} only as a pickle, which can run code; take "
+                "one with safetensors."
+            )
+        raise _half(name, f"the weights of {part.name} are missing")
+    matches = [match for file in files if (match := _WEIGHTS.fullmatch(file.name))]
+    shards = {int(match[3]) for match in matches if match[3]}
+    if shards and (len(shards) > 1 or len(files) != max(shards)):
+        raise _half(name, f"{len(files)} of {max(shards)} files of {part.name} are here")
+    for file in files:
+        if not file.is_file() or not _is_whole(file):
+            raise _half(name, f"{part.name}/{file.name} is cut off")
+    return files, matches[0][1] or ""
+
+
+def _is_whole(file: Path) -> bool:
+    """Returns True if a safetensors file is as long as its header says."""
+    with storage.open_checked(file, "a network", _MAX_WEIGHTS, ConfigError) as opened:
+        length = int.from_bytes(opened.read(8), "little")
+        if not 2 <= length <= _MAX_HEADER:
+            return False
+        try:
+            header = json.loads(opened.read(length))
+            ends = [entry["data_offsets"][1] for tensor, entry in header.items() if tensor != "__metadata__"]
+            return 8 + length + max(ends, default=0) == file.stat().st_size
+        except (ValueError, KeyError, TypeError, IndexError, AttributeError, RecursionError):
+            return False
+
+
+def _read_json(path: Path) -> Mapping[str, Any]:
+    """Returns the object in a JSON file; an empty one if it holds something else. Raises HalfDownload."""
+    try:
+        found = json.loads(storage.read_bytes(path, "the settings of a pipeline", _MAX_JSON, ConfigError))
+    except (ValueError, RecursionError) as cause:
+        raise _half(path.parent.name, f"{path.name} is cut off or not JSON") from cause
+    return found if isinstance(found, dict) else {}
+
+
+def _half(name: str, why: str) -> HalfDownload:
+    return HalfDownload(f"{name} is half a download or damaged ({why}); fetch it again.")
+
+
+def _wants_code(name: str, why: str) -> ConfigError:
+    return ConfigError(f"{name} wants code of its own to be run ({why}), which is refused; name a pipeline without.")

@@ -1,0 +1,134 @@
+"""Process of a diffusion pipeline: loads it, makes the pictures, and gives its memory back by ending."""
+
+import inspect
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from frida_painter import images, storage
+from frida_painter.errors import MakingFailed
+from frida_painter.picture_makers.child import run_task, tell
+
+_STEP = 64  # pixels; sizes are multiples of it; for small networks, of an eighth of their usual size
+_BLACK = 1 / 255
+
+
+def _make(task: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """Returns files and facts. Raises MakingFailed.
+
+    task: name, folder, pipeline, variant, weights, steps, few, words, seeds, width, height and device
+    """
+    name, device = task["name"], torch.device(task["device"])
+    pipeline = _load(task, device)
+    width, height = _size(pipeline, task["width"], task["height"])
+    arguments = inspect.signature(pipeline.__call__).parameters
+    files = []
+    for number, seed in enumerate(task["seeds"], 1):
+        given = {
+            "prompt": task["words"], "width": width, "height": height, "num_inference_steps": task["steps"],
+            "generator": torch.Generator().manual_seed(seed), "output_type": "np",
+            "callback_on_step_end": _Progress(f"Picture {number} of {len(task['seeds'])}", task["steps"]).hear,
+            **({"guidance_scale": 0.0} if task["few"] and not _knows_guidance(pipeline) else {}),
+        }  # fmt: skip
+        made = pipeline(**{key: value for key, value in given.items() if key in arguments})
+        files.append(folder / f"{number}.png")
+        images.save(_require_picture(made, name, number, width, height), files[-1])
+    hashes = [storage.sha256(Path(file), "the weights of a pipeline", MakingFailed) for file in task["weights"]]
+    return {"files": [file.name for file in files], "size": f"{width} x {height}", "hashes": hashes}
+
+
+def _load(task: Mapping[str, Any], device: torch.device) -> Any:
+    """Returns the pipeline on its device."""
+    import diffusers
+    from diffusers.utils import logging
+
+    name, kind = task["name"], task["pipeline"]
+    if kind not in dir(diffusers):
+        raise MakingFailed(
+            f"{name} is a {kind}, which diffusers {diffusers.__version__} does not have; install a newer one, or name "
+            "another pipeline."
+        )
+    asked = inspect.signature(getattr(diffusers, kind).__call__).parameters
+    if "prompt" not in asked or "mask_image" in asked or {"image", "strength"} <= set(asked):
+        raise MakingFailed(f"{name} is a {kind}, which makes no picture from words alone; name one that does.")
+    logging.set_verbosity_error()
+    logging.disable_progress_bar()
+    tell(f"Loading {name} on {device.type}.")
+    loader: Any = diffusers.DiffusionPipeline
+    try:
+        pipeline = loader.from_pretrained(
+            task["folder"], variant=task["variant"], torch_dtype=_precision(device), use_safetensors=True,
+            local_files_only=True, low_cpu_mem_usage=False,
+        ).to(device)  # fmt: skip
+    except torch.OutOfMemoryError as cause:
+        raise MakingFailed(f"{name} does not fit into the memory of the GPU; name a smaller one.") from cause
+    pipeline.set_progress_bar_config(disable=True)
+    return pipeline
+
+
+def _precision(device: torch.device) -> torch.dtype:
+    if device.type != "cuda":
+        return torch.float32
+    return torch.bfloat16 if torch.cuda.is_bf16_supported(including_emulation=False) else torch.float16
+
+
+def _size(pipeline: Any, width: int, height: int) -> tuple[int, int]:
+    """Returns the wanted proportions in the number of pixels that the network was made for."""
+    network = getattr(pipeline, "unet", None) or getattr(pipeline, "transformer", None)
+    cells, scale = (
+        getattr(getattr(network, "config", None), "sample_size", None),
+        pipeline.__dict__.get("vae_scale_factor"),
+    )
+    if not isinstance(cells, int) or not isinstance(scale, int):
+        return width, height
+    step = scale * max(1, min(cells // 8, _STEP // scale))
+    larger = cells * scale / (width * height) ** 0.5
+    return step * max(1, round(width * larger / step)), step * max(1, round(height * larger / step))
+
+
+def _knows_guidance(pipeline: Any) -> bool:
+    """Returns True for a network that was given the guidance as an input (LCM): its own default is right."""
+    network = getattr(pipeline, "unet", None)
+    return getattr(getattr(network, "config", None), "time_cond_proj_dim", None) is not None
+
+
+class _Progress:
+    """Steps of one picture, told with the time that is left."""
+
+    def __init__(self, label: str, steps: int) -> None:
+        self._label, self._steps, self._began = label, steps, time.monotonic()
+
+    def hear(self, pipeline: Any, step: int, timestep: Any, arguments: dict[str, Any]) -> dict[str, Any]:
+        count = max(self._steps, getattr(pipeline, "_num_timesteps", 0) or 0)
+        left = (time.monotonic() - self._began) / (step + 1) * (count - step - 1)
+        more = f", about {left:.0f} s left" if left >= 1 else ""
+        tell(f"{self._label}: step {step + 1} of {count}{more}.")
+        return arguments
+
+
+def _require_picture(made: Any, name: str, number: int, width: int, height: int) -> torch.Tensor:
+    """Returns the only picture that the pipeline made, [3, H, W]. Raises MakingFailed if it is none."""
+    pictures = getattr(made, "images", None)
+    if pictures is None:
+        raise MakingFailed(f"{name} returned a {type(made).__name__} without pictures; name one that makes pictures.")
+    if len(pictures) != 1:
+        raise MakingFailed(f"{name} returned {storage.count_of(len(pictures), 'picture')} for one seed; it makes one.")
+    values = torch.as_tensor(pictures[0])
+    if tuple(values.shape) != (height, width, 3):
+        raise MakingFailed(
+            f"{name} returned a picture of the shape {tuple(values.shape)} where {(height, width, 3)} was asked for; "
+            "name another."
+        )
+    if not bool(torch.isfinite(values).all()):
+        raise MakingFailed(f"Picture {number} of {name} holds values that are no numbers (NaN); name another.")
+    flagged = getattr(made, "nsfw_content_detected", None)
+    if flagged and flagged[0] and float(values.max()) <= _BLACK:
+        tell(f"The safety checker of {name} made picture {number} black; try another --seed or other words.")
+    return values.permute(2, 0, 1).to(torch.float32).clamp(0, 1)
+
+
+if __name__ == "__main__":
+    run_task(_make, "The pipeline")

@@ -1,0 +1,92 @@
+"""Picture maker `http`: a service of the person's own, which is sent the words and returns a picture."""
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from urllib.parse import SplitResult, urlsplit
+
+from frida_painter.errors import ConfigError
+from frida_painter.picture_makers.program import run_child
+from frida_painter.runs.picture_making import MAX_BYTES, PictureMakerKind, PictureRequest
+
+_EXAMPLE = "http:http://localhost:7860/picture"
+
+
+@dataclass(frozen=True)
+class ServiceMaker:
+    """Address that is asked once for each picture.
+
+    address: http or https
+    """
+
+    address: str
+
+    @classmethod
+    def parse(cls, text: str) -> "ServiceMaker":
+        """Returns the maker of an address; "//HOST/..." is one of http. Asks nothing. Raises ConfigError."""
+        address = f"http:{text}" if text.startswith("//") else text
+        parts = _split(address)
+        if (
+            parts is None
+            or parts.scheme not in ("http", "https")
+            or not parts.hostname
+            or not address.isascii()
+            or any(mark.isspace() or not mark.isprintable() for mark in address)
+        ):
+            raise ConfigError(f"{text[:80]!r} is no address of a service; write for example {_EXAMPLE}.")
+        if parts.username is not None or parts.password is not None:
+            raise ConfigError(
+                "The address of the service holds a name or a password, which the painting's record would keep; give "
+                "one without."
+            )
+        return cls(address)
+
+    @property
+    def facts(self) -> Mapping[str, str]:
+        """Address, without what follows the path: a key may stand there."""
+        parts = urlsplit(self.address)
+        return {"address": f"{parts.scheme}://{parts.netloc}{parts.path}"}
+
+    def make(self, request: PictureRequest) -> Sequence[Path]:
+        """Returns one picture file for each seed. Raises MakingFailed and Interrupted."""
+        until = time.monotonic() + request.seconds
+        parts = urlsplit(self.address)
+        plain = ", unencrypted" if parts.scheme == "http" else ""
+        request.tell(f"Your words, the seed and the size are sent to {parts.netloc}{plain}.")
+        return [self._ask(request, number, until) for number in range(len(request.seeds))]
+
+    def _ask(self, request: PictureRequest, number: int, until: float) -> Path:
+        host, count = urlsplit(self.address).netloc, len(request.seeds)
+        request.tell(f"{host} makes picture {number + 1} of {count}.")
+        folder = request.folder / str(number + 1)
+        question = {
+            "words": request.words, "prompt": request.words, "seed": request.seeds[number],
+            "width": request.width, "height": request.height,
+        }  # fmt: skip
+        task = {
+            "address": self.address, "question": question, "most": MAX_BYTES,
+            "seconds": max(0.1, until - time.monotonic()),
+        }  # fmt: skip
+        run_child(
+            "frida_painter.picture_makers.service_process", f"The service {host}", task, folder, request, until,
+            made=folder / "picture",
+        )  # fmt: skip
+        return folder / "picture"
+
+
+def _split(address: str) -> SplitResult | None:
+    """Returns the parts of an address, None if it has none."""
+    try:
+        parts = urlsplit(address)
+        return parts if parts.port != 0 else None
+    except ValueError:
+        return None
+
+
+HTTP = PictureMakerKind(
+    "http",
+    "A service of yours at an address: it is sent JSON with words, seed, width and height, and returns a picture file, "
+    "or JSON with one in base64 as image.",
+    ServiceMaker.parse,
+)

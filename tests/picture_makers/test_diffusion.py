@@ -1,0 +1,258 @@
+"""The maker `diffusers`: tiny pipelines that are made here, from words to a plan, and those that fail."""
+
+import json
+import time
+from collections.abc import Callable, Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from shutil import copytree
+from threading import Thread
+from types import SimpleNamespace
+from typing import Any
+
+import huggingface_hub
+import numpy as np
+import pytest
+import torch
+
+from frida_painter import images
+from frida_painter.cli import commands
+from frida_painter.errors import ConfigError, Interrupted, MakingFailed
+from frida_painter.picture_makers.diffusion import DiffusionMaker
+from frida_painter.picture_makers.pipeline_process import _require_picture
+from frida_painter.runs.picture_making import PictureRequest, make_pictures
+from frida_painter.runs.spec import RunSpec
+from tiny_pipelines import write_lookalike, write_pipeline
+
+
+@pytest.fixture(scope="module")
+def pipeline(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_pipeline(tmp_path_factory.mktemp("pipelines") / "tiny")
+
+
+def ask(folder: Path, told: list[str] | None = None, seeds: tuple[int, ...] = (7,), seconds: float = 200.0,
+        stop: Callable[[], bool] = lambda: False) -> PictureRequest:  # fmt: skip
+    folder.mkdir()
+    tell = [].append if told is None else told.append
+    return PictureRequest("a lemon", seeds, 512, 384, folder, torch.device("cpu"), seconds, stop, tell)
+
+
+@pytest.mark.slow
+def test_pictures_follow_their_seeds_and_steps_are_told(tmp_path: Path, pipeline: Path) -> None:
+    told: list[str] = []
+    maker = DiffusionMaker.parse(f"{pipeline},steps=2")
+    first, second, again = map(images.load, maker.make(ask(tmp_path / "a", told, (7, 8, 7))))
+    assert first.shape == (3, 56, 72), "4 to 3 in about as many pixels as its networks were made for"
+    assert torch.equal(first, again) and not torch.equal(first, second)
+    assert told[0] == "Loading tiny on cpu." and told[1:3] == [f"Picture 1 of 3: step {n} of 2." for n in (1, 2)]
+    assert len(told) == 7 and maker.facts["steps"] == "2 steps" and len(maker.facts["sha256"].split()) == 3
+
+
+@pytest.mark.slow
+def test_a_plan_from_words_by_a_pipeline(
+    tmp_path: Path, pipeline: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    small = (
+        *("--strokes", "8", "--colors", "2", "--canvas", "120x90mm", "--render-height", "64", "--effort", "0.05"),
+        *("--seed", "3", "--out", "planned"),
+    )
+    words = ["--text", "a red tower", "--imagine", f"diffusers:{pipeline}", "--imagine-pictures", "2"]
+    monkeypatch.setattr("sys.argv", ["frida-painter", "plan", *words, *small])
+    with pytest.raises(SystemExit) as end:
+        commands.main()
+    said = capsys.readouterr().err
+    assert not end.value.code, said
+    assert "Picture 2 of 2: step 4 of 4." in said and "by diffusers, tiny, StableDiffusionPipeline, 4 steps" in said
+    record = json.loads((tmp_path / "planned" / "goal" / "1" / "making.json").read_text())
+    assert [one["seed"] for one in record["pictures"]] == [3, 4] and record["facts"]["model"] == "tiny"
+    assert (tmp_path / "planned" / "plan.json").exists()
+
+
+def blacken(folder: Path) -> None:
+    write_pipeline(folder, bias=-50.0)
+
+
+def spoil_numbers(folder: Path) -> None:
+    write_pipeline(folder, bias=float("nan"))
+
+
+def name_class(kind: str) -> Callable[[Path], None]:
+    def write(folder: Path) -> None:
+        index = write_lookalike(folder) / "model_index.json"
+        index.write_text(index.read_text().replace("StableDiffusionPipeline", kind))
+
+    return write
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("write", "says"),
+    [
+        (blacken, "Picture 1 of diffusers cannot be painted. It is black all over."),
+        (spoil_numbers, "Picture 1 of net holds values that are no numbers (NaN); name another."),
+        (name_class("NoSuchPipeline"), "net is a NoSuchPipeline, which diffusers"),
+        (name_class("StableDiffusionImg2ImgPipeline"), "which makes no picture from words alone"),
+        (write_lookalike, "The pipeline failed ("),
+    ],
+)
+def test_a_pipeline_that_fails_is_one_sentence(tmp_path: Path, write: Callable[[Path], Any], says: str) -> None:
+    write(tmp_path / "net")
+    spec = RunSpec.of(goal=[{"text": "a lemon"}], canvas="12x9cm")
+    with pytest.raises(MakingFailed) as told:
+        make_pictures("a lemon", f"diffusers:{tmp_path / 'net'}", tmp_path / "made", spec, count=1)
+    assert says in str(told.value) and "\n" not in str(told.value) and not (tmp_path / "made").exists()
+
+
+@pytest.mark.parametrize(
+    ("made", "says"),
+    [
+        (SimpleNamespace(frames=np.zeros((1, 4, 6, 3))), "returned a SimpleNamespace without pictures"),
+        (SimpleNamespace(images=np.zeros((3, 4, 6, 3))), "returned 3 pictures for one seed"),
+        (SimpleNamespace(images=[]), "returned 0 pictures for one seed"),
+        (SimpleNamespace(images=np.zeros((1, 6, 4, 3))), r"of the shape \(6, 4, 3\) where \(4, 6, 3\) was asked for"),
+        (SimpleNamespace(images=np.zeros((1, 4, 6, 4))), r"of the shape \(4, 6, 4\)"),
+        (SimpleNamespace(images=np.full((1, 4, 6, 3), np.inf)), "no numbers"),
+    ],
+)
+def test_what_a_pipeline_may_not_return(made: Any, says: str) -> None:
+    with pytest.raises(MakingFailed, match=says):
+        _require_picture(made, "net", 1, 6, 4)
+
+
+@pytest.mark.slow
+def test_a_stop_and_the_end_of_its_time_end_a_pipeline(tmp_path: Path, pipeline: Path) -> None:
+    began, told = time.monotonic(), []
+    with pytest.raises(Interrupted, match="nothing was painted"):
+        DiffusionMaker.parse(f"{pipeline},steps=50").make(
+            ask(tmp_path / "a", told, tuple(range(16)), stop=lambda: any("step" in one for one in told))
+        )
+    assert not any("Picture 16" in one for one in told)
+    with pytest.raises(MakingFailed, match=r"The pipeline was not finished after \d+ s and was ended"):
+        DiffusionMaker.parse(str(pipeline)).make(ask(tmp_path / "b", seconds=0.5))
+    assert time.monotonic() - began < 100
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("", "was given no pipeline; write for example diffusers:"),
+        ("no such folder", "'no such folder' is neither a folder that is here nor a name on the hub"),
+        ("/no/such/folder", "is neither a folder"),
+        ("holidays", "is neither a folder"),
+        ("some/net,steps=0", "0 steps were asked for; a pipeline takes 1 to 200"),
+        ("some/net,steps=201", "201 steps"),
+        ("file.txt", "is a file; name the folder"),
+        ("a" * 5000, "is neither a folder|cannot be read"),
+    ],
+)
+def test_what_is_refused_before_anything(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, says: str) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "file.txt").touch()
+    with pytest.raises(ConfigError, match=says):
+        DiffusionMaker.parse(text)
+
+
+class _Hub(BaseHTTPRequestHandler):
+    """A hub that has one repository, somebody/tiny, in a folder."""
+
+    root: Path
+    asked: list[str]
+
+    def log_message(self, *words: object) -> None:
+        pass
+
+    def do_HEAD(self) -> None:
+        self.do_GET()
+
+    def do_GET(self) -> None:
+        path = self.path.partition("?")[0]
+        files = sorted(file for file in self.root.rglob("*") if file.is_file())
+        if path.startswith("/api/models/somebody/tiny"):
+            siblings = [
+                {"rfilename": file.relative_to(self.root).as_posix(), "size": file.stat().st_size} for file in files
+            ]
+            content = json.dumps({"id": "somebody/tiny", "sha": "0" * 40, "siblings": siblings}).encode()
+        elif (
+            path.startswith("/somebody/tiny/resolve/") and (file := self.root.joinpath(*path.split("/")[5:])).is_file()
+        ):
+            content = file.read_bytes()
+        else:
+            self.send_error(404)
+            return
+        if self.command == "GET":
+            self.asked.append(path.rpartition("/")[2])
+        self.send_response(200)
+        for name, value in (
+            ("Content-Length", str(len(content))), ("ETag", f'"{abs(hash(path))}"'), ("X-Repo-Commit", "0" * 40),
+            ("Content-Type", "application/json"),
+        ):  # fmt: skip
+            self.send_header(name, value)
+        self.end_headers()
+        if self.command == "GET":
+            self.wfile.write(content)
+
+
+@pytest.fixture
+def hub(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[type[_Hub]]:
+    """A hub on this machine, and a cache of its own."""
+
+    class Hub(_Hub):
+        root, asked = tmp_path / "repository", []
+
+    monkeypatch.setenv("HF_HOME", str(tmp_path / "cache"))
+    monkeypatch.setenv("HF_HUB_DISABLE_XET", "1")
+    monkeypatch.delenv("HF_HUB_OFFLINE", raising=False)
+    monkeypatch.delenv("HF_HUB_CACHE", raising=False)
+    monkeypatch.setattr(huggingface_hub.constants, "HF_HUB_CACHE", str(tmp_path / "cache" / "hub"))
+    with ThreadingHTTPServer(("127.0.0.1", 0), Hub) as server:
+        monkeypatch.setenv("HF_ENDPOINT", f"http://127.0.0.1:{server.server_port}")
+        thread = Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01})
+        thread.start()
+        yield Hub
+        server.shutdown()
+        thread.join()
+
+
+@pytest.mark.slow
+def test_a_name_on_the_hub_is_fetched_once_without_pickles(tmp_path: Path, pipeline: Path, hub: type[_Hub]) -> None:
+    copytree(pipeline, hub.root)
+    (hub.root / "unet" / "diffusion_pytorch_model.bin").write_bytes(b"a pickle")
+    (hub.root / "unet" / "diffusion_pytorch_model.fp16.safetensors").write_bytes(b"a variant")
+    (hub.root / "README.md").write_text("# A network")
+    told: list[str] = []
+    maker = DiffusionMaker.parse("somebody/tiny")
+    assert maker.here is None and not hub.asked, "nothing is fetched before pictures are made"
+    assert len(maker.make(ask(tmp_path / "a", told))) == 1 and maker.facts["model"] == "somebody/tiny"
+    assert told[0].startswith("Fetching somebody/tiny from http://127.0.0.1") and told[0].endswith("once, 0 MB.")
+    assert any(one.startswith("Fetched file 2 of ") for one in told)
+    assert not {"diffusion_pytorch_model.bin", "diffusion_pytorch_model.fp16.safetensors", "README.md"} & {*hub.asked}
+    hub.asked.clear()
+    there = DiffusionMaker.parse("somebody/tiny")
+    assert there.here is not None and there.here.steps == 4
+    there.make(ask(tmp_path / "b"))
+    assert not hub.asked, "what is here is not asked for"
+    there.here.weights[0].unlink()
+    assert DiffusionMaker.parse("somebody/tiny").here is None, "half a download is fetched again"
+
+
+@pytest.mark.slow
+def test_names_that_the_hub_does_not_have_and_hubs_that_are_not_there(
+    tmp_path: Path, hub: type[_Hub], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hub.root.mkdir()
+    with pytest.raises(MakingFailed, match=r"somebody/else cannot be fetched from the hub \(.*404"):
+        DiffusionMaker.parse("somebody/else").make(ask(tmp_path / "a"))
+    monkeypatch.setenv("HF_HUB_OFFLINE", "1")
+    with pytest.raises(MakingFailed, match="somebody/else cannot be fetched from the hub"):
+        DiffusionMaker.parse("somebody/else").make(ask(tmp_path / "b"))
+
+
+@pytest.mark.slow
+def test_a_name_whose_pipeline_wants_code_is_refused_before_its_weights_come(tmp_path: Path, hub: type[_Hub]) -> None:
+    write_lookalike(hub.root)
+    index = hub.root / "model_index.json"
+    index.write_text(index.read_text().replace('"StableDiffusionPipeline"', '["mine", "Mine"]'))
+    with pytest.raises(MakingFailed, match="wants code of its own to be run"):
+        DiffusionMaker.parse("somebody/tiny").make(ask(tmp_path / "a"))
+    assert hub.asked == ["model_index.json"]
