@@ -49,7 +49,6 @@ OWN_FILES = {
     "hardware/workcell.py",
     "mixing/paint.py",
     "objectives/encoders/classifiers.py",
-    "picture_makers/program.py",
     "provenance.py",
     "runs/event_file.py",
     "sawyer/surroundings.py",
