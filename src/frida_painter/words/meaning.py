@@ -15,6 +15,7 @@ from frida_painter.objectives.word_settings import USUAL, WordSettings
 _VIEWS = 24
 _AT_A_TIME = 2  # views of networks by class names, which see small pictures
 _STEADY = 4  # number of fixed views for validation
+_STEADY_OF_CLIP = 2  # the same of a CLIP, which is ten times as slow
 _NOISE = 0.03  # standard deviation, of sRGB
 _AVOIDED = 0.5  # weight of words to avoid, relative to the prompt's
 _KEPT = 1.0  # weight of the distance from the initial picture, relative to the prompt's
@@ -44,7 +45,7 @@ class Text:
         settings: WordSettings = USUAL,
     ) -> None:
         self._at_a_time = [_AT_A_TIME if isinstance(reader, ConSE) else settings.cutouts for reader in readers]
-        self._first_steady = [0 if isinstance(reader, ConSE) else 1 for reader in readers]
+        self._steady = [(0, _STEADY) if isinstance(reader, ConSE) else (1, _STEADY_OF_CLIP) for reader in readers]
         self._views = [Views(_VIEWS, reader.side, seed) for reader in readers]
         self._generator = torch.Generator().manual_seed(seed)
         self._next = 0
@@ -81,8 +82,8 @@ class Text:
 
     def _steadily(self, picture: Tensor, views: int) -> Tensor:
         found = []
-        for reader, first in enumerate(self._first_steady):
-            which = torch.arange(first, first + views)
+        for reader, (first, steady) in enumerate(self._steady):
+            which = torch.arange(first, first + min(views, steady))
             found.append(self._distance(reader, self._embed_views(reader, picture, which), which))
         return _BALANCE * torch.stack(found).mean()
 

@@ -94,7 +94,7 @@ def test_a_file_names_others_beside_it(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("[grid]\nseeds = [0]", "'seeds' is not a field of a run; there are arm_meshes, brush"),
+        ("[grid]\nseeds = [0]", "'seeds' is not a field of a run; there are arm_meshes, avoid"),
         ("[settings]\nplan = 'a.json'", "'plan' is not a field of a run"),
         ("[grid]\nseed = []", "seed has no values; give at least one"),
         ("[grid]\nimage = ['nothing/*.jpg']", "No file is called nothing/*.jpg (in "),
