@@ -75,6 +75,11 @@ def test_slopes_reach_the_pictures(clip: Clip) -> None:
     assert float(slope[1].abs().sum()) > 0 and float(slope[0].abs().sum()) == 0
 
 
+def test_nothing_is_printed_while_it_is_loaded(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    Clip.load(folder)
+    assert capfd.readouterr() == ("", "")
+
+
 def test_words_beyond_what_it_can_read_are_cut_and_it_is_known(clip: Clip) -> None:
     readable = MAX_TOKENS - 2
     assert clip.reads_all("a" * readable) and not clip.reads_all("a" * (readable + 1))

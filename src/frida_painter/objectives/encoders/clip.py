@@ -6,6 +6,8 @@ Radford et al., "Learning transferable visual models from natural language super
 
 import json
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
@@ -162,15 +164,33 @@ def _read_model(folder: Path, settings: Any) -> Any:
     kind = getattr(transformers, _FAMILIES[settings.model_type].model)
     archive = folder / "pytorch_model.bin"
     if any(folder.glob("*.safetensors")) or not archive.is_file():
-        return kind.from_pretrained(
-            folder, config=settings, local_files_only=True, use_safetensors=True, dtype=torch.float32
-        )
+        with _without_bars():
+            return kind.from_pretrained(
+                folder, config=settings, local_files_only=True, use_safetensors=True, dtype=torch.float32
+            )
     tensors = {name: tensor.float() for name, tensor in state_dict(archive).items() if "position_ids" not in name}
-    model, told = kind.from_pretrained(None, config=settings, state_dict=tensors, output_loading_info=True)
+    with _without_bars():
+        model, told = kind.from_pretrained(None, config=settings, state_dict=tensors, output_loading_info=True)
     missing = sorted(told["missing_keys"])
     if missing:
         raise WeightsError(f"{archive.name} lacks {missing[0]}")
     return model
+
+
+@contextmanager
+def _without_bars() -> Iterator[None]:
+    """Hides the progress bars of `transformers`, which would lie between the lines of the terminal."""
+    from transformers import utils
+
+    logging: Any = utils.logging  # has no types
+
+    shown = logging.is_progress_bar_enabled()
+    logging.disable_progress_bar()
+    try:
+        yield
+    finally:
+        if shown:
+            logging.enable_progress_bar()
 
 
 def _statistics(folder: Path) -> tuple[tuple[float, ...] | None, tuple[float, ...] | None]:
