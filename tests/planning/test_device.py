@@ -278,7 +278,7 @@ def test_networks_in_half_precision_see_nearly_the_same_in_full_precision(tmp_pa
     )
     views = picture(64, 64)[None]
     whole = [look(views) for look in looks]
-    for module in ("vgg", "clip", "classifiers"):
+    for module in ("vgg", "clip", "clip_resnet", "classifiers"):
         monkeypatch.setattr(
             f"frida_painter.objectives.encoders.{module}.half_precision",
             lambda device: torch.autocast("cpu", dtype=torch.bfloat16),

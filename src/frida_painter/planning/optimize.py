@@ -271,7 +271,7 @@ def optimize_together(
     failures = 0
     for iteration in range(iterations + 1):
         current = [each.strokes(each.order()) for each in variables]
-        whole = iteration in (0, iterations) or (renewed > 0 and iteration % renewed == 0)
+        whole = iteration in (0, iterations) or len(turns) == 1 or (renewed > 0 and iteration % renewed == 0)
         seen = problems if iteration == iterations or (whole and not renewed) else turns[iteration % len(turns)]
         with torch.set_grad_enabled(iteration < iterations):
             loss = stacked_cost(current, seen)
