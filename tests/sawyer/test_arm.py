@@ -27,7 +27,7 @@ def hand():
 def moving(hand):
     """The real path of the motions since the fixture was asked for."""
     paths, move = [], hand.studio.table.move
-    hand.studio.table.move = lambda path, now, faults: (paths.append(path), move(path, now, faults))[1]
+    hand.studio.table.move = lambda path, now, *more: (paths.append(path), move(path, now, *more))[1]
     yield paths
     hand.studio.table.move = move
 
