@@ -8,9 +8,10 @@ from pathlib import Path
 import pytest
 import torch
 
-from frida_painter.cli import commands
+from frida_painter.cli import commands, imagining
 from frida_painter.cli.imagining import choose_picture
 from frida_painter.errors import Interrupted
+from frida_painter.runs import picture_making
 from frida_painter.runs.picture_making import MadePicture, Making
 
 PAINTER = """
@@ -111,3 +112,9 @@ def test_who_leaves_paints_nothing_and_keeps_the_pictures(tmp_path: Path) -> Non
     with pytest.raises(Interrupted, match="Nobody chose a picture, and nothing was painted; they are in"):
         choose_picture(making(tmp_path), leave)
     assert (tmp_path / "hat-1.png").exists()
+
+
+def test_the_limits_in_the_help_are_those_of_the_making() -> None:
+    """They stand twice, since help loads no tensors."""
+    for name in ("MAX_PICTURES", "USUAL_PICTURES", "MAX_MINUTES", "USUAL_MINUTES"):
+        assert getattr(imagining, f"_{name}") == getattr(picture_making, name)

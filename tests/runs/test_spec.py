@@ -73,6 +73,8 @@ def test_few_strokes_bring_their_own_colors_and_replans() -> None:
             {"brushes": "broad:99%,fine:1%", "strokes": 6},
             "fine gets 1 % of 6 strokes, which is not one stroke; give it",
         ),
+        ({"goal": [{"image": "x.png"}], "avoid": "text"}, "--avoid is for words, and the goal has none; leave it out"),
+        ({"phrases": "a painting"}, "--phrases: The phrase 'a painting' was given; it has {} once"),
         ({"drying": -5.0}, "--drying was given -5.0; it is a number from 0 to 1440"),
         ({"drying": float("nan")}, "--drying was given nan; it is a number from 0 to 1440"),
         ({"ground": "blurple"}, "--ground: 'blurple' is not a ground; give auto, white, or a colour such as #c8a878"),

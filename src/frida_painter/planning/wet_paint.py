@@ -30,7 +30,8 @@ _TRACE = 1e-4  # amount of paint that counts as none
 _TYPICAL = WetPaint(rate=10.0, share=0.1, drying=300.0)
 _COARSE, _FINE = 2.0, 1.2  # factors of the search
 _MIN_EXPLAINED = 0.05
-_ENOUGH = 300  # strokes
+ENOUGH = 300
+"""Number of last strokes from which wet paint is learned."""
 _DARKEST, _LIGHTEST = 0.006, 0.985  # reflectance of paints
 
 
@@ -86,7 +87,7 @@ def learn_wet_paint(painted: Sequence[PaintedPart]) -> WetPaint | None:
     None if it explains less than a share of `_MIN_EXPLAINED` of the squared difference.
     """
     known = []
-    for part in _latest(painted):
+    for part in painted:
         grid = PixelGrid.of_height(part.problems[0].size, min(_ROWS, part.expected.shape[1]))
         pairs = zip(part.strokes, part.problems, strict=True)
         marks = [mark for strokes, problem in pairs for mark in marks_on(strokes, problem, grid)]
@@ -112,17 +113,6 @@ def learn_wet_paint(painted: Sequence[PaintedPart]) -> WetPaint | None:
             factor **= 0.5
     without = sum(float(off.square().mean()) for _, _, off in known)
     return best if least < (1 - _MIN_EXPLAINED) * without else None
-
-
-def _latest(painted: Sequence[PaintedPart]) -> list[PaintedPart]:
-    """Returns the last parts, with `_ENOUGH` strokes or a few more, or all if they are fewer."""
-    count, found = 0, []
-    for part in reversed(painted):
-        if count >= _ENOUGH:
-            break
-        found.append(part)
-        count += sum(map(len, part.strokes))
-    return found
 
 
 def _near(wet: WetPaint, factor: float) -> Iterator[WetPaint]:

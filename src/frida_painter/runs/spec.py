@@ -5,7 +5,7 @@ Command line, page, TOML files, experiments and notebooks use it. This module lo
 
 import json
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import astuple, fields
 from pathlib import Path
 from typing import Any, Literal, Self, Unpack
 
@@ -72,6 +72,7 @@ WORDS_BRUSHES = "broad:50%,fine:50%"
 """Default brushes of words alone; people recognise a thing by its outline and its small parts."""
 _OF_PLANS: dict[str, Any] = {field.name: field.default for field in fields(PlannerSettings)}
 """Defaults of the planner's settings, shared by all interfaces."""
+_WORDS = tuple(field.name for field in fields(WordSettings))
 _MAX_SPEC_BYTES = 2**20
 
 
@@ -328,10 +329,7 @@ class RunSpec(BaseModel):
     @model_validator(mode="after")
     def _fit_together(self) -> Self:
         given = self.model_fields_set
-        try:
-            _ = self.words
-        except ConfigError as error:
-            raise ValueError(f"--phrases: {error}") from error
+        self._require_words()
         self._require_no_goal()
         if "colors" in given and self.colors > self.strokes:
             raise ValueError(f"{self.colors} colors for {self.strokes} strokes; give at most as many colors as strokes")
@@ -385,6 +383,21 @@ class RunSpec(BaseModel):
         if self.arm_meshes is not None and self.robot != SAWYER_SIM:
             raise ValueError(f"--arm-meshes is for the film of --robot {SAWYER_SIM}; leave it out")
         return self
+
+    def _require_words(self) -> None:
+        """Raises ValueError if settings of words are wrong, or given without words."""
+        try:
+            settings = self.words
+        except ConfigError as error:
+            raise ValueError(f"--phrases: {error}") from error
+        kinds = {item.kind for item in (*self.goal, *self.initial)}
+        if kinds and "text" not in kinds and settings != USUAL:
+            option = next(
+                name
+                for name, mine, usual in zip(_WORDS, astuple(settings), astuple(USUAL), strict=True)
+                if mine != usual
+            )
+            raise ValueError(f"--{option} is for words, and the goal has none; leave it out, or give --text")
 
     def _require_no_goal(self) -> None:
         """Raises ValueError if a painting without a goal has something that only a goal can use."""

@@ -21,7 +21,7 @@ from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Planner
-from frida_painter.planning.wet_paint import PaintedPart, Wetness, learn_wet_paint
+from frida_painter.planning.wet_paint import ENOUGH, PaintedPart, Wetness, learn_wet_paint
 from frida_painter.session.choreography import BrushLoad, Looks, no_looks
 from frida_painter.session.events import (
     LastLookDoubted,
@@ -283,7 +283,7 @@ class ExecutionMonitor:
         self._hand, self._observer = hand, observer
         self._journal, self._interruptions = journal, interruptions
         self._progress, self._tell = progress, tell
-        self._painted: list[tuple[Plan, Tensor, Tensor]] = []  # batches of ours alone, as seen and as expected
+        self._painted: list[tuple[Plan, Tensor, Tensor]] = []  # last batches of ours alone, as seen and as expected
         self._looked_after: int | None = None  # strokes at a look that could not tell whether the canvas was moved
 
     def look(self) -> Tensor:
@@ -311,9 +311,15 @@ class ExecutionMonitor:
         if len(batch) and not progress.remark:  # the landed strokes show how to correct the robot
             self._learn(planner.locate(batch, self._hand.placement, last, canvas))
             if alone:
-                self._painted.append((batch, canvas, expected))
+                self._keep(batch, canvas, expected)
         progress.canvas.saw(canvas, progress.painted)
         return CanvasSeen(progress.painted, len(progress.rest), difference(canvas, expected), progress.gain)
+
+    def _keep(self, batch: Plan, seen: Tensor, expected: Tensor) -> None:
+        """Keeps a batch to learn wet paint from, and forgets those that are not needed for it any more."""
+        self._painted.append((batch, seen, expected))
+        while sum(len(one) for one, _, _ in self._painted[1:]) >= ENOUGH:
+            del self._painted[0]
 
     def learn_wet_paint(self) -> WetPaint | None:
         """Returns how wet paint mixed in the batches of this painting; None if it hardly shows."""

@@ -185,7 +185,12 @@ class EncoderRegistry:
     @property
     def composes(self) -> bool:
         """True if the networks are here that compose a scene from the words."""
-        return all(map(self._has, ("minilm", "efficientnet-lite0")))
+        return not self._missing_words
+
+    @property
+    def _missing_words(self) -> list[str]:
+        """Names of the networks that read words without a CLIP and are not here."""
+        return [name for name in ("minilm", "efficientnet-lite0") if not self._has(name)]
 
     def readers(self) -> tuple[Reader, ...]:
         """Returns encoders of words and pictures: CLIP, or classifiers with named classes (ConSE)."""
@@ -196,10 +201,9 @@ class EncoderRegistry:
             self.choices.append(Choice("words", clip.name))
         if not self._readers:
             registry.require("words", "transformers", "Painting towards words")
-            missing = [name for name in ("minilm", "efficientnet-lite0") if not self._has(name)]
-            if missing:
+            if self._missing_words:
                 raise WeightsError(
-                    f"Painting towards words needs {' and '.join(missing)}, not here yet; "
+                    f"Painting towards words needs {' and '.join(self._missing_words)}, not here yet; "
                     "fetch with `frida-painter models fetch words`."
                 )
             found = [number for number in (0, 1) if self._has(f"efficientnet-lite{number}")]
