@@ -24,6 +24,7 @@ from frida_painter.cli import commands
 from frida_painter.cli.stop_signal import stop_on_signals
 from frida_painter.errors import ConfigError, RobotStopped
 from frida_painter.hardware.workcell import example
+from frida_painter.plan import VERSION
 from support.plans import made_up_plan
 
 MAX_WIDE = 40_000
@@ -94,7 +95,7 @@ def photo(tmp_path: Path) -> str:
         (("--brush", "photo.png"), ("photo.png",)),
         (("--brush", "pickle.pt"), ("pickle.pt", "not safetensors")),
         (("--settings", "nowhere.toml"), ("nowhere.toml does not exist",)),
-        (("--settings", "odd.toml"), ("'stroks' is not a setting", "there are arm_meshes, brush")),
+        (("--settings", "odd.toml"), ("'stroks' is not a setting", "near it is strokes")),
         (("--settings", "nan.toml"), ("--effort was given nan",)),
         (("--settings", "twice.toml"), ("twice.toml is not TOML",)),
         (("--out", "photo.png"), ("photo.png",)),
@@ -256,8 +257,8 @@ def another_s(path: Path) -> None:
     [
         (half, "cut off or not JSON"),
         (one_digit, "was changed after it was written"),
-        (lambda path: mended(path, version=5), "of version 5; this program reads versions up to 4"),
-        (lambda path: mended(path, version="1"), "of version '1'; this program reads versions up to 4"),
+        (lambda path: mended(path, version=VERSION + 1), f"{VERSION + 1}; this program reads versions up to {VERSION}"),
+        (lambda path: mended(path, version="1"), f"of version '1'; this program reads versions up to {VERSION}"),
         (lambda path: mended(path, strokes=10_000_000), "at most 100000"),
         (lambda path: half(next(path.parent.glob("*.safetensors"))), "sha256 differs"),
         (another_s, "sha256 differs"),

@@ -89,7 +89,7 @@ def test_help_doctor_and_errors_list_it(run: Run, monkeypatch: pytest.MonkeyPatc
     goal_kinds.cache_clear()
     _, said = run("paint", "--help")
     assert "--mirror" in said and "Make the painting its own mirror image" in said
-    assert re.search(r", rosbridge,[\s│]*trace\.", said) and re.search(r"none,[\s│]*rpicam\.", said)
+    assert re.search(r",[\s│]*rosbridge,[\s│]*trace\.", said) and re.search(r"none,[\s│]*rpicam\.", said)
     status, said = run("doctor")
     assert status == 0 and "trace:FILE[,append=yes] a sheet of what" in said and "rpicam[:NUMBER] the camera of" in said
     assert "marker of own-parts" in said and "--mirror of own-parts" in said and "late of own-parts" in said

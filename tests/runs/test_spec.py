@@ -63,10 +63,8 @@ def test_few_strokes_bring_their_own_colors_and_replans() -> None:
         ({"brushes": "broad,fine", "layers": 3}, "3 layers and 2 brushes; leave out --layers"),
         ({"brushes": "broad,fine", "strokes": 1}, "2 layers for 1 stroke; give at most as many brushes"),
         ({"brushes": "broad", "brush": "fine"}, "give --brushes alone"),
-        (
-            {"colour": 3},
-            "'colour' is not a setting; there are arm_meshes, avoid, beginning, brushes, calibration, camera",
-        ),
+        ({"colour": 3}, "'colour' is not a setting; near it is colors"),
+        ({"qqq": 3}, "'qqq' is not a setting; there are arm_meshes, avoid, beginning, brushes, calibration, camera"),
         ({"strokes": 5, "layers": 6}, "6 layers for 5 strokes; give at most as many layers as strokes"),
         ({"layers": 0}, "--layers was given 0; it is a whole number from 1 to 8"),
         (

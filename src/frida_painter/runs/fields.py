@@ -6,6 +6,7 @@ This module loads no tensors.
 import math
 import re
 from collections.abc import Mapping
+from difflib import get_close_matches
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -30,7 +31,9 @@ def sentence_on(fault: Any, fields: Mapping[str, FieldInfo]) -> str:
         return message
     field = str(fault["loc"][0])
     if fault["type"] == "extra_forbidden":
-        return f"{field[:40]!r} is not a setting; there are {', '.join(sorted(fields))}"
+        near = get_close_matches(field, fields, 3)
+        known = f"near it is {' or '.join(near)}" if near else f"there are {', '.join(sorted(fields))}"
+        return f"{field[:40]!r} is not a setting; {known}"
     name = f"--{field.replace('_', '-')}"
     if fault["type"] == "value_error":
         return message if field in ("goal", "initial") or message.startswith(name) else f"{name}: {message}"

@@ -297,7 +297,7 @@ class RunSpec(BaseModel):
         USUAL.avoid,
         max_length=200,
         description="Words that a painting of words should not look like.",
-        json_schema_extra={"metavar": "WORDS", "default": "none"},
+        json_schema_extra={"metavar": "WORDS", "default": "no words"},
     )
     phrases: str = Field(
         "; ".join(USUAL.phrases),
