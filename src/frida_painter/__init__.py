@@ -89,7 +89,7 @@ _HOMES = {
     "load_picture": ("images", "load"),
     "load_stroke_model": ("brush.weights", "load_stroke_model"),
     "make_env": ("env", "make_env"),
-    "make_goal": ("runs.settle", "make_goal"),
+    "make_goal": ("runs.goals", "make_goal"),
     "make_planner": ("runs.settle", "make_planner"),
     "open_virtual_studio": ("virtual.studio", "open_studio"),
     "paint": ("runs.run", "paint"),
@@ -111,7 +111,10 @@ if not TYPE_CHECKING:  # a type checker would take any name, and a typo, for one
 
             found = version("frida-painter")
         elif name in _HOMES:
+            from frida_painter.forks import prepare_forks
+
             module, inside = _HOMES[name]
+            prepare_forks()
             home = import_module(f"{__name__}.{module}")
             found = getattr(home, inside) if inside else home
         else:

@@ -5,16 +5,23 @@ counts, not its name: pages, depth, transparency, profiles, orientation. Content
 support is refused by name.
 
 libvips decodes in strips if the format has strips, so a picture of 100 megapixels need not fit in memory.
-Pillow decodes BMP, and libheif decodes HEIC.
+Pillow decodes BMP, and libheif decodes HEIC. `python -m frida_painter.picture_file PATH PIXELS SIDE` writes the decoded
+picture to its output, as numpy.save does: a process that was forked from one that has used libvips needs that, because
+the threads of libvips are not there, and it would wait for them for ever.
 """
 
+import io
 import logging
+import os
 import struct
+import subprocess
+import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import datetime
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -61,6 +68,7 @@ _ADVICE = f"give {WHAT}"
 _MAX_BYTES = 2**30
 _MAX_PAGES = 1000
 _ROWS = 1024  # copied at a time
+_REFUSED = 2  # exit status
 _READ = ("JPEG", "PNG", "WebP", "TIFF", "GIF", "BMP", "HEIC", "AVIF")
 
 # First bytes of files and their formats (the Library of Congress' list of formats, and the specifications).
@@ -130,6 +138,8 @@ def decode(path: Path, *, most_pixels: int = MAX_PIXELS, longest: int = LONGEST)
     Raises ImageError if the file is no such picture, has more than `most_pixels`, or has a side above 30,000 or
     below 16 pixels.
     """
+    if _process_of_libvips.cache_info().currsize and _process_of_libvips() != os.getpid():
+        return _decode_in_new_process(path, most_pixels, longest)
     with storage.open_checked(path, WHAT, _MAX_BYTES, ImageError) as file:
         name = require_format(path, file)
         with _tell_as_sentence(path, name):
@@ -139,6 +149,24 @@ def decode(path: Path, *, most_pixels: int = MAX_PIXELS, longest: int = LONGEST)
             image, meaning = shrink(image[: meaning.bands] if image.bands > meaning.bands else image, meaning, longest)
             image = _load_pixels(image)  # the file and the large picture are released here
             return _upright(to_srgb(image, meaning), orientation)
+
+
+@cache
+def _process_of_libvips() -> int:
+    """Returns the number of the process that was the first to use libvips."""
+    return os.getpid()
+
+
+def _decode_in_new_process(path: Path, most_pixels: int, longest: int) -> Bytes | Floats:
+    """Decodes a picture as `decode` does, in a process that was not forked."""
+    command = [sys.executable, "-m", __name__, os.fspath(path), str(most_pixels), str(longest)]
+    made = subprocess.run(command, capture_output=True, check=False)
+    if made.returncode == 0:
+        return np.asarray(np.load(io.BytesIO(made.stdout), allow_pickle=False))
+    said = made.stderr.decode("utf-8", "replace").strip()
+    if made.returncode == _REFUSED and said:
+        raise ImageError(said)
+    raise ImageError(f"{path} could not be decoded in a process of its own ({one_line(OSError(said))}); try again.")
 
 
 def _load_pixels(image: Any) -> Any:
@@ -290,6 +318,7 @@ def _libvips() -> Any:
     """Returns the pyvips module, with its log and its cache switched off."""
     import pyvips
 
+    _process_of_libvips()
     logging.getLogger("pyvips").setLevel(logging.CRITICAL + 1)
     if pyvips.API_mode:  # pyvips' own handler fails at warnings that are not text, as for damaged files
         pyvips.ffi.def_extern(name="_log_handler_callback")(lambda *_warning: None)
@@ -558,3 +587,11 @@ def _read_heif(given: _Given) -> _Stored:
 
 
 _READERS = {"TIFF": _read_tiff, "BMP": _read_bmp, "HEIC": _read_heif, "AVIF": _read_heif}
+
+
+if __name__ == "__main__":
+    try:
+        np.save(sys.stdout.buffer, decode(Path(sys.argv[1]), most_pixels=int(sys.argv[2]), longest=int(sys.argv[3])))
+    except ImageError as refused:
+        print(refused, file=sys.stderr)
+        sys.exit(_REFUSED)

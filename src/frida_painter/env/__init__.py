@@ -15,6 +15,7 @@ This file registers the environments, as gymnasium wants it of a package; it loa
 from typing import TYPE_CHECKING, Any
 
 from frida_painter import registry
+from frida_painter.forks import prepare_forks
 
 if TYPE_CHECKING:
     import gymnasium
@@ -32,8 +33,13 @@ _ROOM = "frida_painter.env"
 
 
 def register() -> None:
-    """Registers the environments with gymnasium, if they are not registered yet."""
+    """Registers the environments with gymnasium, if they are not registered yet.
+
+    Processes that are forked from this one, as by AsyncVectorEnv, compute with one thread each.
+    """
     import gymnasium
+
+    prepare_forks()
 
     kinds: dict[str, dict[str, Any]] = {
         STUDIO_STROKES: {"entry_point": f"{_ROOM}.studio_env:StudioEnv"},

@@ -1,9 +1,7 @@
 """Task of an environment: goals, paints, brush and budgets, and its spaces of actions and observations."""
 
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, Self
 
@@ -18,7 +16,7 @@ from frida_painter.brush.kinds import BrushKind, brush_kind
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.env.actions import NUMBERS, StrokeCode
 from frida_painter.env.rewards import JUDGES, SSIM_WINDOW
-from frida_painter.errors import ConfigError, ImageError
+from frida_painter.errors import ConfigError
 from frida_painter.frames import PixelGrid
 from frida_painter.lab import targets
 from frida_painter.palette import MAX_COLORS, Palette, from_hex
@@ -30,7 +28,6 @@ Paints = int | Palette | Sequence[str | Sequence[float]]
 _MAX_STROKES, _MAX_MINUTES = 100_000, 100_000.0
 _MIN_ROWS, _MAX_ROWS = 16, 1024
 _MIN_SIDE = 8  # pixels of a goal
-_KEPT = 64  # pictures
 _PAINT_SEED = 0
 
 
@@ -203,7 +200,7 @@ def _each(goal: Picture | Sequence[Picture] | None) -> Sequence[Picture]:
 def _fit(picture: Picture, grid: PixelGrid) -> NDArray[np.uint8]:
     """Returns a goal as bytes [rows, columns, 3] that fill the canvas. Raises ImageError and ConfigError."""
     if isinstance(picture, str | Path):
-        whole = _read(Path(picture))
+        whole = images.load(Path(picture))
     elif isinstance(picture, np.ndarray) and picture.dtype == np.uint8 and picture.ndim == 3 and picture.shape[2] == 3:
         whole = images.from_uint8(picture)
     elif isinstance(picture, Tensor) and picture.dim() == 3 and len(picture) == 3:
@@ -219,36 +216,6 @@ def _fit(picture: Picture, grid: PixelGrid) -> NDArray[np.uint8]:
             "pixels, was given; give sRGB in [0, 1]."
         )
     return images.to_uint8(images.resize_by_area(whole, grid.rows, grid.columns))
-
-
-def _read(path: Path) -> Tensor:
-    """Returns the picture of a file [3, H, W]. Raises ImageError, also if a forked process must not read it."""
-    try:
-        state = path.stat()
-    except OSError:
-        return images.load(path)  # says what is wrong
-    return _read_once(path.resolve(), state.st_mtime_ns, state.st_size)
-
-
-@lru_cache(_KEPT)
-def _read_once(path: Path, changed: int, size: int) -> Tensor:
-    """Returns the picture of a file, which forked processes inherit.
-
-    The decoder's threads do not survive a fork: a process that is forked while they rest would wait for them forever.
-    """
-    if _first_reader() != os.getpid():
-        raise ImageError(
-            f"This process was forked from one that had read pictures, and {path.name} was not among them; make an "
-            "environment with that goal before the fork, give the goal as a tensor, or start processes with "
-            "context='spawn'."
-        )
-    return images.load(path)
-
-
-@cache
-def _first_reader() -> int:
-    """Returns the process in which a goal was first read; forked processes inherit the answer."""
-    return os.getpid()
 
 
 def _palette(paints: Paints, goal: Tensor) -> Tensor:
