@@ -3,9 +3,16 @@ from dataclasses import replace
 import torch
 
 from frida_painter.palette import to_lab
-from frida_painter.planning.refine import anneal_to_palette, discretize, loss_without, relocate, visible_area
+from frida_painter.planning.refine import (
+    anneal_to_palette,
+    discretize,
+    lean_over,
+    loss_without,
+    relocate,
+    visible_area,
+)
 from frida_painter.planning.variables import Paints
-from frida_painter.strokes import Strokes
+from frida_painter.strokes import MAX_TILT, Strokes
 from support.planning import CANVAS, problem, some_strokes, target
 
 PROBLEM = problem(64)
@@ -122,3 +129,18 @@ def test_drawing_together_goes_so_much_of_the_way_to_the_paints() -> None:
     torch.testing.assert_close(torch.cdist(halfway.color, paints.color).amin(1), nearest / 2, atol=1e-5, rtol=0)
     assert torch.equal(halfway.position, strokes.position)  # nothing else changes, not even the order
     assert squared_error(bound) != squared_error(halfway) != squared_error(strokes)
+
+
+def test_strokes_lean_to_the_side_on_which_the_picture_is_soft() -> None:
+    """The wanted picture was painted with tilted brushes; the same strokes upright find them again."""
+    leaning, upright = replace(PROBLEM, max_tilt=MAX_TILT), some_strokes(6, seed=3)
+    tilt = torch.tensor([[MAX_TILT, 0.0], [0.0, 0.0]]).repeat(3, 1) * torch.tensor([1.0, 1, -1, 1, 1, 1])[:, None]
+    with torch.no_grad():
+        wanted = PROBLEM.render(replace(upright, tilt=tilt))
+    assert lean_over(upright, PROBLEM, wanted, chance()) is upright
+    found = lean_over(upright, leaning, wanted, chance())
+    assert found.tilt is not None and torch.equal(found.tilt.sign(), tilt.sign())
+    assert bool((found.tilt.norm(dim=1) <= MAX_TILT + 1e-6).all())
+    with torch.no_grad():
+        before, after = ((PROBLEM.render(each) - wanted).square().sum() for each in (upright, found))
+    assert after < 0.7 * before

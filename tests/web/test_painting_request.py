@@ -44,6 +44,13 @@ def test_how_sharp_a_plan_is_is_asked_for_as_on_the_command_line() -> None:
             request_of(sharpness=wrong)
 
 
+def test_how_far_the_brush_leans_is_asked_for_as_on_the_command_line() -> None:
+    assert request_of().tilt == 0 and request_of(tilt=40).tilt == 40
+    for wrong in (-1, 41, float("nan")):
+        with pytest.raises(ValidationError, match="tilt"):
+            request_of(tilt=wrong)
+
+
 def test_people_who_do_not_mix_say_so() -> None:
     assert request_of().paints == RunSpec.model_fields["paints"].default and request_of(paints="any").paints == "any"
     with pytest.raises(ValidationError, match="paints"):

@@ -93,7 +93,7 @@ GCODE = ExporterKind(
     _make_gcode,
     ("flavour", "press", "lift", "workspace", "calibration", "drying", "own"),
 )
-CSV = ExporterKind("csv", "A table with one row per stroke.", lambda plan, options: table(plan))
+CSV = ExporterKind("csv", "A table with one row per stroke.", lambda plan, options: table(plan), shows_tilt=True)
 
 
 def _program(

@@ -18,7 +18,15 @@ from frida_painter.planning.initialisers import GROWTH, InitialiserKind, Initial
 from frida_painter.planning.initialize import Growth
 from frida_painter.planning.optimize import Step, StrokesInScene, optimize, optimize_together
 from frida_painter.planning.problem import PlanningProblem, PlanningProblems
-from frida_painter.planning.refine import HARDLY_APART, MOVED, PROPOSALS, binding_iterations, relocate, without_twins
+from frida_painter.planning.refine import (
+    HARDLY_APART,
+    MOVED,
+    PROPOSALS,
+    binding_iterations,
+    lean_over,
+    relocate,
+    without_twins,
+)
 from frida_painter.planning.variables import Paints, as_palette
 from frida_painter.strokes import Strokes
 
@@ -166,6 +174,7 @@ def free_strokes(
     for _ in range(effort.relocations):
         if guide is not None:
             found, _ = relocate(found, None, problem, guide, share=MOVED, proposals=PROPOSALS, generator=generator)
+            found = lean_over(found, problem, guide, generator)
         found, _ = optimize(found, problem, iterations=effort.refining, notify=begin(effort.refining))
     return found
 
@@ -286,6 +295,7 @@ def _relocate_strokes(
             layer.strokes, layer.paints, seen, wanted, share=share, proposals=PROPOSALS, generator=generator
         )
         assert paints is not None
+        strokes = lean_over(strokes, seen, wanted, generator)
         found[number] = replace(layer, strokes=strokes, paints=paints)
         below = problem.render(strokes).detach()
     return found

@@ -256,7 +256,13 @@ def optimize_together(
     if not working:
         return list(parts)
     variables = [
-        Variables(part.strokes, part.paints, vary_colors=part.vary_colors, light_to_dark=light_to_dark)
+        Variables(
+            part.strokes,
+            part.paints,
+            vary_colors=part.vary_colors,
+            light_to_dark=light_to_dark,
+            max_tilt=part.problem.max_tilt,
+        )
         for part in working
     ]
     leaves = [leaf for each in variables for leaf in each.leaves]

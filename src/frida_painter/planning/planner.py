@@ -2,6 +2,7 @@
 
 import copy
 import itertools
+import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -48,6 +49,7 @@ from frida_painter.planning.settings import PlannerSettings
 from frida_painter.planning.variables import Paints, as_palette
 from frida_painter.planning.wet_paint import Wetness, change_by_wet_paint
 from frida_painter.provenance import describe_here, hash_code, identify
+from frida_painter.strokes import MAX_TILT
 
 # Layers: later strokes go on the dry paint of earlier ones, and start light again, as painters work.
 #
@@ -153,6 +155,9 @@ class Planner:
             settings, size=size, model=models, effort=spent, layers=layers, ground=ground, darkest=darkest
         )
         self.effort: Final = spent
+        most = math.degrees(MAX_TILT)
+        if not 0 <= settings.tilt <= most + 1e-6:
+            raise ConfigError(f"A tilt of {settings.tilt:g} degrees was given; it is from 0, upright, to {most:.0f}.")
         find_planner(settings.planner)  # before anything is prepared for it
         self._initialiser = find_initialiser(settings.initialiser)
         self.fine: Final = PixelGrid.of_height(size, settings.rows)
@@ -176,6 +181,7 @@ class Planner:
             device=self.device,
             region=settings.region,
             darkest=darkest,
+            max_tilt=math.radians(settings.tilt),
         )
 
     @property

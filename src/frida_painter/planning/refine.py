@@ -1,6 +1,6 @@
 """Work between rounds of gradient descent: weak strokes move, and free colours become paints."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import torch
@@ -11,7 +11,7 @@ from frida_painter.planning.initialize import best_proposals, insert
 from frida_painter.planning.optimize import Step, optimize
 from frida_painter.planning.problem import PlanningProblem
 from frida_painter.planning.variables import Paints
-from frida_painter.render import composite
+from frida_painter.render import Marks, composite
 from frida_painter.strokes import Strokes
 
 # Distinct paints: paints that are hardly told apart are merged, and the free well gets an accent colour.
@@ -104,19 +104,67 @@ def loss_of_paint(
     over random signs z (Hutchinson's estimator), which is a derivative too.
     """
     with torch.no_grad():
-        magnitude, affine = problem.marks(strokes)
-    magnitude.requires_grad_()
+        marks = problem.marks(strokes)
+    slope, square = _loss_of_changes(strokes, marks, [-marks.magnitude], problem, target, generator)
+    return slope[0], square[0]
+
+
+def _loss_of_changes(
+    strokes: Strokes,
+    marks: Marks,
+    changes: Sequence[Tensor],
+    problem: PlanningProblem,
+    target: Tensor,
+    generator: torch.Generator,
+) -> tuple[Tensor, Tensor]:
+    """Returns the cost of a share f of each change [n, h, w] of the maps of single strokes, f slope + f^2 square.
+
+    See `loss_of_paint`; each is [changes, n].
+    """
+    affine, magnitude = marks.affine, marks.magnitude.detach().requires_grad_()
     picture = composite(magnitude, affine, strokes.color, problem.canvas, bare_cells_answer=False)
 
     def along(direction: Tensor) -> Tensor:
-        """direction . D_i for every stroke."""
+        """direction . (-D_i) for every change and stroke."""
         (slope,) = torch.autograd.grad(picture, magnitude, direction, retain_graph=True)
-        return (slope * magnitude).sum((1, 2)).detach()
+        return torch.stack([(slope * change).sum((1, 2)).detach() for change in changes])
 
     matters = torch.ones_like(target[0]) if problem.importance is None else problem.importance
     signs = [torch.randint(0, 2, picture.shape, generator=generator).to(picture) * 2 - 1 for _ in range(_PROBES)]
     squared = torch.stack([along(sign * matters.sqrt()).square() for sign in signs]).mean(0)
-    return 2 * along((matters * (target - picture)).detach()), squared
+    return -2 * along((matters * (target - picture)).detach()), squared
+
+
+_LEANS = (-1.0, -0.7, 0.0, 0.7, 1.0)  # shares of the largest tilt
+_SURE = 1.5  # factor of the estimated square, which is noisy
+
+
+def lean_over(strokes: Strokes, problem: PlanningProblem, target: Tensor, generator: torch.Generator) -> Strokes:
+    """Returns the strokes with the brush leaning to the side that is best for each alone; others stay as they are.
+
+    target [3, H, W]: as for `loss_without`. Gradient descent does not find these tilts, because the marks of slightly
+    tilted brushes are all alike.
+    """
+    if problem.max_tilt == 0 or len(strokes) == 0:
+        return strokes
+    tilt = torch.zeros_like(strokes.position) if strokes.tilt is None else strokes.tilt
+    most = (problem.max_tilt**2 - tilt[:, 1].square()).clamp(min=0).sqrt()
+    ways = [torch.stack((share * most, tilt[:, 1]), 1) for share in _LEANS]
+    with torch.no_grad():
+        now, *leaning = (problem.marks(replace(strokes, tilt=way)) for way in (tilt, *ways))
+    changes = [there.magnitude - now.magnitude for there in leaning]
+    slope, square = _loss_of_changes(strokes, now, changes, problem, target, generator)
+    cost, best = (slope + _SURE * square).min(0)
+    chosen = torch.where(
+        (cost < 0)[:, None], torch.stack(ways)[best, torch.arange(len(best), device=best.device)], tilt
+    )
+    leans = replace(strokes, tilt=chosen)
+    with torch.no_grad():
+        rows = problem.marks(leans).affine[:, 1, 2] - now.affine[:, 1, 2]
+    # The mark moves with the tilt. The stroke moves back, so that its mark stays where it was.
+    aside = torch.stack((-strokes.angle.sin(), strokes.angle.cos()), -1)
+    moved = aside * (rows * problem.model.frame.pitch[1])[:, None]
+    return replace(leans, position=strokes.position - moved).project(problem.limits, problem.size)
 
 
 def visible_area(strokes: Strokes, problem: PlanningProblem) -> Tensor:

@@ -245,6 +245,15 @@ class RunSpec(BaseModel):
         description="How much sharper than the picture the plan is, because a painting comes out softer than its plan. "
         "0 plans towards the picture as it is.",
     )
+    tilt: float = Field(
+        _OF_PLANS["tilt"],
+        ge=0,
+        le=40,
+        allow_inf_nan=False,
+        description="How far the brush may lean to a side. A leaning brush leaves a mark with a sharp and a soft side. "
+        "The robot has to be able to tilt it.",
+        json_schema_extra={"metavar": "DEGREES"},
+    )
     drying: float = Field(
         20.0,
         ge=0,

@@ -116,6 +116,7 @@ class Job:
             paints=request.paints,
             focus=request.focus,
             sharpness=request.sharpness,
+            tilt=request.tilt,
             drying=request.drying,
             minutes=request.minutes,
             effort=request.effort,
