@@ -62,6 +62,7 @@ def main() -> None:
     paintings.add_argument("--effort", type=float, default=1.0)
     paintings.add_argument("--seeds", type=int, nargs="+", default=[0])
     paintings.add_argument("--brush", default="broad")
+    paintings.add_argument("--canvas", default="16x12cm")
     paintings.add_argument("--pictures", nargs="+", default=list(PICTURES), choices=list(PICTURES))
     paintings.add_argument("--out", type=Path)
     options = parser.parse_args()
@@ -269,8 +270,8 @@ def paint(
         images.save(picture, file)
         spec = RunSpec.of(
             goal=[{"image": str(file)}], strokes=20 if options.quick else options.strokes, brushes=options.brush,
-            tilt=tilt, seed=seed, effort=0.1 if options.quick else options.effort, canvas="28x21cm", focus="none",
-            ground="white", colors=12, replans=1, film=False,
+            tilt=tilt, seed=seed, effort=0.1 if options.quick else options.effort, canvas=options.canvas, focus="none",
+            ground="auto", colors=12, replans=1, film=False,
         )  # fmt: skip
         with PaintingRun(spec) as run:
             began = time.process_time()

@@ -12,6 +12,7 @@ from frida_painter.planning.refine import (
     visible_area,
 )
 from frida_painter.planning.variables import Paints
+from frida_painter.render import composite
 from frida_painter.strokes import MAX_TILT, Strokes
 from support.planning import CANVAS, problem, some_strokes, target
 
@@ -132,15 +133,18 @@ def test_drawing_together_goes_so_much_of_the_way_to_the_paints() -> None:
 
 
 def test_strokes_lean_to_the_side_on_which_the_picture_is_soft() -> None:
-    """The wanted picture was painted with tilted brushes; the same strokes upright find them again."""
+    """The wanted marks are those of tilted brushes, moved back to where the upright marks are."""
     leaning, upright = replace(PROBLEM, max_tilt=MAX_TILT), some_strokes(6, seed=3)
     tilt = torch.tensor([[MAX_TILT, 0.0], [0.0, 0.0]]).repeat(3, 1) * torch.tensor([1.0, 1, -1, 1, 1, 1])[:, None]
     with torch.no_grad():
-        wanted = PROBLEM.render(replace(upright, tilt=tilt))
+        soft, still = (PROBLEM.marks(replace(upright, tilt=each)) for each in (tilt, None))
+        wanted = composite(soft.magnitude, still.affine, upright.color, PROBLEM.canvas)
     assert lean_over(upright, PROBLEM, wanted, chance()) is upright
     found = lean_over(upright, leaning, wanted, chance())
-    assert found.tilt is not None and torch.equal(found.tilt.sign(), tilt.sign())
+    assert found.tilt is not None
+    right = found.tilt.sign() == tilt.sign()
+    assert bool(right[tilt[:, 0] == 0].all()) and int(right[tilt[:, 0] != 0].all(1).sum()) >= 2
     assert bool((found.tilt.norm(dim=1) <= MAX_TILT + 1e-6).all())
     with torch.no_grad():
         before, after = ((PROBLEM.render(each) - wanted).square().sum() for each in (upright, found))
-    assert after < 0.7 * before
+    assert after < 0.5 * before

@@ -174,11 +174,11 @@ def free_strokes(
     for _ in range(effort.relocations):
         if guide is not None:
             found, _ = relocate(found, None, problem, guide, share=MOVED, proposals=PROPOSALS, generator=generator)
-            found = lean_over(found, problem, guide, generator)
         found, _ = optimize(found, problem, iterations=effort.refining, notify=begin(effort.refining))
     return found
 
 
+_LEANING_SEED = 0  # of the signs with which squares are estimated
 _CLOSED = 0.05  # share of a layer that shows through; below it, the layer's colour does not matter
 
 
@@ -249,7 +249,33 @@ def optimize_layers(
             found = _relocate_strokes(found, canvas, problems, grid, share, generator)
         found = _descend(found, canvas, problems, grid, refining, begin)
     last, polishing = fine
-    return _descend(found, canvas, problems, last, polishing, begin, pace)
+    if problems.max_tilt == 0:
+        return _descend(found, canvas, problems, last, polishing, begin, pace)
+    # Brushes lean at the end only. Until then the plan is that of an upright brush, and it is never worse.
+    leaning = replace(problems, leans=True)
+    for part in (polishing // 2, polishing - polishing // 2):
+        found = _lean_strokes(found, canvas, leaning, last)
+        found = _descend(found, canvas, leaning, last, part, begin, pace)
+    return found
+
+
+def _lean_strokes(
+    layers: Sequence[LayerAtWork], canvas: Tensor, problems: PlanningProblems, grid: PixelGrid
+) -> list[LayerAtWork]:
+    """Returns the layers with brushes leaning to a side if that is better, each seen below the later layers."""
+    found, below = list(layers), canvas
+    generator = torch.Generator().manual_seed(_LEANING_SEED)
+    for number, layer in enumerate(found):
+        problem = problems.of(below, grid, layer.kind)
+        guide = problems.guide(problem)
+        if guide is None:
+            return found
+        above = [(later.strokes, problems.of(canvas, grid, later.kind)) for later in found[number + 1 :]]
+        seen, wanted = beneath(above, layer.strokes, problem, guide) if above else (problem, guide)
+        strokes = lean_over(layer.strokes, seen, wanted, generator)
+        found[number] = replace(layer, strokes=strokes)
+        below = problem.render(strokes).detach()
+    return found
 
 
 def _descend(
@@ -295,7 +321,6 @@ def _relocate_strokes(
             layer.strokes, layer.paints, seen, wanted, share=share, proposals=PROPOSALS, generator=generator
         )
         assert paints is not None
-        strokes = lean_over(strokes, seen, wanted, generator)
         found[number] = replace(layer, strokes=strokes, paints=paints)
         below = problem.render(strokes).detach()
     return found

@@ -302,6 +302,7 @@ class PlanningProblems:
     region: part of the canvas that strokes keep clear of.
     darkest: sRGB of the darkest paint. None: black.
     max_tilt: radians by which a brush's own strokes may lean to a side.
+    leans: True if they may lean now.
     """
 
     size: CanvasSize
@@ -313,6 +314,7 @@ class PlanningProblems:
     region: Region | None = None
     darkest: tuple[float, float, float] | None = None
     max_tilt: float = 0.0
+    leans: bool = False
 
     def of(
         self, canvas: Tensor, grid: PixelGrid, kind: str, objective: WeightedObjective | None = None
@@ -332,7 +334,7 @@ class PlanningProblems:
         floor = None if self.darkest is None else torch.tensor(self.darkest, device=self.device)
         problem = PlanningProblem(
             picture, self.size, model, objective, judge, matters, way, price, some, objective.sparing, darkest=floor,
-            max_tilt=self.max_tilt if model.limits.family is None else 0.0,
+            max_tilt=self.max_tilt if self.leans and model.limits.family is None else 0.0,
         )  # fmt: skip
         return problem if self.region is None else self.region.guard(problem)
 

@@ -11,7 +11,7 @@ from frida_painter.planning.initialize import best_proposals, insert
 from frida_painter.planning.optimize import Step, optimize
 from frida_painter.planning.problem import PlanningProblem
 from frida_painter.planning.variables import Paints
-from frida_painter.render import Marks, composite
+from frida_painter.render import Marks, composite, composite_moments
 from frida_painter.strokes import Strokes
 
 # Distinct paints: paints that are hardly told apart are merged, and the free well gets an accent colour.
@@ -135,36 +135,69 @@ def _loss_of_changes(
     return -2 * along((matters * (target - picture)).detach()), squared
 
 
-_LEANS = (-1.0, -0.7, 0.0, 0.7, 1.0)  # shares of the largest tilt
-_SURE = 1.5  # factor of the estimated square, which is noisy
+_LEANS = (-1.0, -0.75, 0.75, 1.0)  # shares of the largest tilt
+_HARDER = (0.0, 0.2)  # further thickness, because a mark gets narrower as it gets a soft side
+_MAX_TRIED = 100  # strokes of a layer
 
 
 def lean_over(strokes: Strokes, problem: PlanningProblem, target: Tensor, generator: torch.Generator) -> Strokes:
-    """Returns the strokes with the brush leaning to the side that is best for each alone; others stay as they are.
+    """Returns the strokes with the brush leaning to the side that is best for some of them; others stay as they are.
 
     target [3, H, W]: as for `loss_without`. Gradient descent does not find these tilts, because the marks of slightly
-    tilted brushes are all alike.
+    tilted brushes are all alike. The expected squared error to the target never rises.
     """
     if problem.max_tilt == 0 or len(strokes) == 0:
         return strokes
     tilt = torch.zeros_like(strokes.position) if strokes.tilt is None else strokes.tilt
     most = (problem.max_tilt**2 - tilt[:, 1].square()).clamp(min=0).sqrt()
-    ways = [torch.stack((share * most, tilt[:, 1]), 1) for share in _LEANS]
+    pairs = [(share, more) for share in _LEANS for more in _HARDER]
+    ways = torch.stack([torch.stack((share * most, tilt[:, 1]), 1) for share, _ in pairs])  # [ways, n, 2]
+    pressed = torch.stack([(strokes.thickness + more).clamp(max=1) for _, more in pairs])  # [ways, n]
     with torch.no_grad():
-        now, *leaning = (problem.marks(replace(strokes, tilt=way)) for way in (tilt, *ways))
+        now = problem.marks(replace(strokes, tilt=tilt))
+        leaning = [
+            problem.marks(replace(strokes, tilt=way, thickness=harder))
+            for way, harder in zip(ways, pressed, strict=True)
+        ]
     changes = [there.magnitude - now.magnitude for there in leaning]
-    slope, square = _loss_of_changes(strokes, now, changes, problem, target, generator)
-    cost, best = (slope + _SURE * square).min(0)
-    chosen = torch.where(
-        (cost < 0)[:, None], torch.stack(ways)[best, torch.arange(len(best), device=best.device)], tilt
-    )
-    leans = replace(strokes, tilt=chosen)
-    with torch.no_grad():
-        rows = problem.marks(leans).affine[:, 1, 2] - now.affine[:, 1, 2]
+    magnitude = now.magnitude.detach().requires_grad_()
+    error = _expected_error(strokes, Marks(magnitude, now.affine), problem, target)
+    (rise,) = torch.autograd.grad(error, magnitude)
+    slope = torch.stack([(rise * change).sum((1, 2)) for change in changes])
+    _, square = _loss_of_changes(strokes, now, changes, problem, target, generator)
+    cost, best = (slope + square).min(0)
+    each = torch.arange(len(best), device=best.device)
+    rows = torch.stack([there.affine[:, 1, 2] - now.affine[:, 1, 2] for there in leaning])[best, each]
     # The mark moves with the tilt. The stroke moves back, so that its mark stays where it was.
     aside = torch.stack((-strokes.angle.sin(), strokes.angle.cos()), -1)
-    moved = aside * (rows * problem.model.frame.pitch[1])[:, None]
-    return replace(leans, position=strokes.position - moved).project(problem.limits, problem.size)
+    position = strokes.position - aside * (rows * problem.model.frame.pitch[1])[:, None]
+    wanted = replace(strokes, tilt=ways[best, each], thickness=pressed[best, each], position=position)
+    wanted, found, least = (
+        wanted.project(problem.limits, problem.size),
+        replace(strokes, tilt=tilt),
+        float(error.detach()),
+    )
+    # The estimates are noisy, and neighbours may want the same place: each is tried.
+    for number in torch.argsort(cost)[: min(_MAX_TRIED, int((cost < 0).sum()))].tolist():
+        this = (each == number)[:, None]
+        other = replace(
+            found,
+            tilt=torch.where(this, wanted.tilt, found.tilt),
+            thickness=torch.where(this[:, 0], wanted.thickness, found.thickness),
+            position=torch.where(this, wanted.position, found.position),
+        )
+        with torch.no_grad():
+            reached = float(_expected_error(other, problem.marks(other), problem, target))
+        if reached < least:
+            found, least = other, reached
+    return found
+
+
+def _expected_error(strokes: Strokes, marks: Marks, problem: PlanningProblem, target: Tensor) -> Tensor:
+    """Returns the summed squared error to target [3, H, W] that is expected of paintings of the strokes."""
+    mean, variance = composite_moments(*marks, strokes.color, problem.canvas, problem.spread, bare_cells_answer=False)
+    error = (mean - target).square() + variance
+    return (error if problem.importance is None else problem.importance * error).sum()
 
 
 def visible_area(strokes: Strokes, problem: PlanningProblem) -> Tensor:
