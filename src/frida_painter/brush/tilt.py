@@ -14,7 +14,7 @@ from torch.nn import functional
 from frida_painter.brush.kinds import END_THICKNESS, StrokeModel, growth_of, mark_width
 from frida_painter.strokes import Strokes
 
-_LEAST = 1e-12
+_TINY = 1e-12
 _SAMPLES = 33  # of the path of a taught stroke
 _STROKES_AT_ONCE = 32
 
@@ -53,7 +53,7 @@ def tilt_marks(
     Differentiable in the maps and in the strokes. A stroke without a tilt keeps its maps.
     """
     assert strokes.tilt is not None
-    angle = (strokes.tilt.square().sum(1)).clamp(min=_LEAST).sqrt()
+    angle = (strokes.tilt.square().sum(1)).clamp(min=_TINY).sqrt()
     leaning = strokes.tilt[:, 0] * torch.sin(angle) / angle  # [n]
     light, hard = (mark_width(model) * share for share in (profile.light, profile.hard))
     across, thickness = _view(magnitude, corner, strokes, model)
