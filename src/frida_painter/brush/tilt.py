@@ -104,6 +104,6 @@ def _taught_view(x: Tensor, y: Tensor, strokes: Strokes) -> tuple[Tensor, Tensor
         ahead = torch.take_along_dim(way[part], nearest[..., None], 1)
         aside = ahead[..., 0] * off[..., 1] - ahead[..., 1] * off[..., 0]
         pressed = strokes.thickness[part, None] * share[part].to(x).gather(1, nearest)
-        found.append(torch.stack((aside, pressed)).unflatten(2, (y.shape[1], x.shape[1])))
+        found.append(torch.stack((aside, pressed)).view(2, len(part), y.shape[1], x.shape[1]))
     aside, thickness = torch.cat(found, 1)
     return aside, thickness

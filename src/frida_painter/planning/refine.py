@@ -182,14 +182,14 @@ def lean_over(strokes: Strokes, problem: PlanningProblem, target: Tensor, genera
         this = (each == number)[:, None]
         other = replace(
             found,
-            tilt=torch.where(this, wanted.tilt, found.tilt),
+            tilt=torch.where(this, ways[best, each], tilt),
             thickness=torch.where(this[:, 0], wanted.thickness, found.thickness),
             position=torch.where(this, wanted.position, found.position),
         )
         with torch.no_grad():
             reached = float(_expected_error(other, problem.marks(other), problem, target))
         if reached < least:
-            found, least = other, reached
+            found, least, tilt = other, reached, torch.where(this, ways[best, each], tilt)
     return found
 
 
