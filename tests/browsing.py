@@ -45,14 +45,14 @@ def deadline() -> Iterator[None]:
 class OpenStudio:
     """A studio that is started, and may be killed and started again."""
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
+    def __init__(self, folder: Path, *more: str) -> None:
+        self.folder, self._more = folder, more
         self._start()
 
     def _start(self) -> None:
         program = [sys.executable, "-m", "frida_painter", "studio", "--folder", str(self.folder), "--port", "0"]
         self._process = subprocess.Popen(
-            [*program, "--pace", "0.05", "--no-browser"],
+            [*program, "--pace", "0.05", "--no-browser", *self._more],
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env={**os.environ},
         )  # fmt: skip
         assert self._process.stdin is not None and self._process.stdout is not None
@@ -91,9 +91,9 @@ class OpenStudio:
 
 
 @contextmanager
-def opened_studio(folder: Path) -> Iterator[OpenStudio]:
-    """A studio whose paintings are in that folder; it is closed in the end, whatever happens."""
-    opened = OpenStudio(folder)
+def opened_studio(folder: Path, *more: str) -> Iterator[OpenStudio]:
+    """A studio whose paintings are in that folder, with more options; it is closed in the end, whatever happens."""
+    opened = OpenStudio(folder, *more)
     try:
         yield opened
         opened.close()

@@ -12,6 +12,7 @@ from starlette.testclient import TestClient
 
 from frida_painter.web import web_studio
 from frida_painter.web.commands import Role
+from frida_painter.web.picture_choosing import AllowedMakers
 from frida_painter.web.security import Keys, Presence
 from frida_painter.web.server import add_middleware, application
 from frida_painter.web.store import PaintingStore
@@ -44,12 +45,12 @@ def order() -> dict[str, str]:
 class Studio:
     """The whole application as it is served, without a socket."""
 
-    def __init__(self, root: Path, easel: WebAppEasel | None = None) -> None:
+    def __init__(self, root: Path, easel: WebAppEasel | None = None, makers: AllowedMakers | None = None) -> None:
         self.store = PaintingStore(root)
         self.keys = Keys()
         self.presence = Presence()
         self.easel = easel or WebAppEasel(self.store.calibration.path / "calibration.json")
-        self.web = web_studio.Studio(self.store, self.easel, self.presence)
+        self.web = web_studio.Studio(self.store, self.easel, self.presence, makers=makers)
         self.app = application(self.web)
         self.served = add_middleware(self.app, self.keys, frozenset({HOST, "localhost:8350"}), "studio-8350")
 

@@ -2,6 +2,7 @@
 
 import re
 import shutil
+import sys
 from collections.abc import Iterator
 from typing import Any
 
@@ -9,19 +10,30 @@ import pytest
 from PIL import Image
 from playwright.sync_api import Browser, Page, Route, expect
 
-from browsing import SCREENSHOTS, WITH_CHROMIUM, OpenStudio, chromium, deadline, opened_studio, window
+from browsing import SCREENSHOTS, WITH_CHROMIUM, OpenStudio, chromium, complaints, deadline, opened_studio, window
 from frida_painter.web.commands import CommandReader, Pause, Protect
 from frida_painter.web.studio_folder import PaintingFolder
 from support.told import CHANGED, FINISHED, PAINTED, PAUSED, PICTURES, PLANNED, PROTECTED, REQUEST, Told
 
 pytestmark = [pytest.mark.slow, WITH_CHROMIUM]
 
+PAINTER = """
+import sys
+from PIL import Image, ImageDraw
+seed = int(sys.argv[2])
+picture = Image.new("RGB", (96, 72), (120, 170 - 20 * (seed % 6), 220))
+ImageDraw.Draw(picture).rectangle((12 + 10 * (seed % 6), 20, 24 + 10 * (seed % 6), 64), fill=(200, 40, 30))
+picture.save(sys.argv[3])
+"""
 PHONE: dict[str, Any] = {"has_touch": True, "is_mobile": True}
 
 
 @pytest.fixture(scope="module")
 def studio(tmp_path_factory: pytest.TempPathFactory) -> Iterator[OpenStudio]:
-    with opened_studio(tmp_path_factory.mktemp("studio") / "paintings") as opened:
+    folder = tmp_path_factory.mktemp("studio")
+    (folder / "painter.py").write_text(PAINTER)
+    maker = f"command:{sys.executable} {folder / 'painter.py'} {{words}} {{seed}} {{out}}"
+    with opened_studio(folder / "paintings", "--imagine", maker) as opened:
         for name, color in PICTURES.items():
             Image.new("RGB", (120, 90), color).save(opened.folder / "pictures" / f"{name}.png")
         yield opened
@@ -166,15 +178,28 @@ def test_an_empty_gallery_shows_examples_and_one_of_them_becomes_the_goal(phone:
     phone.unroute("**/api/paintings")
 
 
-def test_pasted_text_is_a_goal_or_it_is_said_what_is_missing(desk: Page) -> None:
+def test_pasted_text_is_a_goal_and_a_picture_made_from_it_can_take_its_place(desk: Page) -> None:
     go(desk, "#/")
     go(desk, "#/new")
     expect(desk.get_by_role("button", name="Choose a picture")).to_be_visible()
     desk.evaluate(PASTE, "a ship  at dusk")
-    either = desk.get_by_label("What to paint").or_(desk.get_by_text("There is no picture in the clipboard"))
-    expect(either).to_be_visible()
-    if desk.get_by_role("button", name="Start over").is_visible():
-        desk.get_by_role("button", name="Start over").click()
+    expect(desk.get_by_label("What to paint")).to_have_value("a ship at dusk")
+    desk.get_by_role("button", name="Make pictures from this text").press("Enter")
+    expect(desk.get_by_role("button", name="Stop making pictures")).to_be_focused()
+    made = desk.get_by_role("list", name="Pictures of a ship at dusk").get_by_role("button")
+    expect(made).to_have_count(4)
+    expect(desk.get_by_role("button", name="Make others, with another seed")).to_be_focused()
+    expect(desk.get_by_text(re.compile("Made by command: .*painter.py"))).to_be_visible()
+    desk.evaluate("Promise.all([...document.images].map((image) => image.decode().catch(() => {})))")
+    desk.locator(".candidates").scroll_into_view_if_needed()
+    assert complaints(desk) == []
+    keep(desk, "made-pictures")
+    desk.get_by_role("button", name="Begin with picture 3 of 4, seed 2").press("Enter")
+    expect(desk.get_by_role("button", name="Remove: Picture")).to_be_focused()
+    expect(desk.get_by_text(re.compile("Made from “a ship at dusk” by command.*seed 2"))).to_be_visible()
+    expect(desk.get_by_label("Title")).to_have_value("a ship at dusk")
+    expect(desk.get_by_role("button", name="Make a plan")).to_be_enabled()
+    desk.get_by_role("button", name="Start over").click()
 
 
 def test_focus_follows_to_a_new_view_and_a_new_step(desk: Page, studio: OpenStudio) -> None:

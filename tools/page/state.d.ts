@@ -1,6 +1,6 @@
 // What the studio's server tells the page: web/painting_state.py, web/state.py, web/studio_folder.py; and what views get from main.js.
 
-interface Term { kind: string; picture?: string | null; words?: string | null; weight: number; crop?: number[] | null }
+interface Term { kind: string; picture?: string | null; words?: string | null; weight: number; crop?: number[] | null; made?: string | null }
 interface Wish {
   title: string; terms: Term[]; initial: Term[]; together: boolean; strokes: number; colors: number; width: number; height: number;
   brushes: string; strokes_of?: string; replans: number; ground: string | null; on_canvas: boolean; focus: "faces" | "subject" | "none"; sharpness: number; tilt?: number; paints: "acrylics" | "any"; drying: number; minutes: number | null; effort: number; seed: number;
@@ -31,6 +31,8 @@ type Command = { kind: "pause" | "go on" | "finish" | "look" | "free" } | { kind
   | { kind: "paint"; brush: string; paint: number; points: number[][] }; // web/commands.py
 interface Strokes { height: number; paths: number[][][]; widths: number[]; paint: number[] }
 interface Ability { ready: boolean; missing: string[]; fetch: string[]; advice: string; label: string; verb: string; words: boolean } // web/web_studio.py
+interface Making { words: string; maker: string; pictures: { picture: string; seed: number }[]; best: number; rule: string; faults: string[] }
+interface ImaginingState { version: number; working: boolean; words: string; maker: string; progress: string; stopped: boolean; trouble: string; makings: Making[] } // web/picture_choosing.py
 interface House {
   notice(sentence: string, label?: string, work?: () => void): void;
   attempt<T>(work: () => Promise<T>): Promise<T | undefined>;
@@ -51,6 +53,8 @@ interface House {
   readonly brushes: string[];
   /** Names of the stroke families that can be painted with. */
   readonly families: string[];
+  /** Labels of the picture makers that whoever opened the studio allowed. */
+  readonly makers: string[];
   /** Names of the ways in which the robot can answer a person's turn. */
   readonly turns: string[];
   readonly pace: import("../../src/frida_painter/web/static/estimate.js").Pace;

@@ -37,7 +37,7 @@ from frida_painter.planning.planner import Planner
 from frida_painter.report.film import SKETCHBOOK
 from frida_painter.report.sheets import doubt
 from frida_painter.runs.goal_item import read_goal_file
-from frida_painter.runs.picture_making import MAKING, read_making
+from frida_painter.runs.picture_making import MAKING, making_file, read_making
 from frida_painter.runs.shares import brush_file
 from frida_painter.runs.spec import SETTLED, RunSpec, upgrade_record
 from frida_painter.session import resuming
@@ -140,8 +140,9 @@ def keep_goal(spec: RunSpec, folder: Path) -> None:
         if item.path is not None:
             copy = Path(str(number), item.path.name)
             _copy(item.path, folder / GOAL / copy)
-            if read_making(item.path) is not None:
-                _copy(item.path.parent / MAKING, folder / GOAL / copy.parent / MAKING)
+            record = making_file(item.path)
+            if record is not None and read_making(item.path) is not None:
+                _copy(record, folder / GOAL / copy.parent / MAKING)
             value = copy.as_posix()
         lines += [f"[[{table}]]", f"{item.kind} = {_quote_toml(value)}", f"weight = {item.weight!r}"]
         lines += [""] if item.crop is None else [f"crop = {list(item.crop)!r}", ""]

@@ -1,7 +1,8 @@
 """Picture making: words become picture files by a maker of the person's choice, before anything is planned.
 
 The chosen picture is then a goal like any other. The folder of the pictures has `making.json` beside them, the record
-of their maker, words and seeds; it follows a picture into the folder of its painting.
+of their maker, words and seeds; it follows a picture into the folder of its painting. A record may also stand beside
+one picture alone, as NAME.making.json beside NAME.png.
 """
 
 import math
@@ -132,6 +133,7 @@ class Making:
     pictures: those that show something, at least one
     best: index of the picture that is taken if nobody chooses
     rule: phrase that says why
+    faults: sentences about pictures that show nothing
     """
 
     words: str
@@ -141,6 +143,7 @@ class Making:
     pictures: tuple[MadePicture, ...]
     best: int
     rule: str
+    faults: tuple[str, ...] = ()
 
     @property
     def made_by(self) -> str:
@@ -218,7 +221,7 @@ def make_pictures(
     for sentence in faults:
         tell(sentence)
     best, rule = _rank(words, [one.picture for one in pictures], encoders, spec, device)
-    return Making(words, name, dict(opened.facts), folder, tuple(pictures), best, rule)
+    return Making(words, name, dict(opened.facts), folder, tuple(pictures), best, rule, tuple(faults))
 
 
 def _ask(name: str, maker: PictureMaker, request: PictureRequest) -> list[Path]:
@@ -297,31 +300,40 @@ def imagine(spec: RunSpec, make: Callable[[str, int], Path]) -> RunSpec:
     return spec.with_values(**changes)
 
 
-def read_making(picture: Path) -> dict[str, Any] | None:
-    """Returns the record of the making of a picture, from the file beside it; None if the picture was not made so."""
-    path = picture.parent / MAKING
-    if not storage.exists(path):
+def making_file(picture: Path) -> Path | None:
+    """Returns the file beside a picture that records its making, of this picture alone or of several; else None."""
+    files = (picture.with_suffix(f".{MAKING}"), picture.parent / MAKING)
+    return next((file for file in files if storage.exists(file)), None)
+
+
+def read_making(picture: Path) -> tuple[dict[str, Any], dict[str, Any]] | None:
+    """Returns the record of the making of a picture, and the entry of this picture in it, known by its hash.
+
+    None if there is no record beside the picture, or if the record is of other pictures.
+    """
+    file = making_file(picture)
+    if file is None:
         return None
     try:
-        record = storage.read_json(path, "the record of a making")
-        mine = [one for one in record.get("pictures", ()) if one.get("file") == picture.name]
+        record = storage.read_json(file, "the record of a making")
+        content = storage.sha256(picture, "a made picture")
+        same = [one for one in record.get("pictures", ()) if one.get("sha256") == content]
+        mine = next((one for one in same if one["file"] == record.get("chosen")), same[0] if same else None)
         known = record.get("format") == _FORMAT and record.get("version") == _VERSION
-        if not known or not mine or mine[0].get("sha256") != storage.sha256(picture, "a made picture"):
-            return None
-    except (FridaError, AttributeError, TypeError):  # it belongs to another picture, or to nothing
+    except (FridaError, AttributeError, KeyError, TypeError):  # it belongs to nothing
         return None
-    return record
+    return (record, mine) if known and mine is not None else None
 
 
 def making_facts(spec: RunSpec) -> tuple[tuple[str, str], ...]:
     """Returns how pictures of the goal were made, for page and record, as (label, description)."""
     found = []
     for item in (*spec.goal, *spec.initial):
-        record = None if item.path is None else read_making(item.path)
-        if item.path is None or record is None:
+        made = None if item.path is None else read_making(item.path)
+        if made is None:
             continue
-        seed = next(one["seed"] for one in record["pictures"] if one["file"] == item.path.name)
+        record, picture = made
         facts = [str(fact) for name, fact in record["facts"].items() if name != "sha256"]
-        words = f"{item.path.name} from “{record['words']}” by {', '.join((record['maker'], *facts))}, seed {seed}"
-        found.append(("Made", words))
+        maker = ", ".join((record["maker"], *facts))
+        found.append(("Made", f"{picture['file']} from “{record['words']}” by {maker}, seed {picture['seed']}"))
     return tuple(found)

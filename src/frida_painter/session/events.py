@@ -30,6 +30,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from pydantic import TypeAdapter
 
+from frida_painter.session.making_events import MakingStarted, PicturesMade
 from frida_painter.session.person_events import GoalChanged as GoalChanged
 from frida_painter.session.person_events import PersonPaintShown as PersonPaintShown
 from frida_painter.session.person_events import PersonStrokeBegan as PersonStrokeBegan
@@ -386,10 +387,9 @@ class FamilyTaught:
 PageEvent = (
     PlanRequested | PlanningProgress | PlanPreview | PlanMade | RestReplanned | PaintingStarted | TakenUp | Mixing
     | TimeLeft | PhotographShown | LookShown | Considering | WentOn | Turns | Remark | Finishing | PaintingKept | Asked
-    | Answered | PersonMayPaint | PersonPaintShown | Rests | Queued | Dequeued
-    | CalibrationStarted | CalibrationStatus | ProcedureBegan | ProcedureProgress | ProcedureFound
-    | TeachingStarted | FamilyTaught
-    | SetupStarted | SetupLeft | SetupStands | SetupStepBegan | MachineTold | SetupWritten
+    | Answered | PersonMayPaint | PersonPaintShown | Rests | Queued | Dequeued | CalibrationStarted | CalibrationStatus
+    | ProcedureBegan | ProcedureProgress | ProcedureFound | TeachingStarted | FamilyTaught | MakingStarted
+    | PicturesMade | SetupStarted | SetupLeft | SetupStands | SetupStepBegan | MachineTold | SetupWritten
 )  # fmt: skip
 
 

@@ -24,6 +24,7 @@ from starlette.types import Message, Receive, Scope, Send
 from frida_painter import storage
 from frida_painter.errors import StorageError
 from frida_painter.web.commands import Command, Reply, Role
+from frida_painter.web.picture_choosing import ChosenPicture, MakingRequest
 from frida_painter.web.security import Led, Session
 from frida_painter.web.setup_progress import SetupRequest
 from frida_painter.web.state import MAX_TOPICS, EventStream
@@ -279,6 +280,43 @@ def teaching_routes(studio: Studio) -> APIRouter:
     def file(name: str, by: AnySession) -> SentFile:
         """Returns the sheet of a family."""
         return _send_picture(studio.store.teaching, name)
+
+    return router
+
+
+# Routes for making pictures from words.
+
+
+def imagining_routes(studio: Studio) -> APIRouter:
+    """Returns the routes for making pictures from words: the request, its state, its stop, and the choice."""
+    router = APIRouter(prefix="/api/imagining")
+
+    @router.get("")
+    def state(by: AnySession) -> dict[str, Any]:
+        """Returns the state of the making, as the page shows it."""
+        return studio.imagining()
+
+    @router.post("/start")
+    def start(request: MakingRequest, by: Planner) -> dict[str, str]:
+        """Starts to make pictures from words, by a maker that the owner of the studio allowed."""
+        studio.imagine(request, by)
+        return {"id": "imagining"}
+
+    @router.post("/stop")
+    def stop(by: Planner) -> dict[str, str]:
+        """Stops the making, and no other work."""
+        studio.stop_imagining(by)
+        return {"id": "imagining"}
+
+    @router.post("/choose")
+    def choose(chosen: ChosenPicture, by: Planner) -> dict[str, str]:
+        """Takes a made picture among the pictures for goals; returns its id, and how it was made."""
+        return studio.choose_picture(chosen, by)
+
+    @router.get("/files/{name}")
+    def file(name: str, by: AnySession) -> SentFile:
+        """Returns a made picture."""
+        return _send_picture(studio.store.imagining, name)
 
     return router
 
@@ -548,4 +586,5 @@ def event_routes(studio: Studio) -> APIRouter:
 def all_routes(studio: Studio) -> Iterator[APIRouter]:
     """Yields all routes of a studio."""
     yield from (make(studio) for make in (control_routes, event_routes, goal_routes, painting_routes))
-    yield from (make(studio) for make in (calibration_routes, teaching_routes, setup_routes, gallery_routes))
+    yield from (make(studio) for make in (calibration_routes, teaching_routes, imagining_routes, setup_routes))
+    yield gallery_routes(studio)

@@ -39,7 +39,7 @@ _MAX_HEADERS = 16 * 1024
 _SAFE = ("GET", "HEAD")
 _BY_COOKIE = re.compile(
     r"/|/(?:static|examples)/[^/]*|/sw\.js|/paintings/.*|/api/pictures/[^/]+"
-    r"|/api/(?:calibration|setup|teaching)/files/[^/]+|/api/paintings/[^/]+/(?:everything\.zip|camera)"
+    r"|/api/(?:calibration|setup|teaching|imagining)/files/[^/]+|/api/paintings/[^/]+/(?:everything\.zip|camera)"
 )
 _HEADERS = {
     "Content-Security-Policy": "default-src 'self'; img-src 'self' blob: data:; connect-src 'self'{stop}; "

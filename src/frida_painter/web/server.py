@@ -27,6 +27,7 @@ from frida_painter import storage
 from frida_painter.errors import ConfigError, FridaError, Interrupted, RobotStopped, StorageError
 from frida_painter.web.commands import Role
 from frida_painter.web.network import Certificate, Connections, Limits, WebAppLock, most_connections
+from frida_painter.web.picture_choosing import AllowedMakers
 from frida_painter.web.routes import all_routes
 from frida_painter.web.security import AuthMiddleware, Keys, Led, Presence
 from frida_painter.web.state import StateStreams
@@ -284,11 +285,13 @@ def serve(
     tell: Callable[[Links], None],
     stop_port: int = 0,
     certificate: Certificate | None = None,
+    makers: AllowedMakers | None = None,
 ) -> None:
     """Serves the studio until it is interrupted; `tell` receives the links when the studio is ready.
 
     Each line typed into the standard input confirms that somebody stands at the machine.
     stop_port: port of the listener for stops, by default the one after the page's port.
+    makers: picture makers that visitors may choose.
     Raises ConfigError and StorageError.
     """
     address, port = listening.getsockname()[:2]
@@ -299,7 +302,7 @@ def serve(
     )
     stop.start()
     known = hosts(address, port, names)
-    keys, studio = Keys(), Studio(store, easel, Presence(), stop)
+    keys, studio = Keys(), Studio(store, easel, Presence(), stop, makers)
     config = uvicorn.Config(
         add_middleware(application(studio), keys, known, f"studio-{port}", stop_hosts=hosts(address, stop.port, names)),
         log_level="warning",

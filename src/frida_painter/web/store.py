@@ -82,6 +82,11 @@ class PaintingStore:
         return self._folder("teaching")
 
     @property
+    def imagining(self) -> PaintingFolder:
+        """Folder for making pictures from words, made at the first use."""
+        return self._folder("imagining")
+
+    @property
     def families(self) -> dict[str, Path]:
         """Files of the stroke families that were taught in this studio, by name."""
         return {file.stem: file for file in sorted((self.root / FAMILIES).glob("*.safetensors"))}

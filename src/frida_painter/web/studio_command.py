@@ -11,7 +11,14 @@ import typer
 from frida_painter import registry, storage
 from frida_painter.compiled import LoopCompiler
 from frida_painter.errors import ConfigError
-from frida_painter.options import CameraOption, PaceOption, RobotOption, WorkspaceOption, whole_number_within
+from frida_painter.options import (
+    CameraOption,
+    PaceOption,
+    RobotOption,
+    WorkspaceOption,
+    number_within,
+    whole_number_within,
+)
 
 if TYPE_CHECKING:
     from frida_painter.web.commands import Role
@@ -19,6 +26,8 @@ if TYPE_CHECKING:
 
 
 _LOCAL = "127.0.0.1"
+MAX_MINUTES, USUAL_MINUTES = 1440, 30.0
+"""Limits of a making, as in runs/picture_making.py, which loads tensors."""
 _OPENING = """<!DOCTYPE html><html lang="en"><meta charset="utf-8"><title>Open the studio</title>
 <meta http-equiv="refresh" content="0;url={link}"><p><a href="{link}">Open the studio</a></p></html>"""
 
@@ -71,6 +80,22 @@ def studio(
             "[dim]FOLDER/calibration/calibration.json[/]",
         ),
     ] = None,
+    imagine: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME:TEXT",
+            help="A picture maker that people at the page may choose, as in paint: they type words, look at its "
+            "pictures and begin with one. May be repeated. No page can name another one. [dim]none[/]",
+        ),
+    ] = None,
+    imagine_minutes: Annotated[
+        float,
+        typer.Option(
+            parser=number_within(0, MAX_MINUTES),
+            metavar="X",
+            help="Minutes that a picture maker may take for the pictures of some words.",
+        ),
+    ] = USUAL_MINUTES,
     link: Annotated[
         bool,
         typer.Option("--link", help="Print the links of the studio that is open in FOLDER, and open its page again."),
@@ -87,6 +112,7 @@ def studio(
     registry.require("web", "uvicorn", "The studio")
     from frida_painter.web.commands import Role
     from frida_painter.web.network import Certificate
+    from frida_painter.web.picture_choosing import AllowedMakers
     from frida_painter.web.server import OPENING_PAGE, listen, read_links, serve
     from frida_painter.web.store import PaintingStore
     from frida_painter.web.web_app_easel import WebAppEasel
@@ -104,6 +130,7 @@ def studio(
     record = calibration or store.calibration.path / "calibration.json"
     easel = WebAppEasel(record.absolute(), robot, camera, workspace, pace).validate()
 
+    makers = AllowedMakers.check(imagine or (), imagine_minutes)
     certified = Certificate.from_files(certificate, key)
 
     def tell(links: "Links") -> None:
@@ -113,6 +140,8 @@ def studio(
         )
         if easel.drives_machine:
             print(f"{robot} moves only when somebody beside it has pressed Enter here within the last minute.")
+        for label in makers.by_label:
+            print(f"Whoever has a link to paint or to plan may have pictures made by {label}.")
         if os.geteuid() == 0:
             print("It runs as root: a fault in it would have the whole machine. Start it as an ordinary user.")
         if address != _LOCAL:
@@ -123,7 +152,7 @@ def studio(
             webbrowser.open(links.once)  # valid once: others can read a browser's command line
 
     with LoopCompiler():  # compiles while people look at the page; the first plan waits for it
-        serve(store, easel, listen(address, port), tuple(name or ()), tell, stop_port, certified)
+        serve(store, easel, listen(address, port), tuple(name or ()), tell, stop_port, certified, makers)
 
 
 def _print_links(links: "dict[Role, str]") -> None:

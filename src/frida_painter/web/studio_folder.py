@@ -93,6 +93,7 @@ class GoalRequest(_Checked):
 
     weight: its importance.
     crop: part of the picture; None for the whole one.
+    made: line about how the picture was made from words, for the page.
     """
 
     kind: Kind
@@ -100,6 +101,7 @@ class GoalRequest(_Checked):
     words: Words | None = None
     weight: float = Field(1.0, ge=0.01, le=100, allow_inf_nan=False)
     crop: Crop | None = None
+    made: Annotated[str, StringConstraints(max_length=600)] | None = None
 
     @model_validator(mode="after")
     def _is_one_thing(self) -> Self:
@@ -207,6 +209,8 @@ FAMILIES = "families"
 """Name of the folder of taught stroke families in the studio's folder."""
 PICTURES = "pictures"
 """Name of the folder of uploaded pictures in the studio's folder."""
+MAKING_SUFFIX = ".making.json"
+"""End of the name of a file that records how the picture of the same name was made from words."""
 _SHOWN = re.compile(r"[a-z][a-z0-9-]{0,60}\.(png|jpg|mp4|json|svg|csv|gcode|html)")
 _MAX_PLANS = 24
 _A_MOMENT = 1.0  # seconds
@@ -216,6 +220,8 @@ PLAN_JOB = "plan"
 """Job of a worker that plans: no robot moves."""
 TEACH_JOB = "teach"
 """Job of a worker that learns a stroke family: only the virtual studio paints."""
+IMAGINE_JOB = "imagine"
+"""Job of a worker that makes pictures from words: no robot moves."""
 
 
 @dataclass(frozen=True)
@@ -333,6 +339,8 @@ class PaintingFolder:
         storage.new_folder(plan.path)
         for name in request.pictures:
             _copy(pictures / f"{name}.png", plan.path / f"{name}.png")
+            if (pictures / f"{name}{MAKING_SUFFIX}").is_file():
+                _copy(pictures / f"{name}{MAKING_SUFFIX}", plan.path / f"{name}{MAKING_SUFFIX}")
         storage.write_json(plan.path / "wish.json", {"wish": request.model_dump(mode="json")})
         return plan
 

@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Set
+from collections.abc import Callable, Set
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -14,6 +14,7 @@ from frida_painter.objectives.objective import Gives, goal_kinds
 from frida_painter.registry import are_here
 from frida_painter.runs.shares import AUTO, family_shares
 from frida_painter.session.events import CalibrationStarted, PlanRequested, TakenUp, TeachingStarted
+from frida_painter.session.making_events import MakingStarted
 from frida_painter.session.setup_events import SetupStarted
 from frida_painter.web.commands import (
     ROBOT_MOVES,
@@ -30,13 +31,22 @@ from frida_painter.web.commands import (
     tell_painter,
 )
 from frida_painter.web.painting_state import PaintingState, Status, tell_status
+from frida_painter.web.picture_choosing import (
+    AllowedMakers,
+    ChosenPicture,
+    MakingOrder,
+    MakingProgress,
+    MakingRequest,
+    take_picture,
+)
 from frida_painter.web.security import Lead, Presence, Session
 from frida_painter.web.setup_progress import SetupProgress, SetupRequest
-from frida_painter.web.state import CalibrationState, FeedStates, StateStreams, Topic
+from frida_painter.web.state import CalibrationState, FeedStates, Shown, StateStreams, Topic
 from frida_painter.web.stop import Stops
 from frida_painter.web.stop_process import StopProcess
 from frida_painter.web.store import Entry, PaintingStore, Uploads
 from frida_painter.web.studio_folder import (
+    IMAGINE_JOB,
     PLAN_JOB,
     TEACH_JOB,
     CalibrationRequest,
@@ -55,7 +65,7 @@ from frida_painter.web.web_app_easel import WebAppEasel
 from frida_painter.web.work_pace import PaceMemory
 from frida_painter.web.workers import QUEUE, PaintingQueue, Workers, start_painting
 
-_CALIBRATION, _SETUP, _TEACHING = "calibration", "setup", "teaching"
+_CALIBRATION, _SETUP, _TEACHING, _IMAGINING = "calibration", "setup", "teaching", "imagining"
 _GALLERY_EVERY = 1.0  # seconds
 _RENEWED_EVERY = 2.0  # seconds
 _ROOM_TO_BEGIN, _ROOM_TO_RESUME = 200 * 2**20, 100 * 2**20  # bytes
@@ -68,17 +78,24 @@ class Studio:
     easel: chosen in the terminal.
     presence: confirmations at the machine.
     stop_process: listener for stops; None for a studio that is not served on a port.
+    makers: picture makers that visitors may choose; none by default.
     Its methods raise Interrupted if something cannot be done now, ConfigError if a request is wrong, StorageError,
     and RobotStopped if nobody has confirmed at the machine.
     """
 
     def __init__(
-        self, store: PaintingStore, easel: WebAppEasel, presence: Presence, stop_process: StopProcess | None = None
+        self,
+        store: PaintingStore,
+        easel: WebAppEasel,
+        presence: Presence,
+        stop_process: StopProcess | None = None,
+        makers: AllowedMakers | None = None,
     ) -> None:
         self.store: Final = store
         self.easel: Final = easel
         self.presence: Final = presence
         self.stop_process: Final = stop_process
+        self.makers: Final = makers or AllowedMakers()
         self.lead: Final = Lead()
         self.streams: Final = StateStreams()
         self.feeds: Final = FeedStates()
@@ -108,6 +125,7 @@ class Studio:
             "brushes": list(registry.parts(registry.STROKE_MODELS)),
             "families": list(self._families),
             "turns": list(registry.parts(registry.TURN_POLICIES)),
+            "makers": list(self.makers.by_label),
         }
 
     def work(self) -> dict[str, Any]:
@@ -118,7 +136,7 @@ class Studio:
         entries, at_work = self.store.all(), self._at_work()
         names = {folder.path.name for folder in at_work}
         known = [entry.id for entry in entries if entry.folder.path.name in names]
-        known += [name for name in (_CALIBRATION, _SETUP, _TEACHING) if name in names]
+        known += [name for name in (_CALIBRATION, _SETUP, _TEACHING, _IMAGINING) if name in names]
         titles = {entry.id: entry.title for entry in entries}
         shown = self.queue.to_plain()
         waiting = [{**each, "title": titles.get(each["painting"], "")} for each in shown["queue"]]
@@ -157,6 +175,10 @@ class Studio:
         """Returns the state of teaching a stroke, as the page shows it."""
         return self.feeds.current(self.store.teaching, TeachingProgress)
 
+    def imagining(self) -> dict[str, Any]:
+        """Returns the state of making pictures from words, as the page shows it."""
+        return self.feeds.current(self.store.imagining, MakingProgress)
+
     @property
     def _families(self) -> dict[str, None]:
         """Names of the stroke families that can be painted with: registered ones, and those taught here."""
@@ -167,7 +189,7 @@ class Studio:
 
         name: id of a painting, "calibration", "setup", or "paintings" for the gallery.
         """
-        fresh: type[PaintingState] | type[CalibrationState] | type[SetupProgress] | type[TeachingProgress]
+        fresh: Callable[[], Shown]
         if name == "paintings":
             return Topic(name, self.cards, self.cards, every=_GALLERY_EVERY)
         if name == _CALIBRATION:
@@ -176,6 +198,8 @@ class Studio:
             folder, fresh = self.store.setup, SetupProgress
         elif name == _TEACHING:
             folder, fresh = self.store.teaching, TeachingProgress
+        elif name == _IMAGINING:
+            folder, fresh = self.store.imagining, MakingProgress
         elif (entry := self.store.find(name)) is not None:
             folder, fresh = entry.folder, PaintingState
         else:
@@ -360,6 +384,37 @@ class Studio:
             tell_once(folder, TeachingStarted(request.name))
             slot.start("teach", folder.plan(1))
 
+    # Orders for making pictures from words.
+
+    def imagine(self, request: MakingRequest, by: Session) -> None:
+        """Starts to make pictures by a maker that the owner of the studio allowed; no request names a program."""
+        order = MakingOrder.of(request, self.makers)
+        folder = self.store.imagining
+        require_disk(folder.path, _ROOM_TO_BEGIN)
+        if working(folder):
+            raise Interrupted("Pictures are being made here already; wait until they are there, or stop it.")
+        with self.workers.slot_at(folder) as slot:
+            folder.stop.unlink(missing_ok=True)
+            self.store.note(by.id, _IMAGINING, f"make pictures by {request.maker}, seed {request.seed}")
+            order.keep(folder)
+            tell_once(folder, MakingStarted(request.words, request.maker))
+            slot.start("imagine", folder.plan(1))
+
+    def stop_imagining(self, by: Session) -> None:
+        """Stops the making of pictures, and no other work."""
+        folder = self.store.imagining
+        if working(folder):
+            self.store.note(by.id, _IMAGINING, "stop")
+            folder.stop_now()
+
+    def choose_picture(self, chosen: ChosenPicture, by: Session) -> dict[str, str]:
+        """Takes a made picture among the pictures for goals; returns its id, and how it was made."""
+        folder = self.store.imagining
+        makings = self.feeds.view(folder, MakingProgress, lambda state, truth: list(state.makings))
+        made = take_picture(chosen, makings, folder, self.store.pictures)
+        self.store.note(by.id, _IMAGINING, f"choose {made['made']}")
+        return made
+
     # Orders for the setup of a machine.
 
     def setup(self) -> dict[str, Any]:
@@ -401,7 +456,7 @@ class Followed:
 
 
 def _may_move(at_work: list[PaintingFolder]) -> bool:
-    return any(find_job(folder) not in (PLAN_JOB, TEACH_JOB) for folder in at_work)
+    return any(find_job(folder) not in (PLAN_JOB, TEACH_JOB, IMAGINE_JOB) for folder in at_work)
 
 
 def _hand_on(given: Reply, folder: PaintingFolder, asked: Any, by: str) -> None:

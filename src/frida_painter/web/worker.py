@@ -61,6 +61,7 @@ from frida_painter.session.events import (
 from frida_painter.session.opening import require_basis, statuses
 from frida_painter.session.setup_events import SetupLeft, SetupWritten
 from frida_painter.session.time_left import RemainingTime, remaining_seconds, share_of_plan
+from frida_painter.web.imaginer import imagine
 from frida_painter.web.painter import Asker, PauseController
 from frida_painter.web.setup_progress import SetupRequest
 from frida_painter.web.stop import StopWatch
@@ -386,8 +387,11 @@ def work(what: str, job: Job, place: PlanFolder) -> None:
             set_up(job)
         case "teach":
             teach_stroke(job)
+        case "imagine":
+            imagine(job.folder, job.feed, job.stop)
         case _:
-            raise ConfigError(f"There is no job {what[:40]!r}; it is plan, paint, resume, calibrate, setup or teach.")
+            jobs = "plan, paint, resume, calibrate, setup, teach or imagine"
+            raise ConfigError(f"There is no job {what[:40]!r}; it is {jobs}.")
 
 
 def make_plan(job: Job, place: PlanFolder) -> None:

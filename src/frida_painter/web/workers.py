@@ -67,7 +67,9 @@ class WorkerSlot:
     def __init__(self, folder: PaintingFolder, lock: WorkerLock, started: list[_Started], easel: WebAppEasel) -> None:
         self.folder, self._lock, self._started, self._easel = folder, lock, started, easel
 
-    def start(self, job: Literal["plan", "paint", "resume", "calibrate", "setup", "teach"], plan: PlanFolder) -> None:
+    def start(
+        self, job: Literal["plan", "paint", "resume", "calibrate", "setup", "teach", "imagine"], plan: PlanFolder
+    ) -> None:
         """Starts a worker in a new session, and hands it the painting's lock. Raises StorageError."""
         program = [
             sys.executable,

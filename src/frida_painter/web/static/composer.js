@@ -5,6 +5,7 @@ import { shape } from "./canvasview.js";
 import { choices, count, duration, h, kept, mainAction, reveal, show, slider } from "./dom.js";
 import { asPainted, toPaint, toPlan } from "./estimate.js";
 import { KINDS, learnKinds, nearestWeight, termPicture, weights } from "./goal.js";
+import { pictureMaking } from "./imagining.js";
 import { pad } from "./pad.js";
 import { goalPreview } from "./preview.js";
 import { brushes, brushesInWords, FOCUS, group, grounds, MINUTES, nearestStrokes, PRESETS, SIZES, STROKES } from "./settings.js";
@@ -33,6 +34,21 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
   wish.initial ??= [];
   learnKinds(house.abilities);
   if (house.canvas && !goalsOnly) [wish.width, wish.height] = house.canvas;
+
+  const making = house.makers.length && house.role !== "watch" ? pictureMaking(house, wish, begin) : null;
+
+  /** A made picture takes the place of its words. */
+  function begin(term, { id, made }) {
+    for (const [terms, list] of [[wish.terms, cards], [wish.initial, first]]) {
+      const at = terms.indexOf(term);
+      if (at < 0) continue;
+      if (!goalsOnly && !wish.title) wish.title = term.words.trim().slice(0, 80);
+      terms[at] = { kind: "image", picture: id, weight: term.weight, made };
+      draw();
+      changed();
+      reveal(list.children[at], list.children[at].querySelector(".remove"));
+    }
+  }
 
   const uploads = new Set(); // pictures on their way to the studio
 
@@ -93,7 +109,8 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
   });
 
   function adder(kind, terms = wish.terms, label = `+ ${KINDS[kind].button}`) {
-    const { ready, advice } = house.abilities[kind];
+    const { advice } = house.abilities[kind];
+    const ready = house.abilities[kind].ready || (kind === "text" && making); // words that become a picture need no network here
     return h("button", {
       type: "button", class: "add", "data-kind": terms === wish.terms ? kind : null, disabled: !ready, title: advice,
       onclick: () => {
@@ -120,12 +137,14 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
       term.picture ? termPicture(term, KINDS[term.kind].label) : h("span", { class: "quote", "aria-hidden": "true" }, "“"),
       h("div", {},
         KINDS[term.kind].words
-          ? h("input", { type: "text", maxLength: 300, value: term.words, placeholder: term.kind === "text" ? "a sailing ship at dusk" : KINDS[term.kind].verb, "aria-label": term.kind === "text" ? "What to paint" : KINDS[term.kind].label, oninput: (event) => { term.words = event.target.value; changed(); } })
+          ? h("input", { type: "text", maxLength: 300, value: term.words, placeholder: term.kind === "text" ? "a sailing ship at dusk" : KINDS[term.kind].verb, "aria-label": term.kind === "text" ? "What to paint" : KINDS[term.kind].label, oninput: (event) => { term.words = event.target.value; making?.tell(); changed(); } })
           : h("p", {}, terms === wish.terms ? KINDS[term.kind].verb : "The painting starts from this and keeps its composition"),
+        term.made ? h("small", {}, term.made) : null,
         terms !== wish.terms ? null : slider({ label: "Weight", min: 0, max: weights.length - 1, value: nearestWeight(term.weight), words: (index) => weights[index][1],
           oninput: (index) => { term.weight = weights[index][0]; changed(); } })),
       h("button", { type: "button", class: "quiet remove", "aria-label": `Remove: ${KINDS[term.kind].label}`, title: "Remove",
-        onclick: () => { terms.splice(terms.indexOf(term), 1); draw(); changed(); } }, "×"));
+        onclick: () => { terms.splice(terms.indexOf(term), 1); draw(); changed(); } }, "×"),
+      making && term.kind === "text" ? making.place(term) : null);
   }
 
   function drawHow() {
@@ -253,7 +272,7 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
     changed();
   }
 
-  return { element, add, addText, choose, settled, isBusy: () => uploads.size > 0, drawTerms: draw, drawButton: () => element.querySelector("[data-kind=sketch]") };
+  return { element, add, addText, choose, settled, isBusy: () => uploads.size > 0, close: () => making?.close(), drawTerms: draw, drawButton: () => element.querySelector("[data-kind=sketch]") };
 }
 
 const DRAFT = "draft"; // under which name a goal is kept until its plan is asked for
@@ -379,7 +398,7 @@ function composing(house, wish) {
     const text = event.clipboardData?.getData("text/plain").trim();
     if (!text || event.target.closest?.("input, textarea")) return;
     event.preventDefault();
-    if (house.abilities.text?.ready) form.addText(text.replace(/\s+/g, " ").slice(0, 300));
+    if (house.abilities.text?.ready || house.makers.length) form.addText(text.replace(/\s+/g, " ").slice(0, 300));
     else house.notice("There is no picture in the clipboard. To paint from text, a network has to be installed first.");
   }
 
@@ -393,7 +412,7 @@ function composing(house, wish) {
   document.addEventListener("paste", paste);
   changed();
   const panel = h("div", { class: "panel" }, h("h1", {}, "Set the goal"), h("p", {}, "Tell the robot what to paint: text, pictures, a style or your own drawing. You can combine several goals. The weight says how much each one counts."), form.element, mainAction(missing, button), over);
-  return { elements: [steps("say"), easel, panel], close: () => document.removeEventListener("paste", paste) };
+  return { elements: [steps("say"), easel, panel], close: () => { document.removeEventListener("paste", paste); form.close(); } };
 }
 
 const STEPS = [["say", "Set the goal"], ["plan", "Review the plan"], ["prepare", "Prepare"], ["paint", "Paint"], ["done", "Finished"]];

@@ -38,6 +38,6 @@ export function goalList(terms) {
   if (!terms.length) return h("p", {}, "No goal: you draw together, and the robot continues in the spirit of your strokes.");
   return h("ul", { class: "terms goal-list", "aria-label": "The goal" }, terms.map((term) => h("li", {},
     term.picture ? termPicture(term, KINDS[term.kind]?.label ?? term.kind) : h("span", { class: "quote", "aria-hidden": "true" }, "“"),
-    h("div", {}, h("p", {}, term.words ?? KINDS[term.kind]?.verb ?? term.kind),
+    h("div", {}, h("p", {}, term.words ?? KINDS[term.kind]?.verb ?? term.kind), term.made ? h("small", {}, `${term.made}. `) : null,
       terms.length > 1 ? h("small", {}, `weight: ${weights[nearestWeight(term.weight)][1]}`) : null))));
 }

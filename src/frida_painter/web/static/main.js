@@ -94,6 +94,7 @@ const house = {
   get canvas() { return studio.canvas; },
   get brushes() { return studio.brushes; },
   get families() { return studio.families; },
+  get makers() { return studio.makers; },
   get turns() { return studio.turns; },
   get pace() { return studio.pace; },
   connected(there, sentence) { lost.view = there ? "" : sentence || AWAY; tellConnection(); },

@@ -1,0 +1,30 @@
+"""Events of the making of pictures from words, for the page."""
+
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class MakingStarted:
+    """A person asked for pictures of words; the maker of this label now makes them."""
+
+    words: str
+    maker: str
+
+
+@dataclass(frozen=True)
+class PicturesMade:
+    """A maker made pictures of words, to choose from.
+
+    maker: label of the maker
+    pictures: of each its file for the page, its file and folder of the making, and its seed
+    best: index of the best one, by a rule that `rule` tells
+    faults: sentences about pictures that were left out
+    """
+
+    words: str
+    maker: str
+    pictures: list[dict[str, Any]]
+    best: int
+    rule: str
+    faults: list[str]

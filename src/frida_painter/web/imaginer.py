@@ -1,0 +1,76 @@
+"""Making of pictures by a worker: an allowed maker makes them, and the page shows them to choose from."""
+
+import secrets
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+from torch import Tensor
+
+from frida_painter import images
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.errors import Interrupted
+from frida_painter.runs.picture_making import make_pictures
+from frida_painter.runs.spec import RunSpec
+from frida_painter.session.events import ProcedureProgress
+from frida_painter.session.making_events import PicturesMade
+from frida_painter.web.picture_choosing import MADE, MAX_MAKINGS, MakingOrder, plain_fact
+from frida_painter.web.stop import StopWatch
+from frida_painter.web.studio_folder import Feed, PaintingFolder
+
+_ROWS = 384  # of a picture for the page
+
+
+def imagine(folder: PaintingFolder, feed: Feed, stop: StopWatch) -> None:
+    """Makes the requested pictures, and tells the page; a stop ends the maker with all that it started.
+
+    Raises StopPressed, MakingFailed, ConfigError and StorageError.
+    """
+    order = MakingOrder.load(folder)
+    spec = RunSpec.of(
+        goal=[{"text": order.words}], seed=order.seed, canvas=CanvasSize(order.width / 1000, order.height / 1000)
+    )
+    place = folder.path / MADE / secrets.token_hex(12)  # random, because everybody who knows a name may see the picture
+    place.parent.mkdir(exist_ok=True)
+    _forget_old(folder)
+    try:
+        making = make_pictures(
+            order.words,
+            order.maker,
+            place,
+            spec,
+            minutes=order.minutes,
+            stop_asked=lambda: stop.asked,
+            tell=lambda sentence: feed.tell(ProcedureProgress(sentence)),
+        )
+    except Interrupted:
+        stop.heed()
+        raise
+    making = replace(making, facts={name: plain_fact(fact) for name, fact in making.facts.items()})
+    making.choose(making.best, making.rule)  # until a person chooses
+    shown = [
+        {
+            "picture": _show(one.picture, folder.live / f"made-{place.name}-{number}.jpg"),
+            "file": f"{place.name}/{one.file.name}",
+            "seed": one.seed,
+        }
+        for number, one in enumerate(making.pictures, 1)
+    ]
+    feed.tell(PicturesMade(order.words, order.label, shown, making.best, making.rule, list(making.faults)))
+
+
+def _show(picture: Tensor, file: Path) -> str:
+    """Writes a small copy of a picture, and returns its name."""
+    rows, columns = picture.shape[1:]
+    small = min(rows, _ROWS)
+    images.save(images.fit(picture, small, max(1, round(columns * small / rows))), file)
+    return file.name
+
+
+def _forget_old(folder: PaintingFolder) -> None:
+    """Removes the oldest makings, of which the page shows none any more once another one is there."""
+    makings = sorted((folder.path / MADE).iterdir(), key=lambda place: place.stat().st_mtime)
+    for place in makings[: -(MAX_MAKINGS - 1)]:
+        for shown in folder.live.glob(f"made-{place.name}-*.jpg"):
+            shown.unlink(missing_ok=True)
+        shutil.rmtree(place, ignore_errors=True)

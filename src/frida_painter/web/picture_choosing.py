@@ -1,0 +1,226 @@
+"""Making of pictures from words on the page: makers that the owner allowed, the request, its state, and the choice.
+
+The terminal that starts the studio names the makers, with their commands and addresses. A page knows only labels.
+"""
+
+import json
+import secrets
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Self
+from urllib.parse import urlsplit
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator
+
+from frida_painter import storage
+from frida_painter.errors import ConfigError
+from frida_painter.session.events import Failed, ProcedureProgress, Stopped, Written
+from frida_painter.session.making_events import MakingStarted, PicturesMade
+from frida_painter.web.painting_state import Truth
+from frida_painter.web.studio_folder import MAKING_SUFFIX, KeptRequest, PaintingFolder, Words
+
+MADE = "made"
+"""Folder of all makings in the folder for making pictures, each with a random name."""
+MAX_MAKINGS = 8
+"""Number of the last makings that are kept to choose from."""
+_MAX_FILE = 2**28  # bytes of a made picture
+_PATIENCE = 120.0  # seconds
+_Side = Annotated[float, Field(ge=60, le=2000, allow_inf_nan=False)]
+
+
+@dataclass(frozen=True)
+class AllowedMakers:
+    """Picture makers that visitors may choose.
+
+    by_label: each maker as in `--imagine NAME:TEXT`, by the label that the page shows
+    minutes: time for the pictures of some words
+    """
+
+    by_label: Mapping[str, str] = field(default_factory=dict)
+    minutes: float = 30.0
+
+    @classmethod
+    def check(cls, makers: Sequence[str], minutes: float) -> Self:
+        """Returns the makers, each of which is opened once in a short process: this one loads no tensors.
+
+        Raises ConfigError if one cannot be opened.
+        """
+        by_label: dict[str, str] = {}
+        if makers:
+            program = [sys.executable, "-m", "frida_painter.web.maker_reader", *makers]
+            said = subprocess.run(program, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=_PATIENCE)
+            if said.returncode:
+                raise ConfigError(said.stderr.strip().splitlines()[-1] if said.stderr else "--imagine cannot be read.")
+        for maker in makers:
+            label, again = label_of(maker), 1
+            while label in by_label:
+                again += 1
+                label = f"{label_of(maker)} ({again})"
+            by_label[label] = maker
+        return cls(by_label, minutes)
+
+
+def label_of(maker: str) -> str:
+    """Returns the label of a maker: its name and its program, host or network, without folders and settings."""
+    name, _, text = maker.partition(":")
+    words = text.split()
+    ends = next((at for at, word in enumerate(words) if at and (word.startswith("-") or "{" in word)), len(words))
+    shown = [_last_part(word) for word in words[: min(2, ends)]]
+    return f"{name}: {' '.join(shown)}" if shown else name
+
+
+def _last_part(word: str) -> str:
+    host = urlsplit(word).hostname if "//" in word else None
+    return host or Path(word.strip("'\"").partition(",")[0]).name
+
+
+class MakingRequest(BaseModel):
+    """Request for pictures of words.
+
+    maker: label of a maker.
+    seed: of the first picture.
+    width, height: of the canvas in mm.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    words: Words
+    maker: str = Field(max_length=200)
+    seed: int = Field(0, ge=0, le=2**31 - 1, strict=True)
+    width: _Side = 14 * 25.4
+    height: _Side = 11 * 25.4
+
+    @field_validator("words")
+    @classmethod
+    def _are_plain(cls, words: str) -> str:
+        """Refuses what a program could take for an option or for a file, because a visitor may type anything."""
+        if not words.isprintable():
+            raise ValueError("The words hold characters that cannot be printed; type them anew.")
+        if not words[0].isalnum():
+            raise ValueError(f"The words begin with {words[0]!r}; begin them with a letter or a digit.")
+        return words
+
+
+class MakingOrder(KeptRequest):
+    """Request for pictures, completed by the studio for its worker.
+
+    maker: as in `--imagine NAME:TEXT`.
+    label: of the maker.
+    """
+
+    _name = "which pictures are to be made"
+
+    words: str
+    maker: str
+    label: str
+    seed: int
+    width: float
+    height: float
+    minutes: float
+
+    @classmethod
+    def of(cls, request: MakingRequest, allowed: AllowedMakers) -> Self:
+        """Returns the order of a request. Raises ConfigError if its maker is not allowed here."""
+        maker = allowed.by_label.get(request.maker)
+        if maker is None:
+            known = ", ".join(allowed.by_label)
+            advice = f"choose one of {known}" if known else "whoever starts the studio allows one with --imagine"
+            raise ConfigError(f"There is no picture maker {request.maker[:60]!r} here; {advice}.")
+        return cls(**{**request.model_dump(), "maker": maker, "label": request.maker, "minutes": allowed.minutes})
+
+
+@dataclass
+class MakingProgress:
+    """State of making pictures.
+
+    words, maker: of the making that is at work, or was last.
+    makings: the last ones, in order.
+    """
+
+    words: str = ""
+    maker: str = ""
+    makings: list[PicturesMade] = field(default_factory=list)
+    progress: str = ""
+    trouble: str = ""
+    stopped: bool = False
+    ended: bool = True
+    version: int = 0
+
+    def hear(self, event: Written) -> None:
+        """Updates the state by an event; other events change nothing."""
+        self.version += 1
+        match event:
+            case MakingStarted(words, maker):
+                self.words, self.maker, self.progress, self.trouble = words, maker, "", ""
+                self.stopped = self.ended = False
+            case ProcedureProgress(words):
+                self.progress = words
+            case PicturesMade():
+                self.makings, self.ended = [*self.makings, event][-MAX_MAKINGS:], True
+            case Failed(reason):
+                self.trouble, self.ended = reason, True
+            case Stopped():
+                self.stopped, self.ended = True, True
+            case _:
+                pass
+
+    def to_plain(self, truth: Truth) -> dict[str, Any]:
+        """Returns the state as plain values; a process that ended without an event is reported as an error."""
+        said = "The process that made pictures ended without saying why."
+        return {
+            "version": self.version,
+            "working": truth.working,
+            "words": self.words,
+            "maker": self.maker,
+            "progress": self.progress if truth.working else "",
+            "stopped": self.stopped,
+            "trouble": self.trouble or truth.explain(self.ended, said, "Make them again."),
+            "makings": [
+                {
+                    "words": each.words,
+                    "maker": each.maker,
+                    "pictures": [{"picture": one["picture"], "seed": one["seed"]} for one in each.pictures],
+                    "best": each.best,
+                    "rule": each.rule,
+                    "faults": each.faults,
+                }
+                for each in self.makings
+            ],
+        }
+
+
+class ChosenPicture(BaseModel):
+    """Choice of a made picture, by the name of its file for the page."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    picture: str = Field(max_length=80)
+
+
+def take_picture(
+    chosen: ChosenPicture, makings: Sequence[PicturesMade], folder: PaintingFolder, pictures: Path
+) -> dict[str, str]:
+    """Copies a made picture to the pictures for goals, with the record of its making; returns its id, and a line.
+
+    Raises ConfigError if it is gone, StorageError.
+    """
+    found = ((making, one) for making in makings for one in making.pictures if one["picture"] == chosen.picture)
+    making, one = next(found, (None, None))
+    source = folder.path / MADE / str(one["file"]) if one is not None else None
+    if making is None or one is None or source is None or not source.is_file():
+        raise ConfigError("This picture is gone; make pictures again.")
+    record = storage.read_json(source.parent / MAKING_SUFFIX.removeprefix("."), "the record of a making")
+    record |= {"chosen": source.name, "because": "a person chose it"}
+    identifier = secrets.token_hex(16)
+    storage.copy(source, pictures / f"{identifier}.png", "a made picture", _MAX_FILE)
+    storage.write_json(pictures / f"{identifier}{MAKING_SUFFIX}", record)
+    return {"id": identifier, "made": f"Made from “{making.words}” by {making.maker}, seed {one['seed']}"}
+
+
+def plain_fact(fact: str) -> str:
+    """Returns a fact about a maker without the folders of this machine, for everybody at the page."""
+    words = (json.dumps(word)[1:-1] if not word.isprintable() else word for word in fact.split(" "))
+    return " ".join(Path(word).name if word.lstrip("'\"").startswith("/") else word for word in words)
