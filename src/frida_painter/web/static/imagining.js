@@ -89,7 +89,7 @@ export function pictureMaking(house, wish, chosen) {
       go.disabled = !words || works;
       go.textContent = pictures.length ? "Make others, with another seed" : "Make pictures from this text";
       const wanted = works && mine ? [stop] : [go, names];
-      if (ask.lastChild !== wanted.at(-1)) show(ask, wanted);
+      if (ask.firstChild !== wanted[0]) show(ask, wanted);
       const making = state?.makings.filter((each) => each.words === words).at(-1);
       said.textContent = works && mine ? state?.progress || `${state?.maker} begins.` : works ? "Pictures of other words are being made; wait until they are there."
         : mine && state?.stopped ? "You stopped the making." : making ? [`Made by ${making.maker}. Choose one to begin with.`, ...making.faults].join(" ") : "";
