@@ -13,6 +13,7 @@ import torch
 from PIL import Image
 from skimage import data
 
+from frida_painter import images
 from frida_painter.brush.kinds import StrokeFunction, brush_kind
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.brush.weights import load_stroke_model
@@ -26,6 +27,7 @@ from frida_painter.errors import CameraError, ConfigError
 from frida_painter.hardware.workcell import WorkcellConfig, example
 from frida_painter.objectives.objective import goal_kinds
 from frida_painter.plan import Plan
+from frida_painter.runs.picture_making import PictureRequest, open_picture_maker
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.replan_policy import looks_on_the_way, parse_replan_policy
 from plugins import install_own_parts
@@ -99,6 +101,22 @@ def test_help_doctor_and_errors_list_it(run: Run, monkeypatch: pytest.MonkeyPatc
     assert MACHINES["trace"] == "trace:FILE[,append=yes]"
     with pytest.raises(ConfigError, match="brushes are fine, medium, broad, marker"):
         brush_kind("broom")
+
+
+def test_its_picture_maker_makes_pictures_of_words_and_seeds(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="between 0 and 1"):
+        open_picture_maker("gradient:2")
+    name, maker = open_picture_maker("gradient:0.5")
+    places = [tmp_path / words for words in ("dawn", "dusk", "again")]
+    made = []
+    for place, words in zip(places, ("dawn", "dusk", "dawn"), strict=True):
+        place.mkdir()
+        files = maker.make(PictureRequest(words, (1, 2), 128, 64, place, torch.device("cpu"), 60.0))
+        made.append([images.load(file) for file in files])
+    assert name == "gradient" and maker.facts == {"horizon": "horizon at 0.5"}
+    assert all(picture.shape == (3, 64, 128) for pictures in made for picture in pictures)
+    assert torch.equal(made[0][0], made[2][0])
+    assert not torch.equal(made[0][0], made[0][1]) and not torch.equal(made[0][0], made[1][0])
 
 
 def test_its_policy_and_its_kind_of_goal_are_taken_by_name() -> None:
