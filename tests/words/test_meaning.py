@@ -4,7 +4,8 @@ import torch
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.interpretation import prepare
 from frida_painter.objectives.objective import Goal
-from frida_painter.words.meaning import Text, distance_to
+from frida_painter.objectives.word_settings import WordSettings
+from frida_painter.words.meaning import Sight, Text, distance_to
 from frida_painter.words.text import TextTerm
 from support.networks import QuickEncoders, random_reader
 from support.planning import CANVAS
@@ -60,6 +61,44 @@ def test_readers_take_turns() -> None:
     for _ in range(4):
         both(flat(0.5, 0.5, 0.5))
     assert Other.asked == 2
+
+
+class Counting(Toy):
+    """Counts the views that it sees."""
+
+    def __init__(self) -> None:
+        self.seen: list[int] = []
+
+    def embed_pictures(self, pictures: torch.Tensor) -> torch.Tensor:
+        self.seen.append(len(pictures))
+        return super().embed_pictures(pictures)
+
+
+def test_a_clip_sees_a_picture_once_for_all_words_and_each_counts_as_if_it_looked_alone() -> None:
+    random = torch.rand(3, 30, 40, generator=torch.Generator().manual_seed(1))
+    reader, sight = Counting(), Sight()
+    apart = [Text(words, [Toy()], seed=3) for words in ("red", "blue")]
+    together = [Text(words, [reader], seed=3, sight=sight) for words in ("red", "blue")]
+    found = []
+    for texts in (apart, together):
+        picture = random.clone().requires_grad_()
+        losses = [sum(text(picture) for text in texts) for _ in range(2)]
+        slopes = [torch.autograd.grad(loss, picture)[0] for loss in losses]
+        with torch.no_grad():
+            steady = sum(text.validation(picture) for text in texts)
+            picture.mul_(0.5)  # the same tensor, another picture
+            found.append([*losses, *slopes, steady, sum(text.validation(picture) for text in texts)])
+    for alone, shared in zip(*found, strict=True):
+        torch.testing.assert_close(shared, alone)
+    assert reader.seen == [1, 1, 2, 2], "each picture once"
+
+
+def test_a_clip_sees_few_views_at_first_and_more_of_them_later() -> None:
+    reader = Counting()
+    red = Text("red", [reader], seed=0, settings=WordSettings(cutouts=3))
+    for _ in range(64):
+        red(flat(0.5, 0.5, 0.5))
+    assert [reader.seen.count(views) for views in (1, 2, 3)] == [16, 16, 32] and sorted(reader.seen) == reader.seen
 
 
 def test_class_names_give_a_slope_to_every_picture() -> None:

@@ -114,28 +114,28 @@ class _Tangents:
 
     def __init__(self, terms: Sequence[tuple[float, ObjectiveTerm]]) -> None:
         self._terms = tuple(terms)
-        self._held: dict[int, tuple[Tensor, Tensor, Tensor]] = {}  # value, gradient and picture, by number of the term
+        self._slow = [(weight, term) for weight, term in self._terms if term.lasts > 1]
+        self._held: tuple[Tensor, Tensor, Tensor] | None = None  # value and gradient of the slow terms, and picture
 
     def anew(self, picture: Tensor, variance: Tensor | None = None) -> Tensor:
-        """Returns the loss of a picture [3, H, W] with pixel variance [H, W]; keeps the tangents there."""
-        for number, (_, term) in enumerate(self._terms):
-            if term.lasts > 1:
-                with torch.enable_grad():
-                    at = picture.detach().requires_grad_()
-                    value = term.objective(at)
-                    (slope,) = torch.autograd.grad(value, at)
-                self._held[number] = value.detach(), slope, at.detach()
+        """Returns the loss of a picture [3, H, W] with pixel variance [H, W]; keeps the tangent there.
+
+        The slow terms have one gradient, so that what they share of a network is passed through once.
+        """
+        with torch.enable_grad():
+            at = picture.detach().requires_grad_()
+            value = torch.stack([weight * term.objective(at) for weight, term in self._slow]).sum()
+            (slope,) = torch.autograd.grad(value, at)
+        self._held = value.detach(), slope, at.detach()
         return self.between(picture, variance)
 
     def between(self, picture: Tensor, variance: Tensor | None = None) -> Tensor:
         """Returns the same with slow terms as their tangents tell; exact at the picture last given to `anew`."""
-        total = picture.new_zeros(())
-        for number, (weight, term) in enumerate(self._terms):
-            if number in self._held:
-                value, slope, at = self._held[number]
-                loss = value + (slope * (picture - at)).sum()
-            else:
-                loss = term.objective(picture)
+        assert self._held is not None, "`anew` comes first"
+        value, slope, at = self._held
+        total = value + (slope * (picture - at)).sum()
+        for weight, term in self._terms:
+            loss = 0.0 if term.lasts > 1 else term.objective(picture)
             total = total + weight * (loss + _of_variance(term, variance))
         return total
 

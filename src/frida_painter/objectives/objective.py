@@ -6,7 +6,7 @@ import math
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self
@@ -364,6 +364,7 @@ class ObjectiveContext:
     begun [3, H, W]: picture on that grid that the painting begins with, if the goal has one beside its terms
     sharpness: strength of the sharpening of photographs before planning (objectives/pixel_loss.py)
     in_style: True if a term of the goal is a style
+    shared: what terms of one goal have in common, by names that they agree on, such as a network's last sight
     """
 
     grid: PixelGrid
@@ -372,6 +373,7 @@ class ObjectiveContext:
     begun: Tensor | None = None
     sharpness: float = 0.0
     in_style: bool = False
+    shared: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,8 @@ _PATCHES = 8
 _NUMBERS = 9  # of a patch: x, y, half width, half height, angle, squareness, red, green, blue
 _TRIED, _KEPT, _FOUND = 24, 3, 1  # pictures at the beginning, those that are moved, and those of the second half
 _STEPS = 24
-_VIEWS, _AT_A_TIME = 16, 2
+_VIEWS = 16
+_AT_A_TIME = (1, 2)  # views of each picture in a step of the first half, while several are moved, and of the second
 _ROWS = 96  # of a picture while it is moved
 _RATE = 0.06
 _NOISE = 0.03  # standard deviation, of sRGB
@@ -113,7 +114,7 @@ def arrange(
         for step in range(_STEPS // 2):
             done = (half + step / (_STEPS // 2)) / 2
             edge = _SOFTEST * (_SHARPEST / _SOFTEST) ** done
-            which = torch.randperm(_VIEWS, generator=generator)[:_AT_A_TIME].tolist()
+            which = torch.randperm(_VIEWS, generator=generator)[: _AT_A_TIME[half]].tolist()
             adam.zero_grad()
             pictures = Patches(leaves[0], leaves[1]).draw(rows, columns, edge)
             noisy = pictures + _NOISE * torch.randn(pictures.shape, generator=generator)

@@ -58,16 +58,17 @@ class TextTerm(Term):
         It is validated by a reader that the optimiser never uses, if there is one. A CLIP validates itself what it
         has optimised, in views that the optimiser never sees: smaller networks may not overrule it.
         """
-        from frida_painter.words.meaning import Text
+        from frida_painter.words.meaning import Sight, Text
 
         readers = context.encoders.readers()
         if not all(reader.reads_all(said) for reader in readers for said in self.settings.say(self.prompt)):
             context.encoders.remark(
                 f"The words {self.prompt[:40]!r}... are too many to be read; the last were cut off."
             )
-        words = Text(self.prompt, readers, context.seed, context.begun, self.settings)
+        sights = context.shared.setdefault(f"words seen in {self.settings.cutouts} views", (Sight(), Sight()))
+        words = Text(self.prompt, readers, context.seed, context.begun, self.settings, sights[0])
         if context.encoders.reads_by_clip:
-            judge = Text(self.prompt, readers, context.seed + _HELD_OUT, settings=self.settings)
+            judge = Text(self.prompt, readers, context.seed + _HELD_OUT, settings=self.settings, sight=sights[1])
             return ObjectiveTerm(words, judge.validation, recognizes=True, lasts=_LASTS)
         aside = context.encoders.reader_aside()
         steady = words if aside is None else Text(self.prompt, [aside], context.seed, context.begun, self.settings)
