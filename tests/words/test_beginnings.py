@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 import torch
 
+from frida_painter import images
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError
 from frida_painter.frames import PixelGrid
@@ -13,6 +14,10 @@ from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal, ObjectiveContext
 from frida_painter.objectives.word_settings import Beginning, WordSettings
+from frida_painter.planning.planner import Planner
+from frida_painter.runs.goals import open_goal
+from frida_painter.runs.settle import open_planner
+from frida_painter.runs.spec import RunSpec
 from frida_painter.words.abstract import Patches, arrange, scatter
 from frida_painter.words.meaning import Text, wish
 from frida_painter.words.text import TextTerm
@@ -85,6 +90,21 @@ class TestAClipAlone:
         held_out = torch.cat(seen[count:])
         apart = torch.cdist(held_out.flatten(1), torch.cat(seen[:count]).flatten(1))
         assert float(apart.min()) > 3 * 0.03 * held_out[0].numel() ** 0.5  # beyond the optimiser's own noise
+
+    @pytest.mark.slow
+    def test_the_time_of_a_plan_is_measured_before_it_begins_and_changes_nothing(self, folder: Path) -> None:
+        def planner(words: str) -> Planner:
+            goal = [{"image": str(folder / "ground.png")}, *([{"text": words}] if words else [])]
+            spec = RunSpec.of(goal=goal, strokes=6, colors=2, canvas="12x9cm", render_height=64, effort=0.05,
+                              clip=str(folder) if words else None)  # fmt: skip
+            return open_planner(spec, open_goal(spec))
+
+        images.save(torch.rand(3, 30, 40, generator=torch.Generator().manual_seed(0)), folder / "ground.png")
+        timed, other = planner("a fox"), planner("a fox")
+        short, long = timed.measure_clip_plan(6), timed.measure_clip_plan(60)
+        assert short is not None and long is not None and 0 < short < 60
+        assert timed.plan(timed.bare, 6, 2).digest == other.plan(other.bare, 6, 2).digest
+        assert planner("").measure_clip_plan(6) is None, "no network reads anything"
 
 
 class TestSettings:

@@ -29,7 +29,7 @@ class Gradient:
 
     @property
     def facts(self) -> Mapping[str, str]:
-        """What made the pictures, for the record of the painting."""
+        """Facts about what made the pictures, for the record of the painting."""
         return {"horizon": f"horizon at {self.horizon:g}"}
 
     def make(self, request: PictureRequest) -> Sequence[Path]:

@@ -26,6 +26,7 @@ from frida_painter.runs.settle import replan_policy
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import Paused
 from frida_painter.session.time_left import RemainingTime, duration
+from frida_painter.storage import count_of
 
 PLAN_ROOM = 20 * 2**20  # bytes needed before a plan begins
 _GLANCE = 0.2  # seconds between two checks for the pause file
@@ -167,6 +168,10 @@ def ready_planner(run: PaintingRun, stop: StopSignal, out: Path | None = None) -
         print(f"Seeing {choice.purpose} through {choice.used}{better}.", file=sys.stderr)
     for remark in (*encoders.remarks, *run.remarks):
         print(remark, file=sys.stderr)
+    seconds = run.planner.measure_clip_plan(run.spec.strokes)
+    if seconds is not None:
+        took = count_of(max(1, round(seconds / 60)), "minute")
+        print(f"A plan with this network takes about {took} on this machine.", file=sys.stderr)
 
 
 def say_films(spec: RunSpec) -> None:

@@ -3,6 +3,7 @@
 import copy
 import itertools
 import math
+import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -108,6 +109,7 @@ def layer_sizes(strokes: int, shares: Sequence[float]) -> tuple[int, ...]:
 
 
 _POLISHING_PACE = 0.5
+_STEPS_OF_CLIP = 1.35  # time of a plan between two gradients of a CLIP, in steps of the validation (docs/lab/words.md)
 
 
 class Planner:
@@ -602,6 +604,21 @@ class Planner:
             objective = self.problems.objectives[self.fine]
             seen = images.fit(as_picture(picture).to(self.device), self.fine.rows, self.fine.columns)
             return float((objective.validation or objective)(seen))
+
+    def measure_clip_plan(self, strokes: int) -> float | None:
+        """Returns the expected time in seconds of a plan with this many strokes; None if no CLIP reads its words.
+
+        One step of the validation is timed, which draws no random number, so the plan stays the same.
+        """
+        objective = self.problems.objectives[self.fine]
+        if objective.sparing is None or objective.validation is None or not self.encoders.reads_by_clip:
+            return None
+        bare = images.fit(self.bare.to(self.device), self.fine.rows, self.fine.columns)
+        began = time.monotonic()
+        with torch.enable_grad():
+            torch.autograd.grad(objective.validation(picture := bare.requires_grad_()), picture)
+        step = time.monotonic() - began
+        return _STEPS_OF_CLIP * step * self.iterations(strokes) / objective.sparing().lasts
 
     def _as_plan(self, layer: LayerAtWork) -> Plan:
         if layer.mixes:

@@ -72,6 +72,7 @@ from frida_painter.web.telling import Growing, Reporter, export, illustrate, mix
 from frida_painter.web.web_app_easel import WebAppEasel
 
 _BETWEEN_WORDS = 0.5  # seconds
+_TOLD_FROM = 0.02  # share of a plan from which on its pace is known
 
 # Job of a worker: its painting, its easel and its feed.
 
@@ -407,11 +408,15 @@ def make_plan(job: Job, place: PlanFolder) -> None:
             feed.tell(PlanPreview(name, place.number))
 
         growing = Growing(place.path, bare, planner.models, planner.size, grown)
+        expected_time = planner.measure_clip_plan(run.spec.strokes)
+        if expected_time is not None:
+            feed.step(0.0, expected_time, place.number)
 
         def hear(step: Step) -> None:
             job.stop.heed()
             share = share_of_plan(step.iteration, step.of)
-            feed.step(share, remaining_seconds(time.monotonic() - started, share), place.number)
+            if expected_time is None or share >= _TOLD_FROM:  # until then, the time that was told before it began holds
+                feed.step(share, remaining_seconds(time.monotonic() - started, share), place.number)
             growing.hear(step.parts)
 
         made = run.plan(hear)
