@@ -3,6 +3,7 @@
 import http.server
 import io
 import json
+import subprocess
 import sys
 import threading
 from collections.abc import Iterator
@@ -18,7 +19,7 @@ from frida_painter.errors import ConfigError, FridaError
 from frida_painter.runs import picture_making
 from frida_painter.runs.picture_making import making_facts
 from frida_painter.runs.spec import RunSpec
-from frida_painter.web import maker_reader, picture_choosing, studio_command, studio_folder
+from frida_painter.web import maker_reader, studio_command, studio_folder
 from frida_painter.web.commands import Role
 from frida_painter.web.imaginer import imagine
 from frida_painter.web.picture_choosing import AllowedMakers, label_of, plain_fact
@@ -212,7 +213,7 @@ def test_makers_are_opened_once_before_the_page_and_have_labels_of_their_own(mon
                 return SimpleNamespace(returncode=end.code, stderr=said.getvalue())
         return SimpleNamespace(returncode=0, stderr="")
 
-    monkeypatch.setattr(picture_choosing.subprocess, "run", run_here)
+    monkeypatch.setattr(subprocess, "run", run_here)
     allowed = AllowedMakers.check(["command:true", "command:true {words}", "http://here:80/x?key=1"], 5.0)
     assert list(allowed.by_label) == ["command: true", "command: true (2)", "http: here"] and allowed.minutes == 5.0
     with pytest.raises(ConfigError, match="--imagine 'crystal:ball': There is no picture maker called 'crystal'"):

@@ -82,7 +82,7 @@ def test_a_clip_sees_a_picture_once_for_all_words_and_each_counts_as_if_it_looke
     found = []
     for texts in (apart, together):
         picture = random.clone().requires_grad_()
-        losses = [sum(text(picture) for text in texts) for _ in range(2)]
+        losses = [torch.stack([text(picture) for text in texts]).sum() for _ in range(2)]
         slopes = [torch.autograd.grad(loss, picture)[0] for loss in losses]
         with torch.no_grad():
             steady = sum(text.validation(picture) for text in texts)
