@@ -1,6 +1,7 @@
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
 from hypothesis import given, settings
@@ -16,10 +17,12 @@ from frida_painter.plan import Plan
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.problem import PlanningProblem
 from frida_painter.planning.wet_paint import (
+    PackedMarks,
     PaintedPart,
     WetMark,
     Wetness,
     change_by_wet_paint,
+    lay_packed,
     lay_wet,
     learn_wet_paint,
     marks_on,
@@ -29,6 +32,7 @@ from frida_painter.strokes import Strokes
 from support.planning import CANVAS, goal, plain, problem, small_table, some_strokes
 
 WET = WetPaint(rate=20.0, share=0.2, drying=300.0)
+NONE = WetPaint(rate=0.0, share=0.0, drying=300.0)
 
 
 # The plain twin: pixel by pixel, and place by place along a path.
@@ -107,6 +111,30 @@ def test_it_is_what_the_plain_twin_finds(seed: int) -> None:
     plain = torch.tensor(lay_plainly(marks, WET, painted_at, 30), dtype=torch.float64).T
     assert torch.allclose(found, plain, atol=1e-9)
     assert float(found.abs().max()) > 0.005
+
+
+def test_compiled_loops_find_the_same_as_the_plain_version() -> None:
+    for seed in range(4):
+        marks, painted_at = made_up_marks(seed), [10.0, 15.0, 15.0, 100.0, 320.0]
+        plain = lay_wet(marks, WET, painted_at, torch.zeros(3, 30, dtype=torch.float64))
+        begin = np.cumsum([0, *(len(mark.pixel) for mark in marks)])
+        pixel, alpha, nearest = (torch.cat([mark[field] for mark in marks]) for field in range(3))
+        packed = (pixel.int().numpy(), alpha.float().numpy(), nearest.to(torch.int8).numpy())
+        steps, color = (torch.stack([mark[field] for mark in marks]).float() for field in (3, 4))
+        found = lay_packed(PackedMarks(begin, *packed, steps.numpy(), color), WET, painted_at, 30)
+        assert torch.allclose(found, plain.float(), atol=2e-5)
+        assert float(found.abs().max()) > 0.005
+
+
+def test_without_slopes_strokes_of_two_brushes_change_a_picture_as_with_slopes() -> None:
+    on = problem()
+    strokes, at = [some_strokes(7), some_strokes(0), some_strokes(5, seed=3)], [4.0 * number for number in range(12)]
+    with torch.no_grad():
+        fast = change_by_wet_paint(strokes, [on] * 3, WET, at)
+    plain = change_by_wet_paint(strokes, [on] * 3, WET, at)
+    assert torch.allclose(fast, plain, atol=2e-5) and float(fast.abs().max()) > 0.005
+    with torch.no_grad(), pytest.raises(PlanError, match="give one for each, in painting order"):
+        change_by_wet_paint(strokes, [on] * 3, WET, at[:-1])
 
 
 def test_its_slopes_are_those_of_differences() -> None:
