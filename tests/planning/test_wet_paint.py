@@ -12,6 +12,8 @@ from frida_painter import images
 from frida_painter.calibration import WetPaint
 from frida_painter.errors import CalibrationError, PlanError
 from frida_painter.frames import PixelGrid
+from frida_painter.objectives.image import ImageTerm
+from frida_painter.objectives.objective import Goal
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.planning.planner import Planner
@@ -266,3 +268,24 @@ def test_the_planner_expects_and_forecasts_wet_paint() -> None:
     target = images.resize_by_area(planner.goal.terms[0].picture, *planner.bare.shape[1:])
     errors = [float((picture - target).square().mean()) for picture in (dry, wet)]
     assert (wetter.expected < sure.expected) == (errors[1] > errors[0])
+
+
+def test_a_plan_that_is_settled_for_wet_paint_is_expected_to_be_nearer_to_its_picture() -> None:
+    strokes, on = crossing()
+    strokes = strokes.with_groups(color=torch.tensor([[0.1, 0.2, 0.6], [0.6, 0.6, 0.55]]))
+    wanted = Goal((ImageTerm(on.render(strokes)),))
+    planner = Planner(wanted, plain(CANVAS, small_table(), strokes=2, colors=2, rows=48, paints="any", new_paints=True))
+    facts = {"canvas": CANVAS, "brush": on.model.brush, "limits": on.limits}
+    dark_first = Plan.of(strokes[:1], Palette(strokes.color[:1]), torch.zeros(1, dtype=torch.long), **facts)
+    plan = dark_first.under(Plan.of(strokes[1:], Palette(strokes.color[1:]), torch.zeros(1, dtype=torch.long), **facts))
+    wetness = Wetness(WET, (0.0, 5.0))
+    wet, fixed = (planner.settle_wet(plan, planner.bare, wetness, mixed=mixed) for mixed in (False, True))
+    costs = [planner.cost(each, planner.bare, wetness) for each in (wet, fixed, plan)]
+    assert max(costs[:2]) < 0.7 * costs[2]
+    assert torch.equal(fixed.strokes.color[0], plan.strokes.color[0])  # that paint is mixed
+    assert not torch.equal(wet.strokes.color[0], plan.strokes.color[0])
+    later, before = (each.strokes.color[1] for each in (wet, plan))
+    assert float((later - before).mean()) > 0.05  # lighter paint makes up for what it takes up
+    assert wet.layer_sizes == fixed.layer_sizes == (1, 1)
+    empty = plan.part([])
+    assert planner.settle_wet(empty, planner.bare, Wetness(WET, ())) is empty
