@@ -19,14 +19,17 @@ PLANS = """
 import sys
 from importlib import import_module
 from numba.core.dispatcher import Dispatcher
+from frida_painter.calibration import WetPaint
 from frida_painter.compiled import LOOPS
+from frida_painter.planning.wet_paint import Wetness
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.spec import RunSpec
 
 spec = RunSpec.of(goal=[{"image": sys.argv[1]}], strokes=30, effort=0.05, render_height=64, brushes="broad,fine")
 with PaintingRun(spec) as run:
     made = run.plan()
-    run.planner.forecast(made, run.planner.bare)
+    wet = Wetness(WetPaint(10.0, 0.1, 300.0), [5.0 * number for number in range(len(made))])
+    run.planner.forecast(made, run.planner.bare, wetness=wet)
 parts = [part for half in LOOPS for name in half for part in vars(import_module(f"frida_painter.{name}")).values()]
 loops = [part for part in parts if isinstance(part, Dispatcher)]
 print(sorted({loop.py_func.__qualname__ for loop in loops if loop.stats.cache_misses}))

@@ -1,6 +1,7 @@
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
 from hypothesis import given, settings
@@ -11,15 +12,19 @@ from frida_painter import images
 from frida_painter.calibration import WetPaint
 from frida_painter.errors import CalibrationError, PlanError
 from frida_painter.frames import PixelGrid
+from frida_painter.objectives.image import ImageTerm
+from frida_painter.objectives.objective import Goal
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.problem import PlanningProblem
 from frida_painter.planning.wet_paint import (
+    PackedMarks,
     PaintedPart,
     WetMark,
     Wetness,
     change_by_wet_paint,
+    lay_packed,
     lay_wet,
     learn_wet_paint,
     marks_on,
@@ -29,6 +34,7 @@ from frida_painter.strokes import Strokes
 from support.planning import CANVAS, goal, plain, problem, small_table, some_strokes
 
 WET = WetPaint(rate=20.0, share=0.2, drying=300.0)
+NONE = WetPaint(rate=0.0, share=0.0, drying=300.0)
 
 
 # The plain twin: pixel by pixel, and place by place along a path.
@@ -107,6 +113,30 @@ def test_it_is_what_the_plain_twin_finds(seed: int) -> None:
     plain = torch.tensor(lay_plainly(marks, WET, painted_at, 30), dtype=torch.float64).T
     assert torch.allclose(found, plain, atol=1e-9)
     assert float(found.abs().max()) > 0.005
+
+
+def test_compiled_loops_find_the_same_as_the_plain_version() -> None:
+    for seed in range(4):
+        marks, painted_at = made_up_marks(seed), [10.0, 15.0, 15.0, 100.0, 320.0]
+        plain = lay_wet(marks, WET, painted_at, torch.zeros(3, 30, dtype=torch.float64))
+        begin = np.cumsum([0, *(len(mark.pixel) for mark in marks)])
+        pixel, alpha, nearest = (torch.cat([mark[field] for mark in marks]) for field in range(3))
+        packed = (pixel.int().numpy(), alpha.float().numpy(), nearest.to(torch.int8).numpy())
+        steps, color = (torch.stack([mark[field] for mark in marks]).float() for field in (3, 4))
+        found = lay_packed(PackedMarks(begin, *packed, steps.numpy(), color), WET, painted_at, 30)
+        assert torch.allclose(found, plain.float(), atol=2e-5)
+        assert float(found.abs().max()) > 0.005
+
+
+def test_without_slopes_strokes_of_two_brushes_change_a_picture_as_with_slopes() -> None:
+    on = problem()
+    strokes, at = [some_strokes(7), some_strokes(0), some_strokes(5, seed=3)], [4.0 * number for number in range(12)]
+    with torch.no_grad():
+        fast = change_by_wet_paint(strokes, [on] * 3, WET, at)
+    plain = change_by_wet_paint(strokes, [on] * 3, WET, at)
+    assert torch.allclose(fast, plain, atol=2e-5) and float(fast.abs().max()) > 0.005
+    with torch.no_grad(), pytest.raises(PlanError, match="give one for each, in painting order"):
+        change_by_wet_paint(strokes, [on] * 3, WET, at[:-1])
 
 
 def test_its_slopes_are_those_of_differences() -> None:
@@ -238,3 +268,24 @@ def test_the_planner_expects_and_forecasts_wet_paint() -> None:
     target = images.resize_by_area(planner.goal.terms[0].picture, *planner.bare.shape[1:])
     errors = [float((picture - target).square().mean()) for picture in (dry, wet)]
     assert (wetter.expected < sure.expected) == (errors[1] > errors[0])
+
+
+def test_a_plan_that_is_settled_for_wet_paint_is_expected_to_be_nearer_to_its_picture() -> None:
+    strokes, on = crossing()
+    strokes = strokes.with_groups(color=torch.tensor([[0.1, 0.2, 0.6], [0.6, 0.6, 0.55]]))
+    wanted = Goal((ImageTerm(on.render(strokes)),))
+    planner = Planner(wanted, plain(CANVAS, small_table(), strokes=2, colors=2, rows=48, paints="any", new_paints=True))
+    facts = {"canvas": CANVAS, "brush": on.model.brush, "limits": on.limits}
+    dark_first = Plan.of(strokes[:1], Palette(strokes.color[:1]), torch.zeros(1, dtype=torch.long), **facts)
+    plan = dark_first.under(Plan.of(strokes[1:], Palette(strokes.color[1:]), torch.zeros(1, dtype=torch.long), **facts))
+    wetness = Wetness(WET, (0.0, 5.0))
+    wet, fixed = (planner.settle_wet(plan, planner.bare, wetness, mixed=mixed) for mixed in (False, True))
+    costs = [planner.cost(each, planner.bare, wetness) for each in (wet, fixed, plan)]
+    assert max(costs[:2]) < 0.7 * costs[2]
+    assert torch.equal(fixed.strokes.color[0], plan.strokes.color[0])  # that paint is mixed
+    assert not torch.equal(wet.strokes.color[0], plan.strokes.color[0])
+    later, before = (each.strokes.color[1] for each in (wet, plan))
+    assert float((later - before).mean()) > 0.05  # lighter paint makes up for what it takes up
+    assert wet.layer_sizes == fixed.layer_sizes == (1, 1)
+    empty = plan.part([])
+    assert planner.settle_wet(empty, planner.bare, Wetness(WET, ())) is empty

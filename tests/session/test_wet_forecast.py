@@ -82,6 +82,8 @@ def test_each_forecast_is_given_the_times_of_the_strokes_that_are_left() -> None
     tables = [event.timetable.after for event in setup.heard if isinstance(event, Scheduled)]
     assert [each.painted_at for each in setup.planner.wet if each] == tables and len(tables) == 2
     assert all(each is not None and each.paint == wet for each in setup.planner.wet)
+    assert [mixed for _, mixed in setup.planner.settled] == [False, True]
+    assert [len(each.painted_at) for each, _ in setup.planner.settled] == [len(each) for each in tables]
     dry = SessionSetup(6, replans=1)
     dry.run()
-    assert dry.planner.wet == [None, None]
+    assert dry.planner.wet == [None, None] and dry.planner.settled == []

@@ -46,6 +46,7 @@ class NotingPlanner:
     placements: list[Placement] = field(default_factory=list)
     left_out: list[int] = field(default_factory=list)
     wet: list[Wetness | None] = field(default_factory=list)
+    settled: list[tuple[Wetness, bool]] = field(default_factory=list)
 
     def keeping_clear(self, region: Region | None) -> "NotingPlanner":
         """Itself: no stroke of it keeps clear of anything."""
@@ -82,6 +83,12 @@ class NotingPlanner:
         self.fresh.append(fresh)
         self.canvases.append(canvas)
         notify(Step(1, 1, 0.3))
+        return rest
+
+    def settle_wet(
+        self, rest: Plan, canvas: Tensor, wetness: Wetness, notify: Callable[[Step], None], *, mixed: bool
+    ) -> Plan:
+        self.settled.append((wetness, mixed))
         return rest
 
     def locate(self, painted: Plan, known: Placement, before: Tensor, seen: Tensor) -> Placement:

@@ -16,7 +16,7 @@ from frida_painter.frames import PixelGrid
 from frida_painter.plan import Plan
 from frida_painter.planning.initialisers import GROWTH, InitialiserKind, InitialTask
 from frida_painter.planning.initialize import Growth
-from frida_painter.planning.optimize import Step, StrokesInScene, optimize, optimize_together
+from frida_painter.planning.optimize import PictureChange, Step, StrokesInScene, optimize, optimize_together
 from frida_painter.planning.problem import PlanningProblem, PlanningProblems
 from frida_painter.planning.refine import (
     HARDLY_APART,
@@ -233,6 +233,7 @@ def optimize_layers(
     pace: float = 1.0,
     share: float = MOVED,
     generator: torch.Generator | None = None,
+    change: PictureChange | None = None,
 ) -> list[LayerAtWork]:
     """Optimises layers, each painted over the one before on a canvas picture [3, H, W], for their joint picture.
 
@@ -241,6 +242,7 @@ def optimize_layers(
     begin: returns the callback that reports the next iterations.
     share: largest share of each layer's strokes that moves in a round.
     generator: source of random places. None: strokes do not move to other places.
+    change: as for `optimize_together`, in the last iterations.
     """
     grid, rounds, refining = coarse
     found = list(layers)
@@ -250,12 +252,12 @@ def optimize_layers(
         found = _descend(found, canvas, problems, grid, refining, begin)
     last, polishing = fine
     if problems.max_tilt == 0:
-        return _descend(found, canvas, problems, last, polishing, begin, pace)
+        return _descend(found, canvas, problems, last, polishing, begin, pace, change)
     # Brushes lean at the end only. Until then the plan is that of an upright brush, and it is never worse.
     leaning = replace(problems, leans=True)
     for part in (polishing // 2, polishing - polishing // 2):
         found = _lean_strokes(found, canvas, leaning, last)
-        found = _descend(found, canvas, leaning, last, part, begin, pace)
+        found = _descend(found, canvas, leaning, last, part, begin, pace, change)
     return found
 
 
@@ -286,6 +288,7 @@ def _descend(
     iterations: int,
     begin: Callable[[int], Callable[[Step], None]],
     pace: float = 1.0,
+    change: PictureChange | None = None,
 ) -> list[LayerAtWork]:
     """Returns the layers after gradient descent on their joint cost."""
     found = optimize_together(
@@ -296,6 +299,7 @@ def _descend(
         iterations=iterations,
         pace=pace,
         notify=begin(iterations),
+        change=change,
     )
     return [layer.after(part) for layer, part in zip(layers, found, strict=True)]
 

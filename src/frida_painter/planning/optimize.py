@@ -172,6 +172,7 @@ _MAX_FAILURES = 3
 _WARMING = 6
 _BETAS = (0.9, 0.98)
 _BETWEEN_VALIDATIONS = 10  # iterations
+_RENEWAL = 10  # iterations after which a change of the picture is renewed
 _READ_TOGETHER = 8  # iterations; a GPU would stand still at each reading
 
 
@@ -209,6 +210,10 @@ class StrokesInScene:
     vary_colors: bool = True
 
 
+PictureChange = Callable[[Sequence[Strokes], Sequence[PlanningProblem]], Tensor]
+"""Function that returns the change [3, H, W] of an expected picture, for strokes of several brushes in turn."""
+
+
 def optimize(
     strokes: Strokes,
     problem: PlanningProblem,
@@ -238,11 +243,14 @@ def optimize_together(
     light_to_dark: bool = True,
     pace: float = 1.0,
     notify: Callable[[Step], None] = lambda step: None,
+    change: PictureChange | None = None,
 ) -> list[StrokesInScene]:
     """Optimises parts, each painted over the one before, for the objective of the first part's scene.
 
     pace: factor of the step size.
     notify: called after every iteration; on a GPU, for several iterations at once.
+    change: change [3, H, W] of the expected picture that the marks do not know of, for strokes in painting order. It
+    is renewed every ten iterations and held constant in between, so it has no slopes. None: no change.
     Returns the best parts seen, never worse than the given ones. They are compared on all rows, by the objective.
     If the scene has a validation objective, that one compares them, every ten iterations; every twenty if slow terms
     are spared.
@@ -275,10 +283,18 @@ def optimize_together(
     validation = problems[0].validation
     pause = _BETWEEN_VALIDATIONS * (2 if renewed else 1)  # a validation costs as much as some spared iterations
     failures = 0
+    changed: Tensor | None = None
     for iteration in range(iterations + 1):
         current = [each.strokes(each.order()) for each in variables]
         whole = iteration in (0, iterations) or len(turns) == 1 or (renewed > 0 and iteration % renewed == 0)
         seen = problems if iteration == iterations or (whole and not renewed) else turns[iteration % len(turns)]
+        if change is not None:
+            if changed is None or iteration % _RENEWAL == 0 or iteration == iterations:
+                with torch.no_grad():
+                    changed = change(current, problems)
+            else:
+                whole = False  # only plans with their own changes are compared
+            seen = [_shift(seen[0], changed), *seen[1:]]
         with torch.set_grad_enabled(iteration < iterations):
             loss = stacked_cost(current, seen)
         if validation is None:
@@ -286,7 +302,8 @@ def optimize_together(
                 best.consider(loss, variables)
         elif iteration % pause == 0 or iteration == iterations:
             with torch.no_grad():
-                best.consider(stacked_cost(current, problems, validation), variables)
+                by = validation if changed is None else shift_objective(validation, changed)
+                best.consider(stacked_cost(current, problems, by), variables)
         if iteration == iterations:
             break
         adam.forget_gradients()
@@ -313,6 +330,16 @@ def optimize_together(
     best.restore(variables)
     done = iter(zip(working, variables, strict=True))
     return [_in_order(*next(done)) if len(part.strokes) else part for part in parts]
+
+
+def _shift(problem: PlanningProblem, change: Tensor) -> PlanningProblem:
+    """Returns the scene whose objective sees the picture with this change [3, H, W]."""
+    return replace(problem, objective=shift_objective(problem.objective, problem.rows.of(change)))
+
+
+def shift_objective(objective: CanvasLoss, change: Tensor) -> CanvasLoss:
+    """Returns the objective of pictures to which this change [3, h, w] is added."""
+    return lambda picture, variance=None: objective(picture + change, variance)
 
 
 def _in_order(part: StrokesInScene, variables: Variables) -> StrokesInScene:

@@ -42,13 +42,13 @@ from frida_painter.planning.layers import (
     unheard,
 )
 from frida_painter.planning.mixable import MIXED_PAINTS, MixablePalette, make_mixable
-from frida_painter.planning.optimize import Step, optimize, stacked_cost, stacked_loss
+from frida_painter.planning.optimize import PictureChange, Step, optimize, shift_objective, stacked_cost, stacked_loss
 from frida_painter.planning.placement import Placement, learn
 from frida_painter.planning.problem import PlanningProblems, Region, is_bare, is_lack_of_memory, on_device
 from frida_painter.planning.refine import HARDLY_APART, MOVED, MOVED_WHERE_A_LAYER_BEGINS, bind_to_palette
 from frida_painter.planning.settings import PlannerSettings
 from frida_painter.planning.variables import Paints, as_palette
-from frida_painter.planning.wet_paint import Wetness, change_by_wet_paint
+from frida_painter.planning.wet_paint import Wetness
 from frida_painter.provenance import describe_here, hash_code, identify
 from frida_painter.strokes import MAX_TILT
 
@@ -307,6 +307,7 @@ class Planner:
         notify: Callable[[Step], None],
         *,
         sparing: bool = False,
+        change: PictureChange | None = None,
     ) -> tuple[list[Plan], tuple[tuple[str, str], ...]]:
         """Returns the layers in paints that can be mixed, and what changed: (filling of the wells, words).
 
@@ -342,8 +343,8 @@ class Planner:
             near = Paints(paints.color.to(self.device), paints.paint.to(self.device))
             layers.append(LayerAtWork(part.layers[0].kind, strokes.to(self.device), near, mixes=False))
         begin = StepCount(at_the_end(notify), self.effort.replanning).begin
-        settled = self._settle(layers, canvas, begin, 0, self.effort.replanning, pace=_POLISHING_PACE, sparing=sparing)
-        return settled, tuple(told)
+        last, pace = self.effort.replanning, _POLISHING_PACE
+        return self._settle(layers, canvas, begin, 0, last, pace=pace, sparing=sparing, change=change), tuple(told)
 
     def _grow(
         self,
@@ -393,6 +394,7 @@ class Planner:
         share: float = MOVED,
         generator: torch.Generator | None = None,
         sparing: bool = False,
+        change: PictureChange | None = None,
     ) -> list[Plan]:
         """Settles layers together on a canvas picture [3, H, W] and returns their plans."""
         # For other goals than pictures and their meaning, the guide only served to start the plan.
@@ -407,6 +409,7 @@ class Planner:
             pace=pace,
             share=share,
             generator=generator if guided else None,
+            change=change,
         )
         return [self._as_plan(layer) for layer in found]
 
@@ -507,19 +510,7 @@ class Planner:
         fresh: bool,
     ) -> Plan:
         """Returns all layers of the rest, settled once more."""
-        parts = rest.filled_layers()
-        # A layer never goes back to a lighter paint, which would pick up dark paint that is still wet.
-        lightest = 0 if fresh else int(parts[0].paint.min())
-        mixed = find_later_mixing(rest, self.settings.new_paints, fresh=fresh)
-        layers = [
-            LayerAtWork(
-                part.layers[0].kind,
-                part.strokes.to(self.device),
-                Paints(part.palette.color.to(self.device), part.paint.to(self.device), 0 if number else lightest),
-                mixes,
-            )
-            for number, (part, mixes) in enumerate(zip(parts, mixed, strict=True))
-        ]
+        layers = self._at_work(rest, fresh=fresh)
         rounds = self.effort.rounds_of_a_look(rounds, fresh=fresh)
         generator = torch.Generator().manual_seed(self.seed + len(rest)) if moving else None
         steps = StepCount(notify, rounds * self.effort.settling + self.effort.replanning)
@@ -527,10 +518,66 @@ class Planner:
         settled = self._settle(
             layers, canvas, steps.begin, rounds, last, share=share, generator=generator, sparing=sparing
         )
+        return self._join(rest, settled, [layer.mixes for layer in layers], canvas, notify, sparing=sparing)
+
+    def _at_work(self, rest: Plan, *, fresh: bool) -> list[LayerAtWork]:
+        """Returns the layers of the rest, to be settled once more."""
+        # A layer never goes back to a lighter paint, which would pick up dark paint that is still wet.
+        parts, mixed = rest.filled_layers(), find_later_mixing(rest, self.settings.new_paints, fresh=fresh)
+        found: list[LayerAtWork] = []
+        for part, mixes in zip(parts, mixed, strict=True):
+            lightest = 0 if fresh or found else int(part.paint.min())
+            paints = Paints(part.palette.color.to(self.device), part.paint.to(self.device), lightest)
+            found.append(LayerAtWork(part.layers[0].kind, part.strokes.to(self.device), paints, mixes))
+        return found
+
+    def _join(
+        self,
+        rest: Plan,
+        settled: Sequence[Plan],
+        mixes: Sequence[bool],
+        canvas: Tensor,
+        notify: Callable[[Step], None],
+        *,
+        sparing: bool = False,
+        change: PictureChange | None = None,
+    ) -> Plan:
+        """Returns the rest with its layers settled once more, in paints that can be mixed."""
         numbers = [number for number, layer in enumerate(rest.layers, 1) if layer.strokes]
-        settled, told = self._make_mixable(settled, numbers, mixed, canvas, notify, sparing=sparing)
-        again = rest.with_parts(settled)
+        parts, told = self._make_mixable(settled, numbers, mixes, canvas, notify, sparing=sparing, change=change)
+        again = rest.with_parts(parts)
         return replace(again, about=tuple((dict(rest.about) | dict(told)).items())) if told else again
+
+    def settle_wet(
+        self,
+        rest: Plan,
+        canvas: AnyPicture,
+        wetness: Wetness,
+        notify: Callable[[Step], None] | None = None,
+        *,
+        mixed: bool = True,
+    ) -> Plan:
+        """Returns the rest settled for the effect of wet paint on its picture, on a canvas [3, H, W].
+
+        mixed: False if the paints of the next stroke's layer may still change.
+        If the expected painting is not better, or the goal or planner is of another kind, this is `rest`.
+        """
+        known = all(term.is_pixelwise for term in self.goal.terms) and self.settings.planner == LAYERS_KIND.name
+        if len(rest) == 0 or not known:
+            return rest
+        canvas, hear, count = as_picture(canvas), at_the_end(notify or unheard), self.effort.replanning
+        layers, begin = self._at_work(rest, fresh=not mixed), StepCount(hear, count).begin
+        if not mixed and int(rest.layer[0]) == 0:
+            layers[0] = replace(layers[0], mixes=self.settings.new_paints or len(layers) == 1)
+        try:
+            settled = self._settle(layers, canvas, begin, 0, count, pace=_POLISHING_PACE, change=wetness.change)
+            again = self._join(rest, settled, [layer.mixes for layer in layers], canvas, hear, change=wetness.change)
+            known = len(again) == len(rest)  # else the region took a stroke, and the times are those of other strokes
+            return again if known and self.cost(again, canvas, wetness) < self.cost(rest, canvas, wetness) else rest
+        except (PlanningDiverged, MemoryError, RuntimeError) as failure:
+            if isinstance(failure, PlanningDiverged) or is_lack_of_memory(failure):
+                return rest
+            raise
 
     def towards(self, goal: Goal) -> "Planner":
         """Returns a planner with the same settings for another goal."""
@@ -566,20 +613,25 @@ class Planner:
         """Returns the change [3, H, W] of the expected canvas by wet paint; None if nothing is known of it."""
         if wetness is None or len(plan) == 0:
             return None
-        return change_by_wet_paint(*self.problems.stack(plan, self.bare, self.fine), *wetness)
+        return wetness.change(*self.problems.stack(plan, self.bare, self.fine))
 
     def expected_loss(self, plan: Plan, canvas: AnyPicture) -> float:
         """Returns the mean distance to the goal over paintings of the plan on a canvas [3, H, W]."""
         return self._judge(stacked_loss, plan, canvas)
 
-    def cost(self, plan: Plan, canvas: AnyPicture) -> float:
-        """Returns the expected loss plus the price of the paint."""
-        return self._judge(stacked_cost, plan, canvas)
+    def cost(self, plan: Plan, canvas: AnyPicture, wetness: Wetness | None = None) -> float:
+        """Returns the expected loss plus the price of the paint; `wetness` is as for `expected`."""
+        return self._judge(stacked_cost, plan, canvas, wetness)
 
-    def _judge(self, by: Callable[..., Tensor], plan: Plan, canvas: AnyPicture) -> float:
+    def _judge(
+        self, by: Callable[..., Tensor], plan: Plan, canvas: AnyPicture, wetness: Wetness | None = None
+    ) -> float:
         strokes, problems = self.problems.stack(plan, as_picture(canvas), self.fine)
+        objective, change = problems[0].validation, self._change_by(wetness, plan)
+        if change is not None:
+            objective = shift_objective(objective or problems[0].objective, change)
         with torch.no_grad():
-            return float(by(strokes, problems, problems[0].validation))
+            return float(by(strokes, problems, objective))
 
     def forecast(
         self,

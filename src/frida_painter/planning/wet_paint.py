@@ -6,17 +6,20 @@ own, and each second takes the same amount away until the paint has set. Mixture
 (mixing/kubelka_munk.py), here in three bands. docs/lab/planning.md has the measurements.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn.functional import grid_sample, interpolate
 
 from frida_painter import images
 from frida_painter.calibration import WetPaint
+from frida_painter.compiled import array, compiles_for
 from frida_painter.errors import PlanError
 from frida_painter.frames import PixelGrid
 from frida_painter.perception.srgb import to_linear, to_srgb
@@ -45,6 +48,10 @@ class Wetness(NamedTuple):
     paint: WetPaint
     painted_at: Sequence[float]
 
+    def change(self, strokes: Sequence[Strokes], problems: Sequence[PlanningProblem]) -> Tensor:
+        """Returns the change of the expected picture, as `change_by_wet_paint` does."""
+        return change_by_wet_paint(strokes, problems, self.paint, self.painted_at)
+
 
 def change_by_wet_paint(
     strokes: Sequence[Strokes], problems: Sequence[PlanningProblem], wet: WetPaint, painted_at: Sequence[float]
@@ -58,10 +65,23 @@ def change_by_wet_paint(
     canvas = problems[0].canvas
     rows, columns = canvas.shape[1:]
     grid = PixelGrid.of_height(problems[0].size, min(_ROWS, rows))
-    laid = [mark for part, problem in zip(strokes, problems, strict=True) for mark in marks_on(part, problem, grid)]
-    change = lay_wet(laid, wet, painted_at, canvas.new_zeros(3, grid.rows * grid.columns))
-    small = change.reshape(1, 3, grid.rows, grid.columns)
+    small = _lay_on(strokes, problems, grid, painted_at)(wet).reshape(1, 3, grid.rows, grid.columns)
     return interpolate(small, (rows, columns), mode="bilinear", align_corners=False)[0]
+
+
+def _lay_on(
+    strokes: Sequence[Strokes], problems: Sequence[PlanningProblem], grid: PixelGrid, painted_at: Sequence[float]
+) -> Callable[[WetPaint], Tensor]:
+    """Returns the function from a wet paint to the change [3, P] of a picture on this grid.
+
+    Compiled loops do the work if no slopes are wanted.
+    """
+    canvas, pixels = problems[0].canvas, grid.rows * grid.columns
+    if compiles_for(canvas) and not torch.is_grad_enabled():
+        packed = pack_marks(strokes, problems, grid)
+        return lambda wet: lay_packed(packed, wet, painted_at, pixels)
+    laid = [mark for part, problem in zip(strokes, problems, strict=True) for mark in marks_on(part, problem, grid)]
+    return lambda wet: lay_wet(laid, wet, painted_at, canvas.new_zeros(3, pixels))
 
 
 @dataclass(frozen=True)
@@ -89,19 +109,15 @@ def learn_wet_paint(painted: Sequence[PaintedPart]) -> WetPaint | None:
     known = []
     for part in painted:
         grid = PixelGrid.of_height(part.problems[0].size, min(_ROWS, part.expected.shape[1]))
-        pairs = zip(part.strokes, part.problems, strict=True)
-        marks = [mark for strokes, problem in pairs for mark in marks_on(strokes, problem, grid)]
         seen, expected = (
             images.resize_by_area(picture.to(part.problems[0].canvas), grid.rows, grid.columns)
             for picture in (part.seen, part.expected)
         )
         off = (seen - expected).flatten(1)
-        known.append((marks, part.painted_at, off))
+        known.append((_lay_on(part.strokes, part.problems, grid, part.painted_at), off))
 
     def error(wet: WetPaint) -> float:
-        return sum(
-            float((off - lay_wet(marks, wet, at, torch.zeros_like(off))).square().mean()) for marks, at, off in known
-        )
+        return sum(float((off - lay(wet)).square().mean()) for lay, off in known)
 
     best, least = _TYPICAL, error(_TYPICAL)
     factor = _COARSE
@@ -111,7 +127,7 @@ def learn_wet_paint(painted: Sequence[PaintedPart]) -> WetPaint | None:
             least, best = better
         else:
             factor **= 0.5
-    without = sum(float(off.square().mean()) for _, _, off in known)
+    without = sum(float(off.square().mean()) for _, off in known)
     return best if least < (1 - _MIN_EXPLAINED) * without else None
 
 
@@ -147,9 +163,7 @@ def marks_on(strokes: Strokes, problem: PlanningProblem, grid: PixelGrid) -> Ite
         return
     small = replace(problem, canvas=problem.canvas.new_empty(3, grid.rows, grid.columns))
     magnitude, affine = small.marks(strokes)
-    path = grid.to_pixels(strokes.path(torch.linspace(0, 1, _ALONG).to(strokes.length)))  # [n, 17, 2]
-    metres = path * path.new_tensor(grid.pitch)
-    steps = torch.cat((path.new_zeros(len(strokes), 1), (metres[:, 1:] - metres[:, :-1]).norm(dim=2)), 1)
+    path, steps = _way(strokes, grid)
     row, column = torch.meshgrid(*(torch.arange(count).to(path) for count in (grid.rows, grid.columns)), indexing="ij")
     place = torch.stack((column.flatten(), row.flatten()), 1)  # [P, 2]
     last = magnitude.new_tensor((magnitude.shape[2] - 1, magnitude.shape[1] - 1))
@@ -162,15 +176,19 @@ def marks_on(strokes: Strokes, problem: PlanningProblem, grid: PixelGrid) -> Ite
         yield WetMark(pixel, alpha[pixel], nearest, steps[index], strokes.color[index])
 
 
+def _way(strokes: Strokes, grid: PixelGrid) -> tuple[Tensor, Tensor]:
+    """Returns pixels of places along the paths [n, 17, 2], and the metres to each from the place before [n, 17]."""
+    path = grid.to_pixels(strokes.path(torch.linspace(0, 1, _ALONG).to(strokes.length)))
+    metres = path * path.new_tensor(grid.pitch)
+    return path, torch.cat((path.new_zeros(len(strokes), 1), (metres[:, 1:] - metres[:, :-1]).norm(dim=2)), 1)
+
+
 def lay_wet(marks: Sequence[WetMark], wet: WetPaint, painted_at: Sequence[float], change: Tensor) -> Tensor:
     """Returns the change [3, P] of a picture of P pixels by wet paint, after marks in painting order.
 
     change [3, P]: change before the marks, of a canvas that is dry.
     """
-    if len(painted_at) != len(marks) or not all(before <= after for before, after in pairwise(painted_at)):
-        raise PlanError(
-            f"{len(painted_at)} times were given for {len(marks)} strokes; give one for each, in painting order."
-        )
+    _check_times(painted_at, len(marks))
     amount, pigment = change.new_zeros(change.shape[1]), change.new_ones(6, change.shape[1])
     now = painted_at[0] if painted_at else 0.0
     for mark, at in zip(marks, painted_at, strict=True):
@@ -191,6 +209,14 @@ def lay_wet(marks: Sequence[WetMark], wet: WetPaint, painted_at: Sequence[float]
     return change
 
 
+def _check_times(painted_at: Sequence[float], strokes: int) -> None:
+    """Raises PlanError if there is not one time for each stroke, or a time is before the one of the stroke before."""
+    if len(painted_at) != strokes or not all(before <= after for before, after in pairwise(painted_at)):
+        raise PlanError(
+            f"{len(painted_at)} times were given for {strokes} strokes; give one for each, in painting order."
+        )
+
+
 def _held_along(mark: WetMark, below: Tensor, paint_below: Tensor, own: Tensor, rate: float) -> Tensor:
     """Returns K and S of the paint on the brush at the places along the path, [17, 6].
 
@@ -208,8 +234,63 @@ def _held_along(mark: WetMark, below: Tensor, paint_below: Tensor, own: Tensor, 
     return (-so_far).exp()[:, None] * (own + taken.cumsum(0))
 
 
+class PackedMarks(NamedTuple):
+    """Marks of n strokes for the compiled loops (wet_kernels.py), which know no slopes.
+
+    begin [n + 1]: first pixel of each mark, and the number of all
+    pixel, alpha, nearest [k]: as for `WetMark`, mark after mark
+    steps [n, 17]: as for `WetMark`
+    color [n, 3]: sRGB of the paints
+    """
+
+    begin: NDArray[np.int64]
+    pixel: NDArray[np.int32]
+    alpha: NDArray[Any]
+    nearest: NDArray[np.int8]
+    steps: NDArray[Any]
+    color: Tensor
+
+
+def pack_marks(strokes: Sequence[Strokes], problems: Sequence[PlanningProblem], grid: PixelGrid) -> PackedMarks:
+    """Returns the marks of the strokes of all brushes on a grid, as `marks_on` does."""
+    from frida_painter.planning import wet_kernels  # loads the compiler
+    from frida_painter.render.kernels import find_spans, painted_boxes
+
+    found = []
+    for part, problem in zip(strokes, problems, strict=True):
+        small = replace(problem, canvas=problem.canvas.new_empty(3, grid.rows, grid.columns))
+        magnitude, affine = map(array, small.marks(part))
+        path, way = _way(part, grid)
+        spans = find_spans(affine, painted_boxes(magnitude), grid.rows, grid.columns)
+        most, begin = spans.pixels, np.empty(len(part) + 1, np.int64)
+        pixels = np.empty(most, np.int32), np.empty(most, magnitude.dtype), np.empty(most, np.int8)
+        wet_kernels.cover(magnitude, affine, array(path), spans, grid.columns, _SEEN, begin, *pixels)
+        found.append((begin, *(each[: begin[-1]] for each in pixels), array(way)))
+    begins, *rest = zip(*found, strict=True)
+    before = np.cumsum([0, *(begin[-1] for begin in begins)])
+    begin = np.concatenate([*(one[:-1] + first for one, first in zip(begins, before, strict=False)), before[-1:]])
+    pixel, alpha, nearest, steps = map(np.concatenate, rest)
+    return PackedMarks(begin, pixel, alpha, nearest, steps, torch.cat([part.color for part in strokes]).detach())
+
+
+def lay_packed(marks: PackedMarks, wet: WetPaint, painted_at: Sequence[float], pixels: int) -> Tensor:
+    """Returns the change [3, P] of a picture of P pixels by wet paint, as `lay_wet` does on a dry canvas."""
+    from frida_painter.planning import wet_kernels
+
+    begin, pixel, alpha, nearest, steps, color = marks
+    _check_times(painted_at, len(color))
+    own = pigment_of(color.T).T.contiguous() if len(color) else color.new_empty(0, 6)
+    change, amount, pigment = color.new_zeros(pixels, 3), color.new_zeros(pixels), color.new_ones(pixels, 6)
+    times = np.array(painted_at, np.float64)
+    settled = np.full(pixels, times[0] if len(times) else 0.0)
+    numbers = wet.rate, wet.share, wet.drying
+    canvas = array(change), array(amount), array(pigment), settled
+    wet_kernels.lay(begin, pixel, alpha, nearest, steps, array(own), times, numbers, _TRACE, *canvas)
+    return change.T
+
+
 def pigment_of(color: Tensor) -> Tensor:
-    """Returns K and S [6] of a paint with this colour, sRGB [3], relative to the S of white.
+    """Returns K and S [6, ...] of paints with these colours, sRGB [3, ...], relative to the S of white.
 
     K / S is that of a thick film. Deep colours hold less white and scatter less.
     """

@@ -78,7 +78,11 @@ class PlanKeeper:
             self._adopt(made, 0.0)
             return
         made = made if made is not None and is_evenly(canvas, made.ground, TOLERANCE) else None
-        plan = made or self._arrange(self.planner.plan(canvas, strokes, colors, self._checking_interrupts("plan")))
+        hear = self._checking_interrupts("plan")
+        plan = made
+        if plan is None:
+            plan = self._arrange(self.planner.plan(canvas, strokes, colors, hear))
+            plan = self._settle_wet(plan, hear, mixed=False)
         self._adopt(self._within_budget(plan), self.planner.validation_loss(canvas))
 
     def bind_to_palette(self, mixed: Palette) -> None:
@@ -93,8 +97,9 @@ class PlanKeeper:
             rest, canvas = self._progress.rest, self._progress.canvas.last_seen
             before = self._loss()
             with suppress(_Overtaken):
-                again = self.planner.bind_to_palette(rest, canvas, mixed, self._checking_interrupts("plan"))
-                bound = self._within_budget(self._arrange(again))
+                hear = self._checking_interrupts("plan")
+                again = self._arrange(self.planner.bind_to_palette(rest, canvas, mixed, hear))
+                bound = self._within_budget(self._settle_wet(again, hear))
         self._adopt(bound, before)
 
     def replan(self, rounds: int = 1) -> None:
@@ -109,7 +114,9 @@ class PlanKeeper:
         with suppress(_Overtaken):
             hear = self._checking_interrupts("replan")
             again = self.planner.replan(rest, canvas, hear, rounds, fresh=self._progress.begins_layer)
-            after = self._adopt(self._within_budget(self._arrange(again)), before)
+            mixed = not (self._progress.begins_layer and self._progress.painted)
+            again = self._settle_wet(self._arrange(again), hear, mixed=mixed)
+            after = self._adopt(self._within_budget(again), before)
             self._progress.gain = 10 * math.log10(before / after) if min(before, after) > 0 else 0.0
 
     def _keep_clear(self) -> None:
@@ -213,8 +220,7 @@ class PlanKeeper:
         note = partial(self._journal.record_plan, plan, progress.painted, placement, answers=answers)
         self._interruptions.retry(note)
         progress.plan, progress.planned_at, progress.answers = plan, progress.painted, answers
-        wet, table = self._hand.easel.calibration.wet, self.schedule()
-        wetness = None if wet is None else Wetness(wet, table.after)
+        wetness = self._wetness(self.schedule())
         canvas, unseen = progress.canvas.last_seen, 0
         if len(rest):
             unseen = self._policy.next_look(progress.painted, progress.strokes) - progress.painted
@@ -235,6 +241,21 @@ class PlanKeeper:
         batch = self._policy.next_look(painted, painted + len(rest)) - painted
         fading = self.planner.fading(rest, self._progress.canvas.last_seen)
         return self._hand.arrange(rest, min(batch, rest.layer_end(0)), fading)
+
+    def _settle_wet(self, rest: Plan, hear: Callable[[Step], None], *, mixed: bool = True) -> Plan:
+        """Returns the arranged rest, settled for wet paint if a painting has shown how it mixes.
+
+        mixed: False if the paints of the next stroke's layer may still change.
+        """
+        wetness = self._wetness(self._hand.timetable(rest, no_looks))
+        if wetness is None or len(rest) == 0:
+            return rest
+        return self.planner.settle_wet(rest, self._progress.canvas.last_seen, wetness, hear, mixed=mixed)
+
+    def _wetness(self, table: Timetable) -> Wetness | None:
+        """Returns the wetness of strokes with this timetable; None if nothing is known of wet paint."""
+        wet = self._hand.easel.calibration.wet
+        return None if wet is None else Wetness(wet, table.after)
 
     def _checking_interrupts(self, phase: str) -> Callable[[Step], None]:
         """Returns a callback that reports planning steps and stops the planner if a person wants that."""
