@@ -13,6 +13,7 @@ from frida_painter.objectives.semantic_loss import Views
 from frida_painter.objectives.word_settings import USUAL, WordSettings
 
 _VIEWS = 24
+_WHOLES = 11  # views of the whole picture for a CLIP, of these: it knows places and counts, which a crop changes
 _AT_A_TIME = 2  # views of networks by class names, which see small pictures
 _STEADY = 4  # number of fixed views for validation
 _STEADY_OF_CLIP = 2  # the same of a CLIP, which is ten times as slow
@@ -32,8 +33,8 @@ class Text:
         place
     settings: words to avoid, phrases, and the number of views of a CLIP
 
-    A call looks at squares of the picture in random views (perspective, crop). Half of the calls blur them, and all
-    add noise.
+    A call looks at squares of the picture in random views (perspective, crop); a CLIP sees the whole square in half
+    of them. Half of the calls blur them, and all add noise.
     """
 
     def __init__(
@@ -46,7 +47,9 @@ class Text:
     ) -> None:
         self._at_a_time = [_AT_A_TIME if isinstance(reader, ConSE) else settings.cutouts for reader in readers]
         self._steady = [(0, _STEADY) if isinstance(reader, ConSE) else (1, _STEADY_OF_CLIP) for reader in readers]
-        self._views = [Views(_VIEWS, reader.side, seed) for reader in readers]
+        self._views = [
+            Views(_VIEWS, reader.side, seed, wholes=0 if isinstance(reader, ConSE) else _WHOLES) for reader in readers
+        ]
         self._generator = torch.Generator().manual_seed(seed)
         self._next = 0
         elsewhere = torch.rand(_VIEWS - _STEADY - 1, generator=self._generator)
@@ -61,7 +64,7 @@ class Text:
     def __call__(self, picture: Tensor) -> Tensor:
         """Returns the distance of a picture [3, H, W] in [0, 1] in a few random views; differentiable."""
         reader, self._next = self._next, (self._next + 1) % len(self._distances)
-        which = torch.randperm(_VIEWS, generator=self._generator)[: self._at_a_time[reader]]
+        which = self._views[reader].some(self._at_a_time[reader], self._generator)
         seen = self._embed_views(reader, picture, which)
         if torch.rand((), generator=self._generator) < 0.5:
             seen = functional.avg_pool2d(seen, 3, 1, 1, count_include_pad=False)
@@ -71,8 +74,8 @@ class Text:
     def validation(self, picture: Tensor) -> Tensor:
         """Returns the mean distance by all readers, always in the same few views of the middle.
 
-        A CLIP sees no view of the whole here, which is the same for all seeds: an objective with another seed
-        judges by views that this one never draws.
+        A CLIP sees the whole square here, but never straight on, which is the same for all seeds: an objective with
+        another seed judges by views that this one never draws.
         """
         return self._steadily(picture, _STEADY)
 
