@@ -19,6 +19,19 @@ def test_the_first_view_is_the_whole_picture() -> None:
     assert float((whole[:, 3:-3, 3:-3] - wanted[3:-3]).abs().max()) < 0.02
 
 
+def test_half_of_the_views_show_the_whole_picture_if_that_is_asked_for() -> None:
+    views, crops = Views(9, 24, seed=0, wholes=4), Views(9, 24, seed=0)
+    edges = torch.cat((views._points[:, [0, -1]].flatten(1, 2), views._points[:, :, [0, -1]].flatten(1, 2)), 1)
+    shows_all = edges.abs().amax(2).amin(1) > 0.8  # of the half sides, at every point of the view's edge
+    assert shows_all[:5].all() and not shows_all[5:].any()
+    assert torch.equal(views._maps[5:], crops._maps[5:])
+    chance = torch.Generator().manual_seed(0)
+    for count, whole in ((1, 1), (2, 1), (4, 2), (5, 3), (9, 5)):
+        some = views.some(count, chance)
+        assert len(set(some.tolist())) == count and int((some <= 4).sum()) == whole
+    assert not torch.equal(views.some(9, chance), views.some(9, chance))
+
+
 def test_views_show_parts_in_other_perspectives_and_follow_their_seed() -> None:
     image = picture()
     which = torch.arange(6)

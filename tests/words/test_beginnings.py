@@ -1,5 +1,6 @@
 """First pictures of words, chosen by the settings or by the CLIP that reads the words; it needs no other network."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -20,6 +21,7 @@ from frida_painter.runs.settle import open_planner
 from frida_painter.runs.spec import RunSpec
 from frida_painter.words.abstract import Patches, arrange, scatter
 from frida_painter.words.meaning import Text, wish
+from frida_painter.words.pyramid import color_in
 from frida_painter.words.text import TextTerm
 from tiny_clip import write_clip
 
@@ -55,6 +57,11 @@ class TestAClipAlone:
             assert float(judge.validation(first.image)) < float(others.median())
         again = begin(alone, beginning).initial[0]
         assert isinstance(again, ImageTerm) and torch.equal(again.image, first.image)
+
+    def test_it_begins_with_coarse_colors(self, alone: EncoderRegistry) -> None:
+        (first,) = begin(alone, "colors").initial
+        assert isinstance(first, ImageTerm) and first.image.shape == (3, 24, 32)
+        assert alone.remarks == ["Begun with a coarse picture, coloured for the words."]
 
     def test_it_begins_with_nothing(self, alone: EncoderRegistry) -> None:
         assert begin(alone, "nothing").initial == ()
@@ -120,6 +127,24 @@ class TestSettings:
             wish("a fox", clip, settings)(pictures), (said[0] + said[1]) / 2 - 0.5 * said[2], atol=1e-5, rtol=0
         )
 
+    def test_the_first_picture_takes_as_many_steps_as_asked_for(
+        self, alone: EncoderRegistry, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        looks: list[int] = []
+        look = Clip.embed_pictures
+
+        def watch(clip: Clip, pictures: torch.Tensor) -> torch.Tensor:
+            looks.append(1)
+            return look(clip, pictures)
+
+        monkeypatch.setattr(Clip, "embed_pictures", watch)
+        for steps in (4, 10):
+            goal = Goal((TextTerm("a fox", settings=WordSettings("abstract", first_steps=steps)),))
+            TextTerm.interpret(goal, ObjectiveContext(GRID, alone, 0))
+            looks.append(0)
+        few = looks.index(0)
+        assert len(looks) - 2 - 2 * few == 6
+
     @pytest.mark.parametrize("phrase", ["a painting", "{} and {}"])
     def test_a_phrase_has_one_place_for_the_words(self, phrase: str) -> None:
         with pytest.raises(ConfigError, match=r"it has {} once, in the place of the words"):
@@ -127,7 +152,8 @@ class TestSettings:
 
 
 class TestPatches:
-    def test_a_network_finds_its_wish_in_them(self, alone: EncoderRegistry) -> None:
+    @pytest.mark.parametrize("make", [arrange, color_in])
+    def test_a_network_finds_its_wish_in_them(self, alone: EncoderRegistry, make: Callable[..., torch.Tensor]) -> None:
         """A wish for red above blue, by the mean colours of the halves: no network, and known by sight."""
 
         def wish(pictures: torch.Tensor) -> torch.Tensor:
@@ -135,10 +161,12 @@ class TestPatches:
             red, blue = torch.tensor([0.9, 0.1, 0.1]), torch.tensor([0.1, 0.1, 0.9])
             return (upper.mean((2, 3)) - red).square().sum(1) + (lower.mean((2, 3)) - blue).square().sum(1)
 
-        found = arrange(wish, alone.readers()[0], (30, 40), 0)
+        found = make(wish, alone.readers()[0], (30, 40), 0)
         assert found.shape == (3, 30, 40) and float(found.min()) >= 0 and float(found.max()) <= 1
         assert float(wish(found[None])) < 0.1
-        assert torch.equal(found, arrange(wish, alone.readers()[0], (30, 40), 0))
+        assert torch.equal(found, make(wish, alone.readers()[0], (30, 40), 0))
+        hasty = make(wish, alone.readers()[0], (30, 40), 0, steps=2)
+        assert float(wish(hasty[None])) > 2 * float(wish(found[None]))
 
     def test_slopes_agree_with_differences(self) -> None:
         some = scatter(1, 3)

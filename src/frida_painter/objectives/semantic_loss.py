@@ -25,12 +25,14 @@ class Views:
 
     size: rows and columns of a view in pixels
     seed: the views are drawn from it once, so a target can be prepared for each view
+    wholes: number of views after the first that show the whole picture too, in perspective
     """
 
-    def __init__(self, count: int, size: int, seed: int) -> None:
+    def __init__(self, count: int, size: int, seed: int, wholes: int = 0) -> None:
         generator = torch.Generator().manual_seed(seed)
-        whole = torch.eye(3)
-        self._maps = torch.stack([whole, *(_look(generator) for _ in range(count - 1))])  # [count, 3, 3]
+        crops = [_look(generator, 1.0 if number < wholes else _CLOSEST) for number in range(count - 1)]
+        self._maps = torch.stack([torch.eye(3), *crops])  # [count, 3, 3]
+        self._wholes = wholes
         self._size = size
         along = (torch.arange(size) + 0.5) / size * 2 - 1
         y, x = torch.meshgrid(along, along, indexing="ij")
@@ -39,6 +41,15 @@ class Views:
 
     def __len__(self) -> int:
         return len(self._maps)
+
+    def some(self, count: int, generator: torch.Generator) -> Tensor:
+        """Returns the numbers [count] of different random views: half of them whole, if whole views were asked for."""
+        order = torch.randperm(len(self), generator=generator)
+        if not self._wholes:
+            return order[:count]
+        whole = order <= self._wholes
+        first = order[whole][: max(math.ceil(count / 2), count - int((~whole).sum()))]
+        return torch.cat((first, order[~whole][: count - len(first)]))
 
     def of(self, picture: Tensor, which: Tensor) -> Tensor:
         """Returns views of a picture [3, H, W]: [n, 3, size, size].
@@ -74,10 +85,13 @@ class Views:
         )  # fmt: skip
 
 
-def _look(generator: torch.Generator) -> Tensor:
-    """Returns a random homography from the corners of a view, at -1 and 1, to their places in the picture."""
+def _look(generator: torch.Generator, closest: float) -> Tensor:
+    """Returns a random homography from the corners of a view, at -1 and 1, to their places in the picture.
+
+    closest: least share of the picture's sides that the view shows
+    """
     share, right, down = torch.rand(3, generator=generator).tolist()
-    share = _CLOSEST + (1 - _CLOSEST) * math.sqrt(share)
+    share = closest + (1 - closest) * math.sqrt(share)
     tilt = _TILT * (2 * torch.rand(4, 2, generator=generator) - 1)
     corners = torch.tensor([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
     middle = (1 - share) * torch.tensor([2 * right - 1, 2 * down - 1])

@@ -5,7 +5,7 @@ from typing import Literal
 
 from frida_painter.errors import ConfigError
 
-Beginning = Literal["auto", "scene", "abstract", "nothing"]
+Beginning = Literal["auto", "scene", "abstract", "colors", "nothing"]
 
 
 @dataclass(frozen=True)
@@ -13,10 +13,12 @@ class WordSettings:
     """Settings of words on their way to a painting.
 
     beginning: first picture. scene: things of the words, put together; abstract: patches of colour, chosen by the
-    network that reads the words; nothing: none. auto: a scene, or what a CLIP likes best of these.
+    network that reads the words; colors: a coarse picture, coloured by it step by step; nothing: none. auto: a scene,
+    or what a CLIP likes best of scene and patches.
     avoid: words that the painting should not look like; "" for none
     phrases: sentences with {} in the place of the words; the network compares with the mean of their meanings
     cutouts: number of views in which a CLIP sees the picture at a time
+    first_steps: number of steps in which patches of colour, or a coarse picture, are made
     Raises ConfigError if a phrase has no {}.
     """
 
@@ -24,6 +26,7 @@ class WordSettings:
     avoid: str = ""
     phrases: tuple[str, ...] = ("{}",)
     cutouts: int = 4
+    first_steps: int = 24
 
     def __post_init__(self) -> None:
         for phrase in self.phrases:

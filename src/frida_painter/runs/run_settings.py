@@ -54,6 +54,7 @@ class RunSettings(TypedDict, total=False):
     avoid: str
     phrases: str
     cutouts: int
+    first_steps: int
     pictures: str | Path | None
     palette: str | Path | None
     film: bool

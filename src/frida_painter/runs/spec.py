@@ -298,9 +298,9 @@ class RunSpec(BaseModel):
     beginning: Beginning = Field(
         USUAL.beginning,
         description="First picture of a painting of words alone. scene: pictures of its things; abstract: patches of "
-        "colour, arranged until the network sees the words in them; nothing: none. auto: what a CLIP likes best of "
-        "scene and patches, or a scene.",
-        json_schema_extra={"metavar": "auto|scene|abstract|nothing"},
+        "colour, arranged until the network sees the words in them; colors: a coarse picture, coloured by a CLIP; "
+        "nothing: none. auto: what a CLIP likes best of scene and patches, or a scene.",
+        json_schema_extra={"metavar": "auto|scene|abstract|colors|nothing"},
     )
     avoid: str = Field(
         USUAL.avoid,
@@ -320,6 +320,12 @@ class RunSpec(BaseModel):
         ge=1,
         le=24,
         description="Number of views in which a CLIP sees the picture at a time. More of them take longer.",
+    )
+    first_steps: int = Field(
+        USUAL.first_steps,
+        ge=2,
+        le=2000,
+        description="Number of steps in which a CLIP makes the first picture. More of them take longer.",
     )
     pictures: File = None
     palette: File = None
@@ -531,7 +537,11 @@ class RunSpec(BaseModel):
     def words(self) -> WordSettings:
         """Settings of the words. Raises ConfigError if a phrase has no place for them."""
         return WordSettings(
-            self.beginning, self.avoid, tuple(part.strip() for part in self.phrases.split(";")), self.cutouts
+            self.beginning,
+            self.avoid,
+            tuple(part.strip() for part in self.phrases.split(";")),
+            self.cutouts,
+            self.first_steps,
         )
 
     @property

@@ -15,11 +15,11 @@ from torch.nn import functional
 
 from frida_painter.objectives.encoders.base import Reader
 from frida_painter.objectives.semantic_loss import Views
+from frida_painter.objectives.word_settings import USUAL
 
 _PATCHES = 8
 _NUMBERS = 9  # of a patch: x, y, half width, half height, angle, squareness, red, green, blue
 _TRIED, _KEPT, _FOUND = 24, 3, 1  # pictures at the beginning, those that are moved, and those of the second half
-_STEPS = 24
 _VIEWS = 16
 _AT_A_TIME = (1, 2)  # views of each picture in a step of the first half, while several are moved, and of the second
 _ROWS = 96  # of a picture while it is moved
@@ -86,16 +86,17 @@ def arrange(
     reader: Reader,
     size: tuple[int, int],
     seed: int,
-    tell: Callable[[int, int], None] = lambda done, of: None,
+    steps: int = USUAL.first_steps,
 ) -> Tensor:
     """Returns the picture [3, H, W] of patches in which a network sees the words best.
 
     wish: distances [n] of pictures [n, 3, h, w] from the words
     reader: network that measures them; only its size counts here
     size: H and W
+    steps: number of steps in which the patches are moved
     """
     rows, columns = size[0] * _ROWS // min(size), size[1] * _ROWS // min(size)
-    views, judge = (Views(_VIEWS, reader.side, seed + number) for number in (0, 1))
+    views, judge = (Views(_VIEWS, reader.side, seed + number, _VIEWS // 2 - 1) for number in (0, 1))
     generator = torch.Generator().manual_seed(seed)
 
     def seen(pictures: Tensor, by: Views, which: Sequence[int]) -> Tensor:
@@ -111,10 +112,10 @@ def arrange(
     for half in (0, 1):
         leaves = [found.patches.clone().requires_grad_(), found.ground.clone().requires_grad_()]
         adam = torch.optim.Adam(leaves, _RATE, (0.9, 0.98))
-        for step in range(_STEPS // 2):
-            done = (half + step / (_STEPS // 2)) / 2
+        for step in range(steps // 2):
+            done = (half + step / (steps // 2)) / 2
             edge = _SOFTEST * (_SHARPEST / _SOFTEST) ** done
-            which = torch.randperm(_VIEWS, generator=generator)[: _AT_A_TIME[half]].tolist()
+            which = views.some(_AT_A_TIME[half], generator).tolist()
             adam.zero_grad()
             pictures = Patches(leaves[0], leaves[1]).draw(rows, columns, edge)
             noisy = pictures + _NOISE * torch.randn(pictures.shape, generator=generator)

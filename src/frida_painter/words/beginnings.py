@@ -1,4 +1,7 @@
-"""First picture of a painting of words: a scene, patches of colour, or nothing, as the settings or a CLIP choose."""
+"""First picture of a painting of words: a scene, patches, coarse colours or nothing.
+
+The settings choose, or a CLIP.
+"""
 
 from dataclasses import replace
 
@@ -11,6 +14,7 @@ from frida_painter.objectives.objective import Goal, ObjectiveContext
 from frida_painter.objectives.word_settings import WordSettings
 from frida_painter.words.abstract import arrange
 from frida_painter.words.meaning import Text, wish
+from frida_painter.words.pyramid import color_in
 
 _APART = 104_729  # added to the seed, so that the views of the choice are not those of the optimiser
 
@@ -42,10 +46,15 @@ def with_beginning(
         return _compose(goal, context)
     reader = encoders.readers()[0]
     size = context.grid.rows, context.grid.columns
-    picture = arrange(wish(prompt, reader, settings), reader, size, context.seed)
+    make = color_in if how == "colors" else arrange
+    picture = make(wish(prompt, reader, settings), reader, size, context.seed, settings.first_steps)
     if how == "auto" and encoders.composes:
         return _choose(goal, prompt, settings, picture, context)
-    encoders.remark("Begun with patches of colour, arranged for the words.")
+    encoders.remark(
+        "Begun with a coarse picture, coloured for the words."
+        if how == "colors"
+        else "Begun with patches of colour, arranged for the words."
+    )
     return _begin_with(goal, picture)
 
 

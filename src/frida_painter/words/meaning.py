@@ -14,6 +14,7 @@ from frida_painter.objectives.semantic_loss import Views
 from frida_painter.objectives.word_settings import USUAL, WordSettings
 
 _VIEWS = 24
+_WHOLES = 11  # views of the whole picture for a CLIP, of these: it knows places and counts, which a crop changes
 _AT_A_TIME = 2  # views of networks by class names, which see small pictures
 _STEADY = 4  # number of fixed views for validation
 _STEADY_OF_CLIP = 2  # the same of a CLIP, which is ten times as slow
@@ -57,8 +58,8 @@ class Text:
     sight: shared with objectives of other words, with the same readers, seed and settings of views; a CLIP then sees
         a picture once for all of them
 
-    A call looks at squares of the picture in random views (perspective, crop). Half of the calls blur them, and all
-    add noise.
+    A call looks at squares of the picture in random views (perspective, crop); a CLIP sees the whole square in half
+    of them. Half of the calls blur them, and all add noise.
     """
 
     def __init__(
@@ -74,7 +75,9 @@ class Text:
         self._calls = 0
         self._at_a_time = [_AT_A_TIME if isinstance(reader, ConSE) else settings.cutouts for reader in readers]
         self._steady = [(0, _STEADY) if isinstance(reader, ConSE) else (1, _STEADY_OF_CLIP) for reader in readers]
-        self._views = [Views(_VIEWS, reader.side, seed) for reader in readers]
+        self._views = [
+            Views(_VIEWS, reader.side, seed, wholes=0 if isinstance(reader, ConSE) else _WHOLES) for reader in readers
+        ]
         self._generator = torch.Generator().manual_seed(seed)
         self._next = 0
         elsewhere = torch.rand(_VIEWS - _STEADY - 1, generator=self._generator)
@@ -95,7 +98,7 @@ class Text:
         if isinstance(self._distances[reader], _Meaning):
             many = min(many, 1 + self._calls // _CALLS_A_VIEW)
         self._calls += 1
-        which = torch.randperm(_VIEWS, generator=self._generator)[:many]
+        which = self._views[reader].some(many, self._generator)
         blurs = bool(torch.rand((), generator=self._generator) < 0.5)
         side = self._readers[reader].side
         noise = _NOISE * torch.randn((many, 3, side, side), generator=self._generator)
@@ -111,8 +114,8 @@ class Text:
     def validation(self, picture: Tensor) -> Tensor:
         """Returns the mean distance by all readers, always in the same few views of the middle.
 
-        A CLIP sees no view of the whole here, which is the same for all seeds: an objective with another seed
-        judges by views that this one never draws.
+        A CLIP sees the whole square here, but never straight on, which is the same for all seeds: an objective with
+        another seed judges by views that this one never draws.
         """
         return self._steadily(picture, _STEADY)
 

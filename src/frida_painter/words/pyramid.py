@@ -1,0 +1,79 @@
+"""First pictures of coarse colours: a pyramid of small pictures, coloured until a network sees the words in it.
+
+The coarse levels are coloured first and the fine ones later, so that large forms stand before small ones. The finest
+level has a few hundred cells, too few for the fine patterns by which a network is fooled. Compare "octaves" in
+Mordvintsev et al., "Inceptionism", 2015, and the pyramids in Olah et al., "Feature visualization", 2017.
+"""
+
+from collections.abc import Callable, Sequence
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from frida_painter.objectives.encoders.base import Reader
+from frida_painter.objectives.semantic_loss import Views
+from frida_painter.objectives.word_settings import USUAL
+
+_LEVELS = (1, 3, 6, 12, 20)  # cells of the shorter side
+_BEGUN = (1.0, 1.0, 0.3, 0.3, 0.3)  # standard deviation of each level at the beginning, before the logistic function
+_FROM = (0.0, 0.0, 0.0, 0.3, 0.6)  # share of the steps after which a level takes part
+_COLORED = 2  # pictures, of which the best is taken
+_VIEWS, _AT_A_TIME = 24, 2
+_ROWS = 48  # of a picture while it is coloured
+_RATE = 0.08
+_NOISE = 0.05  # standard deviation, of sRGB
+_SMOOTH = 1.0  # weight of the mean difference between neighbours
+
+
+def draw_pyramid(levels: Sequence[Tensor], rows: int, columns: int) -> Tensor:
+    """Returns the pictures of levels [n, 3, h, w], coarse to fine: [n, 3, rows, columns] in [0, 1]. Differentiable."""
+    every = [functional.interpolate(level, [rows, columns], mode="bicubic", align_corners=False) for level in levels]
+    return torch.stack(every).sum(0).sigmoid()
+
+
+def color_in(
+    wish: Callable[[Tensor], Tensor],
+    reader: Reader,
+    size: tuple[int, int],
+    seed: int,
+    steps: int = USUAL.first_steps,
+) -> Tensor:
+    """Returns the picture [3, H, W] of coarse colours in which a network sees the words best.
+
+    wish: distances [n] of pictures [n, 3, h, w] from the words
+    reader: network that measures them; only its size counts here
+    size: H and W
+    steps: number of steps in which the colours change
+    """
+    rows, columns = size[0] * _ROWS // min(size), size[1] * _ROWS // min(size)
+    views, judge = (Views(_VIEWS, reader.side, seed + number, _VIEWS // 2 - 1) for number in (0, 1))
+    generator = torch.Generator().manual_seed(seed)
+    levels = [
+        (spread * torch.randn(_COLORED, 3, _cells(rows, cells), _cells(columns, cells), generator=generator))
+        for cells, spread in zip(_LEVELS, _BEGUN, strict=True)
+    ]
+    adam = torch.optim.Adam([level.requires_grad_() for level in levels], _RATE, (0.9, 0.98))
+    for step in range(steps):
+        done = step / steps
+        picture = draw_pyramid(
+            [level for level, first in zip(levels, _FROM, strict=True) if done >= first], rows, columns
+        )
+        which = views.some(_AT_A_TIME, generator)
+        seen = torch.cat([views.of_squares(one, which, [0.5] * _AT_A_TIME) for one in picture])
+        distance = wish(seen + _NOISE * torch.randn(seen.shape, generator=generator)).sum()
+        uneven = (picture.diff(dim=2).abs().mean() + picture.diff(dim=3).abs().mean()) * _COLORED
+        adam.zero_grad()
+        torch.autograd.backward(distance + _SMOOTH * uneven)
+        adam.param_groups[0]["lr"] = _RATE * (1 - 0.8 * done)
+        adam.step()
+    with torch.no_grad():
+        found = draw_pyramid(levels, *size)
+        which = torch.tensor([1, 2, 3])
+        seen = torch.cat([judge.of_squares(one, which, [0.5] * 3) for one in found])
+        return found[int(wish(seen).reshape(_COLORED, 3).mean(1).argmin())].clamp(0, 1)
+
+
+def _cells(side: int, cells: int) -> int:
+    """Returns the cells along a side of a level that has `cells` along the shorter one."""
+    return max(1, round(cells * side / _ROWS))
