@@ -122,6 +122,7 @@ def in_colors(picture: Tensor, style: Tensor) -> Tensor:
 _LONGEST = 1.6  # longer side of the style that is used, in shorter ones
 _PIECE, _STEP, _APART = 22, 16, 3  # pixels: side of a piece, distance of pieces, and of candidates
 _COARSE = 3  # pixels: radius within which a piece is compared with the picture
+_AGAIN, _NEAR = 1.0, 2  # cost of each further use of a piece, relative to its own; candidates that count as the same
 _ALIKE = 0.7  # weight of the likeness to the picture; the rest is that of fitting the neighbours
 
 
@@ -142,6 +143,8 @@ def quilt(scene: Tensor, style: Tensor) -> Tensor:
     pieces, coarse = (functional.unfold(picture[None], _PIECE, stride=_APART)[0] for picture in (style, _soften(style)))
     wanted, size = _soften(scene), 3 * _PIECE**2
     laid, weight = torch.zeros_like(scene), torch.zeros_like(scene)
+    down, across = ((side - _PIECE) // _APART + 1 for side in style.shape[1:])
+    used = torch.zeros(down, across)  # for each candidate, how often it or one near it was taken
     ramp = torch.arange(1.0, _PIECE + 1)
     ramp = torch.minimum(ramp, ramp.flip(0)).clamp(max=_PIECE - _STEP)
     window = (ramp[:, None] * ramp).expand(3, -1, -1)
@@ -153,7 +156,10 @@ def quilt(scene: Tensor, style: Tensor) -> Tensor:
             if bool(beside.any()):
                 there = (laid[here] / weight[here].clamp(min=1e-6)).reshape(size)[beside]
                 cost = cost + (1 - _ALIKE) * (pieces[beside] - there[:, None]).square().mean(0)
-            laid[here] += window * pieces[:, int(cost.argmin())].reshape(3, _PIECE, _PIECE)
+            chosen = int((cost * (1 + _AGAIN * used.flatten())).argmin())
+            row, column = divmod(chosen, across)
+            used[max(0, row - _NEAR) : row + _NEAR + 1, max(0, column - _NEAR) : column + _NEAR + 1] += 1
+            laid[here] += window * pieces[:, chosen].reshape(3, _PIECE, _PIECE)
             weight[here] += window
     return laid / weight
 
