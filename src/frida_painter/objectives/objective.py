@@ -387,8 +387,8 @@ class ObjectiveTerm:
     if unknown
     recognizes: True if `validation` measures how well the picture is recognised as the wish
     on_rows: makes the term for pictures with some rows of the grid only; None if the loss is no mean over pixels
-    lasts: number of iterations that one gradient of `objective` may serve: above 1 if it is slow and smooth
-    smooth: True if it may serve that many full steps of the optimiser, and so more of the smaller ones
+    lasts: number of iterations that one gradient of `objective` may serve: above 1 if it is slow
+    smooth: True if `lasts` counts full steps of the optimiser
     """
 
     objective: Objective
