@@ -5,7 +5,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from frida_painter.objectives.style_loss import cosine_cost, euclidean_cost, moment_distance, relaxed_emd
+from frida_painter.objectives.style_loss import Cloud, cosine_cost, euclidean_cost, moment_distance, relaxed_emd
 
 
 def clouds(seed: int, count: int, others: int, channels: int) -> tuple[torch.Tensor, torch.Tensor]:
@@ -49,3 +49,16 @@ def test_moments_see_what_shifts_and_what_spreads() -> None:
     assert float(moment_distance(a, a)) == 0
     assert float(moment_distance(a + 0.5, a)) == pytest.approx(0.5)
     assert float(moment_distance(2 * (a - a.mean(0)), a - a.mean(0))) > 0.5
+
+
+@pytest.mark.parametrize("cosine", [True, False])
+@pytest.mark.parametrize("counts", [(40, 25), (25, 40), (1, 7)])
+def test_a_kept_cloud_tells_what_the_whole_matrix_of_costs_tells(cosine: bool, counts: tuple[int, int]) -> None:
+    a, b = clouds(6, *counts, 5)
+    found = []
+    for kept in (True, False):
+        seen = a.clone().requires_grad_()
+        cost = cosine_cost(seen, b) if cosine else euclidean_cost(seen, b)
+        value = Cloud(b, cosine=cosine).distance(seen) if kept else relaxed_emd(cost) + moment_distance(seen, b)
+        found.append((value.detach(), *torch.autograd.grad(value, seen)))
+    torch.testing.assert_close(*found, rtol=1e-6, atol=1e-9)

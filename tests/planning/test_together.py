@@ -3,6 +3,7 @@
 import copy
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import pytest
 import torch
@@ -17,6 +18,7 @@ from frida_painter.planning.layers import Effort, beneath, find_later_mixing
 from frida_painter.planning.optimize import (
     Step,
     StrokesInScene,
+    find_renewals,
     interlace_rows,
     optimize,
     optimize_together,
@@ -245,9 +247,24 @@ def test_a_slow_term_is_computed_in_every_few_iterations_and_the_plan_gains_near
 
 def test_the_turns_of_a_slow_term_begin_with_one_that_computes_it() -> None:
     on = slow_scene(3, [])
-    turns, renewed = take_turns([on, on])
-    assert renewed == len(turns) == 3 and all(len(turn) == 2 for turn in turns)
+    turns = take_turns([on, on], 7)
+    assert [comparable for _, comparable in turns] == [True, False, False, True, False, False, True, True]
     picture = on.canvas.clone()
-    anew = float(turns[0][0].objective(picture))
-    assert anew == pytest.approx(float(on.objective(picture))) == float(turns[1][0].objective(picture))
-    assert take_turns([problem()])[1] == 0
+    anew = float(turns[0][0][0].objective(picture))
+    assert anew == pytest.approx(float(on.objective(picture))) == float(turns[1][0][0].objective(picture))
+    plain = problem()
+    assert [comparable for _, comparable in take_turns([plain], 2)] == [True] * 3
+    assert len(take_turns([plain], 0)) == len(take_turns([on], 0)) == 1
+
+
+@pytest.mark.parametrize("pace", [1.0, 0.5])
+def test_smooth_terms_are_computed_after_equal_ways_and_not_after_equal_times(pace: float) -> None:
+    on = slow_scene(4, [])
+    assert on.sparing is not None
+    by_time = on.sparing()
+    by_way = replace(by_time, smooth=True)
+    assert find_renewals(80, by_time) == set(range(0, 80, 4))
+    found = sorted(find_renewals(80, by_way, pace))
+    gaps = [after - before for before, after in pairwise(found)]
+    assert found[0] == 0 and min(gaps) >= 4 and gaps[-1] > 2 * gaps[1], "small steps at the end do not go far"
+    assert len(found) <= 11 * pace + 1

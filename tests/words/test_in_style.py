@@ -2,11 +2,9 @@
 
 import pytest
 import torch
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from frida_painter.palette import to_lab
-from frida_painter.words.in_style import in_style, transport
+from frida_painter.words.compositing import in_style
 
 
 def stripes(rows: int = 96, columns: int = 128) -> torch.Tensor:
@@ -25,21 +23,6 @@ def scene() -> tuple[torch.Tensor, torch.Tensor]:
     picture[:, where > 0] = torch.tensor([0.5, 0.35, 0.2])[:, None]
     picture[:, 28:36, 30:50] = 0.05
     return picture, where
-
-
-@settings(max_examples=12, deadline=None)
-@given(st.integers(30, 300), st.integers(30, 300), st.integers(0, 100))
-def test_colours_are_distributed_as_those_that_are_wanted(many: int, wanted: int, seed: int) -> None:
-    chance = torch.Generator().manual_seed(seed)
-    aim = torch.rand(wanted, 3, generator=chance) * torch.tensor([60.0, 40.0, 20.0])
-    moved = transport(torch.rand(many, 3, generator=chance) * 30, aim)
-    torch.testing.assert_close(moved.mean(0), aim.mean(0), atol=3.0, rtol=0.1)
-    torch.testing.assert_close(moved.std(0), aim.std(0), atol=3.0, rtol=0.25)
-
-
-def test_colours_that_are_right_stay() -> None:
-    colors = torch.rand(200, 3, generator=torch.Generator().manual_seed(1)) * 50
-    torch.testing.assert_close(transport(colors, colors[torch.randperm(200)]), colors, atol=1e-3, rtol=0)
 
 
 @pytest.mark.slow

@@ -10,6 +10,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any, Self
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -213,7 +214,8 @@ class Paint:
             scattering = (scattering + following) / 2
         off = ciede2000(to_lab(color_of(reflectance(absorption(), scattering))), to_lab(color.to(tinted)))
         plainer = off + _PRICE * (2 * follows.abs() + lean.abs())[..., 0]
-        best = tuple(int(index) for index in torch.unravel_index(plainer.argmin(), plainer.shape))
+        # PyTorch's own function would load its compiler, which takes half a second.
+        best = tuple(int(index) for index in np.unravel_index(int(plainer.argmin()), plainer.shape))
         if not float(off[best]) <= _MAX_OFF:
             raise ConfigError(
                 f"its colour lies {float(off[best]):.0f} CIEDE2000 from all that a paint with this tint can have; "

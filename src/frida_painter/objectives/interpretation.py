@@ -77,13 +77,14 @@ class WeightedObjective:
     @property
     def sparing(self) -> Callable[[], Sparing] | None:
         """Maker of the same sum for one optimisation, with slow terms computed seldom; None if no term is slow."""
-        lasts = [term.lasts for _, term in self._terms if term.lasts > 1]
-        if not lasts:
+        slow = [term for _, term in self._terms if term.lasts > 1]
+        if not slow:
             return None
 
         def begin() -> Sparing:
             made = _Tangents(self._terms)
-            return Sparing(made.anew, made.between, min(lasts))
+            smooth = all(term.smooth for term in slow)
+            return Sparing(made.anew, made.between, min(term.lasts for term in slow), smooth)
 
         return begin
 

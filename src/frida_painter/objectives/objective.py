@@ -347,11 +347,13 @@ class Sparing:
     anew: loss with all terms computed
     between: loss with slow terms from their gradients at the last call of `anew`
     lasts: number of iterations that one gradient serves
+    smooth: True if `lasts` counts full steps of the optimiser in place of iterations
     """
 
     anew: CanvasLoss
     between: CanvasLoss
     lasts: int
+    smooth: bool = False
 
 
 @dataclass(frozen=True)
@@ -387,7 +389,8 @@ class ObjectiveTerm:
     if unknown
     recognizes: True if `validation` measures how well the picture is recognised as the wish
     on_rows: makes the term for pictures with some rows of the grid only; None if the loss is no mean over pixels
-    lasts: number of iterations that one gradient of `objective` may serve: above 1 if it is slow and smooth
+    lasts: number of iterations that one gradient of `objective` may serve: above 1 if it is slow
+    smooth: True if `lasts` counts full steps of the optimiser
     """
 
     objective: Objective
@@ -396,6 +399,7 @@ class ObjectiveTerm:
     recognizes: bool = False
     on_rows: Callable[[Rows], ObjectiveTerm] | None = None
     lasts: int = 1
+    smooth: bool = False
 
 
 def require_objective(objective: Objective, what: str, rows: int, columns: int, device: torch.device) -> None:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from torch import Tensor
 
 
-_LASTS = 4  # iterations for which one gradient serves; docs/lab/goals.md has the measurements
+_LASTS = 3  # full steps for which one gradient serves; docs/lab/goals.md has the measurements
 _FLAT = 0.01  # standard deviation below which a picture has a single colour
 
 
@@ -51,14 +51,15 @@ class StyleTerm(PictureTerm):
         from frida_painter.objectives.style_loss import Style, pixels_of
 
         judge = Style(self.image, context.encoders.style(), context.seed, pixels_of(context.grid))
-        return ObjectiveTerm(judge, lasts=_LASTS)
+        return ObjectiveTerm(judge, lasts=_LASTS, smooth=True)
 
     @classmethod
     def interpret(cls, goal: Goal, context: ObjectiveContext) -> Goal:
-        """Moves the colours of the pictures to paint to those of the styles."""
+        """Moves the colours of the pictures to paint to those of the styles, and puts photographs into their marks."""
         from frida_painter.objectives.style_loss import in_style_colors
+        from frida_painter.objectives.style_marks import in_style_marks
 
-        return in_style_colors(goal)
+        return in_style_marks(in_style_colors(goal))
 
 
 KIND = GoalKind(

@@ -64,7 +64,16 @@ def flow(style: Tensor, content: Tensor | None, rows: int, columns: int) -> Tens
     sure = (coherence / _CLEAR).clamp(max=1)
     if content is not None:
         _, straight, energy = directions(images.fit(content, rows, columns))
-        opinion = straight * (energy.sqrt() / (_EDGE * energy.sqrt().mean()).clamp(min=1e-4)).clamp(max=1)
-        sure = sure * (1 - opinion)
+        sure = sure * (1 - straight * _clear(energy))
     field = torch.stack((doubled.cos(), doubled.sin(), sure))[None]
     return functional.interpolate(field, (rows, columns), mode="bilinear", align_corners=False)[0]
+
+
+def clear_edges(picture: Tensor, rows: int, columns: int) -> Tensor:
+    """Returns how clear the edges at each place of a picture [3, H, W] are, in [0, 1]: [rows, columns]."""
+    _, _, energy = directions(picture)
+    return images.fit(_clear(energy)[None], rows, columns)[0]
+
+
+def _clear(energy: Tensor) -> Tensor:
+    return (energy.sqrt() / (_EDGE * energy.sqrt().mean()).clamp(min=1e-4)).clamp(max=1)

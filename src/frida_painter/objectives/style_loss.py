@@ -43,14 +43,51 @@ def moment_distance(a: Tensor, b: Tensor) -> Tensor:
 
     It is the mean absolute difference of the means plus that of the covariances.
     """
-    mean_a, mean_b = a.mean(0), b.mean(0)
-    covariance_a = (a - mean_a).T @ (a - mean_a) / len(a)
-    covariance_b = (b - mean_b).T @ (b - mean_b) / len(b)
-    return (mean_a - mean_b).abs().mean() + (covariance_a - covariance_b).abs().mean()
+    return _apart(_cloud_moments(a), _cloud_moments(b))
+
+
+def _cloud_moments(rows: Tensor) -> tuple[Tensor, Tensor]:
+    """Returns mean [c] and covariance [c, c] of rows [n, c]."""
+    mean = rows.mean(0)
+    return mean, (rows - mean).T @ (rows - mean) / len(rows)
+
+
+def _apart(one: tuple[Tensor, Tensor], other: tuple[Tensor, Tensor]) -> Tensor:
+    return sum(((a - b).abs().mean() for a, b in zip(one, other, strict=True)), one[0].new_zeros(()))
 
 
 def _unit(rows: Tensor) -> Tensor:
     return rows / (rows.square().sum(1, keepdim=True) + _SMALL).sqrt()
+
+
+class Cloud:
+    """Cloud of features to be matched, [n, c], with all that does not change kept.
+
+    cosine: True for the cosine cost of `cosine_cost`, False for the distance of `euclidean_cost`
+    """
+
+    def __init__(self, rows: Tensor, *, cosine: bool) -> None:
+        self._cosine = cosine
+        self._rows = Constant(_unit(rows) if cosine else rows)
+        self._mean, self._covariance = map(Constant, _cloud_moments(rows))
+
+    def distance(self, rows: Tensor) -> Tensor:
+        """Returns `relaxed_emd` of the cost plus `moment_distance` for rows [m, c]; differentiable by the rows.
+
+        The gradient needs only the pairs of partners, and not the whole matrix of costs: half the time.
+        """
+        wanted = self._rows.like(rows)
+        seen = _unit(rows) if self._cosine else rows
+        with torch.no_grad():
+            cost = 1 - seen @ wanted.T if self._cosine else euclidean_cost(seen, wanted)
+            partner, source = cost.argmin(1), cost.argmin(0)
+        there = self._cost_of_pairs(seen, wanted.index_select(0, partner)).mean()
+        back = self._cost_of_pairs(seen.index_select(0, source), wanted).mean()
+        moments = self._mean.like(rows), self._covariance.like(rows)
+        return torch.maximum(there, back) + _apart(_cloud_moments(rows), moments)
+
+    def _cost_of_pairs(self, a: Tensor, b: Tensor) -> Tensor:
+        return 1 - (a * b).sum(1) if self._cosine else ((a - b).square().sum(1) + _SMALL).sqrt()
 
 
 # Colours of a picture to be painted in a style: they are moved to the style's colours first, because picture and
@@ -159,19 +196,15 @@ class Style:
         self._seed, self._pixels = seed, pixels
         self._decorrelate = Constant(torch.tensor(_DECORRELATE))
         with torch.no_grad():
-            self._clouds = self._see(style)
+            self._clouds = [Cloud(rows, cosine=number > 0) for number, rows in enumerate(self._see(style))]
 
     def __call__(self, picture: Tensor) -> Tensor:
         """Returns the distance in style of a picture [3, H, W] in [0, 1]; 0 for the style picture itself.
 
         Differentiable.
         """
-        (colors, *seen), (wanted, *layers) = self._see(picture), self._clouds
-        total = relaxed_emd(euclidean_cost(colors, wanted.to(colors))) + moment_distance(colors, wanted.to(colors))
-        for cloud, aim in zip(seen, layers, strict=True):
-            aim = aim.to(cloud)
-            total = total + (relaxed_emd(cosine_cost(cloud, aim)) + moment_distance(cloud, aim)) / len(LAYERS)
-        return _BALANCE * total
+        colors, *layers = (cloud.distance(rows) for cloud, rows in zip(self._clouds, self._see(picture), strict=True))
+        return _BALANCE * (colors + torch.stack(layers).sum() / len(LAYERS))
 
     def _see(self, picture: Tensor) -> list[Tensor]:
         """Returns colours, then the features of each layer, at sampled places: [n, c] each."""

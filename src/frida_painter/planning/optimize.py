@@ -11,7 +11,7 @@ from frida_painter.brush.kinds import kind_of, mark_width
 from frida_painter.compiled import array, compiles_for
 from frida_painter.errors import PlanningDiverged
 from frida_painter.frames import PixelGrid, Rows
-from frida_painter.objectives.objective import CanvasLoss
+from frida_painter.objectives.objective import CanvasLoss, Sparing
 from frida_painter.planning.problem import PlanningProblem
 from frida_painter.planning.variables import Paints, Variables
 from frida_painter.render import Marks, Moments, composite_moments
@@ -104,19 +104,44 @@ def _rows_apart(problem: PlanningProblem) -> int:
 # Slow terms of the objective, such as those of networks, are computed in some iterations only.
 
 
-def take_turns(problems: list[PlanningProblem]) -> tuple[list[list[PlanningProblem]], int]:
-    """Returns the scenes of each turn of one optimisation, and the number of turns after which all terms are new.
+def take_turns(
+    problems: list[PlanningProblem], iterations: int, pace: float = 1.0
+) -> list[tuple[list[PlanningProblem], bool]]:
+    """Returns the scenes of each iteration of one optimisation, from the first to `iterations` inclusive.
 
-    If a term is slow, the first turn computes it and the others use its gradient there; else the turns have rows of
-    their own (`interlace_rows`). The number is 0 if only the first and the last iteration see all rows.
+    Each comes with True if its loss can be compared with others: all rows are seen, and all terms are computed.
+
+    If a term is slow, some iterations compute it and the others use its gradient there (`find_renewals`); else the
+    iterations between the first and the last one have rows of their own (`interlace_rows`).
     """
     sparing = problems[0].sparing
     if sparing is None:
-        return interlace_rows(problems), 0
+        turns = interlace_rows(problems)
+        between = [(turns[number % len(turns)], len(turns) == 1) for number in range(1, iterations)]
+        return [(problems, True), *between, (problems, True)][: iterations + 1]
     made = sparing()
     first, *others = problems
-    anew, between = ([replace(first, objective=judge), *others] for judge in (made.anew, made.between))
-    return [anew, *([between] * (made.lasts - 1))], made.lasts
+    anew, spared = ([replace(first, objective=judge), *others] for judge in (made.anew, made.between))
+    renewed = find_renewals(iterations, made, pace)
+    return [
+        *((anew, True) if number in renewed else (spared, False) for number in range(iterations)),
+        (problems, True),
+    ]
+
+
+def find_renewals(iterations: int, sparing: Sparing, pace: float = 1.0) -> set[int]:
+    """Returns the iterations that compute slow terms: every `sparing.lasts` of them.
+
+    If these terms are smooth, full steps are counted in place of iterations: small steps at the beginning and at the
+    end do not go far.
+    """
+    found, way = {0}, 0.0
+    for number in range(1, iterations):
+        way += pace * _step_schedule(number - 1, iterations) if sparing.smooth else 1.0
+        if way >= sparing.lasts:
+            found.add(number)
+            way = 0.0
+    return found
 
 
 # Strokes of several brushes, each painted over the one before: their joint picture and loss.
@@ -279,26 +304,23 @@ def optimize_together(
     adam = Adam(leaves, _BETAS)
     best = _Best(variables)
     readings = _Readings(1 if leaves[0].device.type == "cpu" else _READ_TOGETHER)
-    turns, renewed = take_turns(problems)
     validation = problems[0].validation
-    pause = _BETWEEN_VALIDATIONS * (2 if renewed else 1)  # a validation costs as much as some spared iterations
+    pause = _BETWEEN_VALIDATIONS * (2 if problems[0].sparing else 1)  # as long as some spared iterations
     failures = 0
     changed: Tensor | None = None
-    for iteration in range(iterations + 1):
+    for iteration, (seen, is_comparable) in enumerate(take_turns(problems, iterations, pace)):
         current = [each.strokes(each.order()) for each in variables]
-        whole = iteration in (0, iterations) or len(turns) == 1 or (renewed > 0 and iteration % renewed == 0)
-        seen = problems if iteration == iterations or (whole and not renewed) else turns[iteration % len(turns)]
         if change is not None:
             if changed is None or iteration % _RENEWAL == 0 or iteration == iterations:
                 with torch.no_grad():
                     changed = change(current, problems)
             else:
-                whole = False  # only plans with their own changes are compared
+                is_comparable = False  # only plans with their own changes are compared
             seen = [_shift(seen[0], changed), *seen[1:]]
         with torch.set_grad_enabled(iteration < iterations):
             loss = stacked_cost(current, seen)
         if validation is None:
-            if whole:  # losses of different rows are not comparable, nor is a tangent a loss
+            if is_comparable:  # losses of different rows are not comparable, nor is a tangent a loss
                 best.consider(loss, variables)
         elif iteration % pause == 0 or iteration == iterations:
             with torch.no_grad():
@@ -425,7 +447,7 @@ class _Best:
 
     def __init__(self, variables: Sequence[Variables]) -> None:
         self.loss = variables[0].shape.new_full((), math.inf)
-        self._kept = [(each.shape.detach().clone(), each.color.detach().clone()) for each in variables]
+        self._kept = [[leaf.detach().clone() for leaf in each.leaves] for each in variables]
 
     def consider(self, loss: Tensor, variables: Sequence[Variables]) -> None:
         """Keeps the variables if the loss is the least so far."""
@@ -433,13 +455,13 @@ class _Best:
         better = loss < self.loss
         self.loss = torch.where(better, loss, self.loss)
         self._kept = [
-            (torch.where(better, each.shape.detach(), shape), torch.where(better, each.color.detach(), color))
-            for each, (shape, color) in zip(variables, self._kept, strict=True)
+            [torch.where(better, leaf.detach(), kept) for leaf, kept in zip(each.leaves, before, strict=True)]
+            for each, before in zip(variables, self._kept, strict=True)
         ]
 
     def restore(self, variables: Sequence[Variables]) -> None:
         """Sets the variables to the best ones."""
         with torch.no_grad():
-            for each, (shape, color) in zip(variables, self._kept, strict=True):
-                each.shape.copy_(shape)
-                each.color.copy_(color)
+            for each, before in zip(variables, self._kept, strict=True):
+                for leaf, kept in zip(each.leaves, before, strict=True):
+                    leaf.copy_(kept)

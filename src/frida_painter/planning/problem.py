@@ -184,7 +184,7 @@ class Region:
         def sparing() -> Sparing:
             assert make is not None
             made = make()
-            return Sparing(guard(made.anew), guard(made.between), made.lasts)
+            return replace(made, anew=guard(made.anew), between=guard(made.between))
 
         return replace(
             problem,

@@ -10,6 +10,15 @@ from torch import Tensor
 from torch.nn import functional
 
 from frida_painter import images
+from frida_painter.objectives.style_marks import (
+    from_lab_picture,
+    in_colors,
+    mix_composition,
+    pieces_of,
+    quilt,
+    shape_of_pieces,
+    to_lab_picture,
+)
 from frida_painter.palette import Palette, from_lab, to_lab
 
 # Recoloring of a drawing: its main colour changes, and parts of another hue stay.
@@ -230,3 +239,26 @@ def tone(drawing: Tensor, colors: Tensor, low: float, high: float) -> Tensor:
     lab = np.stack([np.interp(wanted, scale[:, 0], scale[:, part]) for part in range(3)])
     painted = from_lab(torch.from_numpy(lab).float().permute(1, 2, 0)).permute(2, 0, 1)
     return torch.cat((painted, drawing[3:]))
+
+
+# A scene in the colours, the value structure and the marks of a style picture. Things keep their shape.
+
+_CLEAR_SHAPE = 1.6  # factor of the opacity of things, whose soft edges are theirs
+_OWN = 0.8  # share of its own picture that a thing keeps
+
+
+def in_style(scene: Tensor, where: Tensor, style: Tensor) -> Tensor:
+    """Returns a scene [3, H, W] in sRGB in the colours, values and marks of a style picture [3, h, w].
+
+    where [H, W]: opacity of the scene's things, in [0, 1]; they take the colours over all its values, so that they
+    stand out, and hardly the marks
+    """
+    rows, columns = scene.shape[1:]
+    shape = shape_of_pieces(rows, columns)
+    whole = to_lab_picture(images.fit(style, *shape))
+    small, thing = images.fit(scene, *shape), (_CLEAR_SHAPE * images.fit(where[None], *shape)).clamp(max=1)
+    ground = in_colors(mix_composition(to_lab_picture(small), whole, thing), whole)
+    own = tone(torch.cat((small, thing)), style_colors(style), 0.0, 1.0)[:3] if bool((thing > 0.5).any()) else small
+    colored = torch.lerp(ground, to_lab_picture(own), thing)
+    painted = torch.lerp(quilt(colored, pieces_of(style)), colored, _OWN * thing)
+    return images.fit(from_lab_picture(painted), rows, columns)

@@ -24,9 +24,8 @@ from frida_painter.words.arrangement import (
     known_things,
     with_figures,
 )
-from frida_painter.words.compositing import composite_into_style, is_colored, recolor
+from frida_painter.words.compositing import composite_into_style, in_style, is_colored, recolor
 from frida_painter.words.composition import ComposedScene, compose_mood, compose_photograph, compose_scene, saliency
-from frida_painter.words.in_style import in_style
 from frida_painter.words.libraries import fade_edges
 from frida_painter.words.meaning import Text
 from frida_painter.words.places import (
@@ -564,7 +563,8 @@ def initial_composition(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, 
     """Returns the goal with an initial picture, if it has words and no other picture to begin with.
 
     The picture also becomes a term beside the words, so that the composition lasts while the words change it. It has
-    the colours and the marks of the heaviest style, in proportion if that is lighter than the words. A sketch without
+    the colours and the marks of the heaviest style, in proportion if that is lighter than the words; without a CLIP,
+    it stands in place of the words then. A sketch without
     a photograph is filled with the colours of that picture or of a style. A style picture to begin with gets the
     thing of the words laid into it. All other goals are returned unchanged.
     """
@@ -599,7 +599,11 @@ def initial_composition(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, 
         drawing = images.fit(drawing, grid.rows, grid.columns)
         like = scene_of(words, grid, encoders, seed, "coloured like").picture if style is None else style
         begun = _fill_drawing(drawing, like, weight * _AMONG)
-    return Goal((*goal.terms, begun), (replace(begun, weight=1.0),))
+    # Networks by class names know photographs. A scene in a style does not please them, whatever is painted, so they
+    # choose the scene and leave its painting to the style; a CLIP knows paintings.
+    leads = style is None or drawing is not None or encoders.reads_by_clip
+    terms = goal.terms if leads else tuple(term for term in goal.terms if term.words is None)
+    return Goal((*terms, begun), (replace(begun, weight=1.0),))
 
 
 def _term(scene: ComposedScene, weight: float = 1.0, subject: float = _SUBJECT) -> ImageTerm:

@@ -1,0 +1,174 @@
+"""Marks and values of a style picture in another picture, before anything is planned.
+
+Optimal transport moves colours to those of the style: light for light and dark for dark, with the style's own share of
+each colour (Rabin et al. 2011, "Wasserstein barycenter and its application to texture mixing"). Then the picture is put
+together from pieces of the style picture: each piece is like the picture at its place and fits its neighbours (Efros
+and Freeman 2001, "Image quilting for texture synthesis and transfer").
+"""
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from frida_painter import images
+from frida_painter.objectives.objective import Goal, Term
+from frida_painter.objectives.pixel_loss import spread
+from frida_painter.objectives.style_flow import clear_edges
+from frida_painter.palette import from_lab, to_lab
+
+# Photographs in the marks of a style. Places with edges of their own keep most of their picture.
+
+_ROWS = 128  # of the small picture that is put together
+_OWN = 0.8  # share of its own picture that a place with clear edges keeps
+_LAYOUT = 0.15  # share of the style's own composition, in even areas
+_SHARES = 0.6  # share of the style's own shares of colours, in a picture without colours
+_FACE = 3.0  # importance of a place, relative to the least, from which it keeps its picture
+
+
+def in_style_marks(goal: Goal) -> Goal:
+    """Returns the goal with its photographs put together from pieces of its heaviest style.
+
+    A style with at least the weight of a photograph changes it completely, a lighter style in proportion. Pictures
+    that the goal begins with stay unchanged. So does a goal without a style.
+    """
+    style = max((term for term in goal.terms if term.colors is not None), key=lambda term: term.weight, default=None)
+    begun = {id(term.picture) for term in goal.initial}
+    if style is None or style.colors is None:
+        return goal
+    colors, weight = style.colors, style.weight
+
+    def marked(term: Term) -> Term:
+        picture = term.picture
+        if picture is None or not term.is_pixelwise or id(picture) in begun:
+            return term
+        changed = lay_marks(picture, colors, term.importance)
+        return term.with_picture(torch.lerp(picture, changed, min(1.0, weight / term.weight)))
+
+    return Goal(tuple(map(marked, goal.terms)), goal.initial)
+
+
+def lay_marks(picture: Tensor, style: Tensor, importance: Tensor | None = None) -> Tensor:
+    """Returns a picture [3, H, W], which is in the colours of a style [3, h, w], in its marks and values, in sRGB.
+
+    importance [h, w]: places of three times the least importance, such as faces, keep their picture
+    """
+    rows, columns = picture.shape[1:]
+    shape = shape_of_pieces(rows, columns)
+    small, whole = to_lab_picture(images.fit(picture, *shape)), to_lab_picture(images.fit(style, *shape))
+    own = clear_edges(picture, *shape)
+    if importance is not None:
+        matters = spread(importance, *shape)
+        own = torch.maximum(own, ((matters / matters.amin() - 1) / (_FACE - 1)).clamp(0, 1))
+    mixed = mix_composition(small, whole, own)
+    colorless = 1 - float((_chroma_spread(small) / _chroma_spread(whole).clamp(min=1e-6)).clamp(max=1))
+    mixed = torch.lerp(mixed, in_colors(mixed, whole), _SHARES * colorless)
+    colored = torch.lerp(picture, images.fit(from_lab_picture(mixed), rows, columns), colorless)
+    laid = images.fit(from_lab_picture(quilt(mixed, pieces_of(style))), rows, columns)
+    return torch.lerp(laid, colored, _OWN * images.fit(own[None], rows, columns)).clamp(0, 1)
+
+
+def mix_composition(picture: Tensor, style: Tensor, kept: Tensor) -> Tensor:
+    """Returns a picture [3, H, W] with a little of the composition of a style [3, H, W], both in Lab.
+
+    kept [H, W]: share of each place that does not change. Even areas have no order of light and dark of their own;
+    there the style's composition decides.
+    """
+    return picture + _LAYOUT * (1 - kept) * (style - style.mean((1, 2), keepdim=True))
+
+
+def _chroma_spread(lab: Tensor) -> Tensor:
+    """Returns how far the colours of a picture [3, H, W] in Lab differ in a* and b*."""
+    return lab[1:].flatten(1).var(1).sum().sqrt()
+
+
+def to_lab_picture(picture: Tensor) -> Tensor:
+    """Returns a picture [3, H, W] of sRGB in Lab."""
+    return to_lab(picture.permute(1, 2, 0)).permute(2, 0, 1)
+
+
+def from_lab_picture(lab: Tensor) -> Tensor:
+    """Returns a picture [3, H, W] of Lab in sRGB."""
+    return from_lab(lab.permute(1, 2, 0)).permute(2, 0, 1)
+
+
+# Optimal transport of colours
+
+_TURNS = 12  # of the axes along which colours are moved
+
+
+def transport(colors: Tensor, wanted: Tensor) -> Tensor:
+    """Returns colours [n, 3] moved so that they are distributed as `wanted` [m, 3] is, with little movement.
+
+    Along each of some axes, the i-th smallest value becomes the i-th smallest wanted one. The first axes are the given
+    ones, so that lightness keeps its order.
+    """
+    chance = torch.Generator().manual_seed(0)
+    rank = torch.linspace(0, len(wanted) - 1, len(colors)).round().long()
+    for turn in range(_TURNS):
+        axes = torch.linalg.qr(torch.randn(3, 3, generator=chance)).Q if turn else torch.eye(3)
+        seen, aim = colors @ axes, (wanted @ axes).sort(0).values[rank]
+        moved = torch.empty_like(seen).scatter_(0, seen.argsort(dim=0, stable=True), aim)
+        colors = colors + (moved - seen) @ axes.T
+    return colors
+
+
+def in_colors(picture: Tensor, style: Tensor) -> Tensor:
+    """Returns a picture [3, H, W] with the colours of a style [3, h, w] in the style's own shares, both in Lab."""
+    return transport(picture.flatten(1).T, style.flatten(1).T).T.reshape(picture.shape)
+
+
+# Pieces of a style
+
+_LONGEST = 1.6  # longer side of the style that is used, in shorter ones
+_PIECE, _STEP, _APART = 22, 16, 3  # pixels: side of a piece, distance of pieces, and of candidates
+_COARSE = 3  # pixels: radius within which a piece is compared with the picture
+_AGAIN, _NEAR = 1.0, 2  # cost of each further use of a piece, relative to its own; candidates that count as the same
+_ALIKE = 0.7  # weight of the likeness to the picture; the rest is that of fitting the neighbours
+
+
+def shape_of_pieces(rows: int, columns: int) -> tuple[int, int]:
+    """Returns rows and columns of the small picture that is put together for a picture of this shape."""
+    return _ROWS, max(_PIECE, round(_ROWS * columns / rows))
+
+
+def pieces_of(style: Tensor) -> Tensor:
+    """Returns the part of a style [3, h, w] that pieces are taken from, small and in Lab: of a panorama the middle."""
+    shorter = min(style.shape[1:])
+    rows, columns = (round(_ROWS * min(side / shorter, _LONGEST)) for side in style.shape[1:])
+    return to_lab_picture(images.fit(style, rows, columns))
+
+
+def quilt(scene: Tensor, style: Tensor) -> Tensor:
+    """Returns a picture [3, H, W] put together from pieces of the style [3, h, w], both in Lab."""
+    pieces, coarse = (functional.unfold(picture[None], _PIECE, stride=_APART)[0] for picture in (style, _soften(style)))
+    wanted, size = _soften(scene), 3 * _PIECE**2
+    laid, weight = torch.zeros_like(scene), torch.zeros_like(scene)
+    down, across = ((side - _PIECE) // _APART + 1 for side in style.shape[1:])
+    used = torch.zeros(down, across)  # for each candidate, how often it or one near it was taken
+    ramp = torch.arange(1.0, _PIECE + 1)
+    ramp = torch.minimum(ramp, ramp.flip(0)).clamp(max=_PIECE - _STEP)
+    window = (ramp[:, None] * ramp).expand(3, -1, -1)
+    for top in _places(scene.shape[1]):
+        for left in _places(scene.shape[2]):
+            here = (slice(None), slice(top, top + _PIECE), slice(left, left + _PIECE))
+            cost = _ALIKE * (coarse - wanted[here].reshape(size, 1)).square().mean(0)
+            beside = weight[here].reshape(size) > 0
+            if bool(beside.any()):
+                there = (laid[here] / weight[here].clamp(min=1e-6)).reshape(size)[beside]
+                cost = cost + (1 - _ALIKE) * (pieces[beside] - there[:, None]).square().mean(0)
+            chosen = int((cost * (1 + _AGAIN * used.flatten())).argmin())
+            row, column = divmod(chosen, across)
+            used[max(0, row - _NEAR) : row + _NEAR + 1, max(0, column - _NEAR) : column + _NEAR + 1] += 1
+            laid[here] += window * pieces[:, chosen].reshape(3, _PIECE, _PIECE)
+            weight[here] += window
+    return laid / weight
+
+
+def _soften(picture: Tensor) -> Tensor:
+    around = functional.pad(picture[None], (_COARSE,) * 4, mode="replicate")
+    return functional.avg_pool2d(around, 2 * _COARSE + 1, 1)[0]
+
+
+def _places(length: int) -> list[int]:
+    """Returns the first pixels of pieces that cover `length` pixels."""
+    return [*range(0, length - _PIECE, _STEP), length - _PIECE]

@@ -1,0 +1,82 @@
+"""Photographs in the colours, values and marks of a style picture."""
+
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from frida_painter.objectives.image import ImageTerm
+from frida_painter.objectives.objective import Goal
+from frida_painter.objectives.style import StyleTerm
+from frida_painter.objectives.style_marks import in_style_marks, lay_marks, transport
+from frida_painter.palette import to_lab
+
+
+def stripes(rows: int = 96, columns: int = 128) -> torch.Tensor:
+    """A style: dark blue and yellow stripes, slanting."""
+    down, across = torch.meshgrid(torch.arange(rows), torch.arange(columns), indexing="ij")
+    light = (((down + across) // 6) % 3 == 0).float()
+    dark, bright = torch.tensor([0.1, 0.15, 0.5])[:, None, None], torch.tensor([0.95, 0.85, 0.3])[:, None, None]
+    return torch.lerp(dark, bright, light)
+
+
+def photograph() -> torch.Tensor:
+    """A dark disc with sharp edges on an even gray."""
+    down, across = torch.meshgrid(torch.arange(64.0), torch.arange(80.0), indexing="ij")
+    disc = ((down - 32).square() + (across - 40).square()).sqrt() < 12
+    return torch.where(disc, 0.15, 0.6).expand(3, -1, -1).contiguous()
+
+
+@settings(max_examples=12, deadline=None)
+@given(st.integers(30, 300), st.integers(30, 300), st.integers(0, 100))
+def test_colours_are_distributed_as_those_that_are_wanted(many: int, wanted: int, seed: int) -> None:
+    chance = torch.Generator().manual_seed(seed)
+    aim = torch.rand(wanted, 3, generator=chance) * torch.tensor([60.0, 40.0, 20.0])
+    moved = transport(torch.rand(many, 3, generator=chance) * 30, aim)
+    torch.testing.assert_close(moved.mean(0), aim.mean(0), atol=3.0, rtol=0.1)
+    torch.testing.assert_close(moved.std(0), aim.std(0), atol=3.0, rtol=0.25)
+
+
+def test_colours_that_are_right_stay() -> None:
+    colors = torch.rand(200, 3, generator=torch.Generator().manual_seed(1)) * 50
+    torch.testing.assert_close(transport(colors, colors[torch.randperm(200)]), colors, atol=1e-3, rtol=0)
+
+
+@pytest.mark.slow
+def test_even_areas_get_marks_and_colours_and_edges_stay() -> None:
+    picture, style = photograph(), stripes()
+    shown = lay_marks(picture, style)
+    assert shown.shape == picture.shape and 0 <= float(shown.min()) <= float(shown.max()) <= 1
+    lab = to_lab(shown.permute(1, 2, 0))
+    even = lab[:, :16].flatten(0, 1)
+    assert float(even[:, 0].std()) > 5, "marks"
+    assert float(even[:, 1:].norm(dim=1).mean()) > 10, "colours, though the photograph has none"
+    inside, around = lab[26:38, 34:46, 0].mean(), torch.cat((lab[:, 16:24, 0], lab[:, 56:64, 0])).mean()
+    assert float(inside) < float(around) - 5, "the disc is still dark"
+
+
+@pytest.mark.slow
+def test_faces_keep_their_picture() -> None:
+    picture = torch.lerp(torch.tensor([0.9, 0.8, 0.2])[:, None, None], 1 - stripes(64, 80)[:, :1, :1], photograph())
+    importance = torch.ones(16, 20)
+    importance[4:12, 6:14] = 7.0
+    free, kept = lay_marks(picture, stripes()), lay_marks(picture, stripes(), importance)
+    inside = slice(22, 42), slice(30, 50)
+    change = [float((one - picture)[:, inside[0], inside[1]].abs().mean()) for one in (kept, free)]
+    assert change[0] < change[1]
+
+
+@pytest.mark.slow
+def test_a_style_that_matters_less_changes_less() -> None:
+    picture = photograph()
+    (shown, _) = in_style_marks(Goal((ImageTerm(picture, 4.0), StyleTerm(stripes())))).terms
+    wanted = torch.lerp(picture, lay_marks(picture, stripes()), 0.25)
+    assert shown.picture is not None
+    torch.testing.assert_close(shown.picture, wanted)
+
+
+def test_what_a_goal_begins_with_and_goals_without_a_style_stay() -> None:
+    term = ImageTerm(photograph())
+    unstyled, begun = Goal((term,)), Goal((term, StyleTerm(stripes())), (term,))
+    assert in_style_marks(unstyled) is unstyled
+    assert in_style_marks(begun).terms[0] is term
