@@ -2,7 +2,7 @@ import pytest
 import torch
 
 from frida_painter.palette import to_lab
-from frida_painter.words.compositing import composite_into_style
+from frida_painter.words.style_scene import composite_into_style
 
 
 def _halves() -> torch.Tensor:

@@ -12,7 +12,7 @@ from torch.nn import functional
 
 from frida_painter import images
 from frida_painter.palette import from_lab, to_lab
-from frida_painter.words.compositing import style_colors, tone
+from frida_painter.words.style_scene import style_colors, tone
 
 _ROWS = 128  # of the small scene that is put together
 _TURNS = 12  # of the axes along which colours are moved
