@@ -106,8 +106,8 @@ _OF_WORD = {
     "over": "over", "above": "over", "across": "over", "crossing": "on",
     **dict.fromkeys(("beside", "next to"), "beside"), **dict.fromkeys(("near", "by", "along", "around", "at"), "near"),
     "behind": "behind", "in front of": "front", "before": "front", "against": "front", "between": "between",
-    "with": "with", "holding": "with", "carrying": "with", "eating": "with", "reading": "with",
-    "drinking": "with", "smoking": "with", "playing": "playing",
+    "with": "with", "holding": "with", "carrying": "with", "playing": "playing",
+    **dict.fromkeys(("eating", "reading", "drinking", "smoking"), "hands"),
 }  # fmt: skip
 _CROWN = 0.1  # share of a picture's height at its top that counts as the head
 _HAT, _MIN_HEAD, _LARGEST_HAT, _PULLED_DOWN = 1.25, 0.12, 0.35, 0.3  # of a head's width, and of heights
@@ -249,6 +249,7 @@ def _sizes(parts: Sequence[ScenePart | None], shown: Sequence[int]) -> dict[int,
 
 def _put(mine: Placed, other: Placed, kind: str, where: str, other_where: str) -> tuple[Placed, Placed]:
     """Returns a thing at its place beside another, and the other, whose size may have changed."""
+    kind = "with" if kind == "hands" else kind
     if kind in ("beneath", "around"):
         other, mine = _put(other, mine, _OPPOSITE[kind], other_where, where)
         return mine, other

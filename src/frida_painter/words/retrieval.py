@@ -65,6 +65,11 @@ def has_ground(picture: Tensor) -> bool:
     return float(picture[3].mean()) > _FILLED
 
 
+def is_upright(picture: Tensor) -> bool:
+    """Returns True if a picture [4, h, w] of a person probably shows all of them, from head to foot."""
+    return picture.shape[1] > _TALL * picture.shape[2]
+
+
 def _flatness(picture: Tensor) -> float:
     """Returns the share of equal neighbouring pixels in a thing [4, h, w]: near 0 in photographs, near 1 in signs."""
     opaque = picture[3] > 0.98
@@ -263,7 +268,7 @@ class PictureIndex:
                     + _CONTEXT * float(context[at])
                     + trusted * max(-_FARTHER, min(looks, _NEARER))
                     + appearance(picture, entry.realism, is_own=entry.library.is_own)
-                    + _FROM_HEAD_TO_FOOT * (upright and picture.shape[1] > _TALL * picture.shape[2])
+                    + _FROM_HEAD_TO_FOOT * (upright and is_upright(picture))
                     - _UNTOLD * (grounded and not tells_color)
                 )
                 if worth > best:

@@ -54,12 +54,22 @@ from frida_painter.words.places import (
     rank_lights,
 )
 from frida_painter.words.reading import Reading, Relation, Thing, paint_of, prompt_reader, word_meanings
-from frida_painter.words.retrieval import FoundPicture, PictureIndex, has_ground, is_colorless, picture_index
+from frida_painter.words.retrieval import (
+    FoundPicture,
+    PictureIndex,
+    has_ground,
+    is_colorless,
+    is_upright,
+    picture_index,
+)
 from frida_painter.words.style_scene import composite_into_style
 
 # Casting: the choice of a picture for each thing, alone or together with others.
 
-_FIGURES = ("woman", "man")  # who stand for people without a picture
+_FIGURES, _FIGURE = (
+    ("woman", "man", "girl", "boy"),
+    0.5,
+)  # who stand for people; least similarity to those with a picture
 _IN_A_FIELD = 7  # number of things that a place is full of
 _WHOLE = 0.80  # similarity of a caption to two things and their relation above which it shows both
 _PART = 0.75  # the same for a part of a thing
@@ -185,8 +195,9 @@ class _Caster:
         least = _PART if is_part else 0.0
         acts = bool(thing.doing or among)
         found = self._find(thing, least=least, cut_out=among, acts=acts)
-        if found is None and not is_part and is_person(thing.name, word_meanings(self.encoders)):
-            return self._somebody(thing, among=among)
+        is_whole = found is not None and (not acts or found.library.is_own or is_upright(found.picture))
+        if not is_whole and not is_part and is_person(thing.name, word_meanings(self.encoders)):
+            return self._somebody(thing, among=among, least=0.0 if found is None else _FIGURE) or found
         if not among or not leads or (found is not None and found.library.is_own):
             return found
         enough = found.similarity + _BETTER if found is not None and found.exact else -1.0
@@ -195,10 +206,14 @@ class _Caster:
         whole = self._find(thing, least=least, acts=acts)
         return whole if whole is not None and whole.exact and whole.similarity > enough else found
 
-    def _somebody(self, thing: Thing, *, among: bool) -> FoundPicture | None:
-        """Returns a woman or a man, the nearer one in meaning first, for a person without a picture."""
-        meanings = word_meanings(self.encoders).embed([thing.name, *_FIGURES])
-        names = sorted(_FIGURES, key=lambda name: -float(meanings[1 + _FIGURES.index(name)] @ meanings[0]))
+    def _somebody(self, thing: Thing, *, among: bool, least: float) -> FoundPicture | None:
+        """Returns a figure for a person without a picture from head to foot; of several, the nearest in meaning.
+
+        least: similarity of the figure and the person
+        """
+        meanings = word_meanings(self.encoders).embed([thing.noun, *_FIGURES])
+        similar = dict(zip(_FIGURES, (meanings[1:] @ meanings[0]).tolist(), strict=True))
+        names = sorted((name for name in _FIGURES if similar[name] >= least), key=lambda name: -similar[name])
         shown = [self._find(replace(thing, name=name, noun=name, plural="", count=1), cut_out=among, acts=True)
                  for name in names[: thing.shown]]  # fmt: skip
         figures = [one for one in shown if one is not None]
@@ -409,9 +424,9 @@ def _setting(
     for number, thing in enumerate(reading.things):
         nearest = 0.0 if index is None else index.nearest(thing)
         if index is None or not index.has_own(thing):
-            others = [one.name for one in known_things()]
-            is_felt = not is_person(thing.noun, sentences)
-            mood = find_mood(thing.noun, others, sentences, is_pictured=nearest >= NAMED_ALONE) if is_felt else None
+            people = [one.name for one in known_things() if one.where == "person"]
+            others = [one.name for one in known_things() if one.where != "person"]
+            mood = find_mood(thing.noun, people, others, sentences, is_pictured=nearest >= NAMED_ALONE)
             weather = find_part(thing.noun, WEATHERS, sentences)
             if mood is not None or weather is not None:
                 settled.add(number)
@@ -491,7 +506,7 @@ def _account_for(things: Sequence[SceneThing | None], reading: Reading, seen: _S
                 account.mark_picture(second, one.found.caption, exact=True, several=False)
                 account.mark(relation.at, Mark.SHOWN, one.found.caption)
         if account.shows(first.at) and account.shows(second.at):
-            is_placed = kind_of(relation.word)
+            is_placed = kind_of(relation.word) not in ("", "hands")
             settles = any(second is thing or first is thing for thing, _, _ in seen)
             account.mark(relation.at, Mark.SHOWN if is_placed or settles else Mark.SIMILAR, "side by side")
 
