@@ -15,8 +15,9 @@ _COLORLESS = 12.0  # chroma below which a colour has no hue
 _HUE = 0.8  # radians by which shades of one colour may differ in hue
 _SHADE = 45.0  # L* by which shades of a colour without hue may differ
 _STEP = 8.0  # Lab distance within which colours count as one
-_SHADES = 24  # number of the most frequent colours that are compared, each with all its shades
 _PASSES = 25.0  # Lab distance at which a colour still passes for its name
+
+_SHADES = 24  # frequent colours that are compared with all their shades
 _CONTRAST = 0.7  # share of the differences between shades that is kept
 _VIVID = 40.0  # chroma above which shades keep the full differences in hue of the drawing
 _MUTED, _MUTED_LIGHTNESS = 40.0, (25.0, 62.0)  # chroma and L* of a colour that suits many things
