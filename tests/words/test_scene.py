@@ -183,3 +183,18 @@ def test_weather_is_no_object_and_its_light_goes_before_that_of_a_mood(tmp_path:
     scene_of("the sound of thunder", GRID, seen, 0)
     assert "strokes and colours of a storm" in seen.remarks[0]
     assert "'sound' (by music), 'thunder' (by a storm)" in seen.remarks[1]
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_a_woman_or_a_man_stands_for_somebody_without_a_picture(tmp_path: Path, count: int) -> None:
+    class Figures(PictureIndex):
+        def find(self, thing: Thing, *others: object, **further: object) -> FoundPicture | None:
+            known = thing.name in ("man", "woman")
+            picture = Pictures().pictures("goat")[0]
+            return FoundPicture(picture, thing.name, Pictures(), 0.9, exact=True) if known else None
+
+    seen = encoders(tmp_path, Reading((Thing("sailor", "sailor", count=count),)))
+    seen.own["picture index"] = Figures([Pictures()], WordBag(), tmp_path)
+    scene_of("a sailor", GRID, seen, 0)
+    assert "(pictures" in seen.remarks[0] and ("2 times" in seen.remarks[0]) == (count == 2)
+    assert seen.remarks[1].startswith("Your words: shown by something similar: 'sailor' (by ")

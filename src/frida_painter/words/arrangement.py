@@ -3,7 +3,8 @@
 Lengths are relative: x points right, y up from the floor. The composition scales the scene to the canvas.
 """
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib import resources
@@ -11,15 +12,17 @@ from typing import NamedTuple
 
 import torch
 from torch import Tensor
+from torch.nn import functional
 
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.words.compositing import resize
-from frida_painter.words.reading import MAX_THINGS, Reading, Relation, Thing
+from frida_painter.words.reading import Relation
 
 # Sizes and usual places of things, from known things of similar meaning.
 
-_ALIKE = 0.3  # least similarity to a person
+_ALIKE = 0.25  # least similarity to some known thing
 _NEIGHBOURS = 3
+_PERSON, _VOTES = 0.018, 0.12  # margin towards people above which a name means one, and the part of neighbours in it
 _SHARPNESS = 0.05  # difference of similarity at which a neighbour's weight falls to 1/e
 
 
@@ -29,7 +32,8 @@ class Known(NamedTuple):
     name: of the thing
     height: metres
     where: "ground", "air" or "water"; "person" for people, on the ground; "worn": clothes; "held": its holder lifts
-        it; "head": worn on the head; "facing": a thing on it appears in front of it, as on a web
+        it; "head": worn on the head; "top": things stand on it; "seat": they sit in it; "facing": a thing on it appears
+        in front of it, as on a web
     """
 
     name: str
@@ -51,22 +55,26 @@ def known_like(name: str, sentences: SentenceEncoder) -> Known:
     The height is a weighted mean of theirs; the usual place is that of the most similar one.
     """
     things = known_things()
-    similarity, nearest = _likeness(name, sentences).topk(_NEIGHBOURS)
+    meanings = sentences.embed([name, *(thing.name for thing in things)])
+    similarity, nearest = (meanings[1:] @ meanings[0]).topk(_NEIGHBOURS)
     share = (similarity / _SHARPNESS).softmax(0)
     heights = torch.tensor([things[at].height for at in nearest.tolist()])
     return Known(name, float((share * heights.log()).sum().exp()), things[int(nearest[0])].where)
 
 
 def is_person(name: str, sentences: SentenceEncoder) -> bool:
-    """Returns True if the most similar known thing is a person."""
-    similarity, nearest = _likeness(name, sentences).max(0)
-    return float(similarity) >= _ALIKE and known_things()[int(nearest)].where == "person"
+    """Returns True if a name means a person.
 
-
-def _likeness(name: str, sentences: SentenceEncoder) -> torch.Tensor:
-    """Returns the similarity to each known thing, [n]."""
+    It must be nearer to the mean of known people than to that of known things; its nearest known things count too.
+    """
+    of_people = torch.tensor([thing.where == "person" for thing in known_things()])
     meanings = sentences.embed([name, *(thing.name for thing in known_things())])
-    return meanings[1:] @ meanings[0]
+    people, others = meanings[1:][of_people].mean(0), meanings[1:][~of_people].mean(0)
+    toward = functional.normalize(people - others, dim=0)
+    similarity, nearest = (meanings[1:] @ meanings[0]).topk(_NEIGHBOURS)
+    votes = float((similarity / _SHARPNESS).softmax(0) @ of_people[nearest].float())
+    leans = float(meanings[0] @ toward - (people + others) @ toward / 2) + _VOTES * votes
+    return leans > _PERSON and float(similarity[0]) > _ALIKE
 
 
 _GROWTH = 0.35  # exponent from the height in the world to the height in a picture
@@ -85,6 +93,8 @@ _NECK = 0.25  # share of a picture's fullest row that every row of a neck has
 _ON_A_FACE = 0.45  # greatest height of a thing on a facing thing, relative to that
 
 _HELD, _HAND = 0.8, 0.45  # relative to the holder: greatest height of a held thing, height of the hand
+_SMALL, _IN_THE_HANDS = 0.62, 0.4  # of a person: greatest height of a thing for the hands, and in them
+_SEAT = 0.5  # share of the height of a seat's picture at which somebody sits
 _PLAYED = 0.55  # greatest height of an instrument, relative to its player
 _STANDS = 0.85  # the same, above which an instrument stands on the floor
 _ENDS = 0.95  # share of the height up to which a neck is examined, because its end may be round
@@ -94,21 +104,23 @@ _OF_WORD = {
     "in": "in", "inside": "in", "into": "in", "within": "in", "of": "around", "out of": "in", "from": "in",
     "under": "under", "below": "under", "beneath": "under", "underneath": "under",
     "over": "over", "above": "over", "across": "over", "crossing": "on",
+    **dict.fromkeys(("beside", "next to"), "beside"), **dict.fromkeys(("near", "by", "along", "around", "at"), "near"),
     "behind": "behind", "in front of": "front", "before": "front", "against": "front", "between": "between",
-    "with": "with", "holding": "with", "carrying": "with", "eating": "with", "playing": "playing",
+    "with": "with", "holding": "with", "carrying": "with", "playing": "playing",
+    **dict.fromkeys(("eating", "reading", "drinking", "smoking"), "hands"),
 }  # fmt: skip
 _CROWN = 0.1  # share of a picture's height at its top that counts as the head
 _HAT, _MIN_HEAD, _LARGEST_HAT, _PULLED_DOWN = 1.25, 0.12, 0.35, 0.3  # of a head's width, and of heights
 _STOOD_BY = ("on", "in", "under", "over", "behind", "between")  # the objects of these relations are placed first
 _OPPOSITE = {
-    "on": "beneath", "in": "around", "around": "in", "under": "over", "over": "under", "behind": "front",
-    "front": "behind",
+    "on": "beneath", "beneath": "on", "in": "around", "around": "in", "under": "over", "over": "under",
+    "behind": "front", "front": "behind",
 }  # fmt: skip
 
 
-def is_arranged(word: str) -> bool:
-    """Returns True if a preposition or a verb has an arrangement of its own; others put things side by side."""
-    return word in _OF_WORD
+def kind_of(word: str) -> str:
+    """Returns the kind of arrangement of a preposition or a verb, such as "on"; "" puts things side by side."""
+    return _OF_WORD.get(word, "")
 
 
 @dataclass(frozen=True)
@@ -160,12 +172,12 @@ def arrange_parts(parts: Sequence[ScenePart | None], relations: Sequence[Relatio
     known = [part.known.where if part is not None else "" for part in parts]
     placed: dict[int, Placed] = {}
     usable = [
-        replace(one, word="with") if known[one.object] == "head" and one.word in ("in", "wearing") else one
+        _usual(one, parts[one.subject], parts[one.object])
         for one in relations
         if {one.subject, one.object} <= set(shown) and one.subject != one.object
     ]
     floor = [number for number in shown if known[number] != "air"] or shown
-    standing = (one.object for one in usable if _OF_WORD.get(one.word) in _STOOD_BY)
+    standing = (one.object for one in usable if kind_of(one.word) in _STOOD_BY)
     first = next(standing, floor[0])
     placed[first] = _alone(parts, first, sizes)
     together: dict[tuple[int, str], list[int]] = {}  # things on or in the same thing
@@ -176,8 +188,8 @@ def arrange_parts(parts: Sequence[ScenePart | None], relations: Sequence[Relatio
             one = rest[0]
             placed[one.object] = _beside(list(placed.values()), _alone(parts, one.object, sizes))
         rest.remove(one)
-        kind = _OF_WORD.get(one.word, "beside")
-        if known[one.object] == "air" and (one.word == "at" or one.word.endswith("ing")) and one.word not in _OF_WORD:
+        kind = kind_of(one.word)
+        if known[one.object] == "air" and (one.word == "at" or (one.word.endswith("ing") and not kind)):
             kind = "with"  # flown kites and a howled-at moon are in the air
         if one.word == "from" and any(two.subject == one.subject and two.word.endswith("ing") for two in usable):
             kind = "beside"  # an animal that eats leaves from a tree is not in the tree
@@ -205,6 +217,15 @@ def arrange_parts(parts: Sequence[ScenePart | None], relations: Sequence[Relatio
     return sorted(placed.values(), key=lambda one: one.depth)
 
 
+def _usual(relation: Relation, subject: ScenePart | None, other: ScenePart | None) -> Relation:
+    """Returns a relation as it is meant: what a table is "with" stands on it, and a hat is not around its wearer."""
+    assert subject is not None and other is not None
+    if relation.word == "with" and subject.known.where == "top" and other.known.height < subject.known.height:
+        return Relation(relation.object, "on", relation.subject)
+    is_worn = other.known.where == "head" and relation.word in ("in", "wearing")
+    return replace(relation, word="with") if is_worn else relation
+
+
 def _alone(parts: Sequence[ScenePart | None], number: int, sizes: dict[int, float]) -> Placed:
     part = parts[number]
     assert part is not None
@@ -228,75 +249,75 @@ def _sizes(parts: Sequence[ScenePart | None], shown: Sequence[int]) -> dict[int,
 
 def _put(mine: Placed, other: Placed, kind: str, where: str, other_where: str) -> tuple[Placed, Placed]:
     """Returns a thing at its place beside another, and the other, whose size may have changed."""
-    if kind in ("on", "beneath"):
-        upper, lower = (mine, other) if kind == "on" else (other, mine)
-        if (other_where if kind == "on" else where) == "facing":
-            upper = replace(
-                upper, height=min(upper.height, _ON_A_FACE * lower.height), x=lower.x, depth=lower.depth + 1
-            )
-            upper = replace(upper, y=lower.y + 0.5 * (lower.height - upper.height))
-            return (upper, lower) if kind == "on" else (lower, upper)
-        if upper.height > 0.9 * lower.height and lower.width < 1.5 * upper.width:
-            upper = replace(upper, height=max(0.62 * lower.height, 0.6 * upper.height))
-        top = lower.y + lower.height * _top(lower.picture, upper.width / max(lower.width, 1e-6))
-        upper = replace(upper, x=lower.x, y=top - _SINKS * upper.height, depth=lower.depth + 1)
-        return (upper, lower) if kind == "on" else (lower, upper)
-    if kind in ("in", "around"):
-        inner, outer = (mine, other) if kind == "in" else (other, mine)
+    kind = "with" if kind == "hands" else kind
+    if kind in ("beneath", "around"):
+        other, mine = _put(other, mine, _OPPOSITE[kind], other_where, where)
+        return mine, other
+    if kind == "on" and other_where == "facing":
+        size = min(mine.height, _ON_A_FACE * other.height)
+        return _at(mine, other, up=0.5 - 0.5 * size / other.height, most=size), other
+    if kind == "on":
+        if mine.height > 0.9 * other.height and other.width < 1.5 * mine.width:
+            mine = replace(mine, height=max(0.62 * other.height, 0.6 * mine.height))
+        share = _SEAT if other_where == "seat" else _top(other.picture, mine.width / max(other.width, 1e-6))
+        return _at(mine, other, up=share - _SINKS * mine.height / other.height), other
+    if kind == "in":
         # The inner thing looks out over the rim, in front of parts above the rim such as a handle or a sail.
-        rim, necked = _rim(outer.picture)
-        most = min(
-            0.8 * outer.height, (_SPREADS if necked else _FITS) * outer.width * inner.height / max(inner.width, 1e-6)
-        )
-        size = min(most, max(inner.height, _INSIDE * outer.height))
-        rim = outer.y + outer.height * rim
-        inner = replace(inner, height=size, x=outer.x, y=rim - _HIDDEN * size, depth=outer.depth + 1, hidden=_HIDDEN)
-        if necked:  # flowers hang over the sides of a vase, which is in front of them
-            inner = replace(inner, depth=outer.depth - 1, hidden=0.0)
-        return (inner, outer) if kind == "in" else (outer, inner)
+        rim, necked = _rim(other.picture)
+        wide = (_SPREADS if necked else _FITS) * other.width * mine.height / max(mine.width, 1e-6)
+        mine = replace(mine, height=min(0.8 * other.height, wide, max(mine.height, _INSIDE * other.height)))
+        inner = _at(mine, other, up=rim - _HIDDEN * mine.height / other.height, depth=-1 if necked else 1)
+        return replace(inner, hidden=0.0 if necked else _HIDDEN), other  # flowers hang over the sides of a vase
     if kind == "under" and other_where == "held":  # a person under an umbrella has it overhead
         over = max(1.25 * mine.width, 0.7 * mine.height) * other.height / other.width
-        return mine, replace(other, height=over, x=mine.x, y=mine.y + 0.85 * mine.height, depth=mine.depth - 1)
+        return mine, _at(replace(other, height=over), mine, up=0.85, depth=-1)
+    if kind == "under" and other_where == "air":
+        return mine, replace(other, x=mine.x + 0.35 * max(mine.width, 0.6), y=0.95 * mine.height)
+    if kind == "under" and _hollow(other.picture):
+        return _at(mine, other, most=min(0.5 * other.height, 0.5 * other.width * mine.height / mine.width)), other
+    if kind == "under" and where == other_where == "water":
+        return _at(mine, other, up=-0.95 * mine.height / other.height, depth=-1), other
     if kind == "under":
-        if other_where == "air":
-            return mine, replace(other, x=mine.x + 0.35 * max(mine.width, 0.6), y=0.95 * mine.height)
-        if _hollow(other.picture):
-            height = min(mine.height, 0.5 * other.height, 0.5 * other.width * mine.height / mine.width)
-            return replace(mine, x=other.x, y=other.y, height=height, depth=other.depth + 1), other
-        if where == other_where == "water":
-            return replace(mine, x=other.x, y=other.y - 0.95 * mine.height, depth=other.depth - 1), other
-        return replace(mine, x=other.x - 0.2 * other.width, y=other.y - 0.4 * mine.height, depth=other.depth + 1), other
+        return _at(mine, other, across=-0.2, up=-0.4 * mine.height / other.height), other
     if kind == "over":
-        side = 0.0 if where != "air" else 0.28 * max(other.width, 0.6)
-        return replace(mine, x=other.x + side, y=other.y + 1.04 * other.height, depth=other.depth - 1), other
+        side = 0.0 if where != "air" else 0.28 * max(other.width, 0.6) / other.width
+        return _at(mine, other, across=side, up=1.04, depth=-1), other
     if kind == "behind":
-        size = max(mine.height, 0.85 * other.height)
-        return replace(
-            mine, x=other.x + 0.45 * other.width, y=other.y + 0.08, height=size, depth=other.depth - 1
-        ), other
+        return _at(replace(mine, height=max(mine.height, 0.85 * other.height)), other, 0.45, 0.08, depth=-1), other
     if kind == "front":
-        return replace(mine, x=other.x - 0.3 * other.width, y=other.y - 0.06, depth=other.depth + 1), other
+        return _at(mine, other, across=-0.3, up=-0.06), other
     if kind == "with" and where == "air":
         return replace(mine, x=other.x + 0.5 * (other.width + mine.width), y=0.75 * other.height), other
     if kind == "playing" and mine.height < _STANDS * other.height:
-        mine = replace(mine, height=min(mine.height, _PLAYED * other.height), x=other.x + 0.1 * other.width)
-        return replace(mine, y=other.y + 0.7 * _HAND * other.height, depth=other.depth + 1), other
+        return _at(mine, other, across=0.1, up=0.7 * _HAND, most=_PLAYED * other.height), other
     if kind == "with" and where == "head":
         middle, wide = _head(other.picture)
         size = _HAT * max(wide, _MIN_HEAD) * other.width * mine.height / mine.width
-        height = min(size, _LARGEST_HAT * other.height)
-        x, y = other.x + middle * other.width, other.y + other.height - _PULLED_DOWN * height
-        return replace(mine, height=height, x=x, y=y, depth=other.depth + 1), other
+        size = min(size, _LARGEST_HAT * other.height)
+        return _at(replace(mine, height=size), other, middle, 1 - _PULLED_DOWN * size / other.height), other
     if kind == "with" and where == "held":
-        mine = replace(mine, height=min(mine.height, _HELD * other.height), x=other.x + 0.4 * other.width)
-        return replace(mine, y=other.y + _HAND * other.height, depth=other.depth - 1), other
-    if kind == "with" and mine.width > 0.8 * other.width:
-        mine = replace(mine, height=mine.height * 0.8 * other.width / mine.width)
-    if kind == "with" and mine.height <= 0.6 * other.height:
-        return replace(mine, x=other.x + 0.4 * other.width, y=other.y, depth=other.depth + 1), other
-    if kind == "between":
-        return replace(mine, x=other.x, y=other.y, depth=other.depth + 1), other
-    return _beside([other], mine), other
+        return _at(mine, other, across=0.4, up=_HAND, depth=-1, most=_HELD * other.height), other
+    if kind == "with" and other_where == "person" and mine.height <= _SMALL * other.height:
+        size = min(mine.height, _IN_THE_HANDS * other.height, 1.3 * other.width * mine.height / mine.width)
+        return _at(mine, other, across=0.12, up=_HAND - 0.4 * size / other.height, most=size), other
+    if kind == "with":
+        mine = replace(mine, height=min(mine.height, 0.8 * other.width * mine.height / mine.width))
+        if mine.height <= 0.6 * other.height:
+            return _at(mine, other, across=0.4), other
+    return (_at(mine, other) if kind == "between" else _beside([other], mine)), other
+
+
+def _at(
+    mine: Placed, other: Placed, across: float = 0.0, up: float = 0.0, *, depth: int = 1, most: float = math.inf
+) -> Placed:
+    """Returns a thing at a place of another.
+
+    across, up: from the middle of the other's lower edge, in its widths and heights
+    depth: before the other
+    most: greatest height
+    """
+    size, x, y = min(mine.height, most), other.x + across * other.width, other.y + up * other.height
+    return replace(mine, height=size, x=x, y=y, depth=other.depth + depth)
 
 
 def _spread(some: Sequence[Placed], holder: Placed) -> list[Placed]:
@@ -402,56 +423,12 @@ def copies(pictures: Sequence[Tensor], count: int, where: str, seed: int, *, apa
     left = min(x - size * wide / 2 for x, _, size in spots)
     right = max(x + size * wide / 2 for x, _, size in spots)
     height = max(y + size * high for _, y, size in spots)
-    colors, opacity = (
-        torch.zeros(3, round(height) + 2, round(right - left) + 2),
-        torch.zeros(1, round(height) + 2, round(right - left) + 2),
-    )
+    together = torch.zeros(4, round(height) + 2, round(right - left) + 2)  # colours times opacity
     for number, (x, y, size) in sorted(enumerate(spots), key=lambda spot: -spot[1][1]):
         copy = resize(ones[number % len(ones)], size)
         copy = copy.flip(2) if number // len(ones) % 2 else copy
-        top, start = round(height - y - copy.shape[1]), round(x - copy.shape[2] / 2 - left)
-        area = slice(max(0, top), max(0, top) + copy.shape[1]), slice(start, start + copy.shape[2])
-        over = copy[3:, : colors[:, area[0], area[1]].shape[1], : colors[:, area[0], area[1]].shape[2]]
-        paint = copy[:3, : over.shape[1], : over.shape[2]]
-        colors[:, area[0], area[1]] = paint * over + (1 - over) * colors[:, area[0], area[1]]
-        opacity[:, area[0], area[1]] = over + (1 - over) * opacity[:, area[0], area[1]]
-    return torch.cat((colors / opacity.clamp(min=1e-4), opacity)).clamp(0, 1)
-
-
-# Words for people without pictures, and their substitutes: a woman and a man for a couple, a girl and a boy for
-# children.
-
-_SHOWN_BY = {
-    "couple": ("woman", "man"), "people": ("woman", "man"), "person": ("woman", "man"), "human": ("woman", "man"),
-    "lover": ("woman", "man"), "friend": ("girl", "boy"), "child": ("girl", "boy"), "kid": ("girl", "boy"),
-    "mother": ("woman",), "father": ("man",), "lady": ("woman",), "gentleman": ("man",), "guy": ("man",),
-    "teenager": ("girl", "boy"),
-}  # fmt: skip
-_ALWAYS_TWO = "couple"
-
-
-def with_figures(reading: Reading, has_own: Callable[[Thing], bool]) -> Reading:
-    """Returns the reading with people replaced by figures that pictures show from head to foot.
-
-    Only people who do something, or are related to other things, are replaced. A person alone without a description
-    stays, for a portrait.
-    has_own: returns True if the user's own pictures show that person, who then stays
-    """
-    things, relations = list(reading.things), list(reading.relations)
-    for number, thing in enumerate(reading.things):
-        who = _SHOWN_BY.get(thing.noun)
-        adjective = thing.name.removesuffix(thing.noun).strip()
-        if who is None or not (reading.relations or thing.doing or adjective or thing.noun == _ALWAYS_TWO):
-            continue
-        if has_own(thing):
-            continue
-        several = thing.shown > 1 or thing.noun == _ALWAYS_TWO
-        count = 2 if thing.noun == _ALWAYS_TWO else thing.shown
-        figures = [replace(thing, name=f"{adjective} {noun}".strip(), noun=noun, plural="", count=1) for noun in who]
-        if not several or len(figures) == 1:
-            things[number] = replace(figures[0], count=thing.count)
-        elif len(things) < MAX_THINGS:
-            things[number] = replace(figures[0], count=count - count // 2)
-            relations.append(Relation(len(things), "beside", number))
-            things.append(replace(figures[1], count=count // 2))
-    return replace(reading, things=tuple(things), relations=tuple(relations))
+        top, start = max(0, round(height - y - copy.shape[1])), round(x - copy.shape[2] / 2 - left)
+        sides = (start, together.shape[2] - start - copy.shape[2], top, together.shape[1] - top - copy.shape[1])
+        over = functional.pad(torch.cat((copy[:3] * copy[3:], copy[3:])), sides)
+        together = over + (1 - over[3:]) * together
+    return torch.cat((together[:3] / together[3:].clamp(min=1e-4), together[3:])).clamp(0, 1)

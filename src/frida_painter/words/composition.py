@@ -1,7 +1,7 @@
 """Composition of a scene: its things on a ground with depth, or a mood, with rain, snow or stars over them."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -12,6 +12,7 @@ from torch.nn import functional
 
 from frida_painter import images
 from frida_painter.frames import PixelGrid
+from frida_painter.palette import Palette, to_lab
 from frida_painter.words.arrangement import Placed
 from frida_painter.words.brushwork import paint_mood
 from frida_painter.words.compositing import paste, resize, soften
@@ -35,93 +36,57 @@ def simplify(picture: Tensor) -> Tensor:
 
 # Stars, rain and flakes: separate marks of the fine brush that cover no thing.
 
-_STAR, _FLAKE = 0.015, 0.016  # radius, as a share of the height: a dab of the fine brush
+_DAB = 0.031  # diameter of a star or a flake, as a share of the height: a dab of the fine brush
 _RAIN_LENGTH, _RAIN_WIDTH = 0.15, 0.018  # of the height: about a stroke of the fine brush
 _SLOPE = 0.28  # of rain: columns per row
 _STARLIGHT = (1.0, 0.96, 0.78)
-_TRIES = 12  # random places that are tried for each mark
+_TRIES = 30  # random places that are tried for each mark
+_APART = 16  # a height divided by this is the distance of marks
 
 
 def falling(setting: Setting, where: Tensor, seed: int) -> tuple[Tensor, Tensor]:
-    """Returns the rain, flakes or stars of a setting: opacity [H, W] in [0, 1], and sRGB [3].
+    """Returns the rain, flakes or stars of a setting: opacity [H, W] in [0, 1], and sRGB [3]. Their sizes vary.
 
     where: [H, W] opacity of the scene's things
     """
-    generator = torch.Generator().manual_seed(seed)
-    weather, light = setting.weather, setting.light
-    rows = where.shape[0]
-    if weather.rain:
-        length = _RAIN_LENGTH * rows
-        return _marks(where, weather.rain, 1.0, (length, _RAIN_WIDTH * rows), generator), torch.tensor(weather.color)
-    if weather.flakes:
-        dab = 2 * _FLAKE * rows
-        return _marks(where, weather.flakes, 1.0, (dab, dab), generator), torch.tensor(weather.color)
-    if light.stars and setting.place.is_open:
-        dab = 2 * _STAR * rows
-        return _marks(where, light.stars, setting.place.horizon, (dab, dab), generator), torch.tensor(_STARLIGHT)
-    return torch.zeros_like(where), torch.ones(3)
+    weather, (rows, columns) = setting.weather, where.shape
+    falls = weather.rain or weather.flakes
+    count = falls or (setting.light.stars if setting.place.is_open else 0)
+    length, width = (_RAIN_LENGTH, _RAIN_WIDTH) if weather.rain else (0.0, _DAB)
+    space = (1.0 if falls else setting.place.horizon) * rows, columns
+    chance, around = np.random.default_rng(seed), np.ones((2 * (rows // _APART) + 1,) * 2, np.uint8)
+    over, taken = np.zeros((rows, columns), np.uint8), np.asarray(where > 0.3, np.uint8)
+    for _ in range(_TRIES * count):
+        (y, x), size, mark = chance.random(2) * space, 0.75 + 0.5 * chance.random(), np.zeros_like(over)
+        end = round(x - _SLOPE * size * length * rows), round(y + size * length * rows)
+        cv2.line(mark, (round(x), round(y)), end, 255, max(1, round(size * width * rows)), cv2.LINE_AA)
+        if count and not (mark[taken > 0] > 0).any():
+            over, count = np.maximum(over, mark), count - 1
+            taken = np.maximum(taken, np.asarray(cv2.dilate(mark, around), np.uint8))
+    return torch.from_numpy(over).float() / 255, torch.tensor(weather.color if falls else _STARLIGHT)
 
 
-def _marks(where: Tensor, count: int, down: float, size: tuple[float, float], generator: torch.Generator) -> Tensor:
-    """Returns `count` marks in the upper part `down` of a picture, apart from each other. Lengths in pixels."""
-    rows, columns = where.shape
-    length, width = size
-    taken, over = where.clone(), torch.zeros_like(where)
-    for _ in range(count):
-        places = torch.rand(_TRIES, 2, generator=generator) * torch.tensor([down * rows, float(columns)])
-        tries = [_mark(where.shape, row, column, length, width) for row, column in places.tolist()]
-        best = min(tries, key=lambda mark: float((mark * taken).sum()))
-        if float((best * where).sum()) > 0.5 * float(best.sum()):
-            continue  # no room beside the things
-        over = torch.maximum(over, best)
-        around = torch.nn.functional.max_pool2d(best[None, None], 2 * (rows // 16) + 1, 1, rows // 16)[0, 0]
-        taken = torch.maximum(taken, around)
-    return over
+# Saliency: the thing of a photograph with a ground.
+
+_CONTRAST = 40.0  # Lab distance from the colours at the edges that certainly belongs to the thing
+_NEAR_EDGE, _SMOOTH = 0.06, 0.04  # of the shorter side: width of the edges, and of the smoothing
+_GROUNDS = 6  # number of colours at the edges
 
 
-def _mark(shape: torch.Size, row: float, column: float, length: float, width: float) -> Tensor:
-    """Returns a slanting mark with round ends around a place, [H, W]; a dot if length and width are equal."""
-    down, across = torch.meshgrid(torch.arange(shape[0]) + 0.5, torch.arange(shape[1]) + 0.5, indexing="ij")
-    norm = math.hypot(1, _SLOPE)
-    along = ((down - row) - _SLOPE * (across - column)) / norm
-    aside = ((across - column) + _SLOPE * (down - row)) / norm
-    beyond = (along.abs() - (length - width) / 2).clamp(min=0)
-    return (width / 2 - (beyond.square() + aside.square()).sqrt() + 0.5).clamp(0, 1)
+def saliency(picture: Tensor) -> Tensor:
+    """Returns the saliency at each place of a picture [3, h, w]: [h, w] in [0, 1], 1 if all of it is alike.
 
-
-# Saliency: the places at which networks see a prompt in a picture.
-
-_SIDE = 180  # pixels of the shorter side of the examined picture
-_LOOKS, _NOISE = 6, 0.08
-_SALIENCY_NEAR = 0.09  # of the shorter side: width of the smoothing
-_MIN, _MAX = 0.3, 0.97  # quantiles of saliency that become 0 and 1
-
-
-def saliency(picture: Tensor, distance: Callable[[Tensor], Tensor], seed: int) -> Tensor:
-    """Returns the saliency of a prompt at each place of a picture [3, h, w]: [h, w] in [0, 1].
-
-    distance: returns the distance of a picture from the prompt
-
-    Saliency is the gradient of the distance with respect to the colours, averaged over several noisy copies (D.
-    Smilkov and others, "SmoothGrad: removing noise by adding noise", 2017). The lowest three tenths of the picture
-    become 0. If there is no gradient at all, everything is 1.
+    It is the contrast to the nearest of the colours at the edges, which are the ground's (compare Wei et al., "Geodesic
+    saliency using background priors", 2012).
     """
-    shorter = min(1.0, _SIDE / min(picture.shape[1:]))
-    small = images.fit(picture, *(max(1, round(shorter * side)) for side in picture.shape[1:]))
-    noise = torch.Generator().manual_seed(seed)
-    change = torch.zeros(small.shape[1:])
-    for _ in range(_LOOKS):
-        noisy = (small + _NOISE * torch.randn(small.shape, generator=noise)).requires_grad_()
-        with torch.enable_grad():
-            (slope,) = torch.autograd.grad(distance(noisy), noisy)
-        change += slope.abs().sum(0)
-    near = max(1, round(_SALIENCY_NEAR * min(small.shape[1:])))
-    change = soften(change[None], near)[0]
-    if not float(change.max()) > 0:
-        return torch.ones(picture.shape[1:])
-    low, high = torch.quantile(change, _MIN), torch.quantile(change, _MAX)
-    seen = ((change - low) / (high - low).clamp(min=1e-12)).clamp(0, 1)
-    return images.fit(seen[None], *picture.shape[1:])[0]
+    lab, shorter = to_lab(picture.permute(1, 2, 0)), min(picture.shape[1:])
+    wide = max(1, round(_NEAR_EDGE * shorter))
+    edges = torch.cat([side.flatten(1).T for side in (picture[:, :wide], picture[:, :, :wide], picture[:, :, -wide:])])
+    ground = Palette.cluster(edges, torch.ones(len(edges)), _GROUNDS, seed=0).lab()
+    contrast = torch.cdist(lab.reshape(-1, 3), ground).amin(1).reshape(picture.shape[1:]) / _CONTRAST
+    seen = soften(contrast[None], max(1, round(_SMOOTH * shorter)))[0]
+    most = float(seen.max())
+    return (seen / most).clamp(0, 1) if most > 0.1 else torch.ones_like(seen)
 
 
 _WIDE, _HIGH = 0.86, 0.80  # of the canvas: greatest extent of the things
@@ -131,9 +96,15 @@ _AMID = 0.62  # of the height that a single thing fills in a visible place
 _THIRD = 0.07  # of the width: distance from the middle of a thing that leaves room
 
 _LIT = 0.55  # share of the light's colour that things take on
+_ROUND, _MODELLED, _BOUNCED = (
+    0.05,
+    0.3,
+    0.12,
+)  # of the height: reach of the shade, its depth; share of the ground's colour
 _BROAD = 0.05  # of the height: a mark of the broad brush
 _STANDING = 0.05  # of its height, by which a thing on the floor may be above it
 _SHADOW, _LEAN, _DARK = 0.28, 1.1, 0.42  # length by the thing's height, columns per row to the right, and opacity
+_TOUCH = 0.75  # opacity of the shadow right below a thing
 _SHARP = 2.0  # factor by which a picture gets sharp earlier than its thing begins
 _SOFT = 12  # a height divided by this is the width of smoothing of an extended ground
 _DARKENED = 0.75  # share of the light's colour that a picture with its own ground takes on
@@ -166,11 +137,9 @@ def compose_scene(
     for picture, top, left in drawn:
         colors, over = paste(picture, colors, top, left)
         where = where + over - where * over
-    colors = simplify((colors / where.clamp(min=1e-4)).clamp(0, 1))
-    if setting.light != DAY:
-        shade = torch.tensor(setting.light.shade)[:, None, None].clamp(max=1.0)
-        colors = colors * torch.lerp(torch.ones_like(shade), shade, _LIT)
-    ground = with_contrast(setting.ground(grid, seed), where, colors, setting.place.horizon)
+    ground = setting.ground(grid, seed)
+    colors = _in_light(simplify((colors / where.clamp(min=1e-4)).clamp(0, 1)), ground, where, setting)
+    ground = with_contrast(ground, where, colors, setting.place.horizon)
     if not in_the_air and not setting.place.is_paper:
         low = min(one.y for one in things) if things else 0.0
         for one, (picture, top, left) in zip(things, drawn, strict=True):
@@ -185,6 +154,22 @@ def compose_mood(first: Light, second: Light, setting: Setting, grid: PixelGrid,
     picture = paint_mood(first.form, first.colors, second.colors, first.energy, grid, seed)
     scene = _under(setting, picture, torch.zeros(grid.rows, grid.columns), seed, is_alone=False)
     return replace(scene, where=torch.ones(grid.rows, grid.columns))
+
+
+def _in_light(colors: Tensor, ground: Tensor, where: Tensor, setting: Setting) -> Tensor:
+    """Returns the colours of things [3, H, W] in the light of their place: brighter on the left, and with some of the
+    ground's own colour in their shade."""
+    if setting.light != DAY:
+        shade = torch.tensor(setting.light.shade)[:, None, None].clamp(max=1.0)
+        colors = colors * torch.lerp(torch.ones_like(shade), shade, _LIT)
+    if setting.place.is_paper or not bool((where > 0.5).any()):
+        return colors
+    near = max(1, round(_ROUND * where.shape[0]))
+    left, right = (functional.pad(where, (near, 0))[:, :-near], functional.pad(where, (0, near))[:, near:])
+    side = soften((right - left)[None], near // 2 + 1)[0]  # 1 at the left edge of a thing, -1 at its right edge
+    shaded = (0.5 - 0.5 * side)[None] * where
+    around = ground.mean((1, 2), keepdim=True).expand_as(colors)
+    return (torch.lerp(colors, around, _BOUNCED) * (1 + _MODELLED * (0.5 - shaded))).clamp(0, 1)
 
 
 def _cast(picture: Tensor, ground: Tensor, foot: int, left: int, *, is_water: bool) -> Tensor:
@@ -209,7 +194,13 @@ def _cast(picture: Tensor, ground: Tensor, foot: int, left: int, *, is_water: bo
             opacity[first + row, inside] = fading[row, part]
             laid[:, first + row, inside] = color[:, row, part]
     near = max(1, round(0.008 * ground.shape[1]))
-    return torch.lerp(ground, laid, _DARK * soften(opacity[None], near))
+    cast = torch.lerp(ground, laid, _DARK * soften(opacity[None], near))
+    if is_water:
+        return cast
+    feet = functional.pad(seen[3:, :1].expand(1, 2 * near, -1), (left, ground.shape[2] - left - picture.shape[2]))
+    touch = torch.zeros_like(opacity)
+    touch[max(0, foot - near) : foot + near] = feet[0, : len(touch[max(0, foot - near) : foot + near])]
+    return cast * (1 - _TOUCH * soften(touch[None], 2 * near))
 
 
 def compose_photograph(picture: Tensor, where: Tensor, setting: Setting, grid: PixelGrid, seed: int) -> ComposedScene:

@@ -298,35 +298,31 @@ class Setting:
         return ((height - top[None]) / _EDGE + 0.5).clamp(0, 1)[None]
 
 
-def find_place(name: str, sentences: SentenceEncoder, least: float = 0.0) -> Place | None:
-    """Returns the most similar place; None if its similarity is less than `least` or the threshold."""
-    place, similarity = _nearest(name, PLACES, sentences)
-    return place if similarity >= max(least, _CALLED) else None
+def find_part(name: str, parts: Sequence[_Part], sentences: SentenceEncoder, least: float = 0.0) -> _Part | None:
+    """Returns the place, the light or the weather that a word means; None below `least` or a threshold."""
+    part, similarity = _nearest(name, parts, sentences)
+    usual = {Place: _CALLED, Light: _FELT, Weather: _FELT_WEATHER}[type(part)]
+    return part if similarity >= max(least, usual) else None
 
 
-def find_light(name: str, sentences: SentenceEncoder, least: float = 0.0) -> Light | None:
-    """Returns the light that words such as "dawn" or "gloomy" mean; None below the threshold or `least`."""
-    light, similarity = _nearest(name, LIGHTS, sentences)
-    return light if similarity >= max(least, _FELT) else None
+def find_mood(
+    name: str, people: Sequence[str], others: Sequence[str], sentences: SentenceEncoder, *, is_pictured: bool
+) -> Light | None:
+    """Returns the light of an abstract noun: a feeling, a time, a sound, an idea; None for a person or a thing.
 
+    A noun is abstract if it is nearer to the words of lights than to all words for people and things; in the mean, too,
+    for people: a couple is near love, but nearer people.
 
-def find_weather(name: str, sentences: SentenceEncoder, least: float = 0.0) -> Weather | None:
-    """Returns the weather that words such as "rain" mean; None below the threshold or `least`."""
-    weather, similarity = _nearest(name, WEATHERS, sentences)
-    return weather if similarity >= max(least, _FELT_WEATHER) else None
-
-
-def find_mood(name: str, others: Sequence[str], sentences: SentenceEncoder, *, is_pictured: bool) -> Light | None:
-    """Returns the light of an abstract noun: a feeling, a time, a sound, an idea; None for a thing.
-
-    A noun is abstract if it is nearer to the words of lights than to all words for things.
-
-    others: words for things
+    people, others: words for people, and for other things
     is_pictured: True if there is a picture of that name, so that it must be much nearer
     """
     light, similarity = _nearest(name, LIGHTS, sentences)
-    meanings = sentences.embed([name, *others, *(word for place in PLACES for word in (*place.words, *place.found))])
-    margin = similarity - float((meanings[1:] @ meanings[0]).max())
+    around = [word for place in PLACES for word in (*place.words, *place.found)]
+    felt = [word for one in LIGHTS for word in one.words]
+    meaning = sentences.embed([name])[0]
+    if people and float(meaning @ (sentences.embed(people).mean(0) - sentences.embed(felt).mean(0))) > 0:
+        return None
+    margin = similarity - float((sentences.embed([*people, *others, *around]) @ meaning).max())
     return light if similarity >= _MOOD and margin > (_ABSTRACT if is_pictured else 0.0) else None
 
 
@@ -409,13 +405,9 @@ def _below(rows: int, horizon: float) -> Tensor:
     return ((height - horizon) / _EDGE + 0.5).clamp(0, 1)
 
 
-def _nearest(name: str, parts: tuple[_Part, ...], sentences: SentenceEncoder) -> tuple[_Part, float]:
-    owners: list[_Part] = []
-    words: list[str] = []
-    for part in parts:
-        owners += [part] * len(part.words)
-        words += part.words
-    meanings = sentences.embed([name, *words])
-    similarity = meanings[1:] @ meanings[0]
-    best = int(similarity.argmax())
-    return owners[best], float(similarity[best])
+def _nearest(name: str, parts: Sequence[_Part], sentences: SentenceEncoder) -> tuple[_Part, float]:
+    """Returns the part with the word of most similar meaning, and that similarity."""
+    owners = [part for part in parts for _ in part.words]
+    meanings = sentences.embed([name, *(word for part in parts for word in part.words)])
+    similarity, best = (meanings[1:] @ meanings[0]).max(0)
+    return owners[int(best)], float(similarity)

@@ -41,6 +41,7 @@ _GATHERED: dict[str, int | None] = {  # number of things, if "of" follows
 _DEPICTIONS = ("painting", "picture", "drawing", "sketch", "photo", "photograph", "image", "portrait", "watercolor",
                 "watercolour")  # fmt: skip
 _MADE = ("building", "carving", "clothing", "crossing", "engraving", "etching", "evening", "railing", "wedding")
+_IN_A_NAME = ("amod", "compound", "nmod", "nummod", "npadvmod", "quantmod", "poss", "det")  # parts of speech
 _EACH_OTHER = ("other", "another", "itself", "himself", "herself", "themselves")
 _BASIC = ("black", "white", "red", "green", "yellow", "blue", "brown", "purple", "pink", "orange", "gray", "grey")
 _VIVID = 72.0  # chroma
@@ -131,14 +132,12 @@ class Reading:
     things: things to be shown
     relations: between the things
     absent: nouns of things that must not be seen
-    too_many: True if the prompt has more things than `things`
     said: all its words that can be shown, in its order
     """
 
     things: tuple[Thing, ...]
     relations: tuple[Relation, ...] = ()
     absent: tuple[str, ...] = ()
-    too_many: bool = False
     said: tuple[SaidWord, ...] = ()
 
 
@@ -215,10 +214,8 @@ class PromptReader:
         """
         text = prompt[:_LONGEST].strip().rstrip(".!")
         text = text.lower() if text.isupper() else text[:1].lower() + text[1:]
-        walk = _Walk(self._words or _Words(frozenset(), frozenset(), frozenset()))
         parsed = self._parse(text) if self._language is not None else None
-        for sentence in parsed.sents if parsed is not None else ():
-            walk.sentence(sentence.root)
+        walk = _Walk(list(parsed or ()), self._words or _Words(frozenset(), frozenset(), frozenset()))
         if walk.absent and not walk.things:
             raise ConfigError(f"The words {text[:60]!r} say only what must not be seen; say what to paint.")
         plain = re.sub("^(an?|the) ", "", text)
@@ -229,7 +226,7 @@ class PromptReader:
             said = (*said, SaidWord(len(parsed), rest[:_LABEL], rest[:_LABEL].lower(), "thing"))
         whole = Thing(plain, plain.rpartition(" ")[2], at=tuple(word.at for word in said))
         relations, absent = tuple(dict.fromkeys(walk.relations)), tuple(dict.fromkeys(walk.absent))
-        return Reading(tuple(walk.things) or (whole,), relations, absent, walk.too_many, said)
+        return Reading(tuple(walk.things) or (whole,), relations, absent, said)
 
     def _parse(self, text: str) -> Doc:
         """Returns the parsed text. Words that are only nouns in the lexicon are never adjectives: a croissant."""
@@ -270,171 +267,153 @@ class _Words(NamedTuple):
 
 
 class _Walk:
-    """Collector of the things in a dependency tree."""
+    """Collector of a text's things and the relations between them, from its dependency tree."""
 
-    def __init__(self, words: _Words) -> None:
+    def __init__(self, parsed: Sequence[Token], words: _Words) -> None:
         self._words = words
         self.things: list[Thing] = []
         self.relations: list[Relation] = []
         self.absent: list[str] = []
-        self.too_many = False
+        self._numbers: dict[Token, int] = {}  # of the nouns that are things
+        self._read_as: dict[Token, Token] = {}  # pictures, piles and mistaken verbs, and the nouns that they stand for
+        self._actors: dict[Token, Token] = {}  # of verbs that the parser took for nouns
+        for step in (self._correct, self._add, self._relate, self._act, self._share):
+            for word in parsed:
+                step(word)
 
-    def sentence(self, root: Token) -> None:
-        """Starts at the nouns that a depiction shows, at a verb, or at the root itself."""
-        actor = self._actor(root)
-        if _is_depiction(root) and (shown := _find_depicted(root)) is not None:
-            self._hanging(root, self._thing(shown), but=shown.head)
-        elif root.pos_ in ("VERB", "AUX") or actor is not None:
-            self._clause(root, [] if actor is None else self._thing(actor, root))
-        elif root.pos_ == "ADP":
-            self._preposition(root, [])
+    def _correct(self, noun: Token) -> None:
+        """Finds out what a noun is read as, and corrects two mistakes of the parser.
+
+        It may read a verb at the end as a noun, and its actor as part of the name: "a zebra drinking from a river".
+        It may also take "a farmer feeding chickens" for a kind of chickens; the article "a" shows the mistake.
+        """
+        shown = {word.lower_: one for word in _children(noun, "prep") for one in _children(word, "pobj")}
+        is_still_life = noun.lemma_ == "life" and noun.i > 0 and noun.nbor(-1).lower_ == "still"
+        if noun.lemma_.lower() in _DEPICTIONS or is_still_life:
+            inner = shown.get("of", shown.get("with"))
         else:
-            self._thing(root)
-        for noun in root.subtree:
-            # "A lemon and two pears": the parser may take the lemon for a "both".
-            if noun.dep_ == "preconj" and _is_noun(noun):
-                self._thing(noun)
-
-    def _actor(self, root: Token) -> Token | None:
-        """Returns the noun that does the action of a sentence; None if there is none.
-
-        The parser makes two mistakes, which this method corrects. It may read a verb at the end as a noun, and its
-        actor as part of the name: "a zebra drinking from a river". It may also read the actor as an adjective,
-        although the lexicon has no adjective of that name.
-        """
-        if root.pos_ in ("VERB", "AUX"):
-            return next((word for word in reversed(list(root.lefts)) if _is_noun(word)), None)
-        before = next((one for one in reversed(_children(root, "compound", "amod")) if one.i < root.i), None)
-        stem = root.text.removesuffix("ing")
-        if before is None or stem == root.text or root.lower_ in _MADE:
-            return None
+            inner = shown.get("of") if noun.lemma_ in _GATHERED else None
+        if inner is not None:
+            self._read_as[noun] = inner
+        before = next((one for one in reversed(_children(noun, "compound", "amod")) if one.i < noun.i), None)
+        if before is None:
+            return
+        is_one = any(child.lower_ in ("a", "an") for child in _children(noun, "det"))
+        stem = noun.text.removesuffix("ing")
         is_name = before.dep_ == "compound" or before.lower_ not in self._words.adjectives
-        return before if is_name and self._words.verbs & {stem, f"{stem}e", stem[:-1]} else None
+        if noun.tag_ == "NNS" and is_one and before.lower_.endswith("ing") and before.i and _is_noun(before.nbor(-1)):
+            self._actors[before] = before.nbor(-1)
+            return
+        is_verb = stem != noun.text and noun.lower_ not in _MADE and self._words.verbs & {stem, f"{stem}e", stem[:-1]}
+        if is_verb and is_name and noun.dep_ == "ROOT" and noun not in self._read_as:
+            self._actors[noun] = self._read_as[noun] = before
 
-    def _thing(self, noun: Token, whole: Token | None = None) -> list[int]:
-        """Adds a noun and the nouns joined to it by "and", with their dependents; returns their numbers.
-
-        whole: word that carries the noun's adjectives and numbers, if that is a verb
-        """
-        if noun.lower_ in _EACH_OTHER:
-            return []
-        if _is_none(noun):
+    def _add(self, noun: Token) -> None:
+        """Adds a noun to the things, if it is one."""
+        is_actor = noun in self._actors.values() or (noun.dep_ == "npadvmod" and noun.head.dep_ == "ROOT")
+        is_named = noun.dep_ in _IN_A_NAME or (noun.dep_ == "appos" and noun.pos_ == "PROPN")  # my cat Tom
+        is_noun = _is_noun(noun) and not is_named and _last_word(noun.head) != noun and not _is_between(noun)
+        if noun.lower_ in _EACH_OTHER or noun in self._read_as or not (is_actor or is_noun):
+            return
+        holder = _first_of(noun)
+        is_without = holder.dep_ == "pobj" and holder.head.lower_ == "without"
+        if is_without or any(child.lower_ in ("no", "zero", "0") for child in _children(noun, "det", "nummod")):
             self.absent.append(noun.lemma_)
-            present = [at for other in _join_nouns(noun) for at in self._thing(other)]
-            self._hanging(noun, present)
-            return present
-        if len(self.things) >= MAX_THINGS:
-            self.too_many = True
-            return []
-        if _is_depiction(noun) and (shown := _find_depicted(noun)) is not None:
-            return self._thing(shown)
-        counted = next((word for word in _children(noun, "prep") if word.lower_ == "of"), None)
-        inner = None if counted is None or noun.lemma_ not in _GATHERED else _child(counted, "pobj")
-        if inner is not None and counted is not None:
-            numbers = self._thing(inner)
-            for first in numbers[:1]:
-                inside = self.things[first]
-                self.things[first] = replace(inside, count=_GATHERED[noun.lemma_], at=(*inside.at, noun.i, counted.i))
-            self._hanging(noun, numbers, but=counted)
-            return [*numbers, *(at for other in _join_nouns(noun) for at in self._thing(other))]
-        number = len(self.things)
-        if (doing := _mistaken_clause(noun)) is not None:
-            # The parser takes "a farmer feeding chickens" for a kind of chickens; the article "a" shows the mistake.
-            self.things.append(_describe_noun(doing.nbor(-1), doing.nbor(-1)))
-            self._act(number, doing)
-            self.things.append(_describe_noun(noun, noun, after=doing.i))
-            joined = [at for other in _join_nouns(noun) for at in self._thing(other)]
-            self._relate([number], doing.lower_, [number + 1, *joined], (doing.i,))
-            self._hanging(noun, [number])
-            return [number]
-        self.things.append(self._in_one_word(_describe_noun(noun, whole or noun)))
-        before = len(self.relations)
-        joined = [at for other in _join_nouns(noun) for at in self._thing(other)]
-        if joined and not _children(noun, "prep", "acl", "relcl"):
-            # "A teapot and three cups on a table": the place of the last noun holds for all.
-            no_place = (*_PARTS, self.things[joined[-1]].doing)
-            said = [one for one in self.relations[before:] if one.subject == joined[-1] and one.word not in no_place]
-            self.relations += [replace(one, subject=number) for one in said]
-        self._hanging(noun, [number])
-        return [number, *joined]
-
-    def _in_one_word(self, thing: Thing) -> Thing:
-        """Returns a thing with its name as one word if the lexicon has that: a lamp post is a lamppost."""
-        before, _, last = thing.name.removesuffix(thing.noun).rstrip().rpartition(" ")
-        noun = f"{last}{thing.noun}"
-        if not last or last in self._words.adjectives or noun not in self._words.nouns:
-            return thing
-        return replace(
-            thing, name=f"{before} {noun}".strip(), noun=noun, plural=f"{last}{thing.plural}" if thing.plural else ""
-        )
-
-    def _hanging(self, noun: Token, subjects: list[int], but: Token | None = None) -> None:
-        """Reads the dependents of a thing: places, parts and actions."""
-        full = (one for word in _children(noun, "amod") if word.i > noun.i for one in _children(word, "prep"))  # of
-        for word in (*_children(noun, "prep", "advmod"), *full):
-            if word != but:
-                self._preposition(word, subjects)
-        for verb in _children(noun, "acl", "relcl", "advcl"):
-            self._clause(verb, subjects)
-
-    def _preposition(self, word: Token, subjects: list[int], said: str = "", at: tuple[int, ...] = ()) -> None:
-        """Adds a relation for each subject and each object. "In front of" and "next to" count as one word."""
-        said, at = f"{said} {word.lower_}".strip(), (*at, word.i)
-        for inner in _children(word, "prep"):
-            self._preposition(inner, subjects, said, at)
-        for noun in _children(word, "pobj"):
-            further = [one for one in _children(noun, "prep") if one.lower_ == "of"]
-            if (
-                further
-                and noun.pos_ == "NOUN"
-                and not any(child.dep_ in ("det", "amod", "nummod", "compound") for child in noun.children)
+        elif len(self.things) < MAX_THINGS:
+            verb = next((verb for verb, actor in self._actors.items() if noun in (actor, verb.head)), None)
+            whole = verb if verb in self._read_as and verb is not None else noun
+            thing = _describe_noun(noun, whole, after=verb.i if verb is not None and verb.head == noun else -1)
+            for group in (
+                group for group, inner in self._read_as.items() if inner == noun and group.lemma_ in _GATHERED
             ):
-                for one in further:
-                    self._preposition(one, subjects, f"{said} {noun.lower_}", (*at, noun.i))
-                continue
-            if said == "without":
-                self.absent.append(noun.lemma_)
-                continue
-            self._relate(subjects, said, self._object(noun, subjects), at)
+                thing = replace(thing, count=_GATHERED[group.lemma_], at=(*thing.at, group.i, noun.head.i))
+            self._numbers[noun] = len(self.things)
+            self.things.append(thing)
 
-    def _object(self, noun: Token, subjects: list[int]) -> list[int]:
-        """Returns the numbers of an object. Its own relations to further places are moved to the subjects."""
-        before = len(self.relations)
-        numbers = self._thing(noun)
-        raised = []
-        for relation in self.relations[before:]:
-            if relation.subject in numbers and subjects and relation.word not in _PARTS:
-                raised += [replace(relation, subject=subject) for subject in subjects]
-            else:
-                raised.append(relation)
-        self.relations[before:] = raised
-        return numbers
+    def _relate(self, noun: Token) -> None:
+        """Adds the relations of the object of a preposition. "In front of" and "next to" count as one word."""
+        if noun.dep_ != "pobj" or self._read_as.get(noun.head.head) == noun or _is_between(noun):
+            return
+        words = _prepositions(noun)
+        said = " ".join(word.lower_ for word in words)
+        subjects = [] if words[0].head == words[0] else self._subjects(words[0].head, said)
+        self._join(subjects, said, noun, tuple(word.i for word in words))
 
-    def _clause(self, verb: Token, subjects: list[int]) -> None:
+    def _act(self, verb: Token) -> None:
+        """Gives the actors of a verb their action, and adds its relations to its objects."""
+        if verb not in self._actors and (verb.pos_ not in ("VERB", "AUX") or verb.dep_ in _IN_A_NAME):
+            return
+        subjects = self._subjects(verb)
         for number in subjects:
-            self._act(number, verb)
-        for noun in _children(verb, "dobj", "attr"):
-            self._relate(subjects, verb.lower_, self._object(noun, subjects), (verb.i,))
-        for word in _children(verb, "prep", "advmod"):
-            self._preposition(word, subjects)
-        for other in _children(verb, "advcl", "xcomp", "conj"):
-            self._clause(other, subjects)
+            thing = self.things[number]
+            self.things[number] = replace(thing, doing=thing.doing or verb.lower_, at=(*thing.at, verb.i))
+        fed = [verb.head] if verb in self._actors and verb not in self._read_as else []
+        for noun in (*_children(verb, "dobj", "attr"), *fed):
+            self._join(subjects, verb.lower_, noun, (verb.i,))
 
-    def _act(self, number: int, verb: Token) -> None:
-        """Gives a thing its action."""
-        thing = self.things[number]
-        self.things[number] = replace(thing, doing=verb.lower_, at=(*thing.at, verb.i))
+    def _share(self, noun: Token) -> None:
+        """Gives a noun the place of the last one joined to it: a teapot and three cups on a table."""
+        if noun in self._numbers and _children(noun, "conj", "appos") and not _children(noun, "prep", "acl", "relcl"):
+            last = self._joined(noun)[-1]
+            alone = (*_PARTS, self.things[last].doing)
+            places = [one for one in self.relations if one.subject == last and one.word not in alone]
+            self.relations += [replace(one, subject=self._numbers[noun]) for one in places]
 
-    def _relate(self, subjects: list[int], word: str, objects: list[int], at: tuple[int, ...]) -> None:
-        self.relations += [Relation(subject, word, other, at) for subject in subjects for other in objects]
+    def _join(self, subjects: list[int], said: str, noun: Token, at: tuple[int, ...]) -> None:
+        """Adds a relation of each subject to a noun, and to those joined to it."""
+        self.relations += [Relation(one, said, other, at) for one in subjects for other in self._joined(noun)]
+
+    def _joined(self, noun: Token) -> list[int]:
+        """Returns the number of a noun, and those of the nouns joined to it by "and"."""
+        mine = self._numbers.get(self._read_as.get(noun, noun))
+        others = [number for one in _children(noun, "conj", "appos") for number in self._joined(one)]
+        return others if mine is None else [mine, *others]
+
+    def _subjects(self, head: Token, said: str = "") -> list[int]:
+        """Returns the things that a preposition or a verb below `head` belongs to.
+
+        A cat on a chair in a garden is in the garden, too; but a part belongs to the nearest thing.
+        """
+        above, is_root, head = head.head, head.head == head, self._read_as.get(head, head)
+        if head in self._actors:
+            return self._joined(self._actors[head])
+        if head in self._numbers:
+            first = _first_of(next((one for one, inner in self._read_as.items() if inner == head), head))
+            outer: list[int] = []
+            if said not in _PARTS and first.dep_ == "pobj":
+                word = _prepositions(first)[0]
+                outer = [] if word.head == word else self._subjects(word.head, word.lower_)
+            elif said not in _PARTS and first.dep_ in ("dobj", "attr"):
+                outer = self._subjects(first.head)
+            return outer or [self._numbers[head]]
+        if head.pos_ in ("VERB", "AUX"):
+            actors = [word for word in head.lefts if _is_noun(word)]
+            if actors:
+                return self._joined(actors[-1])
+        return [] if is_root else self._subjects(above, said)
 
 
-def _mistaken_clause(noun: Token) -> Token | None:
-    """Returns the verb of a clause that the parser took for part of a name, None if there is none."""
-    if noun.tag_ != "NNS" or not any(child.lower_ in ("a", "an") for child in _children(noun, "det")):
-        return None
-    doing = next((word for word in _children(noun, "compound") if word.lower_.endswith("ing")), None)
-    return doing if doing is not None and doing.i > 0 and _is_noun(doing.nbor(-1)) else None
+def _prepositions(noun: Token) -> list[Token]:
+    """Returns the words before the object of a preposition that make one: "in", "front", "of"."""
+    words = [noun.head]
+    while words[0].dep_ not in ("conj", "ROOT") and (
+        words[0].head.pos_ in ("ADP", "ADV") or _is_between(words[0].head)
+    ):
+        words.insert(0, words[0].head)
+    return words
+
+
+def _first_of(noun: Token) -> Token:
+    """Returns the first of the nouns that are joined by "and"."""
+    while noun.dep_ in ("conj", "appos") and _is_noun(noun.head):
+        noun = noun.head
+    return noun
+
+
+def _is_between(noun: Token) -> bool:
+    """Returns True if a noun is part of a preposition, as in "in front of"."""
+    is_bare = noun.dep_ == "pobj" and noun.tag_ == "NN" and noun.n_lefts == 0
+    return is_bare and any(word.lower_ == "of" for word in noun.children)
 
 
 def _last_word(noun: Token) -> Token | None:
@@ -444,14 +423,17 @@ def _last_word(noun: Token) -> Token | None:
 
 
 def _describe_noun(noun: Token, whole: Token, after: int = -1) -> Thing:
-    """Returns the thing of a noun, from the words before it that come after position `after` of the text."""
+    """Returns the thing of a noun, from the words before it that come after position `after` of the text.
+
+    whole: word that carries the noun's adjectives and numbers, if that is a verb
+    """
     before = [word for word in whole.subtree if after < word.i < noun.i and _belongs(word, whole)]
     if (last := _last_word(noun)) is not None:
         before, noun = [*before, noun], last
     color, colored = _color(before)
     name = [word.text for word in before if word not in colored and not _is_number(word)]
     lemma = noun.text if noun.pos_ == "PROPN" else noun.lemma_
-    beside = [word for word in (*whole.children, *(noun.children if noun is not whole else ())) if word.i > after]
+    beside = [word for word in (*whole.children, *noun.children) if after < word.i]
     numbers = [word for word in beside if _is_number(word) and word.i < noun.i]
     single = any(child.dep_ == "det" and child.lower_ in ("a", "an") for child in beside)
     plural = noun.tag_ in ("NNS", "NNPS") and not single
@@ -465,22 +447,10 @@ def _describe_noun(noun: Token, whole: Token, after: int = -1) -> Thing:
 
 def _belongs(word: Token, noun: Token) -> bool:
     """Returns True if a word before a noun is part of its name, colour or number."""
-    head = word
-    while head != noun:
-        if head.dep_ not in (
-            "amod",
-            "compound",
-            "nmod",
-            "conj",
-            "cc",
-            "advmod",
-            "nummod",
-            "punct",
-            "npadvmod",
-            "quantmod",
-        ):
+    while word != noun:
+        if word.dep_ not in (*_IN_A_NAME, "conj", "cc", "advmod", "punct") or word.dep_ in ("poss", "det"):
             return False
-        head = head.head
+        word = word.head
     return True
 
 
@@ -499,38 +469,8 @@ def _children(word: Token, *kinds: str) -> list[Token]:
     return [child for child in word.children if child.dep_ in kinds]
 
 
-def _child(word: Token, *kinds: str) -> Token | None:
-    return next(iter(_children(word, *kinds)), None)
-
-
 def _is_noun(word: Token) -> bool:
     return word.pos_ in ("NOUN", "PROPN", "PRON")
-
-
-def _join_nouns(noun: Token) -> list[Token]:
-    """Returns the nouns joined to a noun by "and" or apposition, without proper names and ends of its name."""
-    others = [one for one in _children(noun, "conj", "appos") if _is_noun(one) and not _is_called(one)]
-    return [one for one in others if one != _last_word(noun)]
-
-
-def _is_none(noun: Token) -> bool:
-    """Returns True if a noun is negated, as in "no cats"."""
-    return any(child.lower_ in ("no", "zero", "0") for child in _children(noun, "det", "nummod"))
-
-
-def _is_called(noun: Token) -> bool:
-    """Returns True if a noun is only the proper name of the one before it, as in "my cat Tom"."""
-    return bool(noun.dep_ == "appos" and noun.pos_ == "PROPN")
-
-
-def _is_depiction(noun: Token) -> bool:
-    return noun.lemma_.lower() in _DEPICTIONS or (noun.lemma_ == "life" and noun.nbor(-1).lower_ == "still")
-
-
-def _find_depicted(depiction: Token) -> Token | None:
-    """Returns the noun that a depiction shows: a portrait of it, a still life with it."""
-    shown = {word.lower_: noun for word in _children(depiction, "prep") if (noun := _child(word, "pobj")) is not None}
-    return shown.get("of", shown.get("with"))
 
 
 def _color(words: list[Token]) -> tuple[str, list[Token]]:

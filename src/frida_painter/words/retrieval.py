@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import torch
 from torch import Tensor
-from torch.nn import functional
 
 from frida_painter.errors import ImageError
 from frida_painter.objectives.encoders.classifiers import has_class, kin, synonyms
@@ -16,7 +15,7 @@ from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.palette import to_lab
 from frida_painter.words.arrangement import is_person
-from frida_painter.words.compositing import lay, muted_color, recolor, resize
+from frida_painter.words.compositing import lay, muted_color, recolor
 from frida_painter.words.libraries import PictureFolder, PictureLibrary, libraries_at_hand
 from frida_painter.words.reading import (
     SEVERAL,
@@ -35,37 +34,30 @@ from frida_painter.words.reading import (
 _REALISM = 0.6  # bonus of a photograph over a sign
 _OWN = 0.3  # bonus of the user's own picture
 _FLAT = 0.4  # share of realism that a picture of flat areas loses: it is a drawing, whatever its file says
-_PLAIN = 0.25  # penalty for drawings without colour, and for pictures with a ground
+_PLAIN, _COLORLESS = 0.25, 0.7  # penalties: for lines, and for pictures with a ground; for drawings without colour
 _COLORFUL = 8.0  # chroma
 _BLACK, _SILHOUETTE = 12.0, 0.4  # L* of black, and its share of a picture that makes a silhouette
 _SKETCHY = 0.25  # share of its box below which a thing consists of lines only
 _MOSTLY = 0.5  # share of equal neighbouring pixels above which a picture is drawn
-_LACY, _SOME_LACE = 0.6, 0.15  # penalty for lines narrower than a brush, beyond that share of a thing
-_LACE_SIDE, _BRUSH = 64, 5  # of a picture, and of a brush, in pixels
 _FILLED = 0.95  # share of its box above which a picture is a rectangle
 
 
 def is_colorless(picture: Tensor) -> bool:
     """Returns True if a picture [4, h, w] is a drawing without colour: an outline, or a silhouette."""
     lab = to_lab(picture[:3, picture[3] > 0.5].T)
-    return len(lab) == 0 or (_flatness(picture) > _MOSTLY and (_chroma(lab) < _COLORFUL or _black(lab) > _SILHOUETTE))
+    black, chroma = float((lab[:, 0] < _BLACK).float().mean()), float(lab[:, 1:].norm(dim=1).mean())
+    return len(lab) == 0 or (_flatness(picture) > _MOSTLY and (chroma < _COLORFUL or black > _SILHOUETTE))
 
 
 def appearance(picture: Tensor, realism: float, *, is_own: bool) -> float:
     """Returns the worth of a picture before comparison: cut-outs above rectangles, colours above outlines."""
-    seen = picture[:3, picture[3] > 0.5].T
-    if len(seen) == 0:
+    if not bool((picture[3] > 0.5).any()):
         return -1.0
-    flat = _flatness(picture)
-    worth = _REALISM * realism * (1 - _FLAT * flat) + _OWN * is_own
-    lab = to_lab(seen[:: max(1, len(seen) // 2000)])
-    worth -= _PLAIN * flat * (_black(lab) > _SILHOUETTE and not is_own)
-    worth -= _PLAIN * flat * (_chroma(lab) < _COLORFUL and not is_own)
-    if float(picture[3].mean()) < _SKETCHY:
-        worth -= _PLAIN
-    elif not is_own:
-        worth -= min(_PLAIN, _LACY * max(0.0, _lace(picture) - _SOME_LACE))
-    return worth - _PLAIN * (has_ground(picture) and not is_own)
+    worth = _REALISM * realism * (1 - _FLAT * _flatness(picture))
+    if is_own:
+        return worth + _OWN
+    lines = float(picture[3].mean()) < _SKETCHY
+    return worth - _PLAIN * (lines + has_ground(picture)) - _COLORLESS * is_colorless(picture)
 
 
 def has_ground(picture: Tensor) -> bool:
@@ -73,23 +65,9 @@ def has_ground(picture: Tensor) -> bool:
     return float(picture[3].mean()) > _FILLED
 
 
-def _lace(picture: Tensor) -> float:
-    """Returns the share of a thing [4, h, w] that is narrower than a brush, such as the bars of an iron fence."""
-    small = resize(picture, _LACE_SIDE / max(picture.shape[1:]))[3]
-    seen = functional.pad((small > 0.5).float()[None, None], (_BRUSH,) * 4)
-    inner = -functional.max_pool2d(-seen, _BRUSH, 1, _BRUSH // 2)
-    wide = functional.max_pool2d(inner, _BRUSH, 1, _BRUSH // 2)
-    return 1 - float(wide.sum() / seen.sum().clamp(min=1))
-
-
-def _chroma(lab: Tensor) -> float:
-    """Returns the mean chroma of colours [n, 3] in CIELAB."""
-    return float(lab[:, 1:].norm(dim=1).mean())
-
-
-def _black(lab: Tensor) -> float:
-    """Returns the share of black in colours [n, 3] in CIELAB."""
-    return float((lab[:, 0] < _BLACK).float().mean())
+def is_upright(picture: Tensor) -> bool:
+    """Returns True if a picture [4, h, w] of a person probably shows all of them, from head to foot."""
+    return picture.shape[1] > _TALL * picture.shape[2]
 
 
 def _flatness(picture: Tensor) -> float:
@@ -101,6 +79,8 @@ def _flatness(picture: Tensor) -> float:
 
 
 _MIN = 0.6  # similarity of a caption to a thing below which it means something else, and no picture is better
+_MIN_PERSON = 0.5  # the same for a person; only a person can replace one
+_LOOKED_AT_FOR_KIND = 60
 _KIN = 0.42  # least worth of a relative, as similarity
 _NAMED = 0.8  # similarity above which a caption means the thing, with any words: a duck (0.64) is no goose
 _FARTHER_KIN = 0.005  # loss for each living thing that is more similar
@@ -205,7 +185,7 @@ class PictureIndex:
         least: float = 0.0,
         shows: Sequence[str] = (),
         cut_out: bool = False,
-        upright: bool = False,
+        acts: bool = False,
     ) -> FoundPicture | None:
         """Returns the best picture of a thing, the user's own before all others; None if there is none.
 
@@ -214,7 +194,7 @@ class PictureIndex:
         least: similarity that a caption needs; 0 for the default
         shows: words that the caption must all mention
         cut_out: True to exclude pictures with a ground, and other things with a similar name, except the user's own
-        upright: True to prefer a person from head to foot
+        acts: True for somebody who does something or is among others, and should be seen from head to foot
         """
         thing = in_small_letters(thing)
         similarity = self._similarity(thing)
@@ -222,34 +202,45 @@ class PictureIndex:
             speaks = self._embed_captions(words)  # a banana alone is no monkey with a banana
             similarity = similarity.masked_fill((speaks < _SPEAKS) | (speaks > similarity), 0)
         own = self._own(thing, similarity, shows)
+        figure = is_person(thing.name, self._sentences)
+        if figure or not shows:
+            similarity = self._of_kind(thing, similarity, figure=figure)
         akin = None if own or shows else self._akin(thing, similarity)
         similarity = similarity if akin is None else akin
-        exact = bool(own) or float(similarity.max()) >= (least or _MIN)
+        exact = bool(own) or float(similarity.max()) >= (least or (_MIN_PERSON if figure else _MIN))
         if not exact and (least or akin is None):
             return None
-        least = least or (_MIN if exact else _KIN)
+        least = least or (_KIN if not exact else _MIN_PERSON if figure else _MIN)
         context = self._similar(prompt)[self._titles]
         order = (similarity + _CONTEXT * context).argsort(descending=True)[: 4 * _LOOKED_AT].tolist()
         near = [at for at in order if similarity[at] >= max(least, float(similarity.max()) - _BAND)]
         mine = sorted(own, key=lambda at: -float(similarity[at]))[:_LOOKED_AT]
         near = [*mine, *(at for at in near[:_LOOKED_AT] if at not in own)]
-        figure = not shows and is_person(thing.name, self._sentences)
-        kept = (at for at in near if at in own or self._may_show(at, thing, shows, among=cut_out, figure=figure))
+        kept = (at for at in near if at in own or self._may_show(at, thing, shows, among=cut_out))
+        upright = figure and acts
         return self._best(kept, thing, similarity, context, distance, own, exact=exact, among=cut_out, upright=upright)
 
-    def _may_show(self, at: int, thing: Thing, shows: Sequence[str], *, among: bool, figure: bool) -> bool:
-        """Returns True if a picture is the user's own, or does not show another thing of that name.
+    def _of_kind(self, thing: Thing, similarity: Tensor, *, figure: bool) -> Tensor:
+        """Returns the similarities without those of another kind: only a person stands for a person, and for no thing.
 
-        figure: True if the thing is a person, whom only a person may stand for: a tooth is no dentist
+        figure: True if the thing is a person: a tooth is no dentist, and a farmer no farmhouse
         """
+        similarity = similarity.clone()
+        for at in similarity.topk(min(_LOOKED_AT_FOR_KIND, len(similarity))).indices.tolist():
+            entry = self._entries[at]
+            is_named = entry.library.is_own or is_called(entry.title, thing)
+            if not is_named and is_person(entry.title, self._sentences) != figure:
+                similarity[at] = 0
+        return similarity
+
+    def _may_show(self, at: int, thing: Thing, shows: Sequence[str], *, among: bool) -> bool:
+        """Returns True if a picture is the user's own, or does not show another thing of that name."""
         entry = self._entries[at]
         if entry.library.is_own:
             return True
         another = bool(
             set(shows) & set(split_title(entry.title)[:-1])
         )  # a spider web shows no spider, a desk lamp no desk
-        if figure and not is_called(entry.title, thing) and not is_person(entry.title, self._sentences):
-            return False
         return not another and not (among and is_modified(entry.title, thing))
 
     def _best(
@@ -277,7 +268,7 @@ class PictureIndex:
                     + _CONTEXT * float(context[at])
                     + trusted * max(-_FARTHER, min(looks, _NEARER))
                     + appearance(picture, entry.realism, is_own=entry.library.is_own)
-                    + _FROM_HEAD_TO_FOOT * (upright and picture.shape[1] > _TALL * picture.shape[2])
+                    + _FROM_HEAD_TO_FOOT * (upright and is_upright(picture))
                     - _UNTOLD * (grounded and not tells_color)
                 )
                 if worth > best:

@@ -18,13 +18,12 @@ from frida_painter.words.arrangement import (
     ScenePart,
     arrange_parts,
     copies,
-    is_arranged,
     is_person,
+    kind_of,
     known_like,
     known_things,
-    with_figures,
 )
-from frida_painter.words.compositing import composite_into_style, in_style, is_colored, recolor
+from frida_painter.words.compositing import is_colored, recolor
 from frida_painter.words.composition import ComposedScene, compose_mood, compose_photograph, compose_scene, saliency
 from frida_painter.words.libraries import fade_edges
 from frida_painter.words.meaning import Text
@@ -33,30 +32,44 @@ from frida_painter.words.places import (
     DAY,
     FOREST,
     LAKE,
+    LIGHTS,
     MEADOW,
     NOWHERE,
+    PLACES,
     ROOM,
     SKY,
     TABLE,
     TIMES,
+    WEATHERS,
     Light,
     Place,
     Setting,
     Weather,
-    find_light,
     find_mood,
-    find_place,
-    find_weather,
+    find_part,
     in_color,
     infer_place,
     mix_lights,
     rank_lights,
 )
-from frida_painter.words.reading import MAX_THINGS, Reading, Relation, Thing, paint_of, prompt_reader, word_meanings
-from frida_painter.words.retrieval import FoundPicture, PictureIndex, has_ground, is_colorless, picture_index
+from frida_painter.words.reading import Reading, Relation, Thing, paint_of, prompt_reader, word_meanings
+from frida_painter.words.retrieval import (
+    FoundPicture,
+    PictureIndex,
+    has_ground,
+    is_colorless,
+    is_upright,
+    picture_index,
+)
+from frida_painter.words.style_scene import composite_into_style, in_style
 
 # Casting: the choice of a picture for each thing, alone or together with others.
 
+_FIGURES, _FIGURE = (
+    ("woman", "man", "girl", "boy"),
+    0.5,
+)  # who stand for people; least similarity to those with a picture
+_IN_A_FIELD = 7  # number of things that a place is full of
 _WHOLE = 0.80  # similarity of a caption to two things and their relation above which it shows both
 _PART = 0.75  # the same for a part of a thing
 _HELD = 0.72  # the same for "a bowl of cherries"
@@ -139,112 +152,115 @@ def cast(
     if index is None:
         return [SceneThing(thing, None) for thing in reading.things], []
     relations = [one for one in reading.relations if one.subject not in settled and one.object not in settled]
-    caster = _Caster(reading, prompt, index, encoders, seed)
-    things, relations, merged = caster.wholes(relations)
+    caster = _Caster(prompt, index, encoders, seed)
+    things: list[SceneThing | None] = [None] * len(reading.things)
+    merged = set(settled)
+    for relation in list(relations):
+        if relation in relations and not merged & {relation.subject, relation.object}:
+            first, second = reading.things[relation.subject], reading.things[relation.object]
+            if (whole := caster.whole(first, relation.word, second)) is not None:
+                things[relation.subject] = SceneThing(first, whole)
+                merged |= {relation.subject, relation.object}
+                relations = [one for one in relations if relation.object not in (one.subject, one.object)]
     had = {one.object for one in relations if one.word == "with"}  # parts, such as a roof, belong to their whole
     leading = next((number for number in range(len(things)) if number not in settled), None)
     for number, thing in enumerate(reading.things):
-        if number not in settled and number not in merged:
+        if number not in merged:
             among = bool(relations) or in_place or thing.shown > 1
-            found = caster.found(thing, among=among, is_part=number in had, leads=number == leading)
-            if found is not None and not found.exact and found.caption in _captions(things):
+            found = caster.single(thing, among=among, is_part=number in had, leads=number == leading)
+            others = {one.found.caption for one in things if one is not None and one.found is not None}
+            if found is not None and not found.exact and found.caption in others:
                 found = None  # a king is no throne
             once = replace(thing, count=1) if found is not None and found.several else thing
             things[number] = None if number in had and found is None else SceneThing(once, found)
     return _without_groups(things, relations, reading, settled)
 
 
+@dataclass(frozen=True)
 class _Caster:
     """Finder of pictures for the things of one prompt."""
 
-    def __init__(
-        self, reading: Reading, prompt: str, index: PictureIndex, encoders: EncoderRegistry, seed: int
-    ) -> None:
-        self._reading, self._prompt, self._index = reading, prompt, index
-        self._encoders, self._seed = encoders, seed
+    prompt: str
+    index: PictureIndex
+    encoders: EncoderRegistry
+    seed: int
 
-    def found(self, thing: Thing, *, among: bool, is_part: bool, leads: bool) -> FoundPicture | None:
-        """Returns the picture of a single thing, None if there is none.
+    def single(self, thing: Thing, *, among: bool, is_part: bool, leads: bool) -> FoundPicture | None:
+        """Returns the picture of a single thing, None if there is none. For a person, somebody else may stand.
 
         among: True if it is among others, or in a place
         leads: True if a picture with a ground may determine the whole scene
         """
-        looks, least = self._looks(thing.name), _PART if is_part else 0.0
-        upright = bool(thing.doing or among) and is_person(thing.name, word_meanings(self._encoders))
-        found = self._index.find(thing, self._prompt, looks, least=least, cut_out=among, upright=upright)
+        least = _PART if is_part else 0.0
+        acts = bool(thing.doing or among)
+        found = self._find(thing, least=least, cut_out=among, acts=acts)
+        is_whole = found is not None and (not acts or found.library.is_own or is_upright(found.picture))
+        if not is_whole and not is_part and is_person(thing.name, word_meanings(self.encoders)):
+            return self._somebody(thing, among=among, least=0.0 if found is None else _FIGURE) or found
         if not among or not leads or (found is not None and found.library.is_own):
             return found
         enough = found.similarity + _BETTER if found is not None and found.exact else -1.0
-        if self._index.nearest(thing) <= enough:  # no other picture can be better
+        if self.index.nearest(thing) <= enough:  # no other picture can be better
             return found
-        whole = self._index.find(thing, self._prompt, looks, least=least, upright=upright)
+        whole = self._find(thing, least=least, acts=acts)
         return whole if whole is not None and whole.exact and whole.similarity > enough else found
 
-    def wholes(self, relations: list[Relation]) -> tuple[list[SceneThing | None], list[Relation], set[int]]:
-        """Finds pictures that show two things with their relation; each belongs to the first one.
+    def _somebody(self, thing: Thing, *, among: bool, least: float) -> FoundPicture | None:
+        """Returns a figure for a person without a picture from head to foot; of several, the nearest in meaning.
 
-        Returns the things found, the remaining relations, and the numbers of all things that have a picture.
+        least: similarity of the figure and the person
         """
-        things: list[SceneThing | None] = [None] * len(self._reading.things)
-        merged = set[int]()
-        for relation in list(relations):
-            if relation.subject in merged or relation.object in merged:
-                continue
-            whole = self._whole(relation)
-            if whole is not None:
-                things[relation.subject] = SceneThing(self._reading.things[relation.subject], whole)
-                merged |= {relation.subject, relation.object}
-                relations = [one for one in relations if not {one.subject, one.object} & {relation.object}]
-        return things, relations, merged
+        meanings = word_meanings(self.encoders).embed([thing.noun, *_FIGURES])
+        similar = dict(zip(_FIGURES, (meanings[1:] @ meanings[0]).tolist(), strict=True))
+        names = sorted((name for name in _FIGURES if similar[name] >= least), key=lambda name: -similar[name])
+        shown = [self._find(replace(thing, name=name, noun=name, plural="", count=1), cut_out=among, acts=True)
+                 for name in names[: thing.shown]]  # fmt: skip
+        figures = [one for one in shown if one is not None]
+        if not figures:
+            return None
+        return replace(figures[0], exact=False, others=tuple(one.picture for one in figures[1:]))
 
-    def _whole(self, relation: Relation) -> FoundPicture | None:
-        """Returns a picture of both things. For a measure such as "a cup of coffee", one of the second will do."""
-        first, second = self._reading.things[relation.subject], self._reading.things[relation.object]
-        measured = relation.word == "of" and second.uncounted
-        # A cup of coffee is a measure, with any adjective of the cup.
-        called = f"{first.noun if measured else first.name} {relation.word} {second.color} {second.name}"
-        called = called.replace("  ", " ")
-        least = _HELD if relation.word == "of" else _WHOLE
-        nouns = first.noun, second.noun
-        whole = self._index.find(Thing(called, called), self._prompt, self._looks(called), least=least, shows=nouns)
-        has_own = self._index.has_own
-        if whole is not None and not whole.library.is_own and (has_own(first) or has_own(second)):
-            whole = None
-        if whole is not None and not whole.library.is_own and is_colorless(whole.picture):
-            whole = None  # each by itself may be found in colour
-        if whole is not None and not set(second.color.split()) <= set(whole.caption.split()) and not measured:
-            whole = None
-        if whole is None and measured and not has_own(first):
-            looks = self._looks(second.name)
-            whole = self._index.find(second, self._prompt, looks, least=NAMED_ALONE, cut_out=True)
-        return whole
+    def whole(self, first: Thing, word: str, second: Thing) -> FoundPicture | None:
+        """Returns a picture of two things. For a measure such as "a cup of coffee", one of the second will do."""
+        measured = word == "of" and second.uncounted
+        is_figure = is_person(first.noun, word_meanings(self.encoders))
+        # A cup of coffee is a measure, with any adjective of the cup; and a bearded person is an old man with a beard.
+        subject = first.noun if measured or is_figure else first.name
+        called = " ".join(f"{subject} {word} {second.color} {second.name}".split())
+        least = _HELD if word == "of" else _WHOLE
+        shows = (second.noun,) if is_figure else (first.noun, second.noun)
+        found = self._find(Thing(called, called), least=least, shows=shows)
+        has_own = self.index.has_own(first)
+        if found is not None and not found.library.is_own:
+            is_colored = measured or set(second.color.split()) <= set(found.caption.split())
+            if has_own or self.index.has_own(second) or not is_colored or is_colorless(found.picture):
+                found = None  # each by itself may be found in colour
+        if found is None and measured and not has_own:
+            return self._find(second, least=NAMED_ALONE, cut_out=True)
+        return found
 
-    def _looks(self, name: str) -> Callable[[Tensor], float]:
-        return looks(name, self._encoders, self._seed)
-
-
-def _captions(things: list[SceneThing | None]) -> set[str]:
-    """Returns the captions of the pictures found so far."""
-    return {one.found.caption for one in things if one is not None and one.found is not None}
+    def _find(
+        self, thing: Thing, *, least: float = 0.0, shows: Sequence[str] = (), cut_out: bool = False, acts: bool = False
+    ) -> FoundPicture | None:
+        seen = looks(thing.name, self.encoders, self.seed)
+        return self.index.find(thing, self.prompt, seen, least=least, shows=shows, cut_out=cut_out, acts=acts)
 
 
 def _without_groups(
     things: list[SceneThing | None], relations: list[Relation], reading: Reading, settled: set[int]
 ) -> tuple[list[SceneThing | None], list[Relation]]:
-    """Replaces groups without a picture by their members: a flock of birds becomes birds."""
-    things = list(things)
-    for relation in [one for one in relations if one.word == "of"]:
-        group = things[relation.subject]
-        if group is not None and (group.found is None or not group.found.exact):
+    """Replaces groups without a picture by their members: a flock of birds becomes birds. A place holds many."""
+    for relation in [one for one in reading.relations if one.word == "of"]:
+        group, member = things[relation.subject], things[relation.object]
+        if relation in relations and group is not None and (group.found is None or not group.found.exact):
             things[relation.subject] = None
-            relations = [one for one in relations if one != relation]
             relations = [
-                replace(one, subject=relation.object) if one.subject == relation.subject else one for one in relations
+                replace(one, subject=relation.object) if one.subject == relation.subject else one
+                for one in relations
+                if one != relation
             ]
-    for relation in reading.relations:
-        group = things[relation.object]
-        if relation.word == "of" and relation.subject in settled and group is not None and group.thing.count is None:
-            things[relation.object] = replace(group, thing=replace(group.thing, count=7))
+        if relation.subject in settled and member is not None and member.thing.count is None:
+            things[relation.object] = replace(member, thing=replace(member.thing, count=_IN_A_FIELD))
     return things, relations
 
 
@@ -259,12 +275,8 @@ def looks(name: str, encoders: EncoderRegistry, seed: int) -> Callable[[Tensor],
     return distance
 
 
-_UNDER = ("under", "beneath", "underneath", "below")
-_BY_THINGS = (*_UNDER, "beside", "next to", "behind", "in front of", "with")
-_BEFORE = ("behind", "in front of")  # a forest or mountains, but no single mountain, are a background
-_CARRIED = ("on", "on top of", "upon", "riding", "in", "inside", "from")  # a duck on a tractor is not on a lake
-_SUPPORTS = ("on", "on top of", "upon")
-_TABLES, _SMALL = ("table", "desk", "shelf"), 0.65  # and the greatest height in metres of the things that they carry
+_BY_THINGS = ("under", "beside", "behind", "front", "with")  # kinds of relations to a thing, not to a place
+_SMALL = 0.65  # metres: greatest height of things that stand on a table
 _ROUNDING = 1e-3
 _SURE = 0.8  # similarity above which a word of a name means a place: a watering can is not in water
 _FELT = 0.75  # the same for an adjective and a light: a sad clown
@@ -281,14 +293,10 @@ def scene_of(
     """
     reading, index = prompt_reader(encoders).read(prompt), picture_index(encoders)
     sentences = word_meanings(encoders)
-    reading = replace(
-        reading, relations=tuple(_lay_on_table(one, reading.things, sentences) for one in reading.relations)
-    )
     account = Account(reading)
     setting, settled, seen = _setting(reading, index, encoders)
     if len(settled) == len(reading.things) and setting.place is not NOWHERE:
         reading = _people_place(reading, setting, sentences)
-    reading = with_figures(reading, lambda thing: index is not None and index.has_own(thing))
     things, relations = cast(reading, settled, prompt, index, encoders, seed, in_place=setting.place is not NOWHERE)
     shown = [one for one in things if one is not None and one.found is not None]
     whole = next((one for one in shown if _fills_the_canvas(one, shown)), None)
@@ -298,8 +306,8 @@ def scene_of(
         _tell(reading, [whole], replace(setting, is_named=False), encoders, use, index, account)
         if len(shown) > 1:
             encoders.remark("The picture has a ground of its own and fills the canvas; nothing else is added.")
-        picture, words = whole.colored[:3], Text(whole.thing.name, encoders.readers(), seed)
-        return compose_photograph(picture, saliency(picture, words.glance, seed), setting, grid, seed)
+        picture = whole.colored[:3]
+        return compose_photograph(picture, saliency(picture), setting, grid, seed)
     if not shown and setting.place is NOWHERE:
         near = rank_lights(prompt, sentences)
         first = near[0] if setting.light == DAY else setting.light
@@ -328,9 +336,7 @@ def scene_of(
         pictures = [fade_edges(one.colored)] if any(one is each for each in pasted) else one.each
         parts.append(ScenePart(copies(pictures, one.thing.shown, known.where, seed + number, apart=between), known))
     known_parts = [part.known for part in parts if part is not None]
-    over = {
-        one.subject for one in reading.relations if one.word in ("over", "above", "across") and one.object in settled
-    }
+    over = {one.subject for one in reading.relations if kind_of(one.word) == "over" and one.object in settled}
     in_the_air = bool(known_parts) and (all(part.where == "air" for part in known_parts) or _subjects(things, over))
     scene = compose_scene(arrange_parts(parts, relations), setting, grid, seed, in_the_air=in_the_air)
     _tell(reading, things, setting, encoders, use, index, account)
@@ -347,7 +353,7 @@ def _place_of(
 ) -> Place:
     """Returns the usual place of things without a named one, by their meaning, else by their kind and size."""
     shown = [one for one in things if one is not None and one.found is not None]
-    carried = {id(things[one.subject]) for one in relations if one.word in _CARRIED}
+    carried = {id(things[one.subject]) for one in relations if kind_of(one.word) in ("on", "in")}
     standing = [one for one in shown if id(one) not in carried] or shown
     names = [name for one in standing for name in (one.thing.name, one.found.caption if one.found else "")]
     place = infer_place(names, sentences, _IMPLIED, outside=setting.weather != CLEAR or setting.light != DAY)
@@ -367,18 +373,6 @@ def _fills_the_canvas(one: SceneThing, shown: list[SceneThing]) -> bool:
     if one.found is None or not has_ground(one.found.picture):
         return False
     return not one.found.library.is_own or (len(shown) == 1 and one.thing.shown == 1)
-
-
-def _lay_on_table(relation: Relation, things: Sequence[Thing], sentences: SentenceEncoder) -> Relation:
-    """Returns the relation, turned around for a table "with" a small thing: the lamp is on the desk."""
-    if relation.word != "with":
-        return relation
-    table, other = things[relation.subject], things[relation.object]
-    meanings = sentences.embed([table.noun, *_TABLES])
-    if float((meanings[1:] @ meanings[0]).max()) < _SURE:
-        return relation
-    is_small = known_like(other.name, sentences).height < _SMALL
-    return Relation(relation.object, "on", relation.subject) if is_small else relation
 
 
 def _dress(
@@ -429,18 +423,19 @@ def _setting(
     for number, thing in enumerate(reading.things):
         nearest = 0.0 if index is None else index.nearest(thing)
         if index is None or not index.has_own(thing):
-            others = [one.name for one in known_things()]
-            mood = find_mood(thing.noun, others, sentences, is_pictured=nearest >= NAMED_ALONE)
-            weather = find_weather(thing.noun, sentences)
+            people = [one.name for one in known_things() if one.where == "person"]
+            others = [one.name for one in known_things() if one.where != "person"]
+            mood = find_mood(thing.noun, people, others, sentences, is_pictured=nearest >= NAMED_ALONE)
+            weather = find_part(thing.noun, WEATHERS, sentences)
             if mood is not None or weather is not None:
                 settled.add(number)
-                seen.append((thing, thing.noun, weather or find_light(thing.noun, sentences) or mood or DAY))
+                seen.append((thing, thing.noun, weather or find_part(thing.noun, LIGHTS, sentences) or mood or DAY))
         if number not in settled and (place := _place_named(number, reading, nearest, sentences)) is not None:
             settled.add(number)
             paint = paint_of(thing.color)
             seen.append((thing, thing.noun, place if paint is None else in_color(place, paint)))
         for word in thing.name.split()[:-1]:
-            felt = find_weather(word, sentences, _SURE) or find_light(word, sentences, _FELT)
+            felt = find_part(word, WEATHERS, sentences, _SURE) or find_part(word, LIGHTS, sentences, _FELT)
             if felt is not None:
                 seen.append((thing, word, felt))
     places = [part for *_, part in seen if isinstance(part, Place)]
@@ -465,25 +460,23 @@ def _place_named(number: int, reading: Reading, nearest: float, sentences: Sente
     nearest: similarity of the nearest picture: a thing with a picture of its own stays a thing, a tree is no forest
     """
     thing = reading.things[number]
-    beside = {one.word for one in reading.relations if one.object == number and one.word in _BY_THINGS}
-    if beside and beside <= set(_UNDER) and find_place(thing.noun, sentences) is SKY:
+    kinds = {kind_of(one.word) for one in reading.relations if one.object == number}
+    beside = kinds & set(_BY_THINGS)
+    if beside == {"under"} and find_part(thing.noun, PLACES, sentences) is SKY:
         return SKY
-    if beside and not beside <= set(_BEFORE):
+    if beside and not beside <= {"behind", "front"}:  # a forest or mountains are a background
         return None
     least = max(nearest - _ROUNDING, NAMED_ALONE if beside else 0.0)
-    place = find_place(thing.noun, sentences, least)
+    place = find_part(thing.noun, PLACES, sentences, least)
     if place is None and thing.count is None and thing.plural and number:  # mountains, but not a single mountain
-        place = find_place(thing.plural, sentences, least)
-    if place is None and any(one.object == number and one.word in _SUPPORTS for one in reading.relations):
+        place = find_part(thing.plural, PLACES, sentences, least)
+    if place is None and "on" in kinds:
         # A table that carries things is shown by its top.
-        top = find_place(thing.noun, sentences)
+        top = find_part(thing.noun, PLACES, sentences)
         place = top if top is not None and not top.is_open else None
     if place is None and thing.name != thing.noun:
-        place = find_place(thing.name, sentences, max(least, _SURE))
+        place = find_part(thing.name, PLACES, sentences, max(least, _SURE))
     return place
-
-
-_SIDE_BY_SIDE = ("beside", "next to", "near", "by", "along", "around", "at")
 
 
 def _account_for(things: Sequence[SceneThing | None], reading: Reading, seen: _Seen, account: Account) -> None:
@@ -512,7 +505,7 @@ def _account_for(things: Sequence[SceneThing | None], reading: Reading, seen: _S
                 account.mark_picture(second, one.found.caption, exact=True, several=False)
                 account.mark(relation.at, Mark.SHOWN, one.found.caption)
         if account.shows(first.at) and account.shows(second.at):
-            is_placed = is_arranged(relation.word) or relation.word in _SIDE_BY_SIDE
+            is_placed = kind_of(relation.word) not in ("", "hands")
             settles = any(second is thing or first is thing for thing, _, _ in seen)
             account.mark(relation.at, Mark.SHOWN if is_placed or settles else Mark.SIMILAR, "side by side")
 
@@ -540,8 +533,6 @@ def _tell(
     if not told:
         told, place = f"strokes and colours of {setting.words}, without a picture of a thing", ""
     encoders.remark(f"{use.capitalize()} {told}{place}{made}.")
-    if reading.too_many:
-        encoders.remark(f"The words name more than {MAX_THINGS} things; the first ones are painted.")
     encoders.remark(account.told)
     if any(line.mark is Mark.NOT_SHOWN and line.word.kind == "thing" for line in account.lines):
         encoders.remark("What is not shown needs a picture: give one with --image, or a folder with --pictures.")
