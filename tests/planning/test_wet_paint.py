@@ -24,7 +24,7 @@ from frida_painter.planning.wet_paint import (
     WetMark,
     Wetness,
     change_by_wet_paint,
-    lay_packed,
+    lay_packed_marks,
     lay_wet,
     learn_wet_paint,
     marks_on,
@@ -123,7 +123,7 @@ def test_compiled_loops_find_the_same_as_the_plain_version() -> None:
         pixel, alpha, nearest = (torch.cat([mark[field] for mark in marks]) for field in range(3))
         packed = (pixel.int().numpy(), alpha.float().numpy(), nearest.to(torch.int8).numpy())
         steps, color = (torch.stack([mark[field] for mark in marks]).float() for field in (3, 4))
-        found = lay_packed(PackedMarks(begin, *packed, steps.numpy(), color), WET, painted_at, 30)
+        found = lay_packed_marks(PackedMarks(begin, *packed, steps.numpy(), color), WET, painted_at, 30)
         assert torch.allclose(found, plain.float(), atol=2e-5)
         assert float(found.abs().max()) > 0.005
 

@@ -181,7 +181,7 @@ def _paths(plan: Plan, width: Tensor) -> list[str]:
                 (f" data-family={quoteattr(name)}" if name else "" for name in families),
                 (
                     f' data-tilt-left="{left:.3f}" data-tilt-forward="{forward:.3f}"' if left or forward else ""
-                    for left, forward in tilts or [(0.0, 0.0)] * len(plan)
+                    for left, forward in tilts or [[0.0, 0.0]] * len(plan)
                 ),
                 strict=True,
             ),

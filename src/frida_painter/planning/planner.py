@@ -1,7 +1,6 @@
 """Planner: makes a plan for a goal and a canvas, and replans the rest of a plan from a photograph."""
 
 import copy
-import itertools
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -38,8 +37,11 @@ from frida_painter.planning.layers import (
     at_the_end,
     find_later_mixing,
     free_strokes,
+    layer_sizes,
     optimize_layers,
     unheard,
+    usual_layers,
+    usual_shares,
 )
 from frida_painter.planning.mixable import MIXED_PAINTS, MixablePalette, make_mixable
 from frida_painter.planning.optimize import PictureChange, Step, optimize, shift_objective, stacked_cost, stacked_loss
@@ -51,17 +53,6 @@ from frida_painter.planning.variables import Paints, as_palette
 from frida_painter.planning.wet_paint import Wetness
 from frida_painter.provenance import describe_here, hash_code, identify
 from frida_painter.strokes import MAX_TILT
-
-# Layers: later strokes go on the dry paint of earlier ones, and start light again, as painters work.
-#
-# The strokes of later layers are a reserve. When a later layer begins, the replan moves its strokes to the places
-# where the seen canvas differs most from the goal. There, light paint may cover dark paint.
-
-LAYERS = 2
-"""Default number of layers of a plan towards a picture."""
-FEWEST_FOR_LAYERS = 100  # strokes
-RESERVE = 0.4
-"""Default share of the strokes that later layers get together."""
 
 
 def stroke_models(given: AnyBrush | Sequence[AnyBrush]) -> tuple[StrokeModel, ...]:
@@ -75,37 +66,6 @@ def stroke_models(given: AnyBrush | Sequence[AnyBrush]) -> tuple[StrokeModel, ..
     if len({id(one) for one in models}) > len(set(map(kind_of, models))):
         raise ConfigError("Two stroke models of one brush were given; all layers of a brush have the same one.")
     return models
-
-
-def usual_layers(strokes: int, brushes: int) -> int:
-    """Default number of layers of a plan with this many strokes towards a picture."""
-    return max(LAYERS, brushes) if strokes >= FEWEST_FOR_LAYERS else 1
-
-
-def usual_shares(layers: int) -> tuple[float, ...]:
-    """Returns the default share of the strokes for each layer."""
-    if layers <= 1:
-        return (1.0,) * layers
-    return (1 - RESERVE, *([RESERVE / (layers - 1)] * (layers - 1)))
-
-
-def layer_sizes(strokes: int, shares: Sequence[float]) -> tuple[int, ...]:
-    """Returns the number of strokes of each layer, by its share. Raises ConfigError if a layer gets no stroke."""
-    if not 1 <= len(shares) <= strokes:
-        raise ConfigError(f"{len(shares)} layers for {strokes} strokes were asked for; give from 1 layer to {strokes}.")
-    total = sum(shares)
-    later = max(len(shares) - 1, round(strokes * (total - shares[0]) / total)) if len(shares) > 1 else 0
-    later = min(later, strokes - 1)
-    rest = list(itertools.accumulate(shares[1:]))
-    ends = [int(later * end / rest[-1] + 1e-9) for end in rest]
-    sizes = [end - before for before, end in itertools.pairwise([0, *ends])]
-    if 0 in sizes:
-        number = sizes.index(0) + 1
-        raise ConfigError(
-            f"Layer {number + 1} gets {shares[number] / total:.1%} of {strokes} strokes, which is not one stroke; give "
-            "it a larger share, or leave its brush out."
-        )
-    return (strokes - later, *sizes)
 
 
 _POLISHING_PACE = 0.5

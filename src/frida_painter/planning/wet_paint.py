@@ -79,7 +79,7 @@ def _lay_on(
     canvas, pixels = problems[0].canvas, grid.rows * grid.columns
     if compiles_for(canvas) and not torch.is_grad_enabled():
         packed = pack_marks(strokes, problems, grid)
-        return lambda wet: lay_packed(packed, wet, painted_at, pixels)
+        return lambda wet: lay_packed_marks(packed, wet, painted_at, pixels)
     laid = [mark for part, problem in zip(strokes, problems, strict=True) for mark in marks_on(part, problem, grid)]
     return lambda wet: lay_wet(laid, wet, painted_at, canvas.new_zeros(3, pixels))
 
@@ -273,7 +273,7 @@ def pack_marks(strokes: Sequence[Strokes], problems: Sequence[PlanningProblem], 
     return PackedMarks(begin, pixel, alpha, nearest, steps, torch.cat([part.color for part in strokes]).detach())
 
 
-def lay_packed(marks: PackedMarks, wet: WetPaint, painted_at: Sequence[float], pixels: int) -> Tensor:
+def lay_packed_marks(marks: PackedMarks, wet: WetPaint, painted_at: Sequence[float], pixels: int) -> Tensor:
     """Returns the change [3, P] of a picture of P pixels by wet paint, as `lay_wet` does on a dry canvas."""
     from frida_painter.planning import wet_kernels
 
