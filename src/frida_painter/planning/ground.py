@@ -100,12 +100,11 @@ def ground_around_things(planner: Planner) -> tuple[float, float, float]:
     """Returns the commonest colour around the things of the goal's start picture, in sRGB rounded to 8 bits.
 
     Areas of this colour need no strokes, so that more strokes remain for the things. A hundred strokes do not cover
-    a canvas. A start picture without an importance map counts as a whole if the goal has a style; without a style, or
-    without a start picture, the ground is white.
+    a canvas. A start picture without an importance map, such as patches arranged for a CLIP, counts as a whole; without
+    a start picture the ground is white.
     """
     term = next((term for term in planner.goal.initial_terms if term.guide is not None), None)
-    styled = any(one.colors is not None for one in planner.goal.terms)
-    if term is None or term.guide is None or (term.importance is None and not styled):
+    if term is None or term.guide is None:
         return WHITE
     around = images.fit(_in_paint(term.guide, planner), _ROWS, _ROWS).flatten(1).T  # [pixels, 3]
     if term.importance is not None:
