@@ -4,7 +4,6 @@ Each layer is first grown as if it were the last one. Then the strokes of all la
 picture that all layers make together. A broad brush can so leave details to the finer brushes.
 """
 
-import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -13,7 +12,6 @@ from typing import Self
 import torch
 from torch import Tensor
 
-from frida_painter.errors import ConfigError
 from frida_painter.frames import PixelGrid
 from frida_painter.plan import Plan
 from frida_painter.planning.initialisers import GROWTH, InitialiserKind, InitialTask
@@ -31,49 +29,6 @@ from frida_painter.planning.refine import (
 )
 from frida_painter.planning.variables import Paints, as_palette
 from frida_painter.strokes import Strokes
-
-# Layers: later strokes go on the dry paint of earlier ones, and start light again, as painters work.
-#
-# The strokes of later layers are a reserve. When a later layer begins, the replan moves its strokes to the places
-# where the seen canvas differs most from the goal. There, light paint may cover dark paint.
-
-LAYERS = 2
-"""Default number of layers of a plan towards a picture."""
-FEWEST_FOR_LAYERS = 100  # strokes
-RESERVE = 0.4
-"""Default share of the strokes that later layers get together."""
-
-
-def usual_layers(strokes: int, brushes: int) -> int:
-    """Default number of layers of a plan with this many strokes towards a picture."""
-    return max(LAYERS, brushes) if strokes >= FEWEST_FOR_LAYERS else 1
-
-
-def usual_shares(layers: int) -> tuple[float, ...]:
-    """Returns the default share of the strokes for each layer."""
-    if layers <= 1:
-        return (1.0,) * layers
-    return (1 - RESERVE, *([RESERVE / (layers - 1)] * (layers - 1)))
-
-
-def layer_sizes(strokes: int, shares: Sequence[float]) -> tuple[int, ...]:
-    """Returns the number of strokes of each layer, by its share. Raises ConfigError if a layer gets no stroke."""
-    if not 1 <= len(shares) <= strokes:
-        raise ConfigError(f"{len(shares)} layers for {strokes} strokes were asked for; give from 1 layer to {strokes}.")
-    total = sum(shares)
-    later = max(len(shares) - 1, round(strokes * (total - shares[0]) / total)) if len(shares) > 1 else 0
-    later = min(later, strokes - 1)
-    rest = list(itertools.accumulate(shares[1:]))
-    ends = [int(later * end / rest[-1] + 1e-9) for end in rest]
-    sizes = [end - before for before, end in itertools.pairwise([0, *ends])]
-    if 0 in sizes:
-        number = sizes.index(0) + 1
-        raise ConfigError(
-            f"Layer {number + 1} gets {shares[number] / total:.1%} of {strokes} strokes, which is not one stroke; give "
-            "it a larger share, or leave its brush out."
-        )
-    return (strokes - later, *sizes)
-
 
 # Reports of planning steps: one count through all optimisations that make a plan.
 

@@ -37,18 +37,15 @@ from frida_painter.planning.layers import (
     at_the_end,
     find_later_mixing,
     free_strokes,
-    layer_sizes,
     optimize_layers,
     unheard,
-    usual_layers,
-    usual_shares,
 )
 from frida_painter.planning.mixable import MIXED_PAINTS, MixablePalette, make_mixable
 from frida_painter.planning.optimize import PictureChange, Step, optimize, shift_objective, stacked_cost, stacked_loss
 from frida_painter.planning.placement import Placement, learn
 from frida_painter.planning.problem import PlanningProblems, Region, is_bare, is_lack_of_memory, on_device
 from frida_painter.planning.refine import HARDLY_APART, MOVED, MOVED_WHERE_A_LAYER_BEGINS, bind_to_palette
-from frida_painter.planning.settings import PlannerSettings
+from frida_painter.planning.settings import PlannerSettings, layer_sizes, usual_layers, usual_shares
 from frida_painter.planning.variables import Paints, as_palette
 from frida_painter.planning.wet_paint import Wetness
 from frida_painter.provenance import describe_here, hash_code, identify
