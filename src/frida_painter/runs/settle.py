@@ -35,12 +35,13 @@ from frida_painter.palette import Palette, from_hex, to_hex
 from frida_painter.perception.flatfield import FlatField
 from frida_painter.plan import WHITE, Plan
 from frida_painter.planning.ground import ground_around_things, proposed_ground
+from frida_painter.planning.layers import Effort, unheard
 from frida_painter.planning.mixable import make_mixable
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Planner, stroke_models
 from frida_painter.planning.problem import Region
-from frida_painter.planning.settings import FEWEST_FOR_LAYERS, Effort, PlannerSettings, unheard
+from frida_painter.planning.settings import FEWEST_FOR_LAYERS, PlannerSettings
 from frida_painter.report.recorder import Recorder
 from frida_painter.runs.fields import OF_SCENE, ground_color, rgb
 from frida_painter.runs.goals import OF_PICTURES, make_goal, picture_of, say_words
