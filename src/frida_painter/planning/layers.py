@@ -264,20 +264,13 @@ def optimize_layers(
 def _lean_strokes(
     layers: Sequence[LayerAtWork], canvas: Tensor, problems: PlanningProblems, grid: PixelGrid
 ) -> list[LayerAtWork]:
-    """Returns the layers with brushes leaning to a side if that is better, each seen below the later layers."""
-    found, below = list(layers), canvas
+    """Returns the layers with brushes leaning to a side if that is better."""
     generator = torch.Generator().manual_seed(_LEANING_SEED)
-    for number, layer in enumerate(found):
-        problem = problems.of(below, grid, layer.kind)
-        guide = problems.guide(problem)
-        if guide is None:
-            return found
-        above = [(later.strokes, problems.of(canvas, grid, later.kind)) for later in found[number + 1 :]]
-        seen, wanted = beneath(above, layer.strokes, problem, guide) if above else (problem, guide)
-        strokes = lean_over(layer.strokes, seen, wanted, generator)
-        found[number] = replace(layer, strokes=strokes)
-        below = problem.render(strokes).detach()
-    return found
+
+    def lean(layer: LayerAtWork, seen: PlanningProblem, wanted: Tensor) -> LayerAtWork:
+        return replace(layer, strokes=lean_over(layer.strokes, seen, wanted, generator))
+
+    return _change_in_turn(layers, canvas, problems, grid, lean)
 
 
 def _descend(
@@ -312,7 +305,29 @@ def _relocate_strokes(
     share: float,
     generator: torch.Generator,
 ) -> list[LayerAtWork]:
-    """Returns the layers after some strokes of each moved to places of a larger gain, seen below the later layers."""
+    """Returns the layers after some strokes of each moved to places of a larger gain."""
+
+    def move(layer: LayerAtWork, seen: PlanningProblem, wanted: Tensor) -> LayerAtWork:
+        strokes, paints = relocate(
+            layer.strokes, layer.paints, seen, wanted, share=share, proposals=PROPOSALS, generator=generator
+        )
+        assert paints is not None
+        return replace(layer, strokes=strokes, paints=paints)
+
+    return _change_in_turn(layers, canvas, problems, grid, move)
+
+
+def _change_in_turn(
+    layers: Sequence[LayerAtWork],
+    canvas: Tensor,
+    problems: PlanningProblems,
+    grid: PixelGrid,
+    change: Callable[[LayerAtWork, PlanningProblem, Tensor], LayerAtWork],
+) -> list[LayerAtWork]:
+    """Returns the layers, each changed on the changed ones before it.
+
+    change: gets a layer, its scene and the wanted picture, both as they are seen below the later layers
+    """
     found, below = list(layers), canvas
     for number, layer in enumerate(found):
         problem = problems.of(below, grid, layer.kind)
@@ -321,12 +336,8 @@ def _relocate_strokes(
             return found
         above = [(later.strokes, problems.of(canvas, grid, later.kind)) for later in found[number + 1 :]]
         seen, wanted = beneath(above, layer.strokes, problem, guide) if above else (problem, guide)
-        strokes, paints = relocate(
-            layer.strokes, layer.paints, seen, wanted, share=share, proposals=PROPOSALS, generator=generator
-        )
-        assert paints is not None
-        found[number] = replace(layer, strokes=strokes, paints=paints)
-        below = problem.render(strokes).detach()
+        found[number] = change(layer, seen, wanted)
+        below = problem.render(found[number].strokes).detach()
     return found
 
 

@@ -519,8 +519,8 @@ class Planner:
         mixed: False if the paints of the next stroke's layer may still change.
         If the expected painting is not better, or the goal or planner is of another kind, this is `rest`.
         """
-        known = all(term.is_pixelwise for term in self.goal.terms) and self.settings.planner == LAYERS_KIND.name
-        if len(rest) == 0 or not known:
+        ours = all(term.is_pixelwise for term in self.goal.terms) and self.settings.planner == LAYERS_KIND.name
+        if len(rest) == 0 or not ours:
             return rest
         canvas, hear, count = as_picture(canvas), at_the_end(notify or unheard), self.effort.replanning
         layers, begin = self._at_work(rest, fresh=not mixed), StepCount(hear, count).begin
@@ -529,8 +529,8 @@ class Planner:
         try:
             settled = self._settle(layers, canvas, begin, 0, count, pace=_POLISHING_PACE, change=wetness.change)
             again = self._join(rest, settled, [layer.mixes for layer in layers], canvas, hear, change=wetness.change)
-            known = len(again) == len(rest)  # else the region took a stroke, and the times are those of other strokes
-            return again if known and self.cost(again, canvas, wetness) < self.cost(rest, canvas, wetness) else rest
+            timed = len(again) == len(rest)  # else the region took a stroke, and the times are those of other strokes
+            return again if timed and self.cost(again, canvas, wetness) < self.cost(rest, canvas, wetness) else rest
         except (PlanningDiverged, MemoryError, RuntimeError) as failure:
             if isinstance(failure, PlanningDiverged) or is_lack_of_memory(failure):
                 return rest

@@ -171,25 +171,23 @@ def lean_over(strokes: Strokes, problem: PlanningProblem, target: Tensor, genera
     # The mark moves with the tilt. The stroke moves back, so that its mark stays where it was.
     aside = torch.stack((-strokes.angle.sin(), strokes.angle.cos()), -1)
     position = strokes.position - aside * (rows * problem.model.frame.pitch[1])[:, None]
-    wanted = replace(strokes, tilt=ways[best, each], thickness=pressed[best, each], position=position)
-    wanted, found, least = (
-        wanted.project(problem.limits, problem.size),
-        replace(strokes, tilt=tilt),
-        float(error.detach()),
-    )
+    leans = ways[best, each]
+    wanted = replace(strokes, tilt=leans, thickness=pressed[best, each], position=position)
+    wanted = wanted.project(problem.limits, problem.size)
+    found, least = replace(strokes, tilt=tilt), float(error.detach())
     # The estimates are noisy, and neighbours may want the same place: each is tried.
     for number in torch.argsort(cost)[: min(_MAX_TRIED, int((cost < 0).sum()))].tolist():
         this = (each == number)[:, None]
         other = replace(
             found,
-            tilt=torch.where(this, ways[best, each], tilt),
+            tilt=torch.where(this, leans, tilt),
             thickness=torch.where(this[:, 0], wanted.thickness, found.thickness),
             position=torch.where(this, wanted.position, found.position),
         )
         with torch.no_grad():
             reached = float(_expected_error(other, problem.marks(other), problem, target))
         if reached < least:
-            found, least, tilt = other, reached, torch.where(this, ways[best, each], tilt)
+            found, least, tilt = other, reached, torch.where(this, leans, tilt)
     return found
 
 

@@ -68,7 +68,7 @@ def _show(picture: Tensor, file: Path) -> str:
 
 
 def _forget_old(folder: PaintingFolder) -> None:
-    """Removes the oldest makings, of which the page shows none any more once another one is there."""
+    """Removes the oldest makings. The page shows the newest ones, and the one that begins now."""
     makings = sorted((folder.path / MADE).iterdir(), key=lambda place: place.stat().st_mtime)
     for place in makings[: -(MAX_MAKINGS - 1)]:
         for shown in folder.live.glob(f"made-{place.name}-*.jpg"):

@@ -44,7 +44,7 @@ class AllowedMakers:
 
     @classmethod
     def check(cls, makers: Sequence[str], minutes: float) -> Self:
-        """Returns the makers, each of which is opened once in a short process: this one loads no tensors.
+        """Returns the makers. A short process opens each of them once, so that this process loads no tensors.
 
         Raises ConfigError if one cannot be opened.
         """

@@ -18,7 +18,7 @@ from frida_painter.objectives.word_settings import USUAL
 _LEVELS = (1, 3, 6, 12, 20)  # cells of the shorter side
 _BEGUN = (1.0, 1.0, 0.3, 0.3, 0.3)  # standard deviation of each level at the beginning, before the logistic function
 _FROM = (0.0, 0.0, 0.0, 0.3, 0.6)  # share of the steps after which a level takes part
-_COLORED = 2  # pictures, of which the best is taken
+_COLORED = 2  # pictures; the best one is taken
 _VIEWS, _AT_A_TIME = 24, 2
 _ROWS = 48  # of a picture while it is coloured
 _RATE = 0.08
@@ -39,7 +39,7 @@ def color_in(
     seed: int,
     steps: int = USUAL.first_steps,
 ) -> Tensor:
-    """Returns the picture [3, H, W] of coarse colours in which a network sees the words best.
+    """Returns the picture [3, H, W] of coarse colours that is nearest to the words for a network.
 
     wish: distances [n] of pictures [n, 3, h, w] from the words
     reader: network that measures them; only its size counts here

@@ -21,7 +21,7 @@ from frida_painter.objectives.style_marks import (
 from frida_painter.palette import Palette, from_lab, to_lab
 from frida_painter.words.compositing import paste, resize
 
-_ROWS = 96  # of the small picture in which places are compared
+_ROWS = 96  # of the small picture on which places for the thing are tried
 _AREA = 4  # its pixels, half the width over which an edge is measured
 _STYLE_SCENE_AROUND = 6  # its pixels around a thing, which are its background
 _SIZES = (0.85, 0.75, 0.65)  # of the shorter side
