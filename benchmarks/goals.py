@@ -18,7 +18,7 @@ from frida_painter.objectives.objective import Goal
 from frida_painter.objectives.semantic import SemanticTerm
 from frida_painter.objectives.sketch import SketchTerm
 from frida_painter.objectives.style import StyleTerm
-from frida_painter.planning.layers import Effort
+from frida_painter.planning.effort import Effort
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.settings import PlannerSettings
 from frida_painter.words.text import TextTerm

@@ -28,8 +28,8 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.devices import prepare_process
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
+from frida_painter.planning.effort import Effort
 from frida_painter.planning.initialize import Growth, progressive, uniform
-from frida_painter.planning.layers import Effort
 from frida_painter.planning.optimize import Step, optimize
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.problem import PlanningProblem

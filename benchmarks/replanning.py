@@ -17,8 +17,8 @@ from torch import Tensor
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.plan import Plan
+from frida_painter.planning.effort import Effort
 from frida_painter.planning.initialize import Growth
-from frida_painter.planning.layers import Effort
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.settings import PlannerSettings

@@ -14,7 +14,7 @@ from frida_painter import registry
 from frida_painter.cli import commands
 from frida_painter.errors import ConfigError
 from frida_painter.objectives.objective import goal_kinds
-from frida_painter.planning.layers import Effort
+from frida_painter.planning.effort import Effort
 from frida_painter.planning.planner import Planner
 from frida_painter.registry import OBJECTIVES
 from frida_painter.runs.goal_item import GoalItem, read_goal_file

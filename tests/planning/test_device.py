@@ -27,8 +27,8 @@ from frida_painter.objectives.sketch import SketchTerm
 from frida_painter.objectives.style import StyleTerm
 from frida_painter.palette import Palette, to_lab
 from frida_painter.plan import Plan
+from frida_painter.planning.effort import Effort
 from frida_painter.planning.initialize import Growth, uniform
-from frida_painter.planning.layers import Effort
 from frida_painter.planning.optimize import Step, optimize
 from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Planner

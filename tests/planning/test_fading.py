@@ -6,8 +6,8 @@ import pytest
 import torch
 
 from frida_painter.plan import Plan
+from frida_painter.planning.effort import Effort
 from frida_painter.planning.forecast import Fading, fading_of
-from frida_painter.planning.layers import Effort
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.problem import PlanningProblems
 from frida_painter.render import composite

@@ -17,8 +17,8 @@ from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
+from frida_painter.planning.effort import Effort
 from frida_painter.planning.forecast import SimilarityForecast, forecast
-from frida_painter.planning.layers import Effort
 from frida_painter.planning.optimize import stacked_moments
 from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Planner

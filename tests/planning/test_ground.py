@@ -11,8 +11,8 @@ from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.objectives.style import StyleTerm
 from frida_painter.plan import WHITE
+from frida_painter.planning.effort import Effort
 from frida_painter.planning.ground import ground_around_things, possible_grounds, proposed_ground
-from frida_painter.planning.layers import Effort
 from frida_painter.planning.planner import Planner
 from support.networks import QuickEncoders
 from support.planning import CANVAS, plain, small_table

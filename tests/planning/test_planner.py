@@ -13,7 +13,7 @@ from frida_painter.objectives.semantic import SemanticTerm
 from frida_painter.objectives.style import StyleTerm
 from frida_painter.palette import Palette, to_lab
 from frida_painter.plan import Plan
-from frida_painter.planning.layers import Effort
+from frida_painter.planning.effort import Effort
 from frida_painter.planning.optimize import Step, optimize_together
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.problem import PlanningProblem, PlanningProblems

@@ -17,7 +17,7 @@ from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.objectives.style import StyleTerm
 from frida_painter.plan import Plan
-from frida_painter.planning.layers import Effort
+from frida_painter.planning.effort import Effort
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.settings import PlannerSettings
 from frida_painter.runs.goals import make_goal

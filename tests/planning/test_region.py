@@ -5,7 +5,7 @@ import torch
 
 from frida_painter.errors import ConfigError
 from frida_painter.frames import PixelGrid
-from frida_painter.planning.layers import Effort
+from frida_painter.planning.effort import Effort
 from frida_painter.planning.optimize import optimize
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.problem import Region, region_of

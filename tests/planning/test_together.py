@@ -13,8 +13,9 @@ from frida_painter.errors import ConfigError
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.interpretation import WeightedObjective, prepare
 from frida_painter.objectives.objective import ObjectiveTerm
+from frida_painter.planning.effort import Effort
 from frida_painter.planning.initialize import best_proposals
-from frida_painter.planning.layers import Effort, beneath, find_later_mixing
+from frida_painter.planning.layers import beneath, find_later_mixing
 from frida_painter.planning.optimize import (
     Step,
     StrokesInScene,

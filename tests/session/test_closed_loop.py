@@ -14,7 +14,7 @@ from frida_painter.brush.weights import load_stroke_model
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
-from frida_painter.planning.layers import Effort
+from frida_painter.planning.effort import Effort
 from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Planner
 from frida_painter.session.events import Event, Planned, StrokePainted, TouchCorrected

@@ -13,7 +13,7 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.dialogue import lead
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
-from frida_painter.planning.layers import Effort
+from frida_painter.planning.effort import Effort
 from frida_painter.planning.planner import Planner
 from frida_painter.procedures.color import color
 from frida_painter.session.hand import Hand

@@ -16,7 +16,7 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.plan import Plan
-from frida_painter.planning.layers import Effort
+from frida_painter.planning.effort import Effort
 from frida_painter.planning.planner import Planner
 from frida_painter.session import resuming
 from frida_painter.session.events import Event

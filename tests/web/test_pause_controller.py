@@ -14,7 +14,7 @@ from frida_painter import images
 from frida_painter.errors import FrameRejected
 from frida_painter.hardware.easel import PersonStroke
 from frida_painter.plan import Plan
-from frida_painter.planning.layers import Effort
+from frida_painter.planning.effort import Effort
 from frida_painter.planning.planner import Planner
 from frida_painter.runs.painting_folder import read_goal
 from frida_painter.session import resuming

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 import torch
 
-from frida_painter.planning.layers import Effort
+from frida_painter.planning.effort import Effort
 from frida_painter.planning.planner import Planner
 from frida_painter.session.events import (
     Event,

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from frida_painter.brush.weights import AnyBrush
     from frida_painter.mixing.recipe import PaintSet
     from frida_painter.palette import AnyColor
-    from frida_painter.planning.layers import Effort
+    from frida_painter.planning.effort import Effort
     from frida_painter.planning.problem import Region
 
 

@@ -34,8 +34,9 @@ from frida_painter.objectives.objective import (
 from frida_painter.palette import Palette, from_hex, to_hex
 from frida_painter.perception.flatfield import FlatField
 from frida_painter.plan import WHITE, Plan
+from frida_painter.planning.effort import Effort
 from frida_painter.planning.ground import ground_around_things, proposed_ground
-from frida_painter.planning.layers import Effort, unheard
+from frida_painter.planning.layers import unheard
 from frida_painter.planning.mixable import make_mixable
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.placement import Placement
