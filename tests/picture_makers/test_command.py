@@ -121,6 +121,8 @@ def test_a_stop_ends_it_at_once(tmp_path: Path, command: Callable[..., str]) -> 
         ("", "was given no program; write 'command:my-maker"),
         ("   ", "was given no program"),
         ("'half", "cannot be split into arguments"),
+        ("sh -c 'my-maker {words}'", "could read them as commands; let them be an argument of their own"),
+        ("sh -c \"echo '{words}'\"", "could read them as commands"),
         ("no-such-program-at-all {words}", "The program 'no-such-program-at-all' is not here"),
     ],
 )

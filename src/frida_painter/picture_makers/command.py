@@ -15,6 +15,7 @@ from frida_painter.runs.picture_making import MAX_BYTES, PictureMakerKind, Pictu
 
 _PLACES = ("words", "seed", "width", "height", "out")
 _PLACE = re.compile("{(" + "|".join(_PLACES) + ")}")
+_WORDS = re.compile(r"[\w.,:=/@+-]*{words}")  # with more around it, a shell could read the words as commands
 _EXAMPLE = "command:my-maker --prompt {words} --seed {seed} --out {out}"
 
 
@@ -23,7 +24,8 @@ class CommandMaker:
     """Program that is run once for each picture.
 
     arguments: the program and its arguments. {words}, {seed}, {width}, {height} and {out}, the file to write, are
-    filled in. Without {words}, the words are the last argument; without {out}, the program prints the file.
+    filled in. {words} ends an argument, which has no space. Without it, the words are the last argument; without {out},
+    the program prints the file.
     facts: program, arguments and the hash of its file
     """
 
@@ -45,6 +47,12 @@ class CommandMaker:
         if program is None:
             raise ConfigError(
                 f"The program {arguments[0][:80]!r} is not here, or may not be run; give its path, as in {_EXAMPLE!r}."
+            )
+        mixed = next((part for part in arguments if "{words}" in part and not _WORDS.fullmatch(part)), None)
+        if mixed is not None:
+            raise ConfigError(
+                f"The argument {mixed[:80]!r} has {{words}} in it, and a program could read them as commands; let them be "
+                "an argument of their own, as in sh -c 'my-maker \"$1\"' sh {words}."
             )
         if "{words}" not in text:
             arguments.append("{words}")
