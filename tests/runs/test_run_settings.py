@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import pytest
 
@@ -35,6 +36,22 @@ TYPOS = {
 
 def test_the_keywords_are_the_settings() -> None:
     assert set(RunSettings.__annotations__) == {*fp.RunSpec.model_fields, "brush"}
+
+
+def test_a_choice_has_the_same_words_in_both() -> None:
+    hints = get_type_hints(RunSettings, localns={"AnyColor": Any, "GoalItem": Any})
+    choices = {name: words_of(field.annotation) for name, field in fp.RunSpec.model_fields.items()}
+    assert {name: words_of(hints[name]) for name in choices if words_of(hints[name])} == {
+        name: words for name, words in choices.items() if words and name in hints and words_of(hints[name])
+    }
+    assert {"beginning", "fit", "focus"} <= {name for name in choices if words_of(hints[name])}
+
+
+def words_of(annotation: object) -> set[object]:
+    """Returns the words of the choice in a type, with its unions."""
+    if get_origin(annotation) is Literal:
+        return set(get_args(annotation))
+    return set().union(*(words_of(part) for part in get_args(annotation)))
 
 
 @pytest.mark.parametrize("typo", ["strkes", "sed", "Strokes"])
