@@ -74,6 +74,7 @@ def test_paint_that_is_stronger_all_over_means_the_same() -> None:
         assert float(Semantic(image, seer, 0).validation(other)) < 1e-6
         held = Semantic(image, seer, 0, QuickVgg())
         assert float(held.validation(other)) > 0.05
+        assert float(Semantic(image, seer, 0, QuickVgg(), 1.0).validation(other)) < 0.1 * float(held.validation(other))
         grain = 0.02 * torch.randn(image.shape, generator=torch.Generator().manual_seed(0))
         assert float(held.validation(image + grain)) < 0.1 * float(held.validation(image + 0.1))
 

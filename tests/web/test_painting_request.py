@@ -51,6 +51,13 @@ def test_how_far_the_brush_leans_is_asked_for_as_on_the_command_line() -> None:
             request_of(tilt=wrong)
 
 
+def test_how_free_colors_are_is_asked_for_as_on_the_command_line() -> None:
+    assert request_of().freedom == RunSpec.model_fields["freedom"].default and request_of(freedom=1).freedom == 1
+    for wrong in (-0.1, 1.1, float("nan")):
+        with pytest.raises(ValidationError, match="freedom"):
+            request_of(freedom=wrong)
+
+
 def test_people_who_do_not_mix_say_so() -> None:
     assert request_of().paints == RunSpec.model_fields["paints"].default and request_of(paints="any").paints == "any"
     with pytest.raises(ValidationError, match="paints"):

@@ -128,6 +128,10 @@ class Term(ABC):
         """Returns the term with these settings of its words."""
         return self
 
+    def free_colors(self, freedom: float) -> Term:
+        """Returns the term with this freedom of its colours, from 0 to 1, if it can leave those of its picture."""
+        return self
+
     def fit_to(self, rows: int, columns: int, *, pad: bool = False) -> Term:
         """Returns the term with its pictures fitted to a canvas of `rows` x `columns`.
 

@@ -12,9 +12,18 @@ if TYPE_CHECKING:
     from torch import Tensor
 
 
+USUAL_FREEDOM = 0.5
+"""Freedom of colours with which a painting is bold, and shows what it is."""
+
+
 @dataclass(frozen=True)
 class SemanticTerm(PictureTerm):
-    """Term of a goal: paint the content of a picture, not its pixels."""
+    """Term of a goal: paint the content of a picture, not its pixels.
+
+    freedom: how far the colours may leave those of the picture, from 0, hardly, to 1, wild
+    """
+
+    freedom: float = USUAL_FREEDOM
 
     called = "a picture to be painted by its meaning"
     is_tried = False
@@ -30,6 +39,10 @@ class SemanticTerm(PictureTerm):
         """Returns the term with another picture."""
         return replace(self, image=picture)
 
+    def free_colors(self, freedom: float) -> SemanticTerm:
+        """Returns the term with this freedom of its colours."""
+        return replace(self, freedom=freedom)
+
     def prepare(self, context: ObjectiveContext) -> ObjectiveTerm:
         """Returns the difference as networks see it. The validation uses a network that the optimiser does not use."""
         from frida_painter import images
@@ -38,8 +51,8 @@ class SemanticTerm(PictureTerm):
         # Only the part that fills the canvas counts as content.
         shown = images.fit(self.image, context.grid.rows, context.grid.columns)
         trunk = context.encoders.shapes()
-        aside = Semantic(shown, context.encoders.aside(), context.seed, trunk)
-        seen = Semantic(shown, context.encoders.meaning(), context.seed, trunk)
+        aside = Semantic(shown, context.encoders.aside(), context.seed, trunk, self.freedom)
+        seen = Semantic(shown, context.encoders.meaning(), context.seed, trunk, self.freedom)
         return ObjectiveTerm(seen, aside.validation)
 
     @classmethod

@@ -109,7 +109,7 @@ _SIDE = 176  # pixels of a side of a view
 _LAYERS = ("conv3_3", "conv4_3")  # of the trunk: small shapes, and parts of objects
 _PIXELS = 12_500  # pixels of the trunk's input, about 100 x 125
 _COLORS = 0.02  # share of the shorter side: blur for the comparison of colours
-_HELD = 2.0  # weight of colours, relative to the squared difference to a picture
+_HELD = 20.0, 0.2  # weight of colours, relative to the squared difference to a picture: held most, and most free
 _BALANCE = 0.05  # relative to the squared difference to a picture, if both weights are 1
 
 
@@ -120,15 +120,17 @@ class Semantic:
     seer: network whose deep features are compared in augmented views
     seed: seed of the views and of their order
     trunk: network for shapes; with it, shapes and blurred colours are compared as well
+    freedom: how far colours may leave those of the picture, from 0, hardly, to 1; it counts only with a trunk
 
     Features are compared by cosine distance, because the texture of paint scales them all over. Target features
     of each view are computed once. Each call uses two random views.
     """
 
-    def __init__(self, image: Tensor, seer: Seer, seed: int, trunk: Vgg16 | None = None) -> None:
+    def __init__(self, image: Tensor, seer: Seer, seed: int, trunk: Vgg16 | None = None, freedom: float = 0.0) -> None:
         self._seer = seer
         self._trunk = trunk
         self._image = image
+        self._held = _HELD[0] ** (1 - freedom) * _HELD[1] ** freedom
         self._views = Views(_VIEWS, _SIDE, seed)
         self._generator = torch.Generator().manual_seed(seed)
         with torch.no_grad():
@@ -154,7 +156,7 @@ class Semantic:
         ):
             total = total + _apart(shapes[None], wanted[None])
         colors = (_blur(picture) - _blur(self._image.to(picture))).square().mean()
-        return _BALANCE * total + _HELD * colors
+        return _BALANCE * total + self._held * colors
 
 
 def _apart(seen: Tensor, wanted: Tensor) -> Tensor:

@@ -51,8 +51,8 @@ class CommandMaker:
         mixed = next((part for part in arguments if "{words}" in part and not _WORDS.fullmatch(part)), None)
         if mixed is not None:
             raise ConfigError(
-                f"The argument {mixed[:80]!r} has {{words}} in it, and a program could read them as commands; let them be "
-                "an argument of their own, as in sh -c 'my-maker \"$1\"' sh {words}."
+                f"The argument {mixed[:80]!r} has {{words}} in it, and a program could read them as commands; let them "
+                "be an argument of their own, as in sh -c 'my-maker \"$1\"' sh {words}."
             )
         if "{words}" not in text:
             arguments.append("{words}")

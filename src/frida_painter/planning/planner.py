@@ -28,10 +28,10 @@ from frida_painter.objectives.interpretation import interpret_goal, prepare
 from frida_painter.objectives.objective import Goal
 from frida_painter.palette import MAX_COLORS, AnyColor, Palette, as_color
 from frida_painter.plan import Plan
+from frida_painter.planning.effort import Effort
 from frida_painter.planning.forecast import Fading, SimilarityForecast, fading_of, forecast
 from frida_painter.planning.initialisers import find_initialiser
 from frida_painter.planning.layers import (
-    Effort,
     LayerAtWork,
     StepCount,
     at_the_end,

@@ -60,9 +60,11 @@ def open_goal(spec: RunSpec) -> Goal:
     )
 
 
-def say_words(goal: Goal, settings: WordSettings) -> Goal:
-    """Returns the goal with these settings of its words."""
-    terms, initial = (tuple(term.say(settings) for term in some) for some in (goal.terms, goal.initial))
+def tell_terms(goal: Goal, settings: WordSettings, freedom: float) -> Goal:
+    """Returns the goal with these settings of its words, and this freedom of its colours."""
+    terms, initial = (
+        tuple(term.say(settings).free_colors(freedom) for term in some) for some in (goal.terms, goal.initial)
+    )
     return replace(goal, terms=terms, initial=initial)
 
 

@@ -42,6 +42,7 @@ class RunSettings(TypedDict, total=False):
     paints: str | Path
     focus: Literal["faces", "subject", "none"]
     sharpness: float
+    freedom: float
     tilt: float
     drying: float
     effort: float

@@ -45,7 +45,7 @@ from frida_painter.planning.problem import Region
 from frida_painter.planning.settings import FEWEST_FOR_LAYERS, PlannerSettings
 from frida_painter.report.recorder import Recorder
 from frida_painter.runs.fields import OF_SCENE, ground_color, rgb
-from frida_painter.runs.goals import OF_PICTURES, make_goal, picture_of, say_words
+from frida_painter.runs.goals import OF_PICTURES, make_goal, picture_of, tell_terms
 from frida_painter.runs.picture_making import making_facts
 from frida_painter.runs.run_settings import RunSettings
 from frida_painter.runs.shares import AUTO, brush_shares, family_shares
@@ -211,7 +211,9 @@ def open_planner(
     """
     device = planning_device()
     networks = encoders or EncoderRegistry(clip=spec.clip, device=device, pictures=spec.pictures)
-    planner = Planner(say_words(goal, spec.words), planner_settings(spec, model), encoders=networks, device=device)
+    planner = Planner(
+        tell_terms(goal, spec.words, spec.freedom), planner_settings(spec, model), encoders=networks, device=device
+    )
     if networks.idle_clip is not None:
         raise ConfigError(
             f"--clip was given {networks.idle_clip[:60]!r}, and nothing of this goal is seen through a CLIP; leave it "

@@ -21,6 +21,7 @@ from frida_painter import storage
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.kinds import HUMAN, NO_CAMERA, SAWYER_SIM, SIMULATED, VIRTUAL
 from frida_painter.errors import ConfigError
+from frida_painter.objectives.semantic import USUAL_FREEDOM
 from frida_painter.objectives.word_settings import USUAL, Beginning, WordSettings
 from frida_painter.planning.settings import PlannerSettings
 from frida_painter.registry import (
@@ -244,6 +245,14 @@ class RunSpec(BaseModel):
         allow_inf_nan=False,
         description="How much sharper than the picture the plan is, because a painting comes out softer than its plan. "
         "0 plans towards the picture as it is.",
+    )
+    freedom: float = Field(
+        USUAL_FREEDOM,
+        ge=0,
+        le=1,
+        allow_inf_nan=False,
+        description="How far the colours of a painting by content (--semantic) may leave those of the picture: 0 is "
+        "faithful, 1 is wild.",
     )
     tilt: float = Field(
         _OF_PLANS["tilt"],

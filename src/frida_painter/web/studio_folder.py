@@ -149,6 +149,7 @@ class PaintingRequest(_Checked):
     on_canvas: bool = False
     focus: Focus = RunSpec.model_fields["focus"].default
     sharpness: float = _field_like_spec("sharpness")
+    freedom: float = _field_like_spec("freedom")
     tilt: float = _field_like_spec("tilt")
     paints: Literal["acrylics", "any"] = "acrylics"
     drying: float = _field_like_spec("drying")

@@ -118,6 +118,7 @@ class Job:
             paints=request.paints,
             focus=request.focus,
             sharpness=request.sharpness,
+            freedom=request.freedom,
             tilt=request.tilt,
             drying=request.drying,
             minutes=request.minutes,
