@@ -3,7 +3,8 @@ import torch
 
 from frida_painter.objectives.encoders.classifiers import EfficientNetLite
 from frida_painter.objectives.encoders.vgg import Vgg16
-from frida_painter.objectives.semantic_loss import Semantic, Views
+from frida_painter.objectives.semantic_loss import Semantic, Views, spread_colors
+from frida_painter.palette import to_lab
 from support.networks import QuickVgg, random_lite_tensors
 from support.planning import picture
 
@@ -77,6 +78,14 @@ def test_paint_that_is_stronger_all_over_means_the_same() -> None:
         assert float(Semantic(image, seer, 0, QuickVgg(), 1.0).validation(other)) < 0.1 * float(held.validation(other))
         grain = 0.02 * torch.randn(image.shape, generator=torch.Generator().manual_seed(0))
         assert float(held.validation(image + grain)) < 0.1 * float(held.validation(image + 0.1))
+
+
+def test_wild_colors_are_further_from_their_mean() -> None:
+    image = 0.4 + 0.2 * picture()
+    assert spread_colors(image, 0.5) is image and spread_colors(image, 0.0) is image
+    before, after = (to_lab(one.permute(1, 2, 0)).flatten(0, 1) for one in (image, spread_colors(image, 0.75)))
+    assert torch.allclose(before.mean(0), after.mean(0), atol=1.0)
+    assert torch.allclose(after.std(0) / before.std(0), torch.tensor([1.1, 2.0, 2.0]), atol=0.1)
 
 
 class ScaledSeer:

@@ -40,8 +40,10 @@ class SemanticTerm(PictureTerm):
         return replace(self, image=picture)
 
     def free_colors(self, freedom: float) -> SemanticTerm:
-        """Returns the term with this freedom of its colours."""
-        return replace(self, freedom=freedom)
+        """Returns the term with this freedom of its colours; above 0.5 those of its picture are further apart."""
+        from frida_painter.objectives.semantic_loss import spread_colors
+
+        return replace(self, image=spread_colors(self.image, freedom), freedom=freedom)
 
     def prepare(self, context: ObjectiveContext) -> ObjectiveTerm:
         """Returns the difference as networks see it. The validation uses a network that the optimiser does not use."""

@@ -11,6 +11,7 @@ from frida_painter.devices import send_to_device
 from frida_painter.images import resize_to_pixels
 from frida_painter.objectives.encoders.base import Seer
 from frida_painter.objectives.encoders.vgg import Vgg16
+from frida_painter.palette import from_lab, to_lab
 
 # Augmented views of a picture: noise that fools a network in one view does not in another.
 
@@ -110,6 +111,7 @@ _LAYERS = ("conv3_3", "conv4_3")  # of the trunk: small shapes, and parts of obj
 _PIXELS = 12_500  # pixels of the trunk's input, about 100 x 125
 _COLORS = 0.02  # share of the shorter side: blur for the comparison of colours
 _HELD = 20.0, 0.2  # weight of colours, relative to the squared difference to a picture: held most, and most free
+_FURTHER = 0.2, 2.0, 2.0  # L*, a*, b*: share by which the wildest colours are further apart
 _BALANCE = 0.05  # relative to the squared difference to a picture, if both weights are 1
 
 
@@ -157,6 +159,20 @@ class Semantic:
             total = total + _apart(shapes[None], wanted[None])
         colors = (_blur(picture) - _blur(self._image.to(picture))).square().mean()
         return _BALANCE * total + self._held * colors
+
+
+def spread_colors(picture: Tensor, freedom: float) -> Tensor:
+    """Returns a picture [3, H, W] of sRGB whose colours are further apart, around their mean.
+
+    freedom: from 0.5, as they are, to 1, three times as far; less than 0.5 changes nothing
+    """
+    further = max(0.0, 2 * freedom - 1)
+    if not further:
+        return picture
+    lab = to_lab(picture.permute(1, 2, 0))
+    mean = lab.mean((0, 1))
+    spread = 1 + further * lab.new_tensor(_FURTHER)
+    return from_lab(mean + (lab - mean) * spread).permute(2, 0, 1)
 
 
 def _apart(seen: Tensor, wanted: Tensor) -> Tensor:
