@@ -62,8 +62,8 @@ class FrankaReach:
         place = np.asarray(position, np.float64)
         joints = self.solve(place)
         with np.errstate(invalid="ignore"):
-            inside: NDArray[np.bool_] = ((joints >= lower) & (joints <= upper)).all(1)
-        good = np.logical_and(inside, np.isfinite(lean).all(1))
+            inside = np.isfinite(lean).all(1) & ((joints >= lower) & (joints <= upper)).all(1)
+        good = np.array(inside, bool)
         for share in np.arange(1, _LEANING_STEPS + 1) / _LEANING_STEPS:
             if not good.any():
                 break
