@@ -236,7 +236,7 @@ class XarmRobot:
 
     def reachable(self, position: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Returns True for each position [k, 3] with an upright brush: the control box judges these as it goes."""
-        return np.isfinite(position).all(1)
+        return np.asarray(np.isfinite(position).all(1), bool)
 
     def reachable_leaning(self, position: NDArray[np.float64], lean: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Returns True for each position [k, 3] that is in reach with leans [k, 2], as the control box says: [k].
