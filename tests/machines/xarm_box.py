@@ -17,6 +17,7 @@ from typing import Self
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 STANDARD_REACH = (100.0, 700.0)
 """Nearest and farthest place of the tool from the shoulder of an xArm 6, millimetres."""
@@ -27,6 +28,7 @@ QUEUE_IS_FULL, NO_SOLUTION = 11, 14
 PLANNING, COLLISION = 25, 31
 _GET_VERSION, _GET_SN, _MOTION_EN, _SET_STATE, _GET_STATE, _GET_CMDNUM, _GET_ERROR = 1, 2, 11, 12, 13, 14, 15
 _CLEAN_ERROR, _CLEAN_WARNING, _SET_MODE, _MOVE_LINE, _SET_LOAD, _SET_SENSITIVITY, _GET_POSE = 16, 17, 19, 21, 36, 37, 41
+_IS_TCP_LIMIT = 46
 _TICK = 0.004  # seconds of the arm
 
 
@@ -62,6 +64,7 @@ class XarmBox:
         self.mute = self.garbage = False
         self.slowed = 1.0
         self.moved: list[np.ndarray] = []
+        self.turned: list[np.ndarray] = []
         self.at: list[float] = []
         self.ignored = self.clears = self.connections = self.stops = 0
         self.commands: list[int] = []
@@ -214,6 +217,8 @@ class XarmBox:
             return bytes([self.error, self.warning])
         if register == _GET_POSE:
             return struct.pack("<6f", *self.pose)
+        if register == _IS_TCP_LIMIT:
+            return bytes([not self._reaches(np.array(struct.unpack("<6f", values[:24])))])
         if register == _MOTION_EN:
             self.on = bool(values[1]) and self.error == 0
             self._reset()
@@ -256,8 +261,7 @@ class XarmBox:
         if self._t < self._ready_at:  # it says OK, and does not move (issue 59)
             self.ignored += 1
             return
-        nearest, farthest = STANDARD_REACH
-        if not nearest <= float(np.linalg.norm(target[:3] - _SHOULDER)) <= farthest:
+        if not self._reaches(target):
             self.warning = NO_SOLUTION
             return
         if len(self._queue) >= self.room:
@@ -266,6 +270,11 @@ class XarmBox:
         self._queue.append(Line(target, speed, gain, radius))
         if self.state == STANDBY:
             self.state = MOVING
+
+    @staticmethod
+    def _reaches(target: np.ndarray) -> bool:
+        nearest, farthest = STANDARD_REACH
+        return nearest <= float(np.linalg.norm(target[:3] - _SHOULDER)) <= farthest
 
     def _waiting(self) -> list[Line]:
         return [*([] if self._current is None else [self._current]), *self._queue]
@@ -314,6 +323,10 @@ class XarmBox:
             step = max(self._speed, 1.0) * left
             if step < far:
                 self.pose[:3] += way * step / far
+                if not np.array_equal(self.pose[3:], line.target[3:]):
+                    here, there = (Rotation.from_euler("xyz", each) for each in (self.pose[3:], line.target[3:]))
+                    turn = Rotation.from_rotvec((there * here.inv()).as_rotvec() * step / far)
+                    self.pose[3:] = (turn * here).as_euler("xyz")
                 left = 0.0
             else:
                 self.pose = line.target.copy()
@@ -322,6 +335,7 @@ class XarmBox:
                 if line.radius < 0:
                     self._speed = 0.0
             self.moved.append(self.pose[:3].copy())
+            self.turned.append(self.pose[3:].copy())
             self.at.append(time.monotonic())
 
     def _run_out(self, line: Line) -> float:

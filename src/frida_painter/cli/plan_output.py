@@ -25,6 +25,7 @@ from frida_painter.hardware.gcode import Gcode
 from frida_painter.hardware.own_gcode import read_own
 from frida_painter.hardware.robot import (
     Examination,
+    LongHandledRobot,
     LooseRobot,
     Reach,
     Robot,
@@ -165,7 +166,7 @@ def check_plan(
     known = _load_record(calibration, there.calibration, watched=watched)
     if not watched:
         print(NOBODY_LOOKS)
-    found = rehearse(loaded, place, there.canvas, known, there.reach, there.travel, there.max_tilt)
+    found = rehearse(loaded, place, there.canvas, known, there.reach, there.travel, *there.leaning)
     found = replace(found, mismatches=(*there.refusals, *found.mismatches))
     if found.passed:
         print(
@@ -187,6 +188,7 @@ def check_plan(
 class _Place:
     """Data of an easel for a check; nothing moves.
 
+    leaning: radians by which the robot can tilt its brush, and metres from the tip to the hand
     refusals: sentences of a controller that cannot paint like this
     """
 
@@ -197,7 +199,7 @@ class _Place:
     timing: Timing | AxisTiming | None
     simulated: bool
     travel: TravelLimits | None = None
-    max_tilt: float = 0.0
+    leaning: tuple[float, float] = (0.0, 0.0)
     refusals: tuple[str, ...] = ()
 
 
@@ -235,12 +237,13 @@ def _place(plan: Plan, robot: str | None, workspace: Path | None) -> _Place:
         reach: Reach | None = workcell.reach
         timing: Timing | AxisTiming | None = None
         told: Examination | None = None
-        max_tilt = 0.0
+        max_tilt = handle = 0.0
         if robot is not None and require_known(robot) in MACHINES:
             driver = make_robot(robot, workcell.workspace)
             reach = find_reach(workcell, driver)
             timing = driver.timing() if isinstance(driver, TimedRobot) else None
             max_tilt = driver.max_tilt if isinstance(driver, TiltingRobot) else 0.0
+            handle = driver.handle_length if isinstance(driver, LongHandledRobot) else 0.0
             _tell_play(driver, workcell)
             told = _examine(robot, workcell.workspace)
             timing = timing if told is None or told.timing is None else told.timing
@@ -250,7 +253,8 @@ def _place(plan: Plan, robot: str | None, workspace: Path | None) -> _Place:
         known, simulated = workcell.calibration(first, others=others), robot in SIMULATED
         travel, facts = (None, ()) if told is None else (told.travel, told.facts)
         refusals = tuple(fact.text for fact in facts if fact.weight == "refusal")
-        return _Place(workcell.workspace, workcell.canvas, known, reach, timing, simulated, travel, max_tilt, refusals)
+        leaning = (max_tilt, handle)
+        return _Place(workcell.workspace, workcell.canvas, known, reach, timing, simulated, travel, leaning, refusals)
     if robot is not None and require_known(robot) in MACHINES:
         raise ConfigError(f"Where things stand around {robot[:60]!r} is not known; say it with --workspace FILE.")
     order = EaselOrder(robot or VIRTUAL, plan.canvas, plan.brushes, 0, state_folder(), camera=_SOME_CAMERA)
@@ -262,7 +266,7 @@ def _place(plan: Plan, robot: str | None, workspace: Path | None) -> _Place:
         easel.reach,
         easel.timing,
         easel.simulated,
-        max_tilt=easel.max_tilt,
+        leaning=(easel.max_tilt, easel.handle_length),
     )
 
 

@@ -35,6 +35,7 @@ from frida_painter.hardware.robot import (
     Frame,
     LimitedRobot,
     LiveCamera,
+    LongHandledRobot,
     MotionReport,
     PausableRobot,
     Robot,
@@ -105,6 +106,12 @@ class GuardedRobot:
     def max_tilt(self) -> float:
         """Radians by which the robot can tilt its brush; 0 if it cannot."""
         told = self.robot.max_tilt if isinstance(self.robot, TiltingRobot) else 0.0
+        return told if isinstance(told, int | float) else 0.0
+
+    @property
+    def handle_length(self) -> float:
+        """Metres from the tip to the hand, which a tilted brush takes along; 0 if that does not count."""
+        told = self.robot.handle_length if isinstance(self.robot, LongHandledRobot) else 0.0
         return told if isinstance(told, int | float) else 0.0
 
     @property
@@ -273,7 +280,7 @@ class GuardedRobot:
         Raises WorkspaceViolation before anything moves, RobotStopped if the robot is stopped, RobotError and its
         subclasses.
         """
-        gateway.check([waypoints], self.workspace, max_tilt=self.max_tilt)
+        gateway.check([waypoints], self.workspace, max_tilt=self.max_tilt, handle=self.handle_length)
         self._require_zero(waypoints.label)
         self._lift_first()
         seconds = self._seconds(waypoints.position, waypoints.speed, self._tip)

@@ -42,6 +42,7 @@ from frida_painter.hardware.robot import (
     Camera,
     LimitedRobot,
     LiveCamera,
+    LongHandledRobot,
     MotionReport,
     PausableRobot,
     Reach,
@@ -51,6 +52,7 @@ from frida_painter.hardware.robot import (
     Workspace,
     Zero,
     ZeroedRobot,
+    reaches,
 )
 from frida_painter.hardware.timing import AxisTiming, Timing
 from frida_painter.hardware.travel import TravelLimits
@@ -175,7 +177,8 @@ class Host:
             case "robot.close":
                 robot.close()
             case "robot.reaches" if self.reach is not None:
-                return {}, {"reachable": self.reach.reachable(arrays["position"]).astype(np.uint8)}
+                found = reaches(self.reach, arrays["position"], arrays.get("lean"), _handle_length(robot))
+                return {}, {"reachable": found.astype(np.uint8)}
             case "camera.connect":
                 camera.connect()
             case "camera.capture":
@@ -374,6 +377,10 @@ def _serve(order: EaselOrder, wire: Wire, line: socket.socket) -> bool:
         return Host(robot, camera, easel.operator, easel.reach).serve(wire)
 
 
+def _handle_length(robot: Robot) -> float:
+    return robot.handle_length if isinstance(robot, LongHandledRobot) else 0.0
+
+
 def _is_stopped(robot: GuardedRobot) -> bool:
     return robot.stopped is not None
 
@@ -389,6 +396,7 @@ def _about(easel: Easel) -> dict[str, Any]:
         "person_brushes": TypeAdapter(tuple[PersonBrush, ...]).dump_python(easel.person_brushes, mode="json"),
         "pace": easel.pace,
         "max_tilt": easel.max_tilt,
+        "handle_length": easel.handle_length,
         "timing": TypeAdapter(Timing | AxisTiming | None).dump_python(easel.timing, mode="json"),
     }
 

@@ -29,7 +29,7 @@ from frida_painter.easel.order import EaselOrder
 from frida_painter.errors import ConfigError, FridaError
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.kinds import CameraKind, MachineName, RobotKind, by_name
-from frida_painter.hardware.robot import Camera, Reach, Robot, TiltingRobot, Workspace
+from frida_painter.hardware.robot import Camera, LongHandledRobot, Reach, Robot, TiltingRobot, Workspace, reaches
 from frida_painter.hardware.workcell import WorkcellConfig
 
 
@@ -98,20 +98,30 @@ def _open_real(order: EaselOrder) -> OpenEasel:
         canvas=workcell.canvas,
         reach=find_reach(workcell, robot),
         max_tilt=robot.max_tilt if isinstance(robot, TiltingRobot) else 0.0,
+        handle_length=robot.handle_length if isinstance(robot, LongHandledRobot) else 0.0,
     )
     return OpenEasel(easel, lambda: None)
 
 
 @dataclass(frozen=True)
 class _BothReach:
-    """Reach by two judgements: a position counts as reached if both agree."""
+    """Reach by two judgements: a position counts as reached if both agree. Implements hardware.robot.LeaningReach.
+
+    handle: of the robot's brush, metres (`reaches`)
+    """
 
     one: Reach
     other: Reach
+    handle: float
 
     def reachable(self, position: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Returns True for each position [k, 3] that both reach: [k]."""
         return self.one.reachable(position) & self.other.reachable(position)
+
+    def reachable_leaning(self, position: NDArray[np.float64], lean: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Returns True for each position [k, 3] that both reach with leans [k, 2]: [k]."""
+        both = [reaches(each, position, lean, self.handle) for each in (self.one, self.other)]
+        return np.logical_and(*both)
 
 
 def find_reach(workcell: WorkcellConfig, robot: Robot) -> Reach | None:
@@ -119,7 +129,7 @@ def find_reach(workcell: WorkcellConfig, robot: Robot) -> Reach | None:
     own = robot if isinstance(robot, Reach) else None
     if own is None or workcell.reach is None:
         return own or workcell.reach
-    return _BothReach(workcell.reach, own)
+    return _BothReach(workcell.reach, own, robot.handle_length if isinstance(robot, LongHandledRobot) else 0.0)
 
 
 def make_robot(text: str, workspace: Workspace) -> Robot:

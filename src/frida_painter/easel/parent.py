@@ -218,14 +218,21 @@ class RemoteRobot:
 
 
 class RemoteReach:
-    """Reach of the arm in the easel's process. Implements hardware.robot.Reach."""
+    """Reach of the arm in the easel's process. Implements hardware.robot.LeaningReach."""
 
     def __init__(self, link: Link) -> None:
         self._link = link
 
     def reachable(self, position: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Returns True for each position [k, 3] (m) that the tip reaches: [k]."""
-        _, result = self._link.ask("robot.reaches", {"position": np.asarray(position, np.float64)})
+        return self._ask(position=position)
+
+    def reachable_leaning(self, position: NDArray[np.float64], lean: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Returns True for each position [k, 3] (m) that the tip reaches with its brush leaning (rad, [k, 2]): [k]."""
+        return self._ask(position=position, lean=lean)
+
+    def _ask(self, **arrays: NDArray[np.float64]) -> NDArray[np.bool_]:
+        _, result = self._link.ask("robot.reaches", {name: np.asarray(rows, float) for name, rows in arrays.items()})
         return result["reachable"].astype(np.bool_)
 
 
@@ -409,4 +416,5 @@ def _easel(about: dict[str, Any], link: Link) -> Easel:
         person_brushes=TypeAdapter(tuple[PersonBrush, ...]).validate_python(about["person_brushes"]),
         pace=about["pace"],
         max_tilt=about["max_tilt"],
+        handle_length=about["handle_length"],
     )

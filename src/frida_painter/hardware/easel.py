@@ -124,6 +124,8 @@ class Easel:
     person_brushes: brushes with which a person can paint through this program; none on a real easel, on which
         people paint with a real brush. The operator is then a PersonCanvas.
     max_tilt: radians by which the robot can tilt the brush (TiltingRobot); 0 if it holds it upright
+    handle_length: metres from the tip to the hand, which a tilted brush takes along (LongHandledRobot); 0 if that
+        does not count
     """
 
     robot: Robot
@@ -141,3 +143,4 @@ class Easel:
     foretell: Callable[[Sequence[Waypoints]], None] = _unheard
     person_brushes: tuple[PersonBrush, ...] = ()
     max_tilt: float = 0.0
+    handle_length: float = 0.0

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import PoseMismatch, WorkspaceViolation
 from frida_painter.hardware.easel import Easel
-from frida_painter.hardware.robot import MotionReport, Reach, Waypoints, Workspace
+from frida_painter.hardware.robot import MotionReport, Reach, Waypoints, Workspace, handle_direction, reaches
 from frida_painter.hardware.travel import TravelLimits
 from frida_painter.surface_map import SurfaceMap
 
@@ -62,6 +62,7 @@ def check(
     reach: Reach | None = None,
     travel: TravelLimits | None = None,
     max_tilt: float = 0.0,
+    handle: float = 0.0,
 ) -> None:
     """Raises WorkspaceViolation, which names motion and axis, unless every motion is allowed.
 
@@ -69,8 +70,9 @@ def check(
     reach: of the robot's arm; None if it reaches every point
     travel: limits of the machine itself; None without
     max_tilt: radians by which the robot can tilt the brush; 0 for a robot that cannot
+    handle: metres from the tip to the hand, which a leaning brush takes along; 0 if that does not count
     """
-    for fault in faults(batch, workspace, surface, reach, travel, max_tilt):
+    for fault in faults(batch, workspace, surface, reach, travel, max_tilt, handle):
         raise WorkspaceViolation(f"{fault.label}: {fault.reason}. Nothing was sent to the robot; {fault.remedy}.")
 
 
@@ -81,12 +83,14 @@ def faults(
     reach: Reach | None = None,
     travel: TravelLimits | None = None,
     max_tilt: float = 0.0,
+    handle: float = 0.0,
 ) -> Iterator[Fault]:
     """Yields each motion that is not allowed, with its first fault."""
     for motion in batch:
         found = _of_form(motion) or _too_tilted(motion, max_tilt) or _outside(motion, workspace)
         found = found or (_too_deep(motion, workspace, surface) if surface else None)
-        found = found or (_out_of_reach(motion, reach) if reach else None)
+        found = found or _handle_outside(motion, workspace, handle)
+        found = found or (_out_of_reach(motion, reach, handle) if reach else None)
         found = found or (_beyond_travel(motion, travel) if travel else None)
         if found:
             yield Fault(motion.label, *found)
@@ -141,14 +145,42 @@ def _too_deep(motion: Waypoints, workspace: Workspace, surface: Surface) -> tupl
     return reason, "repeat the brush calibration or make the workspace true"
 
 
-def _out_of_reach(motion: Waypoints, reach: Reach) -> tuple[str, str] | None:
+def _handle_outside(motion: Waypoints, workspace: Workspace, handle: float) -> tuple[str, str] | None:
+    """Returns the fault of a brush that leans so far that its handle is beside the workspace's bounds."""
+    if motion.lean is None:
+        return None
+    top = motion.position + handle * handle_direction(motion.lean)
+    lower, upper = np.array(workspace.lower[:2]) - _TOLERANCE, np.array(workspace.upper[:2]) + _TOLERANCE
+    inside = (top[:, :2] >= lower) & (top[:, :2] <= upper)
+    if inside.all():
+        return None
+    point, axis = np.argwhere(~inside)[0]
+    reason = (
+        f"with the brush leaning by {_degrees(motion.lean[point])} degrees, its handle of {1000 * handle:.0f} mm is at "
+        f"{'xyz'[axis]} = {top[point, axis]:.4f} m at waypoint {point}; the workspace reaches from "
+        f"{workspace.lower[axis]:.4f} to {workspace.upper[axis]:.4f} m"
+    )
+    return reason, "lean the brush less there (plan.edit(tilt=...)), or widen the bounds if there is room"
+
+
+def _out_of_reach(motion: Waypoints, reach: Reach, handle: float) -> tuple[str, str] | None:
     asked = np.unique(np.r_[np.arange(0, len(motion.position), _ASKED_EVERY), len(motion.position) - 1])
     position: NDArray[np.float64] = motion.position[asked]
-    within = reach.reachable(position)
+    lean = None if motion.lean is None else motion.lean[asked]
+    within = reaches(reach, position, lean, handle)
     if within.all():
         return None
-    x, y, z = position[int((~within).argmax())]
-    return f"the arm does not reach ({x:.3f}, {y:.3f}, {z:.3f}) m", "move what is to be reached nearer to the robot"
+    point = int((~within).argmax())
+    place = "({:.3f}, {:.3f}, {:.3f}) m".format(*position[point])
+    nearer = "move what is to be reached nearer to the robot"
+    if lean is None or not reach.reachable(position[point : point + 1])[0]:
+        return f"the arm does not reach {place}", nearer
+    reason = f"the arm does not reach {place} with the brush leaning by {_degrees(lean[point])} degrees, only upright"
+    return reason, f"lean the brush less there (plan.edit(tilt=...)), or {nearer}"
+
+
+def _degrees(lean: NDArray[np.float64]) -> str:
+    return f"{np.degrees(np.hypot(*lean)):.0f}"
 
 
 def _beyond_travel(motion: Waypoints, travel: TravelLimits) -> tuple[str, str] | None:
@@ -194,10 +226,11 @@ class RobotGateway:
 
         A motion is refused if it contains NaN, leaves the workspace, is faster than 1 m/s, goes over the canvas
         below the hardest press, is out of the arm's reach or beyond the machine's own limits, or tilts the brush
-        further than the robot can.
+        further than the robot can, or its handle out of the workspace.
         """
         easel = self.easel
-        check(motions, easel.workspace, self._surface, easel.reach, easel.travel, easel.max_tilt)
+        known = (easel.reach, easel.travel, easel.max_tilt, easel.handle_length)
+        check(motions, easel.workspace, self._surface, *known)
 
     def perform(self, motions: Iterable[Waypoints]) -> bool:
         """Makes the motions if all are allowed; returns True if a person who paints by hand left one out.

@@ -104,6 +104,29 @@ class Reach(Protocol):
         """Returns True for each position [k, 3] in the robot's frame (m) that the tip reaches with its brush: [k]."""
 
 
+@runtime_checkable
+class LeaningReach(Reach, Protocol):
+    """Reach of an arm that can tilt its brush."""
+
+    def reachable_leaning(self, position: NDArray[np.float64], lean: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Returns True for each position [k, 3] that the tip reaches with its brush leaning (`Waypoints.lean`): [k]."""
+
+
+def reaches(
+    reach: Reach, position: NDArray[np.float64], lean: NDArray[np.float64] | None, handle: float = 0.0
+) -> NDArray[np.bool_]:
+    """Returns True for each position [k, 3] that the tip reaches with leans [k, 2], or upright with None: [k].
+
+    handle: metres from the tip to the hand. A reach that knows upright brushes only is asked for the place at which
+        an upright brush would have the same hand.
+    """
+    if lean is None:
+        return reach.reachable(position)
+    if isinstance(reach, LeaningReach):
+        return reach.reachable_leaning(position, lean)
+    return reach.reachable(position) & reach.reachable(position + handle * (handle_direction(lean) - (0, 0, 1)))
+
+
 @dataclass(frozen=True)
 class ArmLength:
     """Reach of an arm of known length: nearest and farthest distance of the tip from the shoulder, metres."""
@@ -140,6 +163,25 @@ class Waypoints:
     def length(self) -> float:
         """Length of the path in metres."""
         return float(np.linalg.norm(np.diff(self.position, axis=0), axis=1).sum())
+
+
+def lean_along(here: NDArray[np.float64], waypoints: Waypoints, places: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Returns the lean of the brush [n, 2] at dense places [n, 3] of a motion from `here` [3] through its waypoints.
+
+    The brush is turned before the tip comes to the first waypoint. Without leans it is upright.
+    """
+    if waypoints.lean is None:
+        return np.zeros((len(places), 2))
+    path = np.concatenate([here[None], waypoints.position])
+    done, planned = (np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))] for way in (places, path))
+    meant = np.concatenate([waypoints.lean[:1], waypoints.lean])
+    return np.stack([np.interp(done, planned, column) for column in meant.T], -1)
+
+
+def handle_direction(lean: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Returns the direction [k, 3] from the tip along the handle, for leans [k, 2] (`Waypoints.lean`)."""
+    angle = np.hypot(*lean.T)[:, None]
+    return np.c_[np.sinc(angle / np.pi) * lean, np.cos(angle)]
 
 
 def plan_way_home(here: NDArray[np.float64], home: Point, speed: float) -> Waypoints:
@@ -317,6 +359,16 @@ class TiltingRobot(Protocol):
     """
 
     max_tilt: float
+
+
+@runtime_checkable
+class LongHandledRobot(Protocol):
+    """Robot whose handle counts if it leans: it stays above the workspace's bounds, as the tip does.
+
+    handle_length: from the tip to the hand that holds the brush, metres
+    """
+
+    handle_length: float
 
 
 @runtime_checkable

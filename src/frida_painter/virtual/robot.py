@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frida_painter.errors import MotionFailed, RobotDisconnected, RobotError, RobotStopped, WorkspaceViolation
-from frida_painter.hardware.robot import MotionReport, Waypoints
+from frida_painter.hardware.robot import MotionReport, Waypoints, lean_along
 from frida_painter.hardware.timing import Timing
 from frida_painter.virtual.faults import NO_FAULTS, Faults
 from frida_painter.virtual.simulation_log import Note, ignore_entry
@@ -30,16 +30,19 @@ class Way:
     speed: speed in m/s after the first waypoint.
     travel_speed: speed in m/s to the first waypoint.
     label: name for messages.
+    lean [k, 2]: wanted lean of the brush at each point (`Waypoints.lean`). None: upright.
     """
 
     label: str
     path: NDArray[np.float64]
     speed: float
     travel_speed: float
+    lean: NDArray[np.float64] | None = None
 
     def to_waypoint(self, number: int) -> "Way":
         """Returns the part of the way up to waypoint `number`; the path's first point is the start of the tip."""
-        return replace(self, path=self.path[: number + 2])
+        lean = None if self.lean is None else self.lean[: number + 2]
+        return replace(self, path=self.path[: number + 2], lean=lean)
 
     def when(self) -> NDArray[np.float64]:
         """Returns the seconds after the start [k] at each point, for a tip that always has its full speed."""
@@ -60,6 +63,7 @@ class Course:
     stopped: True if the motion was stopped.
     meant [n, 3]: wanted positions at the same moments, for an arm with joints.
     angles [n, joints]: joint angles in radians, for an arm with joints. The moments are then evenly spaced.
+    lean [n, 2]: real lean of the brush, for an arm with joints on a way with leans.
     """
 
     places: NDArray[np.float64]
@@ -67,6 +71,7 @@ class Course:
     stopped: bool = False
     meant: NDArray[np.float64] | None = None
     angles: NDArray[np.float64] | None = None
+    lean: NDArray[np.float64] | None = None
 
 
 class Watcher(Protocol):
@@ -261,7 +266,9 @@ class VirtualRobot:
             raise
         self._clock.now += course.seconds
         # The canvas gets the way as a whole, so that marks do not depend on the checks for a stop.
-        lean = None if waypoints.lean is None else _lean_along(self._tip, waypoints.position, waypoints.lean, course)
+        lean = course.lean
+        if lean is None and waypoints.lean is not None:
+            lean = lean_along(self._tip, waypoints, course.places)
         self._table.move(course.places, self._clock.now, self.faults, lean)
         self._tip = course.places[-1].copy()
         if state := self._arm.state():
@@ -290,7 +297,8 @@ class VirtualRobot:
         faults, label = self.faults, waypoints.label
         slowness = _SLOW if number in faults.slow_motions else 1.0
         path = np.concatenate([self._tip[None], waypoints.position])
-        way = Way(label, path, waypoints.speed / slowness, self._workspace.travel_speed / slowness)
+        lean = None if waypoints.lean is None else np.concatenate([waypoints.lean[:1], waypoints.lean])
+        way = Way(label, path, waypoints.speed / slowness, self._workspace.travel_speed / slowness, lean)
         halfway = way.to_waypoint(max(0, len(path) // 2 - 2))
         if number in faults.hanging_motions:
             threading.Event().wait()
@@ -343,18 +351,3 @@ class VirtualRobot:
                 f"{waypoints.label}: waypoint {point} has {'xyz'[axis]} = {position[point, axis]:g} m; the virtual "
                 f"robot reaches from {lower[axis]:g} to {upper[axis]:g} m. It did not move; plan inside its workspace."
             )
-
-
-def _lean_along(
-    tip: NDArray[np.float64], position: NDArray[np.float64], lean: NDArray[np.float64], course: Course
-) -> NDArray[np.float64]:
-    """Returns the tilt [n, 2] at each place of a course from `tip` through waypoints with their leans [k, 2].
-
-    The brush is turned before it comes to the first waypoint.
-    """
-    path = np.concatenate([tip[None], position])
-    done, planned = (
-        np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))] for way in (course.places, path)
-    )
-    meant = np.concatenate([lean[:1], lean])
-    return np.stack([np.interp(done, planned, column) for column in meant.T], -1)

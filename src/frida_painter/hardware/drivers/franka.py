@@ -1,8 +1,8 @@
 """The robot kind `franka`: Franka Research 3 and Panda through franky, a client of libfranka.
 
 A motion is planned as a whole before anything moves: the tip's path in time (Timing), the arm's joint angles along it
-by the arm's own model, with the brush upright, and their limits. It is sent as one motion in joint angles. Neither
-franky nor this program clears an error: a person does that, at the arm.
+by the arm's own model, with the brush upright or leaning about its tip, and their limits. It is sent as one motion in
+joint angles. Neither franky nor this program clears an error: a person does that, at the arm.
 """
 
 import math
@@ -23,6 +23,7 @@ from frida_painter.hardware.drivers.franka_kinematics import (
     LOWER_JOINTS,
     UPPER_JOINTS,
     FrankaReach,
+    lean_rotation,
     make_rotation,
     resume_path,
     rotation_vector,
@@ -37,9 +38,11 @@ from frida_painter.hardware.robot import (
     MotionReport,
     Sense,
     Waypoints,
+    lean_along,
     plan_way_home,
 )
 from frida_painter.hardware.timing import AxisTiming, Timing
+from frida_painter.strokes import MAX_TILT
 
 _NEEDED = Needed("pip install 'frida-painter[franka]'", "franky")
 _POLL = 0.01
@@ -50,6 +53,7 @@ _PERIOD = 0.02  # seconds between the joint angles of a motion
 _TURNING = 0.5  # rad/s of the hand, and of the elbow, as they come into the painting posture
 _MAX_TURNED, _MAX_BENT = math.radians(75), math.radians(60)
 _CONVERGED, _ITERATIONS = 1e-7, 20
+_UPRIGHT = 0.5  # degrees from the vertical below which a brush is called upright
 _DAMPING, _LONGEST_STEP = 1e-9, 0.2
 
 # Metres above the first touch from which the second begins; the largest force, as a multiple of the touch force.
@@ -91,7 +95,7 @@ _REMEDY = {
 
 class FrankaRobot:
     """Robot through franky. Implements hardware.robot.Robot, Reach, TimedRobot, ExaminedRobot,
-    GuidedRobot and TouchProbe.
+    GuidedRobot, TouchProbe, TiltingRobot, LongHandledRobot and LeaningReach.
 
     The arm allows one client. A stop goes over the same connection, beside the motion's thread.
     """
@@ -100,6 +104,8 @@ class FrankaRobot:
 
     def __init__(self, settings: FrankaSettings) -> None:
         self.settings = settings
+        self.handle_length = settings.brush_length
+        self.max_tilt = MAX_TILT if settings.brush_length > 0 else 0.0  # a handle of unknown length is not turned
         self._interlock = Interlock(f"the Franka at {settings.address}")
         self._timing = Timing(settings.acceleration, smoothing=0.1, period=_PERIOD)
         self._told_at, self._alive_at = -1.0, -math.inf
@@ -183,6 +189,10 @@ class FrankaRobot:
         """Returns True for each position [k, 3] that the arm reaches with its hand and the brush upright: [k]."""
         return FrankaReach(self.settings.brush_length, self.settings.turn).reachable(position)
 
+    def reachable_leaning(self, position: NDArray[np.float64], lean: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Returns True for each position [k, 3] that the arm reaches with its brush leaning ([k, 2], radians): [k]."""
+        return FrankaReach(self.settings.brush_length, self.settings.turn).reachable_leaning(position, lean)
+
     def timing(self) -> AxisTiming:
         """Returns the limits of the planned motions. Implements hardware.robot.TimedRobot."""
         return self._timing.tell(FASTEST, _RESTING)
@@ -239,15 +249,16 @@ class FrankaRobot:
     # Motions.
 
     def follow(self, waypoints: Waypoints) -> MotionReport:
-        """Moves along the waypoints as one motion with the brush upright; returns when the arm stands.
+        """Moves along the waypoints as one motion; returns when the arm stands.
 
-        The tip slows down before corners and stops in sharp ones.
+        The brush is turned about its tip before that: upright, or as it leans at the first waypoint. The tip slows
+        down before corners and stops in sharp ones.
         Raises MotionFailed before anything moves if a waypoint is beyond the arm's reach or a joint would be too fast.
         Raises MotionFailed with the arm's error, RobotDisconnected, or RobotStopped if it was stopped here or at the
         arm. The arm then stands.
         """
         self._interlock.require_ready(waypoints.label)
-        self._interlock.require_path(waypoints)
+        self._interlock.require_path(waypoints, self.max_tilt)
         started = time.monotonic()
         try:
             self._require_idle(waypoints.label)
@@ -359,12 +370,13 @@ class FrankaRobot:
         state = self._state(waypoints.label)
         start = np.array(state.q_d, np.float64)
         tip, rotation = self._pose_of(start, state)
-        first = self._into_posture(waypoints.label, start, tip, rotation, state)
         path = np.concatenate([tip[None], waypoints.position])
         speed = np.r_[approach or self.settings.approach, np.full(len(waypoints.position) - 1, waypoints.speed)]
         places = self._timing.places(path, speed)
         elbow = np.zeros(len(places))
-        rotations = np.broadcast_to(self.settings.upright, (len(places), 3, 3))
+        leans = lean_along(tip, waypoints, places)
+        rotations = np.array([lean_rotation(lean) @ self.settings.upright for lean in leans])
+        first = self._into_posture(waypoints.label, start, tip, rotation, rotations[0], state)
         joints = np.concatenate(
             [start[None], first, self._solve(waypoints.label, first[-1], places, rotations, elbow, state)]
         )
@@ -377,11 +389,14 @@ class FrankaRobot:
         start: NDArray[np.float64],
         tip: NDArray[np.float64],
         rotation: NDArray[np.float64],
+        wanted: NDArray[np.float64],
         state: Any,
     ) -> NDArray[np.float64]:
-        """Returns joint angles [k, 7] that turn the hand upright and the elbow up, while the tip stays in place."""
-        off = rotation_vector(self.settings.upright @ rotation.T)
-        angle = float(np.linalg.norm(off))
+        """Returns joint angles [k, 7] that turn the hand as wanted and the elbow up, while the tip stays in place.
+
+        rotation, wanted: of the tool [3, 3]
+        """
+        angle = float(np.linalg.norm(rotation_vector(self.settings.upright @ rotation.T)))
         if not (angle <= _MAX_TURNED and abs(start[2]) <= _MAX_BENT):
             raise MotionFailed(
                 f"{label}: the hand of {self._interlock.name} is turned by {math.degrees(angle):.0f} degrees from "
@@ -389,7 +404,8 @@ class FrankaRobot:
                 f"{math.degrees(_MAX_TURNED):.0f} and {math.degrees(_MAX_BENT):.0f} are put right by itself. Guide "
                 "the arm by hand until the brush points straight down and the elbow up. It did not move."
             )
-        steps = max(1, math.ceil(max(angle, abs(start[2])) / _TURNING / _PERIOD))
+        off = rotation_vector(wanted @ rotation.T)
+        steps = max(1, math.ceil(max(float(np.linalg.norm(off)), abs(start[2])) / _TURNING / _PERIOD))
         share = np.linspace(0, 1, steps + 1)[1:]
         share = share**2 * (3 - 2 * share)
         rotations = np.array([make_rotation(part * off) @ rotation for part in share])
@@ -421,19 +437,21 @@ class FrankaRobot:
                 step = np.linalg.solve(jacobian + _DAMPING * np.eye(7), off)
                 angles = angles + step * min(1.0, _LONGEST_STEP / float(np.abs(step).max()))
             else:
-                raise self._out_of_reach(label, tip)
+                raise self._out_of_reach(label, tip, rotation)
             if not self._within_limits(angles):
-                raise self._out_of_reach(label, tip)
+                raise self._out_of_reach(label, tip, rotation)
             joints[index] = angles
         return joints
 
     def _within_limits(self, angles: NDArray[np.float64]) -> bool:
         return bool((angles >= LOWER_JOINTS + JOINT_MARGIN).all() and (angles <= UPPER_JOINTS - JOINT_MARGIN).all())
 
-    def _out_of_reach(self, label: str, tip: NDArray[np.float64]) -> MotionFailed:
+    def _out_of_reach(self, label: str, tip: NDArray[np.float64], rotation: NDArray[np.float64]) -> MotionFailed:
         place = ", ".join(f"{metres:.3f}" for metres in tip)
+        angle = math.degrees(math.acos(min(1.0, max(-1.0, -float(rotation[2, 2])))))
+        how, less = ("upright", "") if angle < _UPRIGHT else (f"leaning by {angle:.0f} degrees", "lean it less, or ")
         return MotionFailed(
-            f"{label}: {self._interlock.name} does not reach ({place}) m with the brush upright; move the canvas "
+            f"{label}: {self._interlock.name} does not reach ({place}) m with the brush {how}; {less}move the canvas "
             "nearer to it, or the other way round. It did not move."
         )
 

@@ -3,7 +3,6 @@
 The driver (franka.py) reads them.
 """
 
-import math
 from dataclasses import dataclass
 from typing import Self
 
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frida_painter.errors import ConfigError
+from frida_painter.hardware.drivers.franka_kinematics import make_upright
 from frida_painter.hardware.kinds import MachineName, require_home
 from frida_painter.hardware.robot import Point, Workspace
 
@@ -69,5 +69,4 @@ class FrankaSettings:
     @property
     def upright(self) -> NDArray[np.float64]:
         """Rotation of the tool [3, 3] in the arm's frame with the brush pointing straight down."""
-        cos, sin = math.cos(math.radians(self.turn)), math.sin(math.radians(self.turn))
-        return np.array([[cos, sin, 0.0], [sin, -cos, 0.0], [0.0, 0.0, -1.0]])
+        return make_upright(self.turn)

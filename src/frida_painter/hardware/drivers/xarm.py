@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from frida_painter.errors import ConfigError, FridaError, MotionFailed, RobotDisconnected, RobotError, RobotStopped
 from frida_painter.hardware.deadline import steady, within
@@ -26,15 +27,20 @@ from frida_painter.hardware.robot import (
     Point,
     Waypoints,
     Workspace,
+    handle_direction,
     plan_way_home,
 )
 from frida_painter.hardware.timing import AxisTiming
+from frida_painter.strokes import MAX_TILT
 
 Answer = TypeVar("Answer")
 
 _NEEDED = Needed("pip install 'frida-painter[xarm]'", "xarm")
 _OPENING, _CLOSING = 5.0, 1.0
 _POLL = 0.02
+_TURNING, _TURN_STEP = 0.5, math.radians(2)  # rad/s about the tip, in straight lines of the tool's centre
+_UPRIGHT = math.radians(0.1)  # lean that counts as none
+_ASKED_EVERY = 10  # waypoints; they are a millimetre apart
 _STILL = 1e-4  # metres between two polls
 _MOVING, _STANDING, _PAUSED, _RESET, _STOPPED = 1, (0, 2), 3, 5, (4, 6)
 _AFTER_START = 0.15  # seconds after set_state within which the arm ignores moves: 0.1 (SDK issue 59)
@@ -129,6 +135,8 @@ class XarmSettings:
 class XarmRobot:
     """Robot through UFACTORY's SDK. Implements Robot, TimedRobot, ExaminedRobot and GuidedRobot.
 
+    It leans the brush if the length of its handle is known: TiltingRobot, LongHandledRobot and LeaningReach.
+
     Stops use a separate connection.
 
     Its joints have absolute encoders, so its zero survives everything.
@@ -136,6 +144,8 @@ class XarmRobot:
 
     def __init__(self, settings: XarmSettings) -> None:
         self.settings = settings
+        self.handle_length = settings.brush_length
+        self.max_tilt = MAX_TILT if settings.brush_length > 0 else 0.0
         self._interlock = Interlock(f"the xArm at {settings.address}")
         self._arm: Any = None
         self._stopper: Any = None
@@ -195,8 +205,7 @@ class XarmRobot:
         self._interlock.require_ready(_GUIDE)
         self._require_no_fault(_GUIDE, None)
         self._require_ready(_GUIDE, _TEACHING)
-        place = self._place(_GUIDE)
-        return place[:3] / 1000 + self.settings.brush_length * _along_tool(np.radians(place[3:]))
+        return self._tip(self._place(_GUIDE))
 
     def end_guiding(self) -> None:
         """Stops the arm, ends its teach mode and disconnects."""
@@ -219,7 +228,46 @@ class XarmRobot:
     def pose(self) -> NDArray[np.float64]:
         """Returns the position of the tip, [3] metres. Raises RobotError if the answer is no position."""
         self._interlock.require_ready("pose")
-        return self._place("pose")[:3] / 1000 - (0, 0, self.settings.brush_length)
+        return self._tip(self._place("pose"))
+
+    def _tip(self, place: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Returns the tip [3] (m) for the place [6] of the tool's centre."""
+        return place[:3] / 1000 + self.settings.brush_length * _along_tool(np.radians(place[3:]))
+
+    def reachable(self, position: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Returns True for each position [k, 3] with an upright brush: the control box judges these as it goes."""
+        return np.asarray(np.isfinite(position).all(1), bool)
+
+    def reachable_leaning(self, position: NDArray[np.float64], lean: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Returns True for each position [k, 3] that is in reach with leans [k, 2], as the control box says: [k].
+
+        Before the arm is connected nobody knows, and it is True.
+        """
+        finite: NDArray[np.bool_] = np.isfinite(np.c_[position, lean]).all(1)
+        if self._arm is None:
+            return finite
+        for row in np.flatnonzero(finite).tolist():
+            finite[row] = self._in_reach("reach", self._leaning(position[row], lean[row]))
+        return finite
+
+    def _in_reach(self, label: str, place: NDArray[np.float64]) -> bool:
+        """Returns True if the control box finds joint angles for a place [6] of the tool's centre."""
+        answer = self._interlock.asking(label, lambda: self._arm.is_tcp_limit(place.tolist(), is_radian=False))
+        if isinstance(answer, tuple | list) and len(answer) == 2:
+            if answer[0] == 0 and isinstance(answer[1], bool):
+                return not answer[1]
+            self._require_line(label, answer[0])
+        raise RobotError(f"{label}: {self._interlock.name} answered {str(answer)[:80]} to is_tcp_limit; look at it.")
+
+    def _leaning(self, tip: NDArray[np.float64], lean: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Returns the place [6] of the tool's centre, in mm and degrees, for a tip [3] (m) and a lean [2]."""
+        if not lean.any():
+            above = tip + np.array([0.0, 0.0, self.settings.brush_length])
+            return np.r_[above * 1000, self.settings.tool]
+        upright = Rotation.from_euler("xyz", self.settings.tool, degrees=True)
+        turned = Rotation.from_rotvec((-lean[1], lean[0], 0.0)) * upright
+        center = tip + self.settings.brush_length * handle_direction(lean[None])[0]
+        return np.r_[center * 1000, turned.as_euler("xyz", degrees=True)]
 
     def _place(self, label: str) -> NDArray[np.float64]:
         """Returns x, y and z of the tool's centre in mm, and roll, pitch and yaw in degrees: [6]."""
@@ -239,23 +287,30 @@ class XarmRobot:
     def follow(self, waypoints: Waypoints) -> MotionReport:
         """Moves along the waypoints in straight lines with slightly rounded corners; returns when the arm stands.
 
+        The brush is turned about its tip before that, if it is to lean otherwise than it does.
         Raises MotionFailed with UFACTORY's code, RobotDisconnected, or RobotStopped if it was stopped here or at
         the arm. The arm is then stopped.
         """
         self._interlock.require_ready(waypoints.label)
-        self._interlock.require_path(waypoints)
+        self._interlock.require_path(waypoints, self.max_tilt)
         started = time.monotonic()
         try:
             self._require_no_fault(waypoints.label, None)
             self._require_ready(waypoints.label)
-            here = self.pose()
+            place = self._place(waypoints.label)
+            here = self._tip(place)
+            turning = self._turn(here, place, waypoints)
             until = started + motion_timeout(waypoints.length, waypoints.speed)
             until += motion_timeout(float(np.linalg.norm(waypoints.position[0] - here)), self.settings.approach)
-            radii = self._blend(np.concatenate([here[None], waypoints.position]))
-            for index, radius in enumerate(radii):
-                if index and index % _AHEAD == 0:
+            until += 2 * _TURN_STEP * len(turning) / _TURNING
+            lean = np.zeros((len(waypoints.position), 2)) if waypoints.lean is None else waypoints.lean
+            targets = [*turning, *(self._leaning(*row) for row in zip(waypoints.position, lean, strict=True))]
+            self._require_reach(waypoints, targets[len(turning) :])
+            radii = self._blend(np.array([place, *targets])[:, :3] / 1000)
+            for number, (target, radius) in enumerate(zip(targets, radii, strict=True)):
+                if number and number % _AHEAD == 0:
                     self._await_room(waypoints.label)
-                self._send(waypoints, index, radius)
+                self._send(waypoints, number - len(turning), target, radius)
             self._wait(waypoints, until)
             reached = self.pose()
         except FridaError as error:
@@ -392,12 +447,47 @@ class XarmRobot:
                 raise MotionFailed(f"{label}: {self._interlock.name} does not go on, and is stopped; look at it, then "
                                    "connect anew.")  # fmt: skip
 
-    def _send(self, waypoints: Waypoints, index: int, radius: float | None) -> None:
-        """Puts one waypoint into the arm's queue. Raises MotionFailed if the arm dropped it."""
+    def _turn(
+        self, tip: NDArray[np.float64], place: NDArray[np.float64], waypoints: Waypoints
+    ) -> list[NDArray[np.float64]]:
+        """Returns the places of the tool's centre that turn the brush about its tip to its first lean, in steps."""
+        handle = -_along_tool(np.radians(place[3:]))
+        aside = float(np.hypot(*handle[:2]))
+        now = handle[:2] * (math.atan2(aside, handle[2]) / max(aside, 1e-12))
+        now = now if float(np.hypot(*now)) > _UPRIGHT else np.zeros(2)
+        wanted = np.zeros(2) if waypoints.lean is None else waypoints.lean[0]
+        far = float(np.hypot(*(wanted - now)))
+        if self.max_tilt == 0 or far <= _UPRIGHT:
+            return []
+        share = np.linspace(0, 1, math.ceil(far / _TURN_STEP) + 1)[1:]
+        return [self._leaning(tip, now + part * (wanted - now)) for part in share]
+
+    def _require_reach(self, waypoints: Waypoints, targets: list[NDArray[np.float64]]) -> None:
+        """Raises MotionFailed, before anything moves, if the arm does not reach a place with its brush leaning."""
+        if waypoints.lean is None:
+            return
+        for index in (*range(0, len(targets), _ASKED_EVERY), len(targets) - 1):
+            if not self._in_reach(waypoints.label, targets[index]):
+                place = ", ".join(f"{metres:.3f}" for metres in waypoints.position[index])
+                raise MotionFailed(
+                    f"{waypoints.label}: {self._interlock.name} does not reach ({place}) m with the brush leaning by "
+                    f"{math.degrees(float(np.hypot(*waypoints.lean[index]))):.0f} degrees; lean it less, or move the "
+                    "canvas nearer to it. It did not move.",
+                    waypoint=index,
+                )
+
+    def _send(self, waypoints: Waypoints, index: int, target: NDArray[np.float64], radius: float | None) -> None:
+        """Puts one waypoint into the arm's queue. Raises MotionFailed if the arm dropped it.
+
+        index: of the waypoint; below 0 while the brush is turned before the first
+        target: place [6] of the tool's centre
+        """
         self._interlock.heed_stop(waypoints.label)
-        x, y, z = (waypoints.position[index] + (0, 0, self.settings.brush_length)) * 1000
-        roll, pitch, yaw = self.settings.tool
-        speed = waypoints.speed if index else self.settings.approach
+        x, y, z, roll, pitch, yaw = target.tolist()
+        speed = waypoints.speed if index > 0 else self.settings.approach
+        if index < 0:
+            speed = _TURNING * self.settings.brush_length
+        index = max(index, 0)
 
         def move() -> Any:
             return self._arm.set_position(
