@@ -84,6 +84,9 @@ def test_each_forecast_is_given_the_times_of_the_strokes_that_are_left() -> None
     assert all(each is not None and each.paint == wet for each in setup.planner.wet)
     assert [mixed for _, mixed in setup.planner.settled] == [False, True]
     assert [len(each.painted_at) for each, _ in setup.planner.settled] == [len(each) for each in tables]
+    (known,) = setup.planner.replanned
+    assert known is not None and known.below is not None and len(known.painted_at) == len(tables[1])
+    assert len(known.below) == len(known.below_at) == 3 and max(known.below_at) == 0 > min(known.below_at) > -300
     dry = SessionSetup(6, replans=1)
     dry.run()
-    assert dry.planner.wet == [None, None] and dry.planner.settled == []
+    assert dry.planner.wet == dry.planner.replanned * 2 == [None, None] and dry.planner.settled == []
