@@ -225,11 +225,11 @@ class PlanKeeper:
         self._interruptions.retry(note)
         progress.plan, progress.planned_at, progress.answers = plan, progress.painted, answers
         wetness = self._wetness(self.schedule())
-        canvas, unseen = progress.canvas.last_seen, 0
+        planner, canvas, unseen = self.planner, progress.canvas.last_seen, 0
         if len(rest):
             unseen = self._policy.next_look(progress.painted, progress.strokes) - progress.painted
-        expected, after = (by(rest, canvas, wetness) for by in (self.planner.expected, self.planner.expected_loss))
-        forecast = self.planner.forecast(rest, canvas, placement, unseen, wetness)
+        expected, after = planner.expected(rest, canvas, wetness), planner.expected_loss(rest, canvas, wetness)
+        forecast = planner.forecast(rest, canvas, placement, unseen, wetness)
         self._tell(Planned(rest, progress.painted, expected, before, after, forecast))
         return after
 
