@@ -135,6 +135,10 @@ def test_without_slopes_strokes_of_two_brushes_change_a_picture_as_with_slopes()
         fast = change_by_wet_paint(strokes, [on] * 3, WET, at)
     plain = change_by_wet_paint(strokes, [on] * 3, WET, at)
     assert torch.allclose(fast, plain, atol=2e-5) and float(fast.abs().max()) > 0.005
+    after, late = (change_by_wet_paint(strokes, [on] * 3, WET, at, seen=number) for number in (7, 12))
+    with torch.no_grad():
+        assert torch.allclose(change_by_wet_paint(strokes, [on] * 3, WET, at, seen=7), after, atol=2e-5)
+    assert not torch.allclose(after, plain, atol=1e-3) and not late.any()
     with torch.no_grad(), pytest.raises(PlanError, match="give one for each, in painting order"):
         change_by_wet_paint(strokes, [on] * 3, WET, at[:-1])
 
@@ -287,5 +291,13 @@ def test_a_plan_that_is_settled_for_wet_paint_is_expected_to_be_nearer_to_its_pi
     later, before = (each.strokes.color[1] for each in (wet, plan))
     assert float((later - before).mean()) > 0.05  # lighter paint makes up for what it takes up
     assert wet.layer_sizes == fixed.layer_sizes == (1, 1)
+    below, rest = plan.part([0]), plan.part([1])  # the same on a photograph of the first stroke, which is wet
+    seen = planner.expected(below)
+    still = Wetness(WET, (0.0,), below, (-5.0,))
+    assert torch.allclose(planner.expected(rest, seen, still), planner.expected(plan, wetness=wetness), atol=0.01)
+    assert not torch.allclose(planner.expected(rest, seen), planner.expected(rest, seen, still), atol=0.05)
+    ready = planner.settle_wet(rest, seen, still, mixed=False)
+    costs = [planner.cost(planner.replan(ready, seen, wetness=each), seen, still) for each in (still, None)]
+    assert costs[0] <= planner.cost(ready, seen, still) < costs[1]
     empty = plan.part([])
     assert planner.settle_wet(empty, planner.bare, Wetness(WET, ())) is empty

@@ -116,8 +116,8 @@ def test_a_plan_in_mixed_paints_that_is_being_shortened_is_given_up_where_a_pers
 
 
 class Slowing(NotingPlanner):
-    def replan(self, rest, canvas, notify, rounds=1, *, fresh=False):  # type: ignore[no-untyped-def]
-        return longest(super().replan(rest, canvas, notify, rounds, fresh=fresh))
+    def replan(self, *given, **more):  # type: ignore[no-untyped-def]
+        return longest(super().replan(*given, **more))
 
 
 def longest(plan: Plan) -> Plan:

@@ -20,6 +20,7 @@ from frida_painter.session.events import Event, Planned, Scheduled
 from frida_painter.session.hand import Hand
 from frida_painter.session.loop import PaintingSession
 from frida_painter.session.observer import CanvasObserver
+from frida_painter.session.progress import ResumeState
 from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.virtual.studio import open_studio
 from support.planning import plain
@@ -72,18 +73,35 @@ def test_one_painting_teaches_the_expectation_of_another_what_wet_paint_does() -
     assert ours < 0.6 * dry
 
 
-@pytest.mark.slow
-def test_each_forecast_is_given_the_times_of_the_strokes_that_are_left() -> None:
-    wet = WetPaint(10.0, 0.1, 300.0)
+def setup_with(wet: WetPaint) -> SessionSetup:
     setup = SessionSetup(6, replans=1)
     for easel in (setup.easel, setup.hand.easel):
         object.__setattr__(easel, "calibration", replace(easel.calibration, wet=wet))
+    return setup
+
+
+@pytest.mark.slow
+def test_each_forecast_is_given_the_times_of_the_strokes_that_are_left() -> None:
+    wet = WetPaint(10.0, 0.1, 300.0)
+    setup = setup_with(wet)
     setup.run()
     tables = [event.timetable.after for event in setup.heard if isinstance(event, Scheduled)]
     assert [each.painted_at for each in setup.planner.wet if each] == tables and len(tables) == 2
     assert all(each is not None and each.paint == wet for each in setup.planner.wet)
     assert [mixed for _, mixed in setup.planner.settled] == [False, True]
     assert [len(each.painted_at) for each, _ in setup.planner.settled] == [len(each) for each in tables]
+    (known,) = setup.planner.replanned
+    assert known is not None and known.below is not None and len(known.painted_at) == len(tables[1])
+    assert len(known.below) == len(known.below_at) == 3 and max(known.below_at) == 0 > min(known.below_at) > -300
     dry = SessionSetup(6, replans=1)
     dry.run()
-    assert dry.planner.wet == [None, None] and dry.planner.settled == []
+    assert dry.planner.wet == dry.planner.replanned * 2 == [None, None] and dry.planner.settled == []
+
+
+@pytest.mark.slow
+def test_paint_of_an_earlier_session_is_dry() -> None:
+    setup, canvas = setup_with(WetPaint(10.0, 0.1, 300.0)), torch.ones(3, 48, 64)
+    plan = setup.planner.plan(canvas, 6, 1, lambda step: None)
+    setup.resume(ResumeState(plan, 2, 2, None, canvas))
+    (known,) = setup.planner.replanned
+    assert known is not None and known.below is not None and len(known.below) == len(known.below_at) == 1

@@ -46,6 +46,7 @@ class NotingPlanner:
     placements: list[Placement] = field(default_factory=list)
     left_out: list[int] = field(default_factory=list)
     wet: list[Wetness | None] = field(default_factory=list)
+    replanned: list[Wetness | None] = field(default_factory=list)
     settled: list[tuple[Wetness, bool]] = field(default_factory=list)
 
     def keeping_clear(self, region: Region | None) -> "NotingPlanner":
@@ -77,8 +78,16 @@ class NotingPlanner:
         return plan.part(slice(len(plan) - count))
 
     def replan(
-        self, rest: Plan, canvas: Tensor, notify: Callable[[Step], None], rounds: int = 1, *, fresh: bool = False
+        self,
+        rest: Plan,
+        canvas: Tensor,
+        notify: Callable[[Step], None],
+        rounds: int = 1,
+        *,
+        fresh: bool = False,
+        wetness: Wetness | None = None,
     ) -> Plan:
+        self.replanned.append(wetness)
         self.asked.append(len(rest))
         self.fresh.append(fresh)
         self.canvases.append(canvas)
@@ -102,7 +111,7 @@ class NotingPlanner:
     def validation_loss(self, picture: Tensor) -> float:
         return float(picture.mean())
 
-    def expected_loss(self, plan: Plan, canvas: Tensor) -> float:
+    def expected_loss(self, plan: Plan, canvas: Tensor, wetness: Wetness | None = None) -> float:
         return self.validation_loss(self.expected(plan, canvas))
 
     def forecast(

@@ -416,6 +416,7 @@ class Planner:
         rounds: int = 1,
         *,
         fresh: bool = False,
+        wetness: Wetness | None = None,
     ) -> Plan:
         """Replans the strokes of `rest` on a photograph [3, H, W] of the canvas; their brushes stay the same.
 
@@ -423,6 +424,7 @@ class Planner:
         later layers may change.
         rounds: number of rounds; more than one is useful if the goal has changed.
         fresh: True if a layer begins now, and none of its strokes is painted.
+        wetness: as for `expected`. A region that takes strokes away takes their times too; then all paint is dry.
 
         If no better plan is found, the planner tries again without moving strokes far. If memory is short, the
         planner tries once more at half the resolution, also without moving strokes far. If that fails or the
@@ -431,21 +433,20 @@ class Planner:
         rest, canvas = self._clear(rest), as_picture(canvas)
         if len(rest) == 0:
             return rest
-        task = PlanningTask(self, canvas, len(rest), self.settings.colors, notify or unheard, rounds, fresh)
+        wetness = None if self.region is not None else wetness
+        task = PlanningTask(self, canvas, len(rest), self.settings.colors, notify or unheard, rounds, fresh, wetness)
         return self._clear(find_planner(self.settings.planner).make_rest(task, rest))
 
     def _replan_in_layers(self, task: "PlanningTask", rest: Plan) -> Plan:
         """Returns the rest, planned again by the project's own planner."""
-        canvas, hear = task.canvas, task.notify
+        canvas, hear, wetness = task.canvas, task.notify, task.wetness
         for sparing in (False, True):
             try:
-                cost = self.cost(rest, canvas)
+                cost = self.cost(rest, canvas, wetness)
                 for moving in (False,) if sparing else (True, False):
                     told = hear if moving else at_the_end(hear)
-                    again = self._again(
-                        rest, canvas, told, task.rounds, moving=moving, sparing=sparing, fresh=task.fresh
-                    )
-                    if self.cost(again, canvas) < cost:
+                    again = self._again(rest, replace(task, notify=told), moving=moving, sparing=sparing)
+                    if self.cost(again, canvas, wetness) < cost:
                         return again
                 return rest
             except PlanningDiverged:
@@ -455,27 +456,17 @@ class Planner:
                     raise
         return rest
 
-    def _again(
-        self,
-        rest: Plan,
-        canvas: Tensor,
-        notify: Callable[[Step], None],
-        rounds: int,
-        *,
-        moving: bool,
-        sparing: bool,
-        fresh: bool,
-    ) -> Plan:
+    def _again(self, rest: Plan, task: "PlanningTask", *, moving: bool, sparing: bool) -> Plan:
         """Returns all layers of the rest, settled once more."""
-        layers = self._at_work(rest, fresh=fresh)
-        rounds = self.effort.rounds_of_a_look(rounds, fresh=fresh)
+        canvas, notify, fresh = task.canvas, task.notify, task.fresh
+        layers, change = self._at_work(rest, fresh=fresh), self._wet_change(task.wetness)
+        rounds = self.effort.rounds_of_a_look(task.rounds, fresh=fresh)
         generator = torch.Generator().manual_seed(self.seed + len(rest)) if moving else None
         steps = StepCount(notify, rounds * self.effort.settling + self.effort.replanning)
         last, share = self.effort.replanning, MOVED_WHERE_A_LAYER_BEGINS if fresh else MOVED
-        settled = self._settle(
-            layers, canvas, steps.begin, rounds, last, share=share, generator=generator, sparing=sparing
-        )
-        return self._join(rest, settled, [layer.mixes for layer in layers], canvas, notify, sparing=sparing)
+        how: dict[str, Any] = {"sparing": sparing, "change": change}
+        settled = self._settle(layers, canvas, steps.begin, rounds, last, share=share, generator=generator, **how)
+        return self._join(rest, settled, [layer.mixes for layer in layers], canvas, notify, **how)
 
     def _at_work(self, rest: Plan, *, fresh: bool) -> list[LayerAtWork]:
         """Returns the layers of the rest, to be settled once more."""
@@ -526,9 +517,10 @@ class Planner:
         layers, begin = self._at_work(rest, fresh=not mixed), StepCount(hear, count).begin
         if not mixed and int(rest.layer[0]) == 0:
             layers[0] = replace(layers[0], mixes=self.settings.new_paints or len(layers) == 1)
+        change = self._wet_change(wetness)
         try:
-            settled = self._settle(layers, canvas, begin, 0, count, pace=_POLISHING_PACE, change=wetness.change)
-            again = self._join(rest, settled, [layer.mixes for layer in layers], canvas, hear, change=wetness.change)
+            settled = self._settle(layers, canvas, begin, 0, count, pace=_POLISHING_PACE, change=change)
+            again = self._join(rest, settled, [layer.mixes for layer in layers], canvas, hear, change=change)
             timed = len(again) == len(rest)  # else the region took a stroke, and the times are those of other strokes
             return again if timed and self.cost(again, canvas, wetness) < self.cost(rest, canvas, wetness) else rest
         except (PlanningDiverged, MemoryError, RuntimeError) as failure:
@@ -568,13 +560,18 @@ class Planner:
     @torch.no_grad()
     def _change_by(self, wetness: Wetness | None, plan: Plan) -> Tensor | None:
         """Returns the change [3, H, W] of the expected canvas by wet paint; None if nothing is known of it."""
-        if wetness is None or len(plan) == 0:
-            return None
-        return wetness.change(*self.problems.stack(plan, self.bare, self.fine))
+        change = self._wet_change(wetness)
+        return None if change is None or len(plan) == 0 else change(*self.problems.stack(plan, self.bare, self.fine))
 
-    def expected_loss(self, plan: Plan, canvas: AnyPicture) -> float:
-        """Returns the mean distance to the goal over paintings of the plan on a canvas [3, H, W]."""
-        return self._judge(stacked_loss, plan, canvas)
+    def _wet_change(self, wetness: Wetness | None) -> PictureChange | None:
+        return None if wetness is None else wetness.change_on(self.problems, self.fine)
+
+    def expected_loss(self, plan: Plan, canvas: AnyPicture, wetness: Wetness | None = None) -> float:
+        """Returns the mean distance to the goal over paintings of the plan on a canvas [3, H, W].
+
+        wetness: as for `expected`.
+        """
+        return self._judge(stacked_loss, plan, canvas, wetness)
 
     def cost(self, plan: Plan, canvas: AnyPicture, wetness: Wetness | None = None) -> float:
         """Returns the expected loss plus the price of the paint; `wetness` is as for `expected`."""
@@ -688,6 +685,7 @@ class PlanningTask:
     notify: called after each step; may raise to end the planning
     rounds: number of rounds of replanning; more than one if the goal has changed
     fresh: True if a layer begins now, and none of its strokes is painted
+    wetness: how paint mixes while it is wet; None if nothing is known of it
     """
 
     planner: Planner
@@ -697,6 +695,7 @@ class PlanningTask:
     notify: Callable[[Step], None]
     rounds: int = 1
     fresh: bool = False
+    wetness: Wetness | None = None
 
     @property
     def goal(self) -> Goal:

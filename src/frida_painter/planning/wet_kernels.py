@@ -54,12 +54,13 @@ def cover(magnitude, affine, path, spans, columns, seen, begin, pixel, alpha, ne
 
 
 @njit(cache=True, error_model="numpy")
-def lay(begin, pixel, alpha, nearest, steps, own, painted_at, wet, trace, change, amount, pigment, settled):  # type: ignore[no-untyped-def]
+def lay(begin, pixel, alpha, nearest, steps, own, painted_at, seen, wet, trace, change, amount, pigment, settled):  # type: ignore[no-untyped-def]
     """Lays packed marks in painting order.
 
     steps [n, p]: metres to each place of a path from the place before
     own [n, 6]: K and S of the paints
     painted_at [n]: seconds
+    seen: number of first marks that the picture shows already
     wet: rate per metre, share, and seconds of drying
     trace: amount of paint that counts as none
     change [P, 3], amount [P], pigment [P, 6], settled [P]: the canvas; the result is in `change`
@@ -101,7 +102,7 @@ def lay(begin, pixel, alpha, nearest, steps, own, painted_at, wet, trace, change
                 mixed[band] = brush + share * below * (pigment[at, band] - brush)
             kept = below * (1 - covers)
             total = kept + covers
-            for band in range(3):
+            for band in range(3 if i >= seen else 0):
                 off = _shown(mixed[band] / mixed[band + 3]) - clean[band] if wets else change.dtype.type(0)
                 change[at, band] += covers * (off - change[at, band])
             for band in range(6):
@@ -126,5 +127,5 @@ def argument_types():  # type: ignore[no-untyped-def]
     flat, wide = float32[::1], float32[:, ::1]
     return (
         (cover, (maps, maps, maps, spans_type(), int64, float64, *packed)),
-        (lay, (*packed, wide, wide, float64[::1], numbers, float64, wide, flat, wide, float64[::1])),
+        (lay, (*packed, wide, wide, float64[::1], int64, numbers, float64, wide, flat, wide, float64[::1])),
     )

@@ -23,7 +23,9 @@ from frida_painter.compiled import array, compiles_for
 from frida_painter.errors import PlanError
 from frida_painter.frames import PixelGrid
 from frida_painter.perception.srgb import to_linear, to_srgb
-from frida_painter.planning.problem import PlanningProblem
+from frida_painter.plan import Plan
+from frida_painter.planning.optimize import PictureChange
+from frida_painter.planning.problem import PlanningProblem, PlanningProblems
 from frida_painter.strokes import Strokes
 
 _ROWS = 64  # of the picture in which wet paint is reckoned; it changes a picture less sharply than marks do
@@ -43,34 +45,52 @@ class Wetness(NamedTuple):
 
     paint: exchange of brush and canvas
     painted_at: second at which each stroke of a plan is painted, in painting order
+    below, below_at: strokes on the canvas that may still be wet, and the second at which each was painted. None: the
+    canvas is dry.
     """
 
     paint: WetPaint
     painted_at: Sequence[float]
+    below: Plan | None = None
+    below_at: Sequence[float] = ()
 
-    def change(self, strokes: Sequence[Strokes], problems: Sequence[PlanningProblem]) -> Tensor:
-        """Returns the change of the expected picture, as `change_by_wet_paint` does."""
-        return change_by_wet_paint(strokes, problems, self.paint, self.painted_at)
+    def change_on(self, scenes: PlanningProblems, grid: PixelGrid) -> PictureChange:
+        """Returns the function from the strokes of the plan to the change of their expected picture on a grid."""
+        below = scenes.stack(self.below, torch.ones(3, grid.rows, grid.columns), grid) if self.below else ([], [])
+        at, seen = (*self.below_at, *self.painted_at), len(self.below_at)
+
+        def change(strokes: Sequence[Strokes], problems: Sequence[PlanningProblem]) -> Tensor:
+            return change_by_wet_paint([*below[0], *strokes], [*below[1], *problems], self.paint, at, seen)
+
+        return change
 
 
 def change_by_wet_paint(
-    strokes: Sequence[Strokes], problems: Sequence[PlanningProblem], wet: WetPaint, painted_at: Sequence[float]
+    strokes: Sequence[Strokes],
+    problems: Sequence[PlanningProblem],
+    wet: WetPaint,
+    painted_at: Sequence[float],
+    seen: int = 0,
 ) -> Tensor:
     """Returns the change [3, H, W] of the expected picture by wet paint, differentiable in the strokes.
 
     strokes, problems: one for each brush in painting order; the canvas of the first problem is dry.
     painted_at: second at which each stroke is painted, for the strokes of all brushes.
+    seen: number of first strokes that the picture shows already; they only leave wet paint.
     Raises PlanError if there is not one time for each stroke, or a time is before the one of the stroke before.
     """
-    canvas = problems[0].canvas
-    rows, columns = canvas.shape[1:]
+    rows, columns = problems[-1].canvas.shape[1:]
     grid = PixelGrid.of_height(problems[0].size, min(_ROWS, rows))
-    small = _lay_on(strokes, problems, grid, painted_at)(wet).reshape(1, 3, grid.rows, grid.columns)
+    small = _lay_on(strokes, problems, grid, painted_at, seen)(wet).reshape(1, 3, grid.rows, grid.columns)
     return interpolate(small, (rows, columns), mode="bilinear", align_corners=False)[0]
 
 
 def _lay_on(
-    strokes: Sequence[Strokes], problems: Sequence[PlanningProblem], grid: PixelGrid, painted_at: Sequence[float]
+    strokes: Sequence[Strokes],
+    problems: Sequence[PlanningProblem],
+    grid: PixelGrid,
+    painted_at: Sequence[float],
+    seen: int = 0,
 ) -> Callable[[WetPaint], Tensor]:
     """Returns the function from a wet paint to the change [3, P] of a picture on this grid.
 
@@ -79,9 +99,9 @@ def _lay_on(
     canvas, pixels = problems[0].canvas, grid.rows * grid.columns
     if compiles_for(canvas) and not torch.is_grad_enabled():
         packed = pack_marks(strokes, problems, grid)
-        return lambda wet: lay_packed_marks(packed, wet, painted_at, pixels)
+        return lambda wet: lay_packed_marks(packed, wet, painted_at, pixels, seen)
     laid = [mark for part, problem in zip(strokes, problems, strict=True) for mark in marks_on(part, problem, grid)]
-    return lambda wet: lay_wet(laid, wet, painted_at, canvas.new_zeros(3, pixels))
+    return lambda wet: lay_wet(laid, wet, painted_at, canvas.new_zeros(3, pixels), seen)
 
 
 @dataclass(frozen=True)
@@ -183,15 +203,18 @@ def _way(strokes: Strokes, grid: PixelGrid) -> tuple[Tensor, Tensor]:
     return path, torch.cat((path.new_zeros(len(strokes), 1), (metres[:, 1:] - metres[:, :-1]).norm(dim=2)), 1)
 
 
-def lay_wet(marks: Sequence[WetMark], wet: WetPaint, painted_at: Sequence[float], change: Tensor) -> Tensor:
+def lay_wet(
+    marks: Sequence[WetMark], wet: WetPaint, painted_at: Sequence[float], change: Tensor, seen: int = 0
+) -> Tensor:
     """Returns the change [3, P] of a picture of P pixels by wet paint, after marks in painting order.
 
     change [3, P]: change before the marks, of a canvas that is dry.
+    seen: number of first marks that the picture shows already.
     """
     _check_times(painted_at, len(marks))
     amount, pigment = change.new_zeros(change.shape[1]), change.new_ones(6, change.shape[1])
     now = painted_at[0] if painted_at else 0.0
-    for mark, at in zip(marks, painted_at, strict=True):
+    for number, (mark, at) in enumerate(zip(marks, painted_at, strict=True)):
         amount, now = (amount - (at - now) / wet.drying).clamp(min=0), at
         pixel, alpha = mark.pixel, mark.alpha
         if len(pixel) == 0:
@@ -200,8 +223,9 @@ def lay_wet(marks: Sequence[WetMark], wet: WetPaint, painted_at: Sequence[float]
         own = pigment_of(mark.color)
         held = _held_along(mark, below, paint_below, own, wet.rate)[mark.nearest].T  # [6, k]
         mixed = held + wet.share * below * (paint_below - held)
-        off = color_of(mixed) - color_of(own)[:, None]
-        change = change.index_copy(1, pixel, change[:, pixel] * (1 - alpha) + off * alpha)
+        if number >= seen:
+            off = color_of(mixed) - color_of(own)[:, None]
+            change = change.index_copy(1, pixel, change[:, pixel] * (1 - alpha) + off * alpha)
         kept = below * (1 - alpha)
         total = kept + alpha
         pigment = pigment.index_copy(1, pixel, (paint_below * kept + mixed * alpha) / total)
@@ -273,7 +297,9 @@ def pack_marks(strokes: Sequence[Strokes], problems: Sequence[PlanningProblem], 
     return PackedMarks(begin, pixel, alpha, nearest, steps, torch.cat([part.color for part in strokes]).detach())
 
 
-def lay_packed_marks(marks: PackedMarks, wet: WetPaint, painted_at: Sequence[float], pixels: int) -> Tensor:
+def lay_packed_marks(
+    marks: PackedMarks, wet: WetPaint, painted_at: Sequence[float], pixels: int, seen: int = 0
+) -> Tensor:
     """Returns the change [3, P] of a picture of P pixels by wet paint, as `lay_wet` does on a dry canvas."""
     from frida_painter.planning import wet_kernels
 
@@ -285,7 +311,7 @@ def lay_packed_marks(marks: PackedMarks, wet: WetPaint, painted_at: Sequence[flo
     settled = np.full(pixels, times[0] if len(times) else 0.0)
     numbers = wet.rate, wet.share, wet.drying
     canvas = array(change), array(amount), array(pigment), settled
-    wet_kernels.lay(begin, pixel, alpha, nearest, steps, array(own), times, numbers, _TRACE, *canvas)
+    wet_kernels.lay(begin, pixel, alpha, nearest, steps, array(own), times, seen, numbers, _TRACE, *canvas)
     return change.T
 
 

@@ -113,7 +113,8 @@ class PlanKeeper:
         rest, canvas, before = self._progress.rest, self._progress.canvas.last_seen, self._loss()
         with suppress(_Overtaken):
             hear = self._checking_interrupts("replan")
-            again = self.planner.replan(rest, canvas, hear, rounds, fresh=self._progress.begins_layer)
+            fresh, wetness = self._progress.begins_layer, self._wetness(self._table(rest, no_looks))
+            again = self.planner.replan(rest, canvas, hear, rounds, fresh=fresh, wetness=wetness)
             mixed = not (self._progress.begins_layer and self._progress.painted)
             again = self._settle_wet(self._arrange(again), hear, mixed=mixed)
             after = self._adopt(self._within_budget(again), before)
@@ -150,11 +151,14 @@ class PlanKeeper:
     def schedule(self) -> Timetable:
         """Reports and returns the time that the robot takes for the rest, with all looks."""
         done, of, rest = self._progress.painted, self._progress.strokes, self._progress.rest
-        table = self._hand.timetable(rest, self._looks(done, of))
-        if self._progress.must_dry:
-            table = table.after_drying(self._progress.wet_for(self._hand.drying))
+        table = self._table(rest, self._looks(done, of))
         self._tell(Scheduled(table, done))
         return table
+
+    def _table(self, rest: Plan, looks: Looks) -> Timetable:
+        """Returns the timetable of the rest, after the paint on the canvas has dried if it must."""
+        table = self._hand.timetable(rest, looks)
+        return table.after_drying(self._progress.wet_for(self._hand.drying)) if self._progress.must_dry else table
 
     def _looks(self, done: int, of: int) -> Looks:
         """Returns the function that counts trips to the home position after each stroke that follows stroke `done`."""
@@ -184,7 +188,7 @@ class PlanKeeper:
         if len(fitting) == len(rest):
             return rest
         canvas, hear = self._progress.canvas.last_seen, self._checking_interrupts("plan")
-        settled = self.planner.replan(fitting, canvas, hear)
+        settled = self.planner.replan(fitting, canvas, hear, wetness=self._wetness(self._table(fitting, no_looks)))
         return self._fitting(self._arrange(settled))
 
     def _fitting(self, rest: Plan) -> Plan:
@@ -221,17 +225,18 @@ class PlanKeeper:
         self._interruptions.retry(note)
         progress.plan, progress.planned_at, progress.answers = plan, progress.painted, answers
         wetness = self._wetness(self.schedule())
-        canvas, unseen = progress.canvas.last_seen, 0
+        planner, canvas, unseen = self.planner, progress.canvas.last_seen, 0
         if len(rest):
             unseen = self._policy.next_look(progress.painted, progress.strokes) - progress.painted
-        expected, after = self.planner.expected(rest, canvas, wetness), self.planner.expected_loss(rest, canvas)
-        forecast = self.planner.forecast(rest, canvas, placement, unseen, wetness)
+        expected, after = planner.expected(rest, canvas, wetness), planner.expected_loss(rest, canvas, wetness)
+        forecast = planner.forecast(rest, canvas, placement, unseen, wetness)
         self._tell(Planned(rest, progress.painted, expected, before, after, forecast))
         return after
 
     def _loss(self) -> float:
         """Returns the validation loss of the expected canvas after the rest."""
-        return self.planner.expected_loss(self._progress.rest, self._progress.canvas.last_seen)
+        rest, canvas = self._progress.rest, self._progress.canvas.last_seen
+        return self.planner.expected_loss(rest, canvas, self._wetness(self._table(rest, no_looks)))
 
     def _arrange(self, rest: Plan) -> Plan:
         """Returns the rest, with the strokes of the next batch in a good order for painting."""
@@ -247,15 +252,22 @@ class PlanKeeper:
 
         mixed: False if the paints of the next stroke's layer may still change.
         """
-        wetness = self._wetness(self._hand.timetable(rest, no_looks))
+        wetness = self._wetness(self._table(rest, no_looks))
         if wetness is None or len(rest) == 0:
             return rest
         return self.planner.settle_wet(rest, self._progress.canvas.last_seen, wetness, hear, mixed=mixed)
 
     def _wetness(self, table: Timetable) -> Wetness | None:
         """Returns the wetness of strokes with this timetable; None if nothing is known of wet paint."""
-        wet = self._hand.easel.calibration.wet
-        return None if wet is None else Wetness(wet, table.after)
+        wet, progress = self._hand.easel.calibration.wet, self._progress
+        if wet is None:
+            return None
+        if progress.plan is None:
+            return Wetness(wet, table.after)
+        below = progress.plan.part(slice(progress.resumed_at, progress.painted))
+        after = self._hand.timetable(below, no_looks, BrushLoad()).after
+        ago = [at - after[-1] for at in after if after[-1] - at < wet.drying]
+        return Wetness(wet, table.after, below.part(slice(len(below) - len(ago), None)), ago)
 
     def _checking_interrupts(self, phase: str) -> Callable[[Step], None]:
         """Returns a callback that reports planning steps and stops the planner if a person wants that."""

@@ -113,6 +113,7 @@ class PaintingProgress:
     planned_at: value of `painted` when the rest was last planned, or kept.
     dried_at: value of `painted` when the paint was last left to dry.
     wet: seconds that the paint still dries, None if drying did not begin.
+    resumed_at: value of `painted` when this session began; older paint counts as dry.
 
     wells: paints in the wells, None if unknown.
     canvas: last seen state of the canvas.
@@ -132,6 +133,7 @@ class PaintingProgress:
     planned_at: int = 0
     dried_at: int = 0
     wet: float | None = None
+    resumed_at: int = 0
     wells: Palette | None = None
     canvas: CanvasMemory = field(default_factory=CanvasMemory)
     gain: float | None = None
@@ -197,6 +199,7 @@ class PaintingProgress:
     def go_on_from(self, where: ResumeState) -> None:
         """Restores the progress of a painting that broke off."""
         self.plan, self.painted, self.planned_at = where.plan, where.painted, where.planned_at
+        self.resumed_at = where.painted
         self.wet, self.dried_at = (None, where.painted) if where.wet == 0 else (where.wet, 0)
         self.person, self.person_unseen, self.answers = where.person, where.person_unseen, where.answers
         seen = (where.now, where.painted) if where.before is None else (where.before, where.planned_at)
