@@ -17,7 +17,6 @@ from torch import Tensor
 
 from frida_painter import registry, weights
 from frida_painter.errors import ConfigError, WeightsError
-from frida_painter.objectives.encoders.classifiers import synonyms
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.palette import from_lab, to_lab
@@ -503,80 +502,3 @@ def paint_of(color: str) -> Tensor | None:
     lab = to_lab(torch.tensor(to_rgb(_paints()[first])))
     # Paint is less vivid than a screen.
     return from_lab(torch.cat((lab[:1], lab[1:] * min(1.0, _VIVID / max(float(lab[1:].norm()), 1e-6)))))
-
-
-# Comparison of a picture's title with a thing of a prompt.
-
-_SAID = 0.3  # bonus for the word of its action, and for a name that begins with the colour: a red panda
-_MODIFIES = 0.6  # penalty for a title in which the word only qualifies another
-_UNSAID = 0.2  # penalty for a title with additional words: an alien tree, a nut and bolt
-_FURTHER = re.compile(r"\b(?:of|with|in|on|at|for|and)\b")  # the words after these are not the named thing
-_WORD, _ALL_WORDS, _OTHERS = 0.15, 0.4, 0.05  # bonus for the word, bonus for all words, penalty per extra one
-SEVERAL = (None, 2)  # counts of a plural that one picture may show: flowers, or a pair of scissors
-
-
-def clean_caption(caption: str) -> str:
-    """Returns a caption in small letters without article, numbers, underscores and brackets, except for colours."""
-    colors = [word for word in re.findall(r"\((.*?)\)", caption.lower()) if paint_of(word) is not None]
-    plain = re.sub(r"\(.*?\)|[^a-zA-Z' -]+", " ", caption)
-    plain = re.sub("^(an?|the|another|some|my|our) ", "", " ".join(plain.split()).lower())
-    return " ".join([*colors[:1], plain]).strip() or caption
-
-
-def in_small_letters(thing: Thing) -> Thing:
-    """Returns the thing in the small letters of captions: the Eiffel Tower is the eiffel tower."""
-    return replace(thing, name=thing.name.lower(), noun=thing.noun.lower(), plural=thing.plural.lower())
-
-
-def split_title(title: str) -> list[str]:
-    """Returns the words of a title that name its thing; the last one is the noun."""
-    return _FURTHER.split(title)[0].split()
-
-
-def spoken(title: str, thing: Thing) -> float:
-    """Returns a score for a title: high if it has the thing's own word, is not another kind, and has little else."""
-    plain = _plain(title, thing)
-    words = plain.split()
-    others = max(0, len(words) - len(thing.name.split()) - 1)
-    name = thing.name.split()
-    unsaid = set(split_title(plain)[:-1] + plain.partition(" and ")[2].split()) - {*name, thing.noun}
-    worth = -_MODIFIES * is_modified(title, thing) - _OTHERS * others - _UNSAID * bool(unsaid)
-    worth += _SAID * bool(thing.doing and thing.doing in title.split())
-    worth += _SAID * bool(thing.color and title == f"{thing.color} {thing.name}")
-    worth += _WORD * (thing.noun in words) + _WORD * (plain == thing.name)
-    return worth + _ALL_WORDS * (len(name) > 1 and set(name) <= set(words))
-
-
-def is_modified(title: str, thing: Thing) -> bool:
-    """Returns True if a title uses the word for another thing: a mountain goat, a fencer, or an owl on a branch.
-
-    The last word of a name is the noun, but a word with a hyphen is a separate name: a jack-o'-lantern.
-    """
-    names = split_title(_plain(title, thing))
-    endings = [word.removeprefix(thing.noun) for word in title.split() if word.startswith(thing.noun)]
-    is_derived = any(ending not in ("", "s", "es") for ending in endings)
-    is_joined = any(word.endswith(f"-{thing.noun}") for word in names)
-    is_around = re.search(rf"\b(?:on|in|with) (?:\w+ )*{re.escape(thing.noun)}\b", _plain(title, thing)) is not None
-    return thing.noun not in names[-1:] and (thing.noun in names or is_derived or is_joined or is_around)
-
-
-def is_called(title: str, thing: Thing) -> bool:
-    """Returns True if a title has the word, a compound such as sailboat, or a synonym, and no different kind.
-
-    For a washing machine, the title "sewing machine" does not count, but "machine" does.
-    """
-    kind, wanted = set(split_title(title)[:-1]), set(thing.name.split()[:-1])
-    if kind and wanted and not kind & wanted:
-        return False
-    words = _plain(title, thing).split()
-    names = (thing.noun, *(other.split()[-1].lower() for other in synonyms(thing.name)))
-    return any(word.endswith((name, f"{name}s")) for word in words for name in names)
-
-
-def _plain(title: str, thing: Thing) -> str:
-    """Returns the title without the thing's colour and action; in the singular if one picture may show several."""
-    told = {*thing.color.split(), thing.doing}
-    words = [word for word in title.split() if word not in told]
-    if thing.plural and thing.count in SEVERAL:
-        words = [thing.noun if word == thing.plural else word for word in words]
-    return " ".join(words) or title
