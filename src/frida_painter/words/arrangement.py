@@ -87,6 +87,7 @@ _BRIMS, _HOLDS = 0.8, 0.6  # shares of a picture's fullest row: of a row above t
 _FITS = 0.85  # greatest width of a thing inside another, relative to that
 _CROWDED = 0.6  # least share of its size that a thing keeps among others on the same thing
 _SEAT = 0.5  # share of the height of a seat's picture at which somebody sits
+
 _HAND, _IN_THE_HANDS = 0.45, 0.5  # of a person: height of the hands, and greatest height of a thing in them
 _LIFTED = 0.8  # greatest height of a thing that is held up, relative to its holder
 _CARRIED = 0.85  # height of a thing in a picture, relative to a person, above which it stands on the floor

@@ -44,7 +44,6 @@ _IN_A_NAME = ("amod", "compound", "nmod", "nummod", "npadvmod", "quantmod", "pos
 _EACH_OTHER = ("other", "another", "itself", "himself", "herself", "themselves")
 _BASIC = ("black", "white", "red", "green", "yellow", "blue", "brown", "purple", "pink", "orange", "gray", "grey")
 _VIVID = 72.0  # chroma
-_PARTS = ("of", "with")  # these words introduce a part of the thing before them
 _LABEL = 60
 _STEM, _ENDING = 4, 3  # least letters of a word with other forms and compounds, and greatest number of an ending's
 _LEXICON = 1000  # greatest number of new words in one call that are kept
@@ -335,7 +334,7 @@ class _Walk:
             return
         words = _prepositions(noun)
         said = " ".join(word.lower_ for word in words)
-        subjects = [] if words[0].head == words[0] else self._subjects(words[0].head, said)
+        subjects = [] if words[0].head == words[0] else self._subjects(words[0].head)
         self._join(subjects, said, noun, tuple(word.i for word in words))
 
     def _act(self, verb: Token) -> None:
@@ -354,7 +353,7 @@ class _Walk:
         """Gives a noun the place of the last one joined to it: a teapot and three cups on a table."""
         if noun in self._numbers and _children(noun, "conj", "appos") and not _children(noun, "prep", "acl", "relcl"):
             last = self._joined(noun)[-1]
-            alone = (*_PARTS, self.things[last].doing)
+            alone = ("of", "with", self.things[last].doing)
             places = [one for one in self.relations if one.subject == last and one.word not in alone]
             self.relations += [replace(one, subject=self._numbers[noun]) for one in places]
 
@@ -368,28 +367,16 @@ class _Walk:
         others = [number for one in _children(noun, "conj", "appos") for number in self._joined(one)]
         return others if mine is None else [mine, *others]
 
-    def _subjects(self, head: Token, said: str = "") -> list[int]:
-        """Returns the things that a preposition or a verb below `head` belongs to.
-
-        A cat on a chair in a garden is in the garden, too; but a part belongs to the nearest thing.
-        """
+    def _subjects(self, head: Token) -> list[int]:
+        """Returns the things that a preposition or a verb below `head` belongs to, the nearest ones."""
         above, is_root, head = head.head, head.head == head, self._read_as.get(head, head)
         if head in self._actors:
             return self._joined(self._actors[head])
         if head in self._numbers:
-            first = _first_of(next((one for one, inner in self._read_as.items() if inner == head), head))
-            outer: list[int] = []
-            if said not in _PARTS and first.dep_ == "pobj":
-                word = _prepositions(first)[0]
-                outer = [] if word.head == word else self._subjects(word.head, word.lower_)
-            elif said not in _PARTS and first.dep_ in ("dobj", "attr"):
-                outer = self._subjects(first.head)
-            return outer or [self._numbers[head]]
-        if head.pos_ in ("VERB", "AUX"):
-            actors = [word for word in head.lefts if _is_noun(word)]
-            if actors:
-                return self._joined(actors[-1])
-        return [] if is_root else self._subjects(above, said)
+            return [self._numbers[head]]
+        if head.pos_ in ("VERB", "AUX") and (actors := [word for word in head.lefts if _is_noun(word)]):
+            return self._joined(actors[-1])
+        return [] if is_root else self._subjects(above)
 
 
 def _prepositions(noun: Token) -> list[Token]:

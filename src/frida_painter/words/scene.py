@@ -75,12 +75,12 @@ def cast(
     *,
     in_place: bool,
 ) -> _Cast:
-    """Returns a picture for each thing; None for what has none, or belongs to the setting.
+    """Returns a picture for each thing; None for a thing without one, or a thing of the setting.
 
     settled: numbers of the things that belong to the setting
     in_place: True if the scene shows a place too, so that pictures without a ground are needed
 
-    What is only measured is one with its measure: for a cup of coffee one picture is sought.
+    A measure and its content are one thing: a cup of coffee has one picture.
     """
     things: _Cast = [None] * len(reading.things)
     if index is None:
