@@ -25,6 +25,7 @@ from frida_painter.objectives.objective import Goal, ObjectiveTerm, Term
 from frida_painter.objectives.semantic import SemanticTerm
 from frida_painter.objectives.sketch import SketchTerm
 from frida_painter.objectives.style import StyleTerm
+from frida_painter.objectives.text_loss import distance_to
 from frida_painter.palette import Palette, to_lab
 from frida_painter.plan import Plan
 from frida_painter.planning.effort import Effort
@@ -34,7 +35,6 @@ from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.problem import Region
 from frida_painter.render import reference
-from frida_painter.words.meaning import distance_to
 from frida_painter.words.text import TextTerm
 from support.networks import QuickEncoders, random_hed_tensors, random_lite_tensors, random_reader, random_vgg_tensors
 from support.planning import CANVAS, goal, picture, plain, small_table

@@ -14,13 +14,13 @@ from frida_painter.objectives.encoders.clip import Clip
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal, ObjectiveContext
+from frida_painter.objectives.text_loss import Text, wish
 from frida_painter.objectives.word_settings import Beginning, WordSettings
 from frida_painter.planning.planner import Planner
 from frida_painter.runs.goals import open_goal
 from frida_painter.runs.settle import open_planner
 from frida_painter.runs.spec import RunSpec
 from frida_painter.words.abstract import Patches, arrange, scatter
-from frida_painter.words.meaning import Text, wish
 from frida_painter.words.pyramid import color_in
 from frida_painter.words.text import TextTerm
 from tiny_clip import write_clip

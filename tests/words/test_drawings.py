@@ -10,7 +10,7 @@ import torch
 from PIL import Image
 
 from frida_painter.errors import ImageError
-from frida_painter.words.libraries import fade_edges, read_picture
+from frida_painter.words.libraries import read_picture
 
 SQUARE = '<rect x="10" y="10" width="20" height="20" fill="#ff0000"/>'
 
@@ -128,11 +128,3 @@ def test_a_drawing_that_never_ends_is_ended(monkeypatch: pytest.MonkeyPatch) -> 
     )
     with pytest.raises(ImageError, match="takes more than 1 s"):
         read_picture(svg(turbulent), "turbulent.svg")
-
-
-def test_edges_fade_and_the_middle_stays() -> None:
-    picture = torch.ones(4, 60, 100)
-    soft = fade_edges(picture)
-    assert float(soft[3, 20:40, 20:80].min()) == 1 and torch.equal(soft[:3], picture[:3])
-    for edge in (soft[3, 0], soft[3, -1], soft[3, :, 0], soft[3, :, -1]):
-        assert float(edge.max()) < 0.05

@@ -65,7 +65,7 @@ def test_what_is_carried_says_nothing_of_the_place(
         asked.extend(names)
         return NOWHERE
 
-    monkeypatch.setattr("frida_painter.words.scene.infer_place", implied)
+    monkeypatch.setattr("frida_painter.words.places.infer_place", implied)
     initial_composition(Goal((TextTerm(f"a strawberry {word} an umbrella"),)), GRID, encoders, 0)
     assert set(asked) == standing
 
@@ -236,11 +236,9 @@ def test_mountains_are_a_place(encoders: QuickEncoders, word: str) -> None:
 
 
 @pytest.mark.parametrize("uncounted", [True, False])
-def test_of_what_is_only_measured_the_measure_has_no_picture(
-    encoders: QuickEncoders, monkeypatch: pytest.MonkeyPatch, uncounted: bool
-) -> None:
+def test_of_what_is_only_measured_one_picture_is_enough(encoders: QuickEncoders, uncounted: bool) -> None:
     things = (Thing("umbrella", "umbrella"), Thing("strawberry", "strawberry", uncounted=uncounted))
     reading = Reading(things, (Relation(0, "of", 1),))
     encoders.own["prompt reader"] = SimpleNamespace(read=lambda prompt: reading)
     scene_of("an umbrella of strawberry", GRID, encoders, 0)
-    assert ("umbrella" in encoders.remarks[0]) is not uncounted and "'strawberry' (openmoji)" in encoders.remarks[0]
+    assert ("'umbrella' (openmoji) and 'strawberry' (openmoji)" in encoders.remarks[0]) is not uncounted

@@ -4,7 +4,7 @@ Lengths are relative: x points right, y up from the floor. The composition scale
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib import resources
@@ -31,9 +31,8 @@ class Known(NamedTuple):
 
     name: of the thing
     height: metres
-    where: "ground", "air" or "water"; "person" for people, on the ground; "worn": clothes; "held": its holder lifts
-        it; "head": worn on the head; "top": things stand on it; "seat": they sit in it; "facing": a thing on it appears
-        in front of it, as on a web
+    where: "ground", "air" or "water"; "person" and "animal" for who stands on the ground; "worn": clothes; "held": its
+        holder lifts it; "head": worn on the head; "top": things stand on it; "seat": they sit in it
     """
 
     name: str
@@ -83,44 +82,43 @@ _SUBJECT = 0.5  # least height of the first thing of a prompt, relative to the t
 _IN_THE_AIR = 0.38  # height of a thing in the sky, beside a thing of height 1
 _SINKS = 0.1  # share of its height by which a thing overlaps the thing below it
 
-_INSIDE = 0.4  # least height of a thing inside another, relative to that
 _HIDDEN = 0.4  # hidden share of the height of a thing inside another
+_BRIMS, _HOLDS = 0.8, 0.6  # shares of a picture's fullest row: of a row above the rim, and of one that is no foot
+_FITS = 0.85  # greatest width of a thing inside another, relative to that
 _CROWDED = 0.6  # least share of its size that a thing keeps among others on the same thing
-_BRIMS = 0.8  # share of the fullest row below; a row with less is above the rim
-_HOLDS = 0.6  # share of a picture's fullest row; rows with less belong to a foot
-_FITS, _SPREADS = 0.85, 1.7  # greatest width of a thing inside another, relative to that; the same for a neck
-_NECK = 0.25  # share of a picture's fullest row that every row of a neck has
-_ON_A_FACE = 0.45  # greatest height of a thing on a facing thing, relative to that
-
-_HELD, _HAND = 0.8, 0.45  # relative to the holder: greatest height of a held thing, height of the hand
-_SMALL, _IN_THE_HANDS = 0.62, 0.4  # of a person: greatest height of a thing for the hands, and in them
 _SEAT = 0.5  # share of the height of a seat's picture at which somebody sits
-_PLAYED = 0.55  # greatest height of an instrument, relative to its player
-_STANDS = 0.85  # the same, above which an instrument stands on the floor
-_ENDS = 0.95  # share of the height up to which a neck is examined, because its end may be round
-_SIDE = 256  # pixels of one of several copies
-_OF_WORD = {
-    "on": "on", "on top of": "on", "upon": "on", "onto": "on", "riding": "on",
-    "in": "in", "inside": "in", "into": "in", "within": "in", "of": "around", "out of": "in", "from": "in",
-    "under": "under", "below": "under", "beneath": "under", "underneath": "under",
-    "over": "over", "above": "over", "across": "over", "crossing": "on",
-    **dict.fromkeys(("beside", "next to"), "beside"), **dict.fromkeys(("near", "by", "along", "around", "at"), "near"),
-    "behind": "behind", "in front of": "front", "before": "front", "against": "front", "between": "between",
-    "with": "with", "holding": "with", "carrying": "with", "playing": "playing",
-    **dict.fromkeys(("eating", "reading", "drinking", "smoking"), "hands"),
-}  # fmt: skip
+
+_HAND, _IN_THE_HANDS = 0.45, 0.5  # of a person: height of the hands, and greatest height of a thing in them
+_LIFTED = 0.8  # greatest height of a thing that is held up, relative to its holder
+_CARRIED = 0.85  # height of a thing in a picture, relative to a person, above which it stands on the floor
 _CROWN = 0.1  # share of a picture's height at its top that counts as the head
-_HAT, _MIN_HEAD, _LARGEST_HAT, _PULLED_DOWN = 1.25, 0.12, 0.35, 0.3  # of a head's width, and of heights
-_STOOD_BY = ("on", "in", "under", "over", "behind", "between")  # the objects of these relations are placed first
-_OPPOSITE = {
-    "on": "beneath", "beneath": "on", "in": "around", "around": "in", "under": "over", "over": "under",
-    "behind": "front", "front": "behind",
-}  # fmt: skip
+_HAT, _LARGEST_HAT, _PULLED_DOWN = 1.25, 0.35, 0.3  # of the head's width, of the wearer's height, of its own height
+_SIDE = 256  # pixels of one of several copies
+_KINDS = {
+    "on": ("on", "on top of", "upon", "onto", "riding", "crossing"),
+    "in": ("in", "inside", "into", "within", "out of"),
+    "around": ("of",),
+    "under": ("under", "below", "beneath", "underneath"),
+    "over": ("over", "above", "across"),
+    "beside": ("beside", "next to"),
+    "near": ("near", "by", "along", "around", "at"),
+    "behind": ("behind", "among", "amid"),
+    "front": ("in front of", "before", "against", "between"),
+    "with": ("with", "holding", "carrying", "playing", "wearing"),
+}
+_OPPOSITE = {"on": "beneath", "in": "around", "under": "over", "behind": "front"}
+_OPPOSITE |= {other: kind for kind, other in _OPPOSITE.items()}
+_LOOSE = ("with", "doing", "beside", "near")  # kinds of relations in which a thing of the sky stays in the sky
+_STOOD_BY = ("on", "in", "under", "over", "behind")  # the objects of these relations are placed first
 
 
 def kind_of(word: str) -> str:
-    """Returns the kind of arrangement of a preposition or a verb, such as "on"; "" puts things side by side."""
-    return _OF_WORD.get(word, "")
+    """Returns the kind of arrangement of a preposition or a verb, such as "on"; "" puts things side by side.
+
+    All verbs that have no kind of their own are "doing".
+    """
+    named = next((kind for kind, words in _KINDS.items() if word in words), "")
+    return named or ("doing" if word.endswith("ing") else "")
 
 
 @dataclass(frozen=True)
@@ -165,120 +163,96 @@ def arrange_parts(parts: Sequence[ScenePart | None], relations: Sequence[Relatio
     parts: None for a part without a picture
     relations: their numbers are indices of `parts`
     """
-    shown = [number for number, part in enumerate(parts) if part is not None]
+    shown = {number: part for number, part in enumerate(parts) if part is not None}
     if not shown:
         return []
-    sizes = _sizes(parts, shown)
-    known = [part.known.where if part is not None else "" for part in parts]
-    placed: dict[int, Placed] = {}
+    alone = _scale(shown)
+    known = {number: part.known.where for number, part in shown.items()}
     usable = [
-        _usual(one, parts[one.subject], parts[one.object])
-        for one in relations
-        if {one.subject, one.object} <= set(shown) and one.subject != one.object
+        _turn(one, shown) for one in relations if one.subject != one.object and {one.subject, one.object} <= {*shown}
     ]
-    floor = [number for number in shown if known[number] != "air"] or shown
-    standing = (one.object for one in usable if kind_of(one.word) in _STOOD_BY)
-    first = next(standing, floor[0])
-    placed[first] = _alone(parts, first, sizes)
+    floor = [number for number in shown if known[number] != "air"] or list(shown)
+    first = next((one.object for one in usable if kind_of(one.word) in _STOOD_BY), floor[0])
+    placed = {first: alone[first]}
     together: dict[tuple[int, str], list[int]] = {}  # things on or in the same thing
-    rest = list(usable)
-    while rest:
-        one = next((one for one in rest if {one.subject, one.object} & set(placed)), None)
-        if one is None:
-            one = rest[0]
-            placed[one.object] = _beside(list(placed.values()), _alone(parts, one.object, sizes))
-        rest.remove(one)
-        kind = kind_of(one.word)
-        if known[one.object] == "air" and (one.word == "at" or (one.word.endswith("ing") and not kind)):
-            kind = "with"  # flown kites and a howled-at moon are in the air
-        if one.word == "from" and any(two.subject == one.subject and two.word.endswith("ing") for two in usable):
-            kind = "beside"  # an animal that eats leaves from a tree is not in the tree
-        if one.subject not in placed:
-            mine, other, number = _alone(parts, one.subject, sizes), placed[one.object], one.subject
-            placed[number], placed[one.object] = _put(mine, other, kind, known[number], known[one.object])
-            together.setdefault((one.object, kind), []).append(number)
-        elif one.object not in placed:
-            mine, other, number = _alone(parts, one.object, sizes), placed[one.subject], one.object
-            turned = _OPPOSITE.get(kind, kind)
-            placed[number], placed[one.subject] = _put(mine, other, turned, known[number], known[one.subject])
-            together.setdefault((one.subject, turned), []).append(number)
+    while usable:
+        one = next((one for one in usable if {one.subject, one.object} & set(placed)), usable[0])
+        usable.remove(one)
+        if not {one.subject, one.object} & set(placed):
+            placed[one.object] = _beside(list(placed.values()), alone[one.object])
+        mine, other, kind = one.subject, one.object, kind_of(one.word)
+        if mine in placed:
+            mine, other, kind = other, mine, _OPPOSITE.get(kind, kind)
+        if mine not in placed:
+            placed[mine], placed[other] = _put(alone[mine], placed[other], kind, known[mine], known[other])
+            together.setdefault((other, kind), []).append(mine)
     for (number, kind), some in together.items():
         if kind in ("on", "in") and len(some) > 1:
             spread = _spread([placed[each] for each in some], placed[number])
             placed |= dict(zip(some, spread, strict=True))
     for number in shown:
         if number not in placed:
-            mine = _alone(parts, number, sizes)
-            in_the_air = known[number] == "air" and any(known[other] != "air" for other in placed)
             everything = list(placed.values())
+            above = known[number] == "air" and any(known[other] != "air" for other in placed)
             placed[number] = (
-                _put(mine, everything[0], "over", "air", "")[0] if in_the_air else _beside(everything, mine)
+                _put(alone[number], everything[0], "over", "air", "")[0]
+                if above
+                else _beside(everything, alone[number])
             )
     return sorted(placed.values(), key=lambda one: one.depth)
 
 
-def _usual(relation: Relation, subject: ScenePart | None, other: ScenePart | None) -> Relation:
+def _turn(relation: Relation, shown: Mapping[int, ScenePart]) -> Relation:
     """Returns a relation as it is meant: what a table is "with" stands on it, and a hat is not around its wearer."""
-    assert subject is not None and other is not None
-    if relation.word == "with" and subject.known.where == "top" and other.known.height < subject.known.height:
+    subject, other = shown[relation.subject].known, shown[relation.object].known
+    if relation.word == "with" and subject.where == "top" and other.height < subject.height:
         return Relation(relation.object, "on", relation.subject)
-    is_worn = other.known.where == "head" and relation.word in ("in", "wearing")
-    return replace(relation, word="with") if is_worn else relation
+    return replace(relation, word="with") if other.where == "head" and relation.word == "in" else relation
 
 
-def _alone(parts: Sequence[ScenePart | None], number: int, sizes: dict[int, float]) -> Placed:
-    part = parts[number]
-    assert part is not None
-    # Wide things get less height, so that the area counts: a spoon is long but not large.
-    _, rows, columns = part.picture.shape
-    stretch = (rows / columns) ** 0.5 if columns > rows else 1.0
-    return Placed(part.picture, 0.0, 0.0, sizes[number] * stretch)
+def _scale(shown: Mapping[int, ScenePart]) -> dict[int, Placed]:
+    """Returns the parts, each by itself, 1 for the tallest on the floor. Their heights differ less than in the world.
 
-
-def _sizes(parts: Sequence[ScenePart | None], shown: Sequence[int]) -> dict[int, float]:
-    """Returns the heights of the parts, 1 for the tallest on the floor. They differ less than in the world."""
-    known = {number: part.known for number in shown if (part := parts[number]) is not None}
-    standing = [one.height for one in known.values() if one.where != "air"] or [1.0]
-    sizes = {}
-    for number, one in known.items():
-        in_the_air = one.where == "air" and any(other.where != "air" for other in known.values())
-        size = _IN_THE_AIR if in_the_air else max(_MIN, min(1.0, (one.height / max(standing)) ** _GROWTH))
-        sizes[number] = max(size, _SUBJECT if number == shown[0] and not in_the_air else 0.0)
-    return sizes
+    Wide things get less height, so that the area counts: a spoon is long but not large.
+    """
+    tallest = max([part.known.height for part in shown.values() if part.known.where != "air"], default=0.0)
+    alone = {}
+    for number, part in shown.items():
+        size = _IN_THE_AIR
+        if part.known.where != "air" or not tallest:
+            least = _SUBJECT if number == min(shown) else _MIN
+            size = max(least, min(1.0, (part.known.height / tallest) ** _GROWTH if tallest else 1.0))
+        _, rows, columns = part.picture.shape
+        alone[number] = Placed(part.picture, 0.0, 0.0, size * min(1.0, (rows / columns) ** 0.5))
+    return alone
 
 
 def _put(mine: Placed, other: Placed, kind: str, where: str, other_where: str) -> tuple[Placed, Placed]:
-    """Returns a thing at its place beside another, and the other, whose size may have changed."""
-    kind = "with" if kind == "hands" else kind
+    """Returns a thing at its place beside another, and the other, whose size or place may have changed.
+
+    where, other_where: their usual places
+    """
     if kind in ("beneath", "around"):
         other, mine = _put(other, mine, _OPPOSITE[kind], other_where, where)
         return mine, other
-    if kind == "on" and other_where == "facing":
-        size = min(mine.height, _ON_A_FACE * other.height)
-        return _at(mine, other, up=0.5 - 0.5 * size / other.height, most=size), other
     if kind == "on":
         if mine.height > 0.9 * other.height and other.width < 1.5 * mine.width:
             mine = replace(mine, height=max(0.62 * other.height, 0.6 * mine.height))
         share = _SEAT if other_where == "seat" else _top(other.picture, mine.width / max(other.width, 1e-6))
         return _at(mine, other, up=share - _SINKS * mine.height / other.height), other
-    if kind == "in":
-        # The inner thing looks out over the rim, in front of parts above the rim such as a handle or a sail.
-        rim, necked = _rim(other.picture)
-        wide = (_SPREADS if necked else _FITS) * other.width * mine.height / max(mine.width, 1e-6)
-        mine = replace(mine, height=min(0.8 * other.height, wide, max(mine.height, _INSIDE * other.height)))
-        inner = _at(mine, other, up=rim - _HIDDEN * mine.height / other.height, depth=-1 if necked else 1)
-        return replace(inner, hidden=0.0 if necked else _HIDDEN), other  # flowers hang over the sides of a vase
+    if kind == "in":  # the inner thing looks out over the rim, in front of parts above it such as a handle or a sail
+        wide = _FITS * other.width * mine.height / max(mine.width, 1e-6)
+        mine = replace(mine, height=min(0.8 * other.height, wide, max(mine.height, _HIDDEN * other.height)))
+        return replace(
+            _at(mine, other, up=_rim(other.picture) - _SINKS - _HIDDEN * mine.height / other.height), hidden=_HIDDEN
+        ), other
     if kind == "under" and other_where == "held":  # a person under an umbrella has it overhead
         over = max(1.25 * mine.width, 0.7 * mine.height) * other.height / other.width
         return mine, _at(replace(other, height=over), mine, up=0.85, depth=-1)
-    if kind == "under" and other_where == "air":
+    if other_where == "air" and where != "air" and kind in ("under", *_LOOSE):
         return mine, replace(other, x=mine.x + 0.35 * max(mine.width, 0.6), y=0.95 * mine.height)
-    if kind == "under" and _hollow(other.picture):
-        return _at(mine, other, most=min(0.5 * other.height, 0.5 * other.width * mine.height / mine.width)), other
-    if kind == "under" and where == other_where == "water":
-        return _at(mine, other, up=-0.95 * mine.height / other.height, depth=-1), other
     if kind == "under":
-        return _at(mine, other, across=-0.2, up=-0.4 * mine.height / other.height), other
+        return _at(mine, other, most=0.5 * other.height), other
     if kind == "over":
         side = 0.0 if where != "air" else 0.28 * max(other.width, 0.6) / other.width
         return _at(mine, other, across=side, up=1.04, depth=-1), other
@@ -286,25 +260,25 @@ def _put(mine: Placed, other: Placed, kind: str, where: str, other_where: str) -
         return _at(replace(mine, height=max(mine.height, 0.85 * other.height)), other, 0.45, 0.08, depth=-1), other
     if kind == "front":
         return _at(mine, other, across=-0.3, up=-0.06), other
-    if kind == "with" and where == "air":
-        return replace(mine, x=other.x + 0.5 * (other.width + mine.width), y=0.75 * other.height), other
-    if kind == "playing" and mine.height < _STANDS * other.height:
-        return _at(mine, other, across=0.1, up=0.7 * _HAND, most=_PLAYED * other.height), other
     if kind == "with" and where == "head":
-        middle, wide = _head(other.picture)
-        size = _HAT * max(wide, _MIN_HEAD) * other.width * mine.height / mine.width
-        size = min(size, _LARGEST_HAT * other.height)
-        return _at(replace(mine, height=size), other, middle, 1 - _PULLED_DOWN * size / other.height), other
+        crown = other.picture[3, : max(1, round(_CROWN * other.picture.shape[1]))].gt(0.5).any(0).nonzero()
+        middle, wide = float(crown.float().mean()), float(crown.max() - crown.min() + 1)
+        size = min(
+            _HAT * wide / other.picture.shape[2] * other.width * mine.height / mine.width, _LARGEST_HAT * other.height
+        )
+        across = middle / other.picture.shape[2] - 0.5
+        return _at(replace(mine, height=size), other, across, 1 - _PULLED_DOWN * size / other.height), other
     if kind == "with" and where == "held":
-        return _at(mine, other, across=0.4, up=_HAND, depth=-1, most=_HELD * other.height), other
-    if kind == "with" and other_where == "person" and mine.height <= _SMALL * other.height:
+        return _at(mine, other, across=0.4, up=_HAND, depth=-1, most=_LIFTED * other.height), other
+    if kind in _LOOSE and where == "air":
+        return replace(mine, x=other.x + 0.5 * (other.width + mine.width), y=0.75 * other.height), other
+    small = mine.height < _CARRIED * other.height and where not in ("person", "animal", "seat", "top")
+    if kind in ("with", "doing") and other_where == "person" and small:  # in the hands, whatever is done with it
         size = min(mine.height, _IN_THE_HANDS * other.height, 1.3 * other.width * mine.height / mine.width)
         return _at(mine, other, across=0.12, up=_HAND - 0.4 * size / other.height, most=size), other
-    if kind == "with":
-        mine = replace(mine, height=min(mine.height, 0.8 * other.width * mine.height / mine.width))
-        if mine.height <= 0.6 * other.height:
-            return _at(mine, other, across=0.4), other
-    return (_at(mine, other) if kind == "between" else _beside([other], mine)), other
+    if kind == "with" and mine.height <= 0.6 * other.height:
+        return _at(mine, other, across=0.4), other
+    return _beside([other], mine), other
 
 
 def _at(
@@ -316,8 +290,8 @@ def _at(
     depth: before the other
     most: greatest height
     """
-    size, x, y = min(mine.height, most), other.x + across * other.width, other.y + up * other.height
-    return replace(mine, height=size, x=x, y=y, depth=other.depth + depth)
+    x, y = other.x + across * other.width, other.y + up * other.height
+    return replace(mine, height=min(mine.height, most), x=x, y=y, depth=other.depth + depth)
 
 
 def _spread(some: Sequence[Placed], holder: Placed) -> list[Placed]:
@@ -348,85 +322,51 @@ def _top(picture: Tensor, share: float) -> float:
     middle = seen.shape[1] / 2
     half = max(1.0, min(0.3, 0.25 * share) * seen.shape[1])
     columns = seen[:, int(middle - half) : int(middle + half) + 1]
-    tops = [int(column.nonzero()[0]) for column in columns.T if bool(column.any())]
-    return 1 - sorted(tops)[len(tops) // 2] / seen.shape[0] if tops else 1.0
+    tops = columns[:, columns.any(0)].float().argmax(0)
+    return 1 - float(tops.median()) / seen.shape[0] if len(tops) else 1.0
 
 
-def _rim(picture: Tensor) -> tuple[float, bool]:
-    """Returns the height of a container's rim as a share of its height, and True if the rim is that of a neck.
+def _rim(picture: Tensor) -> float:
+    """Returns the height of a container's rim as a share of its height.
 
-    Above a rim, a container is narrower than below: only a handle or a sail rises there. A neck, as of a vase, is
-    filled up to its blunt end.
+    Above a rim, a container is narrower than below: only a handle, a neck or a sail rises there.
     """
-    seen = (picture[3] > 0.5).flip(0)  # from below
-    full = seen.float().mean(1)
+    full = (picture[3] > 0.5).float().mean(1).flip(0)  # from below
     widest = full.cummax(0).values
     narrow = (full < _BRIMS * widest) & (widest >= _HOLDS * full.max())
-    if not bool(narrow.any()):
-        return 1.0, False
-    first, end = int(narrow.nonzero()[0]), round(_ENDS * len(full))
-    above = seen[first : max(end, first + 1)]
-    runs = (above[:, 1:] & ~above[:, :-1]).sum(1) + above[:, 0]
-    is_neck = bool((full[first : max(end, first + 1)] >= _NECK * full.max()).all()) and bool((runs == 1).all())
-    return (1.0, True) if is_neck else (first / len(full), False)
+    return int(narrow.float().argmax()) / len(full) if bool(narrow.any()) else 1.0
 
 
-def _head(picture: Tensor) -> tuple[float, float]:
-    """Returns the middle (as an offset) and the width of a picture's head, in widths of the picture.
+def copies(picture: Tensor, count: int, where: str, seed: int) -> Tensor:
+    """Returns several copies of a picture as one picture [4, h, w].
 
-    The head is the highest connected part. The offset is measured from the picture's middle.
-    """
-    seen = picture[3] > 0.5
-    first = int(seen.any(1).float().argmax())
-    columns = seen[first : first + max(1, round(_CROWN * seen.shape[0]))].any(0)
-    peak = int(seen[first].float().argmax())
-    if not bool(columns[peak]):
-        return 0.0, 1.0
-    left = peak - int((~columns[: peak + 1].flip(0)).float().cumsum(0).eq(0).sum()) + 1
-    right = peak + int((~columns[peak:]).float().cumsum(0).eq(0).sum())  # part connected with the peak
-    return (left + right) / 2 / seen.shape[1] - 0.5, (right - left) / seen.shape[1]
-
-
-def _hollow(picture: Tensor) -> bool:
-    """Returns True if there is room in the lower half of a picture, as under a table or a tree."""
-    lower = picture[3, picture.shape[1] // 2 :]
-    return float(lower.mean()) < 0.5
-
-
-def copies(pictures: Sequence[Tensor], count: int, where: str, seed: int, *, apart: bool = False) -> Tensor:
-    """Returns several copies of pictures as one picture [4, h, w].
-
-    pictures: taken in turn, all as high as the first
-    count: number of copies
     where: "air" to scatter the copies; otherwise they form rows on a floor, the rear ones smaller
     seed: of the random positions and sizes
-    apart: True to leave room for another thing between the copies
     """
     if count == 1:
-        return pictures[0]
+        return picture
     generator = torch.Generator().manual_seed(seed)
-    high = max(1, round(pictures[0].shape[1] * _SIDE / max(pictures[0].shape[1:])))
-    ones = [resize(picture, high / picture.shape[1]) for picture in pictures[:count]]
-    wide = max(one.shape[2] for one in ones)
+    one = resize(picture, _SIDE / max(picture.shape[1:]))
+    _, high, wide = one.shape
+    air = where == "air"
     spots: list[tuple[float, float, float]] = []  # left, bottom, size
     rows = 1 if count <= 3 else 2 if count <= 7 else 3
     for row in range(rows):
         here = count // rows + (row < count % rows)
-        size = 0.8**row
-        step = (2.2 if apart else 0.98) * size * wide
         for number in range(here):
-            shake = torch.rand(3, generator=generator)
-            jitter = 0.5 if where == "air" else 0.06
-            left = (number - (here - 1) / 2 + (0.5 if row % 2 else 0.0)) * step * (1.15 if where == "air" else 1.0)
-            rise = row * (0.95 if where == "air" else 0.42) * high + jitter * float(shake[0]) * high
-            spots.append((left, rise, size * (0.86 + 0.14 * float(shake[1]))))
+            shake = torch.rand(2, generator=generator).tolist()
+            place = number - (here - 1) / 2 + 0.5 * (row % 2)
+            rise = row * (0.95 if air else 0.42) + (0.5 if air else 0.06) * shake[0]
+            spots.append(
+                (place * 0.8**row * wide * (1.15 if air else 0.98), rise * high, 0.8**row * (0.86 + 0.14 * shake[1]))
+            )
     left = min(x - size * wide / 2 for x, _, size in spots)
     right = max(x + size * wide / 2 for x, _, size in spots)
     height = max(y + size * high for _, y, size in spots)
     together = torch.zeros(4, round(height) + 2, round(right - left) + 2)  # colours times opacity
     for number, (x, y, size) in sorted(enumerate(spots), key=lambda spot: -spot[1][1]):
-        copy = resize(ones[number % len(ones)], size)
-        copy = copy.flip(2) if number // len(ones) % 2 else copy
+        copy = resize(one, size)
+        copy = copy.flip(2) if number % 2 else copy
         top, start = max(0, round(height - y - copy.shape[1])), round(x - copy.shape[2] / 2 - left)
         sides = (start, together.shape[2] - start - copy.shape[2], top, together.shape[1] - top - copy.shape[1])
         over = functional.pad(torch.cat((copy[:3] * copy[3:], copy[3:])), sides)

@@ -11,9 +11,9 @@ from torch import Tensor
 from frida_painter.errors import ConfigError
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal, ObjectiveContext
+from frida_painter.objectives.text_loss import Text, wish
 from frida_painter.objectives.word_settings import WordSettings
 from frida_painter.words.abstract import arrange
-from frida_painter.words.meaning import Text, wish
 from frida_painter.words.pyramid import color_in
 
 _APART = 104_729  # added to the seed, so that the views of the choice are not those of the optimiser

@@ -20,9 +20,6 @@ _PASSES = 25.0  # Lab distance at which a colour still passes for its name
 _SHADES = 24  # frequent colours that are compared with all their shades
 _CONTRAST = 0.7  # share of the differences between shades that is kept
 _VIVID = 40.0  # chroma above which shades keep the full differences in hue of the drawing
-_MUTED, _MUTED_LIGHTNESS = 40.0, (25.0, 62.0)  # chroma and L* of a colour that suits many things
-_AROUND = (81.0, -14.0, -23.0)  # Lab of water, sky and glass in pictograms
-_AROUND_WITHIN, _AROUND_COUNTS = 12.0, 0.1  # Lab distance from that colour, and its weight there
 
 
 def recolor(drawing: Tensor, color: Tensor) -> Tensor:
@@ -60,26 +57,13 @@ def is_colored(drawing: Tensor, color: Tensor) -> bool:
     return hued and float(turned) > math.cos(_HUE) and abs(float(main[0] - wanted[0])) <= _PASSES
 
 
-def muted_color(drawing: Tensor) -> Tensor:
-    """Returns the main colour of a drawing [4, h, w], muted so that it suits similar things: sRGB [3] in [0, 1].
-
-    Raises IndexError if the drawing is transparent.
-    """
-    lab = _commonest(to_lab(drawing[:3, drawing[3] > 0.5].T))
-    return from_lab(
-        torch.cat((lab[:1].clamp(*_MUTED_LIGHTNESS), lab[1:] * min(1.0, _MUTED / max(float(lab[1:].norm()), 1e-6))))
-    )
-
-
 def _commonest(lab: Tensor) -> Tensor:
-    """Returns the colour [3] that is most likely the thing's own: frequent and with a hue, but not that of water."""
+    """Returns the colour [3] that is most likely the thing's own: frequent, and with a hue."""
     cells, owner, count = torch.unique((lab / _STEP).round(), dim=0, return_inverse=True, return_counts=True)
     colorful = (cells[:, 1:].norm(dim=1) * _STEP > _COLORLESS).float()
-    around = ((cells * _STEP - cells.new_tensor(_AROUND)).norm(dim=1) <= _AROUND_WITHIN).float()
     often = count.topk(min(_SHADES, len(count))).indices.tolist()
     shades = torch.stack([(count * _alike(cells * _STEP, cells[at] * _STEP)).sum() for at in often])
-    weight = (1 + colorful) * (1 - (1 - _AROUND_COUNTS) * around)
-    most = often[int((shades * weight[often]).argmax())]
+    most = often[int((shades * (1 + colorful[often])).argmax())]
     return lab[owner == most].mean(0)
 
 
@@ -92,16 +76,7 @@ def _alike(lab: Tensor, main: Tensor) -> Tensor:
     return (chroma > _COLORLESS) & (along > torch.cos(torch.tensor(_HUE)))
 
 
-# Drawings with opacity on pictures: large in the middle, or at a given place.
-
-_FILLS = 0.85  # of the canvas's shorter side
-
-
-def lay(drawing: Tensor, ground: Tensor) -> Tensor:
-    """Returns the ground [3, H, W] with a drawing [4, h, w], sRGB and opacity in [0, 1], large in its middle."""
-    _, rows, columns = ground.shape
-    small = resize(drawing, _FILLS * min(rows, columns) / max(drawing.shape[1:]))
-    return paste(small, ground, (rows - small.shape[1]) // 2, (columns - small.shape[2]) // 2)[0]
+# Drawings with opacity on pictures.
 
 
 def paste(drawing: Tensor, picture: Tensor, top: int, left: int) -> tuple[Tensor, Tensor]:

@@ -1,6 +1,5 @@
 """Composition of a scene: its things on a ground with depth, or a mood, with rain, snow or stars over them."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -12,7 +11,6 @@ from torch.nn import functional
 
 from frida_painter import images
 from frida_painter.frames import PixelGrid
-from frida_painter.palette import Palette, to_lab
 from frida_painter.words.arrangement import Placed
 from frida_painter.words.brushwork import paint_mood
 from frida_painter.words.compositing import paste, resize, soften
@@ -66,29 +64,6 @@ def falling(setting: Setting, where: Tensor, seed: int) -> tuple[Tensor, Tensor]
     return torch.from_numpy(over).float() / 255, torch.tensor(weather.color if falls else _STARLIGHT)
 
 
-# Saliency: the thing of a photograph with a ground.
-
-_CONTRAST = 40.0  # Lab distance from the colours at the edges that certainly belongs to the thing
-_NEAR_EDGE, _SMOOTH = 0.06, 0.04  # of the shorter side: width of the edges, and of the smoothing
-_GROUNDS = 6  # number of colours at the edges
-
-
-def saliency(picture: Tensor) -> Tensor:
-    """Returns the saliency at each place of a picture [3, h, w]: [h, w] in [0, 1], 1 if all of it is alike.
-
-    It is the contrast to the nearest of the colours at the edges, which are the ground's (compare Wei et al., "Geodesic
-    saliency using background priors", 2012).
-    """
-    lab, shorter = to_lab(picture.permute(1, 2, 0)), min(picture.shape[1:])
-    wide = max(1, round(_NEAR_EDGE * shorter))
-    edges = torch.cat([side.flatten(1).T for side in (picture[:, :wide], picture[:, :, :wide], picture[:, :, -wide:])])
-    ground = Palette.cluster(edges, torch.ones(len(edges)), _GROUNDS, seed=0).lab()
-    contrast = torch.cdist(lab.reshape(-1, 3), ground).amin(1).reshape(picture.shape[1:]) / _CONTRAST
-    seen = soften(contrast[None], max(1, round(_SMOOTH * shorter)))[0]
-    most = float(seen.max())
-    return (seen / most).clamp(0, 1) if most > 0.1 else torch.ones_like(seen)
-
-
 _WIDE, _HIGH = 0.86, 0.80  # of the canvas: greatest extent of the things
 _STANDS = 0.55  # of the land below the horizon: position of the things' feet
 _ALOFT = 0.40  # of the height: position of the middle of things in the air
@@ -96,19 +71,10 @@ _AMID = 0.62  # of the height that a single thing fills in a visible place
 _THIRD = 0.07  # of the width: distance from the middle of a thing that leaves room
 
 _LIT = 0.55  # share of the light's colour that things take on
-_ROUND, _MODELLED, _BOUNCED = (
-    0.05,
-    0.3,
-    0.12,
-)  # of the height: reach of the shade, its depth; share of the ground's colour
-_BROAD = 0.05  # of the height: a mark of the broad brush
+_ROUND, _MODELLED, _BOUNCED = 0.05, 0.3, 0.12  # of the height: reach of the shade; its depth; share of the ground
 _STANDING = 0.05  # of its height, by which a thing on the floor may be above it
 _SHADOW, _LEAN, _DARK = 0.28, 1.1, 0.42  # length by the thing's height, columns per row to the right, and opacity
 _TOUCH = 0.75  # opacity of the shadow right below a thing
-_SHARP = 2.0  # factor by which a picture gets sharp earlier than its thing begins
-_SOFT = 12  # a height divided by this is the width of smoothing of an extended ground
-_DARKENED = 0.75  # share of the light's colour that a picture with its own ground takes on
-_CUT_OFF = 0.15  # greatest share of a side that is cut off to fill the canvas
 
 _DIPS = 0.07  # of its height: the part of a thing that water hides
 
@@ -139,7 +105,7 @@ def compose_scene(
         where = where + over - where * over
     ground = setting.ground(grid, seed)
     colors = _in_light(simplify((colors / where.clamp(min=1e-4)).clamp(0, 1)), ground, where, setting)
-    ground = with_contrast(ground, where, colors, setting.place.horizon)
+    ground = with_contrast(ground, where, colors)
     if not in_the_air and not setting.place.is_paper:
         low = min(one.y for one in things) if things else 0.0
         for one, (picture, top, left) in zip(things, drawn, strict=True):
@@ -177,74 +143,28 @@ def _cast(picture: Tensor, ground: Tensor, foot: int, left: int, *, is_water: bo
 
     foot, left: row below the thing, and its first column
     """
-    length = 0.7 if is_water else _SHADOW
-    rows = max(2, round(length * picture.shape[1]))
-    flat = torch.cat((picture[:3] * picture[3:], picture[3:])).flip(1)[None]
-    seen = functional.interpolate(flat, (rows, picture.shape[2]), mode="area")[0]
-    fading = torch.linspace(1, 0.2, rows)[:, None] * seen[3]
-    color = seen[:3] / seen[3:].clamp(min=1e-4) if is_water else torch.zeros(3, *fading.shape)
-    lean = 0.0 if is_water else _LEAN  # the light comes from the left
-    laid, opacity = ground.clone(), torch.zeros(ground.shape[1:])
-    first = foot - round(0.5 * rows * _SHADOW)
-    for row in range(rows):
-        start = left + round(lean * row)
-        inside = slice(max(0, start), min(ground.shape[2], start + fading.shape[1]))
-        if 0 <= first + row < ground.shape[1] and inside.start < inside.stop:
-            part = slice(inside.start - start, inside.stop - start)
-            opacity[first + row, inside] = fading[row, part]
-            laid[:, first + row, inside] = color[:, row, part]
+    share, lean = (0.7, 0.0) if is_water else (_SHADOW, _LEAN)  # the light comes from the left
+    rows = max(2, round(share * picture.shape[1]))
+    first = max(0, foot - round(0.5 * rows * _SHADOW))
+    color = picture[:3] if is_water else torch.zeros_like(picture[:3])
+    flat = functional.interpolate(torch.cat((color, picture[3:])).flip(1)[None], (rows, picture.shape[2]), mode="area")
+    wide = functional.pad(flat[0], (0, round(lean * rows)))
+    cast = torch.stack([wide[:, row].roll(round(lean * row), -1) for row in range(rows)], 1)
+    cast[3] *= _DARK * torch.linspace(1, 0.2, rows)[:, None]
+    laid, _ = paste(cast[:, : ground.shape[1] - first, : ground.shape[2] - left], ground, first, left)
     near = max(1, round(0.008 * ground.shape[1]))
-    cast = torch.lerp(ground, laid, _DARK * soften(opacity[None], near))
-    if is_water:
-        return cast
-    feet = functional.pad(seen[3:, :1].expand(1, 2 * near, -1), (left, ground.shape[2] - left - picture.shape[2]))
-    touch = torch.zeros_like(opacity)
-    touch[max(0, foot - near) : foot + near] = feet[0, : len(touch[max(0, foot - near) : foot + near])]
-    return cast * (1 - _TOUCH * soften(touch[None], 2 * near))
+    feet, (_, height, width) = picture[3:, -near:], ground.shape
+    sides = (left, width - left - feet.shape[2], foot - feet.shape[1], height - foot)
+    soft = soften(laid - ground, near)
+    return ground + soft if is_water else (ground + soft) * (1 - _TOUCH * soften(functional.pad(feet, sides), 2 * near))
 
 
-def compose_photograph(picture: Tensor, where: Tensor, setting: Setting, grid: PixelGrid, seed: int) -> ComposedScene:
-    """Composes a picture [3, h, w] with its own ground, which fills the canvas in the setting's light and weather.
-
-    where: importance of each place, [h, w] in [0, 1]; the ground elsewhere gets softer, and costs fewer strokes
-
-    Surplus is cut off where the importance is least. If too much would be cut off, the ground is extended at the
-    sides instead.
-    """
-    sides = grid.rows / picture.shape[1], grid.columns / picture.shape[2]
-    scale = min(max(sides), min(sides) / (1 - _CUT_OFF))
-    rows, columns = (math.ceil(scale * side - 1e-6) for side in picture.shape[1:])
-    large = images.fit(torch.cat((picture, where[None])), rows, columns)
-    large = _extend(_extend(large, grid.columns).mT, grid.rows).mT
-    top, left = (_busiest(large[3], side, size) for side, size in enumerate((grid.rows, grid.columns)))
-    cut = large[:, top : top + grid.rows, left : left + grid.columns].clamp(0, 1).contiguous()
-    ground = soften(cut[:3], max(1, round(_BROAD * grid.rows)))
-    colors = torch.lerp(simplify(ground), simplify(cut[:3]), (_SHARP * cut[3]).clamp(max=1.0))
+def compose_photograph(picture: Tensor, setting: Setting, grid: PixelGrid, seed: int) -> ComposedScene:
+    """Composes a picture [3, h, w] with its own ground, which fills the canvas in the setting's light and weather."""
+    colors = simplify(images.fit(picture, grid.rows, grid.columns))
     if setting.light != DAY:
-        shade = torch.tensor(setting.light.shade)[:, None, None].clamp(max=1.0)
-        colors = colors * torch.lerp(torch.ones_like(shade), shade, _DARKENED)
-    return _under(setting, colors, cut[3], seed, is_alone=False)
-
-
-def _extend(picture: Tensor, columns: int) -> Tensor:
-    """Returns a picture [c, h, w] with its ground extended to `columns` columns, softer with the distance."""
-    missing = max(0, columns - picture.shape[2])
-    if missing == 0:
-        return picture
-    soft = 2 * (picture.shape[1] // _SOFT) + 1
-    wide = functional.pad(picture[None], (missing // 2, missing - missing // 2, 0, 0), mode="replicate")
-    blurred = functional.avg_pool2d(functional.pad(wide, (0, 0, soft // 2, soft // 2), mode="replicate"), (soft, 1), 1)
-    place = torch.arange(columns)
-    away = torch.maximum(missing // 2 - place, place - (missing // 2 + picture.shape[2] - 1)).clamp(min=0)
-    return torch.lerp(wide, blurred, (away / (0.25 * soft)).clamp(max=1.0))[0]
-
-
-def _busiest(where: Tensor, side: int, size: int) -> int:
-    """Returns the start of the section of `size` pixels along a side with the largest sum of `where` [H, W]."""
-    sums = torch.cat((torch.zeros(1), where.sum(1 - side).cumsum(0)))
-    within = sums[size:] - sums[:-size]
-    best = within >= within.max() - 1e-3 * float(sums[-1])
-    return int(best.nonzero().flatten().float().mean().round())  # the middle of equal ones
+        colors = colors * torch.tensor(setting.light.shade)[:, None, None].clamp(max=1.0)
+    return _under(setting, colors, torch.ones(grid.rows, grid.columns), seed, is_alone=False)
 
 
 def _under(setting: Setting, picture: Tensor, where: Tensor, seed: int, *, is_alone: bool) -> ComposedScene:

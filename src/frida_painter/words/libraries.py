@@ -41,7 +41,6 @@ _SEEN = 0.05  # opacity above which a pixel is part of a thing
 _ALIKE = 14  # of 255, by which the colours of a plain ground may differ
 _UNITS = {"": 1.0, "px": 1.0, "pt": 96 / 72, "pc": 16.0, "mm": 96 / 25.4, "cm": 96 / 2.54, "in": 96.0, "em": 16.0}
 _LARGEST = 1e7  # units of an SVG's side
-_FADING = 0.15  # share of a picture's shorter side over which its edges fade
 _MARGIN = 0.3  # margin around a page, as a share of its side
 _NEVER = ("script", "foreignObject", "animate", "set", "animateTransform", "animateMotion", "a")
 _LINK = ("href", "{http://www.w3.org/1999/xlink}href")
@@ -64,14 +63,6 @@ def read_picture(content: bytes, name: str) -> Tensor:
     return trim(without_ground(torch.from_numpy(pixels).permute(2, 0, 1).float() / 255), name)
 
 
-def without_outlines(svg: str, layer: str) -> str:
-    """Returns an SVG drawing without the layer of that id."""
-    drawing = ElementTree.fromstring(svg)
-    for part in [part for part in drawing if part.get("id") == layer]:
-        drawing.remove(part)
-    return ElementTree.tostring(drawing, encoding="unicode")
-
-
 def trim(drawing: Tensor, name: str) -> Tensor:
     """Returns a drawing without its empty margin. Raises ImageError if it is transparent."""
     seen = drawing[3] > _SEEN
@@ -79,16 +70,6 @@ def trim(drawing: Tensor, name: str) -> Tensor:
     if len(rows) == 0:
         raise ImageError(f"{name} shows nothing: all of it is transparent.")
     return drawing[:, int(rows[0]) : int(rows[-1]) + 1, int(columns[0]) : int(columns[-1]) + 1].contiguous()
-
-
-def fade_edges(drawing: Tensor) -> Tensor:
-    """Returns a picture [4, h, w] with fading edges."""
-    rows, columns = drawing.shape[1:]
-    reach = max(1.0, _FADING * min(rows, columns))
-    down, across = (torch.arange(side) + 0.5 for side in (rows, columns))
-    edge = torch.minimum(torch.minimum(down, rows - down)[:, None], torch.minimum(across, columns - across)[None])
-    share = (edge / reach).clamp(0, 1)
-    return torch.cat((drawing[:3], drawing[3:] * (share * share * (3 - 2 * share))[None]))
 
 
 def without_ground(drawing: Tensor) -> Tensor:
@@ -289,52 +270,56 @@ class PictureArchive:
         """Returns the pictures of the archive's own list. Raises WeightsError."""
         try:
             with zipfile.ZipFile(self._archive) as opened:
-                known: dict[str, list[str]] = json.loads(opened.read(CAPTIONS))
+                known = self._captions(opened)
         except (OSError, zipfile.BadZipFile, KeyError, ValueError) as cause:
             raise WeightsError(f"{self._archive} cannot be read ({cause}); fetch {self.name} again.") from cause
         return [Captioned(file, tuple(captions), self._realism(file)) for file, captions in sorted(known.items())]
 
     def pictures(self, file: str) -> list[Tensor]:
         """Returns the picture. Raises WeightsError if the archive is damaged, ImageError if the picture is."""
-        return [read_picture(_member(self._archive, file, self.name), f"{self.name}: {file}")]
+        return [read_picture(self._read(file), f"{self.name}: {file}")]
+
+    def _captions(self, opened: zipfile.ZipFile) -> dict[str, list[str]]:
+        captions: dict[str, list[str]] = json.loads(opened.read(CAPTIONS))
+        return captions
+
+    def _read(self, file: str) -> bytes:
+        try:
+            with zipfile.ZipFile(self._archive) as opened:
+                return opened.read(file)
+        except (OSError, zipfile.BadZipFile, zlib.error, EOFError, KeyError) as cause:
+            raise WeightsError(f"{self._archive} is damaged ({cause}); fetch {self.name} again.") from cause
 
     def _realism(self, file: str) -> float:
         """Returns the realism of a file: pixels are photographs, unless the name says "cartoon"."""
         return self._drawn if file.endswith(".svg") or "cartoon" in file else _PHOTOGRAPH
 
 
-class Pictograms:
+class Pictograms(PictureArchive):
     """Library of OpenMoji's pictograms; the caption is the Unicode name of the character."""
 
-    name, credit, is_own = "openmoji", "OpenMoji (openmoji.org), CC BY-SA 4.0", False
-
     def __init__(self, archive: Path) -> None:
-        self._archive = archive
+        super().__init__("openmoji", "OpenMoji (openmoji.org), CC BY-SA 4.0", archive, 0.0)
 
-    def list_captioned(self) -> Sequence[Captioned]:
-        """Returns the pictograms of single characters. Raises WeightsError."""
-        try:
-            with zipfile.ZipFile(self._archive) as opened:
-                files = sorted(opened.namelist())
-        except (OSError, zipfile.BadZipFile) as cause:
-            raise WeightsError(f"{self._archive} cannot be read ({cause}); fetch openmoji again.") from cause
-        return [Captioned(file, (name,), 0.0) for file in files if (name := character_name(file.removesuffix(".svg")))]
+    def _captions(self, opened: zipfile.ZipFile) -> dict[str, list[str]]:
+        names = {file: character_name(file.removesuffix(".svg")) for file in opened.namelist()}
+        return {file: [name] for file, name in names.items() if name}
 
     def pictures(self, file: str) -> list[Tensor]:
         """Returns the drawing without its outlines, if enough remains, and with them.
 
-        A brush makes its own edges, so that outlines are usually superfluous. But some contain essential parts of a
-        thing.
+        A brush makes its own edges, but some outlines are essential parts of a thing.
         Raises WeightsError if the archive is damaged, ImageError if the picture is.
         """
-        svg = _member(self._archive, file, self.name)
-        outlined = read_picture(svg, f"openmoji: {file}")
-        try:
-            plain = read_picture(without_outlines(svg.decode("utf-8"), _OUTLINES).encode(), f"openmoji: {file}")
-        except ImageError:
-            return [outlined]
-        enough = float(plain[3].sum()) >= _FLAT_ENOUGH * float(outlined[3].sum())
-        return [plain, outlined] if enough else [outlined]
+        outlined = super().pictures(file)
+        drawing = ElementTree.fromstring(self._read(file))
+        for part in [part for part in drawing if part.get("id") == _OUTLINES]:
+            drawing.remove(part)
+        with suppress(ImageError):  # nothing but outlines
+            plain = read_picture(ElementTree.tostring(drawing), f"openmoji: {file}")
+            if float(plain[3].sum()) >= _FLAT_ENOUGH * float(outlined[0][3].sum()):
+                return [plain, *outlined]
+        return outlined
 
 
 class PictureFolder:
@@ -384,15 +369,6 @@ class PictureFolder:
                             "to read; give a folder with those of the things that you want to paint."
                         )
                     yield Path(place) / file
-
-
-def _member(archive: Path, file: str, name: str) -> bytes:
-    """Returns a file of a fetched library. Raises WeightsError if the library is damaged."""
-    try:
-        with zipfile.ZipFile(archive) as opened:
-            return opened.read(file)
-    except (OSError, zipfile.BadZipFile, zlib.error, EOFError, KeyError) as cause:
-        raise WeightsError(f"{archive} is damaged ({cause}); fetch {name} again.") from cause
 
 
 def _read_caption(path: Path) -> str:

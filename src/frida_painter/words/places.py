@@ -269,7 +269,7 @@ class Setting:
         far = torch.lerp(land, low, _FAR if place.is_open else 0.0)
         front = torch.lerp(far[:, None, None], (land * _DIM)[:, None, None], near)
         if place.relief:
-            hills = torch.lerp(land, low, 0.35)[:, None, None]
+            hills = torch.lerp(land, low, 0.12)[:, None, None]
             picture = torch.lerp(picture, hills.expand_as(picture), self._hills(rows, columns, seed))
         picture = torch.lerp(picture, front, _below(rows, place.horizon)[None].expand_as(picture)).clamp(0, 1)
         slant = _SLANT * (1 if seed % 2 else -1) * (1 - _below(rows, place.horizon)).expand(rows, columns)
@@ -367,35 +367,22 @@ def in_color(place: Place, paint: Tensor) -> Place:
     return replace(place, above=color) if place.name == "the sky" else replace(place, below=color)
 
 
-def with_contrast(
-    ground: Tensor, where: Tensor, thing: Tensor, horizon: float = math.inf, least: float = _TOLD_APART
-) -> Tensor:
-    """Returns the ground [3, H, W], darker or lighter around things that would not stand out from it.
+def with_contrast(ground: Tensor, where: Tensor, thing: Tensor, least: float = _TOLD_APART) -> Tensor:
+    """Returns the ground [3, H, W], darker or lighter if things would not stand out from it.
 
     where: [H, W] opacity of the things
     thing: [3, H, W] their colours
-    horizon: share of the height above it, because sky and land change separately; inf for none
-    least: Lab distance between things and ground
+    least: Lab distance between things and the ground around them
     """
-    lab = to_lab(ground.permute(1, 2, 0))
     seen = where > 0.5
-    if not bool(seen.any()):
-        return ground
     around = (functional.max_pool2d(where[None, None], 31, 1, 15)[0, 0] > 0.5) & ~seen
-    own = to_lab(thing.permute(1, 2, 0))
-    below = _below(ground.shape[1], horizon).expand_as(where)
-    lighter = torch.zeros_like(where)
-    for share in (1 - below, below):
-        here, near = share * around, share * seen
-        if not float(here.sum()) > 0 or not float(near.sum()) > 0:
-            continue
-        color = (own * near[..., None]).sum((0, 1)) / near.sum()
-        behind = (lab * here[..., None]).sum((0, 1)) / here.sum()
-        lack = max(0.0, least - float((color - behind).norm()))
-        lighter += (-1 if float(color[0]) > _MIDDLE else 1) * lack * share
-    if not bool(lighter.any()):
+    if not bool(seen.any()) or not bool(around.any()):
         return ground
-    lab[..., 0] = (lab[..., 0] + lighter).clamp(5, 98)
+    lab, color = to_lab(ground.permute(1, 2, 0)), to_lab(thing[:, seen].T).mean(0)
+    lack = least - float((color - lab[around].mean(0)).norm())
+    if lack <= 0:
+        return ground
+    lab[..., 0] = (lab[..., 0] + (-lack if float(color[0]) > _MIDDLE else lack)).clamp(5, 98)
     return from_lab(lab).permute(2, 0, 1).clamp(0, 1)
 
 

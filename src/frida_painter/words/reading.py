@@ -17,7 +17,6 @@ from torch import Tensor
 
 from frida_painter import registry, weights
 from frida_painter.errors import ConfigError, WeightsError
-from frida_painter.objectives.encoders.classifiers import synonyms
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.palette import from_lab, to_lab
@@ -45,7 +44,6 @@ _IN_A_NAME = ("amod", "compound", "nmod", "nummod", "npadvmod", "quantmod", "pos
 _EACH_OTHER = ("other", "another", "itself", "himself", "herself", "themselves")
 _BASIC = ("black", "white", "red", "green", "yellow", "blue", "brown", "purple", "pink", "orange", "gray", "grey")
 _VIVID = 72.0  # chroma
-_PARTS = ("of", "with")  # these words introduce a part of the thing before them
 _LABEL = 60
 _STEM, _ENDING = 4, 3  # least letters of a word with other forms and compounds, and greatest number of an ending's
 _LEXICON = 1000  # greatest number of new words in one call that are kept
@@ -336,7 +334,7 @@ class _Walk:
             return
         words = _prepositions(noun)
         said = " ".join(word.lower_ for word in words)
-        subjects = [] if words[0].head == words[0] else self._subjects(words[0].head, said)
+        subjects = [] if words[0].head == words[0] else self._subjects(words[0].head)
         self._join(subjects, said, noun, tuple(word.i for word in words))
 
     def _act(self, verb: Token) -> None:
@@ -355,7 +353,7 @@ class _Walk:
         """Gives a noun the place of the last one joined to it: a teapot and three cups on a table."""
         if noun in self._numbers and _children(noun, "conj", "appos") and not _children(noun, "prep", "acl", "relcl"):
             last = self._joined(noun)[-1]
-            alone = (*_PARTS, self.things[last].doing)
+            alone = ("of", "with", self.things[last].doing)
             places = [one for one in self.relations if one.subject == last and one.word not in alone]
             self.relations += [replace(one, subject=self._numbers[noun]) for one in places]
 
@@ -369,28 +367,16 @@ class _Walk:
         others = [number for one in _children(noun, "conj", "appos") for number in self._joined(one)]
         return others if mine is None else [mine, *others]
 
-    def _subjects(self, head: Token, said: str = "") -> list[int]:
-        """Returns the things that a preposition or a verb below `head` belongs to.
-
-        A cat on a chair in a garden is in the garden, too; but a part belongs to the nearest thing.
-        """
+    def _subjects(self, head: Token) -> list[int]:
+        """Returns the things that a preposition or a verb below `head` belongs to, the nearest ones."""
         above, is_root, head = head.head, head.head == head, self._read_as.get(head, head)
         if head in self._actors:
             return self._joined(self._actors[head])
         if head in self._numbers:
-            first = _first_of(next((one for one, inner in self._read_as.items() if inner == head), head))
-            outer: list[int] = []
-            if said not in _PARTS and first.dep_ == "pobj":
-                word = _prepositions(first)[0]
-                outer = [] if word.head == word else self._subjects(word.head, word.lower_)
-            elif said not in _PARTS and first.dep_ in ("dobj", "attr"):
-                outer = self._subjects(first.head)
-            return outer or [self._numbers[head]]
-        if head.pos_ in ("VERB", "AUX"):
-            actors = [word for word in head.lefts if _is_noun(word)]
-            if actors:
-                return self._joined(actors[-1])
-        return [] if is_root else self._subjects(above, said)
+            return [self._numbers[head]]
+        if head.pos_ in ("VERB", "AUX") and (actors := [word for word in head.lefts if _is_noun(word)]):
+            return self._joined(actors[-1])
+        return [] if is_root else self._subjects(above)
 
 
 def _prepositions(noun: Token) -> list[Token]:
@@ -503,80 +489,3 @@ def paint_of(color: str) -> Tensor | None:
     lab = to_lab(torch.tensor(to_rgb(_paints()[first])))
     # Paint is less vivid than a screen.
     return from_lab(torch.cat((lab[:1], lab[1:] * min(1.0, _VIVID / max(float(lab[1:].norm()), 1e-6)))))
-
-
-# Comparison of a picture's title with a thing of a prompt.
-
-_SAID = 0.3  # bonus for the word of its action, and for a name that begins with the colour: a red panda
-_MODIFIES = 0.6  # penalty for a title in which the word only qualifies another
-_UNSAID = 0.2  # penalty for a title with additional words: an alien tree, a nut and bolt
-_FURTHER = re.compile(r"\b(?:of|with|in|on|at|for|and)\b")  # the words after these are not the named thing
-_WORD, _ALL_WORDS, _OTHERS = 0.15, 0.4, 0.05  # bonus for the word, bonus for all words, penalty per extra one
-SEVERAL = (None, 2)  # counts of a plural that one picture may show: flowers, or a pair of scissors
-
-
-def clean_caption(caption: str) -> str:
-    """Returns a caption in small letters without article, numbers, underscores and brackets, except for colours."""
-    colors = [word for word in re.findall(r"\((.*?)\)", caption.lower()) if paint_of(word) is not None]
-    plain = re.sub(r"\(.*?\)|[^a-zA-Z' -]+", " ", caption)
-    plain = re.sub("^(an?|the|another|some|my|our) ", "", " ".join(plain.split()).lower())
-    return " ".join([*colors[:1], plain]).strip() or caption
-
-
-def in_small_letters(thing: Thing) -> Thing:
-    """Returns the thing in the small letters of captions: the Eiffel Tower is the eiffel tower."""
-    return replace(thing, name=thing.name.lower(), noun=thing.noun.lower(), plural=thing.plural.lower())
-
-
-def split_title(title: str) -> list[str]:
-    """Returns the words of a title that name its thing; the last one is the noun."""
-    return _FURTHER.split(title)[0].split()
-
-
-def spoken(title: str, thing: Thing) -> float:
-    """Returns a score for a title: high if it has the thing's own word, is not another kind, and has little else."""
-    plain = _plain(title, thing)
-    words = plain.split()
-    others = max(0, len(words) - len(thing.name.split()) - 1)
-    name = thing.name.split()
-    unsaid = set(split_title(plain)[:-1] + plain.partition(" and ")[2].split()) - {*name, thing.noun}
-    worth = -_MODIFIES * is_modified(title, thing) - _OTHERS * others - _UNSAID * bool(unsaid)
-    worth += _SAID * bool(thing.doing and thing.doing in title.split())
-    worth += _SAID * bool(thing.color and title == f"{thing.color} {thing.name}")
-    worth += _WORD * (thing.noun in words) + _WORD * (plain == thing.name)
-    return worth + _ALL_WORDS * (len(name) > 1 and set(name) <= set(words))
-
-
-def is_modified(title: str, thing: Thing) -> bool:
-    """Returns True if a title uses the word for another thing: a mountain goat, a fencer, or an owl on a branch.
-
-    The last word of a name is the noun, but a word with a hyphen is a separate name: a jack-o'-lantern.
-    """
-    names = split_title(_plain(title, thing))
-    endings = [word.removeprefix(thing.noun) for word in title.split() if word.startswith(thing.noun)]
-    is_derived = any(ending not in ("", "s", "es") for ending in endings)
-    is_joined = any(word.endswith(f"-{thing.noun}") for word in names)
-    is_around = re.search(rf"\b(?:on|in|with) (?:\w+ )*{re.escape(thing.noun)}\b", _plain(title, thing)) is not None
-    return thing.noun not in names[-1:] and (thing.noun in names or is_derived or is_joined or is_around)
-
-
-def is_called(title: str, thing: Thing) -> bool:
-    """Returns True if a title has the word, a compound such as sailboat, or a synonym, and no different kind.
-
-    For a washing machine, the title "sewing machine" does not count, but "machine" does.
-    """
-    kind, wanted = set(split_title(title)[:-1]), set(thing.name.split()[:-1])
-    if kind and wanted and not kind & wanted:
-        return False
-    words = _plain(title, thing).split()
-    names = (thing.noun, *(other.split()[-1].lower() for other in synonyms(thing.name)))
-    return any(word.endswith((name, f"{name}s")) for word in words for name in names)
-
-
-def _plain(title: str, thing: Thing) -> str:
-    """Returns the title without the thing's colour and action; in the singular if one picture may show several."""
-    told = {*thing.color.split(), thing.doing}
-    words = [word for word in title.split() if word not in told]
-    if thing.plural and thing.count in SEVERAL:
-        words = [thing.noun if word == thing.plural else word for word in words]
-    return " ".join(words) or title

@@ -58,7 +58,7 @@ class TextTerm(Term):
         It is validated by a reader that the optimiser never uses, if there is one. A CLIP validates itself what it
         has optimised, in views that the optimiser never sees: smaller networks may not overrule it.
         """
-        from frida_painter.words.meaning import Sight, Text
+        from frida_painter.objectives.text_loss import Sight, Text
 
         readers = context.encoders.readers()
         if not all(reader.reads_all(said) for reader in readers for said in self.settings.say(self.prompt)):

@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from downloads import fetched
-from frida_painter.objectives.encoders.classifiers import class_names, kin, synonyms
+from frida_painter.objectives.encoders.classifiers import class_names, synonyms
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from support.networks import WordBag, random_reader
 
@@ -73,10 +73,3 @@ def test_a_thousand_classes_each_with_a_name() -> None:
 def test_a_class_has_other_names() -> None:
     assert "lady beetle" in synonyms("ladybird") and "ladybird" not in synonyms("Ladybird")
     assert synonyms("no such thing") == []
-
-
-def test_living_things_have_kin() -> None:
-    assert {"dingo", "wolf", "hyena", "fox"} <= set(kin("dhole")) and kin("Dhole") == kin("dhole")
-    assert "crane" in kin("American coot") and kin("dhole").index("wolf") < kin("dhole").index("fox")
-    assert "cucumber" not in kin("sea urchin") and "sea cucumber" in kin("sea urchin")
-    assert kin("hair dryer") == kin("earthquake") == []

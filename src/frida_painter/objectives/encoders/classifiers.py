@@ -225,8 +225,6 @@ class ConSE:
 
 
 FILE = "class_names.txt"
-_LIVING = (range(398), range(991, 998))  # classes of animals and of mushrooms
-_KIN = 6  # number of neighbouring classes on each side that are related
 
 
 @cache
@@ -239,11 +237,6 @@ def class_names() -> tuple[tuple[str, ...], ...]:
     return tuple(tuple(line.split(", ")) for line in text.splitlines())
 
 
-def has_class(noun: str) -> bool:
-    """Returns True if an ImageNet class has this name or is a kind of it: a red fox is a fox."""
-    return any(noun.lower() == one.lower().split()[-1] for some in class_names() for one in some)
-
-
 def synonyms(name: str) -> list[str]:
     """Returns other names of the class of that name; empty for other names.
 
@@ -252,17 +245,3 @@ def synonyms(name: str) -> list[str]:
     plain = name.lower()
     known = [some for some in class_names() if any(plain == one.lower() for one in some)]
     return [one for some in known for one in some if one.lower() != plain]
-
-
-def kin(name: str) -> list[str]:
-    """Returns names of related living things, nearest first; empty for other names.
-
-    Example: "wolf" for "dhole". Classes of animals are in the order of WordNet, so related ones are neighbours.
-    The last word of a name is its kind, except for sea animals: a sea cucumber is no cucumber.
-    """
-    names, plain = class_names(), name.lower()
-    at = next((number for number, some in enumerate(names) if plain in (one.lower() for one in some)), -1)
-    living = next((those for those in _LIVING if at in those), range(0))
-    near = sorted((other for other in living if 0 < abs(other - at) <= _KIN), key=lambda other: abs(other - at))
-    called = (one.lower() for other in near for one in names[other])
-    return list(dict.fromkeys(one if one.startswith("sea ") else one.split()[-1] for one in called))

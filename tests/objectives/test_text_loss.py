@@ -4,8 +4,8 @@ import torch
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.interpretation import prepare
 from frida_painter.objectives.objective import Goal
+from frida_painter.objectives.text_loss import Sight, Text, distance_to
 from frida_painter.objectives.word_settings import WordSettings
-from frida_painter.words.meaning import Sight, Text, distance_to
 from frida_painter.words.text import TextTerm
 from support.networks import QuickEncoders, random_reader
 from support.planning import CANVAS

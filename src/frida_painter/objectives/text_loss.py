@@ -117,16 +117,9 @@ class Text:
         A CLIP sees the whole square here, but never straight on, which is the same for all seeds: an objective with
         another seed judges by views that this one never draws.
         """
-        return self._steadily(picture, _STEADY)
-
-    def glance(self, picture: Tensor) -> Tensor:
-        """Returns the same distance in a single view: faster, and good enough for a first choice among pictures."""
-        return self._steadily(picture, 1)
-
-    def _steadily(self, picture: Tensor, views: int) -> Tensor:
         found = []
         for reader, (first, steady) in enumerate(self._steady):
-            which = torch.arange(first, first + min(views, steady))
+            which = torch.arange(first, first + steady)
             look = partial(self._embed_views, reader, picture, which)
             found.append(self._distance(reader, picture, which, look, "steady"))
         return _BALANCE * torch.stack(found).mean()
