@@ -85,6 +85,19 @@ def test_faces_matter_more_where_there_are_any_and_a_person_is_told(monkeypatch:
     assert weight_by_focus(Goal((found,)), FACES, encoders).terms[0] is found, "what matters was said already"
 
 
+def test_a_face_matters_more_for_its_content_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(attention, "faces", lambda seen: [Face(0.5, 0.5, 0.2, 0.2)])
+    goal = Goal((SemanticTerm(picture()),))
+    (found,) = weight_by_focus(goal, FACES, NoEncoderRegistry()).terms
+    (begun,) = start_from_meaning(Goal((found,)), QuickEncoders()).initial
+    (before,) = start_from_meaning(goal, QuickEncoders()).initial
+    assert begun.importance is not None and before.importance is not None
+    rows, columns = begun.importance.shape
+    more = (begun.importance / before.importance)[rows // 2, columns // 2]
+    assert float(more) > 5 * float((begun.importance / before.importance)[0, 0])
+    assert float(begun.importance.mean()) == pytest.approx(1, abs=1e-4)
+
+
 def test_the_subject_is_what_networks_see() -> None:
     (found,) = weight_by_focus(Goal((ImageTerm(picture()),)), SUBJECT, QuickEncoders()).terms
     assert found.importance is not None and float(found.importance.mean()) == pytest.approx(1, abs=1e-4)

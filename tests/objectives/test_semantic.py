@@ -80,6 +80,20 @@ def test_paint_that_is_stronger_all_over_means_the_same() -> None:
         assert float(held.validation(image + grain)) < 0.1 * float(held.validation(image + 0.1))
 
 
+def test_places_that_matter_count_more() -> None:
+    image, seer = picture(), ScaledSeer()
+    matters = torch.ones(8, 8)
+    matters[:, :4] = 0.01
+    heeded = Semantic(image, seer, 0, QuickVgg(), importance=matters / matters.mean())
+    other = [image.clone(), image.clone()]
+    half = image.shape[2] // 2
+    other[0][:, :, : half - 4] = 1 - other[0][:, :, : half - 4]
+    other[1][:, :, half + 4 :] = 1 - other[1][:, :, half + 4 :]
+    with torch.no_grad():
+        colors = [float(heeded.validation(one)) for one in other]
+    assert colors[1] > 3 * colors[0]
+
+
 def test_wild_colors_are_further_from_their_mean() -> None:
     image = 0.4 + 0.2 * picture()
     assert spread_colors(image, 0.5) is image and spread_colors(image, 0.0) is image

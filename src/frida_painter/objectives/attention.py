@@ -108,16 +108,22 @@ def start_from_meaning(goal: Goal, encoders: EncoderRegistry) -> Goal:
     if goal.initial or not meant or not any(term.picture is meant[0] for term in begins):
         return goal
     seer, hed = encoders.meaning(), encoders.edges_if_any()
-    initial = tuple(
-        term if term.picture is None else ImageTerm(term.picture, term.weight, importance(term.picture, seer, hed))
-        for term in begins
-    )
-    return replace(goal, initial=initial)
+
+    def begin_with(term: Term) -> Term:
+        if term.picture is None:
+            return term
+        matters = importance(term.picture, seer, hed)
+        if term.importance is not None:
+            matters = matters * term.importance
+        return ImageTerm(term.picture, term.weight, matters / matters.mean())
+
+    return replace(goal, initial=tuple(map(begin_with, begins)))
 
 
 def weight_by_focus(goal: Goal, focus: str, encoders: EncoderRegistry) -> Goal:
     """Returns the goal with more importance on faces (FACES) or on the whole subject (SUBJECT) of its photographs.
 
+    A picture that is painted by its content begins with its subject anyway; its faces matter more for both.
     If it finds faces, it adds a remark to `encoders`. Raises WeightsError if SUBJECT needs a missing network.
     """
     if focus == EVERYWHERE:
@@ -127,16 +133,16 @@ def weight_by_focus(goal: Goal, focus: str, encoders: EncoderRegistry) -> Goal:
 
 
 def _weight_term(term: Term, focus: str, encoders: EncoderRegistry) -> Term:
-    if not isinstance(term, ImageTerm) or term.importance is not None:
+    if term.picture is None or term.importance is not None or not term.can_be_weighed:
         return term
-    if focus == SUBJECT:
-        return replace(term, importance=importance(term.image, encoders.meaning(), encoders.edges_if_any()))
-    found = faces(term.image)
+    if focus == SUBJECT and term.is_pixelwise:
+        return term.weigh(importance(term.picture, encoders.meaning(), encoders.edges_if_any()))
+    found = faces(term.picture)
     if not found:
         return term
     told = "A face was found in the picture and matters" if len(found) == 1 else f"{len(found)} faces matter"
     encoders.remark(f"{told} more than the rest; --focus {EVERYWHERE} changes that.")
-    return replace(term, importance=importance_of(found, *_choose_size(term.image)))
+    return term.weigh(importance_of(found, *_choose_size(term.picture)))
 
 
 def _choose_size(picture: Tensor) -> tuple[int, int]:

@@ -42,8 +42,8 @@ class PictureTerm(Term):
         require_weight(self.weight, self.called)
 
     def as_start(self, goal: Goal) -> ImageTerm:
-        """Returns an ImageTerm with the same picture and weight."""
-        return ImageTerm(self.image, self.weight)
+        """Returns an ImageTerm with the same picture, weight and importance."""
+        return ImageTerm(self.image, self.weight, self.importance)
 
     def fit_to(self, rows: int, columns: int, *, pad: bool = False) -> Self:
         """Returns the term with its picture fitted to `rows` x `columns`."""
@@ -81,6 +81,11 @@ class ImageTerm(PictureTerm):
     interpretation_order = 5
     is_tried = False
     is_pixelwise = True
+    can_be_weighed = True
+
+    def weigh(self, importance: Tensor) -> Self:
+        """Returns the term with this importance of each place."""
+        return replace(self, importance=importance)
 
     def as_start(self, goal: Goal) -> ImageTerm:
         """Returns the term itself, with its importance."""

@@ -35,6 +35,7 @@ class Term(ABC):
     interpretation_order: order in which the `interpret` methods are called, lowest first
     is_tried: True if the objective is tried on a picture of noise before planning (`require_objective`); False for
     objectives with networks, whose trial takes a second
+    can_be_weighed: True if some places of the picture may matter more than others
 
     Pictures are [3, H, W] in [0, 1]. Each kind of goal has a frozen dataclass for its terms
     (objectives/NAME.py). Terms of different kinds see each other only through the properties below. A subclass
@@ -45,6 +46,7 @@ class Term(ABC):
     initial_order: ClassVar[int | None] = None
     interpretation_order: ClassVar[int] = 100
     is_tried: ClassVar[bool] = True
+    can_be_weighed: ClassVar[bool] = False
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
@@ -111,6 +113,10 @@ class Term(ABC):
     def importance(self) -> Tensor | None:
         """Importance of each place of the guide, [h, w], with mean 1; None if uniform."""
         return None
+
+    def weigh(self, importance: Tensor) -> Term:
+        """Returns the term with this importance of each place, if it `can_be_weighed`."""
+        return self
 
     def as_start(self, goal: Goal) -> Term:
         """Returns the term that a plan of `goal` starts with, if it begins with this term."""

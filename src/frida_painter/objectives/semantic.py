@@ -21,12 +21,15 @@ class SemanticTerm(PictureTerm):
     """Term of a goal: paint the content of a picture, not its pixels.
 
     freedom: how far the colours may leave those of the picture, from 0, hardly, to 1, wild
+    importance [h, w]: importance of each place, with mean 1; None if uniform
     """
 
     freedom: float = USUAL_FREEDOM
+    importance: Tensor | None = None
 
     called = "a picture to be painted by its meaning"
     is_tried = False
+    can_be_weighed = True
     initial_order = 2
     interpretation_order = 4
 
@@ -38,6 +41,10 @@ class SemanticTerm(PictureTerm):
     def with_picture(self, picture: Tensor) -> SemanticTerm:
         """Returns the term with another picture."""
         return replace(self, image=picture)
+
+    def weigh(self, importance: Tensor) -> SemanticTerm:
+        """Returns the term with this importance of each place."""
+        return replace(self, importance=importance)
 
     def free_colors(self, freedom: float) -> SemanticTerm:
         """Returns the term with this freedom of its colours; above 0.5 those of its picture are further apart."""
@@ -53,8 +60,8 @@ class SemanticTerm(PictureTerm):
         # Only the part that fills the canvas counts as content.
         shown = images.fit(self.image, context.grid.rows, context.grid.columns)
         trunk = context.encoders.shapes()
-        aside = Semantic(shown, context.encoders.aside(), context.seed, trunk, self.freedom)
-        seen = Semantic(shown, context.encoders.meaning(), context.seed, trunk, self.freedom)
+        aside = Semantic(shown, context.encoders.aside(), context.seed, trunk, self.freedom, self.importance)
+        seen = Semantic(shown, context.encoders.meaning(), context.seed, trunk, self.freedom, self.importance)
         return ObjectiveTerm(seen, aside.validation)
 
     @classmethod

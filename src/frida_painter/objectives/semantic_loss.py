@@ -11,6 +11,7 @@ from frida_painter.devices import send_to_device
 from frida_painter.images import resize_to_pixels
 from frida_painter.objectives.encoders.base import Seer
 from frida_painter.objectives.encoders.vgg import Vgg16
+from frida_painter.objectives.pixel_loss import spread
 from frida_painter.palette import from_lab, to_lab
 
 # Augmented views of a picture: noise that fools a network in one view does not in another.
@@ -122,17 +123,29 @@ class Semantic:
     seer: network whose deep features are compared in augmented views
     seed: seed of the views and of their order
     trunk: network for shapes; with it, shapes and blurred colours are compared as well
-    freedom: how far colours may leave those of the picture, from 0, hardly, to 1; it counts only with a trunk
+    freedom: how far colours may leave those of the picture, from 0, hardly, to 1
+    importance [h, w]: importance of each place for shapes and colours, with mean 1; None if uniform
+
+    Freedom and importance count only with a trunk.
 
     Features are compared by cosine distance, because the texture of paint scales them all over. Target features
     of each view are computed once. Each call uses two random views.
     """
 
-    def __init__(self, image: Tensor, seer: Seer, seed: int, trunk: Vgg16 | None = None, freedom: float = 0.0) -> None:
+    def __init__(
+        self,
+        image: Tensor,
+        seer: Seer,
+        seed: int,
+        trunk: Vgg16 | None = None,
+        freedom: float = 0.0,
+        importance: Tensor | None = None,
+    ) -> None:
         self._seer = seer
         self._trunk = trunk
         self._image = image
         self._held = _HELD[0] ** (1 - freedom) * _HELD[1] ** freedom
+        self._importance = importance
         self._views = Views(_VIEWS, _SIDE, seed)
         self._generator = torch.Generator().manual_seed(seed)
         with torch.no_grad():
@@ -156,9 +169,15 @@ class Semantic:
         for shapes, wanted in zip(
             self._trunk.features(resize_to_pixels(picture, _PIXELS), _LAYERS), self._shapes, strict=True
         ):
-            total = total + _apart(shapes[None], wanted[None])
-        colors = (_blur(picture) - _blur(self._image.to(picture))).square().mean()
+            total = total + self._weigh(1 - functional.cosine_similarity(shapes, wanted.to(shapes), dim=0))
+        colors = self._weigh((_blur(picture) - _blur(self._image.to(picture))).square().mean(0))
         return _BALANCE * total + self._held * colors
+
+    def _weigh(self, differences: Tensor) -> Tensor:
+        """Returns the mean of differences [h, w] of the places of a picture, by their importance."""
+        if self._importance is None:
+            return differences.mean()
+        return (differences * spread(self._importance, *differences.shape).to(differences)).mean()
 
 
 def spread_colors(picture: Tensor, freedom: float) -> Tensor:
