@@ -1,8 +1,10 @@
 from dataclasses import replace
 
+import pytest
 import torch
 
 from frida_painter.palette import to_lab
+from frida_painter.planning import refine
 from frida_painter.planning.refine import (
     anneal_to_palette,
     discretize,
@@ -132,7 +134,7 @@ def test_drawing_together_goes_so_much_of_the_way_to_the_paints() -> None:
     assert squared_error(bound) != squared_error(halfway) != squared_error(strokes)
 
 
-def test_strokes_lean_to_the_side_on_which_the_picture_is_soft() -> None:
+def test_strokes_lean_to_the_side_on_which_the_picture_is_soft(monkeypatch: pytest.MonkeyPatch) -> None:
     """The wanted marks are those of tilted brushes, moved back to where the upright marks are."""
     leaning, upright = replace(PROBLEM, max_tilt=MAX_TILT), some_strokes(6, seed=3)
     tilt = torch.tensor([[MAX_TILT, 0.0], [0.0, 0.0]]).repeat(3, 1) * torch.tensor([1.0, 1, -1, 1, 1, 1])[:, None]
@@ -148,3 +150,5 @@ def test_strokes_lean_to_the_side_on_which_the_picture_is_soft() -> None:
     with torch.no_grad():
         before, after = ((PROBLEM.render(each) - wanted).square().sum() for each in (upright, found))
     assert after < 0.5 * before
+    monkeypatch.setattr(refine, "_UNSURE", 10.0)  # as if tilted marks were hardly known
+    assert not lean_over(upright, leaning, wanted, chance()).is_tilted

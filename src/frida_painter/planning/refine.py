@@ -137,6 +137,9 @@ def _loss_of_changes(
 
 _LEANS = (-1.0, -0.75, 0.75, 1.0)  # shares of the largest tilt
 _HARDER = (0.0, 0.2)  # further thickness, because a mark gets narrower as it gets a soft side
+# Further squared error of a tilted mark's model, as a share of the squared change that the stroke makes: measured as
+# up to 0.02 (docs/lab/virtual-studio.md), and doubled.
+_UNSURE = 0.04
 _MAX_TRIED = 100  # strokes of a layer
 
 
@@ -144,7 +147,8 @@ def lean_over(strokes: Strokes, problem: PlanningProblem, target: Tensor, genera
     """Returns the strokes with the brush leaning to the side that is best for some of them; others stay as they are.
 
     target [3, H, W]: as for `loss_without`. Gradient descent does not find these tilts, because the marks of slightly
-    tilted brushes are all alike. The expected squared error to the target never rises.
+    tilted brushes are all alike. The expected squared error to the target never rises. A stroke leans only if the
+    error falls by more than what the painted mark of a tilted brush is off its model, beyond that of an upright one.
     """
     if problem.max_tilt == 0 or len(strokes) == 0:
         return strokes
@@ -164,8 +168,9 @@ def lean_over(strokes: Strokes, problem: PlanningProblem, target: Tensor, genera
     error = _expected_error(strokes, Marks(magnitude, now.affine), problem, target)
     (rise,) = torch.autograd.grad(error, magnitude)
     slope = torch.stack([(rise * change).sum((1, 2)) for change in changes])
-    _, square = _loss_of_changes(strokes, now, changes, problem, target, generator)
-    cost, best = (slope + square).min(0)
+    _, square = _loss_of_changes(strokes, now, [*changes, -now.magnitude], problem, target, generator)
+    unsure = _UNSURE * square[-1]  # [n]
+    cost, best = (slope + square[:-1] + unsure).min(0)
     each = torch.arange(len(best), device=best.device)
     rows = torch.stack([there.affine[:, 1, 2] - now.affine[:, 1, 2] for there in leaning])[best, each]
     # The mark moves with the tilt. The stroke moves back, so that its mark stays where it was.
@@ -186,7 +191,7 @@ def lean_over(strokes: Strokes, problem: PlanningProblem, target: Tensor, genera
         )
         with torch.no_grad():
             reached = float(_expected_error(other, problem.marks(other), problem, target))
-        if reached < least:
+        if reached + float(unsure[number]) < least:
             found, least, tilt = other, reached, torch.where(this, leans, tilt)
     return found
 

@@ -50,8 +50,9 @@ class Variables:
     stroke has its own colour. With `light_to_dark`, the painting order is from light to dark; otherwise it is the
     given order. The strokes belong to one family, or to none; a family has one more column for each code.
 
-    max_tilt: radians by which the brush may lean to the left or to the right. 0: each stroke keeps its tilt. Its lean
-    along the path is always kept, because it changes neither side of the mark.
+    max_tilt: radians by which a leaning brush may lean to the left or to the right. 0: each stroke keeps its tilt. A
+    brush that does not lean to a side stays so, because slight tilts win nothing. The lean along the path is always
+    kept, because it changes neither side of the mark.
     """
 
     def __init__(
@@ -70,6 +71,7 @@ class Variables:
             kept = strokes.position.new_zeros(len(strokes), 2) if self._tilt is None else self._tilt
             self._forward = kept[:, 1]
             self._most_lean = (max_tilt**2 - self._forward.square()).clamp(min=0).sqrt() / _TILT_UNIT
+            self._leans = kept[:, 0] != 0
             self.lean = (kept[:, 0] / _TILT_UNIT).requires_grad_()
         codes = 0 if self._taught is None else self._taught.code.shape[1]
         self._unit = strokes.angle.new_tensor((*_UNITS, *[_CODE_UNIT] * codes))
@@ -96,7 +98,9 @@ class Variables:
             groups, taught = look(self.shape, self.color, self._unit, order, self.paint), None
         else:
             groups, taught = self._plainly(order), self._coded(order)
-        tilt = self._tilt if self.lean is None else torch.stack((self.lean * _TILT_UNIT, self._forward), 1)
+        tilt = self._tilt
+        if self.lean is not None:
+            tilt = torch.stack((torch.where(self._leans, self.lean * _TILT_UNIT, 0), self._forward), 1)
         tilt = tilt if tilt is None or order is None else tilt[order]
         return Strokes(**dict(zip(GROUPS, groups, strict=True)), taught=taught, tilt=tilt)
 

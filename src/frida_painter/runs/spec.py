@@ -260,7 +260,7 @@ class RunSpec(BaseModel):
         le=40,
         allow_inf_nan=False,
         description="How far the brush may lean to a side. A leaning brush leaves a mark with a sharp and a soft side. "
-        "The robot has to be able to tilt it. Paintings in the studio have not come nearer to their pictures by it.",
+        "The robot has to be able to tilt it. Paintings in the studio have hardly come nearer to their pictures by it.",
         json_schema_extra={"metavar": "DEGREES"},
     )
     drying: float = Field(

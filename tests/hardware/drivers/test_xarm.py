@@ -78,6 +78,7 @@ def test_a_long_brush_is_held_higher_by_its_length(box: XarmBox) -> None:
     robot.close()
 
 
+@pytest.mark.slow
 def test_the_brush_leans_about_its_tip_as_asked_and_comes_up_again(box: XarmBox) -> None:
     """Angle and side of the handle, and the tip's path, by the places and angles of the control box."""
     length, turn = 0.12, np.linspace(0.0, 1.0, len(STROKE.position))
