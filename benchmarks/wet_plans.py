@@ -127,7 +127,7 @@ class Workshop:
     def studio(self) -> StudioWithout:
         return StudioWithout(() if self.looks else (PLACEMENT, HAND))
 
-    def teach(self, seed: int) -> tuple[Calibration, WetPaint]:
+    def teach(self, seed: int) -> tuple[Calibration, WetPaint | None]:
         """Paints the teacher; returns the record before it, and what a person's record would keep of it."""
         spec = self.describe(TEACHER, seed)
         before = open_studio(CANVAS, spec.brush_names[0], seed=seed).easel.calibration
@@ -136,8 +136,6 @@ class Workshop:
             run.simulate(opener=self.studio().open)
             assert run.session is not None
             wet = run.session.learn_wet_paint()
-        if wet is None:
-            raise SystemExit(f"The painting of {TEACHER} taught nothing of wet paint; give it more strokes.")
         return before, wet
 
     def paint(self, spec: RunSpec, record: Calibration) -> Painted:
@@ -193,6 +191,9 @@ def main() -> None:
         with TemporaryDirectory() as folder:
             workshop = Workshop(Path(folder), settings, options.looks)
             bare, wet = workshop.teach(seed)
+            if wet is None and not options.quick:
+                raise SystemExit(f"The painting of {TEACHER} taught nothing of wet paint; give it more --strokes.")
+            wet = wet or AT_ONCE  # a quick painting may be too small to teach
             notes.append(f"Taught with seed {seed}: {wet.rate:.0f} per m, {100 * wet.share:.0f} %, {wet.drying:.0f} s.")
             for name in options.pictures:
                 spec = workshop.describe(name, seed)
