@@ -4,7 +4,7 @@ import itertools
 
 import pytest
 import torch
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as some
 from torch import Tensor
 
@@ -158,6 +158,7 @@ def test_what_has_no_relation_stands_beside_and_what_has_no_picture_is_left_out(
 NUMBERS, WORDS = some.integers(0, 3), some.sampled_from(["on", "in", "under", "over", "behind", "with", "of", "x"])
 
 
+@settings(max_examples=50)
 @given(some.lists(some.tuples(NUMBERS, WORDS, NUMBERS), max_size=6))
 def test_any_relations_place_every_thing_once(said: list[tuple[int, str, int]]) -> None:
     parts = [thing(0, 0.1), table(), thing(1, 20), thing(2, 1, "air")]

@@ -327,7 +327,8 @@ def _account_for(things: Sequence[SceneThing | None], reading: Reading, seen: _S
         if account.shows(first.at) and account.shows(second.at):
             is_placed = kind_of(relation.word) not in ("", "doing")
             settles = any(second is thing or first is thing for thing, _, _ in seen)
-            account.mark(relation.at, Mark.SHOWN if is_placed or settles else Mark.SIMILAR, "side by side")
+            near = "side by side, or in the hands" if kind_of(relation.word) == "doing" else "side by side"
+            account.mark(relation.at, Mark.SHOWN if is_placed or settles else Mark.SIMILAR, near)
 
 
 def _says_all(caption: str, thing: Thing, reading: Reading) -> bool:
