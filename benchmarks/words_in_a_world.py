@@ -58,9 +58,7 @@ def main() -> None:
     pairs, begun_right = [], 0
     for number in given.only or range(len(asked)):
         started, picture = time.process_time(), asked[number]
-        begun, painted[number] = paint(
-            picture.say(), given.clip, given.seed, **({"effort": 0.2} if given.quick else {})
-        )
+        begun, painted[number] = paint(picture.say(), given.clip, given.seed, **quicker)
         pairs.append(torch.cat((begun, painted[number]), 2))
         begun_right += reader.approves(begun, picture)
         right = "right" if reader.approves(painted[number], picture) else "WRONG"
