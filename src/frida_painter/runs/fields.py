@@ -32,7 +32,7 @@ def sentence_on(fault: Any, fields: Mapping[str, FieldInfo]) -> str:
     field = str(fault["loc"][0])
     if fault["type"] == "extra_forbidden":
         near = get_close_matches(field, fields, 3)
-        known = f"near it is {' or '.join(near)}" if near else f"there are {', '.join(sorted(set(fields) - {'version'}))}"
+        known = f"near it is {' or '.join(near)}" if near else "there are " + ", ".join(sorted({*fields} - {"version"}))
         return f"{field[:40]!r} is not a setting; {known}"
     name = f"--{field.replace('_', '-')}"
     if fault["type"] == "value_error":
