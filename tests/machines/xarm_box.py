@@ -66,7 +66,7 @@ class XarmBox:
         self.moved: list[np.ndarray] = []
         self.turned: list[np.ndarray] = []
         self.at: list[float] = []
-        self.ignored = self.clears = self.connections = self.stops = 0
+        self.ignored = self.clears = self.connections = self.stops = self._told = 0
         self.commands: list[int] = []
         self._queue: deque[Line] = deque()
         self._begun = 0
@@ -121,8 +121,10 @@ class XarmBox:
     def guide(self, poses: np.ndarray, seconds: float) -> int:
         """A person leads the arm through poses [n, 6] (mm, radians); returns how many of them it followed.
 
+
         It follows in mode 2, joint teaching, once set_state(0) enabled that (xarm_api.py: set_mode and
-        start_record_trajectory), and holds its place otherwise.
+        start_record_trajectory), and holds its place otherwise. The person waits at each pose until its place was
+        asked for, so that a busy machine misses no mark.
         """
         followed = 0
         for pose in poses:
@@ -130,7 +132,10 @@ class XarmBox:
                 if self.mode == TEACHING and self.state in (MOVING, STANDBY) and self.on and not self.error:
                     self.pose = np.array(pose, dtype=np.float64)
                     followed += 1
+            told = self._told
             time.sleep(seconds / len(poses))
+            while self.mode == TEACHING and self.state in (MOVING, STANDBY) and self._told == told:
+                time.sleep(0.002)
         return followed
 
     # Connections.
@@ -216,6 +221,7 @@ class XarmBox:
         if register == _GET_ERROR:
             return bytes([self.error, self.warning])
         if register == _GET_POSE:
+            self._told += 1
             return struct.pack("<6f", *self.pose)
         if register == _IS_TCP_LIMIT:
             return bytes([not self._reaches(np.array(struct.unpack("<6f", values[:24])))])

@@ -17,7 +17,7 @@ from frida_painter.hardware.drivers import interlock
 from frida_painter.hardware.drivers.xarm import XarmRobot, XarmSettings
 from frida_painter.hardware.robot import ExaminedRobot, TimedRobot, Waypoints
 from machines.paths import NOT_PATHS, a_stroke
-from machines.xarm_box import PAUSED, STOPPED, XarmBox, use_ports
+from machines.xarm_box import COLLISION, PAUSED, STOPPED, XarmBox, use_ports
 
 pytest.importorskip("xarm", reason="the extra `xarm` is not installed")
 
@@ -225,6 +225,18 @@ def test_a_stop_at_the_arm_is_a_stop(box: XarmBox, robot: XarmRobot) -> None:
     with pytest.raises(RobotStopped, match="was stopped, by its switch or to protect somebody"):
         robot.follow(STROKE)
     still_after_that(box, robot)
+
+
+def test_a_fault_between_two_questions_is_no_stop_by_a_person(box: XarmBox, robot: XarmRobot) -> None:
+    ask = robot._arm.get_state  # the maker's own
+
+    def fail_first() -> tuple[int, int]:
+        box._fail(COLLISION)
+        return ask()
+
+    robot._arm.get_state = fail_first
+    with pytest.raises(MotionFailed, match="error 31"):
+        robot.follow(a_stroke())
 
 
 @pytest.mark.parametrize("points", [31, 300])

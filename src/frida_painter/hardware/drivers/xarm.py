@@ -555,7 +555,11 @@ class XarmRobot:
             time.sleep(_POLL)
 
     def _state(self, label: str) -> int:
-        """Returns the arm's state. Raises RobotStopped if it was stopped at the arm, RobotError if it was reset."""
+        """Returns the arm's state.
+
+        Raises RobotStopped if it was stopped at the arm, MotionFailed if its own fault stopped it, RobotError if it was
+        reset.
+        """
         state = self._number(label, "get_state")
         if state == _RESET:  # it has then dropped its queue (SDK issue 107)
             raise RobotError(
@@ -563,6 +567,7 @@ class XarmRobot:
                 "or its mode, and has dropped its motions. End that program, then connect anew."
             )
         if state in _STOPPED:
+            self._require_no_fault(label, None)  # one that came after the last question
             raise RobotStopped(
                 f"{label}: {self._interlock.name} was stopped, by its switch or to protect somebody; look at it before "
                 "it is connected anew."
