@@ -25,14 +25,14 @@ from frida_painter.hardware.gcode import Gcode
 from frida_painter.hardware.own_gcode import read_own
 from frida_painter.hardware.robot import (
     Examination,
-    LongHandledRobot,
     LooseRobot,
     Reach,
     Robot,
-    TiltingRobot,
     TimedRobot,
     Waypoints,
     Workspace,
+    handle_length_of,
+    max_tilt_of,
 )
 from frida_painter.hardware.timing import AxisTiming, Timing
 from frida_painter.hardware.travel import TravelLimits
@@ -242,8 +242,8 @@ def _place(plan: Plan, robot: str | None, workspace: Path | None) -> _Place:
             driver = make_robot(robot, workcell.workspace)
             reach = find_reach(workcell, driver)
             timing = driver.timing() if isinstance(driver, TimedRobot) else None
-            max_tilt = driver.max_tilt if isinstance(driver, TiltingRobot) else 0.0
-            handle = driver.handle_length if isinstance(driver, LongHandledRobot) else 0.0
+            max_tilt = max_tilt_of(driver)
+            handle = handle_length_of(driver)
             _tell_play(driver, workcell)
             told = _examine(robot, workcell.workspace)
             timing = timing if told is None or told.timing is None else told.timing

@@ -35,18 +35,18 @@ from frida_painter.hardware.robot import (
     Frame,
     LimitedRobot,
     LiveCamera,
-    LongHandledRobot,
     MotionReport,
     PausableRobot,
     Robot,
     Sense,
-    TiltingRobot,
     TimedRobot,
     TouchProbe,
     Waypoints,
     Workspace,
     Zero,
     ZeroedRobot,
+    handle_length_of,
+    max_tilt_of,
 )
 from frida_painter.hardware.timing import AxisTiming
 from frida_painter.hardware.travel import TravelLimits
@@ -105,14 +105,12 @@ class GuardedRobot:
     @property
     def max_tilt(self) -> float:
         """Radians by which the robot can tilt its brush; 0 if it cannot."""
-        told = self.robot.max_tilt if isinstance(self.robot, TiltingRobot) else 0.0
-        return told if isinstance(told, int | float) else 0.0
+        return max_tilt_of(self.robot)
 
     @property
     def handle_length(self) -> float:
         """Metres from the tip to the hand, which a tilted brush takes along; 0 if that does not count."""
-        told = self.robot.handle_length if isinstance(self.robot, LongHandledRobot) else 0.0
-        return told if isinstance(told, int | float) else 0.0
+        return handle_length_of(self.robot)
 
     @property
     def moving(self) -> bool:

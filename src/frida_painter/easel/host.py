@@ -42,7 +42,6 @@ from frida_painter.hardware.robot import (
     Camera,
     LimitedRobot,
     LiveCamera,
-    LongHandledRobot,
     MotionReport,
     PausableRobot,
     Reach,
@@ -52,6 +51,7 @@ from frida_painter.hardware.robot import (
     Workspace,
     Zero,
     ZeroedRobot,
+    handle_length_of,
     reaches,
 )
 from frida_painter.hardware.timing import AxisTiming, Timing
@@ -177,7 +177,7 @@ class Host:
             case "robot.close":
                 robot.close()
             case "robot.reaches" if self.reach is not None:
-                found = reaches(self.reach, arrays["position"], arrays.get("lean"), _handle_length(robot))
+                found = reaches(self.reach, arrays["position"], arrays.get("lean"), handle_length_of(robot))
                 return {}, {"reachable": found.astype(np.uint8)}
             case "camera.connect":
                 camera.connect()
@@ -375,10 +375,6 @@ def _serve(order: EaselOrder, wire: Wire, line: socket.socket) -> bool:
         limits_told = {"patience": given.patience, "grace": given.grace, "answer": given.answer}
         wire.send({**_about(easel), "simulated": simulated, **limits_told})
         return Host(robot, camera, easel.operator, easel.reach).serve(wire)
-
-
-def _handle_length(robot: Robot) -> float:
-    return robot.handle_length if isinstance(robot, LongHandledRobot) else 0.0
 
 
 def _is_stopped(robot: GuardedRobot) -> bool:

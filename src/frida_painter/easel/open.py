@@ -29,7 +29,7 @@ from frida_painter.easel.order import EaselOrder
 from frida_painter.errors import ConfigError, FridaError
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.kinds import CameraKind, MachineName, RobotKind, by_name
-from frida_painter.hardware.robot import Camera, LongHandledRobot, Reach, Robot, TiltingRobot, Workspace, reaches
+from frida_painter.hardware.robot import Camera, Reach, Robot, Workspace, handle_length_of, max_tilt_of, reaches
 from frida_painter.hardware.workcell import WorkcellConfig
 
 
@@ -97,8 +97,8 @@ def _open_real(order: EaselOrder) -> OpenEasel:
         calibration=workcell.calibration(order.brushes[0], camera=order.camera, others=order.brushes[1:]),
         canvas=workcell.canvas,
         reach=find_reach(workcell, robot),
-        max_tilt=robot.max_tilt if isinstance(robot, TiltingRobot) else 0.0,
-        handle_length=robot.handle_length if isinstance(robot, LongHandledRobot) else 0.0,
+        max_tilt=max_tilt_of(robot),
+        handle_length=handle_length_of(robot),
     )
     return OpenEasel(easel, lambda: None)
 
@@ -129,7 +129,7 @@ def find_reach(workcell: WorkcellConfig, robot: Robot) -> Reach | None:
     own = robot if isinstance(robot, Reach) else None
     if own is None or workcell.reach is None:
         return own or workcell.reach
-    return _BothReach(workcell.reach, own, robot.handle_length if isinstance(robot, LongHandledRobot) else 0.0)
+    return _BothReach(workcell.reach, own, handle_length_of(robot))
 
 
 def make_robot(text: str, workspace: Workspace) -> Robot:

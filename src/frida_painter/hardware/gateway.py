@@ -120,16 +120,23 @@ def _too_tilted(motion: Waypoints, max_tilt: float) -> tuple[str, str] | None:
 
 
 def _outside(motion: Waypoints, workspace: Workspace) -> tuple[str, str] | None:
-    lower, upper = np.array(workspace.lower) - _TOLERANCE, np.array(workspace.upper) + _TOLERANCE
-    inside = (motion.position >= lower) & (motion.position <= upper)
-    if inside.all():
+    outside = _beyond_bounds(motion.position, workspace)
+    if outside is None:
         return None
-    point, axis = np.argwhere(~inside)[0]
+    point, axis = outside
     reason = (
         f"{_axis(motion, point, axis)}; the workspace reaches from {workspace.lower[axis]:.4f} to "
         f"{workspace.upper[axis]:.4f} m"
     )
     return reason, "move the canvas into reach or make the workspace true"
+
+
+def _beyond_bounds(places: NDArray[np.float64], workspace: Workspace) -> tuple[int, int] | None:
+    """Returns the first place [k, 2 or 3] beyond the workspace's bounds, with its axis; None if all are inside."""
+    axes = places.shape[1]
+    lower, upper = np.array(workspace.lower[:axes]) - _TOLERANCE, np.array(workspace.upper[:axes]) + _TOLERANCE
+    outside = np.argwhere(~((places >= lower) & (places <= upper)))
+    return (int(outside[0, 0]), int(outside[0, 1])) if len(outside) else None
 
 
 def _too_deep(motion: Waypoints, workspace: Workspace, surface: Surface) -> tuple[str, str] | None:
@@ -150,11 +157,10 @@ def _handle_outside(motion: Waypoints, workspace: Workspace, handle: float) -> t
     if motion.lean is None:
         return None
     top = motion.position + handle * handle_direction(motion.lean)
-    lower, upper = np.array(workspace.lower[:2]) - _TOLERANCE, np.array(workspace.upper[:2]) + _TOLERANCE
-    inside = (top[:, :2] >= lower) & (top[:, :2] <= upper)
-    if inside.all():
+    outside = _beyond_bounds(top[:, :2], workspace)
+    if outside is None:
         return None
-    point, axis = np.argwhere(~inside)[0]
+    point, axis = outside
     reason = (
         f"with the brush leaning by {_degrees(motion.lean[point])} degrees, its handle of {1000 * handle:.0f} mm is at "
         f"{'xyz'[axis]} = {top[point, axis]:.4f} m at waypoint {point}; the workspace reaches from "

@@ -184,6 +184,12 @@ def handle_direction(lean: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.c_[np.sinc(angle / np.pi) * lean, np.cos(angle)]
 
 
+def lean_of(handle: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Returns the lean [2] of a brush whose handle has this direction [3] from the tip; see `handle_direction`."""
+    aside = float(np.hypot(*handle[:2]))
+    return np.asarray(handle[:2] * (np.arctan2(aside, handle[2]) / max(aside, 1e-12)))
+
+
 def plan_way_home(here: NDArray[np.float64], home: Point, speed: float) -> Waypoints:
     """Returns the way of the tip from `here` [3] to the home position, first vertically. speed: m/s"""
     aside = np.array(home)
@@ -369,6 +375,18 @@ class LongHandledRobot(Protocol):
     """
 
     handle_length: float
+
+
+def max_tilt_of(robot: object) -> float:
+    """Returns the radians by which a robot can tilt its brush; 0 if it cannot."""
+    told = robot.max_tilt if isinstance(robot, TiltingRobot) else 0.0
+    return told if isinstance(told, int | float) else 0.0
+
+
+def handle_length_of(robot: object) -> float:
+    """Returns the metres from the tip to the hand, which a tilted brush takes along; 0 if that does not count."""
+    told = robot.handle_length if isinstance(robot, LongHandledRobot) else 0.0
+    return told if isinstance(told, int | float) else 0.0
 
 
 @runtime_checkable

@@ -16,7 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from frida_painter.hardware.robot import handle_direction
+from frida_painter.hardware.robot import (
+    handle_direction,
+    lean_of,
+)
 
 # Inverse kinematics: joint angles for positions of the tip with an upright or leaning brush, by mink (differential, a
 # small QP). The position and the brush's direction leave two of the seven joints free. They take the values nearest to
@@ -60,9 +63,7 @@ class Kinematics:
         """Returns the lean of the brush [2] (`Waypoints.lean`) for joint angles [7]."""
         self._around.qpos[:] = angles
         mujoco.mj_kinematics(self.model, self._around)
-        x, y, up = -self._around.site_xmat[self._tip][2::3]  # along the handle
-        aside = float(np.hypot(x, y))
-        return np.array([x, y]) * (np.arctan2(aside, up) / max(aside, 1e-12))
+        return lean_of(-self._around.site_xmat[self._tip][2::3])
 
     def follow(
         self,
@@ -157,7 +158,7 @@ class Kinematics:
 
 
 def _pointing(lean: NDArray[np.float64] | None) -> NDArray[np.float64]:
-    """Returns the direction [3] in which a brush points that leans by `lean` [2]; None for upright."""
+    """Returns the direction [3] from the handle to the tip for a lean [2] of the brush; None for upright."""
     return np.array([0.0, 0.0, -1.0]) if lean is None else -handle_direction(lean[None])[0]
 
 

@@ -113,7 +113,7 @@ class PlanKeeper:
         rest, canvas, before = self._progress.rest, self._progress.canvas.last_seen, self._loss()
         with suppress(_Overtaken):
             hear = self._checking_interrupts("replan")
-            fresh, wetness = self._progress.begins_layer, self._wetness(self._table(rest, no_looks))
+            fresh, wetness = self._progress.begins_layer, self._wetness(rest)
             again = self.planner.replan(rest, canvas, hear, rounds, fresh=fresh, wetness=wetness)
             mixed = not (self._progress.begins_layer and self._progress.painted)
             again = self._settle_wet(self._arrange(again), hear, mixed=mixed)
@@ -188,7 +188,7 @@ class PlanKeeper:
         if len(fitting) == len(rest):
             return rest
         canvas, hear = self._progress.canvas.last_seen, self._checking_interrupts("plan")
-        settled = self.planner.replan(fitting, canvas, hear, wetness=self._wetness(self._table(fitting, no_looks)))
+        settled = self.planner.replan(fitting, canvas, hear, wetness=self._wetness(fitting))
         return self._fitting(self._arrange(settled))
 
     def _fitting(self, rest: Plan) -> Plan:
@@ -224,7 +224,7 @@ class PlanKeeper:
         note = partial(self._journal.record_plan, plan, progress.painted, placement, answers=answers)
         self._interruptions.retry(note)
         progress.plan, progress.planned_at, progress.answers = plan, progress.painted, answers
-        wetness = self._wetness(self.schedule())
+        wetness = self._wetness(rest, self.schedule())
         planner, canvas, unseen = self.planner, progress.canvas.last_seen, 0
         if len(rest):
             unseen = self._policy.next_look(progress.painted, progress.strokes) - progress.painted
@@ -236,7 +236,7 @@ class PlanKeeper:
     def _loss(self) -> float:
         """Returns the validation loss of the expected canvas after the rest."""
         rest, canvas = self._progress.rest, self._progress.canvas.last_seen
-        return self.planner.expected_loss(rest, canvas, self._wetness(self._table(rest, no_looks)))
+        return self.planner.expected_loss(rest, canvas, self._wetness(rest))
 
     def _arrange(self, rest: Plan) -> Plan:
         """Returns the rest, with the strokes of the next batch in a good order for painting."""
@@ -252,16 +252,20 @@ class PlanKeeper:
 
         mixed: False if the paints of the next stroke's layer may still change.
         """
-        wetness = self._wetness(self._table(rest, no_looks))
+        wetness = self._wetness(rest)
         if wetness is None or len(rest) == 0:
             return rest
         return self.planner.settle_wet(rest, self._progress.canvas.last_seen, wetness, hear, mixed=mixed)
 
-    def _wetness(self, table: Timetable) -> Wetness | None:
-        """Returns the wetness of strokes with this timetable; None if nothing is known of wet paint."""
+    def _wetness(self, rest: Plan, table: Timetable | None = None) -> Wetness | None:
+        """Returns the wetness of a rest with this timetable; None if nothing is known of wet paint.
+
+        table: None for that of the rest without looks
+        """
         wet, progress = self._hand.easel.calibration.wet, self._progress
         if wet is None:
             return None
+        table = self._table(rest, no_looks) if table is None else table
         if progress.plan is None:
             return Wetness(wet, table.after)
         below = progress.plan.part(slice(progress.resumed_at, progress.painted))

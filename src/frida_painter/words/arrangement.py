@@ -108,7 +108,7 @@ _KINDS = {
 }
 _OPPOSITE = {"on": "beneath", "in": "around", "under": "over", "behind": "front"}
 _OPPOSITE |= {other: kind for kind, other in _OPPOSITE.items()}
-_LOOSE = ("with", "doing", "beside", "near")  # kinds of relations in which a thing of the sky stays in the sky
+_LOOSE = ("with", "doing", "beside", "near")  # relations with which a thing of the sky stays in the sky
 _STOOD_BY = ("on", "in", "under", "over", "behind")  # the objects of these relations are placed first
 
 

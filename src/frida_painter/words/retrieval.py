@@ -62,7 +62,7 @@ def is_upright(picture: Tensor) -> bool:
 # Comparison of a picture's title with a thing of a prompt.
 
 _SAYS, _ADDS = 0.2, 0.2  # bonus for each word of the prompt, and penalty for each other word
-_MODIFIES = 0.6  # penalty for a title in which the word only qualifies another
+_MODIFIES = 0.6  # for a title whose word only describes another word
 _FURTHER = re.compile(r"\b(?:of|with|in|on|at|for|and)\b")  # the words after these are not the named thing
 SEVERAL = (None, 2)  # counts of a plural that one picture may show: flowers, or a pair of scissors
 

@@ -28,6 +28,7 @@ from frida_painter.hardware.robot import (
     Waypoints,
     Workspace,
     handle_direction,
+    lean_of,
     plan_way_home,
 )
 from frida_painter.hardware.timing import AxisTiming
@@ -451,9 +452,7 @@ class XarmRobot:
         self, tip: NDArray[np.float64], place: NDArray[np.float64], waypoints: Waypoints
     ) -> list[NDArray[np.float64]]:
         """Returns the places of the tool's centre that turn the brush about its tip to its first lean, in steps."""
-        handle = -_along_tool(np.radians(place[3:]))
-        aside = float(np.hypot(*handle[:2]))
-        now = handle[:2] * (math.atan2(aside, handle[2]) / max(aside, 1e-12))
+        now = lean_of(-_along_tool(np.radians(place[3:])))
         now = now if float(np.hypot(*now)) > _UPRIGHT else np.zeros(2)
         wanted = np.zeros(2) if waypoints.lean is None else waypoints.lean[0]
         far = float(np.hypot(*(wanted - now)))
