@@ -142,7 +142,7 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
         term.made ? h("small", {}, term.made) : null,
         terms !== wish.terms ? null : slider({ label: "Weight", min: 0, max: weights.length - 1, value: nearestWeight(term.weight), words: (index) => weights[index][1],
           oninput: (index) => { term.weight = weights[index][0]; changed(); } }),
-        term.kind !== "semantic" || terms !== wish.terms ? null : slider({ label: "Colours", min: 0, max: 10, value: Math.round(10 * (wish.freedom ?? 0.5)),
+        term.kind !== "semantic" || terms !== wish.terms ? null : slider({ label: "Freedom of colours", min: 0, max: 10, value: Math.round(10 * (wish.freedom ?? 0.5)),
           words: (tenths) => (tenths < 4 ? "faithful" : tenths < 7 ? "bold" : "wild"), oninput: (tenths) => { wish.freedom = tenths / 10; changed(); } })),
       h("button", { type: "button", class: "quiet remove", "aria-label": `Remove: ${KINDS[term.kind].label}`, title: "Remove",
         onclick: () => { terms.splice(terms.indexOf(term), 1); draw(); changed(); } }, "×"),
