@@ -1,6 +1,7 @@
 import pytest
 import torch
 
+from frida_painter.objectives.attention import Face, importance_of
 from frida_painter.objectives.encoders.classifiers import EfficientNetLite
 from frida_painter.objectives.encoders.vgg import Vgg16
 from frida_painter.objectives.semantic_loss import Semantic, Views, spread_colors
@@ -92,6 +93,23 @@ def test_places_that_matter_count_more() -> None:
     with torch.no_grad():
         colors = [float(heeded.validation(one)) for one in other]
     assert colors[1] > 3 * colors[0]
+
+
+@pytest.mark.parametrize("freedom", [0.0, 0.5, 1.0])
+def test_the_grain_of_a_face_counts_and_that_of_the_rest_does_not(freedom: float) -> None:
+    image, chance = picture(), torch.Generator().manual_seed(0)
+    rows, columns = image.shape[1:]
+    matters = importance_of([Face(0.5, 0.25, 0.8, 0.4)], rows, columns)
+    heeded = Semantic(image, ScaledSeer(), 0, QuickVgg(), freedom, matters)
+    plain = Semantic(image, ScaledSeer(), 0, QuickVgg(), freedom)
+    grain = 0.05 * torch.randn(image.shape, generator=chance)
+    inside = matters > 6.9 * matters.min()
+    outside = matters < 1.1 * matters.min()
+    assert 100 < int(inside.sum()) and 100 < int(outside.sum())
+    with torch.no_grad():
+        face, rest = (float(heeded.validation(image + grain * where)) for where in (inside, outside))
+        without = float(plain.validation(image + grain * inside))
+    assert face > 5 * rest and face > 5 * without
 
 
 def test_wild_colors_are_further_from_their_mean() -> None:
