@@ -46,7 +46,7 @@ def test_it_lies_where_the_picture_is_calm() -> None:
 
 
 def test_named_colours_are_kept() -> None:
-    shown = composite_into_style(_thing(), _halves(), keeps_colors=True)
+    shown = composite_into_style(_thing(), _halves(), own=1.0)
     body = shown.picture[:, shown.where > 0.99]
     assert float((body[0] > 0.85).float().mean()) > 0.7
 

@@ -14,6 +14,7 @@ from frida_painter.objectives.objective import Goal, ObjectiveContext
 from frida_painter.objectives.text_loss import Text, wish
 from frida_painter.objectives.word_settings import WordSettings
 from frida_painter.words.abstract import arrange
+from frida_painter.words.photograph import put_into_photograph, puts_into_photograph
 from frida_painter.words.pyramid import color_in
 
 _APART = 104_729  # added to the seed, so that the views of the choice are not those of the optimiser
@@ -33,6 +34,8 @@ def with_beginning(
     reads the words.
     """
     encoders = context.encoders
+    if puts_into_photograph(goal, encoders):
+        return put_into_photograph(goal, encoders)
     how = settings.beginning
     by_clip = encoders.reads_by_clip
     if how == "scene" and by_clip and not encoders.composes:

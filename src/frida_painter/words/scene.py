@@ -156,7 +156,7 @@ def scene_of(
     shown = [one for one in things if one is not None]
     whole = next((one for one in shown if has_ground(one.found.picture)), None)
     if whole is not None:
-        _account_for([whole], reading, [one for one in seen if not isinstance(one[2], Place)], account)
+        account_for([whole], reading, [one for one in seen if not isinstance(one[2], Place)], account)
         _tell([whole], replace(setting, is_named=False), encoders, use, index, account)
         if len(shown) > 1:
             encoders.remark("The picture has a ground of its own and fills the canvas; nothing else is added.")
@@ -165,12 +165,12 @@ def scene_of(
         near = places.rank_lights(prompt, sentences)
         first = near[0] if setting.light == places.DAY else setting.light
         second = setting.second or next(light for light in near if light.name not in first.name)
-        _account_for(things, reading, seen, account)
+        account_for(things, reading, seen, account)
         _tell(shown, replace(setting, light=first, is_named=True), encoders, use, index, account)
         return compose_mood(first, second, setting, grid, seed)
     if setting.place is places.NOWHERE:
         setting = replace(setting, place=_place_of(things, reading.relations, setting, sentences))
-    _account_for(things, reading, [one for one in seen if one[2] is not setting.second], account)
+    account_for(things, reading, [one for one in seen if one[2] is not setting.second], account)
     _tell(shown, setting, encoders, use, index, account)
     is_flown = any(relation.word == "flying" for relation in reading.relations)  # a kite of somebody on the ground
     over = {one.subject for one in reading.relations if kind_of(one.word) == "over" and one.object in settled}
@@ -305,7 +305,7 @@ def _place_named(number: int, reading: Reading, nearest: float, sentences: Sente
     return place
 
 
-def _account_for(things: Sequence[SceneThing | None], reading: Reading, seen: _Seen, account: Account) -> None:
+def account_for(things: Sequence[SceneThing | None], reading: Reading, seen: _Seen, account: Account) -> None:
     """Marks what a scene shows: the words of its setting, the things with pictures, and the relations of both.
 
     things: of the scene, before clothes are merged into their wearers
@@ -346,7 +346,7 @@ def _tell(
 ) -> None:
     """Makes remarks about the scene's pictures, their authors, and what is not shown."""
     place = f", on {setting.words}" if setting.is_named else ""
-    told = f"{' and '.join(one.told for one in shown)}{place}{_credit(shown)}"
+    told = f"{' and '.join(one.told for one in shown)}{place}{credit(shown)}"
     if not shown:
         told = f"strokes and colours of {setting.words}, without a picture of a thing"
     encoders.remark(f"{use.capitalize()} {told}.")
@@ -357,7 +357,7 @@ def _tell(
         encoders.remark(f"Of your own pictures one cannot be used: {fault}")
 
 
-def _credit(shown: Sequence[SceneThing]) -> str:
+def credit(shown: Sequence[SceneThing]) -> str:
     """Returns the authors of the pictures, for the end of a sentence."""
     credits = dict.fromkeys(one.found.library.credit for one in shown if one.found.library.credit)
     return f"; pictures by {'; '.join(credits)}" if credits else ""
@@ -383,7 +383,8 @@ def initial_composition(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, 
     thing of the words laid into it. All other goals are returned unchanged.
     """
     said = [(term.words, term.weight) for term in goal.terms if term.words is not None]
-    words, weight = max(said, key=lambda pair: pair[1]) if said else ("", 0.0)
+    said.sort(key=lambda pair: -pair[1])  # several words are read as one sentence
+    words, weight = " and ".join(dict.fromkeys(some for some, _ in said)), said[0][1] if said else 0.0
     if goal.initial:
         first = [term.words for term in goal.initial if term.words is not None]
         styles = [term.colors for term in goal.initial if term.colors is not None]
@@ -441,15 +442,15 @@ def _start_with_style(
     reading, index = prompt_reader(encoders).read(words), picture_index(encoders)
     found = cast(reading, set(), words, index, encoders, in_place=False)
     thing, account = next((one for one in found if one is not None), None), Account(reading)
-    _account_for([thing], reading, [], account)
+    account_for([thing], reading, [], account)
     if thing is None:
         encoders.remark(f"No picture was found for {words[:60]!r}; begun with the style picture alone.")
         encoders.remark(account.told)
         return goal
     scene = images.fit(style, grid.rows, grid.columns)
-    shown = composite_into_style(thing.colored, scene, keeps_colors=bool(thing.thing.color))
+    shown = composite_into_style(thing.colored, scene, own=float(bool(thing.thing.color)))
     matters = 1 + (_MATTERS - 1) * shown.where
     kept = ImageTerm(shown.picture, _STAGED * weight, matters / matters.mean())
-    encoders.remark(f"Begun with {thing.told}, laid into the style picture{_credit([thing])}.")
+    encoders.remark(f"Begun with {thing.told}, laid into the style picture{credit([thing])}.")
     encoders.remark(account.told)
     return Goal((*goal.terms, kept), (replace(kept, weight=1.0),))
