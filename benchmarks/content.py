@@ -1,6 +1,7 @@
 """Is the content of a photograph better seen in a painting by content than in one by pixels?
 
-    python benchmarks/content.py [--quick] [--strokes N] [--effort X] [--freedom X ...] [--names NAME ...] [--out FOLDER]
+    python benchmarks/content.py [--quick] [--strokes N] [--effort X] [--freedom X ...] [--names NAME ...]
+                                 [--out FOLDER] [--json FILE]
 
 Eight photographs are planned as `paint PHOTO` and as `paint --semantic PHOTO` plan them, once for each freedom of
 colours. EfficientNet-Lite1, which neither optimises nor chooses these plans, tells how far the features of each are

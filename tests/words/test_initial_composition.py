@@ -37,6 +37,20 @@ def test_words_alone_begin_with_their_pictogram_which_stays_in_the_goal(encoders
     assert any("OpenMoji" in remark and "CC BY-SA 4.0" in remark for remark in encoders.remarks)
 
 
+def test_several_words_are_one_scene_the_heaviest_first(encoders: QuickEncoders) -> None:
+    said: list[str] = []
+
+    def read(prompt: str) -> Reading:
+        said.append(prompt)
+        return Reading((Thing("strawberry", "strawberry"),))
+
+    encoders.own["prompt reader"] = SimpleNamespace(read=read)
+    words = TextTerm("a lemon"), TextTerm("a strawberry", 2.0), TextTerm("a lemon", 0.5)
+    goal = initial_composition(Goal(words), GRID, encoders, 0)
+    assert said == ["a strawberry and a lemon"]
+    assert goal.terms[:3] == words and goal.terms[3].weight % 2.0 == 0
+
+
 def test_without_a_picture_there_is_a_scene_without_it_and_what_helps_is_said(encoders: QuickEncoders) -> None:
     (begun,) = initial_composition(Goal((TextTerm("a zygote"),)), GRID, encoders, 0).initial
     assert isinstance(begun, ImageTerm) and float(begun.image[:, 0].mean()) < 0.99, "a sky, not bare paper"
@@ -202,9 +216,9 @@ def test_in_a_style_the_scene_of_words_is_in_its_colours(encoders: QuickEncoders
 def test_beside_a_style_or_a_sketch_the_scene_leaves_them_a_say(encoders: QuickEncoders) -> None:
     words, drawing = TextTerm("a strawberry", 2.0), torch.ones(3, 60, 80)
     drawing[:, 15:45, 20:60] = 0
-    goals = [(words,), (words, TextTerm("a pear")), (words, StyleTerm(picture())), (words, SketchTerm(drawing))]
+    goals = [(words,), (words, TextTerm("pears")), (words, StyleTerm(picture())), (words, SketchTerm(drawing))]
     weights = [initial_composition(Goal(terms), GRID, encoders, 0).terms[-1].weight for terms in goals]
-    assert weights[0] == weights[1] > 10 * weights[2] and weights[2] == weights[3] == 6
+    assert weights[1] == 10 * weights[0] > 100 * weights[2] and weights[2] == weights[3] == 6
 
 
 def test_the_scene_of_a_place_counts_more_than_that_of_a_thing(encoders: QuickEncoders) -> None:

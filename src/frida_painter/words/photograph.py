@@ -16,6 +16,7 @@ from frida_painter.objectives.encoders.classifiers import EfficientNetLite, clas
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
+from frida_painter.objectives.pixel_loss import spread
 from frida_painter.words.account import Account, Mark
 from frida_painter.words.arrangement import known_like
 from frida_painter.words.reading import Thing, prompt_reader, word_meanings
@@ -102,5 +103,5 @@ def _shows(photograph: Tensor, thing: Thing, encoders: EncoderRegistry) -> bool:
 
 def _times(one: Tensor | None, other: Tensor) -> Tensor:
     """Returns the product of the importance of places by two measures [h, w], with mean 1."""
-    both = other if one is None else images.fit(one[None], *other.shape)[0] * other
+    both = other if one is None else spread(one, *other.shape) * other
     return both / both.mean()
