@@ -2,8 +2,8 @@
 
     python benchmarks/combined.py [--quick] [--strokes N] [--effort X] [--names NAME ...] [--out FOLDER] [--json FILE]
 
-Each is listed with what a person would have wanted. The sheet and the plans' pictures are written to FOLDER. A picture
-that is there already is shown, not planned again.
+Each is listed with a description of the painting that a person hopes for. The sheet and the plans' pictures are
+written to FOLDER. A picture that is there already is shown, not planned again.
 """
 
 from collections.abc import Callable
@@ -50,7 +50,7 @@ def style(name: str) -> Path:
     return STYLES / f"{name}.jpg"
 
 
-# Written down, each with what a person would have wanted, before anything was painted.
+# Written down before anything was painted, each with a description of the painting that a person hopes for.
 GOALS: dict[str, tuple[Callable[[], Goal], str]] = {
     "a face in the Great Wave": (
         lambda: fp.make_goal(photograph("smile"), style=style("great-wave")),
