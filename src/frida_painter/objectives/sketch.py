@@ -14,7 +14,6 @@ if TYPE_CHECKING:
 
 
 _FEWEST = 2e-4  # smallest share of line pixels; fewer are a speck
-_LASTS_IN_STYLE = 3  # full steps for which one gradient serves beside a style, as that of the style does
 _BROAD = 1 / 40  # of a canvas's shorter side: about the finest lines of the brushes
 
 
@@ -75,10 +74,7 @@ class SketchTerm(PictureTerm):
         drawing = images.fit(lines, context.grid.rows, context.grid.columns)
         shown = Semantic(drawing, context.encoders.meaning(), context.seed)
         hed = context.encoders.edges()
-        lasts = _LASTS_IN_STYLE if context.in_style else 1
-        return ObjectiveTerm(
-            Sketch(drawing, hed, shown), Sketch(drawing, hed, shown.validation), lasts=lasts, smooth=context.in_style
-        )
+        return ObjectiveTerm(Sketch(drawing, hed, shown), Sketch(drawing, hed, shown.validation))
 
     @classmethod
     def interpret(cls, goal: Goal, context: ObjectiveContext) -> Goal:
