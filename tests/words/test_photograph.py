@@ -69,24 +69,9 @@ def test_the_thing_is_in_the_photograph_matters_more_and_takes_the_place_of_the_
     assert float(red[0]) > 0.2 + float(red[2]), "it keeps some of its own colour"
     matters = term.importance
     assert float(matters.mean()) == pytest.approx(1)
-    assert float(matters[changed].median()) == pytest.approx(4 * float(matters[0, 0]))
+    assert float(matters[changed].median()) == pytest.approx(8 * float(matters[0, 0]))
     assert encoders.remarks[0].startswith("Laid into the photograph: 'strawberry'")
     assert encoders.remarks[-1] == "Your words: shown: 'strawberry'."
-
-
-@pytest.mark.parametrize(("level", "sign"), [(0.05, -1), (0.95, 1)])
-def test_it_is_darker_in_the_dark_and_lighter_in_light(
-    level: float, sign: int, encoders: SeeingEncoders, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    even = torch.full((3, 96, 128), level)
-    even[:, :8, :8] = 1 - level  # the photograph has dark and light colours of its own
-    light = []
-    for share in (0.0, 0.4):
-        monkeypatch.setattr("frida_painter.words.photograph._LIT", share)
-        (term,) = interpret(Goal((ImageTerm(even), WORDS)), encoders).terms
-        assert term.picture is not None and 0 <= float(term.picture.min()) <= float(term.picture.max()) <= 1
-        light.append(float((term.picture - even).mean()))
-    assert sign * light[1] > sign * light[0] + 0.005
 
 
 def test_faces_still_matter_more(encoders: SeeingEncoders) -> None:

@@ -17,7 +17,6 @@ from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.objectives.pixel_loss import spread
-from frida_painter.palette import from_lab, to_lab
 from frida_painter.words.account import Account, Mark
 from frida_painter.words.arrangement import known_like
 from frida_painter.words.reading import Thing, prompt_reader, word_meanings
@@ -28,8 +27,7 @@ from frida_painter.words.style_scene import Composited, composite_into_style
 _SIZES = (0.6, 0.5, 0.4)  # longer side of the thing, relative to the photograph's shorter one
 _OWN = 0.5  # share of its own colours that it keeps
 _STANDS, _FLIES = (0.65, 1.0), (0.0, 0.4)  # positions of its picture in the free space, down
-_LIT = 0.4  # share of the difference in L* to what it covers that it loses
-_MATTERS = 4.0  # importance of the thing, relative to the rest
+_MATTERS = 8.0  # importance of the thing, relative to the rest
 _HELD = 20.0  # weight of a photograph that is only begun with, relative to that of the words
 _SEEN, _ALIKE = 3, 0.55  # classes that a photograph shows; similarity of the thing to the name of one of them
 _SIDE = 224  # pixels
@@ -85,20 +83,11 @@ def _lay(words: str, photograph: Tensor, encoders: EncoderRegistry) -> Composite
     for one in usable[:1]:
         flies = known_like(one.thing.name, word_meanings(encoders)).where == "air"
         rows = _FLIES if flies else _STANDS
-        laid = composite_into_style(one.colored, photograph, own=_OWN, sizes=_SIZES, rows=rows)
-        shown = _in_its_light(laid, photograph)
+        shown = composite_into_style(one.colored, photograph, own=_OWN, sizes=_SIZES, rows=rows)
         account_for([one], reading, [], account)
         encoders.remark(f"Laid into the photograph: {one.told}{credit([one])}.")
     encoders.remark(account.told)
     return shown
-
-
-def _in_its_light(laid: Composited, photograph: Tensor) -> Composited:
-    """Returns the thing in a photograph [3, H, W] darker or lighter, towards the light of what it covers."""
-    before, after = (to_lab(picture.permute(1, 2, 0)) for picture in (photograph, laid.picture))
-    lighter = ((before - after)[..., 0] * laid.where).sum() / laid.where.sum().clamp(min=1)
-    after[..., 0] += _LIT * lighter * laid.where
-    return Composited(from_lab(after).permute(2, 0, 1), laid.where)
 
 
 def _shows(photograph: Tensor, thing: Thing, encoders: EncoderRegistry) -> bool:
