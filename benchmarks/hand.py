@@ -1,11 +1,11 @@
-"""What a painting loses to the errors of the hand: of placement, and of height in every stroke.
+"""Loss of a painting by the errors of the hand: of placement, and of height in every stroke.
 
-    python benchmarks/hand.py marks [--brushes broad medium fine] [--count 24] [--json figures.json]
-    python benchmarks/hand.py paintings [--pictures dunes coffee rocket] [--strokes 100] [--studios 3]
+    python benchmarks/hand.py [--json figures.json] marks [--brushes broad medium fine] [--count 24]
+    python benchmarks/hand.py [--json figures.json] paintings [--pictures dunes coffee rocket] [--strokes 100] [--studios 3]
         [--height-errors 0.025 0] [--effort 1] [--brushes ""] [--canvas 14x11in]
 
 marks: straight strokes of random length, painted alone by the hand of the virtual studio and by one that is exact in
-height. Their painted area, as a share of what the stroke model expects, shows whether light strokes get lost.
+height. Their painted area, as a share of the stroke model's, shows lost strokes.
 
 paintings: one plan of each picture (of `tilt.py`, of the suite, or a file), painted in studios that differ in their
 seed: as the robot stands there, and with its placement known, by hands with these errors of height (standard
@@ -39,7 +39,7 @@ from tilt import CANVAS, PICTURES, START, lay, open_another
 
 USUAL = HandNoise()
 THICKNESSES = (0.0, 0.02, 0.05, 0.09, 0.15, 0.3, 0.6)
-LIGHT = 0.09  # thickness of what counts as a light stroke
+LIGHT = 0.09  # thickness below which a stroke counts as light
 LOST = 0.5  # share of the expected paint below which a stroke counts as lost
 PLACED = "as it stands"
 
@@ -80,7 +80,7 @@ def judge_marks(options: argparse.Namespace) -> None:
 
 
 def painted_shares(brush: str, thickness: float, depth: float, count: int) -> Tensor:
-    """Returns the painted area [count] of strokes of that thickness, as a share of what the stroke model expects."""
+    """Returns the painted area [count] of strokes of that thickness, as a share of the stroke model's."""
     limits, model, chance = brush_kind(brush).limits, load_stroke_model(brush), np.random.default_rng(5)
     hand, shares = HandNoise(USUAL.place, depth), []
     for number in range(count):
