@@ -14,7 +14,7 @@ from frida_painter.frames import PixelGrid
 from frida_painter.words.arrangement import Placed
 from frida_painter.words.brushwork import paint_mood
 from frida_painter.words.compositing import paste, resize, soften
-from frida_painter.words.places import DAY, Light, Setting, with_contrast
+from frida_painter.words.places import DAY, HORIZON, Light, Setting, color_of, with_contrast
 
 # Simplification for few strokes: areas of one colour, without texture.
 
@@ -51,7 +51,7 @@ def falling(setting: Setting, where: Tensor, seed: int) -> tuple[Tensor, Tensor]
     falls = weather.rain or weather.flakes
     count = falls or (setting.light.stars if setting.place.is_open else 0)
     length, width = (_RAIN_LENGTH, _RAIN_WIDTH) if weather.rain else (0.0, _DAB)
-    space = (1.0 if falls else setting.place.horizon) * rows, columns
+    space = (1.0 if falls else HORIZON) * rows, columns
     chance, around = np.random.default_rng(seed), np.ones((2 * (rows // _APART) + 1,) * 2, np.uint8)
     over, taken = np.zeros((rows, columns), np.uint8), np.asarray(where > 0.3, np.uint8)
     for _ in range(_TRIES * count):
@@ -61,7 +61,7 @@ def falling(setting: Setting, where: Tensor, seed: int) -> tuple[Tensor, Tensor]
         if count and not (mark[taken > 0] > 0).any():
             over, count = np.maximum(over, mark), count - 1
             taken = np.maximum(taken, np.asarray(cv2.dilate(mark, around), np.uint8))
-    return torch.from_numpy(over).float() / 255, torch.tensor(weather.color if falls else _STARLIGHT)
+    return torch.from_numpy(over).float() / 255, color_of(weather.color if falls else _STARLIGHT)
 
 
 _WIDE, _HIGH = 0.86, 0.80  # of the canvas: greatest extent of the things
@@ -106,11 +106,11 @@ def compose_scene(
     ground = setting.ground(grid, seed)
     colors = _in_light(simplify((colors / where.clamp(min=1e-4)).clamp(0, 1)), ground, where, setting)
     ground = with_contrast(ground, where, colors)
-    if not in_the_air and not setting.place.is_paper:
+    if not in_the_air and setting.place.kind != "paper":
         low = min(one.y for one in things) if things else 0.0
         for one, (picture, top, left) in zip(things, drawn, strict=True):
             if one.y - low < _STANDING * one.height:
-                ground = _cast(picture, ground, top + picture.shape[1], left, is_water=setting.place.is_water)
+                ground = _cast(picture, ground, top + picture.shape[1], left, is_water=setting.place.kind == "water")
     is_alone = len(things) == 1 and not setting.is_named
     return _under(setting, torch.lerp(ground, colors, where), where, seed, is_alone=is_alone)
 
@@ -126,9 +126,9 @@ def _in_light(colors: Tensor, ground: Tensor, where: Tensor, setting: Setting) -
     """Returns the colours of things [3, H, W] in the light of their place: brighter on the left, and with some of the
     ground's own colour in their shade."""
     if setting.light != DAY:
-        shade = torch.tensor(setting.light.shade)[:, None, None].clamp(max=1.0)
+        shade = setting.light.shade[:, None, None].clamp(max=1.0)
         colors = colors * torch.lerp(torch.ones_like(shade), shade, _LIT)
-    if setting.place.is_paper or not bool((where > 0.5).any()):
+    if setting.place.kind == "paper" or not bool((where > 0.5).any()):
         return colors
     near = max(1, round(_ROUND * where.shape[0]))
     left, right = (functional.pad(where, (near, 0))[:, :-near], functional.pad(where, (0, near))[:, near:])
@@ -163,7 +163,7 @@ def compose_photograph(picture: Tensor, setting: Setting, grid: PixelGrid, seed:
     """Composes a picture [3, h, w] with its own ground, which fills the canvas in the setting's light and weather."""
     colors = simplify(images.fit(picture, grid.rows, grid.columns))
     if setting.light != DAY:
-        colors = colors * torch.tensor(setting.light.shade)[:, None, None].clamp(max=1.0)
+        colors = colors * setting.light.shade[:, None, None].clamp(max=1.0)
     return _under(setting, colors, torch.ones(grid.rows, grid.columns), seed, is_alone=False)
 
 
@@ -195,7 +195,7 @@ def _fit(
     elif in_the_air:
         bottom = _ALOFT * rows + height / 2
     else:
-        floor = setting.place.horizon + _STANDS * (1 - setting.place.horizon)
+        floor = HORIZON + _STANDS * (1 - HORIZON)
         bottom = floor * rows if height < (floor - 0.05) * rows else (rows + height) / 2
     bottom = min(max(bottom, height + 0.04 * rows), 0.96 * rows)
     free = columns - width
@@ -204,7 +204,7 @@ def _fit(
     found = []
     for one in things:
         picture = resize(one.picture, max(1e-3, scale * one.height / one.picture.shape[1]))
-        if setting.place.is_water and setting.is_named and not in_the_air and one.y == low:
+        if setting.place.kind == "water" and setting.is_named and not in_the_air and one.y == low:
             dips = max(1, round(_DIPS * picture.shape[1]))
             picture[3, -dips:] *= torch.linspace(1, 0, dips)[:, None]
         picture[3, round((1 - one.hidden) * picture.shape[1]) :] = 0

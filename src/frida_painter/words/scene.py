@@ -254,7 +254,7 @@ def _setting(
             part = places.find_part(thing.noun, places.WEATHERS, sentences) or light
         if part is None and (place := _place_named(number, reading, nearest, sentences)) is not None:
             paint = paint_of(thing.color)
-            part = place if paint is None else places.in_color(place, paint)
+            part = place if paint is None else places.in_color(place, (float(paint[0]), float(paint[1]), float(paint[2])))
         if part is not None:
             settled.add(number)
             seen.append((thing, thing.noun, part))
