@@ -26,7 +26,7 @@ from torch import Tensor
 from frida_painter import registry, storage, weights
 from frida_painter.errors import ConfigError, ImageError, WeightsError
 from frida_painter.picture_file import FORMATS, one_line, require_size
-from frida_painter.weights.archive import CAPTIONS, FILE, character_name
+from frida_painter.weights.archive import CAPTIONS, FILE
 from frida_painter.words import svg_process
 
 # Pictures with opacity from untrusted files: SVG drawings and pixels.
@@ -173,20 +173,19 @@ _SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".svg", ".gif", ".bmp", ".tif", "
 _MAX_FILES = 20_000  # in the user's folder; their captions are read in about a minute
 _MAX_CAPTION, _MAX_CAPTIONS = 300, 2**20  # bytes of the first line, and of the file
 _LATIN = re.compile("[A-Za-z]{2}")
-_OUTLINES = "line"  # id of a pictogram's layer of outlines
-_PHOTOGRAPH = 0.8  # realism
-_DRAWN = {
-    "stamps": 0.4,
-    "abcs": 0.4,
-    "openclipart": 0.4,
-    "fluent": 0.35,
-    "flashcards": 0.2,
-    "gcompris": 0.3,
-    "costumes": 0.2,
-    "furniture": 0.6,
-    "silhouettes": 0.0,
-}  # realism of drawings
-_FLAT_ENOUGH = 0.25  # share of a drawing that must remain without its outlines
+_ARCHIVES = (
+    "stamps",
+    "abcs",
+    "openclipart",
+    "fluent",
+    "flashcards",
+    "gcompris",
+    "costumes",
+    "furniture",
+    "silhouettes",
+)
+_PHOTOGRAPH, _DRAWN = 0.8, 0.4  # realism of a photograph, and of a drawing
+_DRAWN_IN = {"flashcards": 0.2, "costumes": 0.2, "furniture": 0.6, "silhouettes": 0.0}
 
 
 @dataclass(frozen=True)
@@ -225,33 +224,21 @@ class PictureLibrary(Protocol):
 
 
 class PictureArchive:
-    """Fetched library: a zip of pictures with their captions.
-
-    drawn: realism of its drawings, from 0 for a sign to 1 for a photograph
-    """
+    """Fetched library: a zip of pictures with their captions."""
 
     is_own = False
 
-    def __init__(self, name: str, credit: str, archive: Path, drawn: float = 0.4) -> None:
-        self.name, self.credit = name, credit
-        self._archive, self._drawn = archive, drawn
+    def __init__(self, name: str, credit: str, archive: Path) -> None:
+        self.name, self.credit, self._archive = name, credit, archive
 
     def list_captioned(self) -> Sequence[Captioned]:
         """Returns the pictures of the archive's own list. Raises WeightsError."""
-        try:
-            with zipfile.ZipFile(self._archive) as opened:
-                known = self._captions(opened)
-        except (OSError, zipfile.BadZipFile, KeyError, ValueError) as cause:
-            raise WeightsError(f"{self._archive} cannot be read ({cause}); fetch {self.name} again.") from cause
+        known: dict[str, list[str]] = json.loads(self._read(CAPTIONS))
         return [Captioned(file, tuple(captions), self._realism(file)) for file, captions in sorted(known.items())]
 
     def pictures(self, file: str) -> list[Tensor]:
         """Returns the picture. Raises WeightsError if the archive is damaged, ImageError if the picture is."""
         return [read_picture(self._read(file), f"{self.name}: {file}")]
-
-    def _captions(self, opened: zipfile.ZipFile) -> dict[str, list[str]]:
-        captions: dict[str, list[str]] = json.loads(opened.read(CAPTIONS))
-        return captions
 
     def _read(self, file: str) -> bytes:
         try:
@@ -262,34 +249,8 @@ class PictureArchive:
 
     def _realism(self, file: str) -> float:
         """Returns the realism of a file: pixels are photographs, unless the name says "cartoon"."""
-        return self._drawn if file.endswith(".svg") or "cartoon" in file else _PHOTOGRAPH
-
-
-class Pictograms(PictureArchive):
-    """Library of OpenMoji's pictograms; the caption is the Unicode name of the character."""
-
-    def __init__(self, archive: Path) -> None:
-        super().__init__("openmoji", "OpenMoji (openmoji.org), CC BY-SA 4.0", archive, 0.0)
-
-    def _captions(self, opened: zipfile.ZipFile) -> dict[str, list[str]]:
-        names = {file: character_name(file.removesuffix(".svg")) for file in opened.namelist()}
-        return {file: [name] for file, name in names.items() if name}
-
-    def pictures(self, file: str) -> list[Tensor]:
-        """Returns the drawing without its outlines, if enough remains, and with them.
-
-        A brush makes its own edges, but some outlines are essential parts of a thing.
-        Raises WeightsError if the archive is damaged, ImageError if the picture is.
-        """
-        outlined = super().pictures(file)
-        drawing = ElementTree.fromstring(self._read(file))
-        for part in [part for part in drawing if part.get("id") == _OUTLINES]:
-            drawing.remove(part)
-        with suppress(ImageError):  # nothing but outlines
-            plain = read_picture(ElementTree.tostring(drawing), f"openmoji: {file}")
-            if float(plain[3].sum()) >= _FLAT_ENOUGH * float(outlined[0][3].sum()):
-                return [plain, *outlined]
-        return outlined
+        is_drawn = file.endswith(".svg") or "cartoon" in file
+        return _DRAWN_IN.get(self.name, _DRAWN) if is_drawn else _PHOTOGRAPH
 
 
 class PictureFolder:
@@ -370,10 +331,8 @@ def libraries_at_hand(cache: Path | None = None, own: Path | None = None) -> lis
                 f"The picture library {point.name!r} cannot be used ({type(error).__name__}: {error}); mend or remove "
                 "the package that brings it."
             ) from error
-    for name, drawn in _DRAWN.items():
+    for name in _ARCHIVES:
         if (folder := weights.find(name, cache)) is not None:
-            credit = f"{weights.find_weights(name).credit}, {weights.find_weights(name).licence}"
-            found.append(PictureArchive(name, credit, folder / FILE, drawn))
-    if (folder := weights.find("openmoji", cache)) is not None:
-        found.append(Pictograms(folder / "pictograms.zip"))
+            known = weights.find_weights(name)
+            found.append(PictureArchive(name, f"{known.credit}, {known.licence}", folder / FILE))
     return found

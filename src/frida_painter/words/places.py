@@ -202,14 +202,12 @@ _TOLD_APART, _MIDDLE = 40.0, 55.0  # Lab distance, and L*
 class Setting:
     """Setting of a scene: place, light and weather.
 
-    second: further light that the words name, for a mood without things
     is_named: True if words of the prompt ask for it
     """
 
     place: Place = NOWHERE
     light: Light = DAY
     weather: Weather = CLEAR
-    second: Light | None = None
     is_named: bool = False
 
     @property
@@ -273,24 +271,17 @@ def find_part(name: str, parts: Sequence[_Part], sentences: SentenceEncoder, lea
     return part if similarity >= max(least, usual) else None
 
 
-def find_mood(
-    name: str, people: Sequence[str], others: Sequence[str], sentences: SentenceEncoder, *, is_pictured: bool
-) -> Light | None:
-    """Returns the light of an abstract noun: a feeling, a time, a sound, an idea; None for a person or a thing.
+def find_mood(name: str, things: Sequence[str], sentences: SentenceEncoder, *, is_pictured: bool) -> Light | None:
+    """Returns the light of an abstract noun: a feeling, a time, a sound, an idea; None for a thing.
 
-    A noun is abstract if it is nearer to the words of lights than to all words for people and things; in the mean, too,
-    for people: a couple is near love, but nearer people.
+    A noun is abstract if it is nearer to the words of lights than to all words for things.
 
-    people, others: words for people, and for other things
+    things: words for things and people, besides those of places
     is_pictured: True if there is a picture of that name, so that it must be much nearer
     """
     light, similarity = _nearest([name], LIGHTS, sentences)
     around = [word for place in PLACES for word in (*place.words, *place.found)]
-    felt = [word for one in LIGHTS for word in one.words]
-    meaning = sentences.embed([name])[0]
-    if people and float(meaning @ (sentences.embed(people).mean(0) - sentences.embed(felt).mean(0))) > 0:
-        return None
-    margin = similarity - float((sentences.embed([*people, *others, *around]) @ meaning).max())
+    margin = similarity - float((sentences.embed([*things, *around]) @ sentences.embed([name])[0]).max())
     return light if similarity >= _MOOD and margin > (_ABSTRACT if is_pictured else 0.0) else None
 
 

@@ -26,9 +26,9 @@ from frida_painter.words.arrangement import (
 )
 from frida_painter.words.compositing import is_colored, recolor
 from frida_painter.words.composition import ComposedScene, compose_mood, compose_photograph, compose_scene
-from frida_painter.words.places import Light, Place, Setting, Weather
+from frida_painter.words.places import DAY, NOWHERE, Light, Place, Setting, Weather
 from frida_painter.words.reading import Reading, Relation, Thing, paint_of, prompt_reader, word_meanings
-from frida_painter.words.retrieval import FoundPicture, PictureIndex, has_ground, is_upright, picture_index
+from frida_painter.words.retrieval import OWN, FoundPicture, PictureIndex, has_ground, is_upright, picture_index
 from frida_painter.words.style_scene import composite_into_style, in_style
 
 # Casting: the choice of a picture for each thing.
@@ -85,12 +85,17 @@ def cast(
     things: _Cast = [None] * len(reading.things)
     if index is None:
         return things
+    sentences = word_meanings(encoders)
     wanted = {number: thing for number, thing in enumerate(reading.things) if number not in settled}
     for one in reading.relations:
         if one.word == "of" and {one.subject, one.object} <= {*wanted} and wanted[one.object].uncounted:
             first, second = wanted[one.subject], wanted.pop(one.object)
             name, at = f"{first.name} of {second.name}", (*first.at, *second.at)
             wanted[one.subject] = replace(first, name=name, noun=second.noun, color=second.color, at=at)
+    for one in reading.relations:  # clothes are shown by their colour
+        worn = wanted.get(one.object)
+        if worn is not None and one.subject in wanted and _wears(one, worn, sentences):
+            wanted[one.subject] = replace(wanted[one.subject], color=wanted.pop(one.object).color)
     for number, thing in wanted.items():
         among = len(wanted) > 1 or in_place or thing.shown > 1
         found = _find(thing, prompt, index, encoders, among=among)
@@ -131,6 +136,10 @@ def _find(
     return found if figure is None else replace(figure, exact=False)
 
 
+def _wears(relation: Relation, worn: Thing, sentences: SentenceEncoder) -> bool:
+    return relation.word in ("in", "with", "wearing") and known_like(worn.name, sentences).where == "worn"
+
+
 _BY_THINGS = ("under", "beside", "behind", "front", "with")  # kinds of relations to a thing, not to a place
 _SMALL = 0.65  # metres: greatest height of things that stand on a table
 _ROUNDING = 1e-3
@@ -150,39 +159,40 @@ def scene_of(
     reading, index = prompt_reader(encoders).read(prompt), picture_index(encoders)
     sentences, account = word_meanings(encoders), Account(reading)
     setting, settled, seen = _setting(reading, index, encoders)
-    if len(settled) == len(reading.things) and setting.place is not places.NOWHERE:
+    if len(settled) == len(reading.things) and setting.place is not NOWHERE:
         reading = _people_place(reading, setting, sentences)
-    things = cast(reading, settled, prompt, index, encoders, in_place=setting.place is not places.NOWHERE)
+    things = cast(reading, settled, prompt, index, encoders, in_place=setting.place is not NOWHERE)
     shown = [one for one in things if one is not None]
     whole = next((one for one in shown if has_ground(one.found.picture)), None)
+    is_mood = not shown and setting.place is NOWHERE
+    lights = [light for *_, light in seen if isinstance(light, Light)] + places.rank_lights(prompt, sentences)
     if whole is not None:
-        _account_for([whole], reading, [one for one in seen if not isinstance(one[2], Place)], account)
-        _tell([whole], replace(setting, is_named=False), encoders, use, index, account)
+        things, setting = [whole], replace(setting, is_named=False)
+        seen = [one for one in seen if not isinstance(one[2], Place)]
+    elif is_mood:
+        setting = replace(setting, light=lights[0] if setting.light == DAY else setting.light, is_named=True)
+    elif setting.place is NOWHERE:
+        setting = replace(setting, place=_place_of(things, reading.relations, setting, sentences))
+    second = next(light for light in lights if light.name not in setting.light.name)
+    used = {setting.place.name, setting.weather.name, *setting.light.name.split(", ")}
+    used |= {second.name} if is_mood else {places.SKY.name} if setting.place.is_open else set()
+    _account_for(things, reading, [one for one in seen if one[2].name in used], account)
+    _tell([one for one in things if one is not None], setting, encoders, use, index, account)
+    if whole is not None:
         if len(shown) > 1:
             encoders.remark("The picture has a ground of its own and fills the canvas; nothing else is added.")
         return compose_photograph(whole.colored[:3], setting, grid, seed)
-    if not shown and setting.place is places.NOWHERE:
-        near = places.rank_lights(prompt, sentences)
-        first = near[0] if setting.light == places.DAY else setting.light
-        second = setting.second or next(light for light in near if light.name not in first.name)
-        _account_for(things, reading, seen, account)
-        _tell(shown, replace(setting, light=first, is_named=True), encoders, use, index, account)
-        return compose_mood(first, second, setting, grid, seed)
-    if setting.place is places.NOWHERE:
-        setting = replace(setting, place=_place_of(things, reading.relations, setting, sentences))
-    _account_for(things, reading, [one for one in seen if one[2] is not setting.second], account)
-    _tell(shown, setting, encoders, use, index, account)
+    if is_mood:
+        return compose_mood(setting.light, second, setting, grid, seed)
     is_flown = any(relation.word == "flying" for relation in reading.relations)  # a kite of somebody on the ground
     over = {one.subject for one in reading.relations if kind_of(one.word) == "over" and one.object in settled}
-    parts: list[ScenePart | None] = []
-    for number, one in enumerate(_dress(things, reading.relations, sentences)):
-        if one is None:
-            parts.append(None)
-            continue
-        known = known_like(reading.things[number].name, sentences)
-        if number in over or (reading.things[number].doing == "flying" and not is_flown):
-            known = known._replace(where="air")
-        parts.append(ScenePart(copies(one.colored, one.thing.shown, known.where, seed + number), known))
+    parts: list[ScenePart | None] = [None] * len(things)
+    for number, one in enumerate(things):
+        if one is not None:
+            known = known_like(reading.things[number].name, sentences)
+            if number in over or (one.thing.doing == "flying" and not is_flown):
+                known = known._replace(where="air")
+            parts[number] = ScenePart(copies(one.colored, one.thing.shown, known.where, seed + number), known)
     in_the_air = bool(shown) and all(part.known.where == "air" for part in parts if part is not None)
     return compose_scene(arrange_parts(parts, reading.relations), setting, grid, seed, in_the_air=in_the_air)
 
@@ -190,12 +200,12 @@ def scene_of(
 def _place_of(things: _Cast, relations: Sequence[Relation], setting: Setting, sentences: SentenceEncoder) -> Place:
     """Returns the usual place of things without a named one, by their meaning, else by their kind and size."""
     carried = {one.subject for one in relations if kind_of(one.word) in ("on", "in") and things[one.object] is not None}
-    standing = [one for number, one in enumerate(things) if one is not None and number not in carried]
-    shown = standing or [one for one in things if one is not None]
+    shown = [one for number, one in enumerate(things) if one is not None and number not in carried]
+    shown = shown or [one for one in things if one is not None]
+    outside = setting.weather != places.CLEAR or setting.light != DAY
     names = [name for one in shown for name in (one.thing.name, one.found.caption)]
-    outside = setting.weather != places.CLEAR or setting.light != places.DAY
     place = places.infer_place(names, sentences, _IMPLIED, outside=outside)
-    if place is not places.NOWHERE:
+    if place is not NOWHERE:
         return place
     known = [known_like(one.thing.name, sentences) for one in shown]
     kinds = {one.where for one in known}
@@ -206,19 +216,6 @@ def _place_of(things: _Cast, relations: Sequence[Relation], setting: Setting, se
     return places.TABLE if max(one.height for one in known) < _SMALL else places.ROOM
 
 
-def _dress(things: _Cast, relations: Sequence[Relation], sentences: SentenceEncoder) -> _Cast:
-    """Merges clothes into their wearers, who take the colour of the clothes."""
-    dressed = list(things)
-    for relation in relations:
-        wearer, worn = dressed[relation.subject], dressed[relation.object]
-        if relation.word not in ("in", "with", "wearing") or wearer is None or worn is None:
-            continue
-        if known_like(worn.thing.name, sentences).where == "worn":
-            dressed[relation.subject] = replace(wearer, thing=replace(wearer.thing, color=worn.thing.color))
-            dressed[relation.object] = None
-    return dressed
-
-
 def _people_place(reading: Reading, setting: Setting, sentences: SentenceEncoder) -> Reading:
     """Adds the usual things to a place that is named alone: boats in a harbour."""
     found = [name for name in setting.place.found if name not in reading.absent]
@@ -226,9 +223,9 @@ def _people_place(reading: Reading, setting: Setting, sentences: SentenceEncoder
         return reading
     meanings = sentences.embed([reading.things[0].name, *found])
     name = found[int((meanings[1:] @ meanings[0]).argmax())]
-    number = len(reading.things)
     thing = Thing(name, name.rpartition(" ")[2], count=_TREES if setting.place is places.FOREST else 2)
-    return replace(reading, things=(*reading.things, thing), relations=(*reading.relations, Relation(number, "in", 0)))
+    relation = Relation(len(reading.things), "in", 0)
+    return replace(reading, things=(*reading.things, thing), relations=(*reading.relations, relation))
 
 
 _Seen = list[tuple[Thing, str, Place | Light | Weather]]
@@ -241,43 +238,39 @@ def _setting(
 
     Each of its words comes with the thing that it belongs to and the part of the setting that it means.
     """
-    sentences, settled = word_meanings(encoders), set[int]()
-    people = [one.name for one in known_things() if one.where == "person"]
-    others = [one.name for one in known_things() if one.where != "person"]
-    seen: _Seen = []
+    sentences, settled, seen = word_meanings(encoders), set[int](), _Seen()
     for number, thing in enumerate(reading.things):
         nearest = 0.0 if index is None else index.nearest(thing)
         part: Place | Light | Weather | None = None
-        if index is None or not index.has_own(thing):
-            mood = places.find_mood(thing.noun, people, others, sentences, is_pictured=nearest >= _CALLED)
-            light = mood and (places.find_part(thing.noun, places.LIGHTS, sentences) or mood)
-            part = places.find_part(thing.noun, places.WEATHERS, sentences) or light
-        if part is None and (place := _place_named(number, reading, nearest, sentences)) is not None:
-            paint = paint_of(thing.color)
-            part = place if paint is None else places.in_color(place, (float(paint[0]), float(paint[1]), float(paint[2])))
-        if part is not None:
+        if nearest < OWN:
+            part = places.find_part(thing.noun, places.WEATHERS, sentences) or _mood(thing.noun, nearest, sentences)
+        if part := part or _place_named(number, reading, nearest, sentences):
             settled.add(number)
             seen.append((thing, thing.noun, part))
         for word in thing.name.split()[:-1]:
-            felt = places.find_part(word, places.WEATHERS, sentences, _SURE) or places.find_part(
-                word, places.LIGHTS, sentences, _FELT
-            )
-            if felt is not None:
+            felt = places.find_part(word, places.WEATHERS, sentences, _SURE)
+            if felt := felt or places.find_part(word, places.LIGHTS, sentences, _FELT):
                 seen.append((thing, word, felt))
-    named = [part for *_, part in seen if isinstance(part, Place)]
-    weathers = [part for *_, part in seen if isinstance(part, Weather)]
-    times = [part for *_, part in seen if isinstance(part, Light) and part in places.TIMES]
-    moods = [part for *_, part in seen if isinstance(part, Light) and part not in places.TIMES]
-    weather = weathers[0] if weathers else places.CLEAR
-    lights = [*times[:1], *([weather.light] if weathers else []), *dict.fromkeys(moods)] or [places.DAY]
-    light = places.mix_lights(times[0], moods[0]) if times and moods else lights[0]
-    second = next((one for one in lights if one.name not in light.name), None)
-    open_places = [place for place in named if place is not places.SKY] or named
-    place = open_places[0] if open_places else places.NOWHERE
-    used = {place.name, places.SKY.name if place.is_open else "", weather.name, *light.name.split(", ")}
-    used |= {second.name} if second is not None and place is places.NOWHERE else set()
-    setting = Setting(place, light, weather, second, is_named=bool(seen))
-    return setting, settled, [one for one in seen if one[2].name in used]
+    parts = [part for *_, part in seen]
+    weather = next((part for part in parts if isinstance(part, Weather)), places.CLEAR)
+    times = [part for part in parts if isinstance(part, Light) and part in places.TIMES]
+    moods = [part for part in parts if isinstance(part, Light) and part not in places.TIMES]
+    light = next(iter((*times, *([] if weather is places.CLEAR else [weather.light]), *moods)), DAY)
+    if times and moods:
+        light = places.mix_lights(times[0], moods[0])
+    named = sorted((part for part in parts if isinstance(part, Place)), key=lambda place: place is places.SKY)
+    return Setting(named[0] if named else NOWHERE, light, weather, is_named=bool(seen)), settled, seen
+
+
+def _mood(noun: str, nearest: float, sentences: SentenceEncoder) -> Light | None:
+    """Returns the light that an abstract noun means; None for a person or a thing.
+
+    nearest: similarity of the nearest picture
+    """
+    if is_person(noun, sentences):
+        return None
+    mood = places.find_mood(noun, [one.name for one in known_things()], sentences, is_pictured=nearest >= _CALLED)
+    return mood and (places.find_part(noun, places.LIGHTS, sentences) or mood)
 
 
 def _place_named(number: int, reading: Reading, nearest: float, sentences: SentenceEncoder) -> Place | None:
@@ -288,40 +281,39 @@ def _place_named(number: int, reading: Reading, nearest: float, sentences: Sente
     thing = reading.things[number]
     kinds = {kind_of(one.word) for one in reading.relations if one.object == number}
     beside = kinds & set(_BY_THINGS)
-    if beside == {"under"} and places.find_part(thing.noun, places.PLACES, sentences) is places.SKY:
-        return places.SKY
-    if beside and not beside <= {"behind", "front"}:  # a forest or mountains are a background
+    usual = places.find_part(thing.noun, places.PLACES, sentences)
+    if beside == {"under"} and usual is places.SKY:
+        return usual
+    if beside - {"behind", "front"}:  # a forest or mountains are a background
         return None
     least = max(nearest - _ROUNDING, _CALLED if beside else 0.0)
-    place = places.find_part(thing.noun, places.PLACES, sentences, least)
-    if place is None and thing.count is None and thing.plural and number:  # mountains, but not a single mountain
-        place = places.find_part(thing.plural, places.PLACES, sentences, least)
-    if place is None and "on" in kinds:
-        # A table that carries things is shown by its top.
-        top = places.find_part(thing.noun, places.PLACES, sentences)
-        place = top if top is not None and not top.is_open else None
+    several = thing.plural if thing.count is None and thing.plural else thing.noun  # mountains, but not one mountain
+    place = places.find_part(several, places.PLACES, sentences, least)
+    if place is None and "on" in kinds and usual is not None and not usual.is_open:
+        place = usual  # a table that carries things is shown by its top
     if place is None and thing.name != thing.noun:
         place = places.find_part(thing.name, places.PLACES, sentences, max(least, _SURE))
-    return place
+    paint = paint_of(thing.color)
+    return place if place is None or paint is None else places.in_color(place, tuple(paint.tolist()))
 
 
-def _account_for(things: Sequence[SceneThing | None], reading: Reading, seen: _Seen, account: Account) -> None:
+def _account_for(things: _Cast, reading: Reading, seen: _Seen, account: Account) -> None:
     """Marks what a scene shows: the words of its setting, the things with pictures, and the relations of both.
 
-    things: of the scene, before clothes are merged into their wearers
     seen: words of the setting
     """
     for thing, word, part in seen:
         account.mark_setting(thing.at, part.name, word)
         for color in thing.color.split() if isinstance(part, Place) else ():
             account.mark_setting(thing.at, f"{color} {part.name}", color)
-    whole = [one for one in things if one is not None]
-    for one in whole:
+    shown = [one for one in things if one is not None]
+    for one in shown:
         account.mark_picture(one.thing, one.found.caption, exact=one.found.exact, several=one.found.several)
     for relation in reading.relations:
         first, second = reading.things[relation.subject], reading.things[relation.object]
-        for one in whole:  # one picture may show both and their relation
-            if one.thing.at == first.at and _says_all(one.found.caption, second, reading):
+        nouns = [word for word in reading.said if word.at in second.at and word.lemma == second.noun.lower()]
+        for one in shown:  # one picture may show both and their relation
+            if one.thing.at == first.at and any(word.says(one.found.caption) for word in nouns):
                 account.mark_picture(second, one.found.caption, exact=True, several=False)
                 account.mark(relation.at, Mark.SHOWN, one.found.caption)
         if account.shows(first.at) and account.shows(second.at):
@@ -329,11 +321,6 @@ def _account_for(things: Sequence[SceneThing | None], reading: Reading, seen: _S
             settles = any(second is thing or first is thing for thing, _, _ in seen)
             near = "side by side, or in the hands" if kind_of(relation.word) == "doing" else "side by side"
             account.mark(relation.at, Mark.SHOWN if is_placed or settles else Mark.SIMILAR, near)
-
-
-def _says_all(caption: str, thing: Thing, reading: Reading) -> bool:
-    """Returns True if a caption names a thing by its noun."""
-    return any(word.at in thing.at and word.lemma == thing.noun.lower() and word.says(caption) for word in reading.said)
 
 
 def _tell(
