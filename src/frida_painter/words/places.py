@@ -4,7 +4,6 @@ A ground has depth: a sky or a wall with light on it, land or a table that is da
 are lights too. Colours are sRGB, as "#rrggbb" or in [0, 1].
 """
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
@@ -16,7 +15,7 @@ from torch.nn import functional
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.palette import from_lab, to_lab
-from frida_painter.words.brushwork import paint_loosely
+from frida_painter.words.brushwork import clouds, paint_loosely
 
 Color = str | tuple[float, float, float]
 HORIZON = 0.72
@@ -241,7 +240,8 @@ class Setting:
         front = torch.lerp(far[:, None, None], (land * _DIM)[:, None, None], near)
         if place.relief:
             hills = torch.lerp(land, low, 0.12)[:, None, None]
-            picture = torch.lerp(picture, hills.expand_as(picture), self._hills(rows, columns, seed))
+            top = HORIZON - place.relief * (0.35 + 0.6 * clouds(grid, seed, 0.4)[:1])
+            picture = torch.lerp(picture, hills.expand_as(picture), ((down - top) / _EDGE + 0.5).clamp(0, 1))
         below = ((down - HORIZON) / _EDGE + 0.5).clamp(0, 1)
         picture = torch.lerp(picture, front, below.expand_as(picture)).clamp(0, 1)
         slant = _SLANT * (1 if seed % 2 else -1) * (1 - below)
@@ -252,16 +252,6 @@ class Setting:
         height = ((torch.arange(picture.shape[1]) + 0.5) / picture.shape[1])[None, :, None]
         thick = self.weather.fog * (1 - ((height - HORIZON).abs() / 0.45)).clamp(0, 1)
         return torch.lerp(picture, color_of(self.weather.color)[:, None, None].expand_as(picture), thick)
-
-    def _hills(self, rows: int, columns: int, seed: int) -> Tensor:
-        """Returns the opacity of hills above the horizon, [1, H, W]."""
-        generator = torch.Generator().manual_seed(seed)
-        across = torch.linspace(0, 1, columns)
-        phases = (torch.rand(3, generator=generator) * 2 * math.pi).tolist()
-        waves = sum(torch.sin(2 * math.pi * (1.1 + at) * across + phase) / (1 + at) for at, phase in enumerate(phases))
-        top = HORIZON - self.place.relief * (0.65 + 0.3 * waves)
-        height = ((torch.arange(rows) + 0.5) / rows)[:, None]
-        return ((height - top) / _EDGE + 0.5).clamp(0, 1)[None]
 
 
 def find_part(name: str, parts: Sequence[_Part], sentences: SentenceEncoder, least: float = 0.0) -> _Part | None:
@@ -296,14 +286,10 @@ def mix_lights(first: Light, second: Light) -> Light:
     return replace(second, words=(f"{first.name}, {second.name}",), top=top, low=low, accent=accent, stars=first.stars)
 
 
-def infer_place(names: Sequence[str], sentences: SentenceEncoder, least: float, *, outside: bool = False) -> Place:
-    """Returns the usual place of things; `NOWHERE` if the similarity is below `least`.
-
-    outside: True to consider only places under the sky
-    """
+def infer_place(names: Sequence[str], sentences: SentenceEncoder, *, outside: bool = False) -> Place:
+    """Returns the usual place of things, that with the most similar words; under the sky if they are `outside`."""
     places = [place for place in PLACES if place.is_open or not outside]
-    place, similarity = _nearest(names, places, sentences, lambda one: (*one.found, *one.words))
-    return place if similarity >= least else NOWHERE
+    return _nearest(names, places, sentences, lambda one: (*one.found, *one.words))[0]
 
 
 def in_color(place: Place, color: Color) -> Place:

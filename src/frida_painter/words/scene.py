@@ -24,7 +24,7 @@ from frida_painter.words.arrangement import (
     known_like,
     known_things,
 )
-from frida_painter.words.compositing import is_colored, recolor
+from frida_painter.words.compositing import recolor
 from frida_painter.words.composition import ComposedScene, compose_mood, compose_photograph, compose_scene
 from frida_painter.words.places import DAY, NOWHERE, Light, Place, Setting, Weather
 from frida_painter.words.reading import Reading, Relation, Thing, paint_of, prompt_reader, word_meanings
@@ -51,7 +51,7 @@ class SceneThing:
         """The picture, recolored to the prompt's colour unless it already has it."""
         color, paint = self.thing.color, paint_of(self.thing.color)
         named = set(color.split()) <= set(self.found.caption.split())
-        if paint is None or " and " in color or named or is_colored(self.found.picture, paint):
+        if paint is None or " and " in color or named:
             return self.found.picture
         return recolor(self.found.picture, paint)
 
@@ -141,12 +141,10 @@ def _wears(relation: Relation, worn: Thing, sentences: SentenceEncoder) -> bool:
 
 
 _BY_THINGS = ("under", "beside", "behind", "front", "with")  # kinds of relations to a thing, not to a place
-_SMALL = 0.65  # metres: greatest height of things that stand on a table
 _ROUNDING = 1e-3
 _SURE = 0.8  # similarity above which a word of a name means a place: a watering can is not in water
 _FELT = 0.75  # the same for an adjective and a light: a sad clown
 _TREES = 5  # number of trees in a forest without other things
-_IMPLIED = 0.42  # similarity to the usual things of a place above which things imply it
 
 
 def scene_of(
@@ -198,22 +196,13 @@ def scene_of(
 
 
 def _place_of(things: _Cast, relations: Sequence[Relation], setting: Setting, sentences: SentenceEncoder) -> Place:
-    """Returns the usual place of things without a named one, by their meaning, else by their kind and size."""
+    """Returns the usual place of things without a named one."""
     carried = {one.subject for one in relations if kind_of(one.word) in ("on", "in") and things[one.object] is not None}
     shown = [one for number, one in enumerate(things) if one is not None and number not in carried]
     shown = shown or [one for one in things if one is not None]
     outside = setting.weather != places.CLEAR or setting.light != DAY
     names = [name for one in shown for name in (one.thing.name, one.found.caption)]
-    place = places.infer_place(names, sentences, _IMPLIED, outside=outside)
-    if place is not NOWHERE:
-        return place
-    known = [known_like(one.thing.name, sentences) for one in shown]
-    kinds = {one.where for one in known}
-    if kinds <= {"air", "water"}:
-        return places.SKY if "air" in kinds else places.LAKE
-    if outside:
-        return places.MEADOW
-    return places.TABLE if max(one.height for one in known) < _SMALL else places.ROOM
+    return places.infer_place(names, sentences, outside=outside)
 
 
 def _people_place(reading: Reading, setting: Setting, sentences: SentenceEncoder) -> Reading:
@@ -363,43 +352,38 @@ _SUBJECT = 4.0  # the same for things in a scene
 def initial_composition(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, seed: int) -> Goal:
     """Returns the goal with an initial picture, if it has words and no other picture to begin with.
 
-    The picture also becomes a term beside the words, so that the composition lasts while the words change it. It has
-    the colours and the marks of the heaviest style, in proportion if that is lighter than the words; without a CLIP,
-    it stands in place of the words then. A sketch without
-    a photograph is filled with the colours of that picture or of a style. A style picture to begin with gets the
-    thing of the words laid into it. All other goals are returned unchanged.
+    The picture is also a term beside the words, so that the composition lasts while the words change it. It has the
+    colours and the marks of the heaviest style, in proportion if that is lighter than the words. A sketch is filled
+    with the picture's colours, or with those of a style; a style to begin with gets the thing of the words laid in.
     """
-    said = [(term.words, term.weight) for term in goal.terms if term.words is not None]
-    words, weight = max(said, key=lambda pair: pair[1]) if said else ("", 0.0)
-    if goal.initial:
-        first = [term.words for term in goal.initial if term.words is not None]
-        styles = [term.colors for term in goal.initial if term.colors is not None]
-        if any(term.picture is not None for term in goal.initial):
-            return goal
-        if styles:
-            return _start_with_style(goal, styles[0], words, weight, grid, encoders) if words else goal
-        if not first:
-            return goal
-        begun = _term(scene_of(first[0], grid, encoders, seed))
-        return replace(goal, initial=(begun, *goal.initial))
-    drawing = next((term.drawing for term in goal.terms if term.drawing is not None), None)
-    if not words or any(term.picture is not None for term in goal.terms):
+    said = max((term for term in goal.terms if term.words is not None), key=lambda term: term.weight, default=None)
+    words, weight = (said.words or "", said.weight) if said is not None else ("", 0.0)
+    pictures = [term for term in (goal.initial or goal.terms) if term.picture is not None]
+    if pictures or not (words or goal.initial):
         return goal
-    weighted = [(term.colors, term.weight) for term in goal.terms if term.colors is not None]
-    style, style_weight = max(weighted, key=lambda pair: pair[1]) if weighted else (None, 0.0)
+    if goal.initial:
+        first = next((term.words for term in goal.initial if term.words is not None), None)
+        staged = next((term.colors for term in goal.initial if term.colors is not None), None)
+        if staged is not None and words:
+            return _start_with_style(goal, staged, words, weight, grid, encoders)
+        if staged is not None or first is None:
+            return goal
+        return replace(goal, initial=(_term(scene_of(first, grid, encoders, seed)), *goal.initial))
+    styles = (term for term in goal.terms if term.colors is not None)
+    styled = max(styles, key=lambda term: term.weight, default=None)
+    style = None if styled is None else styled.colors
+    drawing = next((term.drawing for term in goal.terms if term.drawing is not None), None)
     if drawing is None:
         scene = scene_of(words, grid, encoders, seed)
-        subject = _SUBJECT if style is None else _MATTERS
-        if style is not None:
-            shown = in_style(scene.picture, scene.where, style)
-            scene = replace(scene, picture=torch.lerp(scene.picture, shown, min(1.0, style_weight / weight)))
         kept = _KEPT if scene.is_alone else _KEPT_SCENE
         kept = kept if all(term.words is not None for term in goal.terms) else _AMONG
-        begun = _term(scene, weight * kept, subject)
+        if styled is not None and style is not None:
+            shown = in_style(scene.picture, scene.where, style)
+            scene = replace(scene, picture=torch.lerp(scene.picture, shown, min(1.0, styled.weight / weight)))
+        begun = _term(scene, weight * kept, _SUBJECT if style is None else _MATTERS)
     else:
-        drawing = images.fit(drawing, grid.rows, grid.columns)
         like = scene_of(words, grid, encoders, seed, "coloured like").picture if style is None else style
-        begun = _fill_drawing(drawing, like, weight * _AMONG)
+        begun = _fill_drawing(images.fit(drawing, grid.rows, grid.columns), like, weight * _AMONG)
     # Networks by class names know photographs. A scene in a style does not please them, whatever is painted, so they
     # choose the scene and leave its painting to the style; a CLIP knows paintings.
     leads = style is None or drawing is not None or encoders.reads_by_clip
