@@ -15,7 +15,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
-from frida_painter.words.compositing import resize
+from frida_painter.words.compositing import resize, stack
 from frida_painter.words.reading import Relation
 
 # Sizes and usual places of things, from known things of similar meaning.
@@ -346,29 +346,24 @@ def copies(picture: Tensor, count: int, where: str, seed: int) -> Tensor:
     if count == 1:
         return picture
     generator = torch.Generator().manual_seed(seed)
-    one = resize(picture, _SIDE / max(picture.shape[1:]))
+    one, air = resize(picture, _SIDE / max(picture.shape[1:])), where == "air"
     _, high, wide = one.shape
-    air = where == "air"
-    spots: list[tuple[float, float, float]] = []  # left, bottom, size
+    spots: list[tuple[Tensor, float, float]] = []  # drawing, bottom, left
     rows = 1 if count <= 3 else 2 if count <= 7 else 3
     for row in range(rows):
         here = count // rows + (row < count % rows)
         for number in range(here):
             shake = torch.rand(2, generator=generator).tolist()
-            place = number - (here - 1) / 2 + 0.5 * (row % 2)
+            copy = resize(one, 0.8**row * (0.86 + 0.14 * shake[1]))
+            middle = (number - (here - 1) / 2 + 0.5 * (row % 2)) * 0.8**row * wide * (1.15 if air else 0.98)
             rise = row * (0.95 if air else 0.42) + (0.5 if air else 0.06) * shake[0]
-            spots.append(
-                (place * 0.8**row * wide * (1.15 if air else 0.98), rise * high, 0.8**row * (0.86 + 0.14 * shake[1]))
-            )
-    left = min(x - size * wide / 2 for x, _, size in spots)
-    right = max(x + size * wide / 2 for x, _, size in spots)
-    height = max(y + size * high for _, y, size in spots)
-    together = torch.zeros(4, round(height) + 2, round(right - left) + 2)  # colours times opacity
-    for number, (x, y, size) in sorted(enumerate(spots), key=lambda spot: -spot[1][1]):
-        copy = resize(one, size)
-        copy = copy.flip(2) if number % 2 else copy
-        top, start = max(0, round(height - y - copy.shape[1])), round(x - copy.shape[2] / 2 - left)
-        sides = (start, together.shape[2] - start - copy.shape[2], top, together.shape[1] - top - copy.shape[1])
-        over = functional.pad(torch.cat((copy[:3] * copy[3:], copy[3:])), sides)
-        together = over + (1 - over[3:]) * together
-    return torch.cat((together[:3] / together[3:].clamp(min=1e-4), together[3:])).clamp(0, 1)
+            copy = copy.flip(2) if number % 2 else copy
+            spots.append((copy, rise * high, middle - copy.shape[2] / 2))
+    left = min(start for *_, start in spots)
+    width = round(max(start + copy.shape[2] for copy, _, start in spots) - left) + 2
+    height = round(max(bottom + copy.shape[1] for copy, bottom, _ in spots)) + 2
+    spots.sort(key=lambda spot: -spot[1])
+    return stack(
+        [(copy, height - 1 - round(bottom) - copy.shape[1], round(start - left)) for copy, bottom, start in spots],
+        height, width,
+    )  # fmt: skip

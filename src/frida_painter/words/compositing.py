@@ -1,5 +1,7 @@
 """Compositing of drawings with opacity: their colours, their sizes, and their places on pictures."""
 
+from collections.abc import Sequence
+
 import torch
 from torch import Tensor
 from torch.nn import functional
@@ -70,6 +72,15 @@ def paste(drawing: Tensor, picture: Tensor, top: int, left: int) -> tuple[Tensor
     around = [left, columns - left - drawing.shape[2], top, rows - top - drawing.shape[1]]
     over = functional.pad(drawing, around)
     return torch.lerp(picture, over[:3], over[3:]).clamp(0, 1), over[3]
+
+
+def stack(drawings: Sequence[tuple[Tensor, int, int]], rows: int, columns: int) -> Tensor:
+    """Returns drawings [4, h, w], each at its first row and column, as one [4, rows, columns], the last in front."""
+    colors, where = torch.zeros(3, rows, columns), torch.zeros(rows, columns)
+    for drawing, top, left in drawings:
+        colors, over = paste(drawing, colors, top, left)
+        where = where + over - where * over
+    return torch.cat((colors / where.clamp(min=1e-4), where[None])).clamp(0, 1)
 
 
 def resize(drawing: Tensor, scale: float) -> Tensor:

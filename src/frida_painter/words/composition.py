@@ -13,8 +13,8 @@ from frida_painter import images
 from frida_painter.frames import PixelGrid
 from frida_painter.words.arrangement import Placed
 from frida_painter.words.brushwork import paint_mood
-from frida_painter.words.compositing import paste, resize, soften
-from frida_painter.words.places import DAY, HORIZON, Light, Setting, color_of, with_contrast
+from frida_painter.words.compositing import paste, resize, soften, stack
+from frida_painter.words.places import HORIZON, Light, Setting, color_of, with_contrast
 
 # Simplification for few strokes: areas of one colour, without texture.
 
@@ -99,12 +99,10 @@ def compose_scene(
     in_the_air: True if none of them stands on anything
     """
     drawn = _fit(things, setting, grid, seed, in_the_air=in_the_air)
-    where, colors = torch.zeros(grid.rows, grid.columns), torch.zeros(3, grid.rows, grid.columns)
-    for picture, top, left in drawn:
-        colors, over = paste(picture, colors, top, left)
-        where = where + over - where * over
+    colors, where = stack(drawn, grid.rows, grid.columns).split((3, 1))
     ground = setting.ground(grid, seed)
-    colors = _in_light(simplify((colors / where.clamp(min=1e-4)).clamp(0, 1)), ground, where, setting)
+    where = where[0]
+    colors = _in_light(simplify(colors), ground, where, setting)
     ground = with_contrast(ground, where, colors)
     if not in_the_air and setting.place.kind != "paper":
         low = min(one.y for one in things) if things else 0.0
@@ -125,9 +123,8 @@ def compose_mood(first: Light, second: Light, setting: Setting, grid: PixelGrid,
 def _in_light(colors: Tensor, ground: Tensor, where: Tensor, setting: Setting) -> Tensor:
     """Returns the colours of things [3, H, W] in the light of their place: brighter on the left, and with some of the
     ground's own colour in their shade."""
-    if setting.light != DAY:
-        shade = setting.light.shade[:, None, None].clamp(max=1.0)
-        colors = colors * torch.lerp(torch.ones_like(shade), shade, _LIT)
+    shade = setting.light.shade[:, None, None].clamp(max=1.0)
+    colors = colors * torch.lerp(torch.ones_like(shade), shade, _LIT)
     if setting.place.kind == "paper" or not bool((where > 0.5).any()):
         return colors
     near = max(1, round(_ROUND * where.shape[0]))
@@ -161,9 +158,7 @@ def _cast(picture: Tensor, ground: Tensor, foot: int, left: int, *, is_water: bo
 
 def compose_photograph(picture: Tensor, setting: Setting, grid: PixelGrid, seed: int) -> ComposedScene:
     """Composes a picture [3, h, w] with its own ground, which fills the canvas in the setting's light and weather."""
-    colors = simplify(images.fit(picture, grid.rows, grid.columns))
-    if setting.light != DAY:
-        colors = colors * setting.light.shade[:, None, None].clamp(max=1.0)
+    colors = simplify(images.fit(picture, grid.rows, grid.columns)) * setting.light.shade[:, None, None].clamp(max=1.0)
     return _under(setting, colors, torch.ones(grid.rows, grid.columns), seed, is_alone=False)
 
 
@@ -185,18 +180,11 @@ def _fit(
     left = min(one.x - one.width / 2 for one in things)
     right = max(one.x + one.width / 2 for one in things)
     low, high = min(one.y for one in things), max(one.y + one.height for one in things)
-    tall = _AMID if setting.is_named and len(things) == 1 else _HIGH
-    if in_the_air and setting.is_named:
-        tall = 0.9 * _AMID
+    tall = _AMID if setting.is_named and (in_the_air or len(things) == 1) else _HIGH
     scale = min(_WIDE * columns / (right - left), tall * rows / (high - low))
     width, height = scale * (right - left), scale * (high - low)
-    if not setting.is_named:
-        bottom = (rows + height) / 2 + (0 if in_the_air else 0.03 * rows)
-    elif in_the_air:
-        bottom = _ALOFT * rows + height / 2
-    else:
-        floor = HORIZON + _STANDS * (1 - HORIZON)
-        bottom = floor * rows if height < (floor - 0.05) * rows else (rows + height) / 2
+    floor = HORIZON + _STANDS * (1 - HORIZON)
+    bottom = _ALOFT * rows + height / 2 if in_the_air else floor * rows
     bottom = min(max(bottom, height + 0.04 * rows), 0.96 * rows)
     free = columns - width
     shift = min(_THIRD * columns, 0.5 * free - 0.04 * columns) if setting.is_named else 0.0

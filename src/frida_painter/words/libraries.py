@@ -2,17 +2,17 @@
 
 import io
 import json
-import os
 import re
 import subprocess
 import sys
 import warnings
 import zipfile
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from importlib.metadata import entry_points
+from itertools import islice
 from pathlib import Path
 from typing import Protocol
 from xml.etree import ElementTree
@@ -287,19 +287,16 @@ class PictureFolder:
         """Returns the picture. Raises ImageError."""
         return [read_picture(storage.read_bytes(Path(file), "a picture", MAX_BYTES, ImageError), Path(file).name)]
 
-    def _files(self) -> Iterator[Path]:
-        count = 0
-        for place, folders, files in os.walk(self._folder):
-            folders.sort()
-            for file in sorted(files):
-                if file.lower().endswith(_SUFFIXES) and not file.startswith("."):
-                    count += 1
-                    if count > _MAX_FILES:
-                        raise ConfigError(
-                            f"--pictures {self._folder} holds more than {_MAX_FILES} pictures, which would take long "
-                            "to read; give a folder with those of the things that you want to paint."
-                        )
-                    yield Path(place) / file
+    def _files(self) -> list[Path]:
+        """Returns the picture files below the folder, sorted."""
+        inside = (path for path in self._folder.rglob("[!.]*") if path.suffix.lower() in _SUFFIXES)
+        found = sorted(islice(inside, _MAX_FILES + 1))
+        if len(found) > _MAX_FILES:
+            raise ConfigError(
+                f"--pictures {self._folder} holds more than {_MAX_FILES} pictures, which would take long to read; "
+                "give a folder with those of the things that you want to paint."
+            )
+        return found
 
 
 def _read_caption(path: Path) -> str:

@@ -76,11 +76,6 @@ class Thing:
         """Number of painted copies: 1 to 12."""
         return _PLURAL if self.count is None else max(1, min(self.count, _MAX))
 
-    @property
-    def label(self) -> str:
-        """Name for messages, at most 60 characters."""
-        return self.name[:_LABEL]
-
 
 @dataclass(frozen=True)
 class Relation:

@@ -59,7 +59,7 @@ class SceneThing:
     def told(self) -> str:
         """Description of the picture for messages."""
         times = f", {self.thing.shown} times" if self.thing.shown > 1 else ""
-        stands = "" if self.found.exact else f" for {self.thing.label!r}"
+        stands = "" if self.found.exact else f" for {self.thing.name[:_TITLE]!r}"
         return f"{self.found.caption[:_TITLE]!r} ({self.found.library.name}{times}){stands}"
 
 
@@ -183,12 +183,11 @@ def scene_of(
     if is_mood:
         return compose_mood(setting.light, second, setting, grid, seed)
     is_flown = any(relation.word == "flying" for relation in reading.relations)  # a kite of somebody on the ground
-    over = {one.subject for one in reading.relations if kind_of(one.word) == "over" and one.object in settled}
     parts: list[ScenePart | None] = [None] * len(things)
     for number, one in enumerate(things):
         if one is not None:
             known = known_like(reading.things[number].name, sentences)
-            if number in over or (one.thing.doing == "flying" and not is_flown):
+            if one.thing.doing == "flying" and not is_flown:
                 known = known._replace(where="air")
             parts[number] = ScenePart(copies(one.colored, one.thing.shown, known.where, seed + number), known)
     in_the_air = bool(shown) and all(part.known.where == "air" for part in parts if part is not None)
