@@ -134,10 +134,11 @@ def test_paper_stays_bare_if_words_ask_for_it() -> None:
 
 def test_a_feeling_is_a_light_and_a_thing_is_none() -> None:
     bag = WordBag()
-    assert find_mood("grief", [], bag, is_pictured=False) is GREY
-    assert find_mood("grief", ["grief"], bag, is_pictured=False) is None, "no nearer than to a thing"
-    assert find_mood("teapot", [], bag, is_pictured=False) is None
-    assert find_mood("deep grief", ["grief machine"], bag, is_pictured=True) is None, "there is a picture of it"
+    assert find_mood("grief", [], [], bag, is_pictured=False) is GREY
+    assert find_mood("grief", [], ["grief"], bag, is_pictured=False) is None, "no nearer than to a thing"
+    assert find_mood("grief", ["grief", "deep grief"], [], bag, is_pictured=False) is None, "nearer to people"
+    assert find_mood("teapot", [], [], bag, is_pictured=False) is None
+    assert find_mood("deep grief", [], ["grief machine"], bag, is_pictured=True) is None, "there is a picture of it"
     assert rank_lights("war and chaos", bag)[0].name in ("anger", "chaos")
     mixed = mix_lights(LIGHTS[2], GREY)
     assert mixed.name == "night, sorrow" and mixed.stars == LIGHTS[2].stars

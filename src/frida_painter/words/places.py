@@ -261,17 +261,22 @@ def find_part(name: str, parts: Sequence[_Part], sentences: SentenceEncoder, lea
     return part if similarity >= max(least, usual) else None
 
 
-def find_mood(name: str, things: Sequence[str], sentences: SentenceEncoder, *, is_pictured: bool) -> Light | None:
-    """Returns the light of an abstract noun: a feeling, a time, a sound, an idea; None for a thing.
+def find_mood(
+    name: str, people: Sequence[str], things: Sequence[str], sentences: SentenceEncoder, *, is_pictured: bool
+) -> Light | None:
+    """Returns the light of an abstract noun: a feeling, a time, a sound, an idea; None for a person or a thing.
 
-    A noun is abstract if it is nearer to the words of lights than to all words for things.
+    A noun is abstract if it is nearer to the words of lights than to all words for people and things; in the mean, too,
+    for people: a couple is near love, but nearer people.
 
-    things: words for things and people, besides those of places
     is_pictured: True if there is a picture of that name, so that it must be much nearer
     """
     light, similarity = _nearest([name], LIGHTS, sentences)
     around = [word for place in PLACES for word in (*place.words, *place.found)]
-    margin = similarity - float((sentences.embed([*things, *around]) @ sentences.embed([name])[0]).max())
+    meaning, felt = sentences.embed([name])[0], sentences.embed([word for one in LIGHTS for word in one.words])
+    if people and float(meaning @ (sentences.embed(people).mean(0) - felt.mean(0))) > 0:
+        return None
+    margin = similarity - float((sentences.embed([*people, *things, *around]) @ meaning).max())
     return light if similarity >= _MOOD and margin > (_ABSTRACT if is_pictured else 0.0) else None
 
 

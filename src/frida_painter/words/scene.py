@@ -255,9 +255,8 @@ def _mood(noun: str, nearest: float, sentences: SentenceEncoder) -> Light | None
 
     nearest: similarity of the nearest picture
     """
-    if is_person(noun, sentences):
-        return None
-    mood = places.find_mood(noun, [one.name for one in known_things()], sentences, is_pictured=nearest >= _CALLED)
+    people, things = ([one.name for one in known_things() if (one.where == "person") is who] for who in (True, False))
+    mood = places.find_mood(noun, people, things, sentences, is_pictured=nearest >= _CALLED)
     return mood and (places.find_part(noun, places.LIGHTS, sentences) or mood)
 
 
