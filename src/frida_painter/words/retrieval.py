@@ -15,6 +15,7 @@ from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.palette import to_lab
 from frida_painter.words.arrangement import is_person
+from frida_painter.words.compositing import recolor
 from frida_painter.words.libraries import PictureFolder, PictureLibrary, libraries_at_hand
 from frida_painter.words.reading import Thing, paint_of, word_meanings
 
@@ -63,7 +64,6 @@ _MODIFIES = 0.6  # for a title whose word only describes another word
 _FURTHER = re.compile(r"\b(?:of|with|in|on|at|for|and)\b")  # the words after these are not the named thing
 OWN = 2.0
 """Bonus in similarity of the user's own picture of a thing."""
-SEVERAL = (None, 2)  # counts of a plural that one picture may show: flowers, or a pair of scissors
 
 
 def clean_caption(caption: str) -> str:
@@ -88,12 +88,8 @@ def _spoken(title: str, thing: Thing) -> float:
 
 def _is_modified(title: str, thing: Thing) -> bool:
     """Returns True if a title has the word for another thing: a mountain goat, or an owl on a branch."""
-    last = (_names(title) or [""])[-1]
-    return (
-        thing.noun in title
-        and last not in (thing.noun, thing.plural)
-        and not last.endswith((thing.noun, f"{thing.noun}s"))
-    )
+    head = (_names(title) or [""])[-1]
+    return thing.noun in title and not head.endswith((thing.noun, f"{thing.noun}s", thing.plural or thing.noun))
 
 
 def _is_called(title: str, thing: Thing) -> bool:
@@ -102,11 +98,9 @@ def _is_called(title: str, thing: Thing) -> bool:
     For a washing machine, the title "sewing machine" does not count, but "machine" does.
     """
     kind, wanted = set(_names(title)[:-1]), set(thing.name.split()[:-1])
-    if kind and wanted and not kind & wanted:
-        return False
     names = (thing.noun, *(other.split()[-1].lower() for other in synonyms(thing.name)))
-    ends = tuple(end for name in names for end in (name, f"{name}s")) + ((thing.plural,) if thing.plural else ())
-    return any(word.endswith(ends) for word in title.split())
+    ends = (*names, *(f"{name}s" for name in names), thing.plural or thing.noun)
+    return (not kind or not wanted or bool(kind & wanted)) and any(word.endswith(ends) for word in title.split())
 
 
 _MIN, _MIN_PERSON = 0.6, 0.5  # similarity of a caption to a thing, or a person, below which no picture is better
@@ -115,6 +109,7 @@ _NAMED = 0.8  # similarity above which a caption means the thing, with any words
 _AGREES = 0.35  # similarity to the prompt's own words that a synonym's caption needs
 _BAND = 0.25  # range of similarity below the best within which pictures are examined
 _LOOKED_AT = 9
+_TITLE = 60  # characters of a caption in a message
 
 _EXACT = 1.5  # weight of similarity against the look of a picture
 _KEYWORD = 0.05  # loss of a keyword against a title
@@ -130,22 +125,40 @@ _SPEAKS = 0.45  # similarity of a caption to the last word of a name that it nee
 
 @dataclass(frozen=True)
 class FoundPicture:
-    """Picture found for a thing.
+    """Picture found for a thing: colour and opacity [4, h, w], its caption and library.
 
-    picture: colour and opacity [4, h, w]
-    caption: of the picture
-    library: which has the picture
-    similarity: of the caption to the thing
     exact: True if it shows the named thing, False for a similar one
-    several: True if it shows as many things as requested
     """
 
+    thing: Thing
     picture: Tensor
     caption: str
     library: PictureLibrary
-    similarity: float
     exact: bool
-    several: bool = False
+
+    @property
+    def several(self) -> bool:
+        """True if it shows as many things as requested: flowers, or a pair of scissors."""
+        return self.thing.count in (None, 2) and self.thing.plural in self.caption.split()
+
+    @property
+    def shown(self) -> int:
+        """Number of its copies in a scene."""
+        return 1 if self.several else self.thing.shown
+
+    @property
+    def colored(self) -> Tensor:
+        """The picture, recolored to the prompt's colour unless it already has it."""
+        color, paint = self.thing.color, paint_of(self.thing.color)
+        named = set(color.split()) <= set(self.caption.split())
+        return self.picture if paint is None or " and " in color or named else recolor(self.picture, paint)
+
+    @property
+    def told(self) -> str:
+        """Description for messages."""
+        times = f", {self.shown} times" if self.shown > 1 else ""
+        stands = "" if self.exact else f" for {self.thing.name[:_TITLE]!r}"
+        return f"{self.caption[:_TITLE]!r} ({self.library.name}{times}){stands}"
 
 
 @dataclass(frozen=True)
@@ -222,10 +235,9 @@ class PictureIndex:
                 + _FROM_HEAD_TO_FOOT * (figure and acts and is_upright(picture))
             )
             if worth > highest:
-                several = thing.count in SEVERAL and thing.plural in entry.title.split()
                 called = _is_called(entry.title, thing) or thing.name in entry.keywords
                 exact = like >= _NAMED or called
-                highest, found = worth, FoundPicture(picture, entry.title, entry.library, like, exact, several)
+                highest, found = worth, FoundPicture(thing, picture, entry.title, entry.library, exact)
         return found
 
     def _of_kind(self, thing: Thing, similarity: Tensor, *, figure: bool) -> Tensor:
@@ -274,7 +286,7 @@ class PictureIndex:
         if thing.doing:
             for words in (f"{thing.name} {thing.doing}", f"{thing.doing} {thing.name}"):
                 called = torch.maximum(called, self._embed_captions(words))
-        if thing.plural and thing.count in SEVERAL:
+        if thing.plural and thing.count in (None, 2):
             called = torch.maximum(called, self._embed_captions(f"{thing.name.removesuffix(thing.noun)}{thing.plural}"))
         for other in synonyms(thing.name):
             called = torch.maximum(called, self._embed_captions(other).masked_fill(called < _AGREES, 0))

@@ -1,7 +1,7 @@
 """From a prompt to a scene: reads the prompt, finds pictures of its things, and composes them in a setting."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import torch
 from torch import Tensor
@@ -24,7 +24,6 @@ from frida_painter.words.arrangement import (
     known_like,
     known_things,
 )
-from frida_painter.words.compositing import recolor
 from frida_painter.words.composition import ComposedScene, compose_mood, compose_photograph, compose_scene
 from frida_painter.words.places import DAY, NOWHERE, Light, Place, Setting, Weather
 from frida_painter.words.reading import Reading, Relation, Thing, paint_of, prompt_reader, word_meanings
@@ -36,34 +35,9 @@ from frida_painter.words.style_scene import composite_into_style, in_style
 _FIGURES, _FIGURE = ("woman", "man", "girl", "boy"), 0.5  # who stand for people; least similarity to the others
 _IN_A_FIELD = 7  # number of things that a place is full of
 _CALLED = 0.9  # similarity above which a picture is of the thing itself
-_TITLE = 60  # characters of a caption in a remark
 
 
-@dataclass(frozen=True)
-class SceneThing:
-    """Thing of a scene with its picture."""
-
-    thing: Thing
-    found: FoundPicture
-
-    @property
-    def colored(self) -> Tensor:
-        """The picture, recolored to the prompt's colour unless it already has it."""
-        color, paint = self.thing.color, paint_of(self.thing.color)
-        named = set(color.split()) <= set(self.found.caption.split())
-        if paint is None or " and " in color or named:
-            return self.found.picture
-        return recolor(self.found.picture, paint)
-
-    @property
-    def told(self) -> str:
-        """Description of the picture for messages."""
-        times = f", {self.thing.shown} times" if self.thing.shown > 1 else ""
-        stands = "" if self.found.exact else f" for {self.thing.name[:_TITLE]!r}"
-        return f"{self.found.caption[:_TITLE]!r} ({self.found.library.name}{times}){stands}"
-
-
-_Cast = list[SceneThing | None]
+_Cast = list[FoundPicture | None]
 
 
 def cast(
@@ -101,9 +75,9 @@ def cast(
         found = _find(thing, prompt, index, encoders, among=among)
         if found is None and number == min(wanted):  # a picture with a ground may be the whole scene
             found = _find(thing, prompt, index, encoders, among=False)
-        others = {one.found.caption for one in things if one is not None}
+        others = {one.caption for one in things if one is not None}
         if found is not None and (found.exact or found.caption not in others):  # a king is no throne
-            things[number] = SceneThing(replace(thing, count=1) if found.several else thing, found)
+            things[number] = replace(found, thing=thing)
     for one in reading.relations:
         member = things[one.object]
         if one.word == "of" and one.subject in settled and member is not None and member.thing.count is None:
@@ -161,7 +135,7 @@ def scene_of(
         reading = _people_place(reading, setting, sentences)
     things = cast(reading, settled, prompt, index, encoders, in_place=setting.place is not NOWHERE)
     shown = [one for one in things if one is not None]
-    whole = next((one for one in shown if has_ground(one.found.picture)), None)
+    whole = next((one for one in shown if has_ground(one.picture)), None)
     is_mood = not shown and setting.place is NOWHERE
     lights = [light for *_, light in seen if isinstance(light, Light)] + places.rank_lights(prompt, sentences)
     if whole is not None:
@@ -189,7 +163,7 @@ def scene_of(
             known = known_like(reading.things[number].name, sentences)
             if one.thing.doing == "flying" and not is_flown:
                 known = known._replace(where="air")
-            parts[number] = ScenePart(copies(one.colored, one.thing.shown, known.where, seed + number), known)
+            parts[number] = ScenePart(copies(one.colored, one.shown, known.where, seed + number), known)
     in_the_air = bool(shown) and all(part.known.where == "air" for part in parts if part is not None)
     return compose_scene(arrange_parts(parts, reading.relations), setting, grid, seed, in_the_air=in_the_air)
 
@@ -200,7 +174,7 @@ def _place_of(things: _Cast, relations: Sequence[Relation], setting: Setting, se
     shown = [one for number, one in enumerate(things) if one is not None and number not in carried]
     shown = shown or [one for one in things if one is not None]
     outside = setting.weather != places.CLEAR or setting.light != DAY
-    names = [name for one in shown for name in (one.thing.name, one.found.caption)]
+    names = [name for one in shown for name in (one.thing.name, one.caption)]
     return places.infer_place(names, sentences, outside=outside)
 
 
@@ -295,14 +269,14 @@ def _account_for(things: _Cast, reading: Reading, seen: _Seen, account: Account)
             account.mark_setting(thing.at, f"{color} {part.name}", color)
     shown = [one for one in things if one is not None]
     for one in shown:
-        account.mark_picture(one.thing, one.found.caption, exact=one.found.exact, several=one.found.several)
+        account.mark_picture(one.thing, one.caption, exact=one.exact, several=one.several)
     for relation in reading.relations:
         first, second = reading.things[relation.subject], reading.things[relation.object]
         nouns = [word for word in reading.said if word.at in second.at and word.lemma == second.noun.lower()]
         for one in shown:  # one picture may show both and their relation
-            if one.thing.at == first.at and any(word.says(one.found.caption) for word in nouns):
-                account.mark_picture(second, one.found.caption, exact=True, several=False)
-                account.mark(relation.at, Mark.SHOWN, one.found.caption)
+            if one.thing.at == first.at and any(word.says(one.caption) for word in nouns):
+                account.mark_picture(second, one.caption, exact=True, several=False)
+                account.mark(relation.at, Mark.SHOWN, one.caption)
         if account.shows(first.at) and account.shows(second.at):
             is_placed = kind_of(relation.word) not in ("", "doing")
             settles = any(second is thing or first is thing for thing, _, _ in seen)
@@ -311,7 +285,7 @@ def _account_for(things: _Cast, reading: Reading, seen: _Seen, account: Account)
 
 
 def _tell(
-    shown: Sequence[SceneThing],
+    shown: Sequence[FoundPicture],
     setting: Setting,
     encoders: EncoderRegistry,
     use: str,
@@ -331,9 +305,9 @@ def _tell(
         encoders.remark(f"Of your own pictures one cannot be used: {fault}")
 
 
-def _credit(shown: Sequence[SceneThing]) -> str:
+def _credit(shown: Sequence[FoundPicture]) -> str:
     """Returns the authors of the pictures, for the end of a sentence."""
-    credits = dict.fromkeys(one.found.library.credit for one in shown if one.found.library.credit)
+    credits = dict.fromkeys(one.library.credit for one in shown if one.library.credit)
     return f"; pictures by {'; '.join(credits)}" if credits else ""
 
 
