@@ -27,13 +27,7 @@ _SHARPNESS = 0.05  # difference of similarity at which a neighbour's weight fall
 
 
 class Known(NamedTuple):
-    """Known thing: its height in the real world, and its usual place.
-
-    name: of the thing
-    height: metres
-    where: "ground", "air" or "water"; "person" and "animal" for who stands on the ground; "worn": clothes; "held": its
-        holder lifts it; "head": worn on the head; "top": things stand on it; "seat": they sit in it
-    """
+    """Known thing: its name, its height in metres in the real world, and its usual place, as `world.txt` explains."""
 
     name: str
     height: float
@@ -84,6 +78,7 @@ _SINKS = 0.1  # share of its height by which a thing overlaps the thing below it
 
 _HIDDEN = 0.4  # hidden share of the height of a thing inside another
 _BRIMS, _HOLDS = 0.8, 0.6  # shares of a picture's fullest row: of a row above the rim, and of one that is no foot
+_MOUTH = 0.5  # the same share of the uppermost rows of what is open on top, such as a vase
 _FITS = 0.85  # greatest width of a thing inside another, relative to that
 _CROWDED = 0.6  # least share of its size that a thing keeps among others on the same thing
 _SEAT = 0.5  # share of the height of a seat's picture at which somebody sits
@@ -123,11 +118,7 @@ def kind_of(word: str) -> str:
 
 @dataclass(frozen=True)
 class ScenePart:
-    """Thing to be placed.
-
-    picture: all its copies as one picture, colour and opacity [4, h, w]
-    known: its height and usual place
-    """
+    """Thing to be placed: all its copies as one picture, colour and opacity [4, h, w], and its height and place."""
 
     picture: Tensor
     known: Known
@@ -228,10 +219,7 @@ def _scale(shown: Mapping[int, ScenePart]) -> dict[int, Placed]:
 
 
 def _put(mine: Placed, other: Placed, kind: str, where: str, other_where: str) -> tuple[Placed, Placed]:
-    """Returns a thing at its place beside another, and the other, whose size or place may have changed.
-
-    where, other_where: their usual places
-    """
+    """Returns a thing at its place beside another, and the other, whose size or place may have changed."""
     if kind in ("beneath", "around"):
         other, mine = _put(other, mine, _OPPOSITE[kind], other_where, where)
         return mine, other
@@ -329,11 +317,12 @@ def _top(picture: Tensor, share: float) -> float:
 def _rim(picture: Tensor) -> float:
     """Returns the height of a container's rim as a share of its height.
 
-    Above a rim, a container is narrower than below: only a handle, a neck or a sail rises there.
+    Above a rim, a container is narrower than below: only a handle or a sail rises there. What ends wide is open on top.
     """
     full = (picture[3] > 0.5).float().mean(1).flip(0)  # from below
     widest = full.cummax(0).values
     narrow = (full < _BRIMS * widest) & (widest >= _HOLDS * full.max())
+    narrow[:] &= full[-len(full) // 20 :].max() < _MOUTH * full.max()
     return int(narrow.float().argmax()) / len(full) if bool(narrow.any()) else 1.0
 
 

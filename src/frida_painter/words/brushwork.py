@@ -57,12 +57,9 @@ def paint_loosely(
 
 
 def paint_mood(form: str, colors: Tensor, second: Tensor, energy: float, grid: PixelGrid, seed: int) -> Tensor:
-    """Returns a mood as a picture [3, H, W] without things.
+    """Returns a mood as a picture [3, H, W] without things, from the form, colours [4, 3] and energy of its light.
 
-    form: one of `FORMS`
-    colors: sRGB [4, 3] in [0, 1]: of depth, of the larger area, of light, and an accent
-    second: the same of another mood that is felt in it
-    energy: 0 for long calm strokes to 1 for short, restless ones
+    second: colours of another mood that is felt in it
     """
     share, angle = _lay_out(form, grid, seed)
     ramps = [_color_along(share, palette) for palette in (colors, second)]

@@ -76,6 +76,7 @@ _STANDING = 0.05  # of its height, by which a thing on the floor may be above it
 _SHADOW, _LEAN, _DARK = 0.28, 1.1, 0.42  # length by the thing's height, columns per row to the right, and opacity
 _TOUCH = 0.75  # opacity of the shadow right below a thing
 
+_BULGE = 0.3  # share of the hidden part that shows in the middle of a rim
 _DIPS = 0.07  # of its height: the part of a thing that water hides
 
 
@@ -99,10 +100,9 @@ def compose_scene(
     in_the_air: True if none of them stands on anything
     """
     drawn = _fit(things, setting, grid, seed, in_the_air=in_the_air)
-    colors, where = stack(drawn, grid.rows, grid.columns).split((3, 1))
+    *colored, where = stack(drawn, grid.rows, grid.columns)
     ground = setting.ground(grid, seed)
-    where = where[0]
-    colors = _in_light(simplify(colors), ground, where, setting)
+    colors = _in_light(simplify(torch.stack(colored)), ground, where, setting)
     ground = with_contrast(ground, where, colors)
     if not in_the_air and setting.place.kind != "paper":
         low = min(one.y for one in things) if things else 0.0
@@ -195,7 +195,9 @@ def _fit(
         if setting.place.kind == "water" and setting.is_named and not in_the_air and one.y == low:
             dips = max(1, round(_DIPS * picture.shape[1]))
             picture[3, -dips:] *= torch.linspace(1, 0, dips)[:, None]
-        picture[3, round((1 - one.hidden) * picture.shape[1]) :] = 0
+        down, across = (torch.linspace(0, 1, picture.shape[1])[:, None], torch.linspace(-1, 1, picture.shape[2]))
+        rim = 1 - one.hidden * (1 - _BULGE * (1 - across**2).sqrt())  # the front of a round rim, seen from above
+        picture[3] *= (down <= rim) | (one.hidden == 0)
         top = round(bottom - scale * (one.y - low) - picture.shape[1])
         at = round(start + scale * (one.x - one.width / 2 - left))
         top = max(0, min(top, rows - picture.shape[1]))

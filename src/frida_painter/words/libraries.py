@@ -205,7 +205,6 @@ class Captioned:
 class PictureLibrary(Protocol):
     """Library of pictures with captions.
 
-    name: for messages
     credit: authors and licence; "" if nobody must be named
     is_own: True for the user's own pictures, which have priority
     """

@@ -328,7 +328,7 @@ def _nearest(
     words: Callable[[_Part], Sequence[str]] = lambda part: part.words,
 ) -> tuple[_Part, float]:
     """Returns the part with the word of most similar meaning to the names, in the mean, and that similarity."""
-    owners = [(part, word) for part in parts for word in words(part)]
+    owners: list[tuple[_Part, str]] = [(part, word) for part in parts for word in words(part)]
     meanings = sentences.embed([*names, *(word for _, word in owners)])
     similarity, best = (meanings[len(names) :] @ meanings[: len(names)].T).mean(1).max(0)
     return owners[int(best)][0], float(similarity)

@@ -210,8 +210,8 @@ def _setting(
             settled.add(number)
             seen.append((thing, thing.noun, part))
         for word in thing.name.split()[:-1]:
-            felt = places.find_part(word, places.WEATHERS, sentences, _SURE)
-            if felt := felt or places.find_part(word, places.LIGHTS, sentences, _FELT):
+            weather = places.find_part(word, places.WEATHERS, sentences, _SURE)
+            if felt := weather or places.find_part(word, places.LIGHTS, sentences, _FELT):
                 seen.append((thing, word, felt))
     parts = [part for *_, part in seen]
     weather = next((part for part in parts if isinstance(part, Weather)), places.CLEAR)
