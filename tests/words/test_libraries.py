@@ -161,7 +161,7 @@ def test_a_package_becomes_a_library(name: str, tmp_path: Path, monkeypatch: pyt
 
 
 def test_libraries_that_a_person_has_fetched_hold_what_was_published() -> None:
-    """They have 630 MB, so that the tests do not fetch them: the small ones above are read in any case."""
+    """They have 600 MB, so that the tests do not fetch them: the small ones above are read in any case."""
     for library in libraries_at_hand():
         known = library.list_captioned()
         assert len(known) >= MIN.get(library.name, 1) and library.credit

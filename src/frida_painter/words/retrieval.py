@@ -59,7 +59,7 @@ def is_upright(picture: Tensor) -> bool:
 
 # Comparison of a picture's title with a thing of a prompt.
 
-_SAYS, _ADDS = 0.2, 0.3  # bonus for each word of the prompt, and penalty for each other word
+_SAYS, _ADDS = 0.2, 0.2  # bonus for each word of the prompt, and penalty for each other word
 _MODIFIES = 0.6  # for a title whose word only describes another word
 _FURTHER = re.compile(r"\b(?:of|with|in|on|at|for|and)\b")  # the words after these are not the named thing
 OWN = 2.0
