@@ -78,7 +78,7 @@ _SINKS = 0.1  # share of its height by which a thing overlaps the thing below it
 
 _HIDDEN = 0.4  # hidden share of the height of a thing inside another
 _BRIMS, _HOLDS = 0.8, 0.6  # shares of a picture's fullest row: of a row above the rim, and of one that is no foot
-_MOUTH = 0.5  # the same share of the uppermost rows of what is open on top, such as a vase
+_MOUTH = 0.5  # the same share of the uppermost rows of a vase, or another container that is open on top
 _FITS = 0.85  # greatest width of a thing inside another, relative to that
 _CROWDED = 0.6  # least share of its size that a thing keeps among others on the same thing
 _SEAT = 0.5  # share of the height of a seat's picture at which somebody sits
@@ -317,7 +317,8 @@ def _top(picture: Tensor, share: float) -> float:
 def _rim(picture: Tensor) -> float:
     """Returns the height of a container's rim as a share of its height.
 
-    Above a rim, a container is narrower than below: only a handle or a sail rises there. What ends wide is open on top.
+    Above a rim, a container is narrower than below: only a handle or a sail rises there. A container that is wide at
+    its top is open there.
     """
     full = (picture[3] > 0.5).float().mean(1).flip(0)  # from below
     widest = full.cummax(0).values

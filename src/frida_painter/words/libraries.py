@@ -232,7 +232,10 @@ class PictureArchive:
 
     def list_captioned(self) -> Sequence[Captioned]:
         """Returns the pictures of the archive's own list. Raises WeightsError."""
-        known: dict[str, list[str]] = json.loads(self._read(CAPTIONS))
+        try:
+            known: dict[str, list[str]] = json.loads(self._read(CAPTIONS))
+        except ValueError as cause:
+            raise WeightsError(f"{self._archive} has damaged captions ({cause}); fetch {self.name} again.") from cause
         return [Captioned(file, tuple(captions), self._realism(file)) for file, captions in sorted(known.items())]
 
     def pictures(self, file: str) -> list[Tensor]:
@@ -288,7 +291,9 @@ class PictureFolder:
 
     def _files(self) -> list[Path]:
         """Returns the picture files below the folder, sorted."""
-        inside = (path for path in self._folder.rglob("[!.]*") if path.suffix.lower() in _SUFFIXES)
+        inside = (
+            path for path in self._folder.rglob("[!.]*") if path.suffix.lower() in _SUFFIXES and not path.is_dir()
+        )
         found = sorted(islice(inside, _MAX_FILES + 1))
         if len(found) > _MAX_FILES:
             raise ConfigError(
