@@ -183,13 +183,9 @@ def arrange_parts(parts: Sequence[ScenePart | None], relations: Sequence[Relatio
             placed |= dict(zip(some, spread, strict=True))
     for number in shown:
         if number not in placed:
-            everything = list(placed.values())
             above = known[number] == "air" and any(known[other] != "air" for other in placed)
-            placed[number] = (
-                _put(alone[number], everything[0], "over", "air", "")[0]
-                if above
-                else _beside(everything, alone[number])
-            )
+            by = _put(alone[number], placed[first], "over", "air", "")[0] if above else None
+            placed[number] = by or _beside(list(placed.values()), alone[number])
     return sorted(placed.values(), key=lambda one: one.depth)
 
 
