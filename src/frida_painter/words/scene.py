@@ -54,7 +54,7 @@ def cast(
     settled: numbers of the things that belong to the setting
     in_place: True if the scene shows a place too, so that pictures without a ground are needed
 
-    A measure and its content are one thing: a cup of coffee has one picture.
+    A measure and its content are one thing, a cup of coffee, and clothes are shown by their colour.
     """
     things: _Cast = [None] * len(reading.things)
     if index is None:
@@ -62,14 +62,18 @@ def cast(
     sentences = word_meanings(encoders)
     wanted = {number: thing for number, thing in enumerate(reading.things) if number not in settled}
     for one in reading.relations:
-        if one.word == "of" and {one.subject, one.object} <= {*wanted} and wanted[one.object].uncounted:
-            first, second = wanted[one.subject], wanted.pop(one.object)
+        if not {one.subject, one.object} <= {*wanted}:
+            continue
+        first, second = wanted[one.subject], wanted[one.object]
+        if one.word == "of" and second.uncounted:
             name, at = f"{first.name} of {second.name}", (*first.at, *second.at)
-            wanted[one.subject] = replace(first, name=name, noun=second.noun, color=second.color, at=at)
-    for one in reading.relations:  # clothes are shown by their colour
-        worn = wanted.get(one.object)
-        if worn is not None and one.subject in wanted and _wears(one, worn, sentences):
-            wanted[one.subject] = replace(wanted[one.subject], color=wanted.pop(one.object).color)
+            first = replace(first, name=name, noun=second.noun, color=second.color, at=at)
+        elif one.word in ("in", "with", "wearing") and known_like(second.name, sentences).where == "worn":
+            first = replace(first, color=second.color)
+        else:
+            continue
+        wanted |= {one.subject: first}
+        del wanted[one.object]
     for number, thing in wanted.items():
         among = len(wanted) > 1 or in_place or thing.shown > 1
         found = _find(thing, prompt, index, encoders, among=among)
@@ -108,10 +112,6 @@ def _find(
     name = _FIGURES[int(nearest)]
     figure = find(replace(thing, name=name, noun=name, plural=""))
     return found if figure is None else replace(figure, exact=False)
-
-
-def _wears(relation: Relation, worn: Thing, sentences: SentenceEncoder) -> bool:
-    return relation.word in ("in", "with", "wearing") and known_like(worn.name, sentences).where == "worn"
 
 
 _BY_THINGS = ("under", "beside", "behind", "front", "with")  # kinds of relations to a thing, not to a place
