@@ -79,7 +79,7 @@ def _lay(words: str, photograph: Tensor, encoders: EncoderRegistry) -> Composite
     for thing in there:
         account.mark(thing.at, Mark.SIMILAR, "what the photograph shows")
     found = cast(reading, set(), words, index, encoders, in_place=True)
-    usable = [one for one in found if one is not None and not has_ground(one.found.picture) and one.thing not in there]
+    usable = [one for one in found if one is not None and not has_ground(one.picture) and one.thing not in there]
     for one in usable[:1]:
         flies = known_like(one.thing.name, word_meanings(encoders)).where == "air"
         rows = _FLIES if flies else _STANDS
