@@ -156,7 +156,7 @@ def scene_of(
     shown = [one for one in things if one is not None]
     whole = next((one for one in shown if has_ground(one.found.picture)), None)
     if whole is not None:
-        account_for([whole], reading, [one for one in seen if not isinstance(one[2], Place)], account)
+        _account_for([whole], reading, [one for one in seen if not isinstance(one[2], Place)], account)
         _tell([whole], replace(setting, is_named=False), encoders, use, index, account)
         if len(shown) > 1:
             encoders.remark("The picture has a ground of its own and fills the canvas; nothing else is added.")
@@ -165,12 +165,12 @@ def scene_of(
         near = places.rank_lights(prompt, sentences)
         first = near[0] if setting.light == places.DAY else setting.light
         second = setting.second or next(light for light in near if light.name not in first.name)
-        account_for(things, reading, seen, account)
+        _account_for(things, reading, seen, account)
         _tell(shown, replace(setting, light=first, is_named=True), encoders, use, index, account)
         return compose_mood(first, second, setting, grid, seed)
     if setting.place is places.NOWHERE:
         setting = replace(setting, place=_place_of(things, reading.relations, setting, sentences))
-    account_for(things, reading, [one for one in seen if one[2] is not setting.second], account)
+    _account_for(things, reading, [one for one in seen if one[2] is not setting.second], account)
     _tell(shown, setting, encoders, use, index, account)
     is_flown = any(relation.word == "flying" for relation in reading.relations)  # a kite of somebody on the ground
     over = {one.subject for one in reading.relations if kind_of(one.word) == "over" and one.object in settled}
@@ -305,7 +305,7 @@ def _place_named(number: int, reading: Reading, nearest: float, sentences: Sente
     return place
 
 
-def account_for(things: Sequence[SceneThing | None], reading: Reading, seen: _Seen, account: Account) -> None:
+def _account_for(things: Sequence[SceneThing | None], reading: Reading, seen: _Seen, account: Account) -> None:
     """Marks what a scene shows: the words of its setting, the things with pictures, and the relations of both.
 
     things: of the scene, before clothes are merged into their wearers
@@ -346,7 +346,7 @@ def _tell(
 ) -> None:
     """Makes remarks about the scene's pictures, their authors, and what is not shown."""
     place = f", on {setting.words}" if setting.is_named else ""
-    told = f"{' and '.join(one.told for one in shown)}{place}{credit(shown)}"
+    told = f"{' and '.join(one.told for one in shown)}{place}{_credit(shown)}"
     if not shown:
         told = f"strokes and colours of {setting.words}, without a picture of a thing"
     encoders.remark(f"{use.capitalize()} {told}.")
@@ -357,7 +357,7 @@ def _tell(
         encoders.remark(f"Of your own pictures one cannot be used: {fault}")
 
 
-def credit(shown: Sequence[SceneThing]) -> str:
+def _credit(shown: Sequence[SceneThing]) -> str:
     """Returns the authors of the pictures, for the end of a sentence."""
     credits = dict.fromkeys(one.found.library.credit for one in shown if one.found.library.credit)
     return f"; pictures by {'; '.join(credits)}" if credits else ""
@@ -442,7 +442,7 @@ def _start_with_style(
     reading, index = prompt_reader(encoders).read(words), picture_index(encoders)
     found = cast(reading, set(), words, index, encoders, in_place=False)
     thing, account = next((one for one in found if one is not None), None), Account(reading)
-    account_for([thing], reading, [], account)
+    _account_for([thing], reading, [], account)
     if thing is None:
         encoders.remark(f"No picture was found for {words[:60]!r}; begun with the style picture alone.")
         encoders.remark(account.told)
@@ -451,6 +451,12 @@ def _start_with_style(
     shown = composite_into_style(thing.colored, scene, own=float(bool(thing.thing.color)))
     matters = 1 + (_MATTERS - 1) * shown.where
     kept = ImageTerm(shown.picture, _STAGED * weight, matters / matters.mean())
-    encoders.remark(f"Begun with {thing.told}, laid into the style picture{credit([thing])}.")
+    encoders.remark(f"Begun with {thing.told}, laid into the style picture{_credit([thing])}.")
     encoders.remark(account.told)
     return Goal((*goal.terms, kept), (replace(kept, weight=1.0),))
+
+
+def tell_thing(thing: SceneThing, reading: Reading, account: Account) -> str:
+    """Marks the words that are shown by the picture of a thing; returns its description with its authors."""
+    _account_for([thing], reading, [], account)
+    return f"{thing.told}{_credit([thing])}"
