@@ -21,7 +21,7 @@ from frida_painter.words.account import Account, Mark
 from frida_painter.words.arrangement import known_like
 from frida_painter.words.reading import Thing, prompt_reader, word_meanings
 from frida_painter.words.retrieval import has_ground, picture_index
-from frida_painter.words.scene import account_for, cast, credit
+from frida_painter.words.scene import cast, tell_thing
 from frida_painter.words.style_scene import Composited, composite_into_style
 
 _SIZES = (0.6, 0.5, 0.4)  # longer side of the thing, relative to the photograph's shorter one
@@ -84,8 +84,7 @@ def _lay(words: str, photograph: Tensor, encoders: EncoderRegistry) -> Composite
         flies = known_like(one.thing.name, word_meanings(encoders)).where == "air"
         rows = _FLIES if flies else _STANDS
         shown = composite_into_style(one.colored, photograph, own=_OWN, sizes=_SIZES, rows=rows)
-        account_for([one], reading, [], account)
-        encoders.remark(f"Laid into the photograph: {one.told}{credit([one])}.")
+        encoders.remark(f"Laid into the photograph: {tell_thing(one, reading, account)}.")
     encoders.remark(account.told)
     return shown
 

@@ -148,7 +148,7 @@ def scene_of(
     second = next(light for light in lights if light.name not in setting.light.name)
     used = {setting.place.name, setting.weather.name, *setting.light.name.split(", ")}
     used |= {second.name} if is_mood else {places.SKY.name} if setting.place.is_open else set()
-    account_for(things, reading, [one for one in seen if one[2].name in used], account)
+    _account_for(things, reading, [one for one in seen if one[2].name in used], account)
     _tell([one for one in things if one is not None], setting, encoders, use, index, account)
     if whole is not None:
         if len(shown) > 1:
@@ -258,7 +258,7 @@ def _place_named(number: int, reading: Reading, nearest: float, sentences: Sente
     return place if place is None or paint is None else places.in_color(place, tuple(paint.tolist()))
 
 
-def account_for(things: _Cast, reading: Reading, seen: _Seen, account: Account) -> None:
+def _account_for(things: _Cast, reading: Reading, seen: _Seen, account: Account) -> None:
     """Marks what a scene shows: the words of its setting, the things with pictures, and the relations of both.
 
     seen: words of the setting
@@ -294,7 +294,7 @@ def _tell(
 ) -> None:
     """Makes remarks about the scene's pictures, their authors, and what is not shown."""
     place = f", on {setting.words}" if setting.is_named else ""
-    told = f"{' and '.join(one.told for one in shown)}{place}{credit(shown)}"
+    told = f"{' and '.join(one.told for one in shown)}{place}{_credit(shown)}"
     if not shown:
         told = f"strokes and colours of {setting.words}, without a picture of a thing"
     encoders.remark(f"{use.capitalize()} {told}.")
@@ -305,7 +305,7 @@ def _tell(
         encoders.remark(f"Of your own pictures one cannot be used: {fault}")
 
 
-def credit(shown: Sequence[FoundPicture]) -> str:
+def _credit(shown: Sequence[FoundPicture]) -> str:
     """Returns the authors of the pictures, for the end of a sentence."""
     credits = dict.fromkeys(one.library.credit for one in shown if one.library.credit)
     return f"; pictures by {'; '.join(credits)}" if credits else ""
@@ -385,7 +385,6 @@ def _start_with_style(
     reading, index = prompt_reader(encoders).read(words), picture_index(encoders)
     found = cast(reading, set(), words, index, encoders, in_place=False)
     thing, account = next((one for one in found if one is not None), None), Account(reading)
-    account_for([thing], reading, [], account)
     if thing is None:
         encoders.remark(f"No picture was found for {words[:60]!r}; begun with the style picture alone.")
         encoders.remark(account.told)
@@ -394,6 +393,12 @@ def _start_with_style(
     shown = composite_into_style(thing.colored, scene, own=float(bool(thing.thing.color)))
     matters = 1 + (_MATTERS - 1) * shown.where
     kept = ImageTerm(shown.picture, _STAGED * weight, matters / matters.mean())
-    encoders.remark(f"Begun with {thing.told}, laid into the style picture{credit([thing])}.")
+    encoders.remark(f"Begun with {tell_thing(thing, reading, account)}, laid into the style picture.")
     encoders.remark(account.told)
     return Goal((*goal.terms, kept), (replace(kept, weight=1.0),))
+
+
+def tell_thing(thing: FoundPicture, reading: Reading, account: Account) -> str:
+    """Marks the words that are shown by the picture of a thing; returns its description with its authors."""
+    _account_for([thing], reading, [], account)
+    return f"{thing.told}{_credit([thing])}"
