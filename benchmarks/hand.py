@@ -1,8 +1,8 @@
 """Loss of a painting by the errors of the hand: of placement, and of height in every stroke.
 
     python benchmarks/hand.py [--json figures.json] marks [--brushes broad medium fine] [--count 24]
-    python benchmarks/hand.py [--json figures.json] paintings [--pictures dunes coffee rocket] [--strokes 100]
-        [--studios 3] [--height-errors 0.025 0] [--effort 1] [--brushes ""] [--canvas 14x11in]
+    python benchmarks/hand.py [--json figures.json] paintings [--pictures dunes coffee] [--strokes 100] [--studios 3]
+        [--height-errors 0.025 0] [--effort 1] [--brushes ""] [--canvas 14x11in]
 
 marks: straight strokes of random length, painted alone by the hand of the virtual studio and by one that is exact in
 height. Their painted area, as a share of the stroke model's, shows lost strokes.

@@ -140,7 +140,7 @@ def main() -> None:
     for style, painted in wanted:
         file, seconds = options.out / f"{style}-{painted.replace(' ', '-')}.png", float("nan")
         if not file.exists():
-            strokes, effort = (6, 0.03) if options.quick else (options.strokes, options.effort)
+            strokes, effort = (6, 0.05) if options.quick else (options.strokes, options.effort)
             picture, seconds = paint(style, painted, strokes, effort)
             images.save(picture, file)
         picture = images.load(file)

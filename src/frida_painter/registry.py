@@ -18,7 +18,8 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import EntryPoint, distributions, entry_points
 from importlib.util import find_spec
-from pathlib import Path
+from pathlib import Path, PurePath
+from traceback import walk_tb
 from typing import TypeVar
 
 import platformdirs
@@ -198,6 +199,20 @@ def modules_of_others() -> Mapping[str, tuple[str, ...]]:
         package = point.dist.name if point.dist is not None else "unknown"
         found.setdefault(package, set()).add(point.value.partition(":")[0].partition(".")[0])
     return {package: tuple(sorted(names)) for package, names in sorted(found.items())}
+
+
+def blame(failure: BaseException) -> PluginError | None:
+    """Returns an error that names the package of a part whose code was running; None if there was none."""
+    packages = {module: package for package, modules in modules_of_others().items() for module in modules}
+    for frame, line in reversed([*walk_tb(failure.__traceback__)]):
+        package = packages.get(str(frame.f_globals.get("__name__")).partition(".")[0])
+        if package is not None:
+            why = " ".join(f"{type(failure).__name__}: {failure}".split())[:200]
+            return PluginError(
+                f"The package {package} failed ({why}; {PurePath(frame.f_code.co_filename).name}, line {line}); "
+                f"mend it, or leave out its parts. `frida-painter parts {package}` tries them."
+            )
+    return None
 
 
 @cache  # reading the metadata of all packages takes a tenth of a second; they change with the path

@@ -11,6 +11,7 @@ import pytest
 import torch
 from PIL import Image
 
+from downloads import fetched
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.planning.initialize import uniform
@@ -72,6 +73,18 @@ def test_a_judge_names_the_style_of_pictures_that_are_there(tmp_path, run, capsy
     assert (figure["style"], figure["painted"]) == ("starry-night", "cat") and 1 / 6 < figure["probability"] <= 1
     assert figure["named"] != "udnie" and "Right: " in capsys.readouterr().out
     assert (tmp_path / "sheet.png").exists()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["content", "combined", "styles"])
+def test_those_that_are_looked_at_plan_judge_and_make_a_sheet(name, tmp_path, run, in_small_world):
+    for network in ("hed", "efficientnet-lite0", "efficientnet-lite1"):
+        fetched(network)
+    run(name, "--quick", "--out", tmp_path / "out", "--json", tmp_path / "figures.json")
+    require_tables(tmp_path / "figures.json")
+    figures = json.loads((tmp_path / "figures.json").read_text())["figures"]
+    assert all(figure["cpu_seconds"] > 0 for figure in figures)
+    assert len(list((tmp_path / "out").glob("*.png"))) == len(figures) + 1
 
 
 @pytest.mark.slow

@@ -1,5 +1,6 @@
 """The package that readers are told to start from brings a robot, a camera and a stroke model that paint."""
 
+import ast
 import csv
 import re
 import shutil
@@ -30,12 +31,13 @@ from frida_painter.plan import Plan
 from frida_painter.runs.picture_making import PictureRequest, open_picture_maker
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.replan_policy import looks_on_the_way, parse_replan_policy
-from plugins import install_own_parts
+from plugins import OWN_PARTS, install_own_parts
 from session.easel_errands import easel_of, stroke
 
 SIZE = (120, 160)  # rows, columns of a photograph
 # Stands for rpicam-still: photographs a bare canvas on a dark table, with noise, into the file after -o.
 RPICAM = f"""#!{sys.executable}
+import ast
 import sys
 import numpy as np
 from PIL import Image
@@ -200,3 +202,15 @@ def test_a_painting_with_all_three_of_them(run: Run, table: Path) -> None:
     assert status == 0, said
     motions = dict.fromkeys(row["motion"] for row in read(table / "sheet.csv"))
     assert sum(motion.startswith("stroke") for motion in motions) == 3 and "home" in motions
+
+
+def test_the_example_needs_nothing_that_is_no_promise() -> None:
+    imported = set[str]()
+    for file in (OWN_PARTS / "own_parts").glob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text())):
+            if isinstance(node, ast.ImportFrom):
+                imported.add(node.module or "")
+            elif isinstance(node, ast.Import):
+                imported |= {one.name for one in node.names}
+    ours = {name for name in imported if name.startswith("frida_painter")}
+    assert ours == {"frida_painter", "frida_painter.plugins"}

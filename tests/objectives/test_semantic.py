@@ -1,11 +1,16 @@
 import pytest
 import torch
 
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.frames import PixelGrid
+from frida_painter.objectives.attention import Face, importance_of
 from frida_painter.objectives.encoders.classifiers import EfficientNetLite
 from frida_painter.objectives.encoders.vgg import Vgg16
+from frida_painter.objectives.objective import ObjectiveContext
+from frida_painter.objectives.semantic import SemanticTerm
 from frida_painter.objectives.semantic_loss import Semantic, Views, spread_colors
 from frida_painter.palette import to_lab
-from support.networks import QuickVgg, random_lite_tensors
+from support.networks import QuickEncoders, QuickVgg, random_lite_tensors
 from support.planning import picture
 
 
@@ -92,6 +97,30 @@ def test_places_that_matter_count_more() -> None:
     with torch.no_grad():
         colors = [float(heeded.validation(one)) for one in other]
     assert colors[1] > 3 * colors[0]
+
+
+@pytest.mark.parametrize("freedom", [0.0, 0.5, 1.0])
+def test_the_grain_of_a_face_counts_and_that_of_the_rest_does_not(freedom: float) -> None:
+    image, chance = picture(), torch.Generator().manual_seed(0)
+    rows, columns = image.shape[1:]
+    matters = importance_of([Face(0.5, 0.25, 0.8, 0.4)], rows, columns)
+    heeded = Semantic(image, ScaledSeer(), 0, QuickVgg(), freedom, matters)
+    plain = Semantic(image, ScaledSeer(), 0, QuickVgg(), freedom)
+    grain = 0.05 * torch.randn(image.shape, generator=chance)
+    inside = matters > 6.9 * matters.min()
+    outside = matters < 1.1 * matters.min()
+    assert min(int(inside.sum()), int(outside.sum())) > 100
+    with torch.no_grad():
+        face, rest = (float(heeded.validation(image + grain * where)) for where in (inside, outside))
+        without = float(plain.validation(image + grain * inside))
+    assert face > 5 * rest and face > 5 * without
+
+
+@pytest.mark.parametrize(("in_style", "lasts"), [(False, 1), (True, 3)])
+def test_beside_a_style_one_gradient_serves_as_long_as_that_of_the_style(in_style: bool, lasts: int) -> None:
+    grid = PixelGrid(CanvasSize.parse("12x9cm"), 48, 64)
+    prepared = SemanticTerm(picture()).prepare(ObjectiveContext(grid, QuickEncoders(), 0, in_style=in_style))
+    assert (prepared.lasts, prepared.smooth) == (lasts, in_style)
 
 
 def test_wild_colors_are_further_from_their_mean() -> None:

@@ -73,6 +73,9 @@ def test_a_style_that_matters_less_changes_less() -> None:
     wanted = torch.lerp(picture, lay_marks(picture, stripes()), 0.25)
     assert shown.picture is not None
     torch.testing.assert_close(shown.picture, wanted)
+    assert shown.weight == pytest.approx(4.0 * 4.0**0.25), "it has more of the style, and may count more"
+    (whole, _) = in_style_marks(Goal((ImageTerm(picture), StyleTerm(stripes(), 2.0)))).terms
+    assert whole.weight == 4.0
 
 
 def test_what_a_goal_begins_with_and_goals_without_a_style_stay() -> None:

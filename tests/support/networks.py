@@ -1,5 +1,6 @@
 """Small or random networks in place of those that are fetched."""
 
+import json
 import zipfile
 import zlib
 from collections.abc import Callable, Sequence
@@ -16,7 +17,7 @@ from frida_painter.objectives.encoders.classifiers import ConSE, EfficientNetLit
 from frida_painter.objectives.encoders.loading import Choice, EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.objectives.encoders.vgg import Hed, Vgg16
-from frida_painter.words.libraries import Pictograms
+from frida_painter.words.libraries import PictureArchive
 from frida_painter.words.reading import PromptReader
 from frida_painter.words.retrieval import PictureIndex
 
@@ -184,19 +185,20 @@ class QuickEncoders(EncoderRegistry):
 
 
 def index_of(folder: Path) -> PictureIndex:
-    """The pictures of `write_pictograms`, found by a bag of words."""
-    return PictureIndex([Pictograms(write_pictograms(folder / "pictograms.zip"))], WordBag(), folder)
+    """The pictures of `write_drawings`, found by a bag of words."""
+    drawings = PictureArchive("drawings", "Somebody, CC BY-SA 4.0", write_drawings(folder / "pictures.zip"))
+    return PictureIndex([drawings], WordBag(), folder)
 
 
-def write_pictograms(path: Path) -> Path:
-    """An archive with a red square of 20 in 72 by its outline (U+1F353, strawberry), and a bare outline (U+2602)."""
-    outline = '<g id="line"><rect x="10" y="10" width="20" height="20" fill="none" stroke="#000" stroke-width="2"/></g>'
+def write_drawings(path: Path) -> Path:
+    """An archive with a red square of 20 in 72, called strawberry, and a bare outline, called umbrella."""
+    outline = '<g><rect x="10" y="10" width="20" height="20" fill="none" stroke="#000" stroke-width="2"/></g>'
     svg = '<svg viewBox="0 0 72 72" xmlns="http://www.w3.org/2000/svg">{}</svg>'
     with zipfile.ZipFile(path, "w") as archive:
-        red = '<g id="color"><rect x="10" y="10" width="20" height="20" fill="#ff0000"/></g>'
-        archive.writestr("1F353.svg", svg.format(red + outline))
-        archive.writestr("2602-FE0F.svg", svg.format(outline))
-        archive.writestr("1F1E6-1F1E8.svg", svg.format(red))
+        red = '<rect x="10" y="10" width="20" height="20" fill="#ff0000"/>'
+        archive.writestr("1.svg", svg.format(red))
+        archive.writestr("2.svg", svg.format(outline))
+        archive.writestr("captions.json", json.dumps({"1.svg": ["strawberry"], "2.svg": ["umbrella"]}))
     return path
 
 

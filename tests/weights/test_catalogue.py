@@ -12,7 +12,7 @@ from frida_painter.weights.sources import Hub
 def test_every_entry_is_whole():
     names = [entry.name for entry in weights.all_weights()]
     assert len(set(names)) == len(names)
-    assert {"efficientnet-lite0", "efficientnet-lite1", "efficientnet-lite2", "minilm", "openmoji", "hed"} < set(names)
+    assert {"efficientnet-lite0", "efficientnet-lite1", "efficientnet-lite2", "minilm", "stamps", "hed"} < set(names)
     for entry in weights.all_weights():
         assert entry.purpose and entry.licence and entry.credit and entry.sources and entry.size > 1_000_000
         assert len({file.name for file in entry.kept}) == len(entry.kept)

@@ -113,8 +113,9 @@ def test_over_is_above_and_behind_is_hidden() -> None:
         ((40, 40, 40, 40), 1.0),
         ((8, 8, 40, 36), 0.5),
         ((4, 30, 4, 40), 0.25),
+        ((30, 8, 40, 36), 1.0),
     ],
-    ids=["bowl", "handle", "sail"],
+    ids=["bowl", "handle", "sail", "vase"],
 )
 def test_what_is_in_something_looks_out_over_its_rim(widths: tuple[int, ...], rim: float) -> None:
     picture = torch.zeros(4, 40, 40)

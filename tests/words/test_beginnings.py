@@ -1,6 +1,5 @@
 """First pictures of words, chosen by the settings or by the CLIP that reads the words; it needs no other network."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -20,8 +19,7 @@ from frida_painter.planning.planner import Planner
 from frida_painter.runs.goals import open_goal
 from frida_painter.runs.settle import open_planner
 from frida_painter.runs.spec import RunSpec
-from frida_painter.words.abstract import Patches, arrange, scatter
-from frida_painter.words.pyramid import color_in
+from frida_painter.words.pyramid import color_in, draw_pyramid
 from frida_painter.words.text import TextTerm
 from tiny_clip import write_clip
 
@@ -45,23 +43,21 @@ def begin(encoders: EncoderRegistry, beginning: Beginning, *more: ImageTerm) -> 
 
 
 class TestAClipAlone:
-    @pytest.mark.parametrize("beginning", ["auto", "abstract"])
-    def test_it_begins_with_patches_that_it_prefers(self, alone: EncoderRegistry, beginning: Beginning) -> None:
+    @pytest.mark.parametrize("beginning", ["auto", "colors"])
+    def test_it_begins_with_coarse_colors_that_it_prefers(self, alone: EncoderRegistry, beginning: Beginning) -> None:
         goal = begin(alone, beginning)
         (first,) = goal.initial
         assert isinstance(first, ImageTerm) and first.image.shape == (3, 24, 32)
-        assert alone.remarks == ["Begun with patches of colour, arranged for the words."]
+        assert alone.remarks == ["Begun with a coarse picture, coloured for the words."]
         judge = Text("a fox", alone.readers(), 99)
         with torch.no_grad():
-            others = torch.stack([judge.validation(one) for one in scatter(12, 5).draw(24, 32)])
+            levels = [
+                torch.randn(12, 3, *cells, generator=torch.Generator().manual_seed(5)) for cells in ((1, 1), (3, 4))
+            ]
+            others = torch.stack([judge.validation(one) for one in draw_pyramid(levels, 24, 32)])
             assert float(judge.validation(first.image)) < float(others.median())
         again = begin(alone, beginning).initial[0]
         assert isinstance(again, ImageTerm) and torch.equal(again.image, first.image)
-
-    def test_it_begins_with_coarse_colors(self, alone: EncoderRegistry) -> None:
-        (first,) = begin(alone, "colors").initial
-        assert isinstance(first, ImageTerm) and first.image.shape == (3, 24, 32)
-        assert alone.remarks == ["Begun with a coarse picture, coloured for the words."]
 
     def test_it_begins_with_nothing(self, alone: EncoderRegistry) -> None:
         assert begin(alone, "nothing").initial == ()
@@ -139,7 +135,7 @@ class TestSettings:
 
         monkeypatch.setattr(Clip, "embed_pictures", watch)
         for steps in (4, 10):
-            goal = Goal((TextTerm("a fox", settings=WordSettings("abstract", first_steps=steps)),))
+            goal = Goal((TextTerm("a fox", settings=WordSettings("colors", first_steps=steps)),))
             TextTerm.interpret(goal, ObjectiveContext(GRID, alone, 0))
             looks.append(0)
         few = looks.index(0)
@@ -151,9 +147,8 @@ class TestSettings:
             WordSettings(phrases=(phrase,))
 
 
-class TestPatches:
-    @pytest.mark.parametrize("make", [arrange, color_in])
-    def test_a_network_finds_its_wish_in_them(self, alone: EncoderRegistry, make: Callable[..., torch.Tensor]) -> None:
+class TestCoarseColors:
+    def test_a_network_finds_its_wish_in_them(self, alone: EncoderRegistry) -> None:
         """A wish for red above blue, by the mean colours of the halves: no network, and known by sight."""
 
         def wish(pictures: torch.Tensor) -> torch.Tensor:
@@ -161,16 +156,9 @@ class TestPatches:
             red, blue = torch.tensor([0.9, 0.1, 0.1]), torch.tensor([0.1, 0.1, 0.9])
             return (upper.mean((2, 3)) - red).square().sum(1) + (lower.mean((2, 3)) - blue).square().sum(1)
 
-        found = make(wish, alone.readers()[0], (30, 40), 0)
+        found = color_in(wish, alone.readers()[0], (30, 40), 0)
         assert found.shape == (3, 30, 40) and float(found.min()) >= 0 and float(found.max()) <= 1
         assert float(wish(found[None])) < 0.1
-        assert torch.equal(found, make(wish, alone.readers()[0], (30, 40), 0))
-        hasty = make(wish, alone.readers()[0], (30, 40), 0, steps=2)
+        assert torch.equal(found, color_in(wish, alone.readers()[0], (30, 40), 0))
+        hasty = color_in(wish, alone.readers()[0], (30, 40), 0, steps=2)
         assert float(wish(hasty[None])) > 2 * float(wish(found[None]))
-
-    def test_slopes_agree_with_differences(self) -> None:
-        some = scatter(1, 3)
-        patches, ground = some.patches.double().requires_grad_(), some.ground.double().requires_grad_()
-        assert torch.autograd.gradcheck(
-            lambda one, other: Patches(one, other).draw(6, 8, 0.3)[:, :, ::3, ::3], (patches, ground), atol=1e-4
-        )

@@ -34,7 +34,21 @@ def test_words_alone_begin_with_their_pictogram_which_stays_in_the_goal(encoders
     assert isinstance(words, TextTerm) and isinstance(kept, ImageTerm) and isinstance(begun, ImageTerm)
     assert kept.image is begun.image and begun.image.shape == (3, GRID.rows, GRID.columns)
     assert torch.allclose(begun.image[:, GRID.rows // 2, GRID.columns // 2], torch.tensor([1.0, 0, 0]), atol=0.2)
-    assert any("OpenMoji" in remark and "CC BY-SA 4.0" in remark for remark in encoders.remarks)
+    assert any("Somebody" in remark and "CC BY-SA 4.0" in remark for remark in encoders.remarks)
+
+
+def test_several_words_are_one_scene_the_heaviest_first(encoders: QuickEncoders) -> None:
+    said: list[str] = []
+
+    def read(prompt: str) -> Reading:
+        said.append(prompt)
+        return Reading((Thing("strawberry", "strawberry"),))
+
+    encoders.own["prompt reader"] = SimpleNamespace(read=read)
+    words = TextTerm("a lemon"), TextTerm("a strawberry", 2.0), TextTerm("a lemon", 0.5)
+    goal = initial_composition(Goal(words), GRID, encoders, 0)
+    assert said == ["a strawberry and a lemon"]
+    assert goal.terms[:3] == words and goal.terms[3].weight % 2.0 == 0
 
 
 def test_without_a_picture_there_is_a_scene_without_it_and_what_helps_is_said(encoders: QuickEncoders) -> None:
@@ -117,7 +131,7 @@ def test_several_of_a_thing_are_all_there(encoders: QuickEncoders) -> None:
     encoders.own["prompt reader"] = SimpleNamespace(read=lambda prompt: reading)
     (begun,) = initial_composition(Goal((TextTerm("two strawberries"),)), GRID, encoders, 0).initial
     red = ((begun.image[0] > 0.7) & (begun.image[1] < 0.3)).any(0).int()
-    assert int((red.diff() == 1).sum()) == 2 and "'strawberry' (openmoji, 2 times)" in encoders.remarks[0]
+    assert int((red.diff() == 1).sum()) == 2 and "'strawberry' (drawings, 2 times)" in encoders.remarks[0]
 
 
 @pytest.mark.slow
@@ -146,13 +160,13 @@ def test_of_a_table_that_carries_things_the_top_is_shown(
     index = encoders.own["picture index"]
     assert index is not None
     index.nearest = lambda thing: 1.0  # type: ignore[method-assign]  # everything has a picture of its own
-    for word, shown in (("on", ", on a table"), ("beside", "")):
+    for word, shown in (("on", ", on table top"), ("beside", "")):
         things = (Thing("strawberry", "strawberry"), Thing("tablecloth", "tablecloth"))
         reading = Reading(things, (Relation(0, word, 1),))
         encoders.own["prompt reader"] = SimpleNamespace(read=lambda prompt, reading=reading: reading)
         encoders.remarks.clear()
         initial_composition(Goal((TextTerm("a strawberry on a tablecloth"),)), GRID, encoders, 0)
-        assert f"'strawberry' (openmoji){shown};" in encoders.remarks[0]
+        assert f"'strawberry' (drawings){shown};" in encoders.remarks[0]
 
 
 def test_a_place_alone_gets_what_is_found_there_but_not_what_must_not_be_seen(
@@ -202,9 +216,9 @@ def test_in_a_style_the_scene_of_words_is_in_its_colours(encoders: QuickEncoders
 def test_beside_a_style_or_a_sketch_the_scene_leaves_them_a_say(encoders: QuickEncoders) -> None:
     words, drawing = TextTerm("a strawberry", 2.0), torch.ones(3, 60, 80)
     drawing[:, 15:45, 20:60] = 0
-    goals = [(words,), (words, TextTerm("a pear")), (words, StyleTerm(picture())), (words, SketchTerm(drawing))]
+    goals = [(words,), (words, TextTerm("pears")), (words, StyleTerm(picture())), (words, SketchTerm(drawing))]
     weights = [initial_composition(Goal(terms), GRID, encoders, 0).terms[-1].weight for terms in goals]
-    assert weights[0] == weights[1] > 10 * weights[2] and weights[2] == weights[3] == 6
+    assert weights[1] == 10 * weights[0] > 100 * weights[2] and weights[2] == weights[3] == 6
 
 
 def test_the_scene_of_a_place_counts_more_than_that_of_a_thing(encoders: QuickEncoders) -> None:
@@ -241,4 +255,4 @@ def test_of_what_is_only_measured_one_picture_is_enough(encoders: QuickEncoders,
     reading = Reading(things, (Relation(0, "of", 1),))
     encoders.own["prompt reader"] = SimpleNamespace(read=lambda prompt: reading)
     scene_of("an umbrella of strawberry", GRID, encoders, 0)
-    assert ("'umbrella' (openmoji) and 'strawberry' (openmoji)" in encoders.remarks[0]) is not uncounted
+    assert ("'umbrella' (drawings) and 'strawberry' (drawings)" in encoders.remarks[0]) is not uncounted

@@ -14,14 +14,13 @@ from torch import Tensor
 from frida_painter import weights
 from frida_painter.errors import ConfigError, ImageError, WeightsError
 from frida_painter.weights.catalogue import NamedWeights
-from frida_painter.words.libraries import Pictograms, PictureArchive, PictureFolder, libraries_at_hand
+from frida_painter.words.libraries import PictureArchive, PictureFolder, libraries_at_hand
 from plugins import install
-from small_libraries import DISC, MAKERS, SILHOUETTE, write_openmoji
-from support.networks import write_pictograms
+from small_libraries import DISC, MAKERS, SILHOUETTE
 from tiny_weights import original
 
 PHOTOGRAPHS = "animals/dogs/dalmatian.png", "animals/giant_panda.png", "People/dan3.gif", "erase/nubian_ibex.webp"
-MIN = {"openclipart": 1500, "stamps": 600, "openmoji": 1200, "abcs": 250, "fluent": 1100, "flashcards": 350}
+MIN = {"openclipart": 1500, "stamps": 600, "abcs": 250, "fluent": 1100, "flashcards": 350}
 
 
 def painted(path: Path, color: str = "red") -> Path:
@@ -106,16 +105,6 @@ def test_an_archive_has_its_captions_with_it(tmp_path: Path) -> None:
         library.list_captioned()
 
 
-def test_pictograms_are_called_as_their_characters_and_come_with_and_without_outlines(tmp_path: Path) -> None:
-    library = Pictograms(write_pictograms(tmp_path / "pictograms.zip"))
-    known = {one.captions[0]: one.file for one in library.list_captioned()}
-    assert known == {"strawberry": "1F353.svg", "umbrella": "2602-FE0F.svg"}
-    plain, outlined = library.pictures("1F353.svg")
-    assert float(plain[:3, 2, 40].sum()) > 0.9 and float(outlined[:3, 2, 40].sum()) < 0.1
-    (bare,) = library.pictures("2602-FE0F.svg")
-    assert float(bare[3].max()) == 1 and float(bare[:3].max()) < 0.1
-
-
 def test_what_is_at_hand_begins_with_the_own_pictures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     painted(tmp_path / "own" / "fox.png")
     assert libraries_at_hand(tmp_path / "cache") == []
@@ -171,19 +160,8 @@ def test_a_package_becomes_a_library(name: str, tmp_path: Path, monkeypatch: pyt
         assert (one.realism == 0.8) == (file in PHOTOGRAPHS), file
 
 
-def test_the_wheel_of_pictograms_becomes_a_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    archive, licence, captions = write_openmoji(tmp_path / "brought")
-    publish(monkeypatch, "openmoji", archive, licence)
-    weights.fetch("openmoji", tmp_path / "cache", offline=True, origin=tmp_path / "brought")
-    (library,) = libraries_at_hand(tmp_path / "cache")
-    assert {one.file: one.captions for one in library.list_captioned()} == captions
-    plain, outlined = library.pictures("1F353.svg")
-    assert torch.allclose(disc_in(plain), torch.tensor(ImageColor.getrgb(DISC)) / 255, atol=0.02)
-    assert float(outlined[:3, outlined[3] > 0.99].min()) < 0.1, "an outline is black"
-
-
 def test_libraries_that_a_person_has_fetched_hold_what_was_published() -> None:
-    """They have 630 MB, so that the tests do not fetch them: the small ones above are read in any case."""
+    """They have 600 MB, so that the tests do not fetch them: the small ones above are read in any case."""
     for library in libraries_at_hand():
         known = library.list_captioned()
         assert len(known) >= MIN.get(library.name, 1) and library.credit

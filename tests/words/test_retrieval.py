@@ -9,7 +9,7 @@ from torch import Tensor
 from frida_painter.errors import ImageError
 from frida_painter.words.libraries import Captioned
 from frida_painter.words.reading import Thing
-from frida_painter.words.retrieval import PictureIndex
+from frida_painter.words.retrieval import OWN, PictureIndex
 from support.networks import WordBag
 
 
@@ -102,7 +102,7 @@ def test_own_pictures_go_before_all_others_unless_they_are_damaged(tmp_path: Pat
             found = index.find(Thing("door", "door"), "a door", cut_out=cut_out)
             assert found is not None and found.library.name == taken and found.exact
         assert index.faults == ([] if taken == "own" else ["3 is damaged."] * 2)
-        assert index.has_own(Thing("door", "door")) and not index.has_own(Thing("gate", "gate"))
+        assert index.nearest(Thing("door", "door")) >= OWN > index.nearest(Thing("gate", "gate"))
 
 
 def test_who_does_something_has_hands_and_feet(tmp_path: Path) -> None:

@@ -94,7 +94,7 @@ def test_what_shows_one_thing_stands_for_no_other_beside_it(tmp_path: Path) -> N
         def find(self, thing: Thing, *others: object, **further: object) -> FoundPicture | None:
             if further.get("shows"):
                 return None
-            return FoundPicture(Pictures().pictures("goat")[0], "king", Pictures(), 0.6, thing.noun == "king")
+            return FoundPicture(thing, Pictures().pictures("goat")[0], "king", Pictures(), thing.noun == "king")
 
     king, throne = Thing("king", "king"), Thing("throne", "throne")
     seen = encoders(tmp_path, Reading((king, throne), (Relation(0, "on", 1),)))
@@ -168,7 +168,7 @@ def test_a_woman_or_a_man_stands_for_somebody_without_a_picture(tmp_path: Path, 
         def find(self, thing: Thing, *others: object, **further: object) -> FoundPicture | None:
             known = thing.name in ("man", "woman")
             picture = Pictures().pictures("goat")[0]
-            return FoundPicture(picture, thing.name, Pictures(), 0.9, exact=True) if known else None
+            return FoundPicture(thing, picture, thing.name, Pictures(), exact=True) if known else None
 
     seen = encoders(tmp_path, Reading((Thing("sailor", "sailor", count=count),)))
     seen.own["picture index"] = Figures([Pictures()], WordBag(), tmp_path)

@@ -46,9 +46,17 @@ def test_it_lies_where_the_picture_is_calm() -> None:
 
 
 def test_named_colours_are_kept() -> None:
-    shown = composite_into_style(_thing(), _halves(), keeps_colors=True)
+    shown = composite_into_style(_thing(), _halves(), own=1.0)
     body = shown.picture[:, shown.where > 0.99]
     assert float((body[0] > 0.85).float().mean()) > 0.7
+
+
+@pytest.mark.parametrize(("rows", "first", "last"), [((0.0, 0.3), 0, 60), ((0.7, 1.0), 36, 96)])
+def test_it_has_one_of_the_given_sizes_in_the_given_rows(rows: tuple[float, float], first: int, last: int) -> None:
+    where = composite_into_style(_thing(), _halves(), own=1.0, sizes=(0.3,), rows=rows).where > 0.5
+    down, across = where.any(1).nonzero().flatten(), where.any(0).nonzero().flatten()
+    assert abs(len(down) - 0.3 * 96) <= 1 and abs(len(across) - 0.3 * 96) <= 1
+    assert first <= int(down[0]) and int(down[-1]) < last
 
 
 def stripes(rows: int = 96, columns: int = 128) -> torch.Tensor:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import torch
 
+import frida_painter as fp
 from frida_painter.plugins import ConfigError, Interrupted, PictureMakerKind, PictureRequest
 
 
@@ -34,8 +35,6 @@ class Gradient:
 
     def make(self, request: PictureRequest) -> Sequence[Path]:
         """One file for each seed, in their order. A stop is heard between two pictures."""
-        from frida_painter import images
-
         files = []
         for number, seed in enumerate(request.seeds, 1):
             if request.stop_asked():
@@ -47,7 +46,7 @@ class Gradient:
             share = (down / self.horizon).clamp(max=1)
             picture = torch.where(down < self.horizon, top + share * (low - top), land)
             files.append(request.folder / f"{number}.png")
-            images.save(picture, files[-1])
+            fp.save_picture(picture, files[-1])
         return files
 
 

@@ -3,7 +3,9 @@
 import json
 
 import torch
+from torch.nn import functional
 
+import frida_painter as fp
 from frida_painter.plugins import (
     Event,
     ExporterKind,
@@ -14,6 +16,7 @@ from frida_painter.plugins import (
     ListenerKind,
     MixerKind,
     Notify,
+    Palette,
     Plan,
     PlannerKind,
     PlanningTask,
@@ -23,15 +26,12 @@ from frida_painter.plugins import (
 
 def plan_rows(task: PlanningTask) -> Plan:
     """Level strokes in rows from the top, as long as the brush allows, in the mean colours of the picture there."""
-    from frida_painter import images
-    from frida_painter.palette import Palette
-
     model = next(iter(task.planner.models.values()))
     limits = model.limits.within(task.size)
     across = max(1, int(task.size.width / limits.length[1]))
     down = -(-task.strokes // across)
     guide = next((term.guide for term in task.goal.terms if term.guide is not None), task.canvas)
-    colors = images.fit(guide, down, across).flatten(1).T[: task.strokes]  # [n, 3], row by row
+    colors = functional.adaptive_avg_pool2d(guide, (down, across)).flatten(1).T[: task.strokes]  # [n, 3], row by row
     palette = Palette.cluster(colors, torch.ones(len(colors)), min(task.colors, len(colors)), task.seed)
     paint, order = palette.nearest(colors).sort(stable=True)
     place = torch.stack((order % across + 0.1, down - order // across - 0.5), 1)
@@ -71,9 +71,7 @@ def open_counter(text: str) -> Notify:
     every = int(text) if text.isdigit() and int(text) else 100
 
     def hear(event: Event) -> None:
-        from frida_painter.session.events import StrokePainted
-
-        if isinstance(event, StrokePainted) and event.done % every == 0:
+        if isinstance(event, fp.events.StrokePainted) and event.done % every == 0:
             print(f"{event.done} of {event.of} strokes")
 
     return hear

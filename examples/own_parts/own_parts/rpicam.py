@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+import frida_painter as fp
 from frida_painter.plugins import CameraError, CameraKind, ConfigError, Frame, Shutter
 
 _SECONDS = 20.0
@@ -42,8 +43,6 @@ class RpiCamera:
 
     def _taken(self) -> NDArray[np.uint8]:
         """Upright, [rows, columns, 3] sRGB."""
-        from frida_painter import images
-
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "photograph.png"
             command = ["rpicam-still", "--camera", str(self._number), "--nopreview", "--encoding", "png", "-o", path]
@@ -51,7 +50,7 @@ class RpiCamera:
                 subprocess.run(command, check=True, capture_output=True, timeout=_SECONDS)
             except (OSError, subprocess.SubprocessError) as error:
                 raise CameraError(f"rpicam-still took no photograph ({error}); try it in a terminal.") from error
-            return images.to_uint8(images.load(path))
+            return (fp.load_picture(path) * 255).round().byte().permute(1, 2, 0).numpy()
 
 
 def _open(where: str) -> RpiCamera:

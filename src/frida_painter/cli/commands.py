@@ -195,6 +195,11 @@ def main() -> None:
     except OSError as error:
         _complain(f"{abridge(str(error.filename or 'The system'))}: {error.strerror or error}; nothing more was done.")
         status = 2
+    except Exception as failure:
+        if (blamed := registry.blame(failure)) is None:
+            raise
+        _complain(str(blamed))
+        status = 2
     sys.exit(status)
 
 

@@ -112,6 +112,7 @@ _LAYERS = ("conv3_3", "conv4_3")  # of the trunk: small shapes, and parts of obj
 _PIXELS = 12_500  # pixels of the trunk's input, about 100 x 125
 _COLORS = 0.02  # share of the shorter side: blur for the comparison of colours
 _HELD = 20.0, 0.2  # weight of colours, relative to the squared difference to a picture: held most, and most free
+_FACE, _FACE_HELD = 7.0, 20.0  # importance of a face, relative to the least; weight of its pixels, at any freedom
 _FURTHER = 0.2, 2.0, 2.0  # L*, a*, b*: share by which the wildest colours are further apart
 _BALANCE = 0.05  # relative to the squared difference to a picture, if both weights are 1
 
@@ -126,7 +127,8 @@ class Semantic:
     freedom: how far colours may leave those of the picture, from 0, hardly, to 1
     importance [h, w]: importance of each place for shapes and colours, with mean 1; None if uniform
 
-    Freedom and importance count only with a trunk.
+    Freedom and importance count only with a trunk. A face is compared pixel by pixel too: people see a slightly wrong
+    face as another person, and these networks do not.
 
     Features are compared by cosine distance, because the texture of paint scales them all over. Target features
     of each view are computed once. Each call uses two random views.
@@ -170,14 +172,23 @@ class Semantic:
             self._trunk.features(resize_to_pixels(picture, _PIXELS), _LAYERS), self._shapes, strict=True
         ):
             total = total + self._weigh(1 - functional.cosine_similarity(shapes, wanted.to(shapes), dim=0))
-        colors = self._weigh((_blur(picture) - _blur(self._image.to(picture))).square().mean(0))
-        return _BALANCE * total + self._held * colors
+        wanted = self._image.to(picture)
+        colors = self._weigh((_blur(picture) - _blur(wanted)).square().mean(0))
+        return _BALANCE * total + self._held * colors + _FACE_HELD * self._in_faces((picture - wanted).square().mean(0))
 
     def _weigh(self, differences: Tensor) -> Tensor:
         """Returns the mean of differences [h, w] of the places of a picture, by their importance."""
         if self._importance is None:
             return differences.mean()
         return (differences * spread(self._importance, *differences.shape).to(differences)).mean()
+
+    def _in_faces(self, differences: Tensor) -> Tensor:
+        """Returns the same of the places of faces alone, which matter more than the others; 0 without a face."""
+        if self._importance is None:
+            return differences.new_zeros(())
+        matters = spread(self._importance, *differences.shape).to(differences)
+        inside = ((matters / matters.amin() - 1) / (_FACE - 1)).clamp(0, 1)
+        return (differences * matters * inside).mean()
 
 
 def spread_colors(picture: Tensor, freedom: float) -> Tensor:

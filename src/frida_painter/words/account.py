@@ -19,12 +19,7 @@ class Mark(IntEnum):
 
 @dataclass(frozen=True)
 class AccountLine:
-    """Line of an account.
-
-    word: of the prompt, with its kind
-    mark: if it is shown
-    by: picture, place or light that shows it; "" if it is not shown
-    """
+    """Line of an account: a word, its mark, and the picture, place or light that shows it, or ""."""
 
     word: SaidWord
     mark: Mark

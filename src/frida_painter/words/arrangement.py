@@ -15,7 +15,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
-from frida_painter.words.compositing import resize
+from frida_painter.words.compositing import resize, stack
 from frida_painter.words.reading import Relation
 
 # Sizes and usual places of things, from known things of similar meaning.
@@ -27,13 +27,7 @@ _SHARPNESS = 0.05  # difference of similarity at which a neighbour's weight fall
 
 
 class Known(NamedTuple):
-    """Known thing: its height in the real world, and its usual place.
-
-    name: of the thing
-    height: metres
-    where: "ground", "air" or "water"; "person" and "animal" for who stands on the ground; "worn": clothes; "held": its
-        holder lifts it; "head": worn on the head; "top": things stand on it; "seat": they sit in it
-    """
+    """Known thing: its name, its height in metres in the real world, and its usual place, as `world.txt` explains."""
 
     name: str
     height: float
@@ -84,6 +78,7 @@ _SINKS = 0.1  # share of its height by which a thing overlaps the thing below it
 
 _HIDDEN = 0.4  # hidden share of the height of a thing inside another
 _BRIMS, _HOLDS = 0.8, 0.6  # shares of a picture's fullest row: of a row above the rim, and of one that is no foot
+_MOUTH = 0.5  # the same share of the uppermost rows of a vase, or another container that is open on top
 _FITS = 0.85  # greatest width of a thing inside another, relative to that
 _CROWDED = 0.6  # least share of its size that a thing keeps among others on the same thing
 _SEAT = 0.5  # share of the height of a seat's picture at which somebody sits
@@ -123,11 +118,7 @@ def kind_of(word: str) -> str:
 
 @dataclass(frozen=True)
 class ScenePart:
-    """Thing to be placed.
-
-    picture: all its copies as one picture, colour and opacity [4, h, w]
-    known: its height and usual place
-    """
+    """Thing to be placed: all its copies as one picture, colour and opacity [4, h, w], and its height and place."""
 
     picture: Tensor
     known: Known
@@ -192,13 +183,9 @@ def arrange_parts(parts: Sequence[ScenePart | None], relations: Sequence[Relatio
             placed |= dict(zip(some, spread, strict=True))
     for number in shown:
         if number not in placed:
-            everything = list(placed.values())
             above = known[number] == "air" and any(known[other] != "air" for other in placed)
-            placed[number] = (
-                _put(alone[number], everything[0], "over", "air", "")[0]
-                if above
-                else _beside(everything, alone[number])
-            )
+            by = _put(alone[number], placed[first], "over", "air", "")[0] if above else None
+            placed[number] = by or _beside(list(placed.values()), alone[number])
     return sorted(placed.values(), key=lambda one: one.depth)
 
 
@@ -228,10 +215,7 @@ def _scale(shown: Mapping[int, ScenePart]) -> dict[int, Placed]:
 
 
 def _put(mine: Placed, other: Placed, kind: str, where: str, other_where: str) -> tuple[Placed, Placed]:
-    """Returns a thing at its place beside another, and the other, whose size or place may have changed.
-
-    where, other_where: their usual places
-    """
+    """Returns a thing at its place beside another, and the other, whose size or place may have changed."""
     if kind in ("beneath", "around"):
         other, mine = _put(other, mine, _OPPOSITE[kind], other_where, where)
         return mine, other
@@ -329,11 +313,13 @@ def _top(picture: Tensor, share: float) -> float:
 def _rim(picture: Tensor) -> float:
     """Returns the height of a container's rim as a share of its height.
 
-    Above a rim, a container is narrower than below: only a handle, a neck or a sail rises there.
+    Above a rim, a container is narrower than below: only a handle or a sail rises there. A container that is wide at
+    its top is open there.
     """
     full = (picture[3] > 0.5).float().mean(1).flip(0)  # from below
     widest = full.cummax(0).values
     narrow = (full < _BRIMS * widest) & (widest >= _HOLDS * full.max())
+    narrow[:] &= full[-len(full) // 20 :].max() < _MOUTH * full.max()
     return int(narrow.float().argmax()) / len(full) if bool(narrow.any()) else 1.0
 
 
@@ -346,29 +332,24 @@ def copies(picture: Tensor, count: int, where: str, seed: int) -> Tensor:
     if count == 1:
         return picture
     generator = torch.Generator().manual_seed(seed)
-    one = resize(picture, _SIDE / max(picture.shape[1:]))
+    one, air = resize(picture, _SIDE / max(picture.shape[1:])), where == "air"
     _, high, wide = one.shape
-    air = where == "air"
-    spots: list[tuple[float, float, float]] = []  # left, bottom, size
+    spots: list[tuple[Tensor, float, float]] = []  # drawing, bottom, left
     rows = 1 if count <= 3 else 2 if count <= 7 else 3
     for row in range(rows):
         here = count // rows + (row < count % rows)
         for number in range(here):
             shake = torch.rand(2, generator=generator).tolist()
-            place = number - (here - 1) / 2 + 0.5 * (row % 2)
+            copy = resize(one, 0.8**row * (0.86 + 0.14 * shake[1]))
+            middle = (number - (here - 1) / 2 + 0.5 * (row % 2)) * 0.8**row * wide * (1.15 if air else 0.98)
             rise = row * (0.95 if air else 0.42) + (0.5 if air else 0.06) * shake[0]
-            spots.append(
-                (place * 0.8**row * wide * (1.15 if air else 0.98), rise * high, 0.8**row * (0.86 + 0.14 * shake[1]))
-            )
-    left = min(x - size * wide / 2 for x, _, size in spots)
-    right = max(x + size * wide / 2 for x, _, size in spots)
-    height = max(y + size * high for _, y, size in spots)
-    together = torch.zeros(4, round(height) + 2, round(right - left) + 2)  # colours times opacity
-    for number, (x, y, size) in sorted(enumerate(spots), key=lambda spot: -spot[1][1]):
-        copy = resize(one, size)
-        copy = copy.flip(2) if number % 2 else copy
-        top, start = max(0, round(height - y - copy.shape[1])), round(x - copy.shape[2] / 2 - left)
-        sides = (start, together.shape[2] - start - copy.shape[2], top, together.shape[1] - top - copy.shape[1])
-        over = functional.pad(torch.cat((copy[:3] * copy[3:], copy[3:])), sides)
-        together = over + (1 - over[3:]) * together
-    return torch.cat((together[:3] / together[3:].clamp(min=1e-4), together[3:])).clamp(0, 1)
+            copy = copy.flip(2) if number % 2 else copy
+            spots.append((copy, rise * high, middle - copy.shape[2] / 2))
+    left = min(start for *_, start in spots)
+    width = round(max(start + copy.shape[2] for copy, _, start in spots) - left) + 2
+    height = round(max(bottom + copy.shape[1] for copy, bottom, _ in spots)) + 2
+    spots.sort(key=lambda spot: -spot[1])
+    return stack(
+        [(copy, height - 1 - round(bottom) - copy.shape[1], round(start - left)) for copy, bottom, start in spots],
+        height, width,
+    )  # fmt: skip

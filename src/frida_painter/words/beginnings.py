@@ -1,4 +1,4 @@
-"""First picture of a painting of words: a scene, patches, coarse colours or nothing.
+"""First picture of a painting of words: a scene, coarse colours or nothing.
 
 The settings choose, or a CLIP.
 """
@@ -13,7 +13,7 @@ from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal, ObjectiveContext
 from frida_painter.objectives.text_loss import Text, wish
 from frida_painter.objectives.word_settings import WordSettings
-from frida_painter.words.abstract import arrange
+from frida_painter.words.photograph import put_into_photograph, puts_into_photograph
 from frida_painter.words.pyramid import color_in
 
 _APART = 104_729  # added to the seed, so that the views of the choice are not those of the optimiser
@@ -28,17 +28,19 @@ def with_beginning(
     is_alone: True if the goal has nothing but words
 
     Words with a CLIP need no other network: without those that compose scenes, a goal of words alone begins with
-    patches of colour, and another goal is returned unchanged.
+    coarse colours, and another goal is returned unchanged.
     Raises ConfigError if the settings ask for a scene, and its networks are not here; WeightsError if no network
     reads the words.
     """
     encoders = context.encoders
+    if puts_into_photograph(goal, encoders):
+        return put_into_photograph(goal, encoders)
     how = settings.beginning
     by_clip = encoders.reads_by_clip
     if how == "scene" and by_clip and not encoders.composes:
         raise ConfigError(
             "--beginning scene puts pictures of things together, and the networks for it are not here; fetch them with "
-            "`frida-painter models fetch words`, or give --beginning abstract."
+            "`frida-painter models fetch words`, or give --beginning colors."
         )
     if how == "nothing" or (by_clip and not encoders.composes and not is_alone):
         return goal
@@ -46,29 +48,24 @@ def with_beginning(
         return _compose(goal, context)
     reader = encoders.readers()[0]
     size = context.grid.rows, context.grid.columns
-    make = color_in if how == "colors" else arrange
-    picture = make(wish(prompt, reader, settings), reader, size, context.seed, settings.first_steps)
+    picture = color_in(wish(prompt, reader, settings), reader, size, context.seed, settings.first_steps)
     if how == "auto" and encoders.composes:
         return _choose(goal, prompt, settings, picture, context)
-    encoders.remark(
-        "Begun with a coarse picture, coloured for the words."
-        if how == "colors"
-        else "Begun with patches of colour, arranged for the words."
-    )
+    encoders.remark("Begun with a coarse picture, coloured for the words.")
     return _begin_with(goal, picture)
 
 
-def _choose(goal: Goal, prompt: str, settings: WordSettings, abstract: Tensor, context: ObjectiveContext) -> Goal:
-    """Returns the goal with the beginning in which the readers see the words better: a scene, or patches of colour."""
+def _choose(goal: Goal, prompt: str, settings: WordSettings, colors: Tensor, context: ObjectiveContext) -> Goal:
+    """Returns the goal with the beginning in which the readers see the words better: a scene, or coarse colours."""
     judge = Text(prompt, context.encoders.readers(), context.seed + _APART, settings=settings)
     remarks = list(context.encoders.remarks)
-    scene = next((one.picture for one in _compose(goal, context).initial if one.picture is not None), abstract)
+    scene = next((one.picture for one in _compose(goal, context).initial if one.picture is not None), colors)
     with torch.no_grad():
-        is_scene = bool(judge.validation(scene) < judge.validation(abstract))
+        is_scene = bool(judge.validation(scene) < judge.validation(colors))
     if not is_scene:
         context.encoders.remarks[:] = remarks
-        context.encoders.remark("Begun with patches of colour, in which the words are seen better than in a scene.")
-    return _begin_with(goal, scene if is_scene else abstract)
+        context.encoders.remark("Begun with a coarse picture, in which the words are seen better than in a scene.")
+    return _begin_with(goal, scene if is_scene else colors)
 
 
 def _compose(goal: Goal, context: ObjectiveContext) -> Goal:

@@ -57,16 +57,13 @@ def paint_loosely(
 
 
 def paint_mood(form: str, colors: Tensor, second: Tensor, energy: float, grid: PixelGrid, seed: int) -> Tensor:
-    """Returns a mood as a picture [3, H, W] without things.
+    """Returns a mood as a picture [3, H, W] without things, from the form, colours [4, 3] and energy of its light.
 
-    form: one of `FORMS`
-    colors: sRGB [4, 3] in [0, 1]: of depth, of the larger area, of light, and an accent
-    second: the same of another mood that is felt in it
-    energy: 0 for long calm strokes to 1 for short, restless ones
+    second: colours of another mood that is felt in it
     """
     share, angle = _lay_out(form, grid, seed)
     ramps = [_color_along(share, palette) for palette in (colors, second)]
-    wobble = energy * 1.2 * (_clouds(grid, seed + 1, 0.12) - 0.5)
+    wobble = energy * 1.2 * (clouds(grid, seed + 1, 0.12) - 0.5)
     size = 1.45 - 0.75 * energy
     return paint_loosely(ramps[0], angle + wobble, seed, size=size, lively=0.8 + 1.6 * energy, second=ramps[1])
 
@@ -79,7 +76,7 @@ def _lay_out(form: str, grid: PixelGrid, seed: int) -> tuple[Tensor, Tensor]:
     y, x = torch.meshgrid(
         (torch.arange(grid.rows) + 0.5) / grid.rows, (torch.arange(grid.columns) + 0.5) / grid.rows, indexing="ij"
     )
-    clouds = _clouds(grid, seed, 0.25)
+    mist = clouds(grid, seed, 0.25)
     middle = wide * (0.38 if seed % 2 else 0.62) + 0.1 * shift[0], 0.42 + 0.1 * shift[1]
     far = ((x - middle[0]) ** 2 + (y - middle[1]) ** 2).sqrt()
     around = torch.atan2(middle[1] - y, x - middle[0])
@@ -88,26 +85,26 @@ def _lay_out(form: str, grid: PixelGrid, seed: int) -> tuple[Tensor, Tensor]:
         horizon = 0.66 + 0.05 * shift[0]
         sky = 0.3 + 0.5 * (y / horizon).clamp(max=1) ** 2 + 0.3 * (1 - far / 0.35).clamp(0, 1)
         land = 0.22 - 0.3 * (y - horizon) + 0.25 * (1 - (x - middle[0]).abs() / 0.14).clamp(0, 1)
-        return torch.where(y < horizon, sky, land) + 0.12 * (clouds - 0.5), flat + 0.15 * (clouds - 0.5)
+        return torch.where(y < horizon, sky, land) + 0.12 * (mist - 0.5), flat + 0.15 * (mist - 0.5)
     if form == "field":
-        rise = 0.25 + 0.5 * clouds + 0.35 * (1 - far / 0.5).clamp(0, 1) ** 2
-        return rise, 1.0 + 1.0 * (clouds - 0.5) + flat
+        rise = 0.25 + 0.5 * mist + 0.35 * (1 - far / 0.5).clamp(0, 1) ** 2
+        return rise, 1.0 + 1.0 * (mist - 0.5) + flat
     if form == "vortex":
         spiral = 0.5 + 0.5 * torch.cos(2 * around + 9 * far.clamp(min=0.02).log())
         return 0.12 + 0.45 * spiral * (1 - 0.4 * far) + 0.5 * (1 - far / 0.2).clamp(0, 1), around + math.pi / 2 + 0.3
     if form == "fall":
-        columns = _clouds(grid, seed, 0.1)[grid.rows // 2].expand_as(x)
+        columns = clouds(grid, seed, 0.1)[grid.rows // 2].expand_as(x)
         glow = 0.35 * (1 - far / 0.6).clamp(0, 1)
-        return 0.12 + 0.45 * columns * (1 - 0.5 * y) + glow, flat - math.pi / 2 + 0.25 * (clouds - 0.5)
+        return 0.12 + 0.45 * columns * (1 - 0.5 * y) + glow, flat - math.pi / 2 + 0.25 * (mist - 0.5)
     if form == "burst":
-        rays = 0.5 + 0.5 * torch.cos(9 * around + 5 * clouds)
+        rays = 0.5 + 0.5 * torch.cos(9 * around + 5 * mist)
         return (1.05 - 1.1 * far + 0.22 * (rays - 0.5)).clamp(0.05, 1), around
     waves = 2 * math.pi * (2.2 * y + 0.45 * torch.sin(2 * math.pi * x / wide + 3 * shift[0]))
     slope = -0.45 * 2 * math.pi / wide * torch.cos(2 * math.pi * x / wide + 3 * shift[0]) / 2.2
-    return 0.42 + 0.3 * torch.sin(waves) + 0.3 * (clouds - 0.5), torch.atan(-slope)
+    return 0.42 + 0.3 * torch.sin(waves) + 0.3 * (mist - 0.5), torch.atan(-slope)
 
 
-def _clouds(grid: PixelGrid, seed: int, size: float) -> Tensor:
+def clouds(grid: PixelGrid, seed: int, size: float) -> Tensor:
     """Returns smooth noise [H, W] in [0, 1], with patches of that size as a share of the height."""
     cells = max(2, round(1 / size)) + 1, max(2, round(grid.columns / grid.rows / size)) + 1
     noise = torch.rand(1, 1, *cells, generator=torch.Generator().manual_seed(seed))

@@ -1,6 +1,6 @@
 """Compositing of drawings with opacity: their colours, their sizes, and their places on pictures."""
 
-import math
+from collections.abc import Sequence
 
 import torch
 from torch import Tensor
@@ -12,7 +12,7 @@ from frida_painter.palette import from_lab, to_lab
 
 _DARKEST = 22.0  # L* below which a colour is an outline or a shadow, unless there is no other
 _COLORLESS = 12.0  # chroma below which a colour has no hue
-_HUE = 0.8  # radians by which shades of one colour may differ in hue
+_HUE = 0.7  # cosine of the angle by which shades of one colour may differ in hue
 _SHADE = 45.0  # L* by which shades of a colour without hue may differ
 _STEP = 8.0  # Lab distance within which colours count as one
 _PASSES = 25.0  # Lab distance at which a colour still passes for its name
@@ -23,38 +23,25 @@ _VIVID = 40.0  # chroma above which shades keep the full differences in hue of t
 
 
 def recolor(drawing: Tensor, color: Tensor) -> Tensor:
-    """Returns a flat drawing, colour and opacity [4, h, w], with sRGB `color` [3] in [0, 1] as its main colour.
+    """Returns a drawing, colour and opacity [4, h, w], with sRGB `color` [3] in [0, 1] as its main colour.
 
-    Lighter and darker shades of the main colour change with it. Outlines and parts of another hue stay.
+    Lighter and darker shades of the main colour change with it. Outlines and parts of another hue stay, and so does a
+    main colour that passes for `color`: a fox is already red.
     """
     lab = to_lab(drawing[:3].flatten(1).T)  # [h w, 3]
     seen = drawing[3].flatten() > 0.5
     body = seen & (lab[:, 0] > _DARKEST)
-    if not bool(body.any()):
-        body = seen
+    body = body if bool(body.any()) else seen
     if not bool(body.any()):
         return drawing
-    main = _commonest(lab[body])
-    changed = lab.clone()
-    alike = _alike(lab, main)
-    wanted = to_lab(color)
-    hue = min(1.0, float(wanted[1:].norm()) / _VIVID)  # shades of gray have no hue
-    changed[alike] = wanted + _CONTRAST * (lab[alike] - main) * lab.new_tensor([1.0, hue, hue])
-    return torch.cat((from_lab(changed).T.reshape(drawing[:3].shape), drawing[3:]))
-
-
-def is_colored(drawing: Tensor, color: Tensor) -> bool:
-    """Returns True if the main colour of a drawing [4, h, w] passes for sRGB `color` [3]: a fox is already red."""
-    lab = to_lab(drawing[:3].flatten(1).T)
-    body = (drawing[3].flatten() > 0.5) & (lab[:, 0] > _DARKEST)
-    if not bool(body.any()):
-        return False
     main, wanted = _commonest(lab[body]), to_lab(color)
-    if float((main - wanted).norm()) <= _PASSES:
-        return True
-    turned = main[1:] @ wanted[1:] / (main[1:].norm() * wanted[1:].norm()).clamp(min=1e-6)
-    hued = min(float(main[1:].norm()), float(wanted[1:].norm())) > _COLORLESS
-    return hued and float(turned) > math.cos(_HUE) and abs(float(main[0] - wanted[0])) <= _PASSES
+    is_shade = bool(_alike(wanted[None], main)) and abs(float(main[0] - wanted[0])) <= _PASSES
+    if float((main - wanted).norm()) <= _PASSES or (is_shade and float(main[1:].norm()) > _COLORLESS):
+        return drawing
+    alike = _alike(lab, main)
+    hue = min(1.0, float(wanted[1:].norm()) / _VIVID)  # shades of gray have no hue
+    lab[alike] = wanted + _CONTRAST * (lab[alike] - main) * lab.new_tensor([1.0, hue, hue])
+    return torch.cat((from_lab(lab).T.reshape(drawing[:3].shape), drawing[3:]))
 
 
 def _commonest(lab: Tensor) -> Tensor:
@@ -73,7 +60,7 @@ def _alike(lab: Tensor, main: Tensor) -> Tensor:
     if float(main[1:].norm()) <= _COLORLESS:
         return (chroma <= _COLORLESS) & (lightness <= _SHADE) & (lab[:, 0] > min(_DARKEST, float(main[0]) - 1))
     along = (lab[:, 1:] @ main[1:]) / (chroma * main[1:].norm()).clamp(min=1e-6)
-    return (chroma > _COLORLESS) & (along > torch.cos(torch.tensor(_HUE)))
+    return (chroma > _COLORLESS) & (along > _HUE)
 
 
 # Drawings with opacity on pictures.
@@ -85,6 +72,15 @@ def paste(drawing: Tensor, picture: Tensor, top: int, left: int) -> tuple[Tensor
     around = [left, columns - left - drawing.shape[2], top, rows - top - drawing.shape[1]]
     over = functional.pad(drawing, around)
     return torch.lerp(picture, over[:3], over[3:]).clamp(0, 1), over[3]
+
+
+def stack(drawings: Sequence[tuple[Tensor, int, int]], rows: int, columns: int) -> Tensor:
+    """Returns drawings [4, h, w], each at its first row and column, as one [4, rows, columns], the last in front."""
+    colors, where = torch.zeros(3, rows, columns), torch.zeros(rows, columns)
+    for drawing, top, left in drawings:
+        colors, over = paste(drawing, colors, top, left)
+        where = where + over - where * over
+    return torch.cat((colors / where.clamp(min=1e-4), where[None])).clamp(0, 1)
 
 
 def resize(drawing: Tensor, scale: float) -> Tensor:

@@ -13,8 +13,8 @@ from frida_painter import images
 from frida_painter.frames import PixelGrid
 from frida_painter.words.arrangement import Placed
 from frida_painter.words.brushwork import paint_mood
-from frida_painter.words.compositing import paste, resize, soften
-from frida_painter.words.places import DAY, Light, Setting, with_contrast
+from frida_painter.words.compositing import paste, resize, soften, stack
+from frida_painter.words.places import HORIZON, Light, Setting, color_of, with_contrast
 
 # Simplification for few strokes: areas of one colour, without texture.
 
@@ -51,7 +51,7 @@ def falling(setting: Setting, where: Tensor, seed: int) -> tuple[Tensor, Tensor]
     falls = weather.rain or weather.flakes
     count = falls or (setting.light.stars if setting.place.is_open else 0)
     length, width = (_RAIN_LENGTH, _RAIN_WIDTH) if weather.rain else (0.0, _DAB)
-    space = (1.0 if falls else setting.place.horizon) * rows, columns
+    space = (1.0 if falls else HORIZON) * rows, columns
     chance, around = np.random.default_rng(seed), np.ones((2 * (rows // _APART) + 1,) * 2, np.uint8)
     over, taken = np.zeros((rows, columns), np.uint8), np.asarray(where > 0.3, np.uint8)
     for _ in range(_TRIES * count):
@@ -61,7 +61,7 @@ def falling(setting: Setting, where: Tensor, seed: int) -> tuple[Tensor, Tensor]
         if count and not (mark[taken > 0] > 0).any():
             over, count = np.maximum(over, mark), count - 1
             taken = np.maximum(taken, np.asarray(cv2.dilate(mark, around), np.uint8))
-    return torch.from_numpy(over).float() / 255, torch.tensor(weather.color if falls else _STARLIGHT)
+    return torch.from_numpy(over).float() / 255, color_of(weather.color if falls else _STARLIGHT)
 
 
 _WIDE, _HIGH = 0.86, 0.80  # of the canvas: greatest extent of the things
@@ -76,6 +76,7 @@ _STANDING = 0.05  # of its height, by which a thing on the floor may be above it
 _SHADOW, _LEAN, _DARK = 0.28, 1.1, 0.42  # length by the thing's height, columns per row to the right, and opacity
 _TOUCH = 0.75  # opacity of the shadow right below a thing
 
+_BULGE = 0.3  # share of the hidden part that shows in the middle of a rim
 _DIPS = 0.07  # of its height: the part of a thing that water hides
 
 
@@ -99,18 +100,15 @@ def compose_scene(
     in_the_air: True if none of them stands on anything
     """
     drawn = _fit(things, setting, grid, seed, in_the_air=in_the_air)
-    where, colors = torch.zeros(grid.rows, grid.columns), torch.zeros(3, grid.rows, grid.columns)
-    for picture, top, left in drawn:
-        colors, over = paste(picture, colors, top, left)
-        where = where + over - where * over
+    *colored, where = stack(drawn, grid.rows, grid.columns)
     ground = setting.ground(grid, seed)
-    colors = _in_light(simplify((colors / where.clamp(min=1e-4)).clamp(0, 1)), ground, where, setting)
+    colors = _in_light(simplify(torch.stack(colored)), ground, where, setting)
     ground = with_contrast(ground, where, colors)
-    if not in_the_air and not setting.place.is_paper:
+    if not in_the_air and setting.place.kind != "paper":
         low = min(one.y for one in things) if things else 0.0
         for one, (picture, top, left) in zip(things, drawn, strict=True):
             if one.y - low < _STANDING * one.height:
-                ground = _cast(picture, ground, top + picture.shape[1], left, is_water=setting.place.is_water)
+                ground = _cast(picture, ground, top + picture.shape[1], left, is_water=setting.place.kind == "water")
     is_alone = len(things) == 1 and not setting.is_named
     return _under(setting, torch.lerp(ground, colors, where), where, seed, is_alone=is_alone)
 
@@ -125,10 +123,9 @@ def compose_mood(first: Light, second: Light, setting: Setting, grid: PixelGrid,
 def _in_light(colors: Tensor, ground: Tensor, where: Tensor, setting: Setting) -> Tensor:
     """Returns the colours of things [3, H, W] in the light of their place: brighter on the left, and with some of the
     ground's own colour in their shade."""
-    if setting.light != DAY:
-        shade = torch.tensor(setting.light.shade)[:, None, None].clamp(max=1.0)
-        colors = colors * torch.lerp(torch.ones_like(shade), shade, _LIT)
-    if setting.place.is_paper or not bool((where > 0.5).any()):
+    shade = setting.light.shade[:, None, None].clamp(max=1.0)
+    colors = colors * torch.lerp(torch.ones_like(shade), shade, _LIT)
+    if setting.place.kind == "paper" or not bool((where > 0.5).any()):
         return colors
     near = max(1, round(_ROUND * where.shape[0]))
     left, right = (functional.pad(where, (near, 0))[:, :-near], functional.pad(where, (0, near))[:, near:])
@@ -161,9 +158,7 @@ def _cast(picture: Tensor, ground: Tensor, foot: int, left: int, *, is_water: bo
 
 def compose_photograph(picture: Tensor, setting: Setting, grid: PixelGrid, seed: int) -> ComposedScene:
     """Composes a picture [3, h, w] with its own ground, which fills the canvas in the setting's light and weather."""
-    colors = simplify(images.fit(picture, grid.rows, grid.columns))
-    if setting.light != DAY:
-        colors = colors * torch.tensor(setting.light.shade)[:, None, None].clamp(max=1.0)
+    colors = simplify(images.fit(picture, grid.rows, grid.columns)) * setting.light.shade[:, None, None].clamp(max=1.0)
     return _under(setting, colors, torch.ones(grid.rows, grid.columns), seed, is_alone=False)
 
 
@@ -185,18 +180,11 @@ def _fit(
     left = min(one.x - one.width / 2 for one in things)
     right = max(one.x + one.width / 2 for one in things)
     low, high = min(one.y for one in things), max(one.y + one.height for one in things)
-    tall = _AMID if setting.is_named and len(things) == 1 else _HIGH
-    if in_the_air and setting.is_named:
-        tall = 0.9 * _AMID
+    tall = _AMID if setting.is_named and (in_the_air or len(things) == 1) else _HIGH
     scale = min(_WIDE * columns / (right - left), tall * rows / (high - low))
     width, height = scale * (right - left), scale * (high - low)
-    if not setting.is_named:
-        bottom = (rows + height) / 2 + (0 if in_the_air else 0.03 * rows)
-    elif in_the_air:
-        bottom = _ALOFT * rows + height / 2
-    else:
-        floor = setting.place.horizon + _STANDS * (1 - setting.place.horizon)
-        bottom = floor * rows if height < (floor - 0.05) * rows else (rows + height) / 2
+    floor = HORIZON + _STANDS * (1 - HORIZON)
+    bottom = _ALOFT * rows + height / 2 if in_the_air else floor * rows
     bottom = min(max(bottom, height + 0.04 * rows), 0.96 * rows)
     free = columns - width
     shift = min(_THIRD * columns, 0.5 * free - 0.04 * columns) if setting.is_named else 0.0
@@ -204,10 +192,12 @@ def _fit(
     found = []
     for one in things:
         picture = resize(one.picture, max(1e-3, scale * one.height / one.picture.shape[1]))
-        if setting.place.is_water and setting.is_named and not in_the_air and one.y == low:
+        if setting.place.kind == "water" and setting.is_named and not in_the_air and one.y == low:
             dips = max(1, round(_DIPS * picture.shape[1]))
             picture[3, -dips:] *= torch.linspace(1, 0, dips)[:, None]
-        picture[3, round((1 - one.hidden) * picture.shape[1]) :] = 0
+        down, across = (torch.linspace(0, 1, picture.shape[1])[:, None], torch.linspace(-1, 1, picture.shape[2]))
+        rim = 1 - one.hidden * (1 - _BULGE * (1 - across**2).sqrt())  # the front of a round rim, seen from above
+        picture[3] *= (down <= rim) | (one.hidden == 0)
         top = round(bottom - scale * (one.y - low) - picture.shape[1])
         at = round(start + scale * (one.x - one.width / 2 - left))
         top = max(0, min(top, rows - picture.shape[1]))

@@ -2,18 +2,17 @@
 
 import io
 import json
-import os
 import re
 import subprocess
 import sys
 import warnings
 import zipfile
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cache
 from importlib.metadata import entry_points
+from itertools import islice
 from pathlib import Path
 from typing import Protocol
 from xml.etree import ElementTree
@@ -27,7 +26,7 @@ from torch import Tensor
 from frida_painter import registry, storage, weights
 from frida_painter.errors import ConfigError, ImageError, WeightsError
 from frida_painter.picture_file import FORMATS, one_line, require_size
-from frida_painter.weights.archive import CAPTIONS, FILE, character_name
+from frida_painter.weights.archive import CAPTIONS, FILE
 from frida_painter.words import svg_process
 
 # Pictures with opacity from untrusted files: SVG drawings and pixels.
@@ -35,15 +34,13 @@ from frida_painter.words import svg_process
 _SIDE = 512  # pixels of the longer side of stored things
 MAX_BYTES = 64 * 2**20
 _MAX_SVG_BYTES = 8 * 2**20
-_MAX_PARTS = 200_000  # of an SVG; a part counts as often as it is used
 _PATIENCE = 20.0  # seconds for one SVG
 _SEEN = 0.05  # opacity above which a pixel is part of a thing
 _ALIKE = 14  # of 255, by which the colours of a plain ground may differ
 _UNITS = {"": 1.0, "px": 1.0, "pt": 96 / 72, "pc": 16.0, "mm": 96 / 25.4, "cm": 96 / 2.54, "in": 96.0, "em": 16.0}
 _LARGEST = 1e7  # units of an SVG's side
 _MARGIN = 0.3  # margin around a page, as a share of its side
-_NEVER = ("script", "foreignObject", "animate", "set", "animateTransform", "animateMotion", "a")
-_LINK = ("href", "{http://www.w3.org/1999/xlink}href")
+_LINK, _INSIDE = ("href", "{http://www.w3.org/1999/xlink}href"), "#|data:image/(?!svg)"
 
 
 def read_picture(content: bytes, name: str) -> Tensor:
@@ -130,7 +127,7 @@ def _draw_svg(svg: bytes, name: str) -> bytes:
 
 
 def _plain(svg: bytes, name: str) -> tuple[bytes, int, int]:
-    """Returns an SVG without scripts and external links, and its size in pixels. Raises ImageError."""
+    """Returns an SVG without external links, and its size in pixels. Raises ImageError. Scripts are never run."""
     if len(svg) > _MAX_SVG_BYTES:
         raise ImageError(f"{name} has {len(svg) >> 20} MB; an SVG has at most {_MAX_SVG_BYTES >> 20} MB.")
     try:
@@ -139,24 +136,20 @@ def _plain(svg: bytes, name: str) -> tuple[bytes, int, int]:
         raise ImageError(f"{name} is a damaged SVG ({one_line(cause)}).") from cause
     if drawing.tag.rpartition("}")[2] != "svg":
         raise ImageError(f"{name} is XML, and no SVG.")
-    for parent in list(drawing.iter()):
-        for part in list(parent):
-            kind = part.tag.rpartition("}")[2] if isinstance(part.tag, str) else ""
-            links = [part.get(link, "") for link in _LINK]
-            outside = any(link and not link.startswith(("#", "data:image/")) for link in links)
-            if kind in _NEVER or outside or any("svg" in link[:20] for link in links if link.startswith("data:")):
-                if kind == "a":
-                    part.tag = part.tag.replace("}a", "}g")
-                    continue
-                parent.remove(part)
-    _require_few_parts(drawing, name)
+    for part in drawing.iter():
+        for link in _LINK:
+            if not re.match(_INSIDE, part.get(link, "#")):
+                del part.attrib[link]
     width, height = _size(drawing, name)
     scale = (1 + 2 * _MARGIN) * _SIDE / max(width, height)
     wide, high = (max(1, round(side * scale)) for side in (width, height))
     drawing.set("width", str(wide))
     drawing.set("height", str(high))
     drawing.attrib.pop("preserveAspectRatio", None)
-    return ElementTree.tostring(drawing, encoding="utf-8"), wide, high
+    try:
+        return ElementTree.tostring(drawing, encoding="utf-8"), wide, high
+    except RecursionError as cause:
+        raise ImageError(f"{name} is an SVG whose parts lie too deep in each other.") from cause
 
 
 def _size(drawing: ElementTree.Element, name: str) -> tuple[float, float]:
@@ -173,29 +166,6 @@ def _size(drawing: ElementTree.Element, name: str) -> tuple[float, float]:
     return width, height
 
 
-def _require_few_parts(drawing: ElementTree.Element, name: str) -> None:
-    """Raises ImageError for an SVG whose parts use each other too often, or in a circle."""
-    parts = {part.get("id"): part for part in drawing.iter() if part.get("id")}
-    open_parts: set[int] = set()
-
-    @cache
-    def count(part: ElementTree.Element) -> int:
-        if id(part) in open_parts:
-            raise ImageError(f"{name} is an SVG whose parts use each other in a circle.")
-        open_parts.add(id(part))
-        used = next((parts[link[1:]] for one in _LINK if (link := part.get(one, ""))[1:] in parts), None)
-        is_use = isinstance(part.tag, str) and part.tag.rpartition("}")[2] == "use"
-        total = 1 + sum(map(count, part)) + (count(used) if is_use and used is not None else 0)
-        open_parts.discard(id(part))
-        return total
-
-    try:
-        if count(drawing) > _MAX_PARTS:
-            raise ImageError(f"{name} is an SVG of more than {_MAX_PARTS} parts.")
-    except RecursionError as cause:
-        raise ImageError(f"{name} is an SVG whose parts lie too deep in each other.") from cause
-
-
 GROUP = "frida_painter.picture_libraries"
 """Group of entry points for the picture libraries of packages."""
 
@@ -203,20 +173,19 @@ _SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".svg", ".gif", ".bmp", ".tif", "
 _MAX_FILES = 20_000  # in the user's folder; their captions are read in about a minute
 _MAX_CAPTION, _MAX_CAPTIONS = 300, 2**20  # bytes of the first line, and of the file
 _LATIN = re.compile("[A-Za-z]{2}")
-_OUTLINES = "line"  # id of a pictogram's layer of outlines
-_PHOTOGRAPH = 0.8  # realism
-_DRAWN = {
-    "stamps": 0.4,
-    "abcs": 0.4,
-    "openclipart": 0.4,
-    "fluent": 0.35,
-    "flashcards": 0.2,
-    "gcompris": 0.3,
-    "costumes": 0.2,
-    "furniture": 0.6,
-    "silhouettes": 0.0,
-}  # realism of drawings
-_FLAT_ENOUGH = 0.25  # share of a drawing that must remain without its outlines
+_ARCHIVES = (
+    "stamps",
+    "abcs",
+    "openclipart",
+    "fluent",
+    "flashcards",
+    "gcompris",
+    "costumes",
+    "furniture",
+    "silhouettes",
+)
+_PHOTOGRAPH, _DRAWN = 0.8, 0.4  # realism of a photograph, and of a drawing
+_DRAWN_IN = {"flashcards": 0.2, "costumes": 0.2, "furniture": 0.6, "silhouettes": 0.0}
 
 
 @dataclass(frozen=True)
@@ -236,7 +205,6 @@ class Captioned:
 class PictureLibrary(Protocol):
     """Library of pictures with captions.
 
-    name: for messages
     credit: authors and licence; "" if nobody must be named
     is_own: True for the user's own pictures, which have priority
     """
@@ -255,33 +223,24 @@ class PictureLibrary(Protocol):
 
 
 class PictureArchive:
-    """Fetched library: a zip of pictures with their captions.
-
-    drawn: realism of its drawings, from 0 for a sign to 1 for a photograph
-    """
+    """Fetched library: a zip of pictures with their captions."""
 
     is_own = False
 
-    def __init__(self, name: str, credit: str, archive: Path, drawn: float = 0.4) -> None:
-        self.name, self.credit = name, credit
-        self._archive, self._drawn = archive, drawn
+    def __init__(self, name: str, credit: str, archive: Path) -> None:
+        self.name, self.credit, self._archive = name, credit, archive
 
     def list_captioned(self) -> Sequence[Captioned]:
         """Returns the pictures of the archive's own list. Raises WeightsError."""
         try:
-            with zipfile.ZipFile(self._archive) as opened:
-                known = self._captions(opened)
-        except (OSError, zipfile.BadZipFile, KeyError, ValueError) as cause:
-            raise WeightsError(f"{self._archive} cannot be read ({cause}); fetch {self.name} again.") from cause
+            known: dict[str, list[str]] = json.loads(self._read(CAPTIONS))
+        except ValueError as cause:
+            raise WeightsError(f"{self._archive} has damaged captions ({cause}); fetch {self.name} again.") from cause
         return [Captioned(file, tuple(captions), self._realism(file)) for file, captions in sorted(known.items())]
 
     def pictures(self, file: str) -> list[Tensor]:
         """Returns the picture. Raises WeightsError if the archive is damaged, ImageError if the picture is."""
         return [read_picture(self._read(file), f"{self.name}: {file}")]
-
-    def _captions(self, opened: zipfile.ZipFile) -> dict[str, list[str]]:
-        captions: dict[str, list[str]] = json.loads(opened.read(CAPTIONS))
-        return captions
 
     def _read(self, file: str) -> bytes:
         try:
@@ -292,34 +251,8 @@ class PictureArchive:
 
     def _realism(self, file: str) -> float:
         """Returns the realism of a file: pixels are photographs, unless the name says "cartoon"."""
-        return self._drawn if file.endswith(".svg") or "cartoon" in file else _PHOTOGRAPH
-
-
-class Pictograms(PictureArchive):
-    """Library of OpenMoji's pictograms; the caption is the Unicode name of the character."""
-
-    def __init__(self, archive: Path) -> None:
-        super().__init__("openmoji", "OpenMoji (openmoji.org), CC BY-SA 4.0", archive, 0.0)
-
-    def _captions(self, opened: zipfile.ZipFile) -> dict[str, list[str]]:
-        names = {file: character_name(file.removesuffix(".svg")) for file in opened.namelist()}
-        return {file: [name] for file, name in names.items() if name}
-
-    def pictures(self, file: str) -> list[Tensor]:
-        """Returns the drawing without its outlines, if enough remains, and with them.
-
-        A brush makes its own edges, but some outlines are essential parts of a thing.
-        Raises WeightsError if the archive is damaged, ImageError if the picture is.
-        """
-        outlined = super().pictures(file)
-        drawing = ElementTree.fromstring(self._read(file))
-        for part in [part for part in drawing if part.get("id") == _OUTLINES]:
-            drawing.remove(part)
-        with suppress(ImageError):  # nothing but outlines
-            plain = read_picture(ElementTree.tostring(drawing), f"openmoji: {file}")
-            if float(plain[3].sum()) >= _FLAT_ENOUGH * float(outlined[0][3].sum()):
-                return [plain, *outlined]
-        return outlined
+        is_drawn = file.endswith(".svg") or "cartoon" in file
+        return _DRAWN_IN.get(self.name, _DRAWN) if is_drawn else _PHOTOGRAPH
 
 
 class PictureFolder:
@@ -356,19 +289,18 @@ class PictureFolder:
         """Returns the picture. Raises ImageError."""
         return [read_picture(storage.read_bytes(Path(file), "a picture", MAX_BYTES, ImageError), Path(file).name)]
 
-    def _files(self) -> Iterator[Path]:
-        count = 0
-        for place, folders, files in os.walk(self._folder):
-            folders.sort()
-            for file in sorted(files):
-                if file.lower().endswith(_SUFFIXES) and not file.startswith("."):
-                    count += 1
-                    if count > _MAX_FILES:
-                        raise ConfigError(
-                            f"--pictures {self._folder} holds more than {_MAX_FILES} pictures, which would take long "
-                            "to read; give a folder with those of the things that you want to paint."
-                        )
-                    yield Path(place) / file
+    def _files(self) -> list[Path]:
+        """Returns the picture files below the folder, sorted."""
+        inside = (
+            path for path in self._folder.rglob("[!.]*") if path.suffix.lower() in _SUFFIXES and not path.is_dir()
+        )
+        found = sorted(islice(inside, _MAX_FILES + 1))
+        if len(found) > _MAX_FILES:
+            raise ConfigError(
+                f"--pictures {self._folder} holds more than {_MAX_FILES} pictures, which would take long to read; "
+                "give a folder with those of the things that you want to paint."
+            )
+        return found
 
 
 def _read_caption(path: Path) -> str:
@@ -400,10 +332,8 @@ def libraries_at_hand(cache: Path | None = None, own: Path | None = None) -> lis
                 f"The picture library {point.name!r} cannot be used ({type(error).__name__}: {error}); mend or remove "
                 "the package that brings it."
             ) from error
-    for name, drawn in _DRAWN.items():
+    for name in _ARCHIVES:
         if (folder := weights.find(name, cache)) is not None:
-            credit = f"{weights.find_weights(name).credit}, {weights.find_weights(name).licence}"
-            found.append(PictureArchive(name, credit, folder / FILE, drawn))
-    if (folder := weights.find("openmoji", cache)) is not None:
-        found.append(Pictograms(folder / "pictograms.zip"))
+            known = weights.find_weights(name)
+            found.append(PictureArchive(name, f"{known.credit}, {known.licence}", folder / FILE))
     return found

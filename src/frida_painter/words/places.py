@@ -1,11 +1,10 @@
 """Settings of a scene: place, light and weather, chosen by the meaning of a prompt and painted as a ground.
 
 A ground has depth: a sky or a wall with light on it, land or a table that is darker in front, in loose strokes. Moods
-are lights too.
+are lights too. Colours are sRGB, as "#rrggbb" or in [0, 1].
 """
 
-import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -16,73 +15,84 @@ from torch.nn import functional
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.palette import from_lab, to_lab
-from frida_painter.words.brushwork import paint_loosely
+from frida_painter.words.brushwork import clouds, paint_loosely
 
-Color = tuple[float, float, float]
-_PAPER: Color = (1.0, 1.0, 1.0)
+Color = str | tuple[float, float, float]
+HORIZON = 0.72
+"""Share of the height above the horizon, or above the edge of a floor or a table."""
 _EDGE = 0.03  # share of the height over which two bands blend
 _COVERED = 0.75  # share of the land that falling snow covers
-_DIM, _DEEP = 0.78, (0.80, 0.88, 0.95)  # factors of a colour away from the light, and of a blue sky's top
-_FAR = 0.30  # share of the light at the horizon that far land takes on
+_DIM, _FAR = 0.78, 0.30  # factor of a colour away from the light; share of the light at the horizon in far land
 _SLANT, _QUIET = 0.35, 0.75  # radians of the strokes of a sky, and their liveliness
+_GAMMA = 0.7  # exponent from the light of a sky, relative to a day's, to the shade of things in it
 
 
 @dataclass(frozen=True)
 class Place:
     """Place of a scene.
 
-    name: for messages
-    words: words that name it
+    words: words that name it, the first for messages
     found: things that are usually there
-    above, below: sRGB above and below the horizon
-    horizon: share of the height above the horizon
+    below: colour below the horizon
     relief: height of its hills, as a share of the height
-    is_water: True if things float on it
-    is_open: True if there is a sky over it
-    is_paper: True if nothing is painted there
+    kind: "land", "water" on which things float, "room" without a sky, or "paper", on which nothing is painted
+    above: colour above the horizon; None for the sky of the light
     """
 
-    name: str
     words: tuple[str, ...]
     found: tuple[str, ...]
-    above: Color
     below: Color
-    horizon: float
     relief: float = 0.0
-    is_water: bool = False
-    is_open: bool = True
-    is_paper: bool = False
+    kind: str = "land"
+    above: Color | None = None
+
+    @property
+    def name(self) -> str:
+        """Name for messages."""
+        return self.words[0]
+
+    @property
+    def is_open(self) -> bool:
+        """True if there is a sky over it."""
+        return self.kind in ("land", "water")
 
 
 @dataclass(frozen=True)
 class Light:
     """Light of a scene: of an hour, a season, or a mood; without things it becomes a picture of its own.
 
-    name: for messages
-    words: words that name it
-    top, low: sRGB of the sky at its top and at the horizon
-    shade: factors for the colours of the land
-    accent: sRGB of its brightest or strangest strokes
+    words: words that name it, the first for messages
+    top, low: colours of the sky at its top and at the horizon
+    accent: colour of its brightest or strangest strokes
     form: composition of the light as a picture, one of `FORMS`
     energy: 0 for long calm strokes to 1 for short, restless ones
     stars: number of stars
     """
 
-    name: str
     words: tuple[str, ...]
     top: Color
     low: Color
-    shade: Color
-    accent: Color = _PAPER
+    accent: Color = "white"
     form: str = "horizon"
     energy: float = 0.2
     stars: int = 0
 
     @property
+    def name(self) -> str:
+        """Name for messages."""
+        return self.words[0]
+
+    @property
     def colors(self) -> Tensor:
         """Colours [4, 3] of its picture: depth, top, low and accent."""
-        depth = tuple(0.45 * part * shade for part, shade in zip(self.top, self.shade, strict=True))
-        return torch.tensor((depth, self.top, self.low, self.accent)).clamp(0, 1)
+        top, low, accent = map(color_of, (self.top, self.low, self.accent))
+        return torch.stack((0.45 * top * self.shade, top, low, accent)).clamp(0, 1)
+
+    @property
+    def shade(self) -> Tensor:
+        """Factors [3] for the colours of things and of the land: 1 by day."""
+        sky, day = (color_of(light.top) + color_of(light.low) for light in (self, DAY))
+        return (sky / day) ** _GAMMA
 
 
 @dataclass(frozen=True)
@@ -91,7 +101,7 @@ class Weather:
 
     name: for messages
     words: words that name it
-    color: sRGB of rain, flakes or fog
+    color: of rain, flakes or fog
     light: in it, if the words name no other
     rain, flakes: number of marks
     fog: opacity
@@ -106,113 +116,80 @@ class Weather:
     fog: float = 0.0
 
 
-NOWHERE = Place("", (), (), _PAPER, _PAPER, 0.5)
-PAPER = Place(
-    "plain paper",
-    ("plain paper", "blank page", "plain background"),
-    (),
-    _PAPER,
-    _PAPER,
-    0.5,
-    is_open=False,
-    is_paper=True,
-)
+def color_of(color: Color) -> Tensor:
+    """Returns the sRGB [3] of a colour."""
+    from matplotlib.colors import to_rgb
+
+    return torch.tensor(to_rgb(color))
+
+
+NOWHERE = Place(("",), (), "white")
+PAPER = Place(("plain paper", "blank page", "plain background"), (), "white", kind="paper")
 PLACES = (
-    Place("the sea", ("sea", "ocean", "harbour", "coast", "wave"), ("sailing boat", "ship", "whale", "fish", "island"),
-          (0.80, 0.89, 0.95), (0.22, 0.46, 0.66), 0.70, is_water=True),
-    Place("a lake", ("lake", "pond", "river", "water"), ("swan", "duck", "frog", "lily pad", "boat"),
-          (0.82, 0.90, 0.94), (0.36, 0.58, 0.68), 0.66, 0.08, is_water=True),
-    Place("a beach", ("beach", "sand", "shore"), ("palm tree", "crab", "starfish"),
-          (0.66, 0.84, 0.93), (0.90, 0.80, 0.58), 0.72),
-    Place("a meadow", ("meadow", "grass", "field", "garden", "park"),
+    Place(("sea", "ocean", "harbour", "coast", "wave"), ("sailing boat", "ship", "whale", "fish", "island"),
+          "#3875a8", kind="water"),
+    Place(("lake", "pond", "river", "water"), ("swan", "duck", "frog", "lily pad", "boat"), "#5c94ad", 0.08, "water"),
+    Place(("beach", "sand", "shore"), ("palm tree", "crab", "starfish"), "#e6cc94"),
+    Place(("meadow", "grass", "field", "garden", "park"),
           ("flower", "tree", "animal", "butterfly", "insect", "tractor", "cow", "bicycle", "rooster", "horse", "sheep",
-           "dog"),
-          (0.80, 0.90, 0.96), (0.46, 0.64, 0.32), 0.72),
-    Place("hills", ("hill", "hills", "valley", "landscape", "village", "horizon"),
-          ("house", "castle", "windmill", "tower", "barn"), (0.80, 0.88, 0.95), (0.50, 0.62, 0.36), 0.74, 0.14),
-    Place("mountains", ("mountain range", "mountains", "cliff", "alps"), ("mountain", "eagle", "volcano"),
-          (0.80, 0.87, 0.94), (0.44, 0.50, 0.52), 0.72, 0.28),
-    Place("a forest", ("forest", "jungle", "woods", "wilderness"),
-          ("tree", "bear", "deer", "owl", "mushroom", "fox", "wolf", "squirrel", "tiger", "monkey"),
-          (0.60, 0.74, 0.58), (0.27, 0.40, 0.22), 0.72, 0.30),
-    Place("a desert", ("desert", "dune", "savannah"), ("cactus", "camel", "giraffe", "lion", "elephant", "zebra"),
-          (0.90, 0.88, 0.80), (0.86, 0.68, 0.42), 0.72, 0.07),
-    Place("snow", ("snow", "ice", "winter landscape", "iceberg"), ("snowman", "penguin", "polar bear"),
-          (0.70, 0.80, 0.90), (0.94, 0.96, 0.98), 0.72, 0.06),
-    Place("a street", ("street", "road", "city", "town", "square", "market"),
-          ("house", "car", "bus", "train", "traffic light"), (0.84, 0.88, 0.92), (0.56, 0.55, 0.54), 0.74),
-    Place("the sky", ("sky", "clouds"), ("cloud", "airplane", "hot air balloon", "kite", "flying bird", "rocket"),
-          (0.55, 0.76, 0.92), (0.78, 0.88, 0.95), 0.86),
-    Place("a table", ("table top", "kitchen", "tablecloth", "still life"),
-          ("fruit", "food", "cup", "dish", "vase", "cake"),
-          (0.93, 0.89, 0.80), (0.66, 0.46, 0.30), 0.70, is_open=False),
-    Place("a room", ("room", "indoors", "floor", "wall", "stage"),
-          ("furniture", "musical instrument", "clothes", "tool", "chair", "computer"),
-          (0.92, 0.88, 0.80), (0.60, 0.44, 0.32), 0.74, is_open=False),
+           "dog"), "#75a352"),
+    Place(("hills", "hill", "valley", "landscape", "village", "horizon"),
+          ("house", "castle", "windmill", "tower", "barn"), "#809e5c", 0.14),
+    Place(("mountains", "mountain range", "cliff", "alps"), ("mountain", "eagle", "volcano"), "#708085", 0.28),
+    Place(("forest", "jungle", "woods", "wilderness"),
+          ("tree", "bear", "deer", "owl", "mushroom", "fox", "wolf", "squirrel", "tiger", "monkey"), "#456638", 0.3,
+          above="#99bd94"),
+    Place(("desert", "dune", "savannah"), ("cactus", "camel", "giraffe", "lion", "elephant", "zebra"), "#dbad6b", 0.07),
+    Place(("snow", "ice", "winter landscape", "iceberg"), ("snowman", "penguin", "polar bear"), "#f0f5fa", 0.06),
+    Place(("street", "road", "city", "town", "square", "market"), ("house", "car", "bus", "train", "traffic light"),
+          "#8f8c8a"),
+    Place(("sky", "clouds"), ("cloud", "airplane", "hot air balloon", "kite", "flying bird", "rocket"), "#c7e0f2"),
+    Place(("table top", "kitchen", "tablecloth", "still life"), ("fruit", "food", "cup", "dish", "vase", "cake"),
+          "#a8754c", kind="room", above="#ede3cc"),
+    Place(("room", "indoors", "floor", "wall", "stage"),
+          ("furniture", "musical instrument", "clothes", "tool", "chair", "computer"), "#997052", kind="room",
+          above="#ebe0cc"),
     PAPER,
 )  # fmt: skip
 LAKE, MEADOW, FOREST, SKY, TABLE, ROOM = PLACES[1], PLACES[3], PLACES[6], PLACES[10], PLACES[11], PLACES[12]
-DAY = Light("day", (), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
+DAY = Light(("day",), "#a3cae9", "#e0f0f9")
 LIGHTS = (
-    Light("dawn", ("dawn", "sunrise", "early morning", "morning"), (0.62, 0.70, 0.86), (0.99, 0.82, 0.68),
-          (0.92, 0.84, 0.84), (1.0, 0.93, 0.70)),
-    Light("sunset", ("sunset", "dusk", "evening", "twilight"), (0.42, 0.36, 0.58), (0.99, 0.60, 0.28),
-          (0.78, 0.60, 0.58), (1.0, 0.86, 0.45)),
-    Light("night", ("night", "midnight", "moonlight", "darkness", "starry night"), (0.05, 0.08, 0.22),
-          (0.27, 0.35, 0.56), (0.30, 0.35, 0.52), (0.98, 0.93, 0.66), stars=10),
-    Light("autumn", ("autumn", "fall foliage", "october"), (0.80, 0.72, 0.58), (0.90, 0.58, 0.20),
-          (1.18, 0.80, 0.52), (0.72, 0.20, 0.12), "fall", 0.5),
-    Light("winter", ("cold", "winter", "frost"), (0.66, 0.76, 0.86), (0.88, 0.92, 0.96), (0.92, 0.98, 1.08),
-          (0.98, 0.90, 0.84)),
-    Light("heat", ("heat", "summer", "noon", "drought"), (0.93, 0.62, 0.25), (0.99, 0.82, 0.36), (1.10, 1.0, 0.78),
-          (1.0, 0.97, 0.80), "burst", 0.3),
-    Light("sorrow", ("sadness", "grief", "loneliness", "melancholy", "gloomy", "a farewell"), (0.34, 0.42, 0.54),
-          (0.60, 0.66, 0.72), (0.70, 0.75, 0.82), (0.80, 0.74, 0.62), "fall", 0.15),
-    Light("joy", ("joy", "happiness", "laughter", "celebration", "party"), (0.98, 0.60, 0.36), (1.0, 0.84, 0.36),
-          (1.08, 1.0, 0.88), (1.0, 0.97, 0.80), "burst", 0.8),
-    Light("love", ("love", "tenderness", "passion", "romance"), (0.76, 0.24, 0.36), (0.95, 0.60, 0.56),
-          (1.05, 0.88, 0.86), (1.0, 0.88, 0.72), "vortex", 0.25),
-    Light("anger", ("anger", "rage", "war", "hatred"), (0.62, 0.10, 0.09), (0.88, 0.28, 0.10), (0.95, 0.62, 0.58),
-          (0.99, 0.74, 0.22), "burst", 1.0),
-    Light("fear", ("fear", "anxiety", "nightmare", "danger", "pain"), (0.16, 0.20, 0.24), (0.40, 0.50, 0.40),
-          (0.52, 0.58, 0.60), (0.85, 0.82, 0.46), "vortex", 0.9),
-    Light("calm", ("calm", "peace", "silence", "sleep", "boredom"), (0.56, 0.72, 0.76), (0.84, 0.88, 0.82),
-          (0.96, 1.0, 1.0), (0.99, 0.93, 0.80), "horizon", 0.0),
-    Light("longing", ("nostalgia", "memory", "longing", "childhood", "homesickness"), (0.52, 0.44, 0.44),
-          (0.86, 0.66, 0.42), (0.92, 0.82, 0.70), (0.98, 0.88, 0.64), "horizon", 0.25),
-    Light("a dream", ("dream", "imagination", "mystery", "magic", "secret"), (0.36, 0.28, 0.58), (0.36, 0.64, 0.68),
-          (0.88, 0.84, 1.05), (0.97, 0.78, 0.84), "waves", 0.3),
-    Light("hope", ("hope", "spring", "birth", "growth", "beginning"), (0.44, 0.66, 0.44), (0.80, 0.86, 0.52),
-          (1.0, 1.05, 0.92), (0.99, 0.86, 0.86), "field", 0.4),
-    Light("freedom", ("freedom", "wind", "journey", "adventure"), (0.28, 0.56, 0.80), (0.70, 0.86, 0.92),
-          (1.0, 1.0, 1.0), (0.99, 0.97, 0.88), "waves", 0.6),
-    Light("chaos", ("chaos", "confusion", "noise", "hurry", "madness"), (0.30, 0.28, 0.52), (0.86, 0.34, 0.26),
-          (0.95, 0.92, 0.92), (0.95, 0.84, 0.34), "field", 1.0),
-    Light("music", ("music", "song", "jazz", "rhythm", "dance", "sound"), (0.18, 0.26, 0.54), (0.76, 0.28, 0.42),
-          (0.92, 0.88, 0.96), (0.97, 0.76, 0.32), "waves", 0.7),
-    Light("power", ("power", "victory", "justice", "glory", "courage"), (0.38, 0.14, 0.38), (0.86, 0.60, 0.22),
-          (1.02, 0.94, 0.90), (1.0, 0.92, 0.62), "burst", 0.4),
-    Light("emptiness", ("emptiness", "death", "nothing", "loss", "end"), (0.24, 0.24, 0.27), (0.46, 0.45, 0.45),
-          (0.62, 0.62, 0.64), (0.78, 0.76, 0.72), "horizon", 0.0),
-    Light("thought", ("thought", "idea", "time", "eternity", "gravity", "knowledge", "truth"), (0.14, 0.26, 0.44),
-          (0.34, 0.56, 0.68), (0.92, 0.96, 1.02), (0.98, 0.84, 0.48), "vortex", 0.2),
+    Light(("dawn", "sunrise", "early morning", "morning"), "#9eb2db", "#fcd1ad", "#ffedb2"),
+    Light(("sunset", "dusk", "evening", "twilight"), "#6b5c94", "#fc9947", "#ffdb73"),
+    Light(("night", "midnight", "moonlight", "darkness", "starry night"), "#0d1438", "#45598f", "#faeda8", stars=10),
+    Light(("autumn", "fall foliage", "october"), "#ccb894", "#e69433", "#b8331f", "fall", 0.5),
+    Light(("winter", "cold", "frost"), "#a8c2db", "#e0ebf5", "#fae6d6"),
+    Light(("heat", "summer", "noon", "drought"), "#ed9e40", "#fcd15c", "#fff7cc", "burst", 0.3),
+    Light(("sorrow", "sadness", "grief", "loneliness", "melancholy", "gloomy", "a farewell"),
+          "#576b8a", "#99a8b8", "#ccbd9e", "fall", 0.15),
+    Light(("joy", "happiness", "laughter", "celebration", "party"), "#fa995c", "#ffd65c", "#fff7cc", "burst", 0.8),
+    Light(("love", "tenderness", "passion", "romance"), "#c23d5c", "#f2998f", "#ffe0b8", "vortex", 0.25),
+    Light(("anger", "rage", "war", "hatred"), "#9e1a17", "#e0471a", "#fcbd38", "burst", 1.0),
+    Light(("fear", "anxiety", "nightmare", "danger", "pain"), "#29333d", "#668066", "#d9d175", "vortex", 0.9),
+    Light(("calm", "peace", "silence", "sleep", "boredom"), "#8fb8c2", "#d6e0d1", "#fcedcc", energy=0.0),
+    Light(("longing", "nostalgia", "memory", "childhood", "homesickness"), "#857070", "#dba86b", "#fae0a3"),
+    Light(("dream", "imagination", "mystery", "magic", "secret"), "#5c4794", "#5ca3ad", "#f7c7d6", "waves", 0.3),
+    Light(("hope", "spring", "birth", "growth", "beginning"), "#70a870", "#ccdb85", "#fcdbdb", "field", 0.4),
+    Light(("freedom", "wind", "journey", "adventure"), "#478fcc", "#b2dbeb", "#fcf7e0", "waves", 0.6),
+    Light(("chaos", "confusion", "noise", "hurry", "madness"), "#4c4785", "#db5742", "#f2d657", "field", 1.0),
+    Light(("music", "song", "jazz", "rhythm", "dance", "sound"), "#2e428a", "#c2476b", "#f7c252", "waves", 0.7),
+    Light(("power", "victory", "justice", "glory", "courage"), "#612461", "#db9938", "#ffeb9e", "burst", 0.4),
+    Light(("emptiness", "death", "nothing", "loss", "end"), "#3d3d45", "#757373", "#c7c2b8", energy=0.0),
+    Light(("thought", "idea", "time", "eternity", "gravity", "knowledge", "truth"),
+          "#244270", "#578fad", "#fad67a", "vortex"),
 )  # fmt: skip
 GREY = LIGHTS[6]
 TIMES = LIGHTS[:6]
 """Lights of a time of day or year, in contrast to those of a mood."""
-_STORM = Light(
-    "a storm", (), (0.22, 0.27, 0.34), (0.58, 0.62, 0.62), (0.62, 0.66, 0.70), (0.93, 0.90, 0.72), "vortex", 0.8
-)
-_PALE = Light(
-    "pale light", (), (0.72, 0.75, 0.78), (0.88, 0.89, 0.89), (0.85, 0.88, 0.90), (0.97, 0.95, 0.90), energy=0.0
-)
-CLEAR = Weather("clear", (), _PAPER, DAY)
+CLEAR = Weather("clear", (), "white", DAY)
 WEATHERS = (
-    Weather("rain", ("rain", "rainy", "downpour", "drizzle"), (0.86, 0.90, 0.95), GREY, rain=16),
-    Weather("a storm", ("storm", "stormy", "thunder", "lightning", "hurricane"), (0.82, 0.84, 0.88), _STORM, rain=12),
-    Weather("snow", ("snowfall", "snowing", "snowy", "blizzard", "snowstorm"), (1.0, 1.0, 1.0), LIGHTS[4], flakes=18),
-    Weather("fog", ("fog", "mist", "misty", "haze"), (0.90, 0.91, 0.92), _PALE, fog=0.6),
-)
+    Weather("rain", ("rain", "rainy", "downpour", "drizzle"), "#dbe6f2", GREY, rain=16),
+    Weather("a storm", ("storm", "stormy", "thunder", "lightning", "hurricane"), "#d1d6e0",
+            Light(("a storm",), "#384557", "#949e9e", "#ede6b8", "vortex", 0.8), rain=12),
+    Weather("snow", ("snowfall", "snowing", "snowy", "blizzard", "snowstorm"), "white", LIGHTS[4], flakes=18),
+    Weather("fog", ("fog", "mist", "misty", "haze"), "#e6e8eb",
+            Light(("pale light",), "#b8bfc7", "#e0e3e3", "#f7f2e6", energy=0.0), fog=0.6),
+)  # fmt: skip
 _Part = TypeVar("_Part", Place, Light, Weather)
 _CALLED = 0.72  # similarity to a place's words above which words name it
 _FELT, _FELT_WEATHER = 0.62, 0.7  # to the words of a light, and of a weather: a snowmobile (0.67) is a thing
@@ -224,147 +201,105 @@ _TOLD_APART, _MIDDLE = 40.0, 55.0  # Lab distance, and L*
 class Setting:
     """Setting of a scene: place, light and weather.
 
-    second: further light that the words name, for a mood without things
     is_named: True if words of the prompt ask for it
     """
 
     place: Place = NOWHERE
     light: Light = DAY
     weather: Weather = CLEAR
-    second: Light | None = None
     is_named: bool = False
 
     @property
     def words(self) -> str:
         """Description for messages."""
-        parts = [self.place.name, self.light.name if self.light != DAY else "",
-                 self.weather.name if self.weather != CLEAR else ""]  # fmt: skip
-        return ", ".join(part for part in parts if part)
+        parts = (self.place.name, *(one.name for one in (self.light, self.weather) if one not in (DAY, CLEAR)))
+        return ", ".join(dict.fromkeys(part for part in parts if part))
 
     def ground(self, grid: PixelGrid, seed: int) -> Tensor:
         """Returns the ground [3, H, W] on the grid, without rain, flakes and stars."""
         rows, columns = grid.rows, grid.columns
-        place, shade = self.place, torch.tensor(self.light.shade)
-        above, below = torch.tensor(place.above), torch.tensor(place.below)
-        if place.is_paper:
-            return (above * shade).clamp(0, 1)[:, None, None].expand(3, rows, columns).contiguous()
-        if not place.is_open:
-            high, low = above * shade * _DIM, above * shade
-        elif self.light == DAY:
-            high, low = above * torch.tensor(_DEEP), torch.lerp(above, torch.ones(3), 0.4)
-        else:
-            high, low = torch.tensor(self.light.top), torch.tensor(self.light.low)
-        land = below * shade
-        if self.weather.flakes and place.is_open and not place.is_water:  # snow also covers the land
-            land = torch.lerp(land, torch.tensor(self.weather.color) * shade, _COVERED)
-        if place.is_water:  # water reflects the top of the sky; the glow of a low sun would make it grey
+        place, shade = self.place, self.light.shade
+        land = color_of(place.below) * shade
+        if place.kind == "paper":
+            return land.clamp(0, 1)[:, None, None].expand(3, rows, columns).contiguous()
+        high, low = color_of(self.light.top), color_of(self.light.low)
+        if place.above is not None:
+            high, low = color_of(place.above) * shade * _DIM, color_of(place.above) * shade
+        if self.weather.flakes and place.kind == "land":  # snow also covers the land
+            land = torch.lerp(land, color_of(self.weather.color) * shade, _COVERED)
+        if place.kind == "water":  # water reflects the top of the sky; the glow of a low sun would make it grey
             land = torch.lerp(land, high, 0.25)
         down, across = ((torch.arange(side) + 0.5) / side for side in (rows, columns))
         down, across = torch.meshgrid(down, across, indexing="ij")
         # The light comes from the left, and along the horizon.
-        share = (down / place.horizon).clamp(max=1) ** 2
-        share = 0.35 * share + 0.65 * (1 - across) if not place.is_open else 0.85 * share + 0.15 * (1 - across)
+        along = 0.85 if place.is_open else 0.35
+        share = along * (down / HORIZON).clamp(max=1) ** 2 + (1 - along) * (1 - across)
         picture = torch.lerp(high[:, None, None], low[:, None, None], share)
-        near = ((down - place.horizon) / (1 - place.horizon)).clamp(0, 1)
+        near = ((down - HORIZON) / (1 - HORIZON)).clamp(0, 1)
         far = torch.lerp(land, low, _FAR if place.is_open else 0.0)
         front = torch.lerp(far[:, None, None], (land * _DIM)[:, None, None], near)
         if place.relief:
             hills = torch.lerp(land, low, 0.12)[:, None, None]
-            picture = torch.lerp(picture, hills.expand_as(picture), self._hills(rows, columns, seed))
-        picture = torch.lerp(picture, front, _below(rows, place.horizon)[None].expand_as(picture)).clamp(0, 1)
-        slant = _SLANT * (1 if seed % 2 else -1) * (1 - _below(rows, place.horizon)).expand(rows, columns)
+            top = HORIZON - place.relief * (0.35 + 0.6 * clouds(grid, seed, 0.4)[:1])
+            picture = torch.lerp(picture, hills.expand_as(picture), ((down - top) / _EDGE + 0.5).clamp(0, 1))
+        below = ((down - HORIZON) / _EDGE + 0.5).clamp(0, 1)
+        picture = torch.lerp(picture, front, below.expand_as(picture)).clamp(0, 1)
+        slant = _SLANT * (1 if seed % 2 else -1) * (1 - below)
         return paint_loosely(picture, slant + 0.25 * (share - 0.5), seed, lively=_QUIET)
 
     def in_fog(self, picture: Tensor) -> Tensor:
         """Returns the picture [3, H, W] with fog in front of it, if there is any."""
-        if not self.weather.fog:
-            return picture
-        rows = picture.shape[1]
-        height = ((torch.arange(rows) + 0.5) / rows)[None, :, None]
-        thick = self.weather.fog * (1 - ((height - self.place.horizon).abs() / 0.45)).clamp(0, 1)
-        color = torch.tensor(self.weather.color)[:, None, None]
-        return torch.lerp(picture, color.expand_as(picture), thick.expand_as(picture))
-
-    def _hills(self, rows: int, columns: int, seed: int) -> Tensor:
-        """Returns the opacity of hills above the horizon, [1, H, W]."""
-        generator = torch.Generator().manual_seed(seed)
-        across = torch.linspace(0, 1, columns)
-        phases = torch.rand(3, generator=generator) * 2 * math.pi
-        waves = torch.zeros(columns)
-        for number, phase in enumerate(phases.tolist()):
-            waves = waves + torch.sin(2 * math.pi * (1.1 + number) * across + phase) / (1 + number)
-        top = self.place.horizon - self.place.relief * (0.65 + 0.3 * waves)
-        height = ((torch.arange(rows) + 0.5) / rows)[:, None]
-        return ((height - top[None]) / _EDGE + 0.5).clamp(0, 1)[None]
+        height = ((torch.arange(picture.shape[1]) + 0.5) / picture.shape[1])[None, :, None]
+        thick = self.weather.fog * (1 - ((height - HORIZON).abs() / 0.45)).clamp(0, 1)
+        return torch.lerp(picture, color_of(self.weather.color)[:, None, None].expand_as(picture), thick)
 
 
 def find_part(name: str, parts: Sequence[_Part], sentences: SentenceEncoder, least: float = 0.0) -> _Part | None:
     """Returns the place, the light or the weather that a word means; None below `least` or a threshold."""
-    part, similarity = _nearest(name, parts, sentences)
+    part, similarity = _nearest([name], parts, sentences)
     usual = {Place: _CALLED, Light: _FELT, Weather: _FELT_WEATHER}[type(part)]
     return part if similarity >= max(least, usual) else None
 
 
 def find_mood(
-    name: str, people: Sequence[str], others: Sequence[str], sentences: SentenceEncoder, *, is_pictured: bool
+    name: str, people: Sequence[str], things: Sequence[str], sentences: SentenceEncoder, *, is_pictured: bool
 ) -> Light | None:
     """Returns the light of an abstract noun: a feeling, a time, a sound, an idea; None for a person or a thing.
 
     A noun is abstract if it is nearer to the words of lights than to all words for people and things; in the mean, too,
     for people: a couple is near love, but nearer people.
 
-    people, others: words for people, and for other things
     is_pictured: True if there is a picture of that name, so that it must be much nearer
     """
-    light, similarity = _nearest(name, LIGHTS, sentences)
+    light, similarity = _nearest([name], LIGHTS, sentences)
     around = [word for place in PLACES for word in (*place.words, *place.found)]
-    felt = [word for one in LIGHTS for word in one.words]
-    meaning = sentences.embed([name])[0]
-    if people and float(meaning @ (sentences.embed(people).mean(0) - sentences.embed(felt).mean(0))) > 0:
+    meaning, felt = sentences.embed([name])[0], sentences.embed([word for one in LIGHTS for word in one.words])
+    if people and float(meaning @ (sentences.embed(people).mean(0) - felt.mean(0))) > 0:
         return None
-    margin = similarity - float((sentences.embed([*people, *others, *around]) @ meaning).max())
+    margin = similarity - float((sentences.embed([*people, *things, *around]) @ meaning).max())
     return light if similarity >= _MOOD and margin > (_ABSTRACT if is_pictured else 0.0) else None
 
 
 def rank_lights(words: str, sentences: SentenceEncoder) -> list[Light]:
     """Returns the lights of hours, seasons and moods, from the most to the least similar to some words."""
-    found = sorted(((_nearest(words, (light,), sentences)[1], -number) for number, light in enumerate(LIGHTS)))
-    return [LIGHTS[-number] for _, number in reversed(found)]
+    return sorted(LIGHTS, key=lambda light: -_nearest([words], (light,), sentences)[1])
 
 
 def mix_lights(first: Light, second: Light) -> Light:
     """Returns the light halfway between two, with the form of the second: grief at dawn."""
-    top, low, shade, accent = (
-        _halve(getattr(first, name), getattr(second, name)) for name in ("top", "low", "shade", "accent")
-    )
-    name = f"{first.name}, {second.name}"
-    return replace(second, name=name, stars=first.stars, top=top, low=low, shade=shade, accent=accent)
+    top, low, accent = ((first.colors + second.colors)[1:] / 2).tolist()
+    return replace(second, words=(f"{first.name}, {second.name}",), top=top, low=low, accent=accent, stars=first.stars)
 
 
-def _halve(one: Color, two: Color) -> Color:
-    red, green, blue = ((first + second) / 2 for first, second in zip(one, two, strict=True))
-    return red, green, blue
-
-
-def infer_place(names: Sequence[str], sentences: SentenceEncoder, least: float, *, outside: bool = False) -> Place:
-    """Returns the usual place of things; `NOWHERE` if the similarity is below `least`.
-
-    outside: True to consider only places under the sky
-    """
+def infer_place(names: Sequence[str], sentences: SentenceEncoder, *, outside: bool = False) -> Place:
+    """Returns the usual place of things, that with the most similar words; under the sky if they are `outside`."""
     places = [place for place in PLACES if place.is_open or not outside]
-    words = [(place, word) for place in places for word in (*place.found, *place.words)]
-    meanings = sentences.embed([*names, *(word for _, word in words)])
-    similarity = (meanings[len(names) :] @ meanings[: len(names)].T).mean(1)
-    best = int(similarity.argmax())
-    return words[best][0] if float(similarity[best]) >= least else NOWHERE
+    return _nearest(names, places, sentences, lambda one: (*one.found, *one.words))[0]
 
 
-def in_color(place: Place, paint: Tensor) -> Place:
-    """Returns the place in a named colour: a teal sky, a green meadow."""
-    color = (float(paint[0]), float(paint[1]), float(paint[2]))
-    if place.is_paper:
-        return replace(place, above=color, below=color)
-    return replace(place, above=color) if place.name == "the sky" else replace(place, below=color)
+def in_color(place: Place, color: Color) -> Place:
+    """Returns the place in another colour: a teal sky, a green meadow."""
+    return replace(place, above=color) if place is SKY else replace(place, below=color)
 
 
 def with_contrast(ground: Tensor, where: Tensor, thing: Tensor, least: float = _TOLD_APART) -> Tensor:
@@ -386,15 +321,14 @@ def with_contrast(ground: Tensor, where: Tensor, thing: Tensor, least: float = _
     return from_lab(lab).permute(2, 0, 1).clamp(0, 1)
 
 
-def _below(rows: int, horizon: float) -> Tensor:
-    """Returns the position of each row relative to the horizon: 0 above, 1 below, [H, 1] in [0, 1]."""
-    height = ((torch.arange(rows) + 0.5) / rows)[:, None]
-    return ((height - horizon) / _EDGE + 0.5).clamp(0, 1)
-
-
-def _nearest(name: str, parts: Sequence[_Part], sentences: SentenceEncoder) -> tuple[_Part, float]:
-    """Returns the part with the word of most similar meaning, and that similarity."""
-    owners = [part for part in parts for _ in part.words]
-    meanings = sentences.embed([name, *(word for part in parts for word in part.words)])
-    similarity, best = (meanings[1:] @ meanings[0]).max(0)
-    return owners[int(best)], float(similarity)
+def _nearest(
+    names: Sequence[str],
+    parts: Sequence[_Part],
+    sentences: SentenceEncoder,
+    words: Callable[[_Part], Sequence[str]] = lambda part: part.words,
+) -> tuple[_Part, float]:
+    """Returns the part with the word of most similar meaning to the names, in the mean, and that similarity."""
+    owners: list[tuple[_Part, str]] = [(part, word) for part in parts for word in words(part)]
+    meanings = sentences.embed([*names, *(word for _, word in owners)])
+    similarity, best = (meanings[len(names) :] @ meanings[: len(names)].T).mean(1).max(0)
+    return owners[int(best)][0], float(similarity)

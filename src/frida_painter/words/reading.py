@@ -39,14 +39,12 @@ _GATHERED: dict[str, int | None] = {  # number of things, if "of" follows
 }  # fmt: skip
 _DEPICTIONS = ("painting", "picture", "drawing", "sketch", "photo", "photograph", "image", "portrait", "watercolor",
                 "watercolour")  # fmt: skip
-_MADE = ("building", "carving", "clothing", "crossing", "engraving", "etching", "evening", "railing", "wedding")
 _IN_A_NAME = ("amod", "compound", "nmod", "nummod", "npadvmod", "quantmod", "poss", "det")  # parts of speech
 _EACH_OTHER = ("other", "another", "itself", "himself", "herself", "themselves")
 _BASIC = ("black", "white", "red", "green", "yellow", "blue", "brown", "purple", "pink", "orange", "gray", "grey")
 _VIVID = 72.0  # chroma
 _LABEL = 60
 _STEM, _ENDING = 4, 3  # least letters of a word with other forms and compounds, and greatest number of an ending's
-_LEXICON = 1000  # greatest number of new words in one call that are kept
 _LONGEST = 400  # characters; a longer text is no description of one picture
 
 
@@ -77,11 +75,6 @@ class Thing:
     def shown(self) -> int:
         """Number of painted copies: 1 to 12."""
         return _PLURAL if self.count is None else max(1, min(self.count, _MAX))
-
-    @property
-    def label(self) -> str:
-        """Name for messages, at most 60 characters."""
-        return self.name[:_LABEL]
 
 
 @dataclass(frozen=True)
@@ -146,15 +139,9 @@ class WordMeanings(SentenceEncoder):
         self._encoder = encoder
         self._read: dict[str, Tensor] = {}
 
-    def is_cut_off(self, sentence: str) -> bool:
-        """Returns True if the end of a sentence is cut off."""
-        return self._encoder.is_cut_off(sentence)
-
     def embed(self, sentences: Sequence[str]) -> Tensor:
         """Returns embeddings of sentences: [n, d], each of unit length."""
         new = [sentence for sentence in dict.fromkeys(sentences) if sentence not in self._read]
-        if len(new) > _LEXICON:
-            return self._encoder.embed(sentences)
         self._read |= dict(zip(new, self._encoder.embed(new), strict=True)) if new else {}
         return torch.stack([self._read[sentence] for sentence in sentences])
 
@@ -302,7 +289,7 @@ class _Walk:
         if noun.tag_ == "NNS" and is_one and before.lower_.endswith("ing") and before.i and _is_noun(before.nbor(-1)):
             self._actors[before] = before.nbor(-1)
             return
-        is_verb = stem != noun.text and noun.lower_ not in _MADE and self._words.verbs & {stem, f"{stem}e", stem[:-1]}
+        is_verb = stem != noun.text and self._words.verbs & {stem, f"{stem}e", stem[:-1]}
         if is_verb and is_name and noun.dep_ == "ROOT" and noun not in self._read_as:
             self._actors[noun] = self._read_as[noun] = before
 
@@ -310,11 +297,11 @@ class _Walk:
         """Adds a noun to the things, if it is one."""
         is_actor = noun in self._actors.values() or (noun.dep_ == "npadvmod" and noun.head.dep_ == "ROOT")
         is_named = noun.dep_ in _IN_A_NAME or (noun.dep_ == "appos" and noun.pos_ == "PROPN")  # my cat Tom
-        is_noun = _is_noun(noun) and not is_named and _last_word(noun.head) != noun and not _is_between(noun)
+        is_noun = _is_noun(noun) and not is_named and not _is_between(noun)
         if noun.lower_ in _EACH_OTHER or noun in self._read_as or not (is_actor or is_noun):
             return
-        holder = _first_of(noun)
-        is_without = holder.dep_ == "pobj" and holder.head.lower_ == "without"
+        first = next(word for word in (noun, *noun.ancestors) if word.dep_ not in ("conj", "appos"))
+        is_without = first.dep_ == "pobj" and first.head.lower_ == "without"
         if is_without or any(child.lower_ in ("no", "zero", "0") for child in _children(noun, "det", "nummod")):
             self.absent.append(noun.lemma_)
         elif len(self.things) < MAX_THINGS:
@@ -389,23 +376,10 @@ def _prepositions(noun: Token) -> list[Token]:
     return words
 
 
-def _first_of(noun: Token) -> Token:
-    """Returns the first of the nouns that are joined by "and"."""
-    while noun.dep_ in ("conj", "appos") and _is_noun(noun.head):
-        noun = noun.head
-    return noun
-
-
 def _is_between(noun: Token) -> bool:
     """Returns True if a noun is part of a preposition, as in "in front of"."""
     is_bare = noun.dep_ == "pobj" and noun.tag_ == "NN" and noun.n_lefts == 0
     return is_bare and any(word.lower_ == "of" for word in noun.children)
-
-
-def _last_word(noun: Token) -> Token | None:
-    """Returns the noun that ends a name, if the parser attached it wrongly: the hydrant of a fire hydrant."""
-    after = (word for word in _children(noun, "appos", "amod", "advmod") if word.i == noun.i + 1)
-    return next((word for word in after if word.pos_ == "NOUN"), None)
 
 
 def _describe_noun(noun: Token, whole: Token, after: int = -1) -> Thing:
@@ -414,8 +388,6 @@ def _describe_noun(noun: Token, whole: Token, after: int = -1) -> Thing:
     whole: word that carries the noun's adjectives and numbers, if that is a verb
     """
     before = [word for word in whole.subtree if after < word.i < noun.i and _belongs(word, whole)]
-    if (last := _last_word(noun)) is not None:
-        before, noun = [*before, noun], last
     color, colored = _color(before)
     name = [word.text for word in before if word not in colored and not _is_number(word)]
     lemma = noun.text if noun.pos_ == "PROPN" else noun.lemma_

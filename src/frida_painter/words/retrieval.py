@@ -15,13 +15,13 @@ from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.palette import to_lab
 from frida_painter.words.arrangement import is_person
+from frida_painter.words.compositing import recolor
 from frida_painter.words.libraries import PictureFolder, PictureLibrary, libraries_at_hand
 from frida_painter.words.reading import Thing, paint_of, word_meanings
 
-# Appearance of a picture, independent of its thing: its worth as a start of a painting.
+# Worth of a picture, independent of its thing.
 
 _REALISM = 0.6  # bonus of a photograph over a sign
-_OWN = 0.3  # bonus of the user's own picture
 _FLAT = 0.4  # share of realism that a picture of flat areas loses: it is a drawing, whatever its file says
 _PLAIN, _COLORLESS = 0.25, 0.7  # penalties: for lines, and for pictures with a ground; for drawings without colour
 _COLORFUL = 8.0  # chroma
@@ -31,22 +31,20 @@ _MOSTLY = 0.5  # share of equal neighbouring pixels above which a picture is dra
 _FILLED = 0.95  # share of its box above which a picture is a rectangle
 
 
-def appearance(picture: Tensor, realism: float, *, is_own: bool) -> float:
-    """Returns the worth of a picture before comparison: cut-outs above rectangles, colours above outlines."""
+def worth_of(picture: Tensor, realism: float) -> float:
+    """Returns the worth of a picture: cut-outs above rectangles, photographs above drawings, colours above outlines."""
     seen = picture[3] > 0.5
     if not bool(seen.any()):
         return -1.0
     pairs = seen[:, 1:] & seen[:, :-1]
     same = (picture[:3, :, 1:] == picture[:3, :, :-1]).all(0) & pairs
     flat = float(same.sum()) / max(1, int(pairs.sum()))  # near 0 in photographs, near 1 in signs
-    worth = _REALISM * realism * (1 - _FLAT * flat)
-    if is_own:
-        return worth + _OWN
     lab = to_lab(picture[:3, seen].T)
     black, chroma = float((lab[:, 0] < _BLACK).float().mean()), float(lab[:, 1:].norm(dim=1).mean())
     is_colorless = flat > _MOSTLY and (chroma < _COLORFUL or black > _SILHOUETTE)
     is_lines = float(picture[3].mean()) < _SKETCHY
-    return worth - _PLAIN * (is_lines + has_ground(picture)) - _COLORLESS * is_colorless
+    penalty = _PLAIN * (is_lines + has_ground(picture)) + _COLORLESS * is_colorless
+    return _REALISM * realism * (1 - _FLAT * flat) - penalty
 
 
 def has_ground(picture: Tensor) -> bool:
@@ -64,7 +62,8 @@ def is_upright(picture: Tensor) -> bool:
 _SAYS, _ADDS = 0.2, 0.2  # bonus for each word of the prompt, and penalty for each other word
 _MODIFIES = 0.6  # for a title whose word only describes another word
 _FURTHER = re.compile(r"\b(?:of|with|in|on|at|for|and)\b")  # the words after these are not the named thing
-SEVERAL = (None, 2)  # counts of a plural that one picture may show: flowers, or a pair of scissors
+OWN = 2.0
+"""Bonus in similarity of the user's own picture of a thing."""
 
 
 def clean_caption(caption: str) -> str:
@@ -89,12 +88,8 @@ def _spoken(title: str, thing: Thing) -> float:
 
 def _is_modified(title: str, thing: Thing) -> bool:
     """Returns True if a title has the word for another thing: a mountain goat, or an owl on a branch."""
-    last = (_names(title) or [""])[-1]
-    return (
-        thing.noun in title
-        and last not in (thing.noun, thing.plural)
-        and not last.endswith((thing.noun, f"{thing.noun}s"))
-    )
+    head = (_names(title) or [""])[-1]
+    return thing.noun in title and not head.endswith((thing.noun, f"{thing.noun}s", thing.plural or thing.noun))
 
 
 def _is_called(title: str, thing: Thing) -> bool:
@@ -103,11 +98,9 @@ def _is_called(title: str, thing: Thing) -> bool:
     For a washing machine, the title "sewing machine" does not count, but "machine" does.
     """
     kind, wanted = set(_names(title)[:-1]), set(thing.name.split()[:-1])
-    if kind and wanted and not kind & wanted:
-        return False
     names = (thing.noun, *(other.split()[-1].lower() for other in synonyms(thing.name)))
-    ends = tuple(end for name in names for end in (name, f"{name}s")) + ((thing.plural,) if thing.plural else ())
-    return any(word.endswith(ends) for word in title.split())
+    ends = (*names, *(f"{name}s" for name in names), thing.plural or thing.noun)
+    return (not kind or not wanted or bool(kind & wanted)) and any(word.endswith(ends) for word in title.split())
 
 
 _MIN, _MIN_PERSON = 0.6, 0.5  # similarity of a caption to a thing, or a person, below which no picture is better
@@ -116,6 +109,7 @@ _NAMED = 0.8  # similarity above which a caption means the thing, with any words
 _AGREES = 0.35  # similarity to the prompt's own words that a synonym's caption needs
 _BAND = 0.25  # range of similarity below the best within which pictures are examined
 _LOOKED_AT = 9
+_TITLE = 60  # characters of a caption in a message
 
 _EXACT = 1.5  # weight of similarity against the look of a picture
 _KEYWORD = 0.05  # loss of a keyword against a title
@@ -131,22 +125,40 @@ _SPEAKS = 0.45  # similarity of a caption to the last word of a name that it nee
 
 @dataclass(frozen=True)
 class FoundPicture:
-    """Picture found for a thing.
+    """Picture found for a thing: colour and opacity [4, h, w], its caption and library.
 
-    picture: colour and opacity [4, h, w]
-    caption: of the picture
-    library: which has the picture
-    similarity: of the caption to the thing
     exact: True if it shows the named thing, False for a similar one
-    several: True if it shows as many things as requested
     """
 
+    thing: Thing
     picture: Tensor
     caption: str
     library: PictureLibrary
-    similarity: float
     exact: bool
-    several: bool = False
+
+    @property
+    def several(self) -> bool:
+        """True if it shows as many things as requested: flowers, or a pair of scissors."""
+        return self.thing.count in (None, 2) and self.thing.plural in self.caption.split()
+
+    @property
+    def shown(self) -> int:
+        """Number of its copies in a scene."""
+        return 1 if self.several else self.thing.shown
+
+    @property
+    def colored(self) -> Tensor:
+        """The picture, recolored to the prompt's colour unless it already has it."""
+        color, paint = self.thing.color, paint_of(self.thing.color)
+        named = set(color.split()) <= set(self.caption.split())
+        return self.picture if paint is None or " and " in color or named else recolor(self.picture, paint)
+
+    @property
+    def told(self) -> str:
+        """Description for messages."""
+        times = f", {self.shown} times" if self.shown > 1 else ""
+        stands = "" if self.exact else f" for {self.thing.name[:_TITLE]!r}"
+        return f"{self.caption[:_TITLE]!r} ({self.library.name}{times}){stands}"
 
 
 @dataclass(frozen=True)
@@ -187,6 +199,7 @@ class PictureIndex:
         self._titles = torch.tensor([entry.rows[0] for entry in self._entries])
         self._kinds = np.array([" ".join(_names(entry.title)[-1:]) for entry in self._entries])
         self._names = np.array([entry.title for entry in self._entries])
+        self._owned = torch.tensor([entry.library.is_own for entry in self._entries])
         self._words = torch.tensor(
             [entry.rows + (entry.rows[0],) * (longest - len(entry.rows)) for entry in self._entries]
         )
@@ -201,35 +214,30 @@ class PictureIndex:
         thing = _in_small_letters(thing)
         figure = is_person(thing.name, self._sentences)
         similarity = self._of_kind(thing, self._similarity(thing), figure=figure)
-        own = self._own(thing, similarity)
-        least = _MIN_PERSON if figure else _MIN
-        if not own and float(similarity.max()) < least:
+        best = float(similarity.clamp(max=1).max())
+        if best < (least := _MIN_PERSON if figure else _MIN):
             return None
         context = self._similar(prompt)[self._titles]
         order = (similarity + _CONTEXT * context).argsort(descending=True)[: 4 * _LOOKED_AT].tolist()
-        near = [at for at in order if similarity[at] >= max(least, float(similarity.max()) - _BAND) and at not in own]
-        near = [at for at in near[:_LOOKED_AT] if not (cut_out and _is_modified(self._entries[at].title, thing))]
-        mine = sorted(own, key=lambda at: -float(similarity[at]))[:_LOOKED_AT]
-        best, found = -float("inf"), None
-        for at, picture in self._show([*mine, *near]):
+        near = [at for at in order if similarity[at] >= max(least, best - _BAND)][:_LOOKED_AT]
+        if cut_out:
+            near = [at for at in near if similarity[at] >= OWN or not _is_modified(self._entries[at].title, thing)]
+        highest, found = -float("inf"), None
+        for at, picture in self._show(near):
             entry, like = self._entries[at], float(similarity[at])
-            is_own = entry.library.is_own
-            if found is not None and found.library.is_own and not is_own:
-                break
-            if cut_out and not is_own and has_ground(picture):
+            if cut_out and like < OWN and has_ground(picture):
                 continue
             worth = (
                 _EXACT * like
                 + _spoken(entry.title, thing)
                 + _CONTEXT * float(context[at])
-                + appearance(picture, entry.realism, is_own=is_own)
+                + worth_of(picture, entry.realism)
                 + _FROM_HEAD_TO_FOOT * (figure and acts and is_upright(picture))
             )
-            if worth > best:
-                several = thing.count in SEVERAL and thing.plural in entry.title.split()
+            if worth > highest:
                 called = _is_called(entry.title, thing) or thing.name in entry.keywords
-                exact = at in own or like >= _NAMED or called
-                best, found = worth, FoundPicture(picture, entry.title, entry.library, like, exact, several)
+                exact = like >= _NAMED or called
+                highest, found = worth, FoundPicture(thing, picture, entry.title, entry.library, exact)
         return found
 
     def _of_kind(self, thing: Thing, similarity: Tensor, *, figure: bool) -> Tensor:
@@ -256,24 +264,19 @@ class PictureIndex:
                     self.faults.append(str(fault))
 
     def nearest(self, thing: Thing) -> float:
-        """Returns the similarity of the most similar caption to a thing."""
+        """Returns the similarity of the most similar caption to a thing; at least `OWN` for a picture of the user's."""
         return float(self._similarity(_in_small_letters(thing)).max())
 
-    def has_own(self, thing: Thing) -> bool:
-        """Returns True if one of the user's own pictures shows the thing."""
-        thing = _in_small_letters(thing)
-        return bool(self._own(thing, self._similarity(thing)))
-
-    def _own(self, thing: Thing, similarity: Tensor) -> list[int]:
-        """Returns the user's own pictures whose captions name the thing, or nearly so."""
-        names = {thing.noun, thing.plural} - {""}
-        return [
-            at
-            for at, entry in enumerate(self._entries)
-            if entry.library.is_own and (similarity[at] >= _NAMED or names & {*_names(entry.title)})
-        ]
-
     def _similarity(self, thing: Thing) -> Tensor:
+        """Returns the similarity of each picture's captions to a thing [n], and more for the user's own pictures of it.
+
+        Their names need only have the word.
+        """
+        similarity, nouns = self._captioned(thing), {thing.noun, thing.plural} - {""}
+        named = [entry.library.is_own and bool(nouns & {*_names(entry.title)}) for entry in self._entries]
+        return similarity + OWN * (self._owned & ((similarity >= _NAMED) | torch.tensor(named)))
+
+    def _captioned(self, thing: Thing) -> Tensor:
         """Returns the similarity of each picture's captions to a thing, [n]."""
         called = self._embed_captions(thing.name)
         if thing.color:
@@ -283,7 +286,7 @@ class PictureIndex:
         if thing.doing:
             for words in (f"{thing.name} {thing.doing}", f"{thing.doing} {thing.name}"):
                 called = torch.maximum(called, self._embed_captions(words))
-        if thing.plural and thing.count in SEVERAL:
+        if thing.plural and thing.count in (None, 2):
             called = torch.maximum(called, self._embed_captions(f"{thing.name.removesuffix(thing.noun)}{thing.plural}"))
         for other in synonyms(thing.name):
             called = torch.maximum(called, self._embed_captions(other).masked_fill(called < _AGREES, 0))

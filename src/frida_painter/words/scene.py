@@ -1,7 +1,7 @@
 """From a prompt to a scene: reads the prompt, finds pictures of its things, and composes them in a setting."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import torch
 from torch import Tensor
@@ -24,11 +24,10 @@ from frida_painter.words.arrangement import (
     known_like,
     known_things,
 )
-from frida_painter.words.compositing import is_colored, recolor
 from frida_painter.words.composition import ComposedScene, compose_mood, compose_photograph, compose_scene
-from frida_painter.words.places import Light, Place, Setting, Weather
+from frida_painter.words.places import DAY, NOWHERE, Light, Place, Setting, Weather
 from frida_painter.words.reading import Reading, Relation, Thing, paint_of, prompt_reader, word_meanings
-from frida_painter.words.retrieval import FoundPicture, PictureIndex, has_ground, is_upright, picture_index
+from frida_painter.words.retrieval import OWN, FoundPicture, PictureIndex, has_ground, is_upright, picture_index
 from frida_painter.words.style_scene import composite_into_style, in_style
 
 # Casting: the choice of a picture for each thing.
@@ -36,34 +35,9 @@ from frida_painter.words.style_scene import composite_into_style, in_style
 _FIGURES, _FIGURE = ("woman", "man", "girl", "boy"), 0.5  # who stand for people; least similarity to the others
 _IN_A_FIELD = 7  # number of things that a place is full of
 _CALLED = 0.9  # similarity above which a picture is of the thing itself
-_TITLE = 60  # characters of a caption in a remark
 
 
-@dataclass(frozen=True)
-class SceneThing:
-    """Thing of a scene with its picture."""
-
-    thing: Thing
-    found: FoundPicture
-
-    @property
-    def colored(self) -> Tensor:
-        """The picture, recolored to the prompt's colour unless it already has it."""
-        color, paint = self.thing.color, paint_of(self.thing.color)
-        named = set(color.split()) <= set(self.found.caption.split())
-        if paint is None or " and " in color or named or is_colored(self.found.picture, paint):
-            return self.found.picture
-        return recolor(self.found.picture, paint)
-
-    @property
-    def told(self) -> str:
-        """Description of the picture for messages."""
-        times = f", {self.thing.shown} times" if self.thing.shown > 1 else ""
-        stands = "" if self.found.exact else f" for {self.thing.label!r}"
-        return f"{self.found.caption[:_TITLE]!r} ({self.found.library.name}{times}){stands}"
-
-
-_Cast = list[SceneThing | None]
+_Cast = list[FoundPicture | None]
 
 
 def cast(
@@ -80,25 +54,34 @@ def cast(
     settled: numbers of the things that belong to the setting
     in_place: True if the scene shows a place too, so that pictures without a ground are needed
 
-    A measure and its content are one thing: a cup of coffee has one picture.
+    A measure and its content are one thing, a cup of coffee, and clothes are shown by their colour.
     """
     things: _Cast = [None] * len(reading.things)
     if index is None:
         return things
+    sentences = word_meanings(encoders)
     wanted = {number: thing for number, thing in enumerate(reading.things) if number not in settled}
     for one in reading.relations:
-        if one.word == "of" and {one.subject, one.object} <= {*wanted} and wanted[one.object].uncounted:
-            first, second = wanted[one.subject], wanted.pop(one.object)
+        if not {one.subject, one.object} <= {*wanted}:
+            continue
+        first, second = wanted[one.subject], wanted[one.object]
+        if one.word == "of" and second.uncounted:
             name, at = f"{first.name} of {second.name}", (*first.at, *second.at)
-            wanted[one.subject] = replace(first, name=name, noun=second.noun, color=second.color, at=at)
+            first = replace(first, name=name, noun=second.noun, color=second.color, at=at)
+        elif one.word in ("in", "with", "wearing") and known_like(second.name, sentences).where == "worn":
+            first = replace(first, color=second.color)
+        else:
+            continue
+        wanted |= {one.subject: first}
+        del wanted[one.object]
     for number, thing in wanted.items():
         among = len(wanted) > 1 or in_place or thing.shown > 1
         found = _find(thing, prompt, index, encoders, among=among)
         if found is None and number == min(wanted):  # a picture with a ground may be the whole scene
             found = _find(thing, prompt, index, encoders, among=False)
-        others = {one.found.caption for one in things if one is not None}
+        others = {one.caption for one in things if one is not None}
         if found is not None and (found.exact or found.caption not in others):  # a king is no throne
-            things[number] = SceneThing(replace(thing, count=1) if found.several else thing, found)
+            things[number] = replace(found, thing=thing)
     for one in reading.relations:
         member = things[one.object]
         if one.word == "of" and one.subject in settled and member is not None and member.thing.count is None:
@@ -132,12 +115,10 @@ def _find(
 
 
 _BY_THINGS = ("under", "beside", "behind", "front", "with")  # kinds of relations to a thing, not to a place
-_SMALL = 0.65  # metres: greatest height of things that stand on a table
 _ROUNDING = 1e-3
 _SURE = 0.8  # similarity above which a word of a name means a place: a watering can is not in water
 _FELT = 0.75  # the same for an adjective and a light: a sad clown
 _TREES = 5  # number of trees in a forest without other things
-_IMPLIED = 0.42  # similarity to the usual things of a place above which things imply it
 
 
 def scene_of(
@@ -150,73 +131,51 @@ def scene_of(
     reading, index = prompt_reader(encoders).read(prompt), picture_index(encoders)
     sentences, account = word_meanings(encoders), Account(reading)
     setting, settled, seen = _setting(reading, index, encoders)
-    if len(settled) == len(reading.things) and setting.place is not places.NOWHERE:
+    if len(settled) == len(reading.things) and setting.place is not NOWHERE:
         reading = _people_place(reading, setting, sentences)
-    things = cast(reading, settled, prompt, index, encoders, in_place=setting.place is not places.NOWHERE)
+    things = cast(reading, settled, prompt, index, encoders, in_place=setting.place is not NOWHERE)
     shown = [one for one in things if one is not None]
-    whole = next((one for one in shown if has_ground(one.found.picture)), None)
+    whole = next((one for one in shown if has_ground(one.picture)), None)
+    is_mood = not shown and setting.place is NOWHERE
+    lights = [light for *_, light in seen if isinstance(light, Light)] + places.rank_lights(prompt, sentences)
     if whole is not None:
-        _account_for([whole], reading, [one for one in seen if not isinstance(one[2], Place)], account)
-        _tell([whole], replace(setting, is_named=False), encoders, use, index, account)
+        things, setting = [whole], replace(setting, is_named=False)
+        seen = [one for one in seen if not isinstance(one[2], Place)]
+    elif is_mood:
+        setting = replace(setting, light=lights[0] if setting.light == DAY else setting.light, is_named=True)
+    elif setting.place is NOWHERE:
+        setting = replace(setting, place=_place_of(things, reading.relations, setting, sentences))
+    second = next(light for light in lights if light.name not in setting.light.name)
+    used = {setting.place.name, setting.weather.name, *setting.light.name.split(", ")}
+    used |= {second.name} if is_mood else {places.SKY.name} if setting.place.is_open else set()
+    account_for(things, reading, [one for one in seen if one[2].name in used], account)
+    _tell([one for one in things if one is not None], setting, encoders, use, index, account)
+    if whole is not None:
         if len(shown) > 1:
             encoders.remark("The picture has a ground of its own and fills the canvas; nothing else is added.")
         return compose_photograph(whole.colored[:3], setting, grid, seed)
-    if not shown and setting.place is places.NOWHERE:
-        near = places.rank_lights(prompt, sentences)
-        first = near[0] if setting.light == places.DAY else setting.light
-        second = setting.second or next(light for light in near if light.name not in first.name)
-        _account_for(things, reading, seen, account)
-        _tell(shown, replace(setting, light=first, is_named=True), encoders, use, index, account)
-        return compose_mood(first, second, setting, grid, seed)
-    if setting.place is places.NOWHERE:
-        setting = replace(setting, place=_place_of(things, reading.relations, setting, sentences))
-    _account_for(things, reading, [one for one in seen if one[2] is not setting.second], account)
-    _tell(shown, setting, encoders, use, index, account)
+    if is_mood:
+        return compose_mood(setting.light, second, setting, grid, seed)
     is_flown = any(relation.word == "flying" for relation in reading.relations)  # a kite of somebody on the ground
-    over = {one.subject for one in reading.relations if kind_of(one.word) == "over" and one.object in settled}
-    parts: list[ScenePart | None] = []
-    for number, one in enumerate(_dress(things, reading.relations, sentences)):
-        if one is None:
-            parts.append(None)
-            continue
-        known = known_like(reading.things[number].name, sentences)
-        if number in over or (reading.things[number].doing == "flying" and not is_flown):
-            known = known._replace(where="air")
-        parts.append(ScenePart(copies(one.colored, one.thing.shown, known.where, seed + number), known))
+    parts: list[ScenePart | None] = [None] * len(things)
+    for number, one in enumerate(things):
+        if one is not None:
+            known = known_like(reading.things[number].name, sentences)
+            if one.thing.doing == "flying" and not is_flown:
+                known = known._replace(where="air")
+            parts[number] = ScenePart(copies(one.colored, one.shown, known.where, seed + number), known)
     in_the_air = bool(shown) and all(part.known.where == "air" for part in parts if part is not None)
     return compose_scene(arrange_parts(parts, reading.relations), setting, grid, seed, in_the_air=in_the_air)
 
 
 def _place_of(things: _Cast, relations: Sequence[Relation], setting: Setting, sentences: SentenceEncoder) -> Place:
-    """Returns the usual place of things without a named one, by their meaning, else by their kind and size."""
+    """Returns the usual place of things without a named one."""
     carried = {one.subject for one in relations if kind_of(one.word) in ("on", "in") and things[one.object] is not None}
-    standing = [one for number, one in enumerate(things) if one is not None and number not in carried]
-    shown = standing or [one for one in things if one is not None]
-    names = [name for one in shown for name in (one.thing.name, one.found.caption)]
-    outside = setting.weather != places.CLEAR or setting.light != places.DAY
-    place = places.infer_place(names, sentences, _IMPLIED, outside=outside)
-    if place is not places.NOWHERE:
-        return place
-    known = [known_like(one.thing.name, sentences) for one in shown]
-    kinds = {one.where for one in known}
-    if kinds <= {"air", "water"}:
-        return places.SKY if "air" in kinds else places.LAKE
-    if outside:
-        return places.MEADOW
-    return places.TABLE if max(one.height for one in known) < _SMALL else places.ROOM
-
-
-def _dress(things: _Cast, relations: Sequence[Relation], sentences: SentenceEncoder) -> _Cast:
-    """Merges clothes into their wearers, who take the colour of the clothes."""
-    dressed = list(things)
-    for relation in relations:
-        wearer, worn = dressed[relation.subject], dressed[relation.object]
-        if relation.word not in ("in", "with", "wearing") or wearer is None or worn is None:
-            continue
-        if known_like(worn.thing.name, sentences).where == "worn":
-            dressed[relation.subject] = replace(wearer, thing=replace(wearer.thing, color=worn.thing.color))
-            dressed[relation.object] = None
-    return dressed
+    shown = [one for number, one in enumerate(things) if one is not None and number not in carried]
+    shown = shown or [one for one in things if one is not None]
+    outside = setting.weather != places.CLEAR or setting.light != DAY
+    names = [name for one in shown for name in (one.thing.name, one.caption)]
+    return places.infer_place(names, sentences, outside=outside)
 
 
 def _people_place(reading: Reading, setting: Setting, sentences: SentenceEncoder) -> Reading:
@@ -226,9 +185,9 @@ def _people_place(reading: Reading, setting: Setting, sentences: SentenceEncoder
         return reading
     meanings = sentences.embed([reading.things[0].name, *found])
     name = found[int((meanings[1:] @ meanings[0]).argmax())]
-    number = len(reading.things)
     thing = Thing(name, name.rpartition(" ")[2], count=_TREES if setting.place is places.FOREST else 2)
-    return replace(reading, things=(*reading.things, thing), relations=(*reading.relations, Relation(number, "in", 0)))
+    relation = Relation(len(reading.things), "in", 0)
+    return replace(reading, things=(*reading.things, thing), relations=(*reading.relations, relation))
 
 
 _Seen = list[tuple[Thing, str, Place | Light | Weather]]
@@ -241,43 +200,38 @@ def _setting(
 
     Each of its words comes with the thing that it belongs to and the part of the setting that it means.
     """
-    sentences, settled = word_meanings(encoders), set[int]()
-    people = [one.name for one in known_things() if one.where == "person"]
-    others = [one.name for one in known_things() if one.where != "person"]
-    seen: _Seen = []
+    sentences, settled, seen = word_meanings(encoders), set[int](), _Seen()
     for number, thing in enumerate(reading.things):
         nearest = 0.0 if index is None else index.nearest(thing)
         part: Place | Light | Weather | None = None
-        if index is None or not index.has_own(thing):
-            mood = places.find_mood(thing.noun, people, others, sentences, is_pictured=nearest >= _CALLED)
-            light = mood and (places.find_part(thing.noun, places.LIGHTS, sentences) or mood)
-            part = places.find_part(thing.noun, places.WEATHERS, sentences) or light
-        if part is None and (place := _place_named(number, reading, nearest, sentences)) is not None:
-            paint = paint_of(thing.color)
-            part = place if paint is None else places.in_color(place, paint)
-        if part is not None:
+        if nearest < OWN:
+            part = places.find_part(thing.noun, places.WEATHERS, sentences) or _mood(thing.noun, nearest, sentences)
+        if part := part or _place_named(number, reading, nearest, sentences):
             settled.add(number)
             seen.append((thing, thing.noun, part))
         for word in thing.name.split()[:-1]:
-            felt = places.find_part(word, places.WEATHERS, sentences, _SURE) or places.find_part(
-                word, places.LIGHTS, sentences, _FELT
-            )
-            if felt is not None:
+            weather = places.find_part(word, places.WEATHERS, sentences, _SURE)
+            if felt := weather or places.find_part(word, places.LIGHTS, sentences, _FELT):
                 seen.append((thing, word, felt))
-    named = [part for *_, part in seen if isinstance(part, Place)]
-    weathers = [part for *_, part in seen if isinstance(part, Weather)]
-    times = [part for *_, part in seen if isinstance(part, Light) and part in places.TIMES]
-    moods = [part for *_, part in seen if isinstance(part, Light) and part not in places.TIMES]
-    weather = weathers[0] if weathers else places.CLEAR
-    lights = [*times[:1], *([weather.light] if weathers else []), *dict.fromkeys(moods)] or [places.DAY]
-    light = places.mix_lights(times[0], moods[0]) if times and moods else lights[0]
-    second = next((one for one in lights if one.name not in light.name), None)
-    open_places = [place for place in named if place is not places.SKY] or named
-    place = open_places[0] if open_places else places.NOWHERE
-    used = {place.name, places.SKY.name if place.is_open else "", weather.name, *light.name.split(", ")}
-    used |= {second.name} if second is not None and place is places.NOWHERE else set()
-    setting = Setting(place, light, weather, second, is_named=bool(seen))
-    return setting, settled, [one for one in seen if one[2].name in used]
+    parts = [part for *_, part in seen]
+    weather = next((part for part in parts if isinstance(part, Weather)), places.CLEAR)
+    times = [part for part in parts if isinstance(part, Light) and part in places.TIMES]
+    moods = [part for part in parts if isinstance(part, Light) and part not in places.TIMES]
+    light = next(iter((*times, *([] if weather is places.CLEAR else [weather.light]), *moods)), DAY)
+    if times and moods:
+        light = places.mix_lights(times[0], moods[0])
+    named = sorted((part for part in parts if isinstance(part, Place)), key=lambda place: place is places.SKY)
+    return Setting(named[0] if named else NOWHERE, light, weather, is_named=bool(seen)), settled, seen
+
+
+def _mood(noun: str, nearest: float, sentences: SentenceEncoder) -> Light | None:
+    """Returns the light that an abstract noun means; None for a person or a thing.
+
+    nearest: similarity of the nearest picture
+    """
+    people, things = ([one.name for one in known_things() if (one.where == "person") is who] for who in (True, False))
+    mood = places.find_mood(noun, people, things, sentences, is_pictured=nearest >= _CALLED)
+    return mood and (places.find_part(noun, places.LIGHTS, sentences) or mood)
 
 
 def _place_named(number: int, reading: Reading, nearest: float, sentences: SentenceEncoder) -> Place | None:
@@ -288,42 +242,41 @@ def _place_named(number: int, reading: Reading, nearest: float, sentences: Sente
     thing = reading.things[number]
     kinds = {kind_of(one.word) for one in reading.relations if one.object == number}
     beside = kinds & set(_BY_THINGS)
-    if beside == {"under"} and places.find_part(thing.noun, places.PLACES, sentences) is places.SKY:
-        return places.SKY
-    if beside and not beside <= {"behind", "front"}:  # a forest or mountains are a background
+    usual = places.find_part(thing.noun, places.PLACES, sentences)
+    if beside == {"under"} and usual is places.SKY:
+        return usual
+    if beside - {"behind", "front"}:  # a forest or mountains are a background
         return None
     least = max(nearest - _ROUNDING, _CALLED if beside else 0.0)
-    place = places.find_part(thing.noun, places.PLACES, sentences, least)
-    if place is None and thing.count is None and thing.plural and number:  # mountains, but not a single mountain
-        place = places.find_part(thing.plural, places.PLACES, sentences, least)
-    if place is None and "on" in kinds:
-        # A table that carries things is shown by its top.
-        top = places.find_part(thing.noun, places.PLACES, sentences)
-        place = top if top is not None and not top.is_open else None
+    several = thing.plural if thing.count is None and thing.plural else thing.noun  # mountains, but not one mountain
+    place = places.find_part(several, places.PLACES, sentences, least)
+    if place is None and "on" in kinds and usual is not None and not usual.is_open:
+        place = usual  # a table that carries things is shown by its top
     if place is None and thing.name != thing.noun:
         place = places.find_part(thing.name, places.PLACES, sentences, max(least, _SURE))
-    return place
+    paint = paint_of(thing.color)
+    return place if place is None or paint is None else places.in_color(place, tuple(paint.tolist()))
 
 
-def _account_for(things: Sequence[SceneThing | None], reading: Reading, seen: _Seen, account: Account) -> None:
+def account_for(things: _Cast, reading: Reading, seen: _Seen, account: Account) -> None:
     """Marks what a scene shows: the words of its setting, the things with pictures, and the relations of both.
 
-    things: of the scene, before clothes are merged into their wearers
     seen: words of the setting
     """
     for thing, word, part in seen:
         account.mark_setting(thing.at, part.name, word)
         for color in thing.color.split() if isinstance(part, Place) else ():
             account.mark_setting(thing.at, f"{color} {part.name}", color)
-    whole = [one for one in things if one is not None]
-    for one in whole:
-        account.mark_picture(one.thing, one.found.caption, exact=one.found.exact, several=one.found.several)
+    shown = [one for one in things if one is not None]
+    for one in shown:
+        account.mark_picture(one.thing, one.caption, exact=one.exact, several=one.several)
     for relation in reading.relations:
         first, second = reading.things[relation.subject], reading.things[relation.object]
-        for one in whole:  # one picture may show both and their relation
-            if one.thing.at == first.at and _says_all(one.found.caption, second, reading):
-                account.mark_picture(second, one.found.caption, exact=True, several=False)
-                account.mark(relation.at, Mark.SHOWN, one.found.caption)
+        nouns = [word for word in reading.said if word.at in second.at and word.lemma == second.noun.lower()]
+        for one in shown:  # one picture may show both and their relation
+            if one.thing.at == first.at and any(word.says(one.caption) for word in nouns):
+                account.mark_picture(second, one.caption, exact=True, several=False)
+                account.mark(relation.at, Mark.SHOWN, one.caption)
         if account.shows(first.at) and account.shows(second.at):
             is_placed = kind_of(relation.word) not in ("", "doing")
             settles = any(second is thing or first is thing for thing, _, _ in seen)
@@ -331,13 +284,8 @@ def _account_for(things: Sequence[SceneThing | None], reading: Reading, seen: _S
             account.mark(relation.at, Mark.SHOWN if is_placed or settles else Mark.SIMILAR, near)
 
 
-def _says_all(caption: str, thing: Thing, reading: Reading) -> bool:
-    """Returns True if a caption names a thing by its noun."""
-    return any(word.at in thing.at and word.lemma == thing.noun.lower() and word.says(caption) for word in reading.said)
-
-
 def _tell(
-    shown: Sequence[SceneThing],
+    shown: Sequence[FoundPicture],
     setting: Setting,
     encoders: EncoderRegistry,
     use: str,
@@ -346,7 +294,7 @@ def _tell(
 ) -> None:
     """Makes remarks about the scene's pictures, their authors, and what is not shown."""
     place = f", on {setting.words}" if setting.is_named else ""
-    told = f"{' and '.join(one.told for one in shown)}{place}{_credit(shown)}"
+    told = f"{' and '.join(one.told for one in shown)}{place}{credit(shown)}"
     if not shown:
         told = f"strokes and colours of {setting.words}, without a picture of a thing"
     encoders.remark(f"{use.capitalize()} {told}.")
@@ -357,9 +305,9 @@ def _tell(
         encoders.remark(f"Of your own pictures one cannot be used: {fault}")
 
 
-def _credit(shown: Sequence[SceneThing]) -> str:
+def credit(shown: Sequence[FoundPicture]) -> str:
     """Returns the authors of the pictures, for the end of a sentence."""
-    credits = dict.fromkeys(one.found.library.credit for one in shown if one.found.library.credit)
+    credits = dict.fromkeys(one.library.credit for one in shown if one.library.credit)
     return f"; pictures by {'; '.join(credits)}" if credits else ""
 
 
@@ -376,43 +324,39 @@ _SUBJECT = 4.0  # the same for things in a scene
 def initial_composition(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, seed: int) -> Goal:
     """Returns the goal with an initial picture, if it has words and no other picture to begin with.
 
-    The picture also becomes a term beside the words, so that the composition lasts while the words change it. It has
-    the colours and the marks of the heaviest style, in proportion if that is lighter than the words; without a CLIP,
-    it stands in place of the words then. A sketch without
-    a photograph is filled with the colours of that picture or of a style. A style picture to begin with gets the
-    thing of the words laid into it. All other goals are returned unchanged.
+    The picture is also a term beside the words, so that the composition lasts while the words change it. It has the
+    colours and the marks of the heaviest style, in proportion if that is lighter than the words. A sketch is filled
+    with the picture's colours, or with those of a style; a style to begin with gets the thing of the words laid in.
     """
     said = [(term.words, term.weight) for term in goal.terms if term.words is not None]
-    words, weight = max(said, key=lambda pair: pair[1]) if said else ("", 0.0)
-    if goal.initial:
-        first = [term.words for term in goal.initial if term.words is not None]
-        styles = [term.colors for term in goal.initial if term.colors is not None]
-        if any(term.picture is not None for term in goal.initial):
-            return goal
-        if styles:
-            return _start_with_style(goal, styles[0], words, weight, grid, encoders) if words else goal
-        if not first:
-            return goal
-        begun = _term(scene_of(first[0], grid, encoders, seed))
-        return replace(goal, initial=(begun, *goal.initial))
-    drawing = next((term.drawing for term in goal.terms if term.drawing is not None), None)
-    if not words or any(term.picture is not None for term in goal.terms):
+    said.sort(key=lambda pair: -pair[1])  # several words are read as one sentence
+    words, weight = " and ".join(dict.fromkeys(some for some, _ in said)), said[0][1] if said else 0.0
+    pictures = [term for term in (goal.initial or goal.terms) if term.picture is not None]
+    if pictures or not (words or goal.initial):
         return goal
-    weighted = [(term.colors, term.weight) for term in goal.terms if term.colors is not None]
-    style, style_weight = max(weighted, key=lambda pair: pair[1]) if weighted else (None, 0.0)
+    if goal.initial:
+        first = next((term.words for term in goal.initial if term.words is not None), None)
+        staged = next((term.colors for term in goal.initial if term.colors is not None), None)
+        if staged is not None and words:
+            return _start_with_style(goal, staged, words, weight, grid, encoders)
+        if staged is not None or first is None:
+            return goal
+        return replace(goal, initial=(_term(scene_of(first, grid, encoders, seed)), *goal.initial))
+    styles = (term for term in goal.terms if term.colors is not None)
+    styled = max(styles, key=lambda term: term.weight, default=None)
+    style = None if styled is None else styled.colors
+    drawing = next((term.drawing for term in goal.terms if term.drawing is not None), None)
     if drawing is None:
         scene = scene_of(words, grid, encoders, seed)
-        subject = _SUBJECT if style is None else _MATTERS
-        if style is not None:
-            shown = in_style(scene.picture, scene.where, style)
-            scene = replace(scene, picture=torch.lerp(scene.picture, shown, min(1.0, style_weight / weight)))
         kept = _KEPT if scene.is_alone else _KEPT_SCENE
         kept = kept if all(term.words is not None for term in goal.terms) else _AMONG
-        begun = _term(scene, weight * kept, subject)
+        if styled is not None and style is not None:
+            shown = in_style(scene.picture, scene.where, style)
+            scene = replace(scene, picture=torch.lerp(scene.picture, shown, min(1.0, styled.weight / weight)))
+        begun = _term(scene, weight * kept, _SUBJECT if style is None else _MATTERS)
     else:
-        drawing = images.fit(drawing, grid.rows, grid.columns)
         like = scene_of(words, grid, encoders, seed, "coloured like").picture if style is None else style
-        begun = _fill_drawing(drawing, like, weight * _AMONG)
+        begun = _fill_drawing(images.fit(drawing, grid.rows, grid.columns), like, weight * _AMONG)
     # Networks by class names know photographs. A scene in a style does not please them, whatever is painted, so they
     # choose the scene and leave its painting to the style; a CLIP knows paintings.
     leads = style is None or drawing is not None or encoders.reads_by_clip
@@ -441,15 +385,15 @@ def _start_with_style(
     reading, index = prompt_reader(encoders).read(words), picture_index(encoders)
     found = cast(reading, set(), words, index, encoders, in_place=False)
     thing, account = next((one for one in found if one is not None), None), Account(reading)
-    _account_for([thing], reading, [], account)
+    account_for([thing], reading, [], account)
     if thing is None:
         encoders.remark(f"No picture was found for {words[:60]!r}; begun with the style picture alone.")
         encoders.remark(account.told)
         return goal
     scene = images.fit(style, grid.rows, grid.columns)
-    shown = composite_into_style(thing.colored, scene, keeps_colors=bool(thing.thing.color))
+    shown = composite_into_style(thing.colored, scene, own=float(bool(thing.thing.color)))
     matters = 1 + (_MATTERS - 1) * shown.where
     kept = ImageTerm(shown.picture, _STAGED * weight, matters / matters.mean())
-    encoders.remark(f"Begun with {thing.told}, laid into the style picture{_credit([thing])}.")
+    encoders.remark(f"Begun with {thing.told}, laid into the style picture{credit([thing])}.")
     encoders.remark(account.told)
     return Goal((*goal.terms, kept), (replace(kept, weight=1.0),))

@@ -1,5 +1,6 @@
 """Words in a style: a thing laid into the style picture, or a scene in the picture's colours and marks."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -42,24 +43,33 @@ class Composited:
     where: Tensor
 
 
-def composite_into_style(drawing: Tensor, picture: Tensor, *, keeps_colors: bool = False) -> Composited:
+def composite_into_style(
+    drawing: Tensor,
+    picture: Tensor,
+    *,
+    own: float = 0.0,
+    sizes: Sequence[float] = _SIZES,
+    rows: tuple[float, float] = (0.0, 1.0),
+) -> Composited:
     """Lays a drawing, colour and opacity [4, h, w], into a picture [3, H, W].
 
-    keeps_colors: False to give the drawing the picture's colours, from dark to light
+    own: share of its own colours that the drawing keeps; the rest are the picture's colours, from dark to light
+    sizes: possible lengths of its longer side, relative to the picture's shorter one
+    rows: least and greatest position in the free space, from the picture's upper edge, 0, to its lower one
 
     The place is a compromise: the picture's coarse edges should change little, by their correlation, and the thing
     should be large and stand out clearly.
     """
-    _, rows, columns = picture.shape
-    small = images.fit(picture, _ROWS, round(_ROWS * columns / rows))
+    small = images.fit(picture, _ROWS, round(_ROWS * picture.shape[2] / picture.shape[1]))
     edges, light = _edges(small), _lightness(small)
     colors = style_colors(picture)
-    painted = [drawing] if keeps_colors else [tone(drawing, colors, *tones) for tones in _TONES]
-    best, chosen = -float("inf"), (0, _SIZES[-1], 0.5, 0.5)
-    for number, size in product(range(len(painted)), _SIZES):
+    painted = [drawing] if own == 1 else [torch.lerp(tone(drawing, colors, *tones), drawing, own) for tones in _TONES]
+    best, chosen = -float("inf"), (0, sizes[-1], 0.5, 0.5)
+    heights = [down for down in _PLACES if rows[0] <= down <= rows[1]]
+    for number, size in product(range(len(painted)), sizes):
         thing = _resize_to(painted[number], size, small)
         own = float(_lightness(thing[:3])[thing[3] > 0.5].median())
-        for down, across in product(_PLACES, _PLACES):
+        for down, across in product(heights, _PLACES):
             shown, where = paste(thing, small, *_place(thing, small, down, across))
             wider = (
                 functional.max_pool2d(where[None, None], 2 * _STYLE_SCENE_AROUND + 1, 1, _STYLE_SCENE_AROUND)[0, 0]

@@ -109,6 +109,39 @@ def test_a_filled_ellipse_and_a_rotated_rectangle_become_strokes():
     assert any("2 filled" in remark for remark in found.remarks)
 
 
+@pytest.mark.parametrize(
+    ("shape", "holds"),
+    [
+        (
+            '<polygon points="20,20 120,20 20,80"',
+            lambda x, y: (x > 20) & (y > 20) & ((x - 20) / 100 + (y - 20) / 60 < 1),
+        ),
+        (
+            '<path fill-rule="evenodd" d="M20 20 H110 V110 H20 Z M50 50 V80 H80 V50 Z"',
+            lambda x, y: (abs(x - 65) < 45) & (abs(y - 65) < 45) & ((abs(x - 65) > 15) | (abs(y - 65) > 15)),
+        ),
+        (
+            '<path transform="translate(20 10)" d="M0 0 H160 V40 H40 V160 H0 Z"',
+            lambda x, y: (x > 20) & (y > 10) & (x < 180) & (y < 170) & ((y < 50) | (x < 60)),
+        ),
+    ],
+    ids=["triangle", "frame", "corner"],
+)
+def test_any_other_filled_shape_is_hatched(shape: str, holds):
+    found = read_svg(document(f'{shape} fill="#aa3311"/>'), "a.svg", CANVAS)
+    y, x = np.mgrid[:210, :280] + 0.5  # millimetres of the page
+    hatched = np.zeros((210, 280), bool)
+    for stroke in found.strokes:
+        start, end = stroke.points * 1000 * (1, -1) + (0, 210)
+        step = end - start
+        share = (((x - start[0]) * step[0] + (y - start[1]) * step[1]) / max(step @ step, 1e-9)).clip(0, 1)
+        hatched |= np.hypot(x - start[0] - share * step[0], y - start[1] - share * step[1]) <= stroke.width * 500
+    assert len(found.strokes) > 1 and any("1 filled shape hatched" in remark for remark in found.remarks)
+    wanted = holds(x, y)
+    assert (hatched & wanted).sum() > 0.95 * wanted.sum()
+    assert (hatched & ~wanted).sum() < 0.35 * wanted.sum()
+
+
 def test_what_leaves_the_page_is_cut_and_told():
     body = (
         line(x1=-40, x2=40) + line(x1=100, y1=-50, x2=100, y2=260) + line(x1=400, x2=420) + line() + line(y1=50, y2=50)
@@ -159,7 +192,7 @@ OUTSIDE = '<!DOCTYPE svg [<!ENTITY x SYSTEM "file:///etc/passwd">]>'
         (document(""), "no strokes"),
         (document('<path d="M0 0 L50 50"/>'), "no stroke colour"),
         (document(line(more="")), "no stroke colour"),
-        (document('<path d="M0 0 L50 0 L0 50 z" fill="#ff0000"/>'), "hatch what is filled"),
+        (document('<path d="M0 0 L50 0 z" fill="#ff0000"/>'), "no strokes"),
         (document(line(more='stroke="beige-ish" stroke-width="4"')), "'beige-ish', which is no colour"),
         (document(line(more='stroke="#12" stroke-width="4"')), "'#12', which is no colour"),
         (document('<path d="M0 0 L nan 50" stroke="#aa3311"/>'), "not finite"),

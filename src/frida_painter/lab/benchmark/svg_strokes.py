@@ -7,6 +7,7 @@ of absurd size or depth. Then svgelements resolves units, transforms and styles.
 import hashlib
 import io
 import itertools
+import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -46,7 +47,8 @@ _GROUND = 0.99  # share of each side of the page that a ground covers
 _CURVE_STEPS = 16
 _STEPS = np.arange(1, _CURVE_STEPS + 1) / _CURVE_STEPS
 _FULL = 0.75  # least share of its rectangle that a filled shape covers: an ellipse covers 0.785
-_MAX_SIDES = 64
+_HATCH = 0.016  # metres between the strokes that fill a shape, at most: a mark of the broad brush
+_OVERLAP = 1.25  # width of these strokes, relative to the distance between them
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 _NOT_FINITE = re.compile(r"(?<![a-z])(?:nan|inf(?:inity)?)(?![a-z])", re.IGNORECASE)
 _SHAPES = frozenset(("path", "line", "polyline", "polygon", "rect", "circle", "ellipse"))
@@ -75,11 +77,12 @@ def read_svg(content: bytes, name: str, canvas: CanvasSize) -> HandIn:
     """Reads strokes from an SVG document. Raises HandInError; ConfigError if the extra is missing.
 
     A page in millimetres or inches has the size of the canvas; one in pixels is scaled to it. A first rectangle that
-    fills the page is the ground. A filled rectangle or ellipse is a stroke along its longer side, as wide as the other.
+    fills the page is the ground. A filled rectangle or ellipse is a stroke along its longer side, as wide as the other;
+    other filled shapes are hatched.
     Parts beyond the page are cut off, as on every screen.
     """
-    found = _inspect(content, name)
-    page = found.page
+    document = _inspect(content, name)
+    page = document.page
     registry.require("benchmark", "svgelements", "Reading an SVG hand-in")
     import svgelements
 
@@ -91,7 +94,7 @@ def read_svg(content: bytes, name: str, canvas: CanvasSize) -> HandIn:
         raise HandInError(
             f"{name} has a path, a transform or a style that is no SVG; check its commands and numbers."
         ) from error
-    ground, strokes, filled, bars, points = WHITE, list[DrawnStroke](), 0, 0, 0
+    ground, strokes, filled, bars, hatched, points = WHITE, list[DrawnStroke](), 0, 0, 0, 0
     for number, shape in enumerate(elements, 1):
         if str(shape.values.get("visibility", "visible")).strip() != "visible":
             continue
@@ -107,15 +110,17 @@ def read_svg(content: bytes, name: str, canvas: CanvasSize) -> HandIn:
             strokes += _strokes_of(shape, number, name, canvas, scale)
         elif number == 1 and _is_paint(shape.fill) and _fills(shape, page):
             ground = _color(shape.fill)
-        elif _is_paint(shape.fill) and (bar := _as_bar(shape, scale, canvas)) is not None:
-            opacity = shape.fill.opacity * _opacity(shape, number, name)
-            strokes.append(DrawnStroke(*bar, _color(shape.fill), opacity))
-            bars += 1
         else:
-            raise HandInError(
-                f"Shape {number} of {name} has no stroke colour; a brush paints strokes, so give each path a stroke "
-                "and a stroke-width, and hatch what is filled, unless it is a rectangle or an ellipse."
-            )
+            found = list(_bars_of(shape, scale, canvas)) if _is_paint(shape.fill) else []
+            if not found and shape.values.get("fill") in (None, "none", "black"):
+                raise HandInError(
+                    f"Shape {number} of {name} has no stroke colour and fills nothing; a brush paints strokes, so give "
+                    "each path a stroke and a stroke-width."
+                )
+            opacity = shape.fill.opacity * _opacity(shape, number, name)
+            strokes += [DrawnStroke(*bar, _color(shape.fill), opacity) for bar in found]
+            bars += int(len(found) == 1)
+            hatched += int(len(found) > 1)
         points += sum(len(stroke.points) for stroke in strokes[before:])
         if len(strokes) > MAX_STROKES or points > MAX_POINTS:
             raise HandInError(
@@ -132,7 +137,8 @@ def read_svg(content: bytes, name: str, canvas: CanvasSize) -> HandIn:
         *([f"{count_of(cut, 'stroke')} lost what lay beyond the edge of the page."] if cut else []),
         *([f"{count_of(lost, 'stroke')} left out: beside the page."] if lost else []),
         *([f"{count_of(bars, 'filled shape')} painted along the longer side."] if bars else []),
-        *([f"The clip path of {count_of(found.clipped, 'element')} was ignored."] if found.clipped else []),
+        *([f"{count_of(hatched, 'filled shape')} hatched, in strokes side by side."] if hatched else []),
+        *([f"The clip path of {count_of(document.clipped, 'element')} was ignored."] if document.clipped else []),
         *([f"The fill of {count_of(filled, 'stroke')} was ignored; only outlines are painted."] if filled else []),
     ]
     return HandIn(canvas, hashlib.sha256(content).hexdigest(), tuple(inside), ground, remarks=tuple(remarks))
@@ -326,13 +332,66 @@ def _strokes_of(
     shape: Any, number: int, name: str, canvas: CanvasSize, scale: tuple[float, float]
 ) -> Iterator[DrawnStroke]:
     """Yields a stroke for each part of a shape that is drawn in one go. Raises HandInError."""
-    import svgelements
-
     opacity = shape.stroke.opacity * _opacity(shape, number, name)
     given = shape.implicit_stroke_width
     width = float(1.0 if given is None else given) * (scale[0] + scale[1]) / 2
+    for points in _parts_of(_path(shape)):
+        if len(points) > 1:
+            place = np.stack((points[:, 0] * scale[0], canvas.height - points[:, 1] * scale[1]), -1)
+            yield DrawnStroke(place, width, _color(shape.stroke), opacity)
+
+
+def _bars_of(shape: Any, scale: tuple[float, float], canvas: CanvasSize) -> Iterator[tuple[Points, float]]:
+    """Yields lines and their widths in metres that fill a shape.
+
+    A rectangle or an ellipse, at any angle, is one along its longer side. Any other shape is hatched in that
+    direction. Holes stay bare (the even-odd rule).
+    """
+    outlines = [
+        np.stack((part[:, 0] * scale[0], canvas.height - part[:, 1] * scale[1]), -1)
+        for part in _parts_of(_path(shape))
+        if len(part) > 2
+    ]
+    if not outlines or not all(np.isfinite(outline).all() for outline in outlines):
+        return
+    middle, sides, degrees = cv2.minAreaRect((np.concatenate(outlines) * 1000).astype(np.float32))
+    long, short = max(sides) / 1000, min(sides) / 1000
+    if not short > 0:
+        return
+    angle = np.deg2rad(degrees + (0 if sides[0] >= sides[1] else 90))
+    along, across = np.array([np.cos(angle), np.sin(angle)]), np.array([-np.sin(angle), np.cos(angle)])
+    center = np.array(middle) / 1000
+    if len(outlines) == 1 and cv2.contourArea((outlines[0] * 1000).astype(np.float32)) / 1e6 >= _FULL * long * short:
+        half = (long - short) / 2 * along
+        yield np.stack((center - half, center + half)), short
+        return
+    count = max(2, math.ceil(short / _HATCH))
+    width = short / count
+    for offset in (np.arange(count) - (count - 1) / 2) * width:
+        crossed = sorted(
+            itertools.chain.from_iterable(_crossings(one - center, along, across, offset) for one in outlines)
+        )
+        for start, end in zip(crossed[::2], crossed[1::2], strict=False):
+            inset = min(width / 4, (end - start) / 2)  # the ends of a stroke are round, and slanting edges are not
+            yield center + offset * across + np.outer((start + inset, end - inset), along), _OVERLAP * width
+
+
+def _crossings(outline: Points, along: Points, across: Points, offset: float) -> list[float]:
+    """Returns the places along a line, at an offset from the origin, at which it crosses a closed outline."""
+    place, side = outline @ along, outline @ across - offset
+    following, beyond = np.roll(place, -1), np.roll(side, -1)
+    crosses = (side > 0) != (beyond > 0)
+    share = side[crosses] / (side[crosses] - beyond[crosses])
+    found: list[float] = (place[crosses] + share * (following[crosses] - place[crosses])).tolist()
+    return found
+
+
+def _parts_of(path: Any) -> list[Points]:
+    """Returns the parts of a path that are drawn in one go, as points [k, 2] in pixels of the page."""
+    import svgelements
+
     parts = list[list[tuple[float, float]]]()
-    for segment in _path(shape):
+    for segment in path:
         if isinstance(segment, svgelements.Move) or not parts:
             if segment.end is not None:
                 parts.append([(segment.end.x, segment.end.y)])
@@ -341,33 +400,7 @@ def _strokes_of(
             continue
         straight = isinstance(segment, svgelements.Line | svgelements.Close)
         parts[-1] += [(segment.end.x, segment.end.y)] if straight else map(tuple, segment.npoint(_STEPS).tolist())
-    for part in parts:
-        if len(part) > 1:
-            points = np.array(part, np.float64)
-            place = np.stack((points[:, 0] * scale[0], canvas.height - points[:, 1] * scale[1]), -1)
-            yield DrawnStroke(place, width, _color(shape.stroke), opacity)
-
-
-def _as_bar(shape: Any, scale: tuple[float, float], canvas: CanvasSize) -> tuple[Points, float] | None:
-    """Returns a filled rectangle or ellipse, at any angle, as a line and its width in metres; else None."""
-    import svgelements
-
-    segments = [one for one in _path(shape) if not isinstance(one, svgelements.Move) and one.end is not None]
-    if not 3 <= len(segments) <= _MAX_SIDES:
-        return None
-    steps = np.linspace(0, 1, _CURVE_STEPS, endpoint=False)
-    outline = np.array([tuple(one.point(t)) for one in segments for t in steps], np.float64)
-    outline = np.stack((outline[:, 0] * scale[0], canvas.height - outline[:, 1] * scale[1]), -1)
-    if not np.isfinite(outline).all():
-        return None
-    middle, sides, degrees = cv2.minAreaRect((outline * 1000).astype(np.float32))
-    area = cv2.contourArea((outline * 1000).astype(np.float32))
-    long, short = max(sides), min(sides)
-    if not (short > 0 and area >= _FULL * long * short):
-        return None
-    angle = np.deg2rad(degrees + (0 if sides[0] >= sides[1] else 90))
-    half = (long - short) / 2 * np.array([np.cos(angle), np.sin(angle)])
-    return np.stack((middle - half, middle + half)) / 1000, short / 1000
+    return [np.array(part, np.float64) for part in parts]
 
 
 def _opacity(shape: Any, number: int, name: str) -> float:

@@ -1,0 +1,60 @@
+"""A part of another package that fails while it works is told in one sentence, with its package and place."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from frida_painter import registry
+from frida_painter.cli import commands
+from plugins import install
+
+PHOTO = str(Path(__file__).parents[2] / "examples" / "photographs" / "cat.jpg")
+FAILS = {
+    "a goal": (registry.OBJECTIVES, ["--sad", "abc"], """
+        from frida_painter.plugins import Gives, GoalKind
+        def work(value, weight):
+            return float(value)
+        KIND = GoalKind("sad", Gives.WORDS, "Sad.", "Sad", work)""", "could not convert string to float: 'abc'"),
+    "a planner": (registry.PLANNERS, ["--planner", "sad"], """
+        from frida_painter.plugins import PlannerKind
+        def work(task):
+            return task.strokes / 0
+        KIND = PlannerKind("sad", "Sad.", work)""", "division by zero"),
+    "an initialiser that gives us nonsense": (registry.INITIALISERS, ["--initialiser", "sad"], """
+        from frida_painter.plugins import InitialiserKind, Strokes
+        def work(task):
+            return Strokes(1, 2, 3, 4, 5, 6).project(task, task)
+        KIND = InitialiserKind("sad", "Sad.", work)""", ""),
+    "a listener": (registry.LISTENERS, ["--listener", "sad"], """
+        from frida_painter.plugins import ListenerKind
+        def work(event):
+            raise KeyError("bell")
+        KIND = ListenerKind("sad", "Sad.", lambda text: work)""", "KeyError: 'bell'"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", FAILS)
+def test_its_package_is_named(
+    what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    group, options, module, why = FAILS[what]
+    name = f"sad_{group.rpartition('.')[2]}"
+    text = "\n".join(line.removeprefix(8 * " ") for line in module.splitlines())
+    install(tmp_path, monkeypatch, "sad-parts", {group: {"sad": f"{name}:KIND"}}, {name: text})
+    monkeypatch.delitem(sys.modules, name, raising=False)
+    order = ["paint", PHOTO, "--strokes", "4", "--effort", "0.05", "--no-film", "--out", str(tmp_path / "painting")]
+    monkeypatch.setattr(sys, "argv", ["frida-painter", *order, *options])
+    with pytest.raises(SystemExit) as ended:
+        commands.main()
+    said = capsys.readouterr().err.strip()
+    assert ended.value.code == 2
+    assert said.splitlines()[-1].startswith("frida-painter: The package sad-parts failed ("), said
+    assert why in said and f"{name}.py, line " in said and "`frida-painter parts sad-parts`" in said
+
+
+def test_a_failure_of_our_own_blames_nobody(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    install(tmp_path, monkeypatch, "sad-parts", {registry.PLANNERS: {"sad": "sad_planners:KIND"}})
+    with pytest.raises(ZeroDivisionError) as failure:
+        1 / 0  # noqa: B018
+    assert registry.blame(failure.value) is None
