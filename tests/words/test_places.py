@@ -142,5 +142,5 @@ def test_a_feeling_is_a_light_and_a_thing_is_none() -> None:
     assert find_mood("deep grief", [], ["grief machine"], bag, is_pictured=True) is None, "there is a picture of it"
     assert rank_lights("war and chaos", bag)[0].name in ("anger", "chaos")
     mixed = mix_lights(LIGHTS[2], GREY)
-    assert mixed.name == "night, sorrow" and mixed.stars == LIGHTS[2].stars
+    assert mixed.name == "night, sadness" and mixed.stars == LIGHTS[2].stars
     assert mixed.top == pytest.approx(((color_of(LIGHTS[2].top) + color_of(GREY.top)) / 2).tolist())

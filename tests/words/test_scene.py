@@ -146,12 +146,12 @@ def test_a_feeling_is_painted_without_a_thing_even_if_a_picture_is_called_so(tmp
 
     seen = encoders(tmp_path, Reading((Thing("quiet grief", "grief"),)), Moody())
     scene = scene_of("a quiet grief", GRID, seen, 0)
-    assert "strokes and colours of sorrow" in seen.remarks[0]
-    assert seen.remarks[1] == "Your words: shown by something similar: 'grief' (by sorrow); not shown: 'quiet'."
+    assert "strokes and colours of sadness" in seen.remarks[0]
+    assert seen.remarks[1] == "Your words: shown by something similar: 'grief' (by sadness); not shown: 'quiet'."
     assert float((scene.picture.amin(0) > 0.93).float().mean()) < 0.05 and not scene.is_alone
     among = encoders(tmp_path, Reading((GOAT, Thing("grief", "grief")), (Relation(0, "in", 1),)), Moody())
     scene_of("a goat in grief", GRID, among, 0)
-    assert "'goat' (pictures), on " in among.remarks[0] and "sorrow" in among.remarks[0]
+    assert "'goat' (pictures), on " in among.remarks[0] and "sadness" in among.remarks[0]
 
 
 def test_weather_is_no_object_and_its_light_goes_before_that_of_a_mood(tmp_path: Path) -> None:

@@ -160,7 +160,7 @@ LIGHTS = (
     Light(("autumn", "fall foliage", "october"), "#ccb894", "#e69433", "#b8331f", "fall", 0.5),
     Light(("winter", "cold", "frost"), "#a8c2db", "#e0ebf5", "#fae6d6"),
     Light(("heat", "summer", "noon", "drought"), "#ed9e40", "#fcd15c", "#fff7cc", "burst", 0.3),
-    Light(("sorrow", "sadness", "grief", "loneliness", "melancholy", "gloomy", "a farewell"),
+    Light(("sadness", "grief", "loneliness", "melancholy", "gloomy", "a farewell"),
           "#576b8a", "#99a8b8", "#ccbd9e", "fall", 0.15),
     Light(("joy", "happiness", "laughter", "celebration", "party"), "#fa995c", "#ffd65c", "#fff7cc", "burst", 0.8),
     Light(("love", "tenderness", "passion", "romance"), "#c23d5c", "#f2998f", "#ffe0b8", "vortex", 0.25),

@@ -39,6 +39,7 @@ _GATHERED: dict[str, int | None] = {  # number of things, if "of" follows
 }  # fmt: skip
 _DEPICTIONS = ("painting", "picture", "drawing", "sketch", "photo", "photograph", "image", "portrait", "watercolor",
                 "watercolour")  # fmt: skip
+_MADE = ("building", "carving", "clothing", "crossing", "engraving", "etching", "evening", "railing", "wedding")
 _IN_A_NAME = ("amod", "compound", "nmod", "nummod", "npadvmod", "quantmod", "poss", "det")  # parts of speech
 _EACH_OTHER = ("other", "another", "itself", "himself", "herself", "themselves")
 _BASIC = ("black", "white", "red", "green", "yellow", "blue", "brown", "purple", "pink", "orange", "gray", "grey")
@@ -289,7 +290,7 @@ class _Walk:
         if noun.tag_ == "NNS" and is_one and before.lower_.endswith("ing") and before.i and _is_noun(before.nbor(-1)):
             self._actors[before] = before.nbor(-1)
             return
-        is_verb = stem != noun.text and self._words.verbs & {stem, f"{stem}e", stem[:-1]}
+        is_verb = stem != noun.text and noun.lower_ not in _MADE and self._words.verbs & {stem, f"{stem}e", stem[:-1]}
         if is_verb and is_name and noun.dep_ == "ROOT" and noun not in self._read_as:
             self._actors[noun] = self._read_as[noun] = before
 
@@ -297,7 +298,7 @@ class _Walk:
         """Adds a noun to the things, if it is one."""
         is_actor = noun in self._actors.values() or (noun.dep_ == "npadvmod" and noun.head.dep_ == "ROOT")
         is_named = noun.dep_ in _IN_A_NAME or (noun.dep_ == "appos" and noun.pos_ == "PROPN")  # my cat Tom
-        is_noun = _is_noun(noun) and not is_named and not _is_between(noun)
+        is_noun = _is_noun(noun) and not is_named and _last_word(noun.head) != noun and not _is_between(noun)
         if noun.lower_ in _EACH_OTHER or noun in self._read_as or not (is_actor or is_noun):
             return
         first = next(word for word in (noun, *noun.ancestors) if word.dep_ not in ("conj", "appos"))
@@ -382,12 +383,20 @@ def _is_between(noun: Token) -> bool:
     return is_bare and any(word.lower_ == "of" for word in noun.children)
 
 
+def _last_word(noun: Token) -> Token | None:
+    """Returns the noun that ends a name, if the parser attached it wrongly: the hydrant of a fire hydrant."""
+    after = (word for word in _children(noun, "appos", "amod", "advmod") if word.i == noun.i + 1)
+    return next((word for word in after if word.pos_ == "NOUN"), None)
+
+
 def _describe_noun(noun: Token, whole: Token, after: int = -1) -> Thing:
     """Returns the thing of a noun, from the words before it that come after position `after` of the text.
 
     whole: word that carries the noun's adjectives and numbers, if that is a verb
     """
     before = [word for word in whole.subtree if after < word.i < noun.i and _belongs(word, whole)]
+    if (last := _last_word(noun)) is not None:
+        before, noun = [*before, noun], last
     color, colored = _color(before)
     name = [word.text for word in before if word not in colored and not _is_number(word)]
     lemma = noun.text if noun.pos_ == "PROPN" else noun.lemma_
