@@ -87,7 +87,7 @@ class Lesson:
         self.pairs: list[tuple[Picture, Picture]] = []
         while len(self.pairs) < groups:
             one = world.choose_picture(chance)
-            skipped = 0.3 if one.other else 0.7 if one.count == 1 else 0.0  # of which kind more is to be learned
+            skipped = 0.3 if one.other else 0.4 if one.count == 1 else 0.0  # of which kind more is to be learned
             if chance.random() < skipped:
                 continue
             other = world.change_word(one, chance)
@@ -180,8 +180,11 @@ def _differ(slope: Tensor, wanted: Tensor) -> Tensor:
     return total / 4
 
 
-def learn_to_read(model: nn.Module, tokenizer: Any, seed: int) -> dict[Picture, Tensor]:
-    """Trains the text tower; returns the embedded sentences [d] of all pictures that are not kept aside."""
+def learn_to_read(model: nn.Module, tokenizer: Any, seed: int, steps: int) -> dict[Picture, Tensor]:
+    """Trains the text tower; returns the embedded sentences [d] of all pictures that are not kept aside.
+
+    steps: 0 if it can read already
+    """
     every = list_pictures()
     torch.manual_seed(seed)
     codes = nn.init.orthogonal_(torch.empty(len(_PARTS), model.config.projection_dim))
@@ -197,8 +200,8 @@ def learn_to_read(model: nn.Module, tokenizer: Any, seed: int) -> dict[Picture, 
 
     learned = [*model.text_model.parameters(), *model.text_projection.parameters()]
     optimiser = torch.optim.AdamW(learned, _READING_RATE, weight_decay=0.05, betas=(0.9, 0.98))
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, _READING_RATE, total_steps=_READING)
-    for step in range(_READING):
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, _READING_RATE, total_steps=max(1, steps))
+    for step in range(steps):
         some = known[torch.randint(len(known), (_SENTENCES,))]
         loss = 1 - (embed(some) * wanted[some]).sum(1).mean()
         optimiser.zero_grad()
@@ -206,11 +209,11 @@ def learn_to_read(model: nn.Module, tokenizer: Any, seed: int) -> dict[Picture, 
         nn.utils.clip_grad_norm_(learned, 1.0)
         optimiser.step()
         schedule.step()
-        if step % 100 == 0 or step == _READING - 1:
+        if step % 100 == 0 or step == steps - 1:
             print(f"reading {step}: {float(loss.detach()):.4f}", flush=True)
     with torch.no_grad():
         found = embed(torch.arange(len(every)))
-    for name, which in (("known", ~aside), ("kept aside", aside)):
+    for name, which in (("known", ~aside), ("kept aside", aside)) if steps else ():
         like = (found[which] * wanted[which]).sum(1)
         right = (found[which] @ wanted.unique(dim=0).T).amax(1) <= like + 1e-6
         print(f"sentences {name}: likeness to their place {float(like.mean()):.3f}, at least {float(like.min()):.3f}; "
@@ -218,14 +221,19 @@ def learn_to_read(model: nn.Module, tokenizer: Any, seed: int) -> dict[Picture, 
     return {every[at]: found[at] for at in known.tolist()}
 
 
-def train(folder: Path, steps: int, seed: int, rate: float) -> None:
-    """Trains the network and saves it in a folder."""
-    from transformers import AutoTokenizer
+def train(folder: Path, steps: int, seed: int, rate: float, begin: Path | None) -> None:
+    """Trains the network and saves it in a folder.
+
+    begin: folder of a network that can read, and goes on learning to see
+    """
+    from transformers import AutoTokenizer, CLIPModel
 
     write_tokenizer(folder)
     started = time.process_time()
-    model = make_model(seed).train()
-    meant = learn_to_read(model, AutoTokenizer.from_pretrained(folder), seed)
+    model = make_model(seed) if begin is None else CLIPModel.from_pretrained(
+        begin, attn_implementation="eager", dtype=torch.float32)  # fmt: skip
+    model.train()
+    meant = learn_to_read(model, AutoTokenizer.from_pretrained(folder), seed, _READING if begin is None else 0)
     learned = [*model.vision_model.parameters(), *model.visual_projection.parameters(), model.logit_scale]
     optimiser = torch.optim.AdamW(learned, rate, weight_decay=0.01, betas=(0.9, 0.98))
     chance, order = torch.Generator().manual_seed(seed), random.Random(seed)
@@ -271,7 +279,7 @@ def train(folder: Path, steps: int, seed: int, rate: float) -> None:
 
         # Denoising, of each sentence at its disturbed picture: half of these have been moved by the eye itself.
         denoised = torch.zeros(())
-        if done >= _FROM:
+        if done >= _FROM or begin is not None:
             clean = drawn[shown]
             away, half = disturb(clean, chance), len(shown) // 2
             away[:half] = _climb(model, away[:half], words[:half], chance)
@@ -298,6 +306,7 @@ if __name__ == "__main__":
     parser.add_argument("--steps", type=int, default=3000)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--rate", type=float, default=2e-3)
+    parser.add_argument("--begin", type=Path, help="folder of a network to go on with")
     given = parser.parse_args()
     torch.set_num_threads(1)
-    train(given.folder, given.steps, given.seed, given.rate)
+    train(given.folder, given.steps, given.seed, given.rate, given.begin)
