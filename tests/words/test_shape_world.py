@@ -5,6 +5,7 @@ architecture nor its drawings. All twenty sentences: `python benchmarks/words_in
 """
 
 import random
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -51,7 +52,17 @@ def test_the_eye_finds_the_sentence_of_a_drawing_among_twenty() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [6, 16])
+def test_the_eye_reads_the_order_of_words() -> None:
+    eye, chance = Clip.load(FOLDER / "eye"), random.Random(8)
+    said = [picture for picture in (world.choose_picture(chance) for _ in range(400)) if picture.is_kept_aside]
+    for one in [picture for picture in said if picture.other is not None][:20]:
+        words = eye.embed_text(one.say())
+        reverse = replace(one, relation=world.RELATIONS[one.relation])
+        assert words @ eye.embed_text(one.turn().say()) > 0.99 > words @ eye.embed_text(reverse.say())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [0, 6, 16])
 def test_words_become_the_painting_that_they_say(number: int) -> None:
     spec = RunSpec.of(
         goal=[{"text": ASKED[number].say()}], clip=str(FOLDER / "eye"), strokes=80, canvas="30x30cm", colors=6,
