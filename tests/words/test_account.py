@@ -14,8 +14,8 @@ from torch import Tensor
 
 from downloads import fetched
 from frida_painter.frames import PixelGrid
+from frida_painter.objectives.picture_library import Captioned
 from frida_painter.words.account import Account, Mark
-from frida_painter.words.libraries import Captioned
 from frida_painter.words.reading import PromptReader, Reading, SaidWord, Thing
 from frida_painter.words.retrieval import PictureIndex
 from frida_painter.words.scene import scene_of

@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from frida_painter.errors import ImageError
-from frida_painter.words.libraries import Captioned
+from frida_painter.objectives.picture_library import Captioned
 from frida_painter.words.reading import Thing
 from frida_painter.words.retrieval import OWN, PictureIndex
 from support.networks import WordBag

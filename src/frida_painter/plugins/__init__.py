@@ -58,6 +58,7 @@ if TYPE_CHECKING:
         Term,
         require_weight,
     )
+    from frida_painter.objectives.picture_library import Captioned, PictureLibrary
     from frida_painter.palette import Palette
     from frida_painter.plan import Layer, Plan
     from frida_painter.planning.initialisers import InitialiserKind, InitialTask
@@ -94,6 +95,7 @@ _HOMES = {
     "objectives.objective": (
         *("Gives", "Goal", "GoalKind", "Objective", "ObjectiveContext", "ObjectiveTerm", "Term", "require_weight"),
     ),
+    "objectives.picture_library": ("Captioned", "PictureLibrary"),
     "palette": ("Palette",),
     "plan": ("Layer", "Plan"),
     "planning.initialisers": ("InitialTask", "InitialiserKind"),
@@ -120,6 +122,7 @@ __all__ = [
     "CameraKind",
     "CanvasSeen",
     "CanvasSize",
+    "Captioned",
     "ConfigError",
     "Easel",
     "EaselKind",
@@ -156,6 +159,7 @@ __all__ = [
     "Palette",
     "PartFinding",
     "PersonStroke",
+    "PictureLibrary",
     "PictureMaker",
     "PictureMakerKind",
     "PictureRequest",

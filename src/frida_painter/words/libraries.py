@@ -10,11 +10,9 @@ import zipfile
 import zlib
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from importlib.metadata import entry_points
 from itertools import islice
 from pathlib import Path
-from typing import Protocol
 from xml.etree import ElementTree
 
 import cv2
@@ -25,6 +23,7 @@ from torch import Tensor
 
 from frida_painter import registry, storage, weights
 from frida_painter.errors import ConfigError, ImageError, WeightsError
+from frida_painter.objectives.picture_library import Captioned, PictureLibrary
 from frida_painter.picture_file import FORMATS, one_line, require_size
 from frida_painter.weights.archive import CAPTIONS, FILE
 from frida_painter.words import svg_process
@@ -186,40 +185,6 @@ _ARCHIVES = (
 )
 _PHOTOGRAPH, _DRAWN = 0.8, 0.4  # realism of a photograph, and of a drawing
 _DRAWN_IN = {"flashcards": 0.2, "costumes": 0.2, "furniture": 0.6, "silhouettes": 0.0}
-
-
-@dataclass(frozen=True)
-class Captioned:
-    """Picture of a library with its captions.
-
-    file: name of the picture
-    captions: a title, and possibly keywords after it
-    realism: from 0 for a sign to 1 for a photograph
-    """
-
-    file: str
-    captions: tuple[str, ...]
-    realism: float = 0.5
-
-
-class PictureLibrary(Protocol):
-    """Library of pictures with captions.
-
-    credit: authors and licence; "" if nobody must be named
-    is_own: True for the user's own pictures, which have priority
-    """
-
-    name: str
-    credit: str
-    is_own: bool
-
-    def list_captioned(self) -> Sequence[Captioned]:
-        """Returns all pictures. Raises WeightsError or ConfigError if the library cannot be read."""
-        ...
-
-    def pictures(self, file: str) -> list[Tensor]:
-        """Returns the variants of a picture, colour and opacity [4, h, w] in [0, 1]. Raises ImageError."""
-        ...
 
 
 class PictureArchive:

@@ -13,10 +13,11 @@ from frida_painter.errors import ImageError
 from frida_painter.objectives.encoders.classifiers import synonyms
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
+from frida_painter.objectives.picture_library import PictureLibrary
 from frida_painter.palette import to_lab
 from frida_painter.words.arrangement import is_person
 from frida_painter.words.compositing import recolor
-from frida_painter.words.libraries import PictureFolder, PictureLibrary, libraries_at_hand
+from frida_painter.words.libraries import PictureFolder, libraries_at_hand
 from frida_painter.words.reading import Thing, paint_of, word_meanings
 
 # Worth of a picture, independent of its thing.
