@@ -22,6 +22,7 @@ from frida_painter.words.places import (
     color_of,
     find_mood,
     find_part,
+    go_together,
     in_color,
     infer_place,
     mix_lights,
@@ -144,3 +145,11 @@ def test_a_feeling_is_a_light_and_a_thing_is_none() -> None:
     mixed = mix_lights(LIGHTS[2], GREY)
     assert mixed.name == "night, sadness" and mixed.stars == LIGHTS[2].stars
     assert mixed.top == pytest.approx(((color_of(LIGHTS[2].top) + color_of(GREY.top)) / 2).tolist())
+
+
+def test_contrary_feelings_do_not_go_together_and_each_light_has_a_fellow() -> None:
+    lights = {light.name: light for light in LIGHTS}
+    assert not go_together(lights["calm"], lights["anger"]) and not go_together(lights["sadness"], lights["joy"])
+    assert go_together(lights["sadness"], lights["emptiness"])
+    for light in LIGHTS:
+        assert sum(go_together(light, other) for other in LIGHTS if other is not light) >= 3, light.name

@@ -195,6 +195,7 @@ _CALLED = 0.72  # similarity to a place's words above which words name it
 _FELT, _FELT_WEATHER = 0.62, 0.7  # to the words of a light, and of a weather: a snowmobile (0.67) is a thing
 _ABSTRACT, _MOOD = 0.25, 0.35  # margin of an abstract noun with a picture, and least similarity to a light's words
 _TOLD_APART, _MIDDLE = 40.0, 55.0  # Lab distance, and L*
+_CONTRARY = 50.0  # mean Lab distance between the colours of lights that do not go together
 
 
 @dataclass(frozen=True)
@@ -283,6 +284,11 @@ def find_mood(
 def rank_lights(words: str, sentences: SentenceEncoder) -> list[Light]:
     """Returns the lights of hours, seasons and moods, from the most to the least similar to some words."""
     return sorted(LIGHTS, key=lambda light: -_nearest([words], (light,), sentences)[1])
+
+
+def go_together(first: Light, second: Light) -> bool:
+    """Returns True if the colours of two lights are alike. Words of contrary meaning are similar: peace and war."""
+    return float((to_lab(first.colors) - to_lab(second.colors)).norm(dim=1).mean()) <= _CONTRARY
 
 
 def mix_lights(first: Light, second: Light) -> Light:

@@ -137,7 +137,8 @@ def scene_of(
     shown = [one for one in things if one is not None]
     whole = next((one for one in shown if has_ground(one.picture)), None)
     is_mood = not shown and setting.place is NOWHERE
-    lights = [light for *_, light in seen if isinstance(light, Light)] + places.rank_lights(prompt, sentences)
+    named = [light for *_, light in seen if isinstance(light, Light)]
+    lights = named + places.rank_lights(prompt, sentences)
     if whole is not None:
         things, setting = [whole], replace(setting, is_named=False)
         seen = [one for one in seen if not isinstance(one[2], Place)]
@@ -145,7 +146,8 @@ def scene_of(
         setting = replace(setting, light=lights[0] if setting.light == DAY else setting.light, is_named=True)
     elif setting.place is NOWHERE:
         setting = replace(setting, place=_place_of(things, reading.relations, setting, sentences))
-    second = next(light for light in lights if light.name not in setting.light.name)
+    others = [light for light in lights if light.name not in setting.light.name]
+    second = next(light for light in others if light in named or places.go_together(light, setting.light))
     used = {setting.place.name, setting.weather.name, *setting.light.name.split(", ")}
     used |= {second.name} if is_mood else {places.SKY.name} if setting.place.is_open else set()
     _account_for(things, reading, [one for one in seen if one[2].name in used], account)
