@@ -1,12 +1,14 @@
 """A part of another package that fails while it works is told in one sentence, with its package and place."""
 
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from frida_painter import registry
 from frida_painter.cli import commands
+from frida_painter.objectives.objective import goal_kinds
 from plugins import install
 
 PHOTO = str(Path(__file__).parents[2] / "examples" / "photographs" / "cat.jpg")
@@ -32,6 +34,14 @@ FAILS = {
             raise KeyError("bell")
         KIND = ListenerKind("sad", "Sad.", lambda text: work)""", "KeyError: 'bell'"),
 }  # fmt: skip
+
+
+@pytest.fixture(autouse=True)
+def known_kinds() -> Iterator[None]:
+    """Kinds of goals are listed once in a process: they are listed anew here, and for the tests that follow."""
+    goal_kinds.cache_clear()
+    yield
+    goal_kinds.cache_clear()
 
 
 @pytest.mark.parametrize("what", FAILS)
