@@ -137,6 +137,7 @@ def main() -> None:
         figures.append(Figures(name, wanted, seconds))
         print(figures[-1], flush=True)
         cells.append(Cell(images.load(file), name))
+    cells.sort(key=lambda cell: cell.picture.shape[1] / cell.picture.shape[2])  # rows of equal heights
     lines = [FigureRow("", cells[first : first + ROW]) for first in range(0, len(cells), ROW)]
     images.save(page("", [""] * min(ROW, len(cells)), lines, width=300), options.out / "sheet.png")
     rows = [(one.goal, one.wanted, f"{one.cpu_seconds:.0f} s") for one in figures]
