@@ -343,7 +343,7 @@ def copies(picture: Tensor, count: int, where: str, seed: int) -> Tensor:
             copy = resize(one, 0.8**row * (0.86 + 0.14 * shake[1]))
             middle = (number - (here - 1) / 2 + 0.5 * (row % 2)) * 0.8**row * wide * (1.15 if air else 0.98)
             rise = row * (0.95 if air else 0.42) + (0.5 if air else 0.06) * shake[0]
-            copy = copy.flip(2) if number % 2 else copy
+            copy = copy.flip(2) if number % 2 and count > 2 else copy  # a pair of mirror images looks like a sign
             spots.append((copy, rise * high, middle - copy.shape[2] / 2))
     left = min(start for *_, start in spots)
     width = round(max(start + copy.shape[2] for copy, _, start in spots) - left) + 2

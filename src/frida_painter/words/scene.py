@@ -131,13 +131,14 @@ def scene_of(
     reading, index = prompt_reader(encoders).read(prompt), picture_index(encoders)
     sentences, account = word_meanings(encoders), Account(reading)
     setting, settled, seen = _setting(reading, index, encoders)
-    if len(settled) == len(reading.things) and setting.place is not NOWHERE:
+    named = [light for *_, light in seen if isinstance(light, Light)]
+    feels = any(part in named and part not in places.TIMES and word == thing.noun for thing, word, part in seen)
+    if len(settled) == len(reading.things) and setting.place is not NOWHERE and not feels:
         reading = _people_place(reading, setting, sentences)
     things = cast(reading, settled, prompt, index, encoders, in_place=setting.place is not NOWHERE)
     shown = [one for one in things if one is not None]
     whole = next((one for one in shown if has_ground(one.picture)), None)
     is_mood = not shown and setting.place is NOWHERE
-    named = [light for *_, light in seen if isinstance(light, Light)]
     lights = named + places.rank_lights(prompt, sentences)
     if whole is not None:
         things, setting = [whole], replace(setting, is_named=False)
@@ -181,7 +182,7 @@ def _place_of(things: _Cast, relations: Sequence[Relation], setting: Setting, se
 
 
 def _people_place(reading: Reading, setting: Setting, sentences: SentenceEncoder) -> Reading:
-    """Adds the usual things to a place that is named alone: boats in a harbour."""
+    """Adds the usual things to a place that is named alone: boats in a harbour, but none to grief in a harbour."""
     found = [name for name in setting.place.found if name not in reading.absent]
     if not found:
         return reading
@@ -219,9 +220,10 @@ def _setting(
     weather = next((part for part in parts if isinstance(part, Weather)), places.CLEAR)
     times = [part for part in parts if isinstance(part, Light) and part in places.TIMES]
     moods = [part for part in parts if isinstance(part, Light) and part not in places.TIMES]
-    light = next(iter((*times, *([] if weather is places.CLEAR else [weather.light]), *moods)), DAY)
-    if times and moods:
-        light = places.mix_lights(times[0], moods[0])
+    outside = [*times, *([] if weather is places.CLEAR else [weather.light])]
+    light = next(iter((*outside, *moods)), DAY)
+    if outside and moods:
+        light = places.mix_lights(outside[0], moods[0])
     named = sorted((part for part in parts if isinstance(part, Place)), key=lambda place: place is places.SKY)
     return Setting(named[0] if named else NOWHERE, light, weather, is_named=bool(seen)), settled, seen
 
