@@ -6,6 +6,7 @@ import pytest
 from frida_painter import images
 from frida_painter.cli import commands
 from frida_painter.palette import Palette
+from plugins import install_own_parts
 from support.plans import made_up_plan
 
 
@@ -93,3 +94,18 @@ def test_a_palette_comes_back_from_its_file() -> None:
     palette = Palette.load(Path("one.json"))
     palette.save(Path("other.json"))
     assert json.loads(Path("other.json").read_text()) == {"paints": ["#112233", "#ffeedd"]}
+
+
+def test_the_mixer_of_the_file_mixes(tmp_path: Path, monkeypatch, capsys) -> None:
+    install_own_parts(tmp_path / "installed", monkeypatch)
+    Path("mixed.json").write_text(json.dumps({"paints": ["#5a6fa0"]}))
+    paints = "[[paint]]\nname='titanium white'\n[[paint]]\nname='ultramarine blue'\n"
+    told = []
+    for mixer in ("kubelka-munk", "dots"):
+        Path("mine.toml").write_text(f"mixer = '{mixer}'\n{paints}")
+        assert run(monkeypatch, "mix", "mixed.json", "--paints", "mine.toml") == 0
+        told.append(capsys.readouterr().out)
+    assert told[0] != told[1]
+    Path("mine.toml").write_text(f"mixer = 'nonsense'\n{paints}")
+    assert run(monkeypatch, "mix", "mixed.json", "--paints", "mine.toml") == 2
+    assert "There is no mixer called 'nonsense'" in capsys.readouterr().err

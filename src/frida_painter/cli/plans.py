@@ -1,5 +1,6 @@
 """Commands for plans and workspaces: mix, export, check, and workspace example and draw."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -70,14 +71,14 @@ def mix(
     from frida_painter import images
     from frida_painter.devices import prepare_process
     from frida_painter.mixing.paint import usual_paints
-    from frida_painter.mixing.recipe import PaintSet, recipes
+    from frida_painter.mixing.recipe import PaintSet
     from frida_painter.report.sheets import mixing_sheet, sheet_file
 
     prepare_process()
     owned = (PaintSet.of(paints) if paints else None) or PaintSet(usual_paints())
     for layer, palette, wanted in _list_fillings(what):
         of, sheet = ("", out) if layer == 1 else (f", layer {layer}", out.with_name(sheet_file(out.name, layer)))
-        found = recipes(palette.color, owned.paints, most, finish or owned.finish, owned.darkest)
+        found = replace(owned, finish=finish or owned.finish).mix(palette.color, most)
         images.save(mixing_sheet(found, wanted, f"Mixing{of}"), sheet)
         if of:
             print(f"\nFill the wells anew before layer {layer}:")

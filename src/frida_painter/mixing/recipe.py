@@ -134,9 +134,9 @@ class PaintSet:
         file = Path(name)
         return cls(read_paints(file), read_finish(file), darkest or _BLACK, read_mixer(file))
 
-    def mix(self, colors: Tensor) -> list[Recipe]:
-        """Returns a recipe for each colour sRGB [k, 3]."""
-        return recipes(colors, self.paints, finish=self.finish, darkest=self.darkest, mixer=self.mixer)
+    def mix(self, colors: Tensor, most: int = 4) -> list[Recipe]:
+        """Returns a recipe for each colour sRGB [k, 3], of at most `most` paints."""
+        return recipes(colors, self.paints, most, self.finish, self.darkest, self.mixer)
 
 
 def recipes(
