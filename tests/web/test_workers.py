@@ -1,14 +1,22 @@
+import json
+import os
+import re
 import sys
 import time
 from collections.abc import Iterator
+from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import pytest
 
+from frida_painter import registry
 from frida_painter.errors import Interrupted
-from frida_painter.web.studio_folder import PaintingFolder, working
+from frida_painter.session.events import Failed
+from frida_painter.web import worker_process
+from frida_painter.web.studio_folder import FeedReader, PaintingFolder, working
 from frida_painter.web.web_app_easel import WebAppEasel
 from frida_painter.web.workers import Workers
+from plugins import install
 
 ENDING = """#!{python} -I
 import os, sys, time
@@ -65,3 +73,32 @@ def test_a_third_painting_waits_while_two_are_at_work(
         begin(workers, tmp_path / "three")
     with pytest.raises(Interrupted, match="on this painting already"):
         begin(workers, tmp_path / "one")
+
+
+@pytest.mark.parametrize(
+    ("whose", "says"),
+    [
+        ("a package's", r"The package sad-parts failed \(ValueError: no goal; sad_goal.py, line 2\); mend it"),
+        ("ours", "Something went wrong that should not have; its number in the log is"),
+    ],
+)
+def test_the_page_is_told_whose_part_failed(
+    whose: str, says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fail(*order: object) -> None:
+        raise ValueError("no goal")
+
+    module = "def fail(*order):\n    raise ValueError('no goal')\n"
+    install(tmp_path, monkeypatch, "sad-parts", {registry.OBJECTIVES: {"sad": "sad_goal:fail"}}, {"sad_goal": module})
+    failing = fail if whose == "ours" else EntryPoint("sad", "sad_goal:fail", "").load()
+    monkeypatch.setattr("frida_painter.web.worker.work", failing)
+    folder = PaintingFolder(tmp_path / "painting")
+    folder.path.mkdir()
+    lock = os.open(tmp_path, os.O_RDONLY)
+    easel = json.dumps(WebAppEasel(tmp_path / "record.json").plain())
+    monkeypatch.setattr(sys, "argv", ["worker", "paint", str(folder.path), "1", str(lock), easel])
+    with pytest.raises(ValueError, match="no goal"):
+        worker_process.main()
+    (told,) = [event for event in FeedReader(folder.feed).read() if isinstance(event, Failed)]
+    assert re.match(says, told.reason)
+    assert "Traceback" in capsys.readouterr().err, "the log has the whole of it"
