@@ -3,6 +3,7 @@
 import re
 import shutil
 import sys
+import time
 from collections.abc import Iterator
 from typing import Any
 
@@ -746,5 +747,9 @@ def test_control_is_taken_and_the_order_done_with_one_button(browser: Browser, s
         take.tap()
         expect(page.locator("#notice")).to_be_empty()
         expect(page.get_by_role("button", name="It will pause after this stroke")).to_be_visible()
-    said = [each for each in CommandReader(painting.folder, 0.0).listen() if isinstance(each, Pause)]
+        heard, said = CommandReader(painting.folder, 0.0), list[Pause]()
+        patience = time.monotonic() + 60
+        while not said and time.monotonic() < patience:  # the page shows it before the server has heard it
+            said += [each for each in heard.listen() if isinstance(each, Pause)]
+            page.wait_for_timeout(50)
     assert len(said) == 1
