@@ -224,7 +224,8 @@ class Limits:
 
     def __init__(self, app: ASGIApp, upload: str) -> None:
         self._app, self._upload = app, upload
-        self._each, self._all = Bucket(rate=40, most=200), Bucket(rate=160, most=800)
+        # A page is about 55 files, so ten pages may open at once, as when a browser comes back with all of its tabs.
+        self._each, self._all = Bucket(rate=40, most=600), Bucket(rate=160, most=800)
         self._busy, self._uploading = dict.fromkeys(Role, 0), 0
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
