@@ -366,6 +366,10 @@ class Sparing:
     smooth: bool = False
 
 
+LASTS_IN_STYLE = 3
+"""Full steps for which one gradient serves, of a style and of what stands beside it; measured in docs/lab/goals.md."""
+
+
 @dataclass(frozen=True)
 class ObjectiveContext:
     """Data that terms need to prepare their objectives.

@@ -58,6 +58,11 @@ def spread(importance: Tensor, rows: int, columns: int) -> Tensor:
     return fitted / fitted.mean()
 
 
+def rise(importance: Tensor, times: float) -> Tensor:
+    """Returns by how much places [h, w] matter more than the least: 0 for the least, 1 from `times` the least on."""
+    return ((importance / importance.amin() - 1) / (times - 1)).clamp(0, 1)
+
+
 # Sharpening of photographs before planning
 #
 # Painting softens a picture: marks have soft edges and land beside their intended place, and the planner averages

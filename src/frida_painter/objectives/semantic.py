@@ -6,13 +6,12 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from frida_painter.objectives.image import ImageTerm, PictureTerm
-from frida_painter.objectives.objective import Gives, Goal, GoalKind, ObjectiveContext, ObjectiveTerm
+from frida_painter.objectives.objective import LASTS_IN_STYLE, Gives, Goal, GoalKind, ObjectiveContext, ObjectiveTerm
 
 if TYPE_CHECKING:
     from torch import Tensor
 
 
-_LASTS_IN_STYLE = 3  # full steps for which one gradient serves beside a style, as that of the style does
 USUAL_FREEDOM = 0.5
 """Freedom of colours with which a painting is bold, and shows what it is."""
 
@@ -63,7 +62,7 @@ class SemanticTerm(PictureTerm):
         trunk = context.encoders.shapes()
         aside = Semantic(shown, context.encoders.aside(), context.seed, trunk, self.freedom, self.importance)
         seen = Semantic(shown, context.encoders.meaning(), context.seed, trunk, self.freedom, self.importance)
-        lasts = _LASTS_IN_STYLE if context.in_style else 1
+        lasts = LASTS_IN_STYLE if context.in_style else 1
         return ObjectiveTerm(seen, aside.validation, lasts=lasts, smooth=context.in_style)
 
     @classmethod

@@ -11,7 +11,7 @@ from frida_painter.devices import send_to_device
 from frida_painter.images import resize_to_pixels
 from frida_painter.objectives.encoders.base import Seer
 from frida_painter.objectives.encoders.vgg import Vgg16
-from frida_painter.objectives.pixel_loss import spread
+from frida_painter.objectives.pixel_loss import rise, spread
 from frida_painter.palette import from_lab, to_lab
 
 # Augmented views of a picture: noise that fools a network in one view does not in another.
@@ -187,8 +187,7 @@ class Semantic:
         if self._importance is None:
             return differences.new_zeros(())
         matters = spread(self._importance, *differences.shape).to(differences)
-        inside = ((matters / matters.amin() - 1) / (_FACE - 1)).clamp(0, 1)
-        return (differences * matters * inside).mean()
+        return (differences * matters * rise(matters, _FACE)).mean()
 
 
 def spread_colors(picture: Tensor, freedom: float) -> Tensor:

@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING, Self
 
 from frida_painter.errors import ConfigError
 from frida_painter.objectives.image import PictureTerm
-from frida_painter.objectives.objective import Gives, Goal, GoalKind, ObjectiveContext, ObjectiveTerm
+from frida_painter.objectives.objective import LASTS_IN_STYLE, Gives, Goal, GoalKind, ObjectiveContext, ObjectiveTerm
 
 if TYPE_CHECKING:
     from torch import Tensor
 
 
-_LASTS = 3  # full steps for which one gradient serves; docs/lab/goals.md has the measurements
 _FLAT = 0.01  # standard deviation below which a picture has a single colour
 
 
@@ -51,7 +50,7 @@ class StyleTerm(PictureTerm):
         from frida_painter.objectives.style_loss import Style, pixels_of
 
         judge = Style(self.image, context.encoders.style(), context.seed, pixels_of(context.grid))
-        return ObjectiveTerm(judge, lasts=_LASTS, smooth=True)
+        return ObjectiveTerm(judge, lasts=LASTS_IN_STYLE, smooth=True)
 
     @classmethod
     def interpret(cls, goal: Goal, context: ObjectiveContext) -> Goal:

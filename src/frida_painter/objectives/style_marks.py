@@ -15,7 +15,7 @@ from torch.nn import functional
 
 from frida_painter import images
 from frida_painter.objectives.objective import Goal, Term
-from frida_painter.objectives.pixel_loss import spread
+from frida_painter.objectives.pixel_loss import rise, spread
 from frida_painter.objectives.style_flow import clear_edges
 from frida_painter.palette import from_lab, to_lab
 
@@ -64,8 +64,7 @@ def lay_marks(picture: Tensor, style: Tensor, importance: Tensor | None = None) 
     small, whole = to_lab_picture(images.fit(picture, *shape)), to_lab_picture(images.fit(style, *shape))
     own = clear_edges(picture, *shape)
     if importance is not None:
-        matters = spread(importance, *shape)
-        own = torch.maximum(own, ((matters / matters.amin() - 1) / (_FACE - 1)).clamp(0, 1))
+        own = torch.maximum(own, rise(spread(importance, *shape), _FACE))
     mixed = mix_composition(small, whole, own)
     colorless = 1 - float((_chroma_spread(small) / _chroma_spread(whole).clamp(min=1e-6)).clamp(max=1))
     mixed = torch.lerp(mixed, in_colors(mixed, whole), _SHARES * colorless)

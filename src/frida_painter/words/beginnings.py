@@ -56,7 +56,7 @@ def with_beginning(
 
 
 def _choose(goal: Goal, prompt: str, settings: WordSettings, colors: Tensor, context: ObjectiveContext) -> Goal:
-    """Returns the goal with the beginning in which the readers see the words better: a scene, or coarse colours."""
+    """Returns the goal that begins with a scene or with coarse colours: with the one that is nearer to the words."""
     judge = Text(prompt, context.encoders.readers(), context.seed + _APART, settings=settings)
     remarks = list(context.encoders.remarks)
     scene = next((one.picture for one in _compose(goal, context).initial if one.picture is not None), colors)

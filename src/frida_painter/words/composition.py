@@ -100,9 +100,10 @@ def compose_scene(
     in_the_air: True if none of them stands on anything
     """
     drawn = _fit(things, setting, grid, seed, in_the_air=in_the_air)
-    *colored, where = stack(drawn, grid.rows, grid.columns)
+    drawing = stack(drawn, grid.rows, grid.columns)
+    where = drawing[3]
     ground = setting.ground(grid, seed)
-    colors = _in_light(simplify(torch.stack(colored)), ground, where, setting)
+    colors = _in_light(simplify(drawing[:3]), ground, where, setting)
     ground = with_contrast(ground, where, colors)
     if not in_the_air and setting.place.kind != "paper":
         low = min(one.y for one in things) if things else 0.0

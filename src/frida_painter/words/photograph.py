@@ -21,7 +21,7 @@ from frida_painter.words.account import Account, Mark
 from frida_painter.words.arrangement import known_like
 from frida_painter.words.reading import Thing, prompt_reader, word_meanings
 from frida_painter.words.retrieval import has_ground, picture_index
-from frida_painter.words.scene import cast, tell_thing
+from frida_painter.words.scene import cast, tell_thing, words_of
 from frida_painter.words.style_scene import Composited, composite_into_style
 
 _SIZES = (0.6, 0.5, 0.4)  # longer side of the thing, relative to the photograph's shorter one
@@ -47,8 +47,7 @@ def put_into_photograph(goal: Goal, encoders: EncoderRegistry) -> Goal:
     Nothing is laid into a photograph that shows the thing already, or if the words name what is drawn beside it.
     """
     photograph = next(term.picture for term in goal.initial or goal.terms if term.picture is not None)
-    words = " and ".join(dict.fromkeys(term.words for term in goal.terms if term.words is not None))
-    weight = max(term.weight for term in goal.terms if term.words is not None)
+    words, weight = words_of(goal)
     shown = Composited(photograph, torch.zeros(photograph.shape[1:]))
     if any(term.drawing is not None for term in goal.terms):
         encoders.remark(f"{words[:60]!r} adds nothing to the drawing on the photograph; that needs a CLIP.")
@@ -75,7 +74,8 @@ def _lay(words: str, photograph: Tensor, encoders: EncoderRegistry) -> Composite
     """
     reading, index = prompt_reader(encoders).read(words), picture_index(encoders)
     account, shown = Account(reading), Composited(photograph, torch.zeros(photograph.shape[1:]))
-    there = [thing for thing in reading.things if _shows(photograph, thing, encoders)]
+    classes = _classes_of(photograph, encoders)
+    there = [thing for thing in reading.things if _is_one_of(thing, classes, encoders)]
     for thing in there:
         account.mark(thing.at, Mark.SIMILAR, "what the photograph shows")
     found = cast(reading, set(), words, index, encoders, in_place=True)
@@ -89,15 +89,19 @@ def _lay(words: str, photograph: Tensor, encoders: EncoderRegistry) -> Composite
     return shown
 
 
-def _shows(photograph: Tensor, thing: Thing, encoders: EncoderRegistry) -> bool:
-    """Returns True if one of the most probable classes of a photograph [3, H, W] is called like the thing."""
+def _classes_of(photograph: Tensor, encoders: EncoderRegistry) -> list[str]:
+    """Returns the names of the most probable classes of a photograph [3, H, W]; none if no classifier sees it."""
     seer: Seer = encoders.meaning()
     if not isinstance(seer, EfficientNetLite):
-        return False
+        return []
     seen = seer.logits(images.fit(photograph, _SIDE, _SIDE)[None])[0].topk(_SEEN).indices.tolist()
-    names = [name for number in seen for name in class_names()[number]]
+    return [name for number in seen for name in class_names()[number]]
+
+
+def _is_one_of(thing: Thing, names: list[str], encoders: EncoderRegistry) -> bool:
+    """Returns True if one of the names means the thing."""
     meanings = word_meanings(encoders).embed([thing.name, *names])
-    return float((meanings[1:] @ meanings[0]).max()) > _ALIKE
+    return bool((meanings[1:] @ meanings[0] > _ALIKE).any())
 
 
 def _times(one: Tensor | None, other: Tensor) -> Tensor:

@@ -325,6 +325,13 @@ _MATTERS = 8.0  # weight of a thing in a style picture or in its marks, relative
 _SUBJECT = 4.0  # the same for things in a scene
 
 
+def words_of(goal: Goal) -> tuple[str, float]:
+    """Returns all words of a goal as one sentence, the heaviest first, and the largest weight: "" and 0 if it has none."""
+    said = [(term.words, term.weight) for term in goal.terms if term.words is not None]
+    said.sort(key=lambda pair: -pair[1])
+    return " and ".join(dict.fromkeys(some for some, _ in said)), said[0][1] if said else 0.0
+
+
 def initial_composition(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, seed: int) -> Goal:
     """Returns the goal with an initial picture, if it has words and no other picture to begin with.
 
@@ -332,9 +339,7 @@ def initial_composition(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, 
     colours and the marks of the heaviest style, in proportion if that is lighter than the words. A sketch is filled
     with the picture's colours, or with those of a style; a style to begin with gets the thing of the words laid in.
     """
-    said = [(term.words, term.weight) for term in goal.terms if term.words is not None]
-    said.sort(key=lambda pair: -pair[1])  # several words are read as one sentence
-    words, weight = " and ".join(dict.fromkeys(some for some, _ in said)), said[0][1] if said else 0.0
+    words, weight = words_of(goal)
     pictures = [term for term in (goal.initial or goal.terms) if term.picture is not None]
     if pictures or not (words or goal.initial):
         return goal

@@ -68,14 +68,14 @@ def composite_into_style(
     heights = [down for down in _PLACES if rows[0] <= down <= rows[1]]
     for number, size in product(range(len(painted)), sizes):
         thing = _resize_to(painted[number], size, small)
-        own = float(_lightness(thing[:3])[thing[3] > 0.5].median())
+        bright = float(_lightness(thing[:3])[thing[3] > 0.5].median())
         for down, across in product(heights, _PLACES):
             shown, where = paste(thing, small, *_place(thing, small, down, across))
             wider = (
                 functional.max_pool2d(where[None, None], 2 * _STYLE_SCENE_AROUND + 1, 1, _STYLE_SCENE_AROUND)[0, 0]
                 - where
             )
-            clear = min(1.0, abs(own - float((light * wider).sum() / wider.sum())) / _CLEAR)
+            clear = min(1.0, abs(bright - float((light * wider).sum() / wider.sum())) / _CLEAR)
             kept = float(torch.corrcoef(torch.stack((_edges(shown).flatten(), edges.flatten())))[0, 1])
             if (worth := _KEEPING * kept + clear + _LARGE * size) > best:
                 best, chosen = worth, (number, size, down, across)

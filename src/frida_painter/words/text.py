@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 from frida_painter.errors import ConfigError
 from frida_painter.objectives.objective import (
+    LASTS_IN_STYLE,
     Gives,
     Goal,
     GoalKind,
@@ -20,7 +21,6 @@ from frida_painter.objectives.word_settings import USUAL, WordSettings
 
 _LASTS = 10  # iterations for which one gradient of a CLIP serves
 _HELD_OUT = 7919  # added to the seed of views by which a CLIP judges what it has optimised
-_LASTS_IN_STYLE = 3  # the same of smaller networks in a style, which has its own gradient and keeps the scene
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class TextTerm(Term):
             return ObjectiveTerm(words, judge.validation, recognizes=True, lasts=_LASTS)
         aside = context.encoders.reader_aside()
         steady = words if aside is None else Text(self.prompt, [aside], context.seed, context.begun, self.settings)
-        lasts = _LASTS_IN_STYLE if context.in_style else 1
+        lasts = LASTS_IN_STYLE if context.in_style else 1
         return ObjectiveTerm(words, steady.validation, recognizes=True, lasts=lasts, smooth=context.in_style)
 
     @classmethod
