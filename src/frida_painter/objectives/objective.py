@@ -367,7 +367,7 @@ class Sparing:
 
 
 LASTS_IN_STYLE = 3
-"""Full steps for which one gradient serves, of a style and of what stands beside it; measured in docs/lab/goals.md."""
+"""Full steps that one gradient of a style serves, and of other terms in a style; measured in docs/lab/goals.md."""
 
 
 @dataclass(frozen=True)

@@ -326,7 +326,7 @@ _SUBJECT = 4.0  # the same for things in a scene
 
 
 def words_of(goal: Goal) -> tuple[str, float]:
-    """Returns all words of a goal as one sentence, the heaviest first, and the largest weight: "" and 0 if it has none."""
+    """Returns the words of a goal as one sentence, the heaviest first, and their largest weight; "" and 0 if none."""
     said = [(term.words, term.weight) for term in goal.terms if term.words is not None]
     said.sort(key=lambda pair: -pair[1])
     return " and ".join(dict.fromkeys(some for some, _ in said)), said[0][1] if said else 0.0
