@@ -87,7 +87,7 @@ def camera_name(text: str) -> str:
     known = registry.parts(registry.CAMERAS).get(name)
     if known is None or not where or not known.load(CameraKind).is_path:
         return text
-    return f"{name}:{Path(where).expanduser().absolute()}"
+    return f"{name}:{storage.in_home(where).absolute()}"
 
 
 BrushOption = Annotated[

@@ -185,6 +185,14 @@ def exists(path: Path) -> bool:
         return False
 
 
+def in_home(path: str) -> Path:
+    """Returns a path with the home folder in place of ~; unchanged if that is the home of nobody."""
+    try:
+        return Path(path).expanduser()
+    except RuntimeError:
+        return Path(path)
+
+
 def abridge(path: Path | str) -> str:
     """Returns a path for messages; the middle of a very long path is left out."""
     text = str(path)

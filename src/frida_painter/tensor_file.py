@@ -47,7 +47,9 @@ def read_tensors(
         tensors = load(content)
         header = json.loads(content[8 : 8 + int.from_bytes(content[:8], "little")])
     except (SafetensorError, ValueError, RecursionError, KeyError) as cause:
-        raise error(f"{path} is not {what}: it is damaged or not safetensors ({cause}).") from cause
+        raise error(
+            f"{path} is not {what}: it is damaged or not safetensors ({cause}); take an undamaged copy."
+        ) from cause
     for name, tensor in tensors.items():
         if tensor.is_floating_point() and not bool(torch.isfinite(tensor).all()):
             raise error(f"{path} holds numbers that are not finite in {name!r}; take an undamaged copy.")
@@ -56,4 +58,4 @@ def read_tensors(
 
 def _require_header(start: bytes, path: Path, what: str, error: type[FridaError]) -> None:
     if not (len(start) == 8 and 2 <= int.from_bytes(start, "little") <= _MAX_HEADER):
-        raise error(f"{path} is not {what}: it is damaged or not safetensors.")
+        raise error(f"{path} is not {what}: it is damaged or not safetensors; take an undamaged copy.")

@@ -89,7 +89,7 @@ def name_class(kind: str) -> Callable[[Path], None]:
 @pytest.mark.parametrize(
     ("write", "says"),
     [
-        (blacken, "Picture 1 of diffusers cannot be painted. It is black all over."),
+        (blacken, "Picture 1 of diffusers cannot be painted: it is black all over"),
         (spoil_numbers, "Picture 1 of net holds values that are no numbers (NaN); name another."),
         (name_class("NoSuchPipeline"), "net is a NoSuchPipeline, which diffusers"),
         (name_class("StableDiffusionImg2ImgPipeline"), "which makes no picture from words alone"),

@@ -10,11 +10,19 @@ import pytest
 import torch
 from torch import Tensor
 
-from frida_painter import images
+from frida_painter import images, registry
 from frida_painter.errors import ConfigError, Interrupted, MakingFailed, PluginError
 from frida_painter.runs import picture_making
 from frida_painter.runs.painting_folder import keep_goal, read_goal
-from frida_painter.runs.picture_making import Making, PictureRequest, imagine, make_pictures, making_facts, read_making
+from frida_painter.runs.picture_making import (
+    Making,
+    PictureMakerKind,
+    PictureRequest,
+    imagine,
+    make_pictures,
+    making_facts,
+    read_making,
+)
 from frida_painter.runs.spec import RunSpec
 
 SPEC = RunSpec.of(goal=[{"text": "a lighthouse", "weight": 2.0}], canvas="12x9cm", seed=5)
@@ -96,11 +104,11 @@ def test_the_nearest_to_the_words_is_best(tmp_path: Path, monkeypatch: pytest.Mo
         (
             lambda seed: torch.zeros(3, 30, 40),
             MakingFailed,
-            "Picture 1 of fake cannot be painted. It is black all over",
+            "Picture 1 of fake cannot be painted: it is black all over",
         ),
         (lambda seed: torch.full((3, 30, 40), 0.5), MakingFailed, "of one colour all over"),
         (lambda seed: b"<html>Sign in</html>", MakingFailed, "Picture 1 of fake cannot be painted"),
-        (lambda seed: b"", MakingFailed, "Picture 1 of fake cannot be painted"),
+        (lambda seed: b"", MakingFailed, r"Picture 1 of fake cannot be painted: it is empty \(0 bytes\)"),
         (ValueError("no\nreason"), PluginError, r"'fake' failed \(ValueError: no reason\); mend it"),
         (Interrupted("You stopped."), Interrupted, "You stopped"),
     ],
@@ -118,7 +126,7 @@ def test_a_bad_picture_among_good_ones_is_left_out_and_told(tmp_path: Path, monk
     maker = Maker(lambda seed: scene(seed) if seed != 5 else torch.zeros(3, 30, 40))
     making = make(monkeypatch, tmp_path / "made", maker, count=3, tell=told.append)
     assert [one.seed for one in making.pictures] == [6, 7]
-    assert told == ["Picture 1 of fake cannot be painted. It is black all over."]
+    assert told == ["Picture 1 of fake cannot be painted: it is black all over."]
 
 
 @pytest.mark.parametrize(
@@ -140,6 +148,18 @@ def test_numbers_that_make_no_sense(
 def test_makers_that_are_not_there() -> None:
     with pytest.raises(ConfigError, match="There is no picture maker called 'dall'; there are command"):
         picture_making.open_picture_maker("dall:e")
+    with pytest.raises(ConfigError, match="'~nobody-at-all/net' is neither a folder that is here nor a name"):
+        picture_making.open_picture_maker("diffusers:~nobody-at-all/net")
+
+
+def test_a_maker_that_cannot_be_opened_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Part:
+        def load(self, kind: type) -> PictureMakerKind:
+            return PictureMakerKind("own", "A maker that is broken.", lambda text: 1 / 0)  # type: ignore[return-value]
+
+    monkeypatch.setattr(registry, "parts", lambda group: {"own": Part()})
+    with pytest.raises(PluginError, match=r"'own' failed \(ZeroDivisionError: division by zero\); mend it"):
+        picture_making.open_picture_maker("own:x")
 
 
 def test_a_chosen_picture_is_an_ordinary_goal_and_its_record_follows_it(

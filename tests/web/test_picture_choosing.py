@@ -143,7 +143,7 @@ def test_pictures_are_made_chosen_and_their_record_follows_them(tmp_path: Path) 
         ),
         ("import time; time.sleep(60)", 0.01, "was not finished after 1 s and was ended; give it more time"),
         ("import sys; open(sys.argv[3], 'w').write('<html>Sign in</html>')", 1.0, "cannot be painted"),
-        (PAINTER.replace("9 * int(seed) % 256, 5 * x, 5 * y", "0, 0, 0"), 1.0, "It is black all over."),
+        (PAINTER.replace("9 * int(seed) % 256, 5 * x, 5 * y", "0, 0, 0"), 1.0, "it is black all over"),
         ("", 1.0, "The command ended well and wrote no file {out}"),
     ],
     ids=["fails", "hangs", "html", "black", "nothing"],

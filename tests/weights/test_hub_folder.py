@@ -46,6 +46,9 @@ def keep(hub: Path, repository: str, *files: str) -> Path:
         "OpenAI/CLIP-ViT-base-patch32",
         "clip-vit-base-patch32",
         "ViT-B/32",
+        "ViT-B-32",
+        "https://huggingface.co/openai/clip-vit-base-patch32",
+        "hf-hub:openai/clip-vit-base-patch32/",
     ],
 )
 def test_a_fetched_network_is_found_by_each_of_its_names(
@@ -59,7 +62,10 @@ def test_a_fetched_network_is_found_by_each_of_its_names(
     ("name", "repository"),
     [
         ("laion/CLIP-ViT-B-32-laion2B-s34B-b79K", "laion/CLIP-ViT-B-32-laion2B-s34B-b79K"),
+        ("LAION/clip-vit-b-32-laion2b-s34b-b79k", "laion/CLIP-ViT-B-32-laion2B-s34B-b79K"),
+        ("CLIP-ViT-B-32-laion2B-s34B-b79K", "laion/CLIP-ViT-B-32-laion2B-s34B-b79K"),
         ("ViT-L/14", "openai/clip-vit-large-patch14"),
+        ("ViT-L/14@336px", "openai/clip-vit-large-patch14-336"),
         ("clip-vit-b-32", "openai/clip-vit-base-patch32"),
     ],
 )

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from frida_painter import registry
+from frida_painter import registry, storage
 from frida_painter.errors import ConfigError
 from frida_painter.picture_makers.pipeline_folder import (
     INDEX,
@@ -54,7 +54,7 @@ class DiffusionMaker:
             raise ConfigError(f"{steps} steps were asked for; a pipeline takes 1 to {_MAX_STEPS}.")
         if not source.strip() or "\0" in source:
             raise ConfigError(f"The picture maker diffusers was given no pipeline; write for example {_EXAMPLE}.")
-        folder = Path(source).expanduser()
+        folder = storage.in_home(source)
         try:
             if folder.is_dir():
                 return cls(source, read_pipeline_folder(folder.resolve(), folder.resolve().name), steps)

@@ -105,7 +105,12 @@ def open_picture_maker(text: str) -> tuple[str, PictureMaker]:
     known = registry.parts(registry.PICTURE_MAKERS)
     if name not in known:
         raise ConfigError(f"There is no picture maker called {name[:40]!r}; there are {', '.join(known)}.")
-    maker = known[name].load(PictureMakerKind).open(argument)
+    try:
+        maker = known[name].load(PictureMakerKind).open(argument)
+    except FridaError:
+        raise
+    except Exception as failure:  # foreign code may raise anything
+        raise PluginError(_failed(name, failure)) from failure
     if not isinstance(maker, PictureMaker):
         raise PluginError(f"The picture maker {name!r} opened a {type(maker).__name__}, which makes none; mend it.")
     return name, maker
@@ -207,13 +212,14 @@ def make_pictures(
                 try:
                     picture = _read(file)
                 except ImageError as cause:
-                    faults.append(f"Picture {number} of {name} cannot be painted. {cause}")
+                    why = str(cause).replace(str(file), "it", 1).rstrip(".")
+                    faults.append(f"Picture {number} of {name} cannot be painted: {why}.")
                     continue
                 target = folder / f"{name_of(words)}-{number}.png"
                 images.save(picture, target)
                 pictures.append(MadePicture(target, made_from, picture))
         if not pictures:
-            raise MakingFailed(f"{faults[0]} Nothing was painted; try other words, another --seed or another maker.")
+            raise MakingFailed(f"{faults[0][:-1]}; try other words, another --seed or another maker.")
     except BaseException:
         with suppress(OSError):
             folder.rmdir()  # it is empty
@@ -231,13 +237,18 @@ def _ask(name: str, maker: PictureMaker, request: PictureRequest) -> list[Path]:
     except FridaError:
         raise
     except Exception as failure:  # foreign code may raise anything
-        why = " ".join(f"{type(failure).__name__}: {failure}".split())[:200]
-        raise PluginError(f"The picture maker {name!r} failed ({why}); mend it, or name another.") from failure
+        raise PluginError(_failed(name, failure)) from failure
     wanted = len(request.seeds)
     if len(files) != wanted:
         made = "no picture" if not files else count_of(len(files), "picture")
         raise MakingFailed(f"{name} made {made}, and was asked for {wanted}; it makes one for each seed.")
     return files
+
+
+def _failed(name: str, failure: Exception) -> str:
+    """Returns the sentence about a maker that failed in a way that it does not foresee."""
+    why = " ".join(f"{type(failure).__name__}: {failure}".split())[:200]
+    return f"The picture maker {name!r} failed ({why}); mend it, or name another."
 
 
 def _size(spec: RunSpec) -> tuple[int, int]:
@@ -252,7 +263,7 @@ def _read(file: Path) -> Tensor:
     picture = images.load(file)
     if float((picture.amax(dim=(1, 2)) - picture.amin(dim=(1, 2))).max()) < _PLAIN:
         color = "black" if float(picture.max()) < 0.02 else "of one colour"
-        raise ImageError(f"It is {color} all over.")
+        raise ImageError(f"it is {color} all over.")
     return picture
 
 

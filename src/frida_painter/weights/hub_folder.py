@@ -8,6 +8,7 @@ import re
 from pathlib import Path
 
 from frida_painter.errors import WeightsError
+from frida_painter.storage import exists, in_home
 from frida_painter.weights.cache import find
 from frida_painter.weights.catalogue import all_weights
 from frida_painter.weights.sources import Hub
@@ -15,24 +16,36 @@ from frida_painter.weights.sources import Hub
 _WHOLE = "config.json"
 _SMALL = ("*.json", "*.txt", "*.model")
 _TENSORS = ("*.safetensors", "pytorch_model.bin")  # the second one if there is no file of the first kind
-_BY_AUTHORS = {
-    "vit-b/32": "openai/clip-vit-base-patch32",
-    "vit-b/16": "openai/clip-vit-base-patch16",
-    "vit-l/14": "openai/clip-vit-large-patch14",
-    "vit-l/14@336px": "openai/clip-vit-large-patch14-336",
+_BY_AUTHORS = {  # ViT-B/32 is also written ViT-B-32
+    "vit-b-32": "openai/clip-vit-base-patch32",
+    "vit-b-16": "openai/clip-vit-base-patch16",
+    "vit-l-14": "openai/clip-vit-large-patch14",
+    "vit-l-14-336": "openai/clip-vit-large-patch14-336",
 }
 _NAME = re.compile(r"\w[\w.-]*/\w[\w.-]*")
+_ADDRESS = re.compile(r"https?://[^/]+/|hf(-hub)?:(//)?")
+_KEPT = "models--"  # beginning of the folders of the hub's cache
+
+
+def local_folder(name: str) -> Path | None:
+    """Returns the folder of that path, in the layout of the hub's cache its newest network; None if there is none."""
+    folder = in_home(name)
+    if not name.strip() or not exists(folder) or not folder.is_dir():
+        return None
+    kept = sorted(folder.glob(f"snapshots/*/{_WHOLE}"), key=lambda file: file.stat().st_mtime)
+    return kept[-1].parent if kept else folder
 
 
 def hub_folder(name: str, cache: Path | None = None) -> Path:
     """Returns the folder with the files of a network; downloads them if they are nowhere on this machine.
 
-    name: of the catalogue ("clip-vit-b-32"), of the hub ("openai/clip-vit-base-patch32", with or without its owner
-    for networks of the catalogue), or of the authors ("ViT-B/32")
+    name: of the catalogue ("clip-vit-b-32"), of the hub ("openai/clip-vit-base-patch32", also as an address; with or
+    without its owner for networks that were fetched), or of the authors ("ViT-B/32")
     cache: folder of fetched weights; by default the usual one
     Raises WeightsError with the reason alone, without a full stop.
     """
-    repository = _BY_AUTHORS.get(name.lower(), name)
+    plain = _ADDRESS.sub("", name.strip(), count=1).rstrip("/")
+    repository = _BY_AUTHORS.get(re.sub("[/@]", "-", plain.lower()).removesuffix("px"), plain)
     for known in all_weights():
         hubs = [source.repository for source in known.sources if isinstance(source, Hub)]
         names = [known.name, *hubs, *(hub.rpartition("/")[2] for hub in hubs)]
@@ -40,9 +53,20 @@ def hub_folder(name: str, cache: Path | None = None) -> Path:
             if (folder := find(known.name, cache)) is not None:
                 return folder
             repository = hubs[0]
+    repository = _name_in_cache(repository)
     if not _NAME.fullmatch(repository):
         raise WeightsError("there is no such folder, and a name on the hub is like openai/clip-vit-base-patch32")
     return _kept(repository) or _fetch(repository)
+
+
+def _name_in_cache(name: str) -> str:
+    """Returns the full name, in its own letters, of the only network of that name in the cache of the hub; else it."""
+    from huggingface_hub import constants
+
+    folders = [folder.name for folder in Path(constants.HF_HUB_CACHE).glob(f"{_KEPT}*")]
+    names = [folder.removeprefix(_KEPT).replace("--", "/") for folder in folders]
+    same = [kept for kept in names if name.lower() in (kept.lower(), kept.lower().rpartition("/")[2])]
+    return same[0] if len(same) == 1 else name
 
 
 def _kept(repository: str) -> Path | None:

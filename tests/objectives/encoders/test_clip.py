@@ -2,8 +2,10 @@
 
 import json
 import pickle
+import shutil
 import socket
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -123,21 +125,72 @@ def test_code_that_comes_with_weights_does_not_run(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("damage", "says"),
     [
-        (lambda folder: (folder / "config.json").unlink(), "cannot be loaded as CLIP"),
+        (lambda folder: (folder / "config.json").unlink(), r"cannot be loaded as CLIP .it has no config.json\)"),
         (
             lambda folder: (folder / "config.json").write_text('{"model_type": "bert"}'),
             "cannot be loaded as CLIP .it is a 'bert' network",
         ),
-        (lambda folder: (folder / "model.safetensors").write_bytes(b"\0" * 40), "cannot be loaded as CLIP"),
-        (lambda folder: (folder / "tokenizer.json").unlink(), "cannot be loaded as CLIP"),
+        (lambda folder: (folder / "config.json").write_text("<html>"), "config.json is cut off, or not JSON"),
+        (lambda folder: (folder / "config.json").write_text("[]"), "config.json is not the settings of a network"),
+        (lambda folder: (folder / "model.safetensors").write_bytes(b"\0" * 40), "weights are cut off, or not safeten"),
+        (lambda folder: (folder / "model.safetensors").unlink(), "it has no model.safetensors"),
+        (lambda folder: leave_no_tokenizer(folder), "it has no tokenizer.json"),
+        (lambda folder: alter(folder, lambda name, tensor: None if "text" in name else tensor), "its weights lack "),
+        (lambda folder: alter(folder, lambda name, tensor: tensor[:4]), "in another size than config.json"),
+        (
+            lambda folder: alter(folder, lambda name, tensor: tensor * torch.nan if "visual" in name else tensor),
+            "its embeddings of pictures are not finite",
+        ),
+        (lambda folder: alter(folder, lambda name, tensor: 0 * tensor), "all sentences are the same to it"),
+        (lambda folder: give_foreign_tokenizer(folder), "its tokenizer is that of another network"),
     ],
-    ids=["no settings", "another kind", "damaged", "no tokenizer"],
+    ids=[
+        "no settings",
+        "another kind",
+        "html",
+        "no object",
+        "damaged",
+        "no weights",
+        "no tokenizer",
+        "one tower",
+        "another size",
+        "not finite",
+        "zeros",
+        "foreign tokenizer",
+    ],
 )
-def test_folders_that_are_no_clip(tmp_path: Path, damage: object, says: str) -> None:
+def test_folders_that_are_no_clip(
+    tmp_path: Path, damage: Callable[[Path], object], says: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """None is completed by chance, which `transformers` does for weights and tokenizers that it does not find."""
     broken = write_clip(tmp_path / "broken")
     damage(broken)
+    capfd.readouterr()
     with pytest.raises(WeightsError, match=says):
         Clip.load(broken)
+    assert capfd.readouterr() == ("", "")
+
+
+def leave_no_tokenizer(folder: Path) -> None:
+    for name in ("tokenizer.json", "tokenizer_config.json"):
+        (folder / name).unlink()
+
+
+def alter(folder: Path, change: Callable[[str, torch.Tensor], torch.Tensor | None]) -> None:
+    """Writes what `change` makes of each tensor; none for None."""
+    from safetensors.torch import load_file, save_file
+
+    changed = {name: change(name, tensor) for name, tensor in load_file(folder / "model.safetensors").items()
+               if tensor.dim()}  # fmt: skip
+    kept = {name: tensor.clone() for name, tensor in changed.items() if tensor is not None}
+    save_file(kept | {"logit_scale": torch.tensor(1.0)}, folder / "model.safetensors", {"format": "pt"})
+
+
+def give_foreign_tokenizer(folder: Path) -> None:
+    """Its words have numbers that the network does not have."""
+    tokenizer = json.loads((folder / "tokenizer.json").read_text())
+    tokenizer["model"]["vocab"] = {word: 1000 + number for word, number in tokenizer["model"]["vocab"].items()}
+    (folder / "tokenizer.json").write_text(json.dumps(tokenizer))
 
 
 def test_a_name_that_cannot_be_reached_costs_no_retries(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -150,7 +203,7 @@ def test_a_name_that_cannot_be_reached_costs_no_retries(monkeypatch: pytest.Monk
     monkeypatch.setenv("HF_HUB_OFFLINE", "1")
     with pytest.raises(WeightsError, match=r"cannot be loaded as CLIP .HF_HUB_OFFLINE is set"):
         Clip.load("no-such/clip")
-    for name in ("/no/such/folder", "a b", "vit-b-32"):
+    for name in ("/no/such/folder", "a b", "vit-b-33", "x" * 5000):
         with pytest.raises(WeightsError, match=r"there is no such folder, and a name on the hub is like openai/clip"):
             Clip.load(name)
 
@@ -180,6 +233,30 @@ def test_siglip_is_asked_as_transformers_asks_it(tmp_path: Path, size: tuple[int
     torch.testing.assert_close(maps[0, :, 1, 2], last[0, SIDE // PATCH + 2], atol=0.05, rtol=0.05)
 
 
+def test_siglip_needs_no_library_for_its_tokenizer(tmp_path: Path) -> None:
+    """The hub's folders name SiglipTokenizer, which needs sentencepiece."""
+    folder = write_siglip(tmp_path / "siglip")
+    before = Clip.load(folder).embed_text("a cat")
+    settings = folder / "tokenizer_config.json"
+    settings.write_text(json.dumps({**json.loads(settings.read_text()), "tokenizer_class": "SiglipTokenizer"}))
+    torch.testing.assert_close(Clip.load(folder).embed_text("a cat"), before)
+    settings.unlink()
+    torch.testing.assert_close(Clip.load(folder).embed_text("a cat"), before)
+
+
+def test_folders_of_the_cache_are_found(folder: Path, clip: Clip, tmp_path: Path) -> None:
+    shutil.copytree(folder, tmp_path / "models--some--clip" / "snapshots" / "0123")
+    found = Clip.load(tmp_path / "models--some--clip")
+    assert torch.equal(found.embed_text("cat"), clip.embed_text("cat"))
+
+
+def test_a_home_folder_is_found(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", str(folder.parent))
+    assert Clip.load(f"~/{folder.name}/").name == f"CLIP {folder.name}"
+    with pytest.raises(WeightsError, match=r"~nobody-at-all/clip cannot be loaded as CLIP"):
+        Clip.load("~nobody-at-all/clip")
+
+
 def test_the_older_archive_of_tensors_gives_the_same_network(folder: Path, clip: Clip, tmp_path: Path) -> None:
     """As the hub has OpenAI's own: pytorch_model.bin, with the positions as tensors beside the weights."""
     from safetensors.torch import load_file
@@ -193,7 +270,7 @@ def test_the_older_archive_of_tensors_gives_the_same_network(folder: Path, clip:
     torch.testing.assert_close(Clip.load(older).embed_pictures(picture), clip.embed_pictures(picture))
     del tensors["text_projection.weight"]
     torch.save(tensors, older / "pytorch_model.bin")
-    with pytest.raises(WeightsError, match=r"pytorch_model.bin lacks text_projection.weight"):
+    with pytest.raises(WeightsError, match=r"its weights lack text_projection.weight"):
         Clip.load(older)
 
 

@@ -236,7 +236,7 @@ def _look_at(path: Path) -> _File | None:
 def _open(where: str) -> FolderCamera:
     if not where:
         raise ConfigError("'folder' was given without where it is; write folder:PATH.")
-    return FolderCamera(FolderSettings(Path(where).expanduser()))
+    return FolderCamera(FolderSettings(storage.in_home(where)))
 
 
 KIND = CameraKind(

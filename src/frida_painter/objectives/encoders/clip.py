@@ -21,10 +21,16 @@ from frida_painter.devices import Constant, half_precision
 from frida_painter.errors import WeightsError
 from frida_painter.objectives.encoders.clip_resnet import MEAN, SPREAD
 from frida_painter.weights.catalogue import state_dict
-from frida_painter.weights.hub_folder import hub_folder
+from frida_painter.weights.hub_folder import hub_folder, local_folder
 
 _MAX_BYTES = 2**20  # size of a settings file
 _FILES = "config.json, model.safetensors and tokenizer.json"
+_NEEDED = (  # names for each kind of file, the usual one first
+    ("config.json",),
+    ("model.safetensors", "model.safetensors.index.json", "pytorch_model.bin"),
+    ("tokenizer.json", "vocab.json", "spiece.model", "tokenizer.model"),
+)
+_TRIED = ("a red apple", "the sea at night")  # sentences that mean different things to every network
 
 
 @dataclass(frozen=True)
@@ -84,27 +90,28 @@ class Clip:
         Raises WeightsError if that fails, ConfigError if transformers is not installed.
         """
         registry.require("words", "transformers", "Seeing through CLIP")
-        from safetensors import SafetensorError
-        from transformers import AutoConfig, AutoTokenizer
-
-        given, is_folder = str(source), Path(source).is_dir()
+        given, folder = str(source).strip(), None
         try:
-            folder = Path(source) if is_folder else hub_folder(given, cache)
-            settings = AutoConfig.from_pretrained(folder, local_files_only=True, trust_remote_code=False)
-            if settings.model_type not in _FAMILIES:
-                raise WeightsError(f"it is a {settings.model_type!r} network")
-            model = _read_model(folder, settings)
-            tokenizer = AutoTokenizer.from_pretrained(folder, local_files_only=True, trust_remote_code=False)
-            mean, spread = _statistics(folder)
-        except (OSError, ValueError, KeyError, TypeError, RuntimeError, SafetensorError, WeightsError) as cause:
+            folder = local_folder(given)
+            whole = hub_folder(given, cache) if folder is None else folder
+            _require_files(whole)
+            with _quietly():
+                model = _read_model(whole)
+                tokenizer = _read_tokenizer(whole, model.config)
+            mean, spread = _statistics(whole)
+            clip = cls(model, tokenizer, name or f"CLIP {Path(given).name}", mean, spread)
+            clip._require_sense()
+        except Exception as cause:  # `transformers` raises anything for foreign files
             reason = " ".join(str(cause).split())[:160].rstrip(".")
-            advice = f"a folder holds {_FILES}" if is_folder else "fetch it where there is a network, or give a folder"
+            advice = (
+                "check the name and the network, or give a folder" if folder is None else f"a folder holds {_FILES}"
+            )
             raise WeightsError(f"{given[:80]} cannot be loaded as CLIP ({reason}); {advice}.") from cause
-        return cls(model, tokenizer, name or f"CLIP {Path(source).name}", mean, spread)
+        return clip
 
     def reads_all(self, prompt: str) -> bool:
         """Returns True if all words fit in the network's tokens: 77 of CLIP, 64 of SigLIP."""
-        return len(self._tokenizer(self._plain(prompt))["input_ids"]) <= self._most_tokens
+        return len(self._tokenizer(self._plain(prompt), verbose=False)["input_ids"]) <= self._most_tokens
 
     @torch.no_grad()
     def embed_text(self, prompt: str) -> Tensor:
@@ -134,6 +141,20 @@ class Clip:
         cells = round(seen.shape[1] ** 0.5)
         return (seen.transpose(1, 2).reshape(len(seen), -1, cells, cells).to(views),)
 
+    @torch.no_grad()
+    def _require_sense(self) -> None:
+        """Raises WeightsError unless different sentences, and different pictures, mean different things."""
+        try:
+            words = torch.stack([self.embed_text(sentence) for sentence in _TRIED])
+        except IndexError as cause:
+            raise WeightsError("its tokenizer is that of another network") from cause
+        noise = torch.rand(2, 3, self.side, self.side, generator=torch.Generator().manual_seed(0))
+        for what, found in (("sentences", words), ("pictures", self.embed_pictures(noise))):
+            if not bool(found.isfinite().all()):
+                raise WeightsError(f"its embeddings of {what} are not finite; take an undamaged copy")
+            if bool(torch.equal(found[0], found[1])):
+                raise WeightsError(f"all {what} are the same to it; take an undamaged copy")
+
     @property
     def _most_tokens(self) -> int:
         return int(self._model.config.text_config.max_position_embeddings)
@@ -157,38 +178,74 @@ class Clip:
         return ((middle - self._mean.like(middle)) / self._spread.like(middle)).to(self._model.dtype)
 
 
-def _read_model(folder: Path, settings: Any) -> Any:
+def _require_files(folder: Path) -> None:
+    """Raises WeightsError if a folder lacks settings, weights or a tokenizer."""
+    for names in _NEEDED:
+        if not any((folder / name).is_file() for name in names):
+            raise WeightsError(f"it has no {names[0]}")
+
+
+def _read_model(folder: Path) -> Any:
     """Returns the network of a folder. Raises WeightsError, and what `transformers` raises."""
     import transformers
+    from safetensors import SafetensorError
 
-    kind = getattr(transformers, _FAMILIES[settings.model_type].model)
+    record = _read_json(folder / "config.json")
+    found = str(record.get("model_type", "nameless"))[:40]
+    if found not in _FAMILIES:
+        raise WeightsError(f"it is a {found!r} network, not a CLIP or SigLIP")
+    kind = getattr(transformers, _FAMILIES[found].model)
+    settings = kind.config_class.from_dict(record)
     archive = folder / "pytorch_model.bin"
+    how: dict[str, Any] = {"output_loading_info": True, "ignore_mismatched_sizes": True}
     if any(folder.glob("*.safetensors")) or not archive.is_file():
-        with _without_bars():
-            return kind.from_pretrained(
-                folder, config=settings, local_files_only=True, use_safetensors=True, dtype=torch.float32
-            )
-    tensors = {name: tensor.float() for name, tensor in state_dict(archive).items() if "position_ids" not in name}
-    with _without_bars():
-        model, told = kind.from_pretrained(None, config=settings, state_dict=tensors, output_loading_info=True)
+        how |= {"local_files_only": True, "use_safetensors": True, "dtype": torch.float32}
+        try:
+            model, told = kind.from_pretrained(folder, config=settings, **how)
+        except SafetensorError as cause:
+            raise WeightsError("its weights are cut off, or not safetensors; fetch them again") from cause
+    else:
+        tensors = {name: tensor.float() for name, tensor in state_dict(archive).items() if "position_ids" not in name}
+        model, told = kind.from_pretrained(None, config=settings, state_dict=tensors, **how)
     missing = sorted(told["missing_keys"])
     if missing:
-        raise WeightsError(f"{archive.name} lacks {missing[0]}")
+        raise WeightsError(f"its weights lack {missing[0]}")
+    if told["mismatched_keys"]:
+        raise WeightsError(f"its weights have {min(told['mismatched_keys'])[0]} in another size than config.json")
     return model
 
 
+def _read_tokenizer(folder: Path, settings: Any) -> Any:
+    """Returns the tokenizer of a folder. Raises what `transformers` raises.
+
+    SigLIP's folders name a class that needs a library besides `transformers`; their tokenizer.json does not.
+    """
+    from transformers import AutoTokenizer, PreTrainedTokenizerFast
+
+    how: dict[str, Any] = {"local_files_only": True, "trust_remote_code": False}
+    try:
+        return AutoTokenizer.from_pretrained(folder, **how)
+    except (ImportError, ValueError):
+        tokenizer = PreTrainedTokenizerFast.from_pretrained(folder, **how)
+    if tokenizer.pad_token is None:
+        tokenizer.pad_token = tokenizer.convert_ids_to_tokens(settings.text_config.pad_token_id)
+    return tokenizer
+
+
 @contextmanager
-def _without_bars() -> Iterator[None]:
-    """Hides the progress bars of `transformers`, which would lie between the lines of the terminal."""
+def _quietly() -> Iterator[None]:
+    """Hides bars and reports of `transformers`, which would lie between the lines of the terminal."""
     from transformers import utils
 
     logging: Any = utils.logging  # has no types
 
-    shown = logging.is_progress_bar_enabled()
+    level, shown = logging.get_verbosity(), logging.is_progress_bar_enabled()
+    logging.set_verbosity(logging.CRITICAL)
     logging.disable_progress_bar()
     try:
         yield
     finally:
+        logging.set_verbosity(level)
         if shown:
             logging.enable_progress_bar()
 
@@ -198,11 +255,22 @@ def _statistics(folder: Path) -> tuple[tuple[float, ...] | None, tuple[float, ..
     path = folder / "preprocessor_config.json"
     if not path.is_file():
         return None, None
+    record = _read_json(path)
     try:
-        record = json.loads(storage.read_bytes(path, "the settings of CLIP's pictures", _MAX_BYTES, WeightsError))
         mean, spread = (tuple(float(part) for part in record[key]) for key in ("image_mean", "image_std"))
         if len(mean) != 3 or len(spread) != 3 or not all(0 < part < 10 for part in spread):
             raise ValueError(f"{mean}, {spread}")
     except (ValueError, KeyError, TypeError) as cause:
         raise WeightsError(f"{path} does not say image_mean and image_std as three numbers each; mend it") from cause
     return mean, spread
+
+
+def _read_json(path: Path) -> dict[str, Any]:
+    """Returns the object in a JSON file. Raises WeightsError."""
+    try:
+        record = json.loads(storage.read_bytes(path, "the settings of a CLIP", _MAX_BYTES, WeightsError))
+    except (ValueError, RecursionError) as cause:
+        raise WeightsError(f"{path.name} is cut off, or not JSON; fetch it again") from cause
+    if not isinstance(record, dict):
+        raise WeightsError(f"{path.name} is not the settings of a network; fetch it again")
+    return record

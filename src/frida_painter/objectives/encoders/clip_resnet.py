@@ -71,7 +71,7 @@ class ClipResNet:
         except KeyError as cause:
             raise WeightsError(
                 f"The weights hold no {_PREFIX + str(cause.args[0])!r}, so they are not those of CLIP's ResNet kind; "
-                "give the state dict of an image tower such as RN50."
+                "give the state dict of an image tower such as RN50, or the folder of another kind."
             ) from cause
         self.side = _CELL * round((len(self._places) - 1) ** 0.5)
         channels = self._stages[-1][-1].widen.weight.shape[0]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 import torch
 from torch import Tensor
 
-from frida_painter import registry, tensor_file, weights
+from frida_painter import registry, storage, tensor_file, weights
 from frida_painter.errors import FridaError, WeightsError
 from frida_painter.objectives.encoders.base import Encoder, Reader, Seer
 
@@ -282,7 +282,7 @@ def _load_clip(source: str, device: torch.device, cache: Path | None) -> Encoder
     for point in entry_points(group=GROUP, name=source):
         return _load_plugin(point, device)
     path = Path(source)
-    if path.is_file():
+    if storage.exists(path) and path.is_file():
         tensors, _ = tensor_file.read_tensors(path, "the weights of a CLIP", WeightsError)
         return ClipResNet({name: tensor.to(device) for name, tensor in tensors.items()}, f"CLIP {path.stem}")
     return Clip.load(source, cache=cache)
