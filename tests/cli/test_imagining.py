@@ -72,7 +72,11 @@ def test_a_plan_from_words_by_a_program(say: Callable[..., str], tmp_path: Path)
         (("--text", "a hat", "--imagine", "command"), "was given no program"),
         (("--text", "a hat", "--imagine-pictures", "3"), "--imagine-pictures was given without --imagine"),
         (("maker.png", "--imagine", "command:true"), "there are none; give them with --text"),
-        (("--text", "a hat", "--imagine", "command:false"), "ended with status 1 and made no picture"),
+        (
+            ("--text", "a hat", "--imagine", "command:false"),
+            "ended with status 1 and made no picture; try it by itself",
+        ),
+        (("--text", "a hat", "--imagine", "command:true", "--imagine-minutes", "0"), "0 minutes were given"),
     ],
 )
 def test_what_cannot_be_is_one_sentence_and_plans_nothing(

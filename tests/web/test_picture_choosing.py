@@ -139,7 +139,7 @@ def test_pictures_are_made_chosen_and_their_record_follows_them(tmp_path: Path) 
         (
             "import sys; sys.exit('out of paint')",
             1.0,
-            "status 1 and made no picture; it said: out of paint.",
+            "status 1 and made no picture; it said: out of paint; try it by itself, or name another.",
         ),
         ("import time; time.sleep(60)", 0.01, "was not finished after 1 s and was ended; give it more time"),
         ("import sys; open(sys.argv[3], 'w').write('<html>Sign in</html>')", 1.0, "cannot be painted"),

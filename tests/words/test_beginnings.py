@@ -133,6 +133,7 @@ class TestSettings:
             looks.append(1)
             return look(clip, pictures)
 
+        alone.clip()  # it is tried once when it is loaded
         monkeypatch.setattr(Clip, "embed_pictures", watch)
         for steps in (4, 10):
             goal = Goal((TextTerm("a fox", settings=WordSettings("colors", first_steps=steps)),))
@@ -162,3 +163,22 @@ class TestCoarseColors:
         assert torch.equal(found, color_in(wish, alone.readers()[0], (30, 40), 0))
         hasty = color_in(wish, alone.readers()[0], (30, 40), 0, steps=2)
         assert float(wish(hasty[None])) > 2 * float(wish(found[None]))
+
+    def test_the_time_is_told_after_the_first_step(self, alone: EncoderRegistry) -> None:
+        looks: list[int] = []
+        told: list[tuple[int, str]] = []
+
+        def wish(pictures: torch.Tensor) -> torch.Tensor:
+            looks.append(len(pictures))
+            return pictures.mean((1, 2, 3))
+
+        alone.tell = lambda sentence: told.append((len(looks), sentence))
+        color_in(wish, alone.readers()[0], (30, 40), 0, steps=5, tell=alone.tell)
+        ((after, sentence),) = told
+        assert after == 1 < len(looks) and sentence.startswith("A first picture is coloured for the words, in about ")
+
+    def test_a_planner_tells_it(self, folder: Path) -> None:
+        spec = RunSpec.of(goal=[{"text": "a fox"}], clip=str(folder), canvas="12x9cm", strokes=5, render_height=64)
+        told: list[str] = []
+        open_planner(spec, open_goal(spec), tell=told.append)
+        assert sum("first picture is coloured" in sentence for sentence in told) == 1

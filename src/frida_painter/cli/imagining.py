@@ -83,6 +83,7 @@ def imagine_beginning(spec: "RunSpec", given: Mapping[str, Any], *, asked: bool)
     from frida_painter.runs.goal_item import name_of
     from frida_painter.runs.picture_making import imagine, make_pictures
 
+    minutes = given.get("imagine_minutes")
     now = f"{datetime.now():%Y%m%d-%H%M%S}"
     chooses = asked and sys.stdin.isatty()
     with stop_on_signals(
@@ -96,7 +97,7 @@ def imagine_beginning(spec: "RunSpec", given: Mapping[str, Any], *, asked: bool)
                 _FOLDER / f"{name_of(words)}-{now}-{number}",
                 spec,
                 count=given.get("imagine_pictures") or _USUAL_PICTURES,
-                minutes=given.get("imagine_minutes") or _USUAL_MINUTES,
+                minutes=_USUAL_MINUTES if minutes is None else minutes,
                 stop_asked=lambda: stop.asked,
                 tell=_tell,
             )

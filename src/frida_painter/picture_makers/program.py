@@ -82,7 +82,7 @@ def run_program(
             if process.returncode > 0
             else f"was ended by {_signal(-process.returncode)}"
         )
-        raise MakingFailed(f"{name} {how} and made no picture{_last_line(said)}.")
+        raise MakingFailed(f"{name} {how} and made no picture{_last_line(said)}; try it by itself, or name another.")
 
 
 def run_child(

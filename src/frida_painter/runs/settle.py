@@ -211,6 +211,7 @@ def open_planner(
     """
     device = planning_device()
     networks = encoders or EncoderRegistry(clip=spec.clip, device=device, pictures=spec.pictures)
+    networks.tell = tell
     planner = Planner(
         tell_terms(goal, spec.words, spec.freedom), planner_settings(spec, model), encoders=networks, device=device
     )
@@ -434,7 +435,7 @@ def settle_ground(
         )
     elif wanted == OF_SCENE:
         color = ground_around_things(planner)
-        said = "" if color == WHITE else "The canvas is toned in the colour around the things of the scene: {}."
+        said = "" if color == WHITE else "The canvas is toned in the commonest colour around what is shown: {}."
     else:
         return planner, wanted, ""
     ground = _name_colors(color)

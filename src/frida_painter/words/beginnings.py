@@ -48,7 +48,7 @@ def with_beginning(
         return _compose(goal, context)
     reader = encoders.readers()[0]
     size = context.grid.rows, context.grid.columns
-    picture = color_in(wish(prompt, reader, settings), reader, size, context.seed, settings.first_steps)
+    picture = color_in(wish(prompt, reader, settings), reader, size, context.seed, settings.first_steps, encoders.tell)
     if how == "auto" and encoders.composes:
         return _choose(goal, prompt, settings, picture, context)
     encoders.remark("Begun with a coarse picture, coloured for the words.")

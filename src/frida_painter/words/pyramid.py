@@ -5,6 +5,7 @@ level has a few hundred cells, too few for the fine patterns by which a network 
 Mordvintsev et al., "Inceptionism", 2015, and the pyramids in Olah et al., "Feature visualization", 2017.
 """
 
+import time
 from collections.abc import Callable, Sequence
 
 import torch
@@ -38,6 +39,7 @@ def color_in(
     size: tuple[int, int],
     seed: int,
     steps: int = USUAL.first_steps,
+    tell: Callable[[str], None] = lambda sentence: None,
 ) -> Tensor:
     """Returns the picture [3, H, W] of coarse colours that is nearest to the words for a network.
 
@@ -45,7 +47,9 @@ def color_in(
     reader: network that measures them; only its size counts here
     size: H and W
     steps: number of steps in which the colours change
+    tell: receives a sentence about the expected time, after the first step
     """
+    began = time.monotonic()
     rows, columns = size[0] * _ROWS // min(size), size[1] * _ROWS // min(size)
     views, judge = (Views(_VIEWS, reader.side, seed + number, _VIEWS // 2 - 1) for number in (0, 1))
     generator = torch.Generator().manual_seed(seed)
@@ -67,6 +71,9 @@ def color_in(
         torch.autograd.backward(distance + _SMOOTH * uneven)
         adam.param_groups[0]["lr"] = _RATE * (1 - 0.8 * done)
         adam.step()
+        if step == 0:
+            seconds = max(1, round(steps * (time.monotonic() - began)))
+            tell(f"A first picture is coloured for the words, in about {seconds} s; the plan follows.")
     with torch.no_grad():
         found = draw_pyramid(levels, *size)
         which = torch.tensor([1, 2, 3])

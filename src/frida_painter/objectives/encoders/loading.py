@@ -56,6 +56,7 @@ class EncoderRegistry:
 
     choices: networks used so far
     remarks: notes for the person about the interpretation of the goal
+    tell: receives a sentence about each wait
 
     Methods that load weights raise WeightsError if weights are missing or altered; the message has the command
     that helps.
@@ -84,6 +85,7 @@ class EncoderRegistry:
         self._kept_by_name: dict[str, Any] = {}
         self.choices: list[Choice] = []
         self.remarks: list[str] = []
+        self.tell: Callable[[str], None] = lambda sentence: None
 
     def style(self) -> "Vgg16":
         """Returns the network for style: VGG16 of ImageNet, or else the trunk of the edge detector."""
