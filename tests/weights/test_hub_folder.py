@@ -77,9 +77,20 @@ def test_an_earlier_download_of_others_is_used(
     assert hub_folder(name, tmp_path / "none") == folder
 
 
-def test_half_a_download_is_not_used(hub: Path, tmp_path: Path) -> None:
-    keep(hub, "some/clip", "config.json", "tokenizer.json")
-    with pytest.raises(WeightsError, match="HF_HUB_OFFLINE is set"):
+@pytest.mark.parametrize(
+    ("files", "missing"),
+    [
+        (("config.json", "tokenizer.json"), "model.safetensors"),
+        (("config.json", "model.safetensors"), "tokenizer.json"),
+        (("tokenizer.json", "model.safetensors"), "config.json"),
+        (("config.json", "tokenizer.json", "model.safetensors.index.json", "part-1.safetensors"), "part-2.safetensors"),
+    ],
+)
+def test_half_a_download_is_not_used(hub: Path, tmp_path: Path, files: tuple[str, ...], missing: str) -> None:
+    folder = keep(hub, "some/clip", *files)
+    if (index := folder / "model.safetensors.index.json").exists():
+        index.write_text(json.dumps({"weight_map": {"a": "part-1.safetensors", "b": "part-2.safetensors"}}))
+    with pytest.raises(WeightsError, match=f"half of it is here, without {missing}, and HF_HUB_OFFLINE is set"):
         hub_folder("some/clip", tmp_path)
 
 

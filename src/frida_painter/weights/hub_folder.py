@@ -3,12 +3,13 @@
 Only settings, vocabulary and tensors are fetched, once; code beside them stays where it is.
 """
 
+import json
 import os
 import re
 from pathlib import Path
 
 from frida_painter.errors import WeightsError
-from frida_painter.storage import exists, in_home
+from frida_painter.storage import exists, in_home, read_bytes
 from frida_painter.weights.cache import find
 from frida_painter.weights.catalogue import all_weights
 from frida_painter.weights.sources import Hub
@@ -16,6 +17,13 @@ from frida_painter.weights.sources import Hub
 _WHOLE = "config.json"
 _SMALL = ("*.json", "*.txt", "*.model")
 _TENSORS = ("*.safetensors", "pytorch_model.bin")  # the second one if there is no file of the first kind
+_ONE, _INDEX = "model.safetensors", "model.safetensors.index.json"
+_NEEDED = (  # names for each kind of file, the usual one first
+    (_WHOLE,),
+    (_ONE, _INDEX, "pytorch_model.bin"),
+    ("tokenizer.json", "vocab.json", "spiece.model", "tokenizer.model"),
+)
+_MAX_INDEX = 10**7  # bytes
 _BY_AUTHORS = {  # ViT-B/32 is also written ViT-B-32
     "vit-b-32": "openai/clip-vit-base-patch32",
     "vit-b-16": "openai/clip-vit-base-patch16",
@@ -56,7 +64,31 @@ def hub_folder(name: str, cache: Path | None = None) -> Path:
     repository = _name_in_cache(repository)
     if not _NAME.fullmatch(repository):
         raise WeightsError("there is no such folder, and a name on the hub is like openai/clip-vit-base-patch32")
-    return _kept(repository) or _fetch(repository)
+    kept = _kept(repository)
+    missing = None if kept is None else missing_file(kept)
+    if kept is not None and missing is None:
+        return kept
+    try:
+        return _fetch(repository)
+    except WeightsError as cause:
+        if missing is None:
+            raise
+        raise WeightsError(f"half of it is here, without {missing}, and {cause}") from cause
+
+
+def missing_file(folder: Path) -> str | None:
+    """Returns the name of a file that the folder of a network lacks; None if it is whole."""
+    for names in _NEEDED:
+        if not any((folder / name).is_file() for name in names):
+            return names[0]
+    if (folder / _ONE).is_file() or not (folder / _INDEX).is_file():
+        return None
+    try:
+        index = json.loads(read_bytes(folder / _INDEX, "the list of a network's files", _MAX_INDEX, WeightsError))
+        parts = sorted(set(index["weight_map"].values()))
+        return next((part for part in parts if not (folder / part).is_file()), None)
+    except (WeightsError, OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        return _INDEX
 
 
 def _name_in_cache(name: str) -> str:
@@ -70,15 +102,13 @@ def _name_in_cache(name: str) -> str:
 
 
 def _kept(repository: str) -> Path | None:
-    """Returns the folder of an earlier download; None if there is none, or only half of one."""
+    """Returns the folder of an earlier download, whole or half; None if there is none."""
     from huggingface_hub import snapshot_download
 
     try:
-        folder = Path(snapshot_download(repository, local_files_only=True))
+        return Path(snapshot_download(repository, local_files_only=True))
     except (OSError, ValueError):
         return None
-    whole = (folder / _WHOLE).is_file() and any(any(folder.glob(pattern)) for pattern in _TENSORS)
-    return folder if whole else None
 
 
 def _fetch(repository: str) -> Path:

@@ -21,15 +21,10 @@ from frida_painter.devices import Constant, half_precision
 from frida_painter.errors import WeightsError
 from frida_painter.objectives.encoders.clip_resnet import MEAN, SPREAD
 from frida_painter.weights.catalogue import state_dict
-from frida_painter.weights.hub_folder import hub_folder, local_folder
+from frida_painter.weights.hub_folder import hub_folder, local_folder, missing_file
 
 _MAX_BYTES = 2**20  # size of a settings file
 _FILES = "config.json, model.safetensors and tokenizer.json"
-_NEEDED = (  # names for each kind of file, the usual one first
-    ("config.json",),
-    ("model.safetensors", "model.safetensors.index.json", "pytorch_model.bin"),
-    ("tokenizer.json", "vocab.json", "spiece.model", "tokenizer.model"),
-)
 _TRIED = ("a red apple", "the sea at night")  # sentences that mean different things to every network
 
 
@@ -94,7 +89,9 @@ class Clip:
         try:
             folder = local_folder(given)
             whole = hub_folder(given, cache) if folder is None else folder
-            _require_files(whole)
+            missing = missing_file(whole)
+            if missing is not None:
+                raise WeightsError(f"it has no {missing}")
             with _quietly():
                 model = _read_model(whole)
                 tokenizer = _read_tokenizer(whole, model.config)
@@ -176,13 +173,6 @@ class Clip:
         middle = pictures[:, :, top : top + self.side, left : left + self.side]
         self._model.to(middle.device)
         return ((middle - self._mean.like(middle)) / self._spread.like(middle)).to(self._model.dtype)
-
-
-def _require_files(folder: Path) -> None:
-    """Raises WeightsError if a folder lacks settings, weights or a tokenizer."""
-    for names in _NEEDED:
-        if not any((folder / name).is_file() for name in names):
-            raise WeightsError(f"it has no {names[0]}")
 
 
 def _read_model(folder: Path) -> Any:
