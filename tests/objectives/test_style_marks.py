@@ -1,4 +1,6 @@
-"""Photographs in the colours, values and marks of a style picture."""
+"""Photographs, scenes and drawings in the colours, values and marks of a style picture."""
+
+import operator
 
 import pytest
 import torch
@@ -7,8 +9,16 @@ from hypothesis import strategies as st
 
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
+from frida_painter.objectives.sketch import SketchTerm
+from frida_painter.objectives.sketch_loss import color_drawing
 from frida_painter.objectives.style import StyleTerm
-from frida_painter.objectives.style_marks import in_style_marks, lay_marks, transport
+from frida_painter.objectives.style_marks import (
+    fill_drawing_in_style,
+    in_style,
+    in_style_marks,
+    lay_marks,
+    transport,
+)
 from frida_painter.palette import to_lab
 
 
@@ -83,3 +93,81 @@ def test_what_a_goal_begins_with_and_goals_without_a_style_stay() -> None:
     unstyled, begun = Goal((term,)), Goal((term, StyleTerm(stripes())), (term,))
     assert in_style_marks(unstyled) is unstyled
     assert in_style_marks(begun).terms[0] is term
+
+
+def scene() -> tuple[torch.Tensor, torch.Tensor]:
+    """A brown square on bare paper, and its opacity."""
+    where = torch.zeros(64, 80)
+    where[20:50, 25:55] = 1.0
+    picture = torch.ones(3, 64, 80)
+    picture[:, where > 0] = torch.tensor([0.5, 0.35, 0.2])[:, None]
+    picture[:, 28:36, 30:50] = 0.05
+    return picture, where
+
+
+@pytest.mark.slow
+def test_a_scene_on_bare_paper_takes_on_the_colours_and_the_marks_of_a_style() -> None:
+    (picture, where), style = scene(), stripes()
+    shown = in_style(picture, where, style)
+    assert shown.shape == picture.shape and 0 <= float(shown.min()) <= float(shown.max()) <= 1
+    ground = shown[:, where == 0]
+    own = to_lab(style.flatten(1).T)[::40]
+    assert float(torch.cdist(to_lab(ground.T), own).amin(1).median()) < 12, "the colours of the style"
+    assert float(to_lab(shown[:, where == 0].T)[:, 0].std()) > 0.5 * float(own[:, 0].std()), "and its marks"
+    assert float((shown - 1).abs().amax(0).amin()) > 0.03, "no paper is left"
+
+
+@pytest.mark.slow
+def test_a_thing_keeps_its_light_and_dark() -> None:
+    picture, where = scene()
+    shown = to_lab(in_style(picture, where, stripes()).permute(1, 2, 0))[..., 0]
+    assert float(shown[30:34, 34:46].mean()) < float(shown[40:46, 30:50].mean()) - 10
+
+
+@pytest.mark.slow
+def test_the_same_scene_is_put_together_in_the_same_way() -> None:
+    assert torch.equal(in_style(*scene(), stripes()), in_style(*scene(), stripes()))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("size", [(5, 5), (10, 400), (400, 10)])
+def test_tiny_and_narrow_styles_serve_too(size: tuple[int, int]) -> None:
+    picture, where = scene()
+    shown = in_style(picture, torch.zeros_like(where), stripes(*size))  # and a scene may have no thing
+    assert shown.isfinite().all()
+
+
+def sheet() -> torch.Tensor:
+    """A drawing: a black frame on white paper."""
+    drawing = torch.ones(3, 64, 80)
+    drawing[:, 20:50, 25:55] = 0
+    drawing[:, 24:46, 29:51] = 1
+    return drawing
+
+
+@pytest.mark.slow
+def test_a_drawing_in_a_style_becomes_a_picture_without_paper_and_keeps_its_lines() -> None:
+    goal = Goal((SketchTerm(sheet()), StyleTerm(stripes())))
+    *given, made = fill_drawing_in_style(goal, 64, 80).terms
+    assert all(map(operator.is_, given, goal.terms)) and isinstance(made, ImageTerm) and made.weight == 4.0
+    lab = to_lab(made.image.permute(1, 2, 0))
+    assert float((made.image - 1).abs().amax(0).amin()) > 0.03, "no paper is left"
+    assert float(lab[:16, :, 0].std()) > 5, "marks"
+    assert float(lab[21:24, 30:50, 0].mean()) < float(lab[28:42, 33:47, 0].mean()) - 20, "lines are dark"
+    (begun,) = Goal((*given, made)).initial_terms
+    assert begun is made, "the painting begins with it"
+
+
+@pytest.mark.slow
+def test_a_lighter_style_leaves_more_of_the_drawing() -> None:
+    filled = color_drawing(SketchTerm(sheet()).drawing, stripes())
+    (*_, made) = fill_drawing_in_style(Goal((SketchTerm(sheet(), 4.0), StyleTerm(stripes()))), 64, 80).terms
+    (*_, whole) = fill_drawing_in_style(Goal((SketchTerm(sheet()), StyleTerm(stripes()))), 64, 80).terms
+    assert made.picture is not None and whole.picture is not None
+    torch.testing.assert_close(made.picture, torch.lerp(filled, whole.picture, 0.25))
+
+
+def test_a_drawing_is_not_filled_without_a_style_or_beside_another_picture() -> None:
+    sketch, style, photo = SketchTerm(sheet()), StyleTerm(stripes()), ImageTerm(photograph())
+    for goal in (Goal((sketch,)), Goal((sketch, style, photo)), Goal((sketch, style), (photo,))):
+        assert fill_drawing_in_style(goal, 64, 80) is goal

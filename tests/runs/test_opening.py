@@ -50,7 +50,7 @@ def test_a_policy_that_is_named_is_the_policy() -> None:
         ("white", {"studio_canvas": "old.png"}),
         ("scene", {"goal": [{"text": "a lemon"}]}),
         ("scene", {"goal": [{"sketch": "pear.png"}, {"text": "a pear"}, {"style": "waves.jpg"}]}),
-        ("white", {"goal": [{"sketch": "pear.png"}, {"style": "waves.jpg"}]}),
+        ("scene", {"goal": [{"sketch": "pear.png"}, {"style": "waves.jpg"}]}),
         ("white", {"initial": [{"text": "a lemon"}]}),
         ("auto", {"goal": [{"semantic": "boat.png"}]}),
         ("scene", {"goal": [{"style": "waves.jpg"}]}),

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from frida_painter.errors import ConfigError
 from frida_painter.objectives.image import ImageTerm, PictureTerm
-from frida_painter.objectives.objective import Gives, Goal, GoalKind, ObjectiveContext, ObjectiveTerm
+from frida_painter.objectives.objective import LASTS_IN_STYLE, Gives, Goal, GoalKind, ObjectiveContext, ObjectiveTerm
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -54,11 +54,8 @@ class SketchTerm(PictureTerm):
         return self.image
 
     def as_start(self, goal: Goal) -> ImageTerm:
-        """Returns the drawing as a picture, filled with the colours of the goal's first style if there is one."""
-        from frida_painter.objectives.sketch_loss import color_drawing
-
-        style = next((term.colors for term in goal.terms if term.colors is not None), None)
-        return ImageTerm(self.drawing if style is None else color_drawing(self.drawing, style), self.weight)
+        """Returns the drawing as a picture."""
+        return ImageTerm(self.drawing, self.weight)
 
     def on_picture(self, picture: Tensor) -> SketchTerm:
         """Returns the term for a drawing on a picture: its edges are those of lines and picture together."""
@@ -74,7 +71,9 @@ class SketchTerm(PictureTerm):
         drawing = images.fit(lines, context.grid.rows, context.grid.columns)
         shown = Semantic(drawing, context.encoders.meaning(), context.seed)
         hed = context.encoders.edges()
-        return ObjectiveTerm(Sketch(drawing, hed, shown), Sketch(drawing, hed, shown.validation))
+        lasts = LASTS_IN_STYLE if context.in_style else 1
+        validation = Sketch(drawing, hed, shown.validation)
+        return ObjectiveTerm(Sketch(drawing, hed, shown), validation, lasts=lasts, smooth=context.in_style)
 
     @classmethod
     def interpret(cls, goal: Goal, context: ObjectiveContext) -> Goal:

@@ -54,11 +54,14 @@ class StyleTerm(PictureTerm):
 
     @classmethod
     def interpret(cls, goal: Goal, context: ObjectiveContext) -> Goal:
-        """Moves the colours of the pictures to paint to those of the styles, and puts photographs into their marks."""
-        from frida_painter.objectives.style_loss import in_style_colors
-        from frida_painter.objectives.style_marks import in_style_marks
+        """Moves the colours of the pictures to paint to those of the styles, and puts photographs into their marks.
 
-        return in_style_marks(in_style_colors(goal))
+        A drawing without a photograph gets a picture in the style.
+        """
+        from frida_painter.objectives.style_loss import in_style_colors
+        from frida_painter.objectives.style_marks import fill_drawing_in_style, in_style_marks
+
+        return fill_drawing_in_style(in_style_marks(in_style_colors(goal)), context.grid.rows, context.grid.columns)
 
 
 KIND = GoalKind(

@@ -9,15 +9,18 @@ and Freeman 2001, "Image quilting for texture synthesis and transfer").
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
 from torch.nn import functional
 
 from frida_painter import images
+from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal, Term
 from frida_painter.objectives.pixel_loss import rise, spread
+from frida_painter.objectives.sketch_loss import color_drawing
 from frida_painter.objectives.style_flow import clear_edges
-from frida_painter.palette import from_lab, to_lab
+from frida_painter.palette import Palette, from_lab, to_lab
 
 # Photographs in the marks of a style. Places with edges of their own keep most of their picture.
 
@@ -36,7 +39,7 @@ def in_style_marks(goal: Goal) -> Goal:
     that the goal begins with stay unchanged. So does a goal without a style. A changed photograph has more weight than
     before, in the same proportion, because it no longer works against the style.
     """
-    style = max((term for term in goal.terms if term.colors is not None), key=lambda term: term.weight, default=None)
+    style = _heaviest_style(goal)
     begun = {id(term.picture) for term in goal.initial}
     if style is None or style.colors is None:
         return goal
@@ -52,6 +55,30 @@ def in_style_marks(goal: Goal) -> Goal:
         return replace(held, weight=term.weight * _HELD**share)
 
     return Goal(tuple(map(marked, goal.terms)), goal.initial)
+
+
+def fill_drawing_in_style(goal: Goal, rows: int, columns: int) -> Goal:
+    """Returns the goal with a picture [3, rows, columns] of its drawing in its heaviest style, if it has no picture.
+
+    The drawing's areas take colours of the style; what is around them takes its marks too, in proportion if the style
+    is lighter than the drawing. Pictures are compared pixel by pixel in every iteration. So slow networks need not be
+    asked in each, and no paper stays bare.
+    """
+    style = _heaviest_style(goal)
+    drawn = next((term for term in goal.terms if term.drawing is not None), None)
+    if style is None or drawn is None or any(term.picture is not None for term in (*goal.terms, *goal.initial)):
+        return goal
+    drawing, colors = drawn.drawing, style.colors
+    assert drawing is not None and colors is not None
+    filled = color_drawing(images.fit(drawing, rows, columns), colors)
+    where = (filled != filled[:, :1, :1]).any(0).to(filled)
+    share = min(1.0, style.weight / drawn.weight)
+    picture = torch.lerp(filled, in_style(filled, where, colors), share)
+    return Goal((*goal.terms, ImageTerm(picture, drawn.weight * _HELD**share)), goal.initial)
+
+
+def _heaviest_style(goal: Goal) -> Term | None:
+    return max((term for term in goal.terms if term.colors is not None), key=lambda term: term.weight, default=None)
 
 
 def lay_marks(picture: Tensor, style: Tensor, importance: Tensor | None = None) -> Tensor:
@@ -95,6 +122,55 @@ def to_lab_picture(picture: Tensor) -> Tensor:
 def from_lab_picture(lab: Tensor) -> Tensor:
     """Returns a picture [3, H, W] of Lab in sRGB."""
     return from_lab(lab.permute(1, 2, 0)).permute(2, 0, 1)
+
+
+# A scene in the colours, the value structure and the marks of a style. Things keep their shape.
+
+_COLORS = 8  # number of the style's colours besides its darkest and lightest
+_LOOKED_AT = 4000  # number of its pixels from which they are taken
+_FEWEST_TONES = 10.0  # least range of L* in a drawing with shades
+_CLEAR_SHAPE = 1.6  # factor of the opacity of things, whose soft edges are theirs
+
+
+def in_style(scene: Tensor, where: Tensor, style: Tensor) -> Tensor:
+    """Returns a scene [3, H, W] in sRGB in the colours, values and marks of a style picture [3, h, w].
+
+    where [H, W]: opacity of the scene's things, in [0, 1]; they take the colours over all its values, so that they
+    stand out, and hardly the marks
+    """
+    rows, columns = scene.shape[1:]
+    shape = shape_of_pieces(rows, columns)
+    whole = to_lab_picture(images.fit(style, *shape))
+    small, thing = images.fit(scene, *shape), (_CLEAR_SHAPE * images.fit(where[None], *shape)).clamp(max=1)
+    ground = in_colors(mix_composition(to_lab_picture(small), whole, thing), whole)
+    own = tone(torch.cat((small, thing)), style_colors(style), 0.0, 1.0)[:3] if bool((thing > 0.5).any()) else small
+    colored = torch.lerp(ground, to_lab_picture(own), thing)
+    painted = torch.lerp(quilt(colored, pieces_of(style)), colored, _OWN * thing)
+    return images.fit(from_lab_picture(painted), rows, columns)
+
+
+def style_colors(picture: Tensor) -> Tensor:
+    """Returns the picture's colours in Lab, [n, 3], from its darkest to its lightest."""
+    seen = picture.flatten(1).T
+    seen = seen[:: max(1, len(seen) // _LOOKED_AT)]
+    lab, middle = to_lab(seen), Palette.cluster(seen, torch.ones(len(seen)), _COLORS, seed=0).lab()
+    low, high = lab[:, 0].quantile(0.03), lab[:, 0].quantile(0.97)
+    ends = [lab[lab[:, 0] <= low].mean(0, keepdim=True), lab[lab[:, 0] >= high].mean(0, keepdim=True)]
+    between = middle[(middle[:, 0] > ends[0][0, 0]) & (middle[:, 0] < ends[1][0, 0])].flip(0)
+    return torch.cat((ends[0], between, ends[1]))
+
+
+def tone(drawing: Tensor, colors: Tensor, low: float, high: float) -> Tensor:
+    """Returns a drawing, colour and opacity [4, h, w], in `colors` (Lab, dark to light), from `low` to `high`."""
+    light = to_lab_picture(drawing[:3])[0]
+    seen = light[drawing[3] > 0.5]
+    first, last = seen.quantile(0.02), seen.quantile(0.98)
+    share = ((light - first) / (last - first).clamp(min=_FEWEST_TONES)).clamp(0, 1)
+    dark, bright = colors[0, 0], colors[-1, 0]
+    wanted = (dark + (low + (high - low) * share) * (bright - dark)).numpy()
+    scale = colors.numpy()
+    lab = np.stack([np.interp(wanted, scale[:, 0], scale[:, part]) for part in range(3)])
+    return torch.cat((from_lab_picture(torch.from_numpy(lab).float()), drawing[3:]))
 
 
 # Optimal transport of colours

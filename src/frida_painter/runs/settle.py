@@ -175,7 +175,7 @@ def wanted_ground(spec: RunSpec) -> str:
     if not spec.simulated or spec.studio_canvas is not None or spec.on_canvas:
         return "white"
     kinds = {item.kind for item in spec.goal}
-    if spec.is_composed or ("style" in kinds and "sketch" not in kinds):
+    if spec.is_composed or "style" in kinds:
         return OF_SCENE
     pictured = not spec.initial and not kinds.isdisjoint(("image", "semantic"))
     return AUTO if pictured and spec.strokes >= FEWEST_FOR_LAYERS else "white"

@@ -13,6 +13,7 @@ from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.objectives.sketch_loss import color_drawing
+from frida_painter.objectives.style_marks import in_style
 from frida_painter.words import places
 from frida_painter.words.account import Account, Mark
 from frida_painter.words.arrangement import (
@@ -28,7 +29,7 @@ from frida_painter.words.composition import ComposedScene, compose_mood, compose
 from frida_painter.words.places import DAY, NOWHERE, Light, Place, Setting, Weather
 from frida_painter.words.reading import Reading, Relation, Thing, paint_of, prompt_reader, word_meanings
 from frida_painter.words.retrieval import OWN, FoundPicture, PictureIndex, has_ground, is_upright, picture_index
-from frida_painter.words.style_scene import composite_into_style, in_style
+from frida_painter.words.style_scene import composite_into_style
 
 # Casting: the choice of a picture for each thing.
 
