@@ -2,6 +2,7 @@ import pytest
 import torch
 
 from frida_painter.frames import PixelGrid
+from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.interpretation import prepare
 from frida_painter.objectives.objective import Goal
 from frida_painter.objectives.sketch import SketchTerm
@@ -60,3 +61,12 @@ def test_a_sketch_in_a_goal_is_judged_the_same_way_every_time() -> None:
     assert aim.validation is not None
     with torch.no_grad():
         assert float(aim.validation(picture)) == float(aim.validation(picture)) > 0
+
+
+def test_edges_are_looked_for_seldom_only_where_pixels_hold_the_picture_meanwhile() -> None:
+    grid, photo = PixelGrid.of_height(CANVAS, 48), ImageTerm(torch.full((3, 96, 128), 0.6))
+    alone, beside = (
+        prepare(Goal((*others, SketchTerm(drawing()))), grid, QuickEncoders()) for others in ((), (photo,))
+    )
+    assert alone.sparing is None
+    assert beside.sparing is not None and beside.sparing().lasts > 1 and beside.sparing().smooth

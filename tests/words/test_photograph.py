@@ -1,6 +1,7 @@
 """Words beside a photograph, without a CLIP: their thing becomes a part of it."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import torch
@@ -12,6 +13,7 @@ from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal, ObjectiveContext
 from frida_painter.objectives.semantic import SemanticTerm
 from frida_painter.objectives.sketch import SketchTerm
+from frida_painter.words.reading import Reading, Relation, SaidWord, Thing
 from frida_painter.words.text import TextTerm
 from support.networks import QuickEncoders, index_of, random_lite_tensors
 
@@ -108,3 +110,53 @@ def test_words_beside_a_drawing_on_it_name_the_drawing(encoders: SeeingEncoders)
     photograph, sketch = ImageTerm(meadow()), SketchTerm(frame)
     assert interpret(Goal((photograph, sketch, WORDS)), encoders).terms == (photograph, sketch)
     assert "adds nothing to the drawing" in encoders.remarks[0]
+
+
+def night_and_rain(words: str, encoders: SeeingEncoders, importance: torch.Tensor | None = None) -> ImageTerm:
+    (term,) = interpret(Goal((ImageTerm(meadow(), importance=importance), TextTerm(words))), encoders).terms
+    assert isinstance(term, ImageTerm)
+    return term
+
+
+def test_a_light_lies_over_the_whole_photograph_and_contrasts_stay(encoders: SeeingEncoders) -> None:
+    shown = night_and_rain("midnight", encoders).image
+    change = shown.mean((1, 2)) / meadow().mean((1, 2))
+    assert float(change.max()) < 0.8, "darker"
+    assert float(change[2]) > 1.2 * float(change[0]), "and bluer"
+    upper, lower = shown[:, :40].mean((1, 2)), shown[:, 40:].mean((1, 2))
+    assert float((upper - lower).abs().max()) > 0.1, "and can still be told"
+    assert encoders.remarks == [
+        "Laid over the photograph: night.",
+        "Your words: shown by something similar: 'midnight' (by night).",
+    ]
+
+
+def test_a_thing_and_its_weather_are_both_shown(encoders: SeeingEncoders) -> None:
+    alone = night_and_rain("a strawberry", encoders)
+    shade = night_and_rain("gloomy", encoders).image / meadow()
+    encoders.remarks.clear()
+    words = SaidWord(1, "strawberry", "strawberry", "thing"), SaidWord(2, "in", "in", "relation")
+    things = Thing("strawberry", "strawberry", at=(1,)), Thing("rain", "rain", at=(4,))
+    said = (*words, SaidWord(4, "rain", "rain", "thing"))
+    read = Reading(things, (Relation(0, "in", 1, at=(2,)),), (), said)
+    encoders.own["prompt reader"] = SimpleNamespace(read=lambda prompt: read)
+    term = night_and_rain("a strawberry in the rain", encoders)
+    fallen = ((term.image - alone.image * shade).amax(0) > 0.05).float()
+    assert 0.005 < float(fallen.mean()) < 0.2, "the rain is in marks"
+    assert encoders.remarks[0].startswith("Laid into the photograph: 'strawberry'")
+    assert "Laid over the photograph: rain." in encoders.remarks
+    assert "Your words: shown: 'strawberry', 'in', 'rain'." in encoders.remarks
+
+
+def test_no_rain_falls_over_faces_and_faces_keep_their_importance(encoders: SeeingEncoders) -> None:
+    face = torch.ones(96, 128)
+    face[20:70, 30:90] = 7.0
+    term = night_and_rain("rain", encoders, face / face.mean())
+    assert term.importance is not None
+    inside = term.image[:, 45:65, 35:85] / meadow()[:, 45:65, 35:85]
+    assert float(inside.std((1, 2)).max()) < 1e-3
+    assert float(term.importance[45, 60] / term.importance.amin()) == pytest.approx(7, rel=0.05)
+
+
+def test_the_same_seed_gives_the_same_rain(encoders: SeeingEncoders) -> None:
+    assert torch.equal(night_and_rain("rain", encoders).image, night_and_rain("rain", encoders).image)

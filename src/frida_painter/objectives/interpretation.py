@@ -154,7 +154,8 @@ def prepare(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry | None = None
     picture = next((term.picture for term in goal.initial if term.picture is not None), None)
     begun = None if picture is None else images.fit(picture, grid.rows, grid.columns)
     in_style = any(term.colors is not None for term in goal.terms)
-    context = ObjectiveContext(grid, encoders or EncoderRegistry(), seed, begun, in_style=in_style)
+    is_held = any(term.is_pixelwise for term in goal.terms)
+    context = ObjectiveContext(grid, encoders or EncoderRegistry(), seed, begun, in_style=in_style, is_held=is_held)
     return WeightedObjective([(term.weight, _prepare_term(term, context)) for term in goal.terms], begun)
 
 

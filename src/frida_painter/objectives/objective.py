@@ -380,6 +380,7 @@ class ObjectiveContext:
     begun [3, H, W]: picture on that grid that the painting begins with, if the goal has one beside its terms
     sharpness: strength of the sharpening of photographs before planning (objectives/pixel_loss.py)
     in_style: True if a term of the goal is a style
+    is_held: True if a term is compared pixel by pixel, so that others may be computed seldom
     shared: what terms of one goal have in common, by names that they agree on, such as a network's last sight
     """
 
@@ -389,6 +390,7 @@ class ObjectiveContext:
     begun: Tensor | None = None
     sharpness: float = 0.0
     in_style: bool = False
+    is_held: bool = False
     shared: dict[str, Any] = field(default_factory=dict)
 
 

@@ -71,9 +71,9 @@ class SketchTerm(PictureTerm):
         drawing = images.fit(lines, context.grid.rows, context.grid.columns)
         shown = Semantic(drawing, context.encoders.meaning(), context.seed)
         hed = context.encoders.edges()
-        lasts = LASTS_IN_STYLE if context.in_style else 1
+        lasts = LASTS_IN_STYLE if context.is_held else 1
         validation = Sketch(drawing, hed, shown.validation)
-        return ObjectiveTerm(Sketch(drawing, hed, shown), validation, lasts=lasts, smooth=context.in_style)
+        return ObjectiveTerm(Sketch(drawing, hed, shown), validation, lasts=lasts, smooth=context.is_held)
 
     @classmethod
     def interpret(cls, goal: Goal, context: ObjectiveContext) -> Goal:

@@ -34,7 +34,7 @@ def with_beginning(
     """
     encoders = context.encoders
     if puts_into_photograph(goal, encoders):
-        return put_into_photograph(goal, encoders)
+        return put_into_photograph(goal, encoders, context.seed)
     how = settings.beginning
     by_clip = encoders.reads_by_clip
     if how == "scene" and by_clip and not encoders.composes:

@@ -70,6 +70,7 @@ _ALOFT = 0.40  # of the height: position of the middle of things in the air
 _AMID = 0.62  # of the height that a single thing fills in a visible place
 _THIRD = 0.07  # of the width: distance from the middle of a thing that leaves room
 
+_DARKEST = 0.7  # share of a picture's brightness that is left in the darkest light
 _LIT = 0.55  # share of the light's colour that things take on
 _ROUND, _MODELLED, _BOUNCED = 0.05, 0.3, 0.12  # of the height: reach of the shade; its depth; share of the ground
 _STANDING = 0.05  # of its height, by which a thing on the floor may be above it
@@ -159,8 +160,15 @@ def _cast(picture: Tensor, ground: Tensor, foot: int, left: int, *, is_water: bo
 
 def compose_photograph(picture: Tensor, setting: Setting, grid: PixelGrid, seed: int) -> ComposedScene:
     """Composes a picture [3, h, w] with its own ground, which fills the canvas in the setting's light and weather."""
-    colors = simplify(images.fit(picture, grid.rows, grid.columns)) * setting.light.shade[:, None, None].clamp(max=1.0)
-    return _under(setting, colors, torch.ones(grid.rows, grid.columns), seed, is_alone=False)
+    colors = simplify(images.fit(picture, grid.rows, grid.columns))
+    return lay_setting(colors, setting, torch.ones_like(colors[0]), seed)
+
+
+def lay_setting(picture: Tensor, setting: Setting, where: Tensor, seed: int) -> ComposedScene:
+    """Lays the light and the weather of a setting over a picture [3, H, W]; marks keep clear of `where` [H, W]."""
+    shade = setting.light.shade[:, None, None].clamp(max=1.0)
+    shade = shade * (_DARKEST / shade.max()).clamp(min=1.0)  # what is there can still be told at night
+    return _under(setting, picture * shade, where, seed, is_alone=False)
 
 
 def _under(setting: Setting, picture: Tensor, where: Tensor, seed: int, *, is_alone: bool) -> ComposedScene:

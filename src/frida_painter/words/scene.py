@@ -131,7 +131,7 @@ def scene_of(
     """
     reading, index = prompt_reader(encoders).read(prompt), picture_index(encoders)
     sentences, account = word_meanings(encoders), Account(reading)
-    setting, settled, seen = _setting(reading, index, encoders)
+    setting, settled, seen = setting_of(reading, index, encoders)
     named = [light for *_, light in seen if isinstance(light, Light)]
     feels = any(part in named and part not in places.TIMES and word == thing.noun for thing, word, part in seen)
     if len(settled) == len(reading.things) and setting.place is not NOWHERE and not feels:
@@ -152,7 +152,7 @@ def scene_of(
     second = next(light for light in others if light in named or places.go_together(light, setting.light))
     used = {setting.place.name, setting.weather.name, *setting.light.name.split(", ")}
     used |= {second.name} if is_mood else {places.SKY.name} if setting.place.is_open else set()
-    _account_for(things, reading, [one for one in seen if one[2].name in used], account)
+    account_for(things, reading, [one for one in seen if one[2].name in used], account)
     _tell([one for one in things if one is not None], setting, encoders, use, index, account)
     if whole is not None:
         if len(shown) > 1:
@@ -197,7 +197,7 @@ def _people_place(reading: Reading, setting: Setting, sentences: SentenceEncoder
 _Seen = list[tuple[Thing, str, Place | Light | Weather]]
 
 
-def _setting(
+def setting_of(
     reading: Reading, index: PictureIndex | None, encoders: EncoderRegistry
 ) -> tuple[Setting, set[int], _Seen]:
     """Returns the setting that the words name, the numbers of the things that are only part of it, and its words.
@@ -263,7 +263,7 @@ def _place_named(number: int, reading: Reading, nearest: float, sentences: Sente
     return place if place is None or paint is None else places.in_color(place, tuple(paint.tolist()))
 
 
-def _account_for(things: _Cast, reading: Reading, seen: _Seen, account: Account) -> None:
+def account_for(things: Sequence[FoundPicture | None], reading: Reading, seen: _Seen, account: Account) -> None:
     """Marks what a scene shows: the words of its setting, the things with pictures, and the relations of both.
 
     seen: words of the setting
@@ -410,5 +410,5 @@ def _start_with_style(
 
 def tell_thing(thing: FoundPicture, reading: Reading, account: Account) -> str:
     """Marks the words that are shown by the picture of a thing; returns its description with its authors."""
-    _account_for([thing], reading, [], account)
+    account_for([thing], reading, [], account)
     return f"{thing.told}{_credit([thing])}"
