@@ -47,13 +47,6 @@ def test_a_style_that_matters_less_moves_colors_less() -> None:
     torch.testing.assert_close(part, 0.75 * BROWN + 0.25 * whole)
 
 
-def test_of_several_styles_each_counts_by_its_weight() -> None:
-    red = scattered((50.0, 40.0, 25.0), (30.0, 12.0, 12.0), seed=2)
-    goal = in_style_colors(Goal((ImageTerm(BROWN), StyleTerm(BLUE, 1.0), StyleTerm(red, 3.0))))
-    mixed = 0.25 * moments(BLUE)[0] + 0.75 * moments(red)[0]
-    torch.testing.assert_close(moments(goal.terms[0].image)[0], mixed, atol=2.0, rtol=0)
-
-
 def test_only_what_is_painted_in_a_style_is_wanted_in_its_colors() -> None:
     words, picture = TextTerm("a lemon"), ImageTerm(BROWN)
     unstyled = Goal((words, picture))

@@ -12,6 +12,7 @@ from torch.nn import functional
 from frida_painter import images
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.objective import Goal
+from frida_painter.objectives.style_places import change_by_place, styles_of
 
 _ROWS = 160  # rows of the picture in which directions are measured
 _MARK = 1.0  # pixels of that picture: smoothing of its grain
@@ -44,12 +45,20 @@ def directions(picture: Tensor) -> tuple[Tensor, Tensor, Tensor]:
 
 
 def flow_of(goal: Goal, grid: PixelGrid) -> Tensor | None:
-    """Returns `flow` on a grid for the first style of a goal and the guide of its beginning; None without a style."""
-    style = next((term.brushwork for term in goal.terms if term.brushwork is not None), None)
-    if style is None:
+    """Returns `flow` on a grid for the styles of a goal and the guide of its beginning; None without a style.
+
+    Several styles have their places in the guide. Without a guide of their own, the first one has the canvas.
+    """
+    styles = [term.brushwork for term in goal.terms if term.brushwork is not None]
+    if not styles:
         return None
     guide = next((term.guide for term in goal.initial_terms if term.guide is not None), None)
-    return flow(style, None if guide is style else guide, grid.rows, grid.columns)
+    if guide is None or any(guide is style for style in styles):
+        return flow(styles[0], None, grid.rows, grid.columns)
+    colored = styles_of(goal)
+    if len(colored) < 2:
+        return flow(styles[0], guide, grid.rows, grid.columns)
+    return change_by_place(guide, colored, lambda style: flow(style, guide, grid.rows, grid.columns))
 
 
 def flow(style: Tensor, content: Tensor | None, rows: int, columns: int) -> Tensor:

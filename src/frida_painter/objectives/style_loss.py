@@ -1,7 +1,5 @@
 """Style objective: colours, textures and marks of another picture, independent of their places."""
 
-from collections.abc import Sequence
-
 import torch
 from torch import Tensor
 
@@ -10,6 +8,7 @@ from frida_painter.frames import PixelGrid
 from frida_painter.images import resize_to_pixels
 from frida_painter.objectives.encoders.vgg import Vgg16
 from frida_painter.objectives.objective import Goal, Term
+from frida_painter.objectives.style_places import change_by_place, styles_of
 from frida_painter.palette import from_lab, to_lab
 
 # Distance of two clouds of features: a differentiable relaxation of the Earth Mover's Distance
@@ -103,15 +102,14 @@ _MIN = 1.0  # variance in Lab that is added along each direction, so that the co
 
 
 def in_style_colors(goal: Goal) -> Goal:
-    """Returns the goal with the colours of its pictures moved to those of its styles.
+    """Returns the goal with the colours of its pictures moved to those of its styles, each at its places.
 
-    A style with at least the weight of a picture moves the colours completely, a lighter style in proportion. A
-    first picture that is not painted later stays unchanged. So does a goal without a style.
+    Styles with at least the weight of a picture move the colours completely, lighter ones in proportion. A first
+    picture that is not painted later stays unchanged. So does a goal without a style.
     """
-    styles = [(term.colors, term.weight) for term in goal.terms if term.colors is not None]
+    styles = styles_of(goal)
     if not styles:
         return goal
-    wanted = _moments([_lab(colors) for colors, _ in styles], [weight for _, weight in styles])
     moved: dict[int, Tensor] = {}
 
     def recolored(term: Term) -> Term:
@@ -119,8 +117,9 @@ def in_style_colors(goal: Goal) -> Goal:
         if picture is None:
             return term
         if id(picture) not in moved:
-            share = min(1.0, sum(weight for _, weight in styles) / term.weight)
-            moved[id(picture)] = torch.lerp(picture, _transfer_colors(picture, wanted), share)
+            share = min(1.0, sum(style.weight for style in styles) / term.weight)
+            carried = change_by_place(picture, styles, lambda style: _transfer_colors(picture, _moments(_lab(style))))
+            moved[id(picture)] = torch.lerp(picture, carried, share)
         return term.with_picture(moved[id(picture)])
 
     terms = tuple(recolored(term) for term in goal.terms)
@@ -128,21 +127,16 @@ def in_style_colors(goal: Goal) -> Goal:
     return Goal(terms, initial)
 
 
-def _moments(every: Sequence[Tensor], weights: Sequence[float]) -> tuple[Tensor, Tensor]:
-    """Returns mean [3] and covariance [3, 3] of colours in Lab; each picture [n, 3] counts by its weight."""
-    share = torch.tensor(weights, dtype=torch.float64) / sum(weights)
-    mean = sum((part * lab.mean(0) for part, lab in zip(share, every, strict=True)), torch.zeros(3).double())
-    spread = sum(
-        (part * (lab - mean).T @ (lab - mean) / len(lab) for part, lab in zip(share, every, strict=True)),
-        _MIN * torch.eye(3).double(),
-    )
-    return mean, spread
+def _moments(lab: Tensor) -> tuple[Tensor, Tensor]:
+    """Returns mean [3] and covariance [3, 3] of colours [n, 3] in Lab."""
+    mean = lab.mean(0)
+    return mean, (lab - mean).T @ (lab - mean) / len(lab) + _MIN * torch.eye(3).double()
 
 
 def _transfer_colors(picture: Tensor, wanted: tuple[Tensor, Tensor]) -> Tensor:
     """Returns the picture [3, H, W] with mean and covariance of its colours moved to `wanted`."""
     seen = _lab(picture)
-    mean, spread = _moments([seen], [1.0])
+    mean, spread = _moments(seen)
     root = _root(spread)
     back = torch.linalg.inv(root)
     stretch, directions = torch.linalg.eigh(back @ _root(root @ wanted[1] @ root) @ back)

@@ -20,6 +20,7 @@ from frida_painter.objectives.objective import Goal, Term
 from frida_painter.objectives.pixel_loss import rise, spread
 from frida_painter.objectives.sketch_loss import color_drawing
 from frida_painter.objectives.style_flow import clear_edges
+from frida_painter.objectives.style_places import change_by_place, styles_of
 from frida_painter.palette import Palette, from_lab, to_lab
 
 # Photographs in the marks of a style. Places with edges of their own keep most of their picture.
@@ -33,52 +34,53 @@ _HELD = 4.0  # weight of a picture in the style's marks, relative to its own: it
 
 
 def in_style_marks(goal: Goal) -> Goal:
-    """Returns the goal with its photographs put together from pieces of its heaviest style.
+    """Returns the goal with its photographs put together from pieces of its styles, each at its places.
 
-    A style with at least the weight of a photograph changes it completely, a lighter style in proportion. Pictures
+    Styles with at least the weight of a photograph change it completely, lighter ones in proportion. Pictures
     that the goal begins with stay unchanged. So does a goal without a style. A changed photograph has more weight than
     before, in the same proportion, because it no longer works against the style.
     """
-    style = _heaviest_style(goal)
+    styles = styles_of(goal)
     begun = {id(term.picture) for term in goal.initial}
-    if style is None or style.colors is None:
+    if not styles:
         return goal
-    colors, weight = style.colors, style.weight
+    weight = sum(style.weight for style in styles)
 
     def marked(term: Term) -> Term:
         picture = term.picture
         if picture is None or not term.is_pixelwise or id(picture) in begun:
             return term
         share = min(1.0, weight / term.weight)
-        changed = torch.lerp(picture, lay_marks(picture, colors, term.importance), share)
-        held: Any = term.with_picture(changed)  # terms are dataclasses
+        laid = change_by_place(picture, styles, lambda style: lay_marks(picture, style, term.importance))
+        held: Any = term.with_picture(torch.lerp(picture, laid, share))  # terms are dataclasses
         return replace(held, weight=term.weight * _HELD**share)
 
     return Goal(tuple(map(marked, goal.terms)), goal.initial)
 
 
 def fill_drawing_in_style(goal: Goal, rows: int, columns: int) -> Goal:
-    """Returns the goal with a picture [3, rows, columns] of its drawing in its heaviest style, if it has no picture.
+    """Returns the goal with a picture [3, rows, columns] of its drawing in its styles, if it has no picture.
 
-    The drawing's areas take colours of the style; what is around them takes its marks too, in proportion if the style
-    is lighter than the drawing. Pictures are compared pixel by pixel in every iteration. So slow networks need not be
+    The drawing's areas take colours of the style; what is around them takes its marks too, in proportion if the styles
+    are lighter than the drawing. Pictures are compared pixel by pixel in every iteration. So slow networks need not be
     asked in each, and no paper stays bare.
     """
-    style = _heaviest_style(goal)
+    styles = styles_of(goal)
     drawn = next((term for term in goal.terms if term.drawing is not None), None)
-    if style is None or drawn is None or any(term.picture is not None for term in (*goal.terms, *goal.initial)):
+    if not styles or drawn is None or any(term.picture is not None for term in (*goal.terms, *goal.initial)):
         return goal
-    drawing, colors = drawn.drawing, style.colors
-    assert drawing is not None and colors is not None
-    filled = color_drawing(images.fit(drawing, rows, columns), colors)
-    where = (filled != filled[:, :1, :1]).any(0).to(filled)
-    share = min(1.0, style.weight / drawn.weight)
-    picture = torch.lerp(filled, in_style(filled, where, colors), share)
+    lines = drawn.drawing
+    assert lines is not None
+    drawing = images.fit(lines, rows, columns)
+    share = min(1.0, sum(style.weight for style in styles) / drawn.weight)
+
+    def paint(style: Tensor) -> Tensor:
+        filled = color_drawing(drawing, style)
+        where = (filled != filled[:, :1, :1]).any(0).to(filled)
+        return torch.lerp(filled, in_style(filled, where, style), share)
+
+    picture = change_by_place(drawing, styles, paint)
     return Goal((*goal.terms, ImageTerm(picture, drawn.weight * _HELD**share)), goal.initial)
-
-
-def _heaviest_style(goal: Goal) -> Term | None:
-    return max((term for term in goal.terms if term.colors is not None), key=lambda term: term.weight, default=None)
 
 
 def lay_marks(picture: Tensor, style: Tensor, importance: Tensor | None = None) -> Tensor:

@@ -14,6 +14,7 @@ from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.objectives.sketch_loss import color_drawing
 from frida_painter.objectives.style_marks import in_style
+from frida_painter.objectives.style_places import change_by_place, styles_of
 from frida_painter.words import places
 from frida_painter.words.account import Account, Mark
 from frida_painter.words.arrangement import (
@@ -337,8 +338,8 @@ def initial_composition(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, 
     """Returns the goal with an initial picture, if it has words and no other picture to begin with.
 
     The picture is also a term beside the words, so that the composition lasts while the words change it. It has the
-    colours and the marks of the heaviest style, in proportion if that is lighter than the words. A sketch is filled
-    with the picture's colours, or with those of a style; a style to begin with gets the thing of the words laid in.
+    colours and the marks of the styles, in proportion if these are lighter than the words. A sketch is filled with the
+    picture's colours, or with those of the heaviest style; a style to begin with gets the thing of the words laid in.
     """
     words, weight = words_of(goal)
     pictures = [term for term in (goal.initial or goal.terms) if term.picture is not None]
@@ -352,17 +353,17 @@ def initial_composition(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, 
         if staged is not None or first is None:
             return goal
         return replace(goal, initial=(_term(scene_of(first, grid, encoders, seed)), *goal.initial))
-    styles = (term for term in goal.terms if term.colors is not None)
-    styled = max(styles, key=lambda term: term.weight, default=None)
-    style = None if styled is None else styled.colors
+    styles = styles_of(goal)
+    style = max(styles, key=lambda term: term.weight).colors if styles else None
     drawing = next((term.drawing for term in goal.terms if term.drawing is not None), None)
     if drawing is None:
         scene = scene_of(words, grid, encoders, seed)
         kept = _KEPT if scene.is_alone else _KEPT_SCENE
         kept = kept if all(term.words is not None for term in goal.terms) else _AMONG
-        if styled is not None and style is not None:
-            shown = in_style(scene.picture, scene.where, style)
-            scene = replace(scene, picture=torch.lerp(scene.picture, shown, min(1.0, styled.weight / weight)))
+        if styles:
+            shown = change_by_place(scene.picture, styles, lambda style: in_style(scene.picture, scene.where, style))
+            share = min(1.0, sum(one.weight for one in styles) / weight)
+            scene = replace(scene, picture=torch.lerp(scene.picture, shown, share))
         begun = _term(scene, weight * kept, _SUBJECT if style is None else _MATTERS)
     else:
         like = scene_of(words, grid, encoders, seed, "coloured like").picture if style is None else style
