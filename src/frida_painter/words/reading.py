@@ -41,7 +41,7 @@ _DEPICTIONS = ("painting", "picture", "drawing", "sketch", "photo", "photograph"
                 "watercolour")  # fmt: skip
 _MADE = ("building", "carving", "clothing", "crossing", "engraving", "etching", "evening", "railing", "wedding")
 _IN_A_NAME = ("amod", "compound", "nmod", "nummod", "npadvmod", "quantmod", "poss", "det")  # parts of speech
-_EACH_OTHER = ("other", "another", "itself", "himself", "herself", "themselves")
+_SOMEBODY = ("some", "every")  # the pronouns that are people: somebody waits, but "it" and "you" are no things
 _BASIC = ("black", "white", "red", "green", "yellow", "blue", "brown", "purple", "pink", "orange", "gray", "grey")
 _VIVID = 72.0  # chroma
 _LABEL = 60
@@ -54,7 +54,7 @@ class Thing:
     """Thing that a prompt names.
 
     name: in the singular, with its adjectives and without its colour, such as "old man"
-    noun: last word of the name
+    noun: last word of the name; the whole name of a prompt without nouns, such as "growing up"
     color: word for its colour, such as "dark blue", or ""
     count: stated number; None for several without a number
     doing: verb for its action, such as "sleep", or ""
@@ -210,7 +210,8 @@ class PromptReader:
         said = said or (SaidWord(0, plain, plain.lower(), "thing"),)
         if parsed is not None and (rest := prompt.strip()[_LONGEST:].strip()):
             said = (*said, SaidWord(len(parsed), rest[:_LABEL], rest[:_LABEL].lower(), "thing"))
-        whole = Thing(plain, plain.rpartition(" ")[2], at=tuple(word.at for word in said))
+        noun = plain if parsed is not None else plain.rpartition(" ")[2]
+        whole = Thing(plain, noun, at=tuple(word.at for word in said))
         relations, absent = tuple(dict.fromkeys(walk.relations)), tuple(dict.fromkeys(walk.absent))
         return Reading(tuple(walk.things) or (whole,), relations, absent, said)
 
@@ -218,6 +219,8 @@ class PromptReader:
         """Returns the parsed text. Words that are only nouns in the lexicon are never adjectives: a croissant."""
         assert self._language is not None and self._words is not None
         read = self._language(text)
+        if len(read) and (read[0].pos_ in ("NOUN", "PROPN", "ADJ") or read[0].tag_ == "VBZ"):
+            read = self._language(f"the {text}")  # cows under a tree: without an article "cows" looks like a verb
         for word in read:
             if word.pos_ in ("ADJ", "ADV", "X", "INTJ") and word.i > word.head.i and word.lemma_ in self._words.nouns:
                 word.pos_ = "NOUN"
@@ -297,9 +300,11 @@ class _Walk:
     def _add(self, noun: Token) -> None:
         """Adds a noun to the things, if it is one."""
         is_actor = noun in self._actors.values() or (noun.dep_ == "npadvmod" and noun.head.dep_ == "ROOT")
-        is_named = noun.dep_ in _IN_A_NAME or (noun.dep_ == "appos" and noun.pos_ == "PROPN")  # my cat Tom
+        is_part = noun.dep_ in _IN_A_NAME and noun.head.pos_ != "VERB"  # but a train crossing a bridge
+        is_named = is_part or (noun.dep_ == "appos" and noun.pos_ == "PROPN")  # my cat Tom
         is_noun = _is_noun(noun) and not is_named and _last_word(noun.head) != noun and not _is_between(noun)
-        if noun.lower_ in _EACH_OTHER or noun in self._read_as or not (is_actor or is_noun):
+        is_nobody = noun.pos_ == "PRON" and not noun.lower_.startswith(_SOMEBODY)
+        if is_nobody or noun in self._read_as or not (is_actor or is_noun):
             return
         first = next(word for word in (noun, *noun.ancestors) if word.dep_ not in ("conj", "appos"))
         is_without = first.dep_ == "pobj" and first.head.lower_ == "without"

@@ -62,7 +62,11 @@ def cast(
     if index is None:
         return things
     sentences = word_meanings(encoders)
-    wanted = {number: thing for number, thing in enumerate(reading.things) if number not in settled}
+    wanted = {
+        number: thing
+        for number, thing in enumerate(reading.things)
+        if number not in settled and (" " not in thing.noun or index.nearest(thing) >= _CALLED)
+    }
     for one in reading.relations:
         if not {one.subject, one.object} <= {*wanted}:
             continue
@@ -207,10 +211,13 @@ def setting_of(
     """
     sentences, settled, seen = word_meanings(encoders), set[int](), _Seen()
     for number, thing in enumerate(reading.things):
-        nearest = 0.0 if index is None else index.nearest(thing)
+        named = thing, replace(thing, name=thing.noun)  # an alarm clock may be a clock
+        nearest, nearest_noun = (0.0 if index is None else index.nearest(one) for one in named)
         part: Place | Light | Weather | None = None
         if nearest < OWN:
-            part = places.find_part(thing.noun, places.WEATHERS, sentences) or _mood(thing.noun, nearest, sentences)
+            part = places.find_part(thing.noun, places.WEATHERS, sentences) or _mood(
+                thing.noun, nearest_noun, sentences
+            )
         if part := part or _place_named(number, reading, nearest, sentences):
             settled.add(number)
             seen.append((thing, thing.noun, part))
