@@ -211,8 +211,8 @@ def setting_of(
     """
     sentences, settled, seen = word_meanings(encoders), set[int](), _Seen()
     for number, thing in enumerate(reading.things):
-        named = thing, replace(thing, name=thing.noun)  # an alarm clock may be a clock
-        nearest, nearest_noun = (0.0 if index is None else index.nearest(one) for one in named)
+        clock = replace(thing, name=thing.noun)  # of an alarm clock
+        nearest, nearest_noun = (0.0 if index is None else index.nearest(one) for one in (thing, clock))
         part: Place | Light | Weather | None = None
         if nearest < OWN:
             part = places.find_part(thing.noun, places.WEATHERS, sentences) or _mood(
