@@ -366,8 +366,9 @@ class Sparing:
     smooth: bool = False
 
 
-LASTS_IN_STYLE = 3
-"""Full steps that one gradient of a style serves, and of other terms in a style; measured in docs/lab/goals.md."""
+GRADIENT_LASTS = 3
+"""Full steps that one gradient of a slow network serves: in a style, and of edges beside a picture that is compared
+pixel by pixel. Measured in docs/lab/goals.md."""
 
 
 @dataclass(frozen=True)

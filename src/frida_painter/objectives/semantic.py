@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from frida_painter.objectives.image import ImageTerm, PictureTerm
-from frida_painter.objectives.objective import LASTS_IN_STYLE, Gives, Goal, GoalKind, ObjectiveContext, ObjectiveTerm
+from frida_painter.objectives.objective import GRADIENT_LASTS, Gives, Goal, GoalKind, ObjectiveContext, ObjectiveTerm
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -62,7 +62,7 @@ class SemanticTerm(PictureTerm):
         trunk = context.encoders.shapes()
         aside = Semantic(shown, context.encoders.aside(), context.seed, trunk, self.freedom, self.importance)
         seen = Semantic(shown, context.encoders.meaning(), context.seed, trunk, self.freedom, self.importance)
-        lasts = LASTS_IN_STYLE if context.in_style else 1
+        lasts = GRADIENT_LASTS if context.in_style else 1
         return ObjectiveTerm(seen, aside.validation, lasts=lasts, smooth=context.in_style)
 
     @classmethod

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from frida_painter.errors import ConfigError
 from frida_painter.objectives.image import ImageTerm, PictureTerm
-from frida_painter.objectives.objective import LASTS_IN_STYLE, Gives, Goal, GoalKind, ObjectiveContext, ObjectiveTerm
+from frida_painter.objectives.objective import GRADIENT_LASTS, Gives, Goal, GoalKind, ObjectiveContext, ObjectiveTerm
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -71,7 +71,7 @@ class SketchTerm(PictureTerm):
         drawing = images.fit(lines, context.grid.rows, context.grid.columns)
         shown = Semantic(drawing, context.encoders.meaning(), context.seed)
         hed = context.encoders.edges()
-        lasts = LASTS_IN_STYLE if context.is_held else 1
+        lasts = GRADIENT_LASTS if context.is_held else 1
         validation = Sketch(drawing, hed, shown.validation)
         return ObjectiveTerm(Sketch(drawing, hed, shown), validation, lasts=lasts, smooth=context.is_held)
 

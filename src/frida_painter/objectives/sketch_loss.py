@@ -88,6 +88,11 @@ def color_drawing(drawing: Tensor, style: Tensor) -> Tensor:
     return filled
 
 
+def filled_areas(colored: Tensor) -> Tensor:
+    """Returns 1 for the lines and the filled areas of a drawing in colours [3, H, W], 0 for its ground: [H, W]."""
+    return (colored != colored[:, :1, :1]).any(0).to(colored)
+
+
 def _close(picture: Tensor, reach: int) -> Tensor:
     """Returns the picture [1, 3, h, w], smoothed, without dark details narrower than 2 `reach` + 1 pixels."""
     around = 2 * reach + 1

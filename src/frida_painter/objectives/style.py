@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Self
 
 from frida_painter.errors import ConfigError
 from frida_painter.objectives.image import PictureTerm
-from frida_painter.objectives.objective import LASTS_IN_STYLE, Gives, Goal, GoalKind, ObjectiveContext, ObjectiveTerm
+from frida_painter.objectives.objective import GRADIENT_LASTS, Gives, Goal, GoalKind, ObjectiveContext, ObjectiveTerm
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -50,7 +50,7 @@ class StyleTerm(PictureTerm):
         from frida_painter.objectives.style_loss import Style, pixels_of
 
         judge = Style(self.image, context.encoders.style(), context.seed, pixels_of(context.grid))
-        return ObjectiveTerm(judge, lasts=LASTS_IN_STYLE, smooth=True)
+        return ObjectiveTerm(judge, lasts=GRADIENT_LASTS, smooth=True)
 
     @classmethod
     def interpret(cls, goal: Goal, context: ObjectiveContext) -> Goal:

@@ -18,7 +18,7 @@ from frida_painter import images
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal, Term
 from frida_painter.objectives.pixel_loss import rise, spread
-from frida_painter.objectives.sketch_loss import color_drawing
+from frida_painter.objectives.sketch_loss import color_drawing, filled_areas
 from frida_painter.objectives.style_flow import clear_edges
 from frida_painter.objectives.style_places import change_by_place, styles_of
 from frida_painter.palette import Palette, from_lab, to_lab
@@ -76,8 +76,7 @@ def fill_drawing_in_style(goal: Goal, rows: int, columns: int) -> Goal:
 
     def paint(style: Tensor) -> Tensor:
         filled = color_drawing(drawing, style)
-        where = (filled != filled[:, :1, :1]).any(0).to(filled)
-        return torch.lerp(filled, in_style(filled, where, style), share)
+        return torch.lerp(filled, in_style(filled, filled_areas(filled), style), share)
 
     picture = change_by_place(drawing, styles, paint)
     return Goal((*goal.terms, ImageTerm(picture, drawn.weight * _HELD**share)), goal.initial)

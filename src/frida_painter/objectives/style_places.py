@@ -10,7 +10,7 @@ from frida_painter import images
 from frida_painter.objectives.objective import Goal, Term
 from frida_painter.palette import to_lab
 
-_ROWS = 128  # of the small picture in which places are found
+_ROWS = 128  # rows of the small picture that decides the places
 _AREA = 4.0  # its pixels: standard deviation of the blur, so that places are areas and no specks
 _SOFT = 3.0  # L* over which two styles blend
 

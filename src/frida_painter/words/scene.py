@@ -12,7 +12,7 @@ from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
-from frida_painter.objectives.sketch_loss import color_drawing
+from frida_painter.objectives.sketch_loss import color_drawing, filled_areas
 from frida_painter.objectives.style_marks import in_style
 from frida_painter.objectives.style_places import change_by_place, styles_of
 from frida_painter.words import places
@@ -211,8 +211,8 @@ def setting_of(
     """
     sentences, settled, seen = word_meanings(encoders), set[int](), _Seen()
     for number, thing in enumerate(reading.things):
-        clock = replace(thing, name=thing.noun)  # of an alarm clock
-        nearest, nearest_noun = (0.0 if index is None else index.nearest(one) for one in (thing, clock))
+        noun = replace(thing, name=thing.noun)  # no alarm clock has a picture, but a clock has, and is no idea
+        nearest, nearest_noun = (0.0 if index is None else index.nearest(one) for one in (thing, noun))
         part: Place | Light | Weather | None = None
         if nearest < OWN:
             part = places.find_part(thing.noun, places.WEATHERS, sentences) or _mood(
@@ -391,7 +391,7 @@ def _term(scene: ComposedScene, weight: float = 1.0, subject: float = _SUBJECT) 
 def _fill_drawing(drawing: Tensor, like: Tensor, weight: float) -> ImageTerm:
     """Returns a drawing [3, H, W] in the colours of a picture, as a term: lines and enclosed areas have more weight."""
     picture = color_drawing(drawing, like)
-    matters = 1 + (_SUBJECT - 1) * (picture != picture[:, :1, :1]).any(0).to(picture)
+    matters = 1 + (_SUBJECT - 1) * filled_areas(picture)
     return ImageTerm(picture, weight, matters / matters.mean())
 
 

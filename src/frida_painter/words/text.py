@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from frida_painter.errors import ConfigError
 from frida_painter.objectives.objective import (
-    LASTS_IN_STYLE,
+    GRADIENT_LASTS,
     Gives,
     Goal,
     GoalKind,
@@ -72,7 +72,7 @@ class TextTerm(Term):
             return ObjectiveTerm(words, judge.validation, recognizes=True, lasts=_LASTS)
         aside = context.encoders.reader_aside()
         steady = words if aside is None else Text(self.prompt, [aside], context.seed, context.begun, self.settings)
-        lasts = LASTS_IN_STYLE if context.in_style else 1
+        lasts = GRADIENT_LASTS if context.in_style else 1
         return ObjectiveTerm(words, steady.validation, recognizes=True, lasts=lasts, smooth=context.in_style)
 
     @classmethod
