@@ -13,18 +13,20 @@ from frida_painter.words.places import (
     GREY,
     HORIZON,
     LIGHTS,
+    MEADOW,
     PAPER,
     PLACES,
     ROOM,
     WEATHERS,
     Place,
     Setting,
+    before,
     color_of,
-    find_mood,
     find_part,
     go_together,
     in_color,
     infer_place,
+    is_idea,
     mix_lights,
     rank_lights,
     with_contrast,
@@ -134,13 +136,16 @@ def test_paper_stays_bare_if_words_ask_for_it() -> None:
     assert float(blue[2].min()) == pytest.approx(0.9) and float(blue.std((1, 2)).max()) < 1e-6
 
 
-def test_a_feeling_is_a_light_and_a_thing_is_none() -> None:
+def test_a_feeling_is_an_idea_and_a_thing_is_none() -> None:
     bag = WordBag()
-    assert find_mood("grief", [], [], bag, is_pictured=False) is GREY
-    assert find_mood("grief", [], ["grief"], bag, is_pictured=False) is None, "no nearer than to a thing"
-    assert find_mood("grief", ["grief", "deep grief"], [], bag, is_pictured=False) is None, "nearer to people"
-    assert find_mood("teapot", [], [], bag, is_pictured=False) is None
-    assert find_mood("deep grief", [], ["grief machine"], bag, is_pictured=True) is None, "there is a picture of it"
+    assert is_idea("grief", ["grief"], bag, is_pictured=False), "it has no other sense"
+    assert is_idea("grief", [], bag, is_pictured=True) and not is_idea("grief", ["grief"], bag, is_pictured=True)
+    assert is_idea("dance", [], bag, is_pictured=False) and not is_idea("dance", ["dance"], bag, is_pictured=False)
+    assert not is_idea("teapot", [], bag, is_pictured=False) and not is_idea("violinist", [], bag, is_pictured=False)
+
+
+def test_lights_are_ranked_and_mixed() -> None:
+    bag = WordBag()
     assert rank_lights("war and chaos", bag)[0].name in ("anger", "chaos")
     mixed = mix_lights(LIGHTS[2], GREY)
     assert mixed.name == "night, sadness" and mixed.stars == LIGHTS[2].stars
@@ -153,3 +158,13 @@ def test_contrary_feelings_do_not_go_together_and_each_light_has_a_fellow() -> N
     assert go_together(lights["sadness"], lights["emptiness"])
     for light in LIGHTS:
         assert sum(go_together(light, other) for other in LIGHTS if other is not light) >= 3, light.name
+
+
+def test_hills_of_another_place_stand_behind_a_lake() -> None:
+    lake, mountains = PLACES[1], next(place for place in PLACES if place.name == "mountains")
+    both = before(lake, [MEADOW, mountains])
+    assert (both.below, both.relief, both.hills) == (lake.below, mountains.relief, mountains.below)
+    assert before(mountains, [lake]) is mountains and before(lake, []) is lake
+    with_hills, without = (Setting(place, is_named=True).ground(GRID, 0) for place in (both, lake))
+    changed = (with_hills - without).abs().mean((0, 2))
+    assert float(changed[int(0.6 * len(changed))]) > 0.02 and float(changed[:3].max()) < 1e-6

@@ -12,17 +12,15 @@ from typing import NamedTuple
 
 import torch
 from torch import Tensor
-from torch.nn import functional
 
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.words.compositing import resize, stack
+from frida_painter.words.nouns import kinds_of
 from frida_painter.words.reading import Relation
 
 # Sizes and usual places of things, from known things of similar meaning.
 
-_ALIKE = 0.25  # least similarity to some known thing
 _NEIGHBOURS = 3
-_PERSON, _VOTES = 0.018, 0.12  # margin towards people above which a name means one, and the part of neighbours in it
 _SHARPNESS = 0.05  # difference of similarity at which a neighbour's weight falls to 1/e
 
 
@@ -45,9 +43,10 @@ def known_things() -> tuple[Known, ...]:
 def known_like(name: str, sentences: SentenceEncoder) -> Known:
     """Returns an estimate for a named thing, from the known things of most similar meaning.
 
-    The height is a weighted mean of theirs; the usual place is that of the most similar one.
+    The height is a weighted mean of theirs; the usual place is that of the most similar one. No person is like a thing.
     """
-    things = known_things()
+    maybe_person = "person" in kinds_of(name)
+    things = [thing for thing in known_things() if maybe_person or thing.where != "person"]
     meanings = sentences.embed([name, *(thing.name for thing in things)])
     similarity, nearest = (meanings[1:] @ meanings[0]).topk(_NEIGHBOURS)
     share = (similarity / _SHARPNESS).softmax(0)
@@ -56,21 +55,12 @@ def known_like(name: str, sentences: SentenceEncoder) -> Known:
 
 
 def is_person(name: str, sentences: SentenceEncoder) -> bool:
-    """Returns True if a name means a person.
-
-    It must be nearer to the mean of known people than to that of known things; its nearest known things count too.
-    """
-    of_people = torch.tensor([thing.where == "person" for thing in known_things()])
-    meanings = sentences.embed([name, *(thing.name for thing in known_things())])
-    people, others = meanings[1:][of_people].mean(0), meanings[1:][~of_people].mean(0)
-    toward = functional.normalize(people - others, dim=0)
-    similarity, nearest = (meanings[1:] @ meanings[0]).topk(_NEIGHBOURS)
-    votes = float((similarity / _SHARPNESS).softmax(0) @ of_people[nearest].float())
-    leans = float(meanings[0] @ toward - (people + others) @ toward / 2) + _VOTES * votes
-    return leans > _PERSON and float(similarity[0]) > _ALIKE
+    """Returns True if a name means a person. If the noun has other senses, the most similar known thing decides."""
+    kinds = kinds_of(name)
+    return "person" in kinds and (kinds == {"person"} or known_like(name, sentences).where == "person")
 
 
-_GROWTH = 0.35  # exponent from the height in the world to the height in a picture
+_GROWTH = 0.6  # exponent from the height in the world to the height in a picture
 _MIN = 0.3  # least height of a thing, relative to the tallest
 _SUBJECT = 0.5  # least height of the first thing of a prompt, relative to the tallest
 _IN_THE_AIR = 0.38  # height of a thing in the sky, beside a thing of height 1
@@ -84,6 +74,7 @@ _CROWDED = 0.6  # least share of its size that a thing keeps among others on the
 _SEAT = 0.5  # share of the height of a seat's picture at which somebody sits
 
 _HAND, _IN_THE_HANDS = 0.45, 0.5  # of a person: height of the hands, and greatest height of a thing in them
+_LIGHT = 0.8  # share of its size that a thing keeps in the hands
 _LIFTED = 0.8  # greatest height of a thing that is held up, relative to its holder
 _CARRIED = 0.85  # height of a thing in a picture, relative to a person, above which it stands on the floor
 _CROWN = 0.1  # share of a picture's height at its top that counts as the head
@@ -233,7 +224,7 @@ def _put(mine: Placed, other: Placed, kind: str, where: str, other_where: str) -
     if kind == "under" and other_where == "held":  # a person under an umbrella has it overhead
         over = max(1.25 * mine.width, 0.7 * mine.height) * other.height / other.width
         return mine, _at(replace(other, height=over), mine, up=0.85, depth=-1)
-    if other_where == "air" and where != "air" and kind in ("under", *_LOOSE):
+    if other_where == "air" and where != "air" and kind in ("under", "over", *_LOOSE):
         return mine, replace(other, x=mine.x + 0.35 * max(mine.width, 0.6), y=0.95 * mine.height)
     if kind == "under":
         return _at(mine, other, most=0.5 * other.height), other
@@ -258,7 +249,7 @@ def _put(mine: Placed, other: Placed, kind: str, where: str, other_where: str) -
         return replace(mine, x=other.x + 0.5 * (other.width + mine.width), y=0.75 * other.height), other
     small = mine.height < _CARRIED * other.height and where not in ("person", "animal", "seat", "top")
     if kind in ("with", "doing") and other_where == "person" and small:  # in the hands, whatever is done with it
-        size = min(mine.height, _IN_THE_HANDS * other.height, 1.3 * other.width * mine.height / mine.width)
+        size = min(_LIGHT * mine.height, _IN_THE_HANDS * other.height, 1.3 * other.width * mine.height / mine.width)
         return _at(mine, other, across=0.12, up=_HAND - 0.4 * size / other.height, most=size), other
     if kind == "with" and mine.height <= 0.6 * other.height:
         return _at(mine, other, across=0.4), other

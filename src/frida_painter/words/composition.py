@@ -77,6 +77,8 @@ _STANDING = 0.05  # of its height, by which a thing on the floor may be above it
 _SHADOW, _LEAN, _DARK = 0.28, 1.1, 0.42  # length by the thing's height, columns per row to the right, and opacity
 _TOUCH = 0.75  # opacity of the shadow right below a thing
 
+_HAZE, _GAPS, _ROOTED = 0.35, (0.6, 1.1), 0.01  # of the scenery: share of the light; distances by its width; depth
+
 _BULGE = 0.3  # share of the hidden part that shows in the middle of a rim
 _DIPS = 0.07  # of its height: the part of a thing that water hides
 
@@ -94,16 +96,24 @@ class ComposedScene:
 
 
 def compose_scene(
-    things: Sequence[Placed], setting: Setting, grid: PixelGrid, seed: int, *, in_the_air: bool
+    things: Sequence[Placed],
+    setting: Setting,
+    grid: PixelGrid,
+    seed: int,
+    *,
+    in_the_air: bool,
+    scenery: Tensor | None = None,
 ) -> ComposedScene:
     """Composes the things in their setting.
 
     in_the_air: True if none of them stands on anything
+    scenery: picture [4, h, w] of what stands along the horizon
     """
     drawn = _fit(things, setting, grid, seed, in_the_air=in_the_air)
     drawing = stack(drawn, grid.rows, grid.columns)
     where = drawing[3]
     ground = setting.ground(grid, seed)
+    ground = ground if scenery is None else _line_horizon(ground, scenery, setting, seed)
     colors = _in_light(simplify(drawing[:3]), ground, where, setting)
     ground = with_contrast(ground, where, colors)
     if not in_the_air and setting.place.kind != "paper":
@@ -113,6 +123,23 @@ def compose_scene(
                 ground = _cast(picture, ground, top + picture.shape[1], left, is_water=setting.place.kind == "water")
     is_alone = len(things) == 1 and not setting.is_named
     return _under(setting, torch.lerp(ground, colors, where), where, seed, is_alone=is_alone)
+
+
+def _line_horizon(ground: Tensor, scenery: Tensor, setting: Setting, seed: int) -> Tensor:
+    """Returns the ground [3, H, W] with a row of copies of a picture [4, h, w] along its horizon, hazy and unequal."""
+    assert setting.place.scenery is not None
+    (_, rows, columns), (_, share), chance = ground.shape, setting.place.scenery, np.random.default_rng(seed)
+    far = color_of(setting.light.low)[:, None, None].expand_as(scenery[:3])
+    hazy = torch.lerp(scenery[:3] * setting.light.shade[:, None, None].clamp(max=1.0), far, _HAZE)
+    left = 0.0
+    while left < columns:
+        size, gap, mirrored = chance.uniform(0.7, 1.2), chance.uniform(*_GAPS), chance.random() < 0.5
+        one = resize(torch.cat((hazy, scenery[3:])), size * share * rows / scenery.shape[1])
+        one = one.flip(2) if mirrored else one
+        foot = round((HORIZON + _ROOTED) * rows)
+        ground, _ = paste(one, ground, foot - one.shape[1], round(left - 0.3 * one.shape[2]))
+        left += gap * one.shape[2]
+    return ground
 
 
 def compose_mood(first: Light, second: Light, setting: Setting, grid: PixelGrid, seed: int) -> ComposedScene:

@@ -16,6 +16,7 @@ from frida_painter.frames import PixelGrid
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.palette import from_lab, to_lab
 from frida_painter.words.brushwork import clouds, paint_loosely
+from frida_painter.words.nouns import kinds_of
 
 Color = str | tuple[float, float, float]
 HORIZON = 0.72
@@ -35,8 +36,10 @@ class Place:
     found: things that are usually there
     below: colour below the horizon
     relief: height of its hills, as a share of the height
+    hills: their colour; None for that below the horizon
     kind: "land", "water" on which things float, "room" without a sky, or "paper", on which nothing is painted
     above: colour above the horizon; None for the sky of the light
+    scenery: thing that stands in a row along its horizon, and its share of the height
     """
 
     words: tuple[str, ...]
@@ -45,6 +48,8 @@ class Place:
     relief: float = 0.0
     kind: str = "land"
     above: Color | None = None
+    hills: Color | None = None
+    scenery: tuple[str, float] | None = None
 
     @property
     def name(self) -> str:
@@ -129,20 +134,22 @@ PLACES = (
     Place(("sea", "ocean", "harbour", "coast", "wave"), ("sailing boat", "ship", "whale", "fish", "island"),
           "#3875a8", kind="water"),
     Place(("lake", "pond", "river", "water"), ("swan", "duck", "frog", "lily pad", "boat"), "#5c94ad", 0.08, "water"),
-    Place(("beach", "sand", "shore"), ("palm tree", "crab", "starfish"), "#e6cc94"),
+    Place(("beach", "sand", "shore"), ("palm tree", "crab", "starfish"), "#e6cc94", scenery=("palm tree", 0.3)),
     Place(("meadow", "grass", "field", "garden", "park"),
           ("flower", "tree", "animal", "butterfly", "insect", "tractor", "cow", "bicycle", "rooster", "horse", "sheep",
-           "dog"), "#75a352"),
-    Place(("hills", "hill", "valley", "landscape", "village", "horizon"),
-          ("house", "castle", "windmill", "tower", "barn"), "#809e5c", 0.14),
+           "dog"), "#75a352", scenery=("tree", 0.12)),
+    Place(("hills", "hill", "valley", "landscape", "horizon"), ("castle", "windmill", "tower"), "#809e5c", 0.14,
+          scenery=("tree", 0.14)),
+    Place(("village", "farm", "countryside"), ("house", "barn", "church"), "#8aa85c", 0.1, scenery=("house", 0.2)),
     Place(("mountains", "mountain range", "cliff", "alps"), ("mountain", "eagle", "volcano"), "#708085", 0.28),
     Place(("forest", "jungle", "woods", "wilderness"),
           ("tree", "bear", "deer", "owl", "mushroom", "fox", "wolf", "squirrel", "tiger", "monkey"), "#456638", 0.3,
-          above="#99bd94"),
+          above="#99bd94", scenery=("tree", 0.55)),
     Place(("desert", "dune", "savannah"), ("cactus", "camel", "giraffe", "lion", "elephant", "zebra"), "#dbad6b", 0.07),
     Place(("snow", "ice", "winter landscape", "iceberg"), ("snowman", "penguin", "polar bear"), "#f0f5fa", 0.06),
-    Place(("street", "road", "city", "town", "square", "market"), ("house", "car", "bus", "train", "traffic light"),
-          "#8f8c8a"),
+    Place(("street", "city", "town", "square", "market"), ("house", "car", "bus", "train", "traffic light"),
+          "#8f8c8a", scenery=("office building", 0.4)),
+    Place(("road", "path", "highway"), ("truck", "motorcycle", "road sign"), "#96918a", 0.08, scenery=("tree", 0.2)),
     Place(("sky", "clouds"), ("cloud", "airplane", "hot air balloon", "kite", "flying bird", "rocket"), "#c7e0f2"),
     Place(("table top", "kitchen", "tablecloth", "still life"), ("fruit", "food", "cup", "dish", "vase", "cake"),
           "#a8754c", kind="room", above="#ede3cc"),
@@ -151,7 +158,7 @@ PLACES = (
           above="#ebe0cc"),
     PAPER,
 )  # fmt: skip
-LAKE, MEADOW, FOREST, SKY, TABLE, ROOM = PLACES[1], PLACES[3], PLACES[6], PLACES[10], PLACES[11], PLACES[12]
+LAKE, MEADOW, SKY, TABLE, ROOM = PLACES[1], PLACES[3], PLACES[12], PLACES[13], PLACES[14]
 DAY = Light(("day",), "#a3cae9", "#e0f0f9")
 LIGHTS = (
     Light(("dawn", "sunrise", "early morning", "morning"), "#9eb2db", "#fcd1ad", "#ffedb2"),
@@ -198,7 +205,7 @@ WEATHERS = (
 _Part = TypeVar("_Part", Place, Light, Weather)
 _CALLED = 0.72  # similarity to a place's words above which words name it
 _FELT, _FELT_WEATHER = 0.62, 0.7  # to the words of a light, and of a weather: a snowmobile (0.67) is a thing
-_ABSTRACT, _MOOD = 0.25, 0.35  # margin of an abstract noun with a picture, and least similarity to a light's words
+_ABSTRACT = 0.25  # margin of an abstract noun with a picture
 _TOLD_APART, _MIDDLE = 40.0, 55.0  # Lab distance, and L*
 _CONTRARY = 50.0  # mean Lab distance between the colours of lights that do not go together
 
@@ -245,7 +252,8 @@ class Setting:
         far = torch.lerp(land, low, _FAR if place.is_open else 0.0)
         front = torch.lerp(far[:, None, None], (land * _DIM)[:, None, None], near)
         if place.relief:
-            hills = torch.lerp(land, low, 0.12)[:, None, None]
+            hills = land if place.hills is None else color_of(place.hills) * shade
+            hills = torch.lerp(hills, low, 0.12)[:, None, None]
             top = HORIZON - place.relief * (0.35 + 0.6 * clouds(grid, seed, 0.4)[:1])
             picture = torch.lerp(picture, hills.expand_as(picture), ((down - top) / _EDGE + 0.5).clamp(0, 1))
         below = ((down - HORIZON) / _EDGE + 0.5).clamp(0, 1)
@@ -267,23 +275,19 @@ def find_part(name: str, parts: Sequence[_Part], sentences: SentenceEncoder, lea
     return part if similarity >= max(least, usual) else None
 
 
-def find_mood(
-    name: str, people: Sequence[str], things: Sequence[str], sentences: SentenceEncoder, *, is_pictured: bool
-) -> Light | None:
-    """Returns the light of an abstract noun: a feeling, a time, a sound, an idea; None for a person or a thing.
-
-    A noun is abstract if it is nearer to the words of lights than to all words for people and things; in the mean, too,
-    for people: a couple is near love, but nearer people.
+def is_idea(noun: str, things: Sequence[str], sentences: SentenceEncoder, *, is_pictured: bool) -> bool:
+    """Returns True for an abstract noun: a feeling, a time, a sound. Nouns with other senses are nearer to a light.
 
     is_pictured: True if there is a picture of that name, so that it must be much nearer
     """
-    light, similarity = _nearest([name], LIGHTS, sentences)
+    kinds = kinds_of(noun)
+    if "idea" not in kinds or (kinds == {"idea"} and not is_pictured):
+        return "idea" in kinds
     around = [word for place in PLACES for word in (*place.words, *place.found)]
-    meaning, felt = sentences.embed([name])[0], sentences.embed([word for one in LIGHTS for word in one.words])
-    if people and float(meaning @ (sentences.embed(people).mean(0) - felt.mean(0))) > 0:
-        return None
-    margin = similarity - float((sentences.embed([*people, *things, *around]) @ meaning).max())
-    return light if similarity >= _MOOD and margin > (_ABSTRACT if is_pictured else 0.0) else None
+    margin = _nearest([noun], LIGHTS, sentences)[1] - float(
+        (sentences.embed([*things, *around]) @ sentences.embed([noun])[0]).max()
+    )
+    return margin > (_ABSTRACT if is_pictured else 0.0)
 
 
 def rank_lights(words: str, sentences: SentenceEncoder) -> list[Light]:
@@ -311,6 +315,12 @@ def infer_place(names: Sequence[str], sentences: SentenceEncoder, *, outside: bo
 def in_color(place: Place, color: Color) -> Place:
     """Returns the place in another colour: a teal sky, a green meadow."""
     return replace(place, above=color) if place is SKY else replace(place, below=color)
+
+
+def before(place: Place, others: Sequence[Place]) -> Place:
+    """Returns the place with the hills of others behind it: a lake before mountains."""
+    highest = max(others, key=lambda one: one.relief, default=place)
+    return replace(place, relief=highest.relief, hills=highest.below) if highest.relief > place.relief else place
 
 
 def with_contrast(ground: Tensor, where: Tensor, thing: Tensor, least: float = _TOLD_APART) -> Tensor:

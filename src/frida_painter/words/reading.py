@@ -20,6 +20,7 @@ from frida_painter.errors import ConfigError, WeightsError
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.palette import from_lab, to_lab
+from frida_painter.words.nouns import kinds_of
 
 if TYPE_CHECKING:
     from spacy.language import Language
@@ -39,7 +40,6 @@ _GATHERED: dict[str, int | None] = {  # number of things, if "of" follows
 }  # fmt: skip
 _DEPICTIONS = ("painting", "picture", "drawing", "sketch", "photo", "photograph", "image", "portrait", "watercolor",
                 "watercolour")  # fmt: skip
-_MADE = ("building", "carving", "clothing", "crossing", "engraving", "etching", "evening", "railing", "wedding")
 _IN_A_NAME = ("amod", "compound", "nmod", "nummod", "npadvmod", "quantmod", "poss", "det")  # parts of speech
 _SOMEBODY = ("some", "every")  # the pronouns that are people: somebody waits, but "it" and "you" are no things
 _BASIC = ("black", "white", "red", "green", "yellow", "blue", "brown", "purple", "pink", "orange", "gray", "grey")
@@ -222,6 +222,10 @@ class PromptReader:
         if len(read) and (read[0].pos_ in ("NOUN", "PROPN", "ADJ") or read[0].tag_ == "VBZ"):
             read = self._language(f"the {text}")  # cows under a tree: without an article "cows" looks like a verb
         for word in read:
+            if word.pos_ == "AUX" and word.i == len(read) - 1:  # a watering can
+                word.pos_, word.lemma_ = "NOUN", word.lower_
+                for child in _children(word, "nsubj"):
+                    child.dep_ = "compound"
             if word.pos_ in ("ADJ", "ADV", "X", "INTJ") and word.i > word.head.i and word.lemma_ in self._words.nouns:
                 word.pos_ = "NOUN"
         return read
@@ -290,11 +294,17 @@ class _Walk:
         is_one = any(child.lower_ in ("a", "an") for child in _children(noun, "det"))
         stem = noun.text.removesuffix("ing")
         is_name = before.dep_ == "compound" or before.lower_ not in self._words.adjectives
-        if noun.tag_ == "NNS" and is_one and before.lower_.endswith("ing") and before.i and _is_noun(before.nbor(-1)):
-            self._actors[before] = before.nbor(-1)
+        actor = before.nbor(-1) if before.i and before.lower_.endswith("ing") else None
+        if (
+            actor is not None
+            and _is_noun(actor)
+            and ((noun.tag_ == "NNS" and is_one) or kinds_of(actor.lower_) == {"person"})
+        ):
+            self._actors[before] = actor
             return
-        is_verb = stem != noun.text and noun.lower_ not in _MADE and self._words.verbs & {stem, f"{stem}e", stem[:-1]}
-        if is_verb and is_name and noun.dep_ == "ROOT" and noun not in self._read_as:
+        is_verb = kinds_of(noun.lower_) == {"idea"} and self._words.verbs & {stem, f"{stem}e", stem[:-1]}
+        is_last = noun.dep_ in ("ROOT", "pobj", "dobj")
+        if stem != noun.text and is_verb and is_name and is_last and noun not in self._read_as:
             self._actors[noun] = self._read_as[noun] = before
 
     def _add(self, noun: Token) -> None:
@@ -408,7 +418,8 @@ def _describe_noun(noun: Token, whole: Token, after: int = -1) -> Thing:
     beside = [word for word in (*whole.children, *noun.children) if after < word.i]
     numbers = [word for word in beside if _is_number(word) and word.i < noun.i]
     single = any(child.dep_ == "det" and child.lower_ in ("a", "an") for child in beside)
-    plural = noun.tag_ in ("NNS", "NNPS") and not single
+    is_plain = noun.lower_ == lemma.lower() and not noun.lower_.endswith("s")  # one hedgehog, and one sheep
+    plural = noun.tag_ in ("NNS", "NNPS") and not single and not is_plain
     count = _number(numbers[0].lower_) if numbers else None
     count = 1 if count is None and not plural else count
     said = noun.lower_ if plural and noun.lower_ != lemma.lower() else ""

@@ -83,8 +83,9 @@ def _names(title: str) -> list[str]:
 def _spoken(title: str, thing: Thing) -> float:
     """Returns a score for a title: high if it has the prompt's words for the thing, and little else."""
     words = set(title.split())
-    wanted = {*thing.name.split(), *thing.color.split(), thing.doing, thing.plural}
-    return _SAYS * len(words & wanted) - _ADDS * len(words - wanted) - _MODIFIES * _is_modified(title, thing)
+    wanted = {*thing.name.split(), *thing.color.split(), thing.doing, thing.plural} - {""}
+    said = sum(any(word.startswith(one) for one in wanted) for word in words)  # an older woman is old
+    return _SAYS * said - _ADDS * (len(words) - said) - _MODIFIES * _is_modified(title, thing)
 
 
 def _is_modified(title: str, thing: Thing) -> bool:
@@ -106,9 +107,10 @@ def _is_called(title: str, thing: Thing) -> bool:
 
 _MIN, _MIN_PERSON = 0.6, 0.5  # similarity of a caption to a thing, or a person, below which no picture is better
 _LOOKED_AT_FOR_KIND = 60
+_ABOUT = 0.7  # similarity above which the name of a person is about a thing: a violinist and a violin
 _NAMED = 0.8  # similarity above which a caption means the thing, with any words: a duck (0.64) is no goose
 _AGREES = 0.35  # similarity to the prompt's own words that a synonym's caption needs
-_BAND = 0.25  # range of similarity below the best within which pictures are examined
+_BAND = 0.35  # range of similarity below the best within which pictures are examined
 _LOOKED_AT = 9
 _TITLE = 60  # characters of a caption in a message
 
@@ -220,14 +222,17 @@ class PictureIndex:
             return None
         context = self._similar(prompt)[self._titles]
         order = (similarity + _CONTEXT * context).argsort(descending=True)[: 4 * _LOOKED_AT].tolist()
-        near = [at for at in order if similarity[at] >= max(least, best - _BAND)][:_LOOKED_AT]
+        near = [at for at in order if similarity[at] >= least]
         if cut_out:
             near = [at for at in near if similarity[at] >= OWN or not _is_modified(self._entries[at].title, thing)]
-        highest, found = -float("inf"), None
+        highest, found, seen = -float("inf"), None, 0
         for at, picture in self._show(near):
             entry, like = self._entries[at], float(similarity[at])
             if cut_out and like < OWN and has_ground(picture):
                 continue
+            best, seen = (like, 1) if found is None else (best, seen + 1)
+            if like < best - _BAND or seen > _LOOKED_AT:
+                break
             worth = (
                 _EXACT * like
                 + _spoken(entry.title, thing)
@@ -267,6 +272,17 @@ class PictureIndex:
     def nearest(self, thing: Thing) -> float:
         """Returns the similarity of the most similar caption to a thing; at least `OWN` for a picture of the user's."""
         return float(self._similarity(_in_small_letters(thing)).max())
+
+    def tool_of(self, person: Thing) -> str:
+        """Returns the title of the thing that the name of a person is about; "" if there is a picture of the person."""
+        similarity = self._similarity(_in_small_letters(person))
+        for at in similarity.topk(min(_LOOKED_AT_FOR_KIND, len(similarity))).indices.tolist():
+            title, is_near = self._entries[at].title, float(similarity[at]) >= _ABOUT
+            if not is_near or is_person(title, self._sentences):
+                return ""
+            if not _is_modified(title, person):
+                return title
+        return ""
 
     def _similarity(self, thing: Thing) -> Tensor:
         """Returns the similarity of each picture's captions to a thing [n], and more for the user's own pictures of it.

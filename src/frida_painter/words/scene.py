@@ -27,6 +27,7 @@ from frida_painter.words.arrangement import (
     known_things,
 )
 from frida_painter.words.composition import ComposedScene, compose_mood, compose_photograph, compose_scene
+from frida_painter.words.nouns import kinds_of
 from frida_painter.words.places import DAY, NOWHERE, Light, Place, Setting, Weather
 from frida_painter.words.reading import Reading, Relation, Thing, paint_of, prompt_reader, word_meanings
 from frida_painter.words.retrieval import OWN, FoundPicture, PictureIndex, has_ground, is_upright, picture_index
@@ -34,8 +35,9 @@ from frida_painter.words.style_scene import composite_into_style
 
 # Casting: the choice of a picture for each thing.
 
-_FIGURES, _FIGURE = ("woman", "man", "girl", "boy"), 0.5  # who stand for people; least similarity to the others
+_FIGURES, _FIGURE = ("woman", "man", "girl", "boy"), 0.55  # who stand for people; least similarity to the others
 _IN_A_FIELD = 7  # number of things that a place is full of
+_PICTURED = 0.8  # similarity above which a picture probably shows what a noun names
 _CALLED = 0.9  # similarity above which a picture is of the thing itself
 
 
@@ -83,15 +85,11 @@ def cast(
     for number, thing in wanted.items():
         among = len(wanted) > 1 or in_place or thing.shown > 1
         found = _find(thing, prompt, index, encoders, among=among)
-        if found is None and number == min(wanted):  # a picture with a ground may be the whole scene
+        if found is None and number == min(wanted) and thing.shown == 1:  # its picture with a ground may be all
             found = _find(thing, prompt, index, encoders, among=False)
         others = {one.caption for one in things if one is not None}
         if found is not None and (found.exact or found.caption not in others):  # a king is no throne
             things[number] = replace(found, thing=thing)
-    for one in reading.relations:
-        member = things[one.object]
-        if one.word == "of" and one.subject in settled and member is not None and member.thing.count is None:
-            things[one.object] = replace(member, thing=replace(member.thing, count=_IN_A_FIELD))
     return things
 
 
@@ -111,20 +109,25 @@ def _find(
     is_whole = found is not None and (not acts or found.library.is_own or is_upright(found.picture))
     if is_whole or not is_person(thing.name, sentences):
         return found
-    meanings = sentences.embed([thing.noun, *_FIGURES])
-    similarity, nearest = (meanings[1:] @ meanings[0]).max(0)
-    if found is not None and float(similarity) < _FIGURE:
+    name, similarity = _figure_for(thing.noun, sentences)
+    if found is not None and similarity < _FIGURE:
         return found
-    name = _FIGURES[int(nearest)]
     figure = find(replace(thing, name=name, noun=name, plural=""))
     return found if figure is None else replace(figure, exact=False)
+
+
+def _figure_for(noun: str, sentences: SentenceEncoder) -> tuple[str, float]:
+    """Returns the name of the figure that stands for a person, and its similarity."""
+    meanings = sentences.embed([noun, *_FIGURES])
+    similarity, nearest = (meanings[1:] @ meanings[0]).max(0)
+    return _FIGURES[int(nearest)], float(similarity)
 
 
 _BY_THINGS = ("under", "beside", "behind", "front", "with")  # kinds of relations to a thing, not to a place
 _ROUNDING = 1e-3
 _SURE = 0.8  # similarity above which a word of a name means a place: a watering can is not in water
-_FELT = 0.75  # the same for an adjective and a light: a sad clown
-_TREES = 5  # number of trees in a forest without other things
+_EXACTLY = 0.95  # the same for a place that things are beside: a tent beside a lake
+_FELT = 0.75  # the same for an idea or an adjective and a light: a sad clown
 
 
 def scene_of(
@@ -139,26 +142,31 @@ def scene_of(
     setting, settled, seen = setting_of(reading, index, encoders)
     named = [light for *_, light in seen if isinstance(light, Light)]
     feels = any(part in named and part not in places.TIMES and word == thing.noun for thing, word, part in seen)
-    if len(settled) == len(reading.things) and setting.place is not NOWHERE and not feels:
-        reading = _people_place(reading, setting, sentences)
+    place = next((thing.name for thing, _, part in seen if part.name == setting.place.name), "")
+    if place and len(settled) == len(reading.things) and not feels and setting.place.scenery is None:
+        reading = _people_place(reading, place, setting.place, sentences)
+    reading = _equip_people(_fill_fields(reading, seen), index, sentences)
     things = cast(reading, settled, prompt, index, encoders, in_place=setting.place is not NOWHERE)
     shown = [one for one in things if one is not None]
     whole = next((one for one in shown if has_ground(one.picture)), None)
     is_mood = not shown and setting.place is NOWHERE
     lights = named + places.rank_lights(prompt, sentences)
     if whole is not None:
-        things, setting = [whole], replace(setting, is_named=False)
+        things, setting, place = [whole], replace(setting, is_named=False), ""
         seen = [one for one in seen if not isinstance(one[2], Place)]
     elif is_mood:
         setting = replace(setting, light=lights[0] if setting.light == DAY else setting.light, is_named=True)
+        seen += [(reading.things[number], reading.things[number].noun, setting.light) for number in settled]
     elif setting.place is NOWHERE:
         setting = replace(setting, place=_place_of(things, reading.relations, setting, sentences))
     others = [light for light in lights if light.name not in setting.light.name]
     second = next(light for light in others if light in named or places.go_together(light, setting.light))
     used = {setting.place.name, setting.weather.name, *setting.light.name.split(", ")}
+    used |= {part.name for *_, part in seen if isinstance(part, Place) and part.relief}
     used |= {second.name} if is_mood else {places.SKY.name} if setting.place.is_open else set()
     account_for(things, reading, [one for one in seen if one[2].name in used], account)
-    _tell([one for one in things if one is not None], setting, encoders, use, index, account)
+    scenery = _scenery_of(setting.place, index, reading.absent) if place else None
+    _tell([one for one in (*things, scenery) if one is not None], setting, encoders, use, index, account)
     if whole is not None:
         if len(shown) > 1:
             encoders.remark("The picture has a ground of its own and fills the canvas; nothing else is added.")
@@ -174,7 +182,12 @@ def scene_of(
                 known = known._replace(where="air")
             parts[number] = ScenePart(copies(one.colored, one.shown, known.where, seed + number), known)
     in_the_air = bool(shown) and all(part.known.where == "air" for part in parts if part is not None)
-    return compose_scene(arrange_parts(parts, reading.relations), setting, grid, seed, in_the_air=in_the_air)
+    placed = arrange_parts(parts, reading.relations)
+    behind = None if scenery is None else scenery.picture
+    return compose_scene(placed, setting, grid, seed, in_the_air=in_the_air, scenery=behind)
+
+
+_Seen = list[tuple[Thing, str, Place | Light | Weather]]
 
 
 def _place_of(things: _Cast, relations: Sequence[Relation], setting: Setting, sentences: SentenceEncoder) -> Place:
@@ -187,19 +200,57 @@ def _place_of(things: _Cast, relations: Sequence[Relation], setting: Setting, se
     return places.infer_place(names, sentences, outside=outside)
 
 
-def _people_place(reading: Reading, setting: Setting, sentences: SentenceEncoder) -> Reading:
-    """Adds the usual things to a place that is named alone: boats in a harbour, but none to grief in a harbour."""
-    found = [name for name in setting.place.found if name not in reading.absent]
+def _scenery_of(place: Place, index: PictureIndex | None, absent: Sequence[str]) -> FoundPicture | None:
+    """Returns the picture of what stands along the horizon of a place, if it has one.
+
+    absent: nouns of things that must not be seen
+    """
+    if index is None or place.scenery is None or place.scenery[0].endswith(tuple(absent)):
+        return None
+    name, _ = place.scenery
+    return index.find(Thing(name, name.rpartition(" ")[2]), name, cut_out=True)
+
+
+def _people_place(reading: Reading, said: str, place: Place, sentences: SentenceEncoder) -> Reading:
+    """Adds the usual things to a place that is named alone: boats in a harbour, but none to grief in a harbour.
+
+    said: name of the place in the prompt
+    """
+    found = [name for name in place.found if not name.endswith(reading.absent)]
     if not found:
         return reading
-    meanings = sentences.embed([reading.things[0].name, *found])
+    meanings = sentences.embed([said, *found])
     name = found[int((meanings[1:] @ meanings[0]).argmax())]
-    thing = Thing(name, name.rpartition(" ")[2], count=_TREES if setting.place is places.FOREST else 2)
+    thing = Thing(name, name.rpartition(" ")[2], count=2)
     relation = Relation(len(reading.things), "in", 0)
     return replace(reading, things=(*reading.things, thing), relations=(*reading.relations, relation))
 
 
-_Seen = list[tuple[Thing, str, Place | Light | Weather]]
+def _fill_fields(reading: Reading, seen: _Seen) -> Reading:
+    """Returns the reading with many of the things that a place is said to be full of: a field of tulips."""
+    fields = [thing.at for thing, _, part in seen if isinstance(part, Place)]
+    full = {one.object for one in reading.relations if one.word == "of" and reading.things[one.subject].at in fields}
+    things = tuple(
+        replace(thing, count=_IN_A_FIELD) if number in full and thing.count is None else thing
+        for number, thing in enumerate(reading.things)
+    )
+    return replace(reading, things=things)
+
+
+def _equip_people(reading: Reading, index: PictureIndex | None, sentences: SentenceEncoder) -> Reading:
+    """Adds to people without pictures what their names are about: a violin to a violinist, bees to a beekeeper."""
+    for number, thing in enumerate(reading.things):
+        if index is None or not is_person(thing.name, sentences):
+            continue
+        tool = index.tool_of(thing)
+        if tool and not any(tool.endswith(one.noun) for one in reading.things):
+            figure, _ = _figure_for(thing.noun, sentences)
+            things = list(reading.things)
+            things[number] = replace(thing, name=figure, noun=figure, plural="")
+            relation = Relation(number, "holding", len(things))
+            things.append(Thing(tool, tool.rpartition(" ")[2]))
+            reading = replace(reading, things=tuple(things), relations=(*reading.relations, relation))
+    return reading
 
 
 def setting_of(
@@ -210,17 +261,22 @@ def setting_of(
     Each of its words comes with the thing that it belongs to and the part of the setting that it means.
     """
     sentences, settled, seen = word_meanings(encoders), set[int](), _Seen()
+    known = [one.name for one in known_things()]
     for number, thing in enumerate(reading.things):
         noun = replace(thing, name=thing.noun)  # no alarm clock has a picture, but a clock has, and is no idea
         nearest, nearest_noun = (0.0 if index is None else index.nearest(one) for one in (thing, noun))
         part: Place | Light | Weather | None = None
-        if nearest < OWN:
-            part = places.find_part(thing.noun, places.WEATHERS, sentences) or _mood(
-                thing.noun, nearest_noun, sentences
-            )
+        is_settled = _is_part_of_body(number, reading, nearest, sentences)
+        if nearest < OWN and not is_settled:
+            part = places.find_part(thing.noun, places.WEATHERS, sentences)
+            is_pictured = max(nearest, nearest_noun) >= _PICTURED
+            is_idea = " " in thing.noun or places.is_idea(thing.noun, known, sentences, is_pictured=is_pictured)
+            if part is None and is_idea and not is_person(thing.noun, sentences):
+                part, is_settled = places.find_part(thing.noun, places.LIGHTS, sentences, _FELT), True
         if part := part or _place_named(number, reading, nearest, sentences):
-            settled.add(number)
             seen.append((thing, thing.noun, part))
+        if part or is_settled:
+            settled.add(number)
         for word in thing.name.split()[:-1]:
             weather = places.find_part(word, places.WEATHERS, sentences, _SURE)
             if felt := weather or places.find_part(word, places.LIGHTS, sentences, _FELT):
@@ -234,17 +290,19 @@ def setting_of(
     if outside and moods:
         light = places.mix_lights(outside[0], moods[0])
     named = sorted((part for part in parts if isinstance(part, Place)), key=lambda place: place is places.SKY)
-    return Setting(named[0] if named else NOWHERE, light, weather, is_named=bool(seen)), settled, seen
+    place = named[0] if named else NOWHERE
+    place = places.before(place, named[1:]) if place.is_open else place
+    return Setting(place, light, weather, is_named=bool(seen)), settled, seen
 
 
-def _mood(noun: str, nearest: float, sentences: SentenceEncoder) -> Light | None:
-    """Returns the light that an abstract noun means; None for a person or a thing.
+def _is_part_of_body(number: int, reading: Reading, nearest: float, sentences: SentenceEncoder) -> bool:
+    """Returns True if a thing is a part of somebody else, such as a beard, and has no picture of its own.
 
     nearest: similarity of the nearest picture
     """
-    people, things = ([one.name for one in known_things() if (one.where == "person") is who] for who in (True, False))
-    mood = places.find_mood(noun, people, things, sentences, is_pictured=nearest >= _CALLED)
-    return mood and (places.find_part(noun, places.LIGHTS, sentences) or mood)
+    noun, is_object = reading.things[number].noun, any(one.object == number for one in reading.relations)
+    is_part = is_object and "body" in kinds_of(noun) and known_like(noun, sentences).where == "body"
+    return is_part and nearest < OWN
 
 
 def _place_named(number: int, reading: Reading, nearest: float, sentences: SentenceEncoder) -> Place | None:
@@ -253,16 +311,19 @@ def _place_named(number: int, reading: Reading, nearest: float, sentences: Sente
     nearest: similarity of the nearest picture: a thing with a picture of its own stays a thing, a tree is no forest
     """
     thing = reading.things[number]
+    if is_person(thing.noun, sentences):
+        return None
     kinds = {kind_of(one.word) for one in reading.relations if one.object == number}
     beside = kinds & set(_BY_THINGS)
     usual = places.find_part(thing.noun, places.PLACES, sentences)
     if beside == {"under"} and usual is places.SKY:
         return usual
-    if beside - {"behind", "front"}:  # a forest or mountains are a background
-        return None
     least = max(nearest - _ROUNDING, _CALLED if beside else 0.0)
+    if beside - {"behind", "front"}:  # a forest or mountains are a background
+        least = max(least, _EXACTLY)
     several = thing.plural if thing.count is None and thing.plural else thing.noun  # mountains, but not one mountain
     place = places.find_part(several, places.PLACES, sentences, least)
+    place = place if place is None or place.is_open or not beside else None
     if place is None and "on" in kinds and usual is not None and not usual.is_open:
         place = usual  # a table that carries things is shown by its top
     if place is None and thing.name != thing.noun:
