@@ -371,6 +371,11 @@ def test_what_a_file_says_of_itself_is_seen(tmp_path: Path, name: str, capfd: py
     assert pixels.shape == (ROWS, COLUMNS, 3)
     assert np.abs(pixels - right).max() <= allowed
     assert capfd.readouterr() == ("", "")
+    layered = picture_file.decode_with_opacity(content, "picture.jpg", longest=picture_file.LONGEST)
+    layered = layered / 255.0 if layered.dtype == np.uint8 else layered.astype(float)
+    assert np.abs(on_white(layered[..., :3], layered[..., 3:]) - pixels).max() < 1.6 / 255
+    if "opacity" in name:
+        assert layered[..., 3].min() < 0.5
     small = decoded(content, tmp_path / "picture.jpg", longest=16)
     assert small.shape == (12, 16, 3)
     assert np.abs(small.mean((0, 1)) - np.broadcast_to(right, pixels.shape).mean((0, 1))).max() < 0.05

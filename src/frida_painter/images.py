@@ -29,7 +29,15 @@ def load(
         >>> max(picture.shape), picture.dtype
         (50, torch.float32)
     """
-    pixels = picture_file.decode(Path(path), most_pixels=most_pixels, longest=longest)
+    return _as_planes(picture_file.decode(Path(path), most_pixels=most_pixels, longest=longest))
+
+
+def load_with_opacity(content: bytes, name: str, *, longest: int) -> Tensor:
+    """Reads the content of a picture file as `load` does, with its opacity: [4, H, W]. name: for messages."""
+    return _as_planes(picture_file.decode_with_opacity(content, name, longest=longest))
+
+
+def _as_planes(pixels: NDArray[np.uint8] | NDArray[np.float32]) -> Tensor:
     planes = torch.from_numpy(pixels).permute(2, 0, 1).contiguous()
     return planes.float() / 255 if planes.dtype == torch.uint8 else planes.clamp_(0, 1)
 

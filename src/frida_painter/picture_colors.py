@@ -123,8 +123,11 @@ def shrink(image: "pyvips.Image", meaning: Meaning, longest: int) -> tuple["pyvi
     return smaller, meaning
 
 
-def to_srgb(image: "pyvips.Image", meaning: Meaning) -> Bytes | Floats:
-    """Converts the picture to sRGB on white, [H, W, 3]: bytes if the picture has bytes, else float32 in [0, 1]."""
+def to_srgb(image: "pyvips.Image", meaning: Meaning, *, layered: bool = False) -> Bytes | Floats:
+    """Converts the picture to sRGB on white, [H, W, 3]: bytes if the picture has bytes, else float32 in [0, 1].
+
+    layered: True for colour and opacity instead, [H, W, 4]
+    """
     count = COLOR_BANDS[meaning.space]
     if meaning.alpha == "premultiplied":
         image = image[: count + 1].unpremultiply(max_alpha=meaning.most, alpha_band=count)
@@ -147,21 +150,27 @@ def to_srgb(image: "pyvips.Image", meaning: Meaning) -> Bytes | Floats:
         colors = light if most == 1 else light.rint()
     elif not meaning.light.is_srgb and meaning.space in ("grey", "rgb"):
         colors, most = _by_light(colors, most, meaning.light)
-    if meaning.alpha != "none":
-        share = image[count] / meaning.most
+    share = image[count] / meaning.most if meaning.alpha != "none" else None
+    if share is not None and not layered:
         colors = colors * share + share.linear(-most, most)
         colors = colors if most == 1 else colors.rint()
-    return _pixels(colors, most, deep=meaning.most != 255)
+    deep = meaning.most != 255
+    pixels = _pixels(colors, most, 3, deep=deep)
+    if not layered:
+        return pixels
+    full = np.full_like(pixels[..., :1], 1 if deep else 255)
+    opacity = full if share is None else _pixels(share, 1.0, 1, deep=deep)
+    return cast("Bytes | Floats", np.concatenate((pixels, opacity), 2))
 
 
-def _pixels(colors: "pyvips.Image", most: float, *, deep: bool) -> Bytes | Floats:
-    """Returns grey or RGB values from 0 to `most` as an array."""
+def _pixels(values: "pyvips.Image", most: float, bands: int, *, deep: bool) -> Bytes | Floats:
+    """Returns values from 0 to `most` as an array of `bands` channels."""
     whole = 1.0 if deep else 255.0
-    scaled = colors if most == whole else colors * (whole / most)
+    scaled = values if most == whole else values * (whole / most)
     if not deep and scaled.format != "uchar":
         scaled = scaled.rint()
-    pixels = scaled.cast("float" if deep else "uchar").numpy().reshape(colors.height, colors.width, -1)
-    return np.broadcast_to(pixels, (colors.height, colors.width, 3))
+    pixels = scaled.cast("float" if deep else "uchar").numpy().reshape(values.height, values.width, -1)
+    return np.broadcast_to(pixels, (values.height, values.width, bands))
 
 
 def usable_profile(content: bytes, space: Space) -> bytes | None:

@@ -5,9 +5,9 @@ counts, not its name: pages, depth, transparency, profiles, orientation. Content
 support is refused by name.
 
 libvips decodes in strips if the format has strips, so a picture of 100 megapixels need not fit in memory.
-Pillow decodes BMP, and libheif decodes HEIC. `python -m frida_painter.picture_file PATH PIXELS SIDE` writes the decoded
-picture to its output, as numpy.save does: a process that was forked from one that has used libvips needs that, because
-the threads of libvips are not there, and it would wait for them for ever.
+Pillow decodes BMP, and libheif decodes HEIC. `python -m frida_painter.picture_file NAME PIXELS SIDE 3` decodes its
+input, a file, and writes the picture to its output, as numpy.save does (4: with opacity). A process that was forked
+from one that has used libvips needs that: the threads of libvips are not there, and it would wait for them for ever.
 """
 
 import io
@@ -16,6 +16,7 @@ import os
 import struct
 import subprocess
 import sys
+import tempfile
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -53,8 +54,6 @@ if TYPE_CHECKING:
     import pyvips
 
 
-FORMATS = ("JPEG", "PNG", "WEBP", "TIFF", "BMP", "GIF")
-"""Formats for callers that read small pictures with Pillow."""
 SUFFIXES = (
     ".jpg", ".jpeg", ".jpe", ".jfif", ".png", ".webp", ".tif", ".tiff", ".bmp", ".gif",
     ".heic", ".heif", ".hif", ".avif",
@@ -138,17 +137,33 @@ def decode(path: Path, *, most_pixels: int = MAX_PIXELS, longest: int = LONGEST)
     Raises ImageError if the file is no such picture, has more than `most_pixels`, or has a side above 30,000 or
     below 16 pixels.
     """
-    if _process_of_libvips.cache_info().currsize and _process_of_libvips() != os.getpid():
-        return _decode_in_new_process(path, most_pixels, longest)
     with storage.open_checked(path, WHAT, _MAX_BYTES, ImageError) as file:
-        name = require_format(path, file)
-        with _tell_as_sentence(path, name):
-            image, meaning, orientation = _READERS.get(name, _read_strips)(
-                _Given(path, file, name, most_pixels, longest)
-            )
-            image, meaning = shrink(image[: meaning.bands] if image.bands > meaning.bands else image, meaning, longest)
-            image = _load_pixels(image)  # the file and the large picture are released here
-            return _upright(to_srgb(image, meaning), orientation)
+        return _decode_open(path, file, most_pixels, longest, layered=False)
+
+
+def decode_with_opacity(content: bytes, name: str, *, longest: int) -> Bytes | Floats:
+    """Decodes the content of a picture file as `decode` does, but with its opacity: [H, W, 4].
+
+    name: of the file, for messages
+    """
+    try:
+        with tempfile.TemporaryFile(buffering=0) as file:  # libvips moves the position too
+            file.write(content)
+            return _decode_open(Path(name), file, MAX_PIXELS, longest, layered=True)
+    except OSError as cause:
+        raise storage.cannot_write(Path(tempfile.gettempdir()), cause) from cause
+
+
+def _decode_open(path: Path, file: BinaryIO, most_pixels: int, longest: int, *, layered: bool) -> Bytes | Floats:
+    """Decodes an open file; layered: True for colour and opacity."""
+    name = require_format(path, file)
+    if _process_of_libvips.cache_info().currsize and _process_of_libvips() != os.getpid():
+        return _decode_in_new_process(path, file, most_pixels, longest, layered=layered)
+    with _tell_as_sentence(path, name):
+        image, meaning, orientation = _READERS.get(name, _read_strips)(_Given(path, file, name, most_pixels, longest))
+        image, meaning = shrink(image[: meaning.bands] if image.bands > meaning.bands else image, meaning, longest)
+        image = _load_pixels(image)  # the large picture is released here
+        return _upright(to_srgb(image, meaning, layered=layered), orientation)
 
 
 @cache
@@ -157,10 +172,12 @@ def _process_of_libvips() -> int:
     return os.getpid()
 
 
-def _decode_in_new_process(path: Path, most_pixels: int, longest: int) -> Bytes | Floats:
-    """Decodes a picture as `decode` does, in a process that was not forked."""
-    command = [sys.executable, "-m", __name__, os.fspath(path), str(most_pixels), str(longest)]
-    made = subprocess.run(command, capture_output=True, check=False)
+def _decode_in_new_process(
+    path: Path, file: BinaryIO, most_pixels: int, longest: int, *, layered: bool
+) -> Bytes | Floats:
+    """Decodes a picture as `_decode_open` does, in a process that was not forked."""
+    command = [sys.executable, "-m", __name__, os.fspath(path), str(most_pixels), str(longest), "4" if layered else "3"]
+    made = subprocess.run(command, stdin=file, capture_output=True, check=False)
     if made.returncode == 0:
         return np.asarray(np.load(io.BytesIO(made.stdout), allow_pickle=False))
     said = made.stderr.decode("utf-8", "replace").strip()
@@ -261,7 +278,7 @@ def _exif(content: BinaryIO) -> Image.Exif:
         exif.load(pi_heif.open_heif(content).info["exif"] or b"")
         return exif
     content.seek(0)
-    with Image.open(content, formats=(*FORMATS, "AVIF")) as file:
+    with Image.open(content, formats=("JPEG", "PNG", "WEBP", "TIFF", "BMP", "GIF", "AVIF")) as file:
         return file.getexif()
 
 
@@ -591,7 +608,9 @@ _READERS = {"TIFF": _read_tiff, "BMP": _read_bmp, "HEIC": _read_heif, "AVIF": _r
 
 if __name__ == "__main__":
     try:
-        np.save(sys.stdout.buffer, decode(Path(sys.argv[1]), most_pixels=int(sys.argv[2]), longest=int(sys.argv[3])))
+        _, given, pixels, side, channels = sys.argv
+        decoded = _decode_open(Path(given), sys.stdin.buffer, int(pixels), int(side), layered=channels == "4")
+        np.save(sys.stdout.buffer, decoded)
     except ImageError as refused:
         print(refused, file=sys.stderr)
         sys.exit(_REFUSED)

@@ -243,6 +243,7 @@ FORKED = """
 import multiprocessing, sys
 import gymnasium
 import frida_painter as fp
+from frida_painter import images
 from gymnasium.vector import AsyncVectorEnv
 
 first, second = sys.argv[1:]
@@ -253,6 +254,8 @@ def make():
 
 def paint(number):
     plan = fp.make_planner(second, strokes=3, colors=2, render_height=64, effort=0.05).plan()
+    layered = images.load_with_opacity(open(second, "rb").read(), second, longest=100)
+    assert layered.shape == (4, 80, 100)
     return float(fp.render_plan(plan).mean())
 
 alone = fp.make_env("studio/strokes-v1", goal=first, **SMALL)  # with libvips, and with threads of PyTorch

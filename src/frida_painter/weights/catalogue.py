@@ -158,9 +158,9 @@ def all_weights() -> tuple[NamedWeights, ...]:
 def words() -> tuple[NamedWeights, ...]:
     """Returns all weights for painting from words except CLIP, in the order of use."""
     networks = "minilm", "english", "efficientnet-lite0", "efficientnet-lite1", "efficientnet-lite2"
-    pictures = "stamps", "abcs", "gcompris", "furniture", "costumes"
-    drawings = "openclipart", "fluent", "flashcards", "silhouettes"
-    return tuple(find_weights(name) for name in (*networks, *pictures, *drawings))
+    pictures = "stamps", "abcs", "openclipart", "fluent", "flashcards", "gcompris"
+    more = "costumes", "furniture", "silhouettes"
+    return tuple(find_weights(name) for name in (*networks, *pictures, *more))
 
 
 def find_weights(name: str) -> NamedWeights:
