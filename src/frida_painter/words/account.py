@@ -38,10 +38,9 @@ class Account:
 
     def mark(self, words: Iterable[int], mark: Mark, by: str) -> None:
         """Marks words by their positions. A worse mark than the present one changes nothing."""
-        for at in words:
-            line = self._lines.get(at)
-            if line is not None and mark > line.mark:
-                self._lines[at] = AccountLine(line.word, mark, by)
+        for line in self._of(words):
+            if mark > line.mark:
+                self._lines[line.word.at] = AccountLine(line.word, mark, by)
 
     def mark_picture(self, thing: Thing, caption: str, *, exact: bool, several: bool) -> None:
         """Marks the words of a thing by the caption of its picture.
@@ -53,27 +52,26 @@ class Account:
         exact: True if the picture shows the noun of the thing, which may be a figure that stands for it
         several: True if one picture shows all
         """
-        for at in thing.at:
-            line = self._lines.get(at)
-            if line is None:
-                continue
-            word = line.word
+        for word in [line.word for line in self._of(thing.at)]:
             recolored = word.lemma in thing.color.split() and " and " not in thing.color
             if word.says(caption) or (recolored and word.kind != "thing"):
-                self.mark([at], Mark.SHOWN, caption)
+                self.mark([word.at], Mark.SHOWN, caption)
             elif word.kind == "thing" or len(self._lines) == 1:
                 same = exact and (word.says(thing.noun) or len(self._lines) == 1)
-                self.mark([at], Mark.SHOWN if same else Mark.SIMILAR, repr(caption))
+                self.mark([word.at], Mark.SHOWN if same else Mark.SIMILAR, repr(caption))
             elif word.kind == "number":
                 is_right = thing.count == thing.shown or several
-                self.mark([at], Mark.SHOWN if is_right else Mark.SIMILAR, f"{thing.shown} of them")
+                self.mark([word.at], Mark.SHOWN if is_right else Mark.SIMILAR, f"{thing.shown} of them")
 
     def mark_setting(self, words: Iterable[int], name: str, said: str) -> None:
         """Marks the word `said` at these positions as shown by a place, a light or a weather of that name."""
-        for at in words:
-            line = self._lines.get(at)
-            if line is not None and (said in (line.word.text.lower(), line.word.lemma) or len(self._lines) == 1):
-                self.mark([at], Mark.SHOWN if line.word.says(name) else Mark.SIMILAR, name)
+        for word in [line.word for line in self._of(words)]:
+            if said in (word.text.lower(), word.lemma) or len(self._lines) == 1:
+                self.mark([word.at], Mark.SHOWN if word.says(name) else Mark.SIMILAR, name)
+
+    def _of(self, words: Iterable[int]) -> list[AccountLine]:
+        """Returns the present lines of words by their positions; none for those that do not count."""
+        return [self._lines[at] for at in words if at in self._lines]
 
     @property
     def lines(self) -> tuple[AccountLine, ...]:
@@ -82,8 +80,7 @@ class Account:
 
     def shows(self, words: Iterable[int]) -> bool:
         """Returns True if a noun among these positions is shown, or something similar."""
-        lines = (self._lines.get(at) for at in words)
-        return any(line is not None and line.word.kind == "thing" and line.mark > Mark.NOT_SHOWN for line in lines)
+        return any(line.word.kind == "thing" and line.mark > Mark.NOT_SHOWN for line in self._of(words))
 
     @property
     def told(self) -> str:
