@@ -61,6 +61,7 @@ def is_upright(picture: Tensor) -> bool:
 # Comparison of a picture's title with a thing of a prompt.
 
 _SAYS, _ADDS = 0.2, 0.2  # bonus for each word of the prompt, and penalty for each other word
+_ENDING = 2  # greatest number of an ending's letters: an older woman is old
 _MODIFIES = 0.6  # for a title whose word only describes another word
 _FURTHER = re.compile(r"\b(?:of|with|in|on|at|for|and)\b")  # the words after these are not the named thing
 OWN = 2.0
@@ -84,7 +85,7 @@ def _spoken(title: str, thing: Thing) -> float:
     """Returns a score for a title: high if it has the prompt's words for the thing, and little else."""
     words = set(title.split())
     wanted = {*thing.name.split(), *thing.color.split(), thing.doing, thing.plural} - {""}
-    said = sum(any(word.startswith(one) for one in wanted) for word in words)  # an older woman is old
+    said = sum(any(word.startswith(one) and len(word) <= len(one) + _ENDING for one in wanted) for word in words)
     return _SAYS * said - _ADDS * (len(words) - said) - _MODIFIES * _is_modified(title, thing)
 
 

@@ -271,8 +271,9 @@ def setting_of(
             part = places.find_part(thing.noun, places.WEATHERS, sentences)
             is_pictured = max(nearest, nearest_noun) >= _PICTURED
             is_idea = " " in thing.noun or places.is_idea(thing.noun, known, sentences, is_pictured=is_pictured)
-            if part is None and is_idea and not is_person(thing.noun, sentences):
-                part, is_settled = places.find_part(thing.noun, places.LIGHTS, sentences, _FELT), True
+            light = places.find_part(thing.noun, places.LIGHTS, sentences, _FELT) if is_idea else None
+            if part is None and is_idea and (light or not is_person(thing.noun, sentences)):
+                part, is_settled = light, True
         if part := part or _place_named(number, reading, nearest, sentences):
             seen.append((thing, thing.noun, part))
         if part or is_settled:
