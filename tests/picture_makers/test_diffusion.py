@@ -225,7 +225,6 @@ def test_a_name_on_the_hub_is_fetched_once_without_pickles(tmp_path: Path, pipel
     assert maker.here is None and not hub.asked, "nothing is fetched before pictures are made"
     assert len(maker.make(ask(tmp_path / "a", told))) == 1 and maker.facts["model"] == "somebody/tiny"
     assert told[0].startswith("Fetching somebody/tiny from http://127.0.0.1") and told[0].endswith("once, 0 MB.")
-    assert any(one.startswith("Fetched file 2 of ") for one in told)
     assert not {"diffusion_pytorch_model.bin", "diffusion_pytorch_model.fp16.safetensors", "README.md"} & {*hub.asked}
     hub.asked.clear()
     there = DiffusionMaker.parse("somebody/tiny")

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import time
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -9,7 +10,8 @@ from threading import Thread
 
 import pytest
 
-from frida_painter.errors import WeightsError
+from frida_painter import transfer
+from frida_painter.errors import Interrupted, WeightsError
 from frida_painter.weights import hub_folder as module
 from frida_painter.weights.hub_folder import hub_folder
 
@@ -114,6 +116,7 @@ class Answers(BaseHTTPRequestHandler):
     """What the hub answers to its own library, for one repository."""
 
     asked: list[str]
+    drips: str = ""  # file that comes a byte at a time
 
     def log_message(self, *_: object) -> None:
         pass
@@ -141,7 +144,10 @@ class Answers(BaseHTTPRequestHandler):
         self.send_header("ETag", f'"{name.replace("/", "-")}"')
         self.send_header("X-Repo-Commit", COMMIT)
         self.end_headers()
-        if with_content:
+        for byte in content if with_content and name == self.drips else ():
+            self.wfile.write(bytes([byte]))
+            time.sleep(0.1)
+        if with_content and name != self.drips:
             self.wfile.write(content)
 
     def do_GET(self) -> None:
@@ -152,10 +158,15 @@ class Answers(BaseHTTPRequestHandler):
 
 
 @pytest.fixture
-def online(hub: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[list[str]]:
+def drips() -> str:
+    return ""
+
+
+@pytest.fixture
+def online(hub: Path, monkeypatch: pytest.MonkeyPatch, drips: str) -> Iterator[list[str]]:
     monkeypatch.delenv("HF_HUB_OFFLINE")
     asked: list[str] = []
-    handler = type("Hub", (Answers,), {"asked": asked})
+    handler = type("Hub", (Answers,), {"asked": asked, "drips": drips})
     server = ThreadingHTTPServer(("127.0.0.1", 0), handler)
     monkeypatch.setenv("HF_ENDPOINT", f"http://127.0.0.1:{server.server_address[1]}")
     Thread(target=server.serve_forever, daemon=True).start()
@@ -172,6 +183,28 @@ def test_settings_and_tensors_are_fetched_and_nothing_else(online: list[str], hu
     online.clear()
     assert hub_folder("some/clip", tmp_path) == folder and online == []
     shutil.rmtree(hub)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("drips", ["model.safetensors"])
+def test_a_hub_that_drips_is_left_and_so_is_any_at_a_stop(
+    online: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The process that fetches is ended too, so that nothing more comes."""
+    monkeypatch.setattr(transfer, "_WINDOW", 5.0)
+    told: list[str] = []
+    with pytest.raises(WeightsError, match=r"^less than 2 kB a second came for 60 s$"):
+        hub_folder("some/clip", tmp_path, told.append)
+    assert told[0].startswith("Fetching some/clip from http://127.0.0.1") and told[0].endswith(" once, 0 MB.")
+
+    def heed() -> None:
+        if "model.safetensors" in online:
+            raise Interrupted("You stopped.")
+
+    online.clear()
+    with pytest.raises(Interrupted, match=r"^You stopped\.$"):
+        hub_folder("some/clip", tmp_path, heed=heed)
+    assert not list((tmp_path / "hub").rglob("snapshots/*/model.safetensors"))
 
 
 def test_a_name_that_the_hub_does_not_know(online: list[str], tmp_path: Path) -> None:

@@ -1,7 +1,11 @@
+import contextlib
 import socket
+import threading
+import time
 
 import pytest
 
+from frida_painter import transfer
 from frida_painter.errors import WeightsError
 from frida_painter.weights import sources
 from frida_painter.weights.sources import DownloadSite, Hub, download
@@ -93,3 +97,29 @@ def test_a_site_counts_over_all_its_files(server, tmp_path):
     site = DownloadSite(server.address)
     site.bring(wanted, tmp_path, counts.append)
     assert counts[-1] == site.transfer(wanted) == len(CONTENT) + 5
+
+
+def test_a_site_that_drips_or_never_answers_is_left_and_the_rest_is_asked_for_next_time(tmp_path, monkeypatch):
+    """One byte now and then comes before every timeout of a socket."""
+    listener = socket.create_server(("127.0.0.1", 0))
+    head = b"HTTP/1.1 200 OK\r\nContent-Length: 1000\r\n\r\n"
+
+    def drip(first):
+        caller, _ = listener.accept()
+        with caller, contextlib.suppress(OSError):
+            caller.recv(4096)
+            caller.sendall(first)
+            while True:
+                caller.sendall(b"x")
+                time.sleep(0.02)
+
+    address = f"http://127.0.0.1:{listener.getsockname()[1]}/net.bin"
+    monkeypatch.setattr(transfer, "_WINDOW", 0.2)
+    with listener:
+        for first, says in ((head, "less than 2 kB a second came"), (head[:20], "it does not answer within 0 s")):
+            dripping = threading.Thread(target=drip, args=(first,), daemon=True)
+            dripping.start()
+            with pytest.raises(WeightsError, match=says):
+                download(address, tmp_path / "part", 1000, lambda done: None)
+            monkeypatch.setattr(sources, "_FIRST_ANSWER", 0.2)
+    assert 0 < (tmp_path / "part").stat().st_size < 1000

@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Any
 
 from frida_painter import storage
-from frida_painter.errors import FridaError, MakingFailed
+from frida_painter.errors import MakingFailed, WeightsError
 from frida_painter.picture_makers.child import run_task, tell
 from frida_painter.picture_makers.pipeline_folder import INDEX, choose_weights, parse_index
+from frida_painter.weights.hub_folder import ask_hub, fetch_from_hub
 
 _SETTINGS = (".json", ".txt", ".model", ".jinja")
-_PATIENCE = 10.0  # seconds for the first answer
 
 
 def _fetch(task: Mapping[str, Any], folder: Path) -> dict[str, Any]:
@@ -19,29 +19,13 @@ def _fetch(task: Mapping[str, Any], folder: Path) -> dict[str, Any]:
 
     task: name on the hub
     """
-    from huggingface_hub import HfApi, constants, hf_hub_download
-
     name = task["name"]
     try:
-        index = Path(hf_hub_download(name, INDEX, etag_timeout=_PATIENCE))
+        index = Path(ask_hub("fetch", name, [INDEX])) / INDEX
         _, parts = parse_index(json.loads(storage.read_bytes(index, "the list of a pipeline", 10**6)), name)
-        found = HfApi().model_info(name, files_metadata=True, timeout=_PATIENCE).siblings or ()
-        sizes = {file.rfilename: file.size or 0 for file in found}
-        wanted = _choose_files(sizes, parts)
-        total = sum(sizes[file] for file in wanted)
-        cache = Path(constants.HF_HUB_CACHE)
-        storage.require_space(cache, total, f"{name} of the hub")
-        tell(f"Fetching {name} from {constants.ENDPOINT} once, {storage.megabytes(total)}.")
-        done = 0
-        for number, file in enumerate(wanted, 1):
-            hf_hub_download(name, file, etag_timeout=_PATIENCE)
-            done += sizes[file]
-            tell(f"Fetched file {number} of {len(wanted)}, {storage.megabytes(done)} of {storage.megabytes(total)}.")
-    except FridaError:
-        raise
-    except Exception as cause:  # the hub's library raises errors of several others
-        first = cause.__cause__ or cause  # the hub's own error only says that something went wrong
-        why = " ".join(str(first).split())[:160].rstrip(".") or type(first).__name__
+        fetch_from_hub(name, lambda sizes: _choose_files(sizes, parts), tell)
+    except (WeightsError, ValueError) as cause:
+        why = str(cause).rstrip(".")
         raise MakingFailed(
             f"{name} cannot be fetched from the hub ({why}); check the name and the network, or give a folder."
         ) from cause

@@ -6,14 +6,15 @@ import json
 import urllib.error
 import urllib.request
 from collections.abc import Mapping
-from http.client import HTTPException, HTTPMessage
+from http.client import HTTPException, HTTPMessage, HTTPResponse
 from pathlib import Path
 from typing import IO, Any
 from urllib.parse import urlsplit
 
 from frida_painter import storage
 from frida_painter.errors import MakingFailed
-from frida_painter.picture_makers.child import run_task
+from frida_painter.picture_makers.child import run_task, tell
+from frida_painter.transfer import TOO_SLOW, Transfer
 
 _CHUNK = 2**20
 _MAX_REDIRECTS = 5
@@ -63,7 +64,8 @@ def _ask(task: Mapping[str, Any], folder: Path) -> dict[str, Any]:
             length = answer.headers.get("Content-Length", "")
             if length.isdecimal() and int(length) > most:
                 raise _too_much(host, most)
-            content = _read(answer, host, most)
+            size = int(length) if length.isdecimal() else None
+            content = _read(answer, host, most, Transfer(f"{host} sent", size, tell))
             if length.isdecimal() and len(content) < int(length):
                 raise MakingFailed(
                     f"The service {host} broke off after {len(content)} of {length} bytes; try again, or mend it."
@@ -82,13 +84,15 @@ def _ask(task: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     return {}
 
 
-def _read(answer: IO[bytes], host: str, most: int) -> bytes:
+def _read(answer: HTTPResponse, host: str, most: int, transfer: Transfer) -> bytes:
     """Returns a whole body of at most `most` bytes."""
     chunks, size = [], 0
-    while chunk := answer.read(_CHUNK):
+    while chunk := answer.read1(_CHUNK):  # read would wait until all of it is there
         size += len(chunk)
         if size > most:
             raise _too_much(host, most)
+        if not transfer.hear(size):
+            raise MakingFailed(f"The service {host} is too slow: {TOO_SLOW}; mend it, or name a quicker one.")
         chunks.append(chunk)
     return b"".join(chunks)
 

@@ -4,15 +4,21 @@ Only settings, vocabulary and tensors are fetched, once; code beside them stays 
 """
 
 import json
-import os
 import re
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from fnmatch import fnmatchcase
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, Literal
 
 from frida_painter.errors import WeightsError
-from frida_painter.storage import exists, in_home, read_bytes
+from frida_painter.storage import exists, in_home, megabytes, read_bytes, require_space
+from frida_painter.transfer import TOO_SLOW, Transfer
+from frida_painter.weights import hub_process
 from frida_painter.weights.cache import find
 from frida_painter.weights.catalogue import all_weights
-from frida_painter.weights.sources import Hub
+from frida_painter.weights.sources import Hub, run_fetching
 
 _WHOLE = "config.json"
 _SMALL = ("*.json", "*.txt", "*.model")
@@ -33,6 +39,10 @@ _BY_AUTHORS = {  # ViT-B/32 is also written ViT-B-32
 _NAME = re.compile(r"\w[\w.-]*/\w[\w.-]*")
 _ADDRESS = re.compile(r"https?://[^/]+/|hf(-hub)?:(//)?")
 _KEPT = "models--"  # beginning of the folders of the hub's cache
+_APART = {  # the hub's faster protocol writes nothing for long, so that nobody could tell whether anything comes
+    "HF_HUB_DISABLE_XET": "1", "HF_HUB_DISABLE_PROGRESS_BARS": "1", "HF_HUB_DISABLE_TELEMETRY": "1",
+    "HF_HUB_VERBOSITY": "error",
+}  # fmt: skip
 
 
 def local_folder(name: str) -> Path | None:
@@ -44,12 +54,18 @@ def local_folder(name: str) -> Path | None:
     return kept[-1].parent if kept else folder
 
 
-def hub_folder(name: str, cache: Path | None = None) -> Path:
+def hub_folder(
+    name: str,
+    cache: Path | None = None,
+    tell: Callable[[str], None] = lambda sentence: None,
+    heed: Callable[[], None] = lambda: None,
+) -> Path:
     """Returns the folder with the files of a network; downloads them if they are nowhere on this machine.
 
     name: of the catalogue ("clip-vit-b-32"), of the hub ("openai/clip-vit-base-patch32", also as an address; with or
     without its owner for networks that were fetched), or of the authors ("ViT-B/32")
     cache: folder of fetched weights; by default the usual one
+    tell, heed: as in `fetch_from_hub`
     Raises WeightsError with the reason alone, without a full stop.
     """
     plain = _ADDRESS.sub("", name.strip(), count=1).rstrip("/")
@@ -69,7 +85,7 @@ def hub_folder(name: str, cache: Path | None = None) -> Path:
     if kept is not None and missing is None:
         return kept
     try:
-        return _fetch(repository)
+        return _fetch(repository, tell, heed)
     except WeightsError as cause:
         if missing is None:
             raise
@@ -111,18 +127,85 @@ def _kept(repository: str) -> Path | None:
         return None
 
 
-def _fetch(repository: str) -> Path:
-    from huggingface_hub import HfApi, snapshot_download
-    from huggingface_hub.errors import HfHubHTTPError
-
+def _fetch(repository: str, tell: Callable[[str], None], heed: Callable[[], None]) -> Path:
     Hub(repository, "main").require(_WHOLE)  # an unreachable hub costs seconds, not minutes of retries
-    endpoint = os.environ.get("HF_ENDPOINT") or None
-    try:
-        files = HfApi(endpoint=endpoint).list_repo_files(repository)
-        tensors = _TENSORS[:1] if any(file.endswith(".safetensors") and "/" not in file for file in files) else _TENSORS
-        wanted = [*_SMALL, *tensors]
-        return Path(snapshot_download(repository, allow_patterns=wanted, ignore_patterns=["*/*"], endpoint=endpoint))
-    except HfHubHTTPError as cause:
-        raise WeightsError(f"the hub does not give it ({type(cause).__name__})") from cause
-    except (OSError, ValueError) as cause:
-        raise WeightsError(f"the download stopped ({' '.join(str(cause).split())[:80]})") from cause
+
+    def choose(sizes: Mapping[str, int]) -> list[str]:
+        plain = [file for file in sizes if "/" not in file]
+        tensors = _TENSORS[:1] if any(fnmatchcase(file, _TENSORS[0]) for file in plain) else _TENSORS
+        return [file for file in plain if any(fnmatchcase(file, wanted) for wanted in (*_SMALL, *tensors))]
+
+    return fetch_from_hub(repository, choose, tell, heed)
+
+
+# Downloads from the hub, by a process whose bytes are counted
+
+
+def fetch_from_hub(
+    repository: str,
+    choose: Callable[[Mapping[str, int]], Sequence[str]],
+    tell: Callable[[str], None],
+    heed: Callable[[], None] = lambda: None,
+) -> Path:
+    """Fetches files of a repository into the hub's cache, and returns their folder there.
+
+    choose: returns the files to be fetched, from the sizes of all files
+    tell: receives sentences about the progress
+    heed: called often; may raise to end the download, of which the next one continues what has come
+    Raises WeightsError with the reason alone, without a full stop: if the hub does not give them, or hardly anything
+    comes for a minute.
+    """
+    from huggingface_hub import constants, try_to_load_from_cache
+
+    sizes: dict[str, int] = ask_hub("list", repository, heed=heed)
+    wanted = choose(sizes)
+    if not wanted:
+        raise WeightsError("it has no files of a network")
+    new = [file for file in wanted if not isinstance(try_to_load_from_cache(repository, file), str)]
+    total = sum(sizes[file] for file in new)
+    require_space(Path(constants.HF_HUB_CACHE), total, f"{repository} of the hub")
+    tell(f"Fetching {repository} from {Hub(repository, 'main').endpoint} once, {megabytes(total)}.")
+    return Path(ask_hub("fetch", repository, wanted, Transfer("Fetched", total or None, tell), heed))
+
+
+def ask_hub(
+    what: Literal["list", "fetch"],
+    repository: str,
+    files: Sequence[str] = (),
+    transfer: Transfer | None = None,
+    heed: Callable[[], None] = lambda: None,
+) -> Any:
+    """Returns the sizes of a repository's files by name, or the folder into which `files` were fetched.
+
+    transfer, heed: hear of the progress; see `fetch_from_hub`, which also raises the same
+    """
+    from huggingface_hub import constants
+
+    cache = Path(constants.HF_HUB_CACHE)
+    kept = cache / f"{_KEPT}{repository.replace('/', '--')}"
+    before, transfer = _count_bytes(kept), transfer or Transfer()
+
+    def watch() -> None:
+        heed()
+        if not transfer.hear(_count_bytes(kept) - before):
+            raise WeightsError(TOO_SLOW)
+
+    with TemporaryDirectory() as place:
+        answer = Path(place) / "answer.json"
+        command = [sys.executable, "-P", hub_process.__file__, what, str(answer), repository, *files]
+        log = run_fetching(command, Path(place), watch, {**_APART, "HF_HUB_CACHE": str(cache)})
+        if log is not None:
+            lines = [line.strip() for line in log.splitlines() if line.strip()]
+            raise WeightsError(f"the hub does not give it: {lines[-1][:160] if lines else 'nobody knows why'}")
+        return json.loads(read_bytes(answer, "the answer of the hub", _MAX_INDEX, WeightsError))
+
+
+def _count_bytes(folder: Path) -> int:
+    """Returns the bytes of the files in a folder of the hub's cache, while others write there."""
+    count = 0
+    for file in folder.glob("blobs/*"):
+        try:
+            count += file.stat().st_size
+        except OSError:
+            continue
+    return count

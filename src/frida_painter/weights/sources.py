@@ -10,24 +10,27 @@ import shutil
 import subprocess
 import sys
 import tarfile
+import threading
 import time
 import urllib.error
 import urllib.request
 import zipfile
 import zlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from gzip import GzipFile
-from http.client import HTTPException
+from http.client import HTTPException, HTTPResponse
 from pathlib import Path, PurePosixPath
 from typing import IO, Protocol, cast
 
 from frida_painter import storage
 from frida_painter.errors import WeightsError
+from frida_painter.transfer import TOO_SLOW, Transfer
 
 _PATIENCE = 10.0  # seconds without data
+_FIRST_ANSWER = 30.0  # seconds until a site has answered, with all its redirects
 _CHUNK = 2**18
 _WRONG_RANGE = 416
 
@@ -127,7 +130,7 @@ class Hub:
     @property
     def words(self) -> str:
         """Name in messages."""
-        return f"{self._endpoint} ({self.repository})"
+        return f"{self.endpoint} ({self.repository})"
 
     def transfer(self, originals: Sequence[Original]) -> int:
         """Returns the number of bytes to transfer for these files."""
@@ -149,19 +152,20 @@ class Hub:
             raise WeightsError("HF_HUB_OFFLINE is set")
         request = urllib.request.Request(f"{self._site.address}/{path}", method="HEAD")
         try:
-            urllib.request.urlopen(request, timeout=_PATIENCE).close()
+            _open(request).close()
         except urllib.error.HTTPError as cause:
             raise WeightsError(f"{self.words} answers {cause.code} {cause.reason}") from cause
         except (TimeoutError, HTTPException, urllib.error.URLError, ConnectionError, ValueError) as cause:
             raise WeightsError(f"{self.words} cannot be reached ({_plain(cause)})") from cause
 
     @property
-    def _endpoint(self) -> str:
+    def endpoint(self) -> str:
+        """Address of the hub."""
         return os.environ.get("HF_ENDPOINT", "").rstrip("/") or "https://huggingface.co"
 
     @property
     def _site(self) -> DownloadSite:
-        return DownloadSite(f"{self._endpoint}/{self.repository}/resolve/{self.revision}")
+        return DownloadSite(f"{self.endpoint}/{self.repository}/resolve/{self.revision}")
 
 
 def download(address: str, path: Path, size: int, received: Counter) -> None:
@@ -174,17 +178,20 @@ def download(address: str, path: Path, size: int, received: Counter) -> None:
         received(size)
         return
     headers = {"User-Agent": "frida-painter"} | ({"Range": f"bytes={have}-"} if have else {})
+    transfer = Transfer()
     try:
         # Only addresses of the catalogue are used, and the content is checked against its fixed hash.
-        with urllib.request.urlopen(urllib.request.Request(address, headers=headers), timeout=_PATIENCE) as answer:
+        with _open(urllib.request.Request(address, headers=headers)) as answer:
             have = have if answer.status == 206 else 0
             with path.open("ab" if have else "wb") as file:
-                while chunk := answer.read(min(_CHUNK, size - have + 1)):
+                while chunk := answer.read1(min(_CHUNK, size - have + 1)):  # read would wait until all of it is there
                     if have + len(chunk) > size:
                         raise WeightsError(f"it sends more than the {size} bytes that the file has")
                     file.write(chunk)
                     have += len(chunk)
                     received(have)
+                    if not transfer.hear(have):
+                        raise WeightsError(f"{TOO_SLOW}; the rest is asked for next time")
     except urllib.error.HTTPError as cause:
         if cause.code == _WRONG_RANGE:
             path.unlink(missing_ok=True)
@@ -193,6 +200,31 @@ def download(address: str, path: Path, size: int, received: Counter) -> None:
         raise WeightsError(f"it cannot be reached ({_plain(cause)})") from cause
     if have < size:
         raise WeightsError(f"the connection broke after {have} of {size} bytes; the rest is asked for next time")
+
+
+def _open(request: urllib.request.Request) -> HTTPResponse:
+    """Returns the answer to a request. Raises what `urlopen` raises, and TimeoutError if there is none in time.
+
+    A timeout of `urlopen` holds for each part of an answer, so that one that drips would never end.
+    """
+    found: list[HTTPResponse | BaseException] = []
+
+    def ask() -> None:
+        try:
+            found.append(urllib.request.urlopen(request, timeout=_PATIENCE))
+        except BaseException as cause:  # raised again in the thread that waits
+            found.append(cause)
+            if isinstance(cause, urllib.error.HTTPError):
+                cause.close()
+
+    asking = threading.Thread(target=ask, daemon=True)  # one that drips is left behind
+    asking.start()
+    asking.join(_FIRST_ANSWER)
+    if not found:
+        raise TimeoutError(f"it does not answer within {_FIRST_ANSWER:.0f} s")
+    if isinstance(found[0], BaseException):
+        raise found[0]
+    return found[0]
 
 
 def _onward(received: Counter, before: int) -> Counter:
@@ -307,21 +339,40 @@ class Wheel:
 def have_fetched(command: Sequence[str], folder: Path, size: int, received: Counter, what: str) -> str | None:
     """Runs a program that fetches `what` of `size` bytes into a folder; returns its output if it fails, else None.
 
-    Raises WeightsError if the program cannot be started or fetches more.
+    Raises WeightsError if the program cannot be started, fetches more, or hardly anything.
     """
+    transfer = Transfer()
 
     def watch() -> None:
         come = _largest(folder)
         if come > 1.1 * size + _LONGEST_PACKED:
             raise WeightsError(f"{what} is larger than the {size} bytes that it is known to have")
         received(min(come, size))
+        if not transfer.hear(come):
+            raise WeightsError(TOO_SLOW)
 
     # Programs write temporary files first. In this folder the growth can be measured and limited.
-    environment = os.environ | dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(folder))
+    complaint = run_fetching(command, folder, watch, dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(folder)))
+    if complaint is None:
+        watch()
+        received(size)
+    return complaint
+
+
+def run_fetching(
+    command: Sequence[str], folder: Path, watch: Callable[[], None], environment: Mapping[str, str]
+) -> str | None:
+    """Runs a program that fetches something; returns its output if it fails, else None.
+
+    folder: folder in which it runs, and for its output
+    watch: called often, while the program runs; if it raises, the program is ended
+    environment: variables besides those of this process
+    Raises WeightsError if the program cannot be started.
+    """
     with (folder / "fetching.log").open("w+", encoding="utf-8", errors="replace") as log:
         try:
             program = subprocess.Popen(
-                command, cwd=folder, stdin=subprocess.DEVNULL, stdout=log, stderr=log, env=environment
+                command, cwd=folder, stdin=subprocess.PIPE, stdout=log, stderr=log, env={**os.environ, **environment}
             )
         except OSError as cause:
             raise WeightsError(f"{Path(command[0]).name} cannot be started ({cause.strerror})") from cause
@@ -331,12 +382,10 @@ def have_fetched(command: Sequence[str], folder: Path, size: int, received: Coun
                 time.sleep(_GLANCE)
         finally:
             program.kill()
-            program.wait()
+            program.communicate()
         if program.returncode != 0:
             log.seek(0)
             return log.read()
-    watch()
-    received(size)
     return None
 
 
