@@ -18,6 +18,7 @@ import torch
 from frida_painter import images
 from frida_painter.cli import commands
 from frida_painter.errors import ConfigError, Interrupted, MakingFailed
+from frida_painter.picture_makers import diffusion, pipeline_process
 from frida_painter.picture_makers.diffusion import DiffusionMaker
 from frida_painter.picture_makers.pipeline_process import _require_picture
 from frida_painter.runs.picture_making import PictureRequest, make_pictures
@@ -41,7 +42,7 @@ def ask(folder: Path, told: list[str] | None = None, seeds: tuple[int, ...] = (7
 def test_pictures_follow_their_seeds_and_steps_are_told(tmp_path: Path, pipeline: Path) -> None:
     told: list[str] = []
     maker = DiffusionMaker.parse(f"{pipeline},steps=2")
-    first, second, again = map(images.load, maker.make(ask(tmp_path / "a", told, (7, 8, 7))))
+    first, second, again = (images.load(Path(str(file))) for file in maker.make(ask(tmp_path / "a", told, (7, 8, 7))))
     assert first.shape == (3, 56, 72), "4 to 3 in about as many pixels as its networks were made for"
     assert torch.equal(first, again) and not torch.equal(first, second)
     assert told[0] == "Loading tiny on cpu." and told[1:3] == [f"Picture 1 of 3: step {n} of 2." for n in (1, 2)]
@@ -102,6 +103,34 @@ def test_a_pipeline_that_fails_is_one_sentence(tmp_path: Path, write: Callable[[
     with pytest.raises(MakingFailed) as told:
         make_pictures("a lemon", f"diffusers:{tmp_path / 'net'}", tmp_path / "made", spec, count=1)
     assert says in str(told.value) and "\n" not in str(told.value) and not (tmp_path / "made").exists()
+
+
+def test_pictures_beside_one_of_nan_and_before_a_failure_stay(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Pipeline:
+        """Makes one picture of NaN and breaks at the fourth."""
+
+        count = 0
+
+        def __call__(self, prompt: str, width: int, height: int) -> SimpleNamespace:
+            self.count += 1
+            if self.count == 4:
+                raise RuntimeError("no memory is left")
+            return SimpleNamespace(images=[np.full((height, width, 3), np.nan if self.count == 2 else 0.5)])
+
+    def run(module: str, name: str, task: dict[str, Any], folder: Path, *_: Any, **__: Any) -> dict[str, Any]:
+        folder.mkdir()
+        try:
+            return pipeline_process._make(task, folder)
+        except RuntimeError as cause:
+            raise MakingFailed(f"The pipeline failed ({cause}).") from cause
+
+    monkeypatch.setattr(pipeline_process, "_load", lambda task, device: Pipeline())
+    monkeypatch.setattr(diffusion, "run_child", run)
+    maker = DiffusionMaker.parse(str(write_lookalike(tmp_path / "net")))
+    first, second, third, fourth = maker.make(ask(tmp_path / "a", seeds=(7, 8, 9, 10)))
+    assert isinstance(first, Path) and isinstance(third, Path) and images.load(third).shape == (3, 384, 512)
+    assert str(second) == "Picture 2 of net holds values that are no numbers (NaN); name another."
+    assert str(fourth) == "The pipeline failed (no memory is left)." and maker.facts["size"] == "512 x 384"
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,7 @@ from frida_painter.runs.picture_making import (
     PictureMakerKind,
     PictureRequest,
     imagine,
+    make_each,
     make_pictures,
     making_facts,
     read_making,
@@ -36,7 +37,7 @@ class Maker:
     facts: dict[str, str] = field(default_factory=lambda: {"model": "a fake", "sha256": "0f" * 32})
     asked: list[PictureRequest] = field(default_factory=list)
 
-    def make(self, request: PictureRequest) -> Sequence[Path]:
+    def make(self, request: PictureRequest) -> Sequence[Path | MakingFailed]:
         self.asked.append(request)
         if isinstance(self.returns, BaseException):
             raise self.returns
@@ -126,7 +127,23 @@ def test_a_bad_picture_among_good_ones_is_left_out_and_told(tmp_path: Path, monk
     maker = Maker(lambda seed: scene(seed) if seed != 5 else torch.zeros(3, 30, 40))
     making = make(monkeypatch, tmp_path / "made", maker, count=3, tell=told.append)
     assert [one.seed for one in making.pictures] == [6, 7]
-    assert told == ["Picture 1 of fake cannot be painted: it is black all over."]
+    assert told == list(making.faults) == ["Picture 1 is left out: it is black all over."]
+
+
+def test_pictures_that_could_not_be_made_are_left_out_and_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Some(Maker):
+        def make(self, request: PictureRequest) -> Sequence[Path | MakingFailed]:
+            files = list(super().make(request))
+            return make_each(request, lambda number: files[number] if number == 1 else fail(number))
+
+    def fail(number: int) -> Path:
+        raise MakingFailed(f"Seed {number} is unlucky; take another.")
+
+    making = make(monkeypatch, tmp_path / "made", Some(), count=3)
+    assert [one.seed for one in making.pictures] == [6]
+    assert making.faults == tuple(f"Picture {n} is left out: Seed {n - 1} is unlucky; take another." for n in (1, 3))
+    with pytest.raises(MakingFailed, match=r"^Seed 0 is unlucky; take another\.$"):
+        make(monkeypatch, tmp_path / "other", Some(), count=1)
 
 
 @pytest.mark.parametrize(

@@ -128,20 +128,21 @@ def test_a_painting_begins_on_its_ground(photo: Path, ground: str) -> None:
 def test_what_is_chosen_by_quick_plans_is_told_at_every_step_and_can_be_ended(
     photo: Path, choice: dict[str, str]
 ) -> None:
-    heard: list[str] = []
+    told: list[str] = []
+    heeded: list[int] = []
 
-    def choosing(what: str) -> None:
-        heard.append(what)
-        if len(heard) == 3:
+    def heed() -> None:
+        heeded.append(len(told))
+        if len(heeded) == 3:
             raise Interrupted("Enough.")
 
     small = {name: value for name, value in SMALL.items() if name != "brush" or "brushes" not in choice}
     with PaintingRun(RunSpec.of(goal=[{"image": str(photo)}], strokes=3, replans=1, **small, **choice)) as run:
-        run.choosing = choosing
+        run.heed, run.tell = heed, told.append
         with pytest.raises(Interrupted, match="Enough"):
             assert run.planner
-        assert heard == list(choice) * 3
-        run.choosing = lambda what: None
+        assert told == [f"Choosing the {what}, by quick plans." for what in choice] and heeded == [0, 1, 1]
+        run.heed = lambda: None
         assert run.planner and None not in (run.spec.ground, run.spec.brushes)
         assert "auto" not in (run.spec.ground, run.spec.brushes)
 

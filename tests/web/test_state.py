@@ -56,6 +56,15 @@ def test_a_plan_grows_until_it_is_ready() -> None:
     assert ready["trouble"] == "" and ready["painting"] is None
 
 
+def test_waits_before_the_first_picture_are_told_in_words() -> None:
+    said = {"kind": "procedure_progress", "words": "A first picture is coloured for the words, in about 30 s."}
+    (waits,) = told(PLANNED[0], said).to_plain(AT_WORK)["plans"]
+    assert waits["said"] == said["words"] and waits["share"] == 0
+    assert told(PLANNED[0], said, PLANNED[1]).to_plain(AT_WORK)["plans"][0]["said"] == ""
+    later = told(*PLANNED, PAINTED[0], said).to_plain(AT_WORK)
+    assert later["painting"]["said"] == said["words"] and later["plans"][0]["said"] == ""
+
+
 def test_a_painting_is_followed_stroke_by_stroke() -> None:
     painting = told(*PLANNED, *PAINTED).to_plain(AT_WORK)["painting"]
     assert (painting["status"], painting["done"], painting["of"], painting["paint"]) == ("painting", 3, 4, 2)

@@ -7,7 +7,7 @@ import torch
 
 from frida_painter import images
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.errors import ConfigError
+from frida_painter.errors import ConfigError, Interrupted
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.encoders.clip import Clip
 from frida_painter.objectives.encoders.loading import EncoderRegistry
@@ -172,10 +172,21 @@ class TestCoarseColors:
             looks.append(len(pictures))
             return pictures.mean((1, 2, 3))
 
-        alone.tell = lambda sentence: told.append((len(looks), sentence))
-        color_in(wish, alone.readers()[0], (30, 40), 0, steps=5, tell=alone.tell)
+        color_in(wish, alone.readers()[0], (30, 40), 0, steps=5, tell=lambda said: told.append((len(looks), said)))
         ((after, sentence),) = told
         assert after == 1 < len(looks) and sentence.startswith("A first picture is coloured for the words, in about ")
+
+    def test_a_stop_ends_it(self, folder: Path) -> None:
+        spec = RunSpec.of(goal=[{"text": "a fox"}], clip=str(folder), canvas="12x9cm", strokes=5, render_height=64)
+        told: list[str] = []
+
+        def heed() -> None:
+            if told:
+                raise Interrupted("You stopped.")
+
+        with pytest.raises(Interrupted):
+            open_planner(spec, open_goal(spec), tell=told.append, heed=heed)
+        assert len(told) == 1
 
     def test_a_planner_tells_it(self, folder: Path) -> None:
         spec = RunSpec.of(goal=[{"text": "a fox"}], clip=str(folder), canvas="12x9cm", strokes=5, render_height=64)

@@ -9,14 +9,14 @@ interface Paint { number: number; hex: string; strokes: number; share: number }
 interface Mixture { recipe: string; millilitres: number; near: boolean }
 interface Made { prefix: string; frames: number[]; strokes: number; palette: Paint[]; mixtures: Mixture[]; mixing?: Record<string, string>; seconds: number }
 interface PlanState {
-  number: number; wish: Wish; status: "waiting" | "planning" | "ready" | "failed" | "stopped"; share: number; left: number | null;
+  number: number; wish: Wish; status: "waiting" | "planning" | "ready" | "failed" | "stopped"; share: number; left: number | null; said: string;
   growing: string | null; nearer: number; made: Made | null;
 }
 interface Look { done: number; seen: string; expected: string; difference: string; why: string; gain?: number; touch?: string[]; plan?: string; found?: string }
 interface Game { minutes: number; policy: string; keep: "welcome" | "protect" }
 interface PersonBrush { name: string; light: number; hard: number }
 interface PaintState {
-  plan: number; of: number; status: string; done: number; left: number | null; dries: number; photograph: string | null; growing: string | null;
+  plan: number; of: number; status: string; done: number; left: number | null; said: string; dries: number; photograph: string | null; growing: string | null;
   brush: string; paint: number | null; dips: Record<number, number>; since_dip: number; reason: string; looks: Look[];
   replanned: (Omit<Made, "mixtures" | "seconds"> & { done: number }) | null; held: boolean; cause: "person" | "button" | "turn" | "trouble" | null; turns: number; game: Game;
   region: { picture: string; only: boolean } | null; remark: string; wish: Wish | null; person: { brushes: PersonBrush[]; wells: string[]; strokes: number } | null; film: boolean; arm: boolean; kept: boolean; painters: boolean;

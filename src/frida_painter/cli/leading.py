@@ -147,21 +147,17 @@ def ready_planner(run: PaintingRun, stop: StopSignal, out: Path | None = None) -
     """Opens the planner, and prints the choices, the networks in use and remarks.
 
     out: folder to be made later, checked before any work.
-    Raises StorageError if the folder cannot be made, Interrupted after a stop during quick plans.
+    Raises StorageError if the folder cannot be made, Interrupted after a stop.
     """
     if out is not None:
         storage.require_space(out, PLAN_ROOM, "this plan")
         storage.require_unused(out)
-    said: set[str] = set()
 
-    def choosing(what: str) -> None:
+    def heed() -> None:
         if stop.asked:
-            raise Interrupted(f"You stopped while the {what} suiting the picture was chosen; nothing was painted.")
-        if what not in said:
-            print(f"Choosing the {what}, by quick plans.", file=sys.stderr)
-            said.add(what)
+            raise Interrupted("You stopped before there was a plan; nothing was painted.")
 
-    run.choosing, run.tell = choosing, lambda sentence: print(sentence, file=sys.stderr)
+    run.heed, run.tell = heed, lambda sentence: print(sentence, file=sys.stderr)
     encoders = run.planner.encoders
     for choice in encoders.choices:
         better = f" (better: {choice.better})" if choice.better else ""

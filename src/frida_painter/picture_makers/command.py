@@ -11,7 +11,7 @@ from pathlib import Path
 from frida_painter import storage
 from frida_painter.errors import ConfigError, MakingFailed
 from frida_painter.picture_makers.program import run_program
-from frida_painter.runs.picture_making import MAX_BYTES, PictureMakerKind, PictureRequest
+from frida_painter.runs.picture_making import MAX_BYTES, PictureMakerKind, PictureRequest, make_each
 
 _PLACES = ("words", "seed", "width", "height", "out")
 _PLACE = re.compile("{(" + "|".join(_PLACES) + ")}")
@@ -60,10 +60,10 @@ class CommandMaker:
         hashes = " ".join(storage.sha256(path, "a program that makes pictures", ConfigError) for path in files)
         return cls((program, *arguments[1:]), {"command": shlex.join(arguments), "sha256": hashes})
 
-    def make(self, request: PictureRequest) -> Sequence[Path]:
-        """Returns one picture file for each seed. Raises MakingFailed and Interrupted."""
+    def make(self, request: PictureRequest) -> Sequence[Path | MakingFailed]:
+        """Returns a picture file for each seed, or a reason. Raises Interrupted."""
         until = time.monotonic() + request.seconds
-        return [self._make_one(request, number, until) for number in range(len(request.seeds))]
+        return make_each(request, lambda number: self._make_one(request, number, until))
 
     def _make_one(self, request: PictureRequest, number: int, until: float) -> Path:
         count = len(request.seeds)

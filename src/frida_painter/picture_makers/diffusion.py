@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from frida_painter import registry, storage
-from frida_painter.errors import ConfigError
+from frida_painter.errors import ConfigError, MakingFailed
+from frida_painter.picture_makers.child import ANSWER
 from frida_painter.picture_makers.pipeline_folder import (
     INDEX,
     USUAL_STEPS,
@@ -68,8 +69,8 @@ class DiffusionMaker:
             )
         return cls(source, _find(source), steps)
 
-    def make(self, request: PictureRequest) -> Sequence[Path]:
-        """Returns one picture file for each seed. Raises MakingFailed, ConfigError and Interrupted."""
+    def make(self, request: PictureRequest) -> Sequence[Path | MakingFailed]:
+        """Returns a picture file for each seed, or a reason. Raises MakingFailed, ConfigError and Interrupted."""
         until = time.monotonic() + request.seconds
         pipeline = self.here or self._fetch(request, until)
         usual = pipeline.steps
@@ -81,15 +82,24 @@ class DiffusionMaker:
             "width": request.width, "height": request.height, "device": str(request.device),
         }  # fmt: skip
         folder = request.folder / "pipeline"
-        answer = run_child(
-            "frida_painter.picture_makers.pipeline_process", "The pipeline", task, folder, request, until,
-            environment=_OFFLINE,
-        )  # fmt: skip
+        missing = MakingFailed("The pipeline was ended before this picture.")
+        try:
+            answer = run_child(
+                "frida_painter.picture_makers.pipeline_process", "The pipeline", task, folder, request, until,
+                environment=_OFFLINE,
+            )  # fmt: skip
+        except MakingFailed as fault:
+            if not (folder / ANSWER).is_file():
+                raise
+            answer, missing = storage.read_json(folder / ANSWER, "the answer of a picture maker", MakingFailed), fault
         self.facts.update(
             model=pipeline.name, pipeline=pipeline.pipeline, steps=f"{steps} steps", size=str(answer["size"]),
             sha256=" ".join(answer["hashes"]),
         )  # fmt: skip
-        return [folder / Path(name).name for name in answer["files"]]
+        made = [
+            folder / Path(one["file"]).name if "file" in one else MakingFailed(one["fault"]) for one in answer["made"]
+        ]
+        return [*made, *[missing] * (len(request.seeds) - len(made))]
 
     def _fetch(self, request: PictureRequest, until: float) -> PipelineFolder:
         """Fetches the pipeline from the hub into its cache, and reads it."""

@@ -10,22 +10,25 @@ import torch
 
 from frida_painter import images, storage
 from frida_painter.errors import MakingFailed
-from frida_painter.picture_makers.child import run_task, tell
+from frida_painter.picture_makers.child import ANSWER, run_task, tell
 
 _STEP = 64  # pixels; sizes are multiples of it; for small networks, of an eighth of their usual size
 _BLACK = 1 / 255
 
 
 def _make(task: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    """Returns files and facts. Raises MakingFailed.
+    """Returns facts, and the file of each picture or the fault in its place. Raises MakingFailed.
 
     task: name, folder, pipeline, variant, weights, steps, few, words, seeds, width, height and device
+    The answer is also written after each picture, so that those before an end stay.
     """
     name, device = task["name"], torch.device(task["device"])
     pipeline = _load(task, device)
     width, height = _size(pipeline, task["width"], task["height"])
     arguments = inspect.signature(pipeline.__call__).parameters
-    files = []
+    hashes = [storage.sha256(Path(file), "the weights of a pipeline", MakingFailed) for file in task["weights"]]
+    pictures: list[dict[str, str]] = []
+    answer = {"made": pictures, "size": f"{width} x {height}", "hashes": hashes}
     for number, seed in enumerate(task["seeds"], 1):
         given = {
             "prompt": task["words"], "width": width, "height": height, "num_inference_steps": task["steps"],
@@ -34,10 +37,15 @@ def _make(task: Mapping[str, Any], folder: Path) -> dict[str, Any]:
             **({"guidance_scale": 0.0} if task["few"] and not _knows_guidance(pipeline) else {}),
         }  # fmt: skip
         made = pipeline(**{key: value for key, value in given.items() if key in arguments})
-        files.append(folder / f"{number}.png")
-        images.save(_require_picture(made, name, number, width, height), files[-1])
-    hashes = [storage.sha256(Path(file), "the weights of a pipeline", MakingFailed) for file in task["weights"]]
-    return {"files": [file.name for file in files], "size": f"{width} x {height}", "hashes": hashes}
+        try:
+            picture = _require_picture(made, name, number, width, height)
+        except MakingFailed as fault:
+            pictures.append({"fault": str(fault)})
+        else:
+            images.save(picture, folder / f"{number}.png")
+            pictures.append({"file": f"{number}.png"})
+        storage.write_json(folder / ANSWER, answer)
+    return answer
 
 
 def _load(task: Mapping[str, Any], device: torch.device) -> Any:

@@ -19,6 +19,7 @@ from frida_painter.storage import megabytes
 _GLANCE = 0.05  # seconds between two looks at a program
 _MAX_SAID = 20 * 2**20  # bytes that a program may say to its standard error
 _SAID = "the words of a program"
+_MORE_TIME = "give it more time with --imagine-minutes, or name a quicker one"
 _TOLD = 200  # characters of a program's last line in messages
 
 
@@ -47,6 +48,8 @@ def run_program(
     stop. The program is then ended, with all processes of its group.
     """
     began = time.monotonic()
+    if not began < until:
+        raise MakingFailed(f"{name} was not asked any more, because the time was over; {_MORE_TIME}.")
     with printed.open("wb") as output, said.open("wb") as complaints:
         try:
             process = subprocess.Popen(
@@ -63,8 +66,7 @@ def run_program(
                     raise Interrupted("You stopped the making of pictures, and nothing was painted.")
                 if not time.monotonic() < until:
                     raise MakingFailed(
-                        f"{name} was not finished after {time.monotonic() - began:.0f} s and was ended; give it more "
-                        "time with --imagine-minutes, or name a quicker one."
+                        f"{name} was not finished after {time.monotonic() - began:.0f} s and was ended; {_MORE_TIME}."
                     )
                 for file, most in ((printed, MAX_BYTES), (said, _MAX_SAID), (made, MAX_BYTES)):
                     if file is not None and _size(file) > most:

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import SplitResult, urlsplit
 
-from frida_painter.errors import ConfigError
+from frida_painter.errors import ConfigError, MakingFailed
 from frida_painter.picture_makers.program import run_child
-from frida_painter.runs.picture_making import MAX_BYTES, PictureMakerKind, PictureRequest
+from frida_painter.runs.picture_making import MAX_BYTES, PictureMakerKind, PictureRequest, make_each
 
 _EXAMPLE = "http:http://localhost:7860/picture"
 
@@ -48,13 +48,13 @@ class ServiceMaker:
         parts = urlsplit(self.address)
         return {"address": f"{parts.scheme}://{parts.netloc}{parts.path}"}
 
-    def make(self, request: PictureRequest) -> Sequence[Path]:
-        """Returns one picture file for each seed. Raises MakingFailed and Interrupted."""
+    def make(self, request: PictureRequest) -> Sequence[Path | MakingFailed]:
+        """Returns a picture file for each seed, or a reason. Raises Interrupted."""
         until = time.monotonic() + request.seconds
         parts = urlsplit(self.address)
         plain = ", unencrypted" if parts.scheme == "http" else ""
         request.tell(f"Your words, the seed and the size are sent to {parts.netloc}{plain}.")
-        return [self._ask(request, number, until) for number in range(len(request.seeds))]
+        return make_each(request, lambda number: self._ask(request, number, until))
 
     def _ask(self, request: PictureRequest, number: int, until: float) -> Path:
         host, count = urlsplit(self.address).netloc, len(request.seeds)

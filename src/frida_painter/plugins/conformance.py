@@ -21,7 +21,7 @@ from frida_painter.brush.families import FamilyPart
 from frida_painter.brush.kinds import BrushModel, StrokeModel
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.kinds import EaselKind
-from frida_painter.errors import ConfigError, FridaError, PluginError
+from frida_painter.errors import ConfigError, FridaError, MakingFailed, PluginError
 from frida_painter.exporter import ExporterKind
 from frida_painter.frames import PixelGrid
 from frida_painter.hardware.easel import PersonStroke
@@ -421,6 +421,8 @@ def _try_picture_maker(kind: PictureMakerKind, given: _Given) -> None:
         files = maker.make(request)
         _require(len(files) == 2, f"It made {len(files)} pictures for 2 seeds; it makes one for each.")
         for file in files:
+            if isinstance(file, MakingFailed):
+                raise file
             images.load(file)
     plain = all(isinstance(word, str) for fact in maker.facts.items() for word in fact)
     _require(plain, "Its facts are not words by name; records hold words.")

@@ -74,12 +74,26 @@ class PictureMaker(Protocol):
         """
         ...
 
-    def make(self, request: PictureRequest) -> Sequence[Path]:
-        """Returns picture files, one for each seed, in their order.
+    def make(self, request: PictureRequest) -> "Sequence[Path | MakingFailed]":
+        """Returns a picture file for each seed, in their order; the reason in place of one that could not be made.
 
-        Raises MakingFailed if there are none, and Interrupted if the person has stopped the making.
+        Raises MakingFailed if there is none at all, and Interrupted if the person has stopped the making.
         """
         ...
+
+
+def make_each(request: PictureRequest, make: Callable[[int], Path]) -> list[Path | MakingFailed]:
+    """Returns the picture file for each seed, or the reason why there is none.
+
+    make: makes the picture of a seed, from its position in the request
+    """
+    made: list[Path | MakingFailed] = []
+    for number in range(len(request.seeds)):
+        try:
+            made.append(make(number))
+        except MakingFailed as fault:
+            made.append(fault)
+    return made
 
 
 @dataclass(frozen=True)
@@ -138,7 +152,7 @@ class Making:
     pictures: those that show something, at least one
     best: index of the picture that is taken if nobody chooses
     rule: phrase that says why
-    faults: sentences about pictures that show nothing
+    faults: sentences about pictures that were not made, or show nothing
     """
 
     words: str
@@ -202,7 +216,7 @@ def make_pictures(
     seeds = tuple((spec.seed + number) % 2**31 for number in range(count))
     width, height = _size(spec)
     device = planning_device()
-    faults: list[str] = []
+    faults: dict[str, MakingFailed] = {}
     pictures: list[MadePicture] = []
     try:
         with TemporaryDirectory(dir=folder, prefix=".making-") as place:
@@ -213,27 +227,33 @@ def make_pictures(
                     picture = _read(file)
                 except ImageError as cause:
                     why = str(cause).replace(str(file), "it", 1).rstrip(".")
-                    faults.append(f"Picture {number} of {name} cannot be painted: {why}.")
+                    faults[f"Picture {number} is left out: {why}."] = MakingFailed(
+                        f"Picture {number} of {name} cannot be painted: {why}; try other words, another --seed or "
+                        "another maker."
+                    )
+                    continue
+                except MakingFailed as fault:
+                    faults[f"Picture {number} is left out: {fault}"] = fault
                     continue
                 target = folder / f"{name_of(words)}-{number}.png"
                 images.save(picture, target)
                 pictures.append(MadePicture(target, made_from, picture))
         if not pictures:
-            raise MakingFailed(f"{faults[0][:-1]}; try other words, another --seed or another maker.")
+            raise next(iter(faults.values()))
     except BaseException:
         with suppress(OSError):
             folder.rmdir()  # it is empty
         raise
     for sentence in faults:
         tell(sentence)
-    best, rule = _rank(words, [one.picture for one in pictures], encoders, spec, device)
+    best, rule = _rank(words, [one.picture for one in pictures], encoders, spec, request)
     return Making(words, name, dict(opened.facts), folder, tuple(pictures), best, rule, tuple(faults))
 
 
-def _ask(name: str, maker: PictureMaker, request: PictureRequest) -> list[Path]:
+def _ask(name: str, maker: PictureMaker, request: PictureRequest) -> list[Path | MakingFailed]:
     """Returns the files that a maker makes. Raises MakingFailed, Interrupted, and PluginError for any other failure."""
     try:
-        files = [Path(file) for file in maker.make(request)]
+        files = [file if isinstance(file, MakingFailed) else Path(file) for file in maker.make(request)]
     except FridaError:
         raise
     except Exception as failure:  # foreign code may raise anything
@@ -258,8 +278,10 @@ def _size(spec: RunSpec) -> tuple[int, int]:
     return width, _STEP * max(1, round(math.sqrt(_PIXELS / aspect) / _STEP))
 
 
-def _read(file: Path) -> Tensor:
-    """Returns a made picture. Raises ImageError if it cannot be read, or shows nothing."""
+def _read(file: Path | MakingFailed) -> Tensor:
+    """Returns a made picture. Raises ImageError if it cannot be read, or shows nothing, and MakingFailed."""
+    if isinstance(file, MakingFailed):
+        raise file
     picture = images.load(file)
     if float((picture.amax(dim=(1, 2)) - picture.amin(dim=(1, 2))).max()) < _PLAIN:
         color = "black" if float(picture.max()) < 0.02 else "of one colour"
@@ -268,13 +290,13 @@ def _read(file: Path) -> Tensor:
 
 
 def _rank(
-    words: str, pictures: Sequence[Tensor], encoders: EncoderRegistry | None, spec: RunSpec, device: torch.device
+    words: str, pictures: Sequence[Tensor], encoders: EncoderRegistry | None, spec: RunSpec, request: PictureRequest
 ) -> tuple[int, str]:
     """Returns the index of the picture that is nearest to the words, and a phrase that tells the rule."""
     if len(pictures) == 1:
         return 0, "it is the only one"
     try:
-        networks = encoders or EncoderRegistry(clip=spec.clip, device=device)
+        networks = encoders or EncoderRegistry(clip=spec.clip, device=request.device, tell=request.tell)
         readers = networks.readers()
     except FridaError:
         return 0, "it is the first; no network is here that compares pictures with words"
@@ -283,7 +305,7 @@ def _rank(
         for reader in readers:
             wanted = reader.embed_text(words)
             views = torch.stack([images.fit(picture, reader.side, reader.side) for picture in pictures])
-            near += (reader.embed_pictures(views.to(device)) @ wanted.to(device)).cpu()
+            near += (reader.embed_pictures(views.to(request.device)) @ wanted.to(request.device)).cpu()
     return int(near.argmax()), f"it is the nearest to the words by {' and '.join(reader.name for reader in readers)}"
 
 

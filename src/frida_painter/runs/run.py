@@ -137,8 +137,8 @@ class PaintingRun:
     encoders: networks that judge the goal. None: the fetched ones.
     mixed: mixed paints of the description's palette file, read at the start of the block; None: those of the plan.
     remarks: sentences for the person.
-    choosing: called at every step of quick plans with their purpose, "brushes" or "ground"; may raise to end them.
     tell: receives a sentence about each wait before planning.
+    heed: called often in these waits; may raise to end them.
     Raises ConfigError and ImageError if the description makes no painting.
 
         >>> import frida_painter as fp
@@ -167,8 +167,8 @@ class PaintingRun:
         self._fitted = fit_canvas(spec, open_goal(spec), canvas_is_fixed=_reopened is not None)
         self._settled: SettledRun | None = None
         self.goal, self.target = self._fitted.goal, self._fitted.target
-        self.choosing: Callable[[str], None] = lambda what: None
         self.tell: Callable[[str], None] = lambda sentence: None
+        self.heed: Callable[[], None] = lambda: None
         self.mixed: Palette | None = None
         self._folder = None if folder is None else Path(folder)
         self.listeners: list[Notify] = list(listeners)
@@ -236,13 +236,11 @@ class PaintingRun:
     def planner(self) -> Planner:
         """Planner, opened at the first access; brushes and ground are then fixed.
 
-        Raises WeightsError if a network is missing, and the errors of `choosing`; then nothing is fixed.
+        Raises WeightsError if a network is missing, and the errors of `heed`; then nothing is fixed.
         """
         if self._settled is None:
             region = None if self._reopened is None else resuming.region(self.folder, self._reopened.history)
-            self._settled = settle(
-                self._fitted, self._encoders, region=region, choosing=lambda what: self.choosing(what), tell=self.tell
-            )
+            self._settled = settle(self._fitted, self._encoders, region=region, tell=self.tell, heed=self.heed)
         return self._settled.planner
 
     @property

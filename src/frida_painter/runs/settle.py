@@ -199,6 +199,7 @@ def open_planner(
     encoders: EncoderRegistry | None = None,
     model: StrokeModel | Sequence[StrokeModel] | None = None,
     tell: Callable[[str], None] = lambda sentence: None,
+    heed: Callable[[], None] = lambda: None,
 ) -> Planner:
     """Returns the planner of a description, on its ground, or on white if the ground is to be chosen.
 
@@ -206,12 +207,12 @@ def open_planner(
     encoders: networks that judge the goal. None: the fetched ones.
     model: stroke models instead of the description's brushes.
     tell: receives a sentence about each wait.
+    heed: called often in waits; may raise to end them.
     Raises CalibrationError if the record is damaged, WeightsError if a brush or a network is missing, ConfigError
     if --clip or --pictures has no use.
     """
     device = planning_device()
-    networks = encoders or EncoderRegistry(clip=spec.clip, device=device, pictures=spec.pictures)
-    networks.tell = tell
+    networks = encoders or EncoderRegistry(clip=spec.clip, device=device, pictures=spec.pictures, tell=tell, heed=heed)
     planner = Planner(
         tell_terms(goal, spec.words, spec.freedom), planner_settings(spec, model), encoders=networks, device=device
     )
@@ -565,19 +566,27 @@ def settle(
     encoders: EncoderRegistry | None = None,
     *,
     region: Region | None = None,
-    choosing: Callable[[str], None] = lambda what: None,
     tell: Callable[[str], None] = lambda sentence: None,
+    heed: Callable[[], None] = lambda: None,
 ) -> SettledRun:
     """Chooses open brushes and an open ground by quick plans, and opens the planner.
 
     made: description and goal, fitted to each other.
     encoders: networks that judge the goal. None: the fetched ones.
     region: part of the canvas that strokes keep clear of.
-    choosing: called at every step of quick plans with their purpose, "brushes" or "ground"; may raise to end them.
     tell: receives a sentence about each wait.
+    heed: called often in waits; may raise to end them.
     Raises like `open_planner`.
     """
     spec, remarks = made.spec, []
+    said: set[str] = set()
+
+    def choosing(what: str) -> None:
+        heed()
+        if what not in said:
+            said.add(what)
+            tell(f"Choosing the {what}, by quick plans.")
+
     if spec.brushes == AUTO:
         brushes = choose_brushes(spec, made.goal, encoders, notify=lambda step: choosing("brushes"))
         spec = spec.model_copy(update={"brushes": brushes})
@@ -585,7 +594,7 @@ def settle(
     if spec.strokes_of is not None:
         spec, remark = settle_families(spec, made.goal, encoders, notify=lambda step: choosing("brushes"))
         remarks += [remark] if remark else []
-    planner = open_planner(spec, made.goal, encoders, tell=tell)
+    planner = open_planner(spec, made.goal, encoders, tell=tell, heed=heed)
     planner, ground, remark = settle_ground(spec, planner, lambda step: choosing("ground"))
     if spec.ground != ground:
         spec = spec.model_copy(update={"ground": ground})

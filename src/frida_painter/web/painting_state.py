@@ -33,6 +33,7 @@ from frida_painter.session.events import (
     PlanningProgress,
     PlanPreview,
     PlanRequested,
+    ProcedureProgress,
     Queued,
     Remark,
     RestReplanned,
@@ -173,6 +174,7 @@ class PlanState:
     """State of one plan.
 
     status: "waiting", "planning", "ready", "failed" or "stopped". The other fields: as the worker reports them.
+    said: progress in words, before that in numbers.
     """
 
     number: int
@@ -180,6 +182,7 @@ class PlanState:
     status: str = "planning"
     share: float = 0.0
     left: float | None = None
+    said: str = ""
     growing: str | None = None
     nearer: float = 0.0
     made: dict[str, Any] | None = None
@@ -191,6 +194,7 @@ class PaintState:
 
     status: "preparing", "mixing", "painting", "drying", "planning", "paused", "finishing", "finished", "stopped" or
     "failed".
+    said: progress in words while it is being prepared.
     dries: seconds that the paint still dries, 0 if nothing waits for it.
     plan: number of its plan.
     held: True in a pause, also while a command is performed there.
@@ -220,6 +224,7 @@ class PaintState:
     status: str = "preparing"
     done: int = 0
     left: float | None = None
+    said: str = ""
     dries: float = 0.0
     share: float = 0.0
     photograph: str | None = None
@@ -285,6 +290,9 @@ class PaintingState:
                 self.queued = ""
                 if plan in self.plans and self.plans[plan].status == "waiting":
                     self.plans[plan].status = "planning" if begun else "stopped"
+            case ProcedureProgress(words) if self.painting is None:
+                for plan in self.plans.values():
+                    plan.said = words if plan.status == "planning" else ""
             case Asked(question):
                 self.question = question
             case Answered():
@@ -341,7 +349,7 @@ class PaintingState:
 def _hear_plan(plan: PlanState, event: PlanningProgress | PlanPreview | PlanMade) -> None:
     match event:
         case PlanningProgress(share, left):
-            plan.share, plan.left = share, left
+            plan.share, plan.left, plan.said = share, left, ""
         case PlanPreview(picture):
             plan.growing = picture
         case PlanMade():
@@ -356,6 +364,8 @@ def _hear_painting(painting: PaintState, event: Written) -> None:
     if isinstance(event, Paused | WentOn | TakenUp):
         painting.held = isinstance(event, Paused)
     match event:
+        case ProcedureProgress(words):
+            painting.said = words
         case TakenUp(done):
             painting.done, painting.film, painting.kept = done, False, False
         case LayerBegun(brush=brush, first_paint=first):

@@ -290,6 +290,7 @@ def paint(job: Job, place: PlanFolder) -> None:
     if AUTO in (spec.brushes, spec.strokes_of):
         spec = spec.with_values(brushes=brushes_of(plan), strokes_of=None)
     with PaintingRun(spec, folder, state=job.state, record_may_differ=True) as run:
+        _tell_waits(job, run)
         run.load_easel()  # loads in parallel with the planner
         job.stop.heed()
         _lead(job, run)
@@ -301,9 +302,15 @@ def resume(job: Job, place: PlanFolder) -> None:
     with PaintingRun.reopen(job.folder.painting, pace=job.easel.pace, state=job.state) as run:
         assert run.history is not None
         job.feed.tell(TakenUp(run.history.painted))
+        _tell_waits(job, run)
         run.load_easel()
         _lead(job, run)
         _conclude(job, run, run.resume())
+
+
+def _tell_waits(job: Job, run: PaintingRun) -> None:
+    """Connects the waits before planning to the page and to its stop."""
+    run.tell, run.heed = lambda sentence: job.feed.tell(ProcedureProgress(sentence)), job.stop.heed
 
 
 def _lead(job: Job, run: PaintingRun) -> None:
@@ -400,7 +407,7 @@ def make_plan(job: Job, place: PlanFolder) -> None:
     """Makes the requested plan and its pictures."""
     feed = job.feed
     with PaintingRun(job.spec(place)) as run:
-        run.choosing = lambda what: job.stop.heed()
+        _tell_waits(job, run)
         planner = run.planner
         bare = planner.bare
         started = time.monotonic()

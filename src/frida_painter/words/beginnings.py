@@ -48,7 +48,8 @@ def with_beginning(
         return _compose(goal, context)
     reader = encoders.readers()[0]
     size = context.grid.rows, context.grid.columns
-    picture = color_in(wish(prompt, reader, settings), reader, size, context.seed, settings.first_steps, encoders.tell)
+    wanted = wish(prompt, reader, settings)
+    picture = color_in(wanted, reader, size, context.seed, settings.first_steps, encoders.tell, encoders.heed)
     if how == "auto" and encoders.composes:
         return _choose(goal, prompt, settings, picture, context)
     encoders.remark("Begun with a coarse picture, coloured for the words.")

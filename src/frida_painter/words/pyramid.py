@@ -40,6 +40,7 @@ def color_in(
     seed: int,
     steps: int = USUAL.first_steps,
     tell: Callable[[str], None] = lambda sentence: None,
+    heed: Callable[[], None] = lambda: None,
 ) -> Tensor:
     """Returns the picture [3, H, W] of coarse colours that is nearest to the words for a network.
 
@@ -48,6 +49,7 @@ def color_in(
     size: H and W
     steps: number of steps in which the colours change
     tell: receives a sentence about the expected time, after the first step
+    heed: called before each step; may raise to end the work
     """
     began = time.monotonic()
     rows, columns = size[0] * _ROWS // min(size), size[1] * _ROWS // min(size)
@@ -59,6 +61,7 @@ def color_in(
     ]
     adam = torch.optim.Adam([level.requires_grad_() for level in levels], _RATE, (0.9, 0.98))
     for step in range(steps):
+        heed()
         done = step / steps
         picture = draw_pyramid(
             [level for level, first in zip(levels, _FROM, strict=True) if done >= first], rows, columns

@@ -16,11 +16,12 @@ import torch
 from torch import Tensor
 
 from frida_painter import registry, weights
-from frida_painter.errors import ConfigError, WeightsError
+from frida_painter.errors import WeightsError
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.palette import from_lab, to_lab
 from frida_painter.words.nouns import kinds_of
+from frida_painter.words.text import refuse_absent
 
 if TYPE_CHECKING:
     from spacy.language import Language
@@ -203,7 +204,7 @@ class PromptReader:
         parsed = self._parse(text) if self._language is not None else None
         walk = _Walk(list(parsed or ()), self._words or _Words(frozenset(), frozenset(), frozenset()))
         if walk.absent and not walk.things:
-            raise ConfigError(f"The words {text[:60]!r} say only what must not be seen; say what to paint.")
+            raise refuse_absent(text)
         plain = re.sub("^(an?|the) ", "", text)
         between = {at for relation in walk.relations for at in relation.at}
         said = () if parsed is None else _list_said(parsed, between)

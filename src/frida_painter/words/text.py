@@ -19,13 +19,26 @@ from frida_painter.objectives.objective import (
 )
 from frida_painter.objectives.word_settings import USUAL, WordSettings
 
+# "no dogs", "without any people or cars", "not a cat", "neither dogs nor cats"; but not "no dog, a cat", "no people in
+# the street", "no country for old men", "no more war"
+_NAMED = r"(?!(?:an?|the|one|two)\s)[a-z-]+(?:\s+[a-z-]+){0,2}"
+_ABSENT = rf"(?:(?:no|without|neither|nor)\s+(?:(?:any|an?|the)\s+)?|not\s+(?:any|an?)\s+){_NAMED}"
+_ALL_ABSENT = re.compile(
+    rf"{_ABSENT}(?:\s*(?:[,;.]|and|or)\s*(?:and\s+|or\s+)?{_ABSENT}|\s+(?:and|or|nor)\s+{_NAMED})*"
+)
+_SAYS_MORE = re.compile(
+    r"\b(?:about|above|across|along|among|around|as|at|before|behind|below|beside|between|but|by|except|for|from|in|into"
+    r"|just|less|like|longer|matter|more|near|of|off|on|only|over|past|than|through|to|under|with)\b"
+)
 _LASTS = 10  # iterations for which one gradient of a CLIP serves
 _HELD_OUT = 7919  # added to the seed of views by which a CLIP judges what it has optimised
 
 
 @dataclass(frozen=True)
 class TextTerm(Term):
-    """Term for words: `prompt` is one line with at least one Latin letter. Raises ConfigError otherwise."""
+    """Term for words: `prompt` is one line with at least one Latin letter. Raises ConfigError otherwise, and for
+    words that plainly say only what must not be seen: no network paints the absence of a thing.
+    """
 
     prompt: str
     weight: float = 1.0
@@ -42,6 +55,9 @@ class TextTerm(Term):
                 f"{self.prompt[:40]!r} has no word in Latin letters; the networks that read it know English, "
                 "so say it in English."
             )
+        said = " ".join(self.prompt.lower().split()).rstrip(".!")
+        if _ALL_ABSENT.fullmatch(said) and not _SAYS_MORE.search(said):
+            raise refuse_absent(self.prompt)
 
     @property
     def words(self) -> str:
@@ -86,6 +102,11 @@ class TextTerm(Term):
         if main is None:
             return with_beginning(goal, context, None, USUAL, is_alone=False)
         return with_beginning(goal, context, main.prompt, main.settings, is_alone=is_alone)
+
+
+def refuse_absent(prompt: str) -> ConfigError:
+    """Returns the error about words that name nothing to be seen."""
+    return ConfigError(f"The words {prompt[:60]!r} say only what must not be seen; say what to paint.")
 
 
 KIND = GoalKind(

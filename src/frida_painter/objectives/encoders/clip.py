@@ -6,7 +6,7 @@ Radford et al., "Learning transferable visual models from natural language super
 
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +18,7 @@ from torch.nn import functional
 
 from frida_painter import registry, storage
 from frida_painter.devices import Constant, half_precision
-from frida_painter.errors import WeightsError
+from frida_painter.errors import StorageError, WeightsError
 from frida_painter.objectives.encoders.clip_resnet import MEAN, SPREAD
 from frida_painter.weights.catalogue import state_dict
 from frida_painter.weights.hub_folder import hub_folder, local_folder, missing_file
@@ -76,19 +76,30 @@ class Clip:
         self._mean, self._spread = (Constant(torch.tensor(part)[:, None, None]) for part in statistics)
 
     @classmethod
-    def load(cls, source: str | Path, name: str | None = None, cache: Path | None = None) -> Self:
+    def load(
+        cls,
+        source: str | Path,
+        name: str | None = None,
+        cache: Path | None = None,
+        tell: Callable[[str], None] = lambda sentence: None,
+        heed: Callable[[], None] = lambda: None,
+    ) -> Self:
         """Loads the network in a local folder, or of any of its names (`hub_folder`).
 
         Weights are read as safetensors, or from PyTorch's older archive as tensors and nothing else; no code beside
         them is run.
         cache: folder of fetched weights; by default the usual one
-        Raises WeightsError if that fails, ConfigError if transformers is not installed.
+        tell, heed: hear of a download; see `hub_folder`
+        Raises WeightsError if that fails, ConfigError if transformers is not installed, and what `heed` raises.
         """
         registry.require("words", "transformers", "Seeing through CLIP")
         given, folder = str(source).strip(), None
         try:
             folder = local_folder(given)
-            whole = hub_folder(given, cache) if folder is None else folder
+            whole = hub_folder(given, cache, tell, heed) if folder is None else folder
+        except (WeightsError, StorageError, OSError, ValueError) as cause:
+            raise _refuse(given, folder, cause) from cause
+        try:
             missing = missing_file(whole)
             if missing is not None:
                 raise WeightsError(f"it has no {missing}")
@@ -99,11 +110,7 @@ class Clip:
             clip = cls(model, tokenizer, name or f"CLIP {Path(given).name}", mean, spread)
             clip._require_sense()
         except Exception as cause:  # `transformers` raises anything for foreign files
-            reason = " ".join(str(cause).split())[:160].rstrip(".")
-            advice = (
-                "check the name and the network, or give a folder" if folder is None else f"a folder holds {_FILES}"
-            )
-            raise WeightsError(f"{given[:80]} cannot be loaded as CLIP ({reason}); {advice}.") from cause
+            raise _refuse(given, folder, cause) from cause
         return clip
 
     def reads_all(self, prompt: str) -> bool:
@@ -173,6 +180,13 @@ class Clip:
         middle = pictures[:, :, top : top + self.side, left : left + self.side]
         self._model.to(middle.device)
         return ((middle - self._mean.like(middle)) / self._spread.like(middle)).to(self._model.dtype)
+
+
+def _refuse(given: str, folder: Path | None, cause: Exception) -> WeightsError:
+    """Returns the error about a network that cannot be loaded, from a folder or from the hub."""
+    reason = " ".join(str(cause).split())[:160].rstrip(".")
+    advice = "check the name and the network, or give a folder" if folder is None else f"a folder holds {_FILES}"
+    return WeightsError(f"{given[:80]} cannot be loaded as CLIP ({reason}); {advice}.")
 
 
 def _read_model(folder: Path) -> Any:

@@ -53,10 +53,11 @@ class EncoderRegistry:
     hub, or a file of CLIP's ResNet variant
     device: device of the networks for pictures. Pictures on other devices work too, but more slowly.
     pictures: folder of the person's own pictures of objects
+    tell: receives a sentence about each wait
+    heed: called often in a wait; may raise to end it
 
     choices: networks used so far
     remarks: notes for the person about the interpretation of the goal
-    tell: receives a sentence about each wait
 
     Methods that load weights raise WeightsError if weights are missing or altered; the message has the command
     that helps.
@@ -68,8 +69,11 @@ class EncoderRegistry:
         clip: str | None = None,
         device: torch.device | None = None,
         pictures: Path | None = None,
+        tell: Callable[[str], None] = lambda sentence: None,
+        heed: Callable[[], None] = lambda: None,
     ) -> None:
         self.cache = cache
+        self.tell, self.heed = tell, heed
         self.device = device or torch.device("cpu")
         self._clip_source = clip
         self._pictures = pictures
@@ -85,7 +89,6 @@ class EncoderRegistry:
         self._kept_by_name: dict[str, Any] = {}
         self.choices: list[Choice] = []
         self.remarks: list[str] = []
-        self.tell: Callable[[str], None] = lambda sentence: None
 
     def style(self) -> "Vgg16":
         """Returns the network for style: VGG16 of ImageNet, or else the trunk of the edge detector."""
@@ -136,7 +139,7 @@ class EncoderRegistry:
 
         if self._clip is None:
             if self._clip_source is not None:
-                self._clip = _load_clip(self._clip_source, self.device, self.cache)
+                self._clip = self._load_clip(self._clip_source)
             elif (folder := weights.find(_CLIP, self.cache)) is not None:
                 self._clip = Clip.load(folder, "CLIP ViT-B/32")
         return self._clip
@@ -264,6 +267,19 @@ class EncoderRegistry:
     def _tensors(self, name: str) -> dict[str, Tensor]:
         return {part: tensor.to(self.device) for part, tensor in weights.tensors(name, self.cache).items()}
 
+    def _load_clip(self, source: str) -> Encoder:
+        """Returns the encoder of an installed package, or the CLIP of a safetensors file, a folder or a hub's name."""
+        from frida_painter.objectives.encoders.clip import Clip
+        from frida_painter.objectives.encoders.clip_resnet import ClipResNet
+
+        for point in entry_points(group=GROUP, name=source):
+            return _load_plugin(point, self.device)
+        path = Path(source)
+        if storage.exists(path) and path.is_file():
+            tensors, _ = tensor_file.read_tensors(path, "the weights of a CLIP", WeightsError)
+            return ClipResNet({name: tensor.to(self.device) for name, tensor in tensors.items()}, f"CLIP {path.stem}")
+        return Clip.load(source, cache=self.cache, tell=self.tell, heed=self.heed)
+
     def _conse(self, number: int) -> "ConSE":
         from frida_painter.objectives.encoders.classifiers import ConSE, EfficientNetLite, class_names
 
@@ -271,23 +287,6 @@ class EncoderRegistry:
         names = class_names()
         meanings = self.sentences().embed_once([name for some in names for name in some], self.meanings)
         return ConSE(classifier, names, meanings, self.sentences(), f"EfficientNet-Lite{number}")
-
-
-def _load_clip(source: str, device: torch.device, cache: Path | None) -> Encoder:
-    """Returns the encoder of an installed package, or the CLIP of a safetensors file, a folder or a name on the hub.
-
-    Raises WeightsError.
-    """
-    from frida_painter.objectives.encoders.clip import Clip
-    from frida_painter.objectives.encoders.clip_resnet import ClipResNet
-
-    for point in entry_points(group=GROUP, name=source):
-        return _load_plugin(point, device)
-    path = Path(source)
-    if storage.exists(path) and path.is_file():
-        tensors, _ = tensor_file.read_tensors(path, "the weights of a CLIP", WeightsError)
-        return ClipResNet({name: tensor.to(device) for name, tensor in tensors.items()}, f"CLIP {path.stem}")
-    return Clip.load(source, cache=cache)
 
 
 def _load_plugin(point: EntryPoint, device: torch.device) -> Encoder:

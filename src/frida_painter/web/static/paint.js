@@ -65,7 +65,7 @@ export function paintStage(house, here, first) {
     const wait = painting.status === "drying" && painting.dries ? `, ${duration(painting.dries)} more` : "";
     bar.hidden = wish.together;
     said.textContent = wish.together ? `${painting.done ? `${count(painting.done, "stroke", "strokes")} of the robot; ` : ""}${painting.cause === "turn" && painting.status === "paused" ? "your turn" : WORDS[painting.status] ?? ""}${wait}` : painting.status === "painting" ? `Stroke ${painting.done} of ${painting.of}` : `${painting.done ? `Stroke ${painting.done} of ${painting.of}: ` : ""}${WORDS[painting.status] ?? ""}${wait}`;
-    left.textContent = painting.left && !["finishing", "paused"].includes(painting.status) ? `about ${duration(painting.left)} left` : "";
+    left.textContent = painting.left && !["finishing", "paused"].includes(painting.status) ? `about ${duration(painting.left)} left` : painting.status === "preparing" ? painting.said : "";
     if (painting.photograph) canvas.picture("painting", api.file(here.id, "live", painting.photograph), `The canvas after ${painting.done} strokes`);
     const next = painting.status === "painting" ? ", and the next stroke" : "";
     canvas.captions({

@@ -244,7 +244,7 @@ export function planStage(house, here, first) {
         const begun = plan.share >= 0.02;
         if (begun) bar.value = plan.share;
         else bar.removeAttribute("value"); // it moves, but nowhere
-        panel.querySelector(".left").textContent = !begun && !(plan.share === 0 && plan.left) ? "loading the planner and its networks" : `about ${duration(plan.left)} left`;
+        panel.querySelector(".left").textContent = !begun && !(plan.share === 0 && plan.left) ? plan.said || "loading the planner and its networks" : `about ${duration(plan.left)} left`;
       }
     }
     if (!plan.made) canvas.captions({ plan: "The plan as far as it came" });
