@@ -9,7 +9,8 @@ from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.objectives.sketch import SketchTerm
 from frida_painter.objectives.style import StyleTerm
-from frida_painter.words.places import NOWHERE, Place
+from frida_painter.words import places, scene
+from frida_painter.words.places import NOWHERE, Place, Setting
 from frida_painter.words.reading import Reading, Relation, Thing
 from frida_painter.words.scene import initial_composition, scene_of
 from frida_painter.words.text import TextTerm
@@ -213,6 +214,25 @@ def test_in_a_style_the_scene_of_words_is_in_its_colours(encoders: QuickEncoders
     whole = begun(StyleTerm(style))
     assert float(whole[1].max()) < 0.1, "no green, as in the style, and no bare paper"
     torch.testing.assert_close(begun(StyleTerm(style, 0.25)), torch.lerp(begun(), whole, 0.25))
+
+
+@pytest.mark.slow
+def test_in_a_style_the_light_and_the_weather_of_the_words_are_seen(
+    encoders: QuickEncoders, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    style = torch.rand(3, 60, 80, generator=torch.Generator().manual_seed(1)) * 0.5 + 0.5
+    goal = Goal((TextTerm("a strawberry"), StyleTerm(style)))
+
+    def mean_under(setting: Setting) -> float:
+        monkeypatch.setattr(scene, "setting_of", lambda reading, index, encoders: (setting, set(), []))
+        found = initial_composition(goal, GRID, encoders, 0).terms[-1].picture
+        assert found is not None
+        return float(found.mean())
+
+    night = next(light for light in places.TIMES if light.name == "night")
+    day = mean_under(Setting(is_named=True))
+    assert mean_under(Setting(light=night, is_named=True)) < 0.7 * day
+    assert mean_under(Setting(weather=next(one for one in places.WEATHERS if one.name == "fog"), is_named=True)) > day
 
 
 @pytest.mark.slow
