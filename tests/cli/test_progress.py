@@ -22,7 +22,7 @@ from frida_painter.session.events import (
     Timetable,
 )
 from frida_painter.session.replan_policy import EvenlySpaced
-from frida_painter.session.time_left import Pace, RemainingTime, duration, remaining_seconds, share_of_plan
+from frida_painter.session.time_left import Pace, PlanTime, RemainingTime, duration, remaining_seconds, share_of_plan
 from support.plans import made_up_plan
 
 STROKES, REPLANS, PLANNING, REPLANNING = 60, 3, 40, 10
@@ -117,6 +117,19 @@ def test_work_of_known_share_takes_as_long_again_as_its_share_says() -> None:
     shares = [share_of_plan(iteration, 8) for iteration in range(1, 9)]
     later = [after - before for before, after in itertools.pairwise([0.0, *shares])]
     assert shares[-1] == 1.0 and later == sorted(later), "later iterations count for more"
+
+
+@pytest.mark.parametrize(("load", "expected"), [(1.0, 100.0), (3.0, 300.0)])
+def test_a_known_time_of_a_plan_is_corrected_by_how_busy_the_machine_is(load: float, expected: float) -> None:
+    """100 s of a processor, of which others take their part; the pace alone would tell ten times less."""
+    now = [0.0]
+    plan = PlanTime(100.0, lambda: load * now[0], lambda: now[0])
+    assert plan.find_remaining(0.0) == 100.0, "before it begins nobody knows"
+    now[0] = 2.0
+    assert plan.find_remaining(0.2) == pytest.approx(0.8 * expected)
+    now[0] = 150.0
+    assert plan.find_remaining(0.5) == pytest.approx(0.5 * load * 150) and plan.find_remaining(1.0) == 0.0
+    assert PlanTime(None, lambda: now[0]).find_remaining(0.0) == math.inf
 
 
 def test_a_plan_that_takes_longer_per_iteration_as_it_grows_is_foreseen() -> None:

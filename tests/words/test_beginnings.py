@@ -1,6 +1,7 @@
 """First pictures of words, chosen by the settings or by the CLIP that reads the words; it needs no other network."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import torch
@@ -164,7 +165,7 @@ class TestCoarseColors:
         hasty = color_in(wish, alone.readers()[0], (30, 40), 0, steps=2)
         assert float(wish(hasty[None])) > 2 * float(wish(found[None]))
 
-    def test_the_time_is_told_after_the_first_step(self, alone: EncoderRegistry) -> None:
+    def test_the_time_is_told_after_the_second_step(self, alone: EncoderRegistry) -> None:
         looks: list[int] = []
         told: list[tuple[int, str]] = []
 
@@ -174,7 +175,18 @@ class TestCoarseColors:
 
         color_in(wish, alone.readers()[0], (30, 40), 0, steps=5, tell=lambda said: told.append((len(looks), said)))
         ((after, sentence),) = told
-        assert after == 1 < len(looks) and sentence.startswith("A first picture is coloured for the words, in about ")
+        assert after == 2 < len(looks) and sentence.startswith("A first picture is coloured for the words, in about ")
+
+    def test_a_first_picture_that_takes_longer_is_told_anew(
+        self, alone: EncoderRegistry, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """Each step takes a second; from the fourth on other programs take three quarters of the machine."""
+        times = iter([0, 9, *range(10, 12), *range(14, 90, 4)])
+        monkeypatch.setattr("frida_painter.words.pyramid.time", SimpleNamespace(monotonic=lambda: next(times)))
+        told: list[str] = []
+        color_in(lambda pictures: pictures.mean((1, 2, 3)), alone.readers()[0], (30, 40), 0, steps=9, tell=told.append)
+        assert told[0].endswith("in about 7 s; the plan follows.")
+        assert len(told) > 1 and told[1].startswith("The first picture takes longer, about ")
 
     def test_a_stop_ends_it(self, folder: Path) -> None:
         spec = RunSpec.of(goal=[{"text": "a fox"}], clip=str(folder), canvas="12x9cm", strokes=5, render_height=64)

@@ -143,8 +143,8 @@ def answer_early(run: PaintingRun) -> Callable[[Question], Answer]:
     return lambda question: terminal_at(run.folder).answer(question)
 
 
-def ready_planner(run: PaintingRun, stop: StopSignal, out: Path | None = None) -> None:
-    """Opens the planner, and prints the choices, the networks in use and remarks.
+def ready_planner(run: PaintingRun, stop: StopSignal, out: Path | None = None) -> float | None:
+    """Opens the planner, and prints the choices, the networks in use and remarks; returns the time of a plan if known.
 
     out: folder to be made later, checked before any work.
     Raises StorageError if the folder cannot be made, Interrupted after a stop.
@@ -167,7 +167,8 @@ def ready_planner(run: PaintingRun, stop: StopSignal, out: Path | None = None) -
     seconds = run.planner.measure_clip_plan(run.spec.strokes)
     if seconds is not None:
         took = count_of(max(1, round(seconds / 60)), "minute")
-        print(f"A plan with this network takes about {took} on this machine.", file=sys.stderr)
+        print(f"A plan with this network takes about {took}, longer if this machine is busy.", file=sys.stderr)
+    return seconds
 
 
 def say_films(spec: RunSpec) -> None:

@@ -147,9 +147,9 @@ def _plan(spec: "RunSpec", out: Path | None) -> None:
 
     prepare_process()
     with stop_on_signals() as stop, PaintingRun(spec) as run:
-        ready_planner(run, stop, out)
+        expected = ready_planner(run, stop, out)
         folder = new_folder(out, run.spec.name, PLAN_ROOM)
-        with PlanningLine(Console(stderr=True, highlight=False)) as bar:
+        with PlanningLine(Console(stderr=True, highlight=False), expected) as bar:
 
             def hear(step: Step) -> None:
                 bar.hear(step)

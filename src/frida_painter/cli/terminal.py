@@ -64,7 +64,7 @@ from frida_painter.session.events import (
     StrokePainted,
     TouchCorrected,
 )
-from frida_painter.session.time_left import RemainingTime, duration, remaining_seconds, share_of_plan
+from frida_painter.session.time_left import PlanTime, RemainingTime, duration, share_of_plan
 from frida_painter.storage import megabytes
 
 # Progress with a forecast of the time left, from measured durations of each kind of work.
@@ -131,17 +131,20 @@ class PaintingLine(Line):
 
 
 class PlanningLine(Line):
-    """Line on the terminal for a single plan."""
+    """Line on the terminal for a single plan.
 
-    def __init__(self, console: Console) -> None:
-        self._started = time.monotonic()
+    expected: its seconds if nothing else runs on the machine; None if unknown
+    """
+
+    def __init__(self, console: Console, expected: float | None = None) -> None:
+        self._time = PlanTime(expected)
         super().__init__(progress_bar(console))
         self._task = self._bar.add_task("getting ready", total=1.0, left=math.inf)
 
     def hear(self, step: Step) -> None:
         """Shows a step; later steps, with all strokes placed, take longer than the first."""
         share = share_of_plan(step.iteration, step.of)
-        left = remaining_seconds(time.monotonic() - self._started, share)
+        left = self._time.find_remaining(share)
         self._bar.update(self._task, description=f"planning {100 * share:3.0f} %", completed=share, left=left)
 
 

@@ -39,3 +39,8 @@ class WordSettings:
 
 USUAL = WordSettings()
 """Settings of words that come without any."""
+
+
+def refuse_absent(prompt: str) -> ConfigError:
+    """Returns the error about words that name nothing to be seen."""
+    return ConfigError(f"The words {prompt[:60]!r} say only what must not be seen; say what to paint.")

@@ -612,18 +612,19 @@ class Planner:
             return float((objective.validation or objective)(seen))
 
     def measure_clip_plan(self, strokes: int) -> float | None:
-        """Returns the expected time in seconds of a plan with this many strokes; None if no CLIP reads its words.
+        """Returns the time in seconds of a plan with this many strokes if nothing else runs on this machine.
 
-        One step of the validation is timed, which draws no random number, so the plan stays the same.
+        None if no CLIP reads its words. The processor's time of one step of the validation is measured, which draws no
+        random number, so the plan stays the same.
         """
         objective = self.problems.objectives[self.fine]
         if objective.sparing is None or objective.validation is None or not self.encoders.reads_by_clip:
             return None
         bare = images.fit(self.bare.to(self.device), self.fine.rows, self.fine.columns)
-        began = time.monotonic()
+        began = time.thread_time()
         with torch.enable_grad():
             torch.autograd.grad(objective.validation(picture := bare.requires_grad_()), picture)
-        step = time.monotonic() - began
+        step = time.thread_time() - began
         return _STEPS_OF_CLIP * step * self.iterations(strokes) / objective.sparing().lasts
 
     def _as_plan(self, layer: LayerAtWork) -> Plan:

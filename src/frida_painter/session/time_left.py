@@ -5,7 +5,8 @@ choreography.py computes it from the robot's speeds and accelerations.
 """
 
 import math
-from collections.abc import Iterable
+import time
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from statistics import median
 
@@ -26,6 +27,7 @@ from frida_painter.session.replan_policy import ReplanPolicy, looks_on_the_way
 # Guesses before a measurement, in seconds: of an iteration of one stroke, of a painted stroke without a timetable,
 # and of a second of a simulated robot's timetable.
 _PLANNING, _STROKE, _TIMETABLE = 2.5e-5, 0.1, 0.02
+_TOO_SHORT = 0.5  # seconds of a processor that do not tell yet how busy a machine is
 _GROWING_COST = 1.4  # later iterations of a plan, with all strokes placed, take longer than the first
 
 
@@ -70,6 +72,34 @@ def share_of_plan(iteration: int, of: int) -> float:
 def remaining_seconds(passed: float, share: float) -> float:
     """Returns the remaining seconds of work if its part `share` took `passed` seconds; infinite if share is 0."""
     return Pace(spent=passed, units=share).time_for(1 - share)
+
+
+class PlanTime:
+    """Remaining time of a single plan, from its beginning on; used in the thread that plans.
+
+    expected: seconds of the plan if nothing else runs on the machine; None if unknown
+    clock, processor: seconds that pass, and seconds in which the processor works for this thread
+
+    Their ratio so far tells how busy the machine is. The pace of a plan with a known time counts for little: networks
+    see more views of a picture later.
+    """
+
+    def __init__(
+        self,
+        expected: float | None,
+        clock: Callable[[], float] = time.monotonic,
+        processor: Callable[[], float] = time.thread_time,
+    ) -> None:
+        self._expected, self._clock, self._processor = expected, clock, processor
+        self._began, self._worked = clock(), processor()
+
+    def find_remaining(self, share: float) -> float:
+        """Returns the remaining seconds after a part `share` of the work, in [0, 1]."""
+        passed = self._clock() - self._began
+        if self._expected is None:
+            return remaining_seconds(passed, share)
+        busy = max(1.0, passed / max(self._processor() - self._worked, _TOO_SHORT))
+        return (1 - share) * max(self._expected * busy, passed)
 
 
 class RemainingTime:

@@ -291,8 +291,8 @@ class PaintingState:
                 if plan in self.plans and self.plans[plan].status == "waiting":
                     self.plans[plan].status = "planning" if begun else "stopped"
             case ProcedureProgress(words) if self.painting is None:
-                for plan in self.plans.values():
-                    plan.said = words if plan.status == "planning" else ""
+                for each in self.plans.values():
+                    each.said = words if each.status == "planning" else ""
             case Asked(question):
                 self.question = question
             case Answered():

@@ -60,7 +60,7 @@ from frida_painter.session.events import (
 )
 from frida_painter.session.opening import require_basis, statuses
 from frida_painter.session.setup_events import SetupLeft, SetupWritten
-from frida_painter.session.time_left import RemainingTime, remaining_seconds, share_of_plan
+from frida_painter.session.time_left import PlanTime, RemainingTime, share_of_plan
 from frida_painter.web.imaginer import imagine
 from frida_painter.web.painter import Asker, PauseController
 from frida_painter.web.setup_progress import SetupRequest
@@ -72,7 +72,6 @@ from frida_painter.web.telling import Growing, Reporter, export, illustrate, mix
 from frida_painter.web.web_app_easel import WebAppEasel
 
 _BETWEEN_WORDS = 0.5  # seconds
-_TOLD_FROM = 0.02  # share of a plan from which on its pace is known
 
 # Job of a worker: its painting, its easel and its feed.
 
@@ -419,12 +418,12 @@ def make_plan(job: Job, place: PlanFolder) -> None:
         expected_time = planner.measure_clip_plan(run.spec.strokes)
         if expected_time is not None:
             feed.step(0.0, expected_time, place.number)
+        plan_time = PlanTime(expected_time)
 
         def hear(step: Step) -> None:
             job.stop.heed()
             share = share_of_plan(step.iteration, step.of)
-            if expected_time is None or share >= _TOLD_FROM:  # until then, the time that was told before it began holds
-                feed.step(share, remaining_seconds(time.monotonic() - started, share), place.number)
+            feed.step(share, plan_time.find_remaining(share), place.number)
             growing.hear(step.parts)
 
         made = run.plan(hear)

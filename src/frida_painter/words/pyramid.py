@@ -24,6 +24,7 @@ _VIEWS, _AT_A_TIME = 24, 2
 _ROWS = 48  # of a picture while it is coloured
 _RATE = 0.08
 _NOISE = 0.05  # standard deviation, of sRGB
+_MUCH_LONGER, _SOON = 1.5, 5  # times the told time, and seconds for which nothing is told anew
 _SMOOTH = 1.0  # weight of the mean difference between neighbours
 
 
@@ -48,10 +49,9 @@ def color_in(
     reader: network that measures them; only its size counts here
     size: H and W
     steps: number of steps in which the colours change
-    tell: receives a sentence about the expected time, after the first step
+    tell: receives a sentence about the expected time, after the second step, and again if it takes much longer
     heed: called before each step; may raise to end the work
     """
-    began = time.monotonic()
     rows, columns = size[0] * _ROWS // min(size), size[1] * _ROWS // min(size)
     views, judge = (Views(_VIEWS, reader.side, seed + number, _VIEWS // 2 - 1) for number in (0, 1))
     generator = torch.Generator().manual_seed(seed)
@@ -60,8 +60,11 @@ def color_in(
         for cells, spread in zip(_LEVELS, _BEGUN, strict=True)
     ]
     adam = torch.optim.Adam([level.requires_grad_() for level in levels], _RATE, (0.9, 0.98))
+    expected, began = 0.0, time.monotonic()
     for step in range(steps):
         heed()
+        if step == 1:
+            began = time.monotonic()  # the first step is slower
         done = step / steps
         picture = draw_pyramid(
             [level for level, first in zip(levels, _FROM, strict=True) if done >= first], rows, columns
@@ -74,9 +77,14 @@ def color_in(
         torch.autograd.backward(distance + _SMOOTH * uneven)
         adam.param_groups[0]["lr"] = _RATE * (1 - 0.8 * done)
         adam.step()
-        if step == 0:
-            seconds = max(1, round(steps * (time.monotonic() - began)))
-            tell(f"A first picture is coloured for the words, in about {seconds} s; the plan follows.")
+        whole = (steps - 1) * (time.monotonic() - began) / max(step, 1)
+        left = max(1, round(whole * (1 - step / max(steps - 1, 1))))
+        if step == 1:
+            tell(f"A first picture is coloured for the words, in about {left} s; the plan follows.")
+        elif step > 1 and whole > _MUCH_LONGER * expected and left > _SOON:
+            tell(f"The first picture takes longer, about {left} s more; this machine is busy.")
+        if step == 1 or whole > _MUCH_LONGER * expected:
+            expected = whole
     with torch.no_grad():
         found = draw_pyramid(levels, *size)
         which = torch.tensor([1, 2, 3])

@@ -19,9 +19,9 @@ from frida_painter import registry, weights
 from frida_painter.errors import WeightsError
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
+from frida_painter.objectives.word_settings import refuse_absent
 from frida_painter.palette import from_lab, to_lab
 from frida_painter.words.nouns import kinds_of
-from frida_painter.words.text import refuse_absent
 
 if TYPE_CHECKING:
     from spacy.language import Language

@@ -17,7 +17,7 @@ from frida_painter.objectives.objective import (
     Term,
     require_weight,
 )
-from frida_painter.objectives.word_settings import USUAL, WordSettings
+from frida_painter.objectives.word_settings import USUAL, WordSettings, refuse_absent
 
 # "no dogs", "without any people or cars", "not a cat", "neither dogs nor cats"; but not "no dog, a cat", "no people in
 # the street", "no country for old men", "no more war"
@@ -102,11 +102,6 @@ class TextTerm(Term):
         if main is None:
             return with_beginning(goal, context, None, USUAL, is_alone=False)
         return with_beginning(goal, context, main.prompt, main.settings, is_alone=is_alone)
-
-
-def refuse_absent(prompt: str) -> ConfigError:
-    """Returns the error about words that name nothing to be seen."""
-    return ConfigError(f"The words {prompt[:60]!r} say only what must not be seen; say what to paint.")
 
 
 KIND = GoalKind(
