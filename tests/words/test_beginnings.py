@@ -112,6 +112,14 @@ class TestAClipAlone:
 
 
 class TestSettings:
+    def test_words_of_absence_are_told_where_to_go(self, alone: EncoderRegistry) -> None:
+        context = ObjectiveContext(GRID, alone, 0)
+        TextTerm("a fox", settings=WordSettings()).prepare(context)
+        TextTerm("a fox without a tail", settings=WordSettings(avoid="a tail")).prepare(context)
+        assert not any("--avoid" in remark for remark in alone.remarks)
+        TextTerm("a fox without a tail").prepare(context)
+        assert "hardly understands 'without': name what must not be seen with --avoid." in alone.remarks[-1]
+
     def test_phrases_and_words_to_avoid_are_part_of_the_distance(self, alone: EncoderRegistry) -> None:
         settings = WordSettings(avoid="a dog", phrases=("{}", "art of {}"))
         (clip,) = alone.readers()

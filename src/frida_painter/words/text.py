@@ -30,6 +30,7 @@ _SAYS_MORE = re.compile(
     r"\b(?:about|above|across|along|among|around|as|at|before|behind|below|beside|between|but|by|except|for|from|in|into"
     r"|just|less|like|longer|matter|more|near|of|off|on|only|over|past|than|through|to|under|with)\b"
 )
+_NEGATION = re.compile(r"\b(?:no|not|without|neither|never)\b", re.IGNORECASE)
 _LASTS = 10  # iterations for which one gradient of a CLIP serves
 _HELD_OUT = 7919  # added to the seed of views by which a CLIP judges what it has optimised
 
@@ -84,6 +85,10 @@ class TextTerm(Term):
         sights = context.shared.setdefault(f"words seen in {self.settings.cutouts} views", (Sight(), Sight()))
         words = Text(self.prompt, readers, context.seed, context.begun, self.settings, sights[0])
         if context.encoders.reads_by_clip:
+            if not self.settings.avoid and (negation := _NEGATION.search(self.prompt)):
+                context.encoders.remark(
+                    f"A network like this hardly understands {negation[0]!r}: name what must not be seen with --avoid."
+                )
             judge = Text(self.prompt, readers, context.seed + _HELD_OUT, settings=self.settings, sight=sights[1])
             return ObjectiveTerm(words, judge.validation, recognizes=True, lasts=_LASTS)
         aside = context.encoders.reader_aside()
