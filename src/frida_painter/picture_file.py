@@ -594,7 +594,8 @@ def _read_heif(given: _Given) -> _Stored:
         light = light_of_code_points(
             str(given.path), int(points["color_primaries"]), int(points["transfer_characteristics"])
         )
-    image = given.strips() if given.format == "AVIF" else _libvips().Image.new_from_array(np.asarray(head))
+    # A copy: the array that it shows is libheif's memory, which ends with `head`.
+    image = given.strips() if given.format == "AVIF" else _libvips().Image.new_from_array(np.array(head))
     deep = image.format == "ushort"
     bits = int(head.info["bit_depth"])
     most = float((2**bits - 1) << (16 - bits)) if deep else 255.0  # 10 and 12 bits are stored in the upper bits
