@@ -142,6 +142,15 @@ def test_a_new_folder_is_new(tmp_path: Path) -> None:
     assert names(tmp_path / "a" / "b") == ["painting.png"]
 
 
+def test_a_file_is_listed_when_it_is_whole(tmp_path: Path) -> None:
+    storage.write_text(tmp_path / "b.json", "{}")
+    with storage.replacing(tmp_path / "a.json") as temporary:
+        assert temporary in tmp_path.glob("*.json")
+        assert storage.list_files(tmp_path, "*.json") == [tmp_path / "b.json"]
+    assert storage.list_files(tmp_path, "*.json") == [tmp_path / "a.json", tmp_path / "b.json"]
+    assert storage.list_files(tmp_path / "missing", "*.json") == []
+
+
 def test_what_killed_writes_left_behind_is_cleared_away_and_nothing_else(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt), storage.replacing(tmp_path / "film.mp4") as temporary:
         left = tmp_path / "inner" / temporary.name

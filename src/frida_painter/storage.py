@@ -58,6 +58,11 @@ def replacing(path: Path, mode: int = 0o644) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
+def list_files(folder: Path, pattern: str) -> list[Path]:
+    """Returns the files in a folder that match a pattern, by name, without those that `replacing` is still writing."""
+    return sorted(path for path in folder.glob(pattern) if not _TEMPORARY.fullmatch(path.name))
+
+
 def clear_leftovers(folder: Path) -> None:
     """Removes temporary files of interrupted writes from a folder that no process writes to."""
     for path in folder.rglob(".*"):

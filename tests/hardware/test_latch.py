@@ -1,8 +1,10 @@
 import os
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from frida_painter import storage
 from frida_painter.errors import StorageError
 from frida_painter.hardware.latch import Latch, latch_path, latches
 
@@ -34,6 +36,31 @@ def test_a_damaged_record_still_holds(tmp_path: Path, content: bytes) -> None:
     latch.path.write_bytes(content)
     stopped = latch.read()
     assert stopped is not None and "damaged" in stopped.reason
+
+
+def test_a_stop_that_is_still_being_stored_is_neither_read_nor_released(tmp_path: Path) -> None:
+    """What is read of it would be damaged, and whoever released it would take the stop away from the disk."""
+    path, other = latch_path(tmp_path, "arm"), Latch(latch_path(tmp_path, "other"), "other", {"10.0.0.4"})
+    with storage.replacing(path) as temporary:
+        temporary.write_text("{")
+        assert latches(tmp_path) == [] and other.read() is None
+        Latch(tmp_path / "whole.json", "arm").engage("because")
+        temporary.write_bytes((tmp_path / "whole.json").read_bytes())
+    assert [latch.path for latch in latches(tmp_path)] == [path]
+
+
+def test_a_stop_that_is_released_while_it_is_read_does_not_hold(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    latch, read = Latch(latch_path(tmp_path, "arm"), "arm"), storage.read_json
+    latch.engage("because")
+
+    def read_late(*what: Any) -> Any:
+        latch.release()
+        return read(*what)
+
+    monkeypatch.setattr(storage, "read_json", read_late)
+    assert latch.read() is None
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")

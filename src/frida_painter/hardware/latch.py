@@ -57,7 +57,7 @@ class Latch:
         own = _read(self.path, self.easel)
         if own is not None or not self.machines:
             return own
-        others = [_read(path, path.stem) for path in sorted(self.path.parent.glob("*.json"))]
+        others = [_read(path, path.stem) for path in storage.list_files(self.path.parent, "*.json")]
         return next((stop for stop in others if stop and (stop.damaged or stop.machines & self.machines)), None)
 
     def engage(self, reason: str) -> StopRecord:
@@ -99,15 +99,16 @@ class Unlatched:
 
 def _read(path: Path, easel: str) -> StopRecord | None:
     """Reads the stop in a file, None if there is no file; `easel` is the name to use if the record is damaged."""
-    if not path.exists():
-        return None
     try:
         record = storage.read_json(path, "the record of a stop")
         machines = frozenset(map(str, record.get("machines", ())))
         return StopRecord(str(record["easel"]), str(record["reason"]), float(record["at"]), machines)
     except (StorageError, KeyError, TypeError, ValueError) as damage:
         why = f"the record of the stop is damaged ({damage})"
-        return StopRecord(easel, why, path.stat().st_mtime, damaged=True)
+        try:
+            return StopRecord(easel, why, path.stat().st_mtime, damaged=True)
+        except (FileNotFoundError, NotADirectoryError):  # there is none, or it was released meanwhile
+            return None
 
 
 def latch_path(state: Path, easel: str) -> Path:
@@ -117,6 +118,6 @@ def latch_path(state: Path, easel: str) -> Path:
 
 def latches(state: Path) -> list[Latch]:
     """Returns all latches below `state` that hold a robot, the earliest stop first."""
-    found = [Latch(path, path.stem) for path in (state / "stopped").glob("*.json")]
+    found = [Latch(path, path.stem) for path in storage.list_files(state / "stopped", "*.json")]
     held = [(stop.at, latch) for latch in found if (stop := latch.read()) is not None]
     return [latch for _, latch in sorted(held, key=lambda entry: entry[0])]

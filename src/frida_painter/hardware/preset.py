@@ -302,7 +302,7 @@ def presets(folder: Path | None = None) -> dict[str, Preset]:
                 found[path.stem] = Preset.load(path)
     own = folder or user_folder()
     if own.is_dir():
-        found |= {path.stem: Preset.load(path) for path in sorted(own.glob("*.toml"))}
+        found |= {path.stem: Preset.load(path) for path in storage.list_files(own, "*.toml")}
     return found
 
 

@@ -89,7 +89,7 @@ class PaintingStore:
     @property
     def families(self) -> dict[str, Path]:
         """Files of the stroke families that were taught in this studio, by name."""
-        return {file.stem: file for file in sorted((self.root / FAMILIES).glob("*.safetensors"))}
+        return {file.stem: file for file in storage.list_files(self.root / FAMILIES, "*.safetensors")}
 
     def _folder(self, name: str) -> PaintingFolder:
         folder = PaintingFolder(self.root / name)
