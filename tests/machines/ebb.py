@@ -10,11 +10,11 @@ import time
 from collections import deque
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
-from machines.simulated_time import Cable
+from machines.simulated_time import Cable, SimulatedTime
 
 TICK = 0.024
 """Seconds between two pulses of a servo: 8 channels of 3 ms."""
@@ -496,23 +496,61 @@ class EbbController:
             self.restart()
 
 
-class Ebb(EbbController):
-    """The same, alive in a thread while it is entered, `pace` times faster than real; for drivers in other processes.
-
-    Its port has a name that outlives a pulled cable: `port`, a link.
-    """
+class EbbAtPort(EbbController):
+    """The same at a port with a name that outlives a pulled cable: `port`, a link."""
 
     def __init__(
         self, port: Path, version: str = "2.8.1", *, future: bool | str = False, lift: int = STANDARD,
-        pace: float = 100.0, faults: dict[int, str] | None = None,
+        faults: dict[int, str] | None = None,
     ) -> None:  # fmt: skip
         super().__init__(version, future=future, lift=lift, faults=faults)
-        self.port, self.pace = port, pace
-        self.cable = Cable(self)
+        self.port = port
         self._link()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.cable.unplug()
+
+    def pull_out(self) -> None:
+        """Pulls the cable: the board has no power of its own and forgets everything."""
+        self.cable.unplug()
+
+    def plug_in(self) -> None:
+        """Plugs the cable in again: the board boots."""
+        self.restart()
+        self.cable.plug()
+        self._link()
+
+    def _link(self) -> None:
+        self.port.unlink(missing_ok=True)
+        self.port.symlink_to(self.cable.name)
+
+
+class TimedEbb(EbbAtPort):
+    """The same, alive while the driver waits, by `clock`: nothing depends on a busy computer."""
+
+    def __init__(self, port: Path, clock: SimulatedTime, version: str = "2.8.1", **how: Any) -> None:
+        self.clock = clock
+        clock.attach(self)
+        super().__init__(port, version, **how)
+
+    def settle(self) -> None:
+        """Returns when all that was sent is done."""
+        self.clock.sleep(1.0)
+
+
+class Ebb(EbbAtPort):
+    """The same, alive in a thread, `pace` times faster than real: for drivers in other processes."""
+
+    def __init__(self, port: Path, version: str = "2.8.1", *, pace: float = 100.0, **how: Any) -> None:
+        self.pace = pace
         self._lock = threading.Lock()
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
+        Cable(self)
+        super().__init__(port, version, **how)
 
     def __enter__(self) -> Self:
         self._thread.start()
@@ -524,27 +562,12 @@ class Ebb(EbbController):
         self.cable.unplug()
 
     def pull_out(self) -> None:
-        """Pulls the cable: the board has no power of its own and forgets everything."""
         with self._lock:
-            self.cable.unplug()
+            super().pull_out()
 
     def plug_in(self) -> None:
-        """Plugs the cable in again: the board boots."""
         with self._lock:
-            self.restart()
-            self.cable.plug()
-            self._link()
-
-    def settle(self) -> None:
-        """Returns when nothing has arrived for a while."""
-        known = -1
-        while known != len(self.received):
-            known = len(self.received)
-            time.sleep(0.05)
-
-    def _link(self) -> None:
-        self.port.unlink(missing_ok=True)
-        self.port.symlink_to(self.cable.name)
+            super().plug_in()
 
     def _run(self) -> None:
         before = time.monotonic()

@@ -192,7 +192,7 @@ class SimulatedTime:
         class Port(serial.Serial):  # type: ignore[misc]
             def __init__(self, port: str, *args: object, **options: object) -> None:
                 super().__init__(port, *args, **options)
-                self._cable = next((cable for cable in clock.cables if cable.name == port), None)
+                self._cable = next((cable for cable in clock.cables if cable.name == os.path.realpath(port)), None)
                 clock.sleep(_STEP)
 
             def write(self, content: bytes) -> int:

@@ -1,10 +1,9 @@
 """The driver of plotters with an EBB, against a board that is simulated from the maker's documents."""
 
 import sys
-import threading
-import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +20,7 @@ from frida_painter.errors import (
     ZeroUnknown,
 )
 from frida_painter.hardware.drivers.axidraw import KIND, LIFTS, MAX_SPEED, AxidrawRobot, AxidrawSettings
+from frida_painter.hardware.drivers.interlock import PATIENCE
 from frida_painter.hardware.gcode import Servo
 from frida_painter.hardware.kinds import MachineName
 from frida_painter.hardware.robot import (
@@ -31,8 +31,9 @@ from frida_painter.hardware.robot import (
     Workspace,
     ZeroedRobot,
 )
-from machines.ebb import BRUSHLESS, STANDARD, Ebb
+from machines.ebb import BRUSHLESS, STANDARD, TimedEbb
 from machines.paths import NOT_PATHS, a_stroke
+from machines.simulated_time import SimulatedTime
 
 pytest.importorskip("plotink", reason="the extra `plotter` is not installed")
 
@@ -56,6 +57,7 @@ def name_board(how: dict[str, Any]) -> str:
     return f"{how['version']}{syntax}{' brushless' if 'lift' in how else ''}"
 
 
+Plug = Callable[..., TimedEbb]
 every_board = pytest.mark.parametrize("how", BOARDS, ids=name_board)
 
 
@@ -67,17 +69,17 @@ def below(waypoints: Waypoints) -> Waypoints:
 STROKE = below(a_stroke())
 
 
-def robot_of(board: Ebb, **settings: Any) -> AxidrawRobot:
+def robot_of(board: TimedEbb, **settings: Any) -> AxidrawRobot:
     lift = "brushless" if board.lift == BRUSHLESS else "standard"
     servo = Servo((-0.002, 5400), (0.012, 12_600)) if lift == "brushless" else SERVO
     return AxidrawRobot(AxidrawSettings(HOME, str(board.port), **{"lift": lift, "servo": servo, **settings}))
 
 
 @contextmanager
-def connected(port: Path, how: dict[str, Any] = {}, **more: Any) -> Iterator[tuple[Ebb, AxidrawRobot]]:  # noqa: B006
+def connected(plug: Plug, how: dict[str, Any] = {}, **more: Any) -> Iterator[tuple[TimedEbb, AxidrawRobot]]:  # noqa: B006
     """A board with its robot, connected, its zero known."""
     settings = more.pop("settings", {})
-    with Ebb(port, **{"version": "2.8.1", **how, **more}) as board:
+    with plug(**{"version": "2.8.1", **how, **more}) as board:
         robot = robot_of(board, **settings)
         robot.connect()
         robot.set_zero(np.zeros(3))
@@ -86,11 +88,12 @@ def connected(port: Path, how: dict[str, Any] = {}, **more: Any) -> Iterator[tup
 
 
 @pytest.fixture
-def port(tmp_path: Path) -> Path:
-    return tmp_path / "port"
+def plug(tmp_path: Path, simulated_time: SimulatedTime) -> Plug:
+    """Makes a board and plugs it in. It lives while its driver waits."""
+    return partial(TimedEbb, tmp_path / "port", simulated_time)
 
 
-def places(board: Ebb, servo: Servo) -> np.ndarray:
+def places(board: TimedEbb, servo: Servo) -> np.ndarray:
     """Where the brush's tip was: x, y, z in metres."""
     rise = (servo.high[0] - servo.low[0]) / (servo.high[1] - servo.low[1])
     return np.array(
@@ -104,9 +107,9 @@ def places(board: Ebb, servo: Servo) -> np.ndarray:
 
 @every_board
 def test_m4_m5_every_board_makes_the_steps_of_the_stroke_and_its_lift_the_heights(
-    port: Path, how: dict[str, Any]
+    plug: Plug, how: dict[str, Any]
 ) -> None:
-    with connected(port, how) as (board, robot):
+    with connected(plug, how) as (board, robot):
         for protocol in (ZeroedRobot, TimedRobot, ExaminedRobot, PausableRobot):
             assert isinstance(robot, protocol)
         report = robot.follow(STROKE)
@@ -120,8 +123,8 @@ def test_m4_m5_every_board_makes_the_steps_of_the_stroke_and_its_lift_the_height
         assert robot.home().reached == pytest.approx(HOME, abs=1e-5)
 
 
-def test_m5_at_the_wrong_pin_the_board_says_ok_and_the_brush_stays(port: Path) -> None:
-    with Ebb(port, "3.0.3", lift=BRUSHLESS) as board:
+def test_m5_at_the_wrong_pin_the_board_says_ok_and_the_brush_stays(plug: Plug) -> None:
+    with plug("3.0.3", lift=BRUSHLESS) as board:
         robot = robot_of(board, lift="standard")
         robot.connect()
         robot.jog(np.array([0.0, 0.0, -0.004]))
@@ -141,31 +144,27 @@ def test_m5_at_the_wrong_pin_the_board_says_ok_and_the_brush_stays(port: Path) -
 
 
 @pytest.mark.parametrize("version", ["2.5.3", "2.6.5", "2.8.1", "3.0.3"])
-def test_m6_the_lift_holds_while_a_layer_dries_for_twenty_minutes(port: Path, version: str) -> None:
-    with connected(port, {"version": version}, pace=2000.0) as (board, robot):
-        started = board.seconds
-        while board.seconds < started + 1200:
-            time.sleep(0.02)
+def test_m6_the_lift_holds_while_a_layer_dries_for_twenty_minutes(plug: Plug, version: str) -> None:
+    with connected(plug, {"version": version}) as (board, robot):
+        board.clock.sleep(1200)
         assert board.pen == 24_000  # up
         robot.follow(STROKE)
 
 
-def test_m6_a_board_that_was_plotting_before_does_not_switch_the_lift_off(port: Path) -> None:
-    with Ebb(port, "2.6.3", pace=2000.0) as board:
+def test_m6_a_board_that_was_plotting_before_does_not_switch_the_lift_off(plug: Plug) -> None:
+    with plug("2.6.3") as board:
         board.hear(b"SP,1\r")
         robot = robot_of(board)
         robot.connect()
-        started = board.seconds
-        while board.seconds < started + 120:
-            time.sleep(0.02)
+        board.clock.sleep(120)
         assert board.pen is not None
         robot.close()
 
 
 @every_board
-def test_m7_the_brush_never_drops_faster_than_its_rates(port: Path, how: dict[str, Any]) -> None:
+def test_m7_the_brush_never_drops_faster_than_its_rates(plug: Plug, how: dict[str, Any]) -> None:
     settings = {"up_speed": 0.05, "down_speed": 0.02}
-    with connected(port, how, settings=settings) as (board, robot):
+    with connected(plug, how, settings=settings) as (board, robot):
         board.trace.clear()
         robot.follow(STROKE)
         servo = robot.settings.range
@@ -178,8 +177,8 @@ def test_m7_the_brush_never_drops_faster_than_its_rates(port: Path, how: dict[st
 
 
 @pytest.mark.parametrize("version", ["2.5.3", "3.0.3"])
-def test_m8_too_many_steps_a_second_are_refused_before_anything_moves(port: Path, version: str) -> None:
-    with connected(port, {"version": version}) as (board, robot):
+def test_m8_too_many_steps_a_second_are_refused_before_anything_moves(plug: Plug, version: str) -> None:
+    with connected(plug, {"version": version}) as (board, robot):
         board.settle()
         before = len(board.trace)
         fast = Waypoints("stroke 1", np.array([[0.1, -0.1, 0.01]]), 0.25)
@@ -194,8 +193,8 @@ def test_m8_too_many_steps_a_second_are_refused_before_anything_moves(port: Path
 
 
 @every_board
-def test_m9_a_press_of_the_boards_button_is_told_once(port: Path, how: dict[str, Any]) -> None:
-    with Ebb(port, **how) as board:
+def test_m9_a_press_of_the_boards_button_is_told_once(plug: Plug, how: dict[str, Any]) -> None:
+    with plug(**how) as board:
         board.press()
         robot = robot_of(board)
         robot.connect()
@@ -213,8 +212,8 @@ def test_m9_a_press_of_the_boards_button_is_told_once(port: Path, how: dict[str,
 
 
 @every_board
-def test_a_board_that_was_just_started_does_not_move_until_its_zero_is_told(port: Path, how: dict[str, Any]) -> None:
-    with Ebb(port, **how) as board:
+def test_a_board_that_was_just_started_does_not_move_until_its_zero_is_told(plug: Plug, how: dict[str, Any]) -> None:
+    with plug(**how) as board:
         robot = robot_of(board)
         robot.connect()
         assert not robot.zero().known and not robot.zero().homes
@@ -235,8 +234,8 @@ def test_a_board_that_was_just_started_does_not_move_until_its_zero_is_told(port
 
 
 @every_board
-def test_the_zero_survives_another_connection_and_another_process(port: Path, how: dict[str, Any]) -> None:
-    with connected(port, how) as (board, robot):
+def test_the_zero_survives_another_connection_and_another_process(plug: Plug, how: dict[str, Any]) -> None:
+    with connected(plug, how) as (board, robot):
         robot.set_zero(np.array([0.0501, -0.02, 0.0]))
         reached = robot.follow(STROKE).reached
         robot.stop()
@@ -253,8 +252,8 @@ def test_the_zero_survives_another_connection_and_another_process(port: Path, ho
 
 @every_board
 @pytest.mark.parametrize("event", ["unplugged", "reset", "motors off", "another program"])
-def test_the_zero_is_lost_where_the_carriage_may_have_moved(port: Path, how: dict[str, Any], event: str) -> None:
-    with connected(port, how) as (board, robot):
+def test_the_zero_is_lost_where_the_carriage_may_have_moved(plug: Plug, how: dict[str, Any], event: str) -> None:
+    with connected(plug, how) as (board, robot):
         robot.follow(STROKE)
         robot.close()
         board.settle()
@@ -275,8 +274,8 @@ def test_the_zero_is_lost_where_the_carriage_may_have_moved(port: Path, how: dic
 
 
 @pytest.mark.parametrize("version", ["2.8.1", "3.0.3"])
-def test_motors_that_lose_their_power_lose_the_zero(port: Path, version: str) -> None:
-    with connected(port, {"version": version}) as (board, robot):
+def test_motors_that_lose_their_power_lose_the_zero(plug: Plug, version: str) -> None:
+    with connected(plug, {"version": version}) as (board, robot):
         board.cut_motor_power()
         with pytest.raises(MotionFailed, match="lost the power of its motors, so its carriage may have moved"):
             robot.follow(STROKE)
@@ -287,10 +286,10 @@ def test_motors_that_lose_their_power_lose_the_zero(port: Path, version: str) ->
         assert not robot.zero().known
 
 
-def test_firmware_3_remembers_a_short_failure_of_the_motors_power(port: Path) -> None:
-    with connected(port, {"version": "3.0.3"}) as (board, robot):
+def test_firmware_3_remembers_a_short_failure_of_the_motors_power(plug: Plug) -> None:
+    with connected(plug, {"version": "3.0.3"}) as (board, robot):
         board.cut_motor_power(0.5)
-        time.sleep(0.1)
+        board.clock.sleep(1.0)
         assert board.voltage == 300
         with pytest.raises(MotionFailed, match="lost the power of its motors"):
             robot.follow(STROKE)
@@ -313,16 +312,13 @@ def test_firmware_3_remembers_a_short_failure_of_the_motors_power(port: Path) ->
     ],
 )
 def test_what_goes_wrong_is_told_and_nothing_moves_after(
-    port: Path, how: dict[str, Any], fault: str, error: type[RobotError], says: str, monkeypatch: pytest.MonkeyPatch
+    plug: Plug, how: dict[str, Any], fault: str, error: type[RobotError], says: str
 ) -> None:
-    for module in ("interlock", "ebb", "axidraw"):
-        monkeypatch.setattr(f"frida_painter.hardware.drivers.{module}.PATIENCE", 0.3)
-    with connected(port, how, faults={60: fault}) as (board, robot):
-        board.silence = 0.8 * board.pace
+    with connected(plug, how, faults={60: fault}) as (board, robot):
+        board.silence = 2 * PATIENCE
         with pytest.raises(error, match=says):
             robot.follow(below(a_stroke(speed=0.2)))
-        time.sleep(1.0 if fault == "late" else 0.1)
-        board.settle()
+        board.clock.sleep(3 * PATIENCE)
         moved = len(board.trace)
         assert fault in ("unplug", "mute") or board.stops == 1
         for action in (robot.home, robot.pose, lambda: robot.follow(STROKE)):
@@ -337,39 +333,32 @@ def test_what_goes_wrong_is_told_and_nothing_moves_after(
             assert places(board, SERVO)[-1] == pytest.approx(STROKE.position[-1], abs=4e-4)
 
 
-def test_stop_ends_within_a_tenth_of_a_second(port: Path) -> None:
-    with connected(port, pace=1.0) as (board, robot):
-        told: list[BaseException] = []
+def test_stop_ends_within_a_tenth_of_a_second(plug: Plug) -> None:
+    with connected(plug) as (board, robot):
+        asked: list[tuple[float, float]] = []
 
-        def paint() -> None:
-            try:
-                robot.follow(STROKE)
-            except RobotError as error:
-                told.append(error)
+        def stop() -> None:
+            asked.append((board.clock.now, board.seconds))
+            robot.stop()
+            robot.stop()
+            assert board.clock.now - asked[0][0] < 0.05
 
-        thread = threading.Thread(target=paint)
-        thread.start()
-        while len([1 for _, carriage, _ in board.trace if carriage != (0, 0)]) < 10:
-            time.sleep(0.005)
-        stopped, before = time.monotonic(), board.seconds
-        robot.stop()
-        robot.stop()
-        assert time.monotonic() - stopped < 0.05
-        thread.join(2)
+        board.clock.when(lambda: len([1 for _, carriage, _ in board.trace if carriage != (0, 0)]) > 10, stop)
+        with pytest.raises(RobotStopped):
+            robot.follow(STROKE)
         board.settle()
-        assert isinstance(told[0], RobotStopped)
-        assert board.trace[-1][0] - before < 0.1
+        assert board.trace[-1][0] - asked[0][1] < 0.1
         with pytest.raises(RobotStopped, match="look at it"):
             robot.home()
 
 
-def test_no_board_no_port_and_other_devices_are_told(port: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_board_no_port_and_other_devices_are_told(plug: Plug, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("plotink.ebb_serial.findPort", lambda: None)
     with pytest.raises(RobotDisconnected, match="No AxiDraw was found"):
         AxidrawRobot(AxidrawSettings(HOME)).connect()
     with pytest.raises(RobotDisconnected, match="serial port '/dev/ttyNOPE' cannot be opened"):
         AxidrawRobot(AxidrawSettings(HOME, "/dev/ttyNOPE")).connect()
-    with Ebb(port, "2.3.0") as board:
+    with plug("2.3.0") as board:
         with pytest.raises(RobotError, match=r"firmware 2.3.0, which does not count its steps; update it"):
             robot_of(board).connect()
         board.written = "x"
@@ -380,8 +369,22 @@ def test_no_board_no_port_and_other_devices_are_told(port: Path, monkeypatch: py
         AxidrawRobot(AxidrawSettings(HOME)).connect()
 
 
-def test_a_height_beyond_the_servo_is_refused_before_anything_moves(port: Path) -> None:
-    with connected(port) as (board, robot):
+@every_board
+def test_what_a_board_still_owed_an_earlier_program_is_not_taken_for_its_answer(
+    plug: Plug, how: dict[str, Any]
+) -> None:
+    with plug(**how) as board:
+        board.cable.silent = True  # it answers late
+        board.hear(b"QL,0\r")
+        board.clock.after(0.1, board.cable.speak_again)
+        robot = robot_of(board)
+        robot.connect()
+        assert not robot.zero().known
+        robot.close()
+
+
+def test_a_height_beyond_the_servo_is_refused_before_anything_moves(plug: Plug) -> None:
+    with connected(plug) as (board, robot):
         board.settle()
         before = len(board.trace)
         with pytest.raises(ConfigError, match="servo reaches from -2 to 12 mm"):
@@ -403,8 +406,8 @@ def test_settings_that_cannot_be_are_refused(values: dict[str, Any]) -> None:
         AxidrawSettings(HOME, **values)
 
 
-def test_the_doctor_reads_what_the_board_tells_and_changes_nothing(port: Path) -> None:
-    with connected(port, {"version": "2.6.0"}) as (board, robot):
+def test_the_doctor_reads_what_the_board_tells_and_changes_nothing(plug: Plug) -> None:
+    with connected(plug, {"version": "2.6.0"}) as (board, robot):
         robot.follow(STROKE)
         robot.close()
         board.settle()

@@ -72,11 +72,10 @@ class Board:
         """
         self._line.write(b"\r")  # ends a partial command
         self._drain()
-        answer = self._exchange("V")
+        answer = self._ask_version()
         if answer.startswith("V,EBB"):
             self._line.write(b"CU,10,0\r")  # its answer begins in one syntax and ends in the other
-            self._drain()
-            answer = self._exchange("V")
+            answer = self._ask_version()
         self._future = answer.startswith("V,")
         found = _VERSION.search(answer)
         if found is None:
@@ -281,6 +280,17 @@ class Board:
             raise self._nonsense(question, answer)
         if ends and (second := self._read(question)) != "OK":
             raise self._nonsense(question, f"{answer}, {second}")
+        return answer
+
+    def _ask_version(self) -> str:
+        """Returns the answer to V. What the board still owes from before comes first, however late, and is discarded.
+
+        If none came in time, returns what it said last.
+        """
+        until = time.monotonic() + PATIENCE
+        answer = self._exchange("V")
+        while _VERSION.search(answer) is None and time.monotonic() < until:
+            answer = self._listen() or answer
         return answer
 
     def _exchange(self, question: str) -> str:
