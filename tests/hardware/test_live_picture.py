@@ -1,3 +1,4 @@
+import threading
 import time
 from pathlib import Path
 
@@ -56,7 +57,7 @@ def test_a_live_camera_has_its_picture_in_the_file_until_it_is_dismissed(tmp_pat
     with Image.open(path) as picture:
         assert picture.size == (960, 240)
     live.dismiss()
-    assert not path.exists()
+    assert until(lambda: not path.exists())
     seen = webcam.glances
     time.sleep(0.1)
     assert webcam.glances == seen
@@ -103,3 +104,22 @@ def test_a_live_picture_is_at_most_so_wide_and_keeps_its_colours(columns: int, t
         assert small.width == min(columns, 960)
         red, green, blue = small.convert("RGB").getpixel((0, 0))  # type: ignore[misc]
     assert abs(red - 200) < 6 and green < 6 and blue < 6
+
+
+def test_a_picture_that_comes_late_does_not_stay(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("frida_painter.easel.host._LAST", 0.0)
+    taking, released = threading.Event(), threading.Event()
+
+    class Slow(Webcam):
+        def glance(self) -> NDArray[np.uint8]:
+            taking.set()
+            released.wait(PATIENCE)
+            return super().glance()
+
+    webcam, path = Slow(), tmp_path / ".camera.jpg"
+    live = LivePicture(GuardedCamera(webcam), path, between=0.01)
+    assert taking.wait(PATIENCE)
+    live.dismiss()
+    released.set()
+    live._thread.join(PATIENCE)
+    assert webcam.glances == 1 and not path.exists()

@@ -240,6 +240,7 @@ def _report(report: MotionReport) -> Answer:
 BETWEEN = 1.0
 """Seconds between two pictures."""
 _WIDEST, _QUALITY = 960, 75
+_LAST = 2.0  # seconds in which the last picture is usually written
 
 
 class LivePicture:
@@ -260,7 +261,7 @@ class LivePicture:
         """Ends the live picture and removes the file."""
         self._over.set()
         if self._thread.is_alive():
-            self._thread.join(2 * self._between)
+            self._thread.join(_LAST)
         self._path.unlink(missing_ok=True)
 
     def _run(self) -> None:
@@ -271,6 +272,7 @@ class LivePicture:
                     storage.write_bytes(self._path, encode_jpeg(picture))
             except FridaError:
                 continue
+        self._path.unlink(missing_ok=True)  # a picture that came late
 
 
 def encode_jpeg(picture: NDArray[np.uint8]) -> bytes:

@@ -70,7 +70,6 @@ def library(monkeypatch: pytest.MonkeyPatch) -> type[FakeCamera]:
     module.Camera, module.GPhoto2Error = Fresh, GPhoto2Error
     module.GP_CAPTURE_IMAGE, module.GP_FILE_TYPE_NORMAL = 0, 1
     monkeypatch.setitem(sys.modules, "gphoto2", module)
-    monkeypatch.setattr("frida_painter.hardware.cameras.gphoto._EXPOSING", 0.3)
     return Fresh
 
 
@@ -97,10 +96,14 @@ def test_each_photograph_is_a_new_one() -> None:
         ("hangs", "did not answer"),
     ],
 )
-def test_what_goes_wrong_says_what_to_do(library: type[FakeCamera], behave: str, says: str) -> None:
+def test_what_goes_wrong_says_what_to_do(
+    library: type[FakeCamera], behave: str, says: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     library.behave = behave
     camera = GphotoCamera()
-    with pytest.raises(CameraError, match=says):
+    with monkeypatch.context() as patch, pytest.raises(CameraError, match=says):
+        if behave == "hangs":
+            patch.setattr("frida_painter.hardware.cameras.gphoto._EXPOSING", 0.3)
         camera.connect()
         camera.capture(0.0)
     library.behave = "well"
