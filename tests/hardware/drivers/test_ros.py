@@ -126,12 +126,12 @@ def test_whatever_the_arm_does_becomes_a_typed_error_and_it_is_told_to_stop(
     error: type[RobotError],
     says: str,
 ) -> None:
-    monkeypatch.setattr(ros, "PATIENCE", 0.3)
-    monkeypatch.setattr(ros, "_SILENCE", 0.3)
-    monkeypatch.setattr(ros, "motion_timeout", lambda path, speed: 0.4)
     robot.connect()
     arm.misbehave = fault
-    with pytest.raises(error, match=says):
+    with monkeypatch.context() as patch, pytest.raises(error, match=says):
+        patch.setattr(ros, "PATIENCE", 0.3)
+        patch.setattr(ros, "_SILENCE", 0.3)
+        patch.setattr(ros, "motion_timeout", lambda path, speed: 0.4)
         robot.follow(a_stroke())
     assert arm.heard[-1] == "/brush/stop"
     arm.misbehave, arm.stopped = "", False
@@ -171,7 +171,7 @@ def test_m22_an_arm_stops_by_itself_soon_after_the_last_sign_of_life(
     robot: RosRobot, arm: RosArm, air: Air, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(ros, "_BEAT", 0.05)
-    arm.pace, arm.watchdog = 0.2, 0.4
+    arm.pace, arm.watchdog = 0.05, 1.0
     robot.connect()
 
     def paint() -> None:
@@ -180,14 +180,14 @@ def test_m22_an_arm_stops_by_itself_soon_after_the_last_sign_of_life(
 
     thread = threading.Thread(target=paint)
     thread.start()
-    time.sleep(0.8)
+    time.sleep(2.0)
     assert arm.moved and not arm.stopped  # as long as it hears, however long the motion takes
     monkeypatch.setattr(AirConnection, "publish", lambda self, topic, message: None)  # the painter's computer dies
     died = time.monotonic()
-    while not arm.stopped and time.monotonic() < died + 3:
+    while not arm.stopped and time.monotonic() < died + 60:
         time.sleep(0.01)
-    assert arm.stopped and arm.at[-1] - died < 0.4 + 0.2
-    thread.join(5)
+    assert arm.stopped and arm.at[-1] - died < 1.0 + 1.0
+    thread.join(60)
 
 
 @pytest.mark.parametrize("broken", ["connection", "stopper"])
