@@ -283,10 +283,7 @@ class Board:
         return answer
 
     def _ask_version(self) -> str:
-        """Returns the answer to V. What the board still owes from before comes first, however late, and is discarded.
-
-        If none came in time, returns what it said last.
-        """
+        """Returns the answer to V, or the last line if none came in time. Late answers to others come first."""
         until = time.monotonic() + PATIENCE
         answer = self._exchange("V")
         while _VERSION.search(answer) is None and time.monotonic() < until:
