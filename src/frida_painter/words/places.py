@@ -159,14 +159,15 @@ PLACES = (
     PAPER,
 )  # fmt: skip
 LAKE, MEADOW, SKY, TABLE, ROOM = PLACES[1], PLACES[3], PLACES[12], PLACES[13], PLACES[14]
-DAY = Light(("day",), "#a3cae9", "#e0f0f9")
+DAY = Light(("day", "noon"), "#a3cae9", "#e0f0f9")
 LIGHTS = (
     Light(("dawn", "sunrise", "early morning", "morning"), "#9eb2db", "#fcd1ad", "#ffedb2"),
     Light(("sunset", "dusk", "evening", "twilight"), "#6b5c94", "#fc9947", "#ffdb73"),
-    Light(("night", "midnight", "moonlight", "darkness", "starry night"), "#0d1438", "#45598f", "#faeda8", stars=10),
+    Light(("night", "midnight", "moonlight", "darkness", "starry night", "moon", "star"),
+          "#0d1438", "#45598f", "#faeda8", stars=10),
     Light(("autumn", "fall foliage", "october"), "#ccb894", "#e69433", "#b8331f", "fall", 0.5),
     Light(("winter", "cold", "frost"), "#a8c2db", "#e0ebf5", "#fae6d6"),
-    Light(("heat", "summer", "noon", "drought", "holidays"), "#ed9e40", "#fcd15c", "#fff7cc", "burst", 0.3),
+    Light(("heat", "summer", "drought", "holidays"), "#ed9e40", "#fcd15c", "#fff7cc", "burst", 0.3),
     Light(("sadness", "grief", "loneliness", "melancholy", "gloomy", "a farewell", "remorse", "regret"),
           "#576b8a", "#99a8b8", "#ccbd9e", "fall", 0.15),
     Light(("joy", "happiness", "laughter", "celebration", "party", "amazement", "fun"),
@@ -313,8 +314,9 @@ def infer_place(names: Sequence[str], sentences: SentenceEncoder, *, outside: bo
 
 
 def in_color(place: Place, color: Color) -> Place:
-    """Returns the place in another colour: a teal sky, a green meadow."""
-    return replace(place, above=color) if place is SKY else replace(place, below=color)
+    """Returns the place in another colour: a teal sky, a blue wall, a green meadow."""
+    is_above = place.name in (SKY.name, ROOM.name)
+    return replace(place, above=color) if is_above else replace(place, below=color)
 
 
 def before(place: Place, others: Sequence[Place]) -> Place:

@@ -192,7 +192,8 @@ class PromptReader:
         lemmas: Any = self._language.get_pipe("lemmatizer")
         index = lemmas.lookups.get_table("lemma_index")
         verbs, adjectives, adverbs = (frozenset(index[kind]) for kind in ("verb", "adj", "adv"))
-        self._words = _Words(verbs, adjectives, frozenset(index["noun"]) - verbs - adjectives - adverbs)
+        nouns = frozenset(index["noun"])
+        self._words = _Words(verbs, adjectives, nouns, nouns - verbs - adjectives - adverbs)
 
     def read(self, prompt: str) -> Reading:
         """Returns the content of a prompt. A prompt without any noun is one thing with the prompt as its name.
@@ -202,7 +203,7 @@ class PromptReader:
         text = prompt[:_LONGEST].strip().rstrip(".!")
         text = text.lower() if text.isupper() else text[:1].lower() + text[1:]
         parsed = self._parse(text) if self._language is not None else None
-        walk = _Walk(list(parsed or ()), self._words or _Words(frozenset(), frozenset(), frozenset()))
+        walk = _Walk(list(parsed or ()), self._words or _Words(frozenset(), frozenset(), frozenset(), frozenset()))
         if walk.absent and not walk.things:
             raise refuse_absent(text)
         plain = re.sub("^(an?|the) ", "", text)
@@ -222,12 +223,14 @@ class PromptReader:
         read = self._language(text)
         if len(read) and (read[0].pos_ in ("NOUN", "PROPN", "ADJ") or read[0].tag_ == "VBZ"):
             read = self._language(f"the {text}")  # cows under a tree: without an article "cows" looks like a verb
+        last = read[-1] if len(read) > 1 and _is_noun(read[-2]) and read[-1].pos_ in ("AUX", "ADJ") else None
+        if last is not None and last.lower_ in self._words.nouns and paint_of(last.lower_) is None:
+            last.pos_, last.lemma_ = "NOUN", last.lower_  # a watering can, a steam locomotive
+            for child in _children(last, "nsubj"):
+                child.dep_ = "compound"
         for word in read:
-            if word.pos_ == "AUX" and word.i == len(read) - 1:  # a watering can
-                word.pos_, word.lemma_ = "NOUN", word.lower_
-                for child in _children(word, "nsubj"):
-                    child.dep_ = "compound"
-            if word.pos_ in ("ADJ", "ADV", "X", "INTJ") and word.i > word.head.i and word.lemma_ in self._words.nouns:
+            is_after = word.pos_ in ("ADJ", "ADV", "X", "INTJ") and word.i > word.head.i
+            if is_after and word.lemma_ in self._words.only_nouns:
                 word.pos_ = "NOUN"
         return read
 
@@ -253,11 +256,12 @@ def _list_said(parsed: Doc, between: set[int]) -> tuple[SaidWord, ...]:
 
 
 class _Words(NamedTuple):
-    """Words of the grammar's lexicon: verbs, adjectives, and words that are only nouns."""
+    """Words of the grammar's lexicon: verbs, adjectives, nouns, and words that are only nouns."""
 
     verbs: frozenset[str]
     adjectives: frozenset[str]
     nouns: frozenset[str]
+    only_nouns: frozenset[str]
 
 
 class _Walk:

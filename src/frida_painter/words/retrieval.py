@@ -61,6 +61,7 @@ def is_upright(picture: Tensor) -> bool:
 # Comparison of a picture's title with a thing of a prompt.
 
 _SAYS, _ADDS = 0.2, 0.2  # bonus for each word of the prompt, and penalty for each other word
+_MORE = 0.3  # penalty for a picture of several, if a number of them is wanted
 _ENDING = 2  # greatest number of an ending's letters: an older woman is old
 _MODIFIES = 0.6  # for a title whose word only describes another word
 _FURTHER = re.compile(r"\b(?:of|with|in|on|at|for|and)\b")  # the words after these are not the named thing
@@ -86,13 +87,21 @@ def _spoken(title: str, thing: Thing) -> float:
     words = set(title.split())
     wanted = {*thing.name.split(), *thing.color.split(), thing.doing, thing.plural} - {""}
     said = sum(any(word.startswith(one) and len(word) <= len(one) + _ENDING for one in wanted) for word in words)
-    return _SAYS * said - _ADDS * (len(words) - said) - _MODIFIES * _is_modified(title, thing)
+    is_more = thing.count not in (None, 2) and (_names(title) or [""])[-1] in (f"{thing.noun}s", thing.plural)
+    return _SAYS * said - _ADDS * (len(words) - said) - _MODIFIES * _is_modified(title, thing) - _MORE * is_more
 
 
 def _is_modified(title: str, thing: Thing) -> bool:
     """Returns True if a title has the word for another thing: a mountain goat, or an owl on a branch."""
     head = (_names(title) or [""])[-1]
     return thing.noun in title and not head.endswith((thing.noun, f"{thing.noun}s", thing.plural or thing.noun))
+
+
+def _is_other_kind(title: str, thing: Thing) -> bool:
+    """Returns True if a title and a thing are kinds of the same: a football player is no chess player."""
+    *kind, noun = _names(title) or [""]
+    wanted = thing.name.split()[:-1]
+    return noun == thing.noun and bool(kind and wanted) and not {*kind} & {*wanted, *thing.color.split()}
 
 
 def _is_called(title: str, thing: Thing) -> bool:
@@ -106,7 +115,7 @@ def _is_called(title: str, thing: Thing) -> bool:
     return (not kind or not wanted or bool(kind & wanted)) and any(word.endswith(ends) for word in title.split())
 
 
-_MIN, _MIN_PERSON = 0.6, 0.5  # similarity of a caption to a thing, or a person, below which no picture is better
+_MIN, _MIN_PERSON = 0.58, 0.52  # similarity of a caption to a thing, or a person, below which no picture is better
 _LOOKED_AT_FOR_KIND = 60
 _ABOUT = 0.7  # similarity above which the name of a person is about a thing: a violinist and a violin
 _NAMED = 0.8  # similarity above which a caption means the thing, with any words: a duck (0.64) is no goose
@@ -223,7 +232,9 @@ class PictureIndex:
             return None
         context = self._similar(prompt)[self._titles]
         order = (similarity + _CONTEXT * context).argsort(descending=True)[: 4 * _LOOKED_AT].tolist()
-        near = [at for at in order if similarity[at] >= least]
+        near = [
+            at for at in order if similarity[at] >= (OWN if _is_other_kind(self._entries[at].title, thing) else least)
+        ]
         if cut_out:
             near = [at for at in near if similarity[at] >= OWN or not _is_modified(self._entries[at].title, thing)]
         highest, found, seen = -float("inf"), None, 0

@@ -148,9 +148,9 @@ def scene_of(
     setting, settled, seen = setting_of(reading, index, encoders)
     named = [light for *_, light in seen if isinstance(light, Light)]
     feels = any(part in named and part not in places.TIMES and word == thing.noun for thing, word, part in seen)
-    place = next((thing.name for thing, _, part in seen if part.name == setting.place.name), "")
-    if place and len(settled) == len(reading.things) and not feels and setting.place.scenery is None:
-        reading = _people_place(reading, place, setting.place, sentences)
+    is_placed = any(part.name == setting.place.name for *_, part in seen)
+    if is_placed and len(settled) == len(reading.things) and not feels and setting.place.scenery is None:
+        reading = _people_place(reading, setting.place)
     reading = _equip_people(_fill_fields(reading, seen), index, sentences)
     things = cast(reading, settled, prompt, index, encoders, in_place=setting.place is not NOWHERE)
     shown = [one for one in things if one is not None]
@@ -158,7 +158,7 @@ def scene_of(
     is_mood = not shown and setting.place is NOWHERE
     lights = named + places.rank_lights(prompt, sentences)
     if whole is not None:
-        things, setting, place = [whole], replace(setting, is_named=False), ""
+        things, setting, is_placed = [whole], replace(setting, is_named=False), False
         seen = [one for one in seen if not isinstance(one[2], Place)]
     elif is_mood:
         setting = replace(setting, light=lights[0] if setting.light == DAY else setting.light, is_named=True)
@@ -171,7 +171,7 @@ def scene_of(
     used |= {part.name for *_, part in seen if isinstance(part, Place) and part.relief}
     used |= {second.name} if is_mood else {places.SKY.name} if setting.place.is_open else set()
     account_for(things, reading, [one for one in seen if one[2].name in used], account)
-    scenery = _scenery_of(setting.place, index, reading.absent) if place else None
+    scenery = _scenery_of(setting.place, index, reading.absent) if is_placed else None
     _tell([one for one in (*things, scenery) if one is not None], setting, encoders, use, index, account)
     if whole is not None:
         if len(shown) > 1:
@@ -217,16 +217,11 @@ def _scenery_of(place: Place, index: PictureIndex | None, absent: Sequence[str])
     return index.find(Thing(name, name.rpartition(" ")[2]), name, cut_out=True)
 
 
-def _people_place(reading: Reading, said: str, place: Place, sentences: SentenceEncoder) -> Reading:
-    """Adds the usual things to a place that is named alone: boats in a harbour, but none to grief in a harbour.
-
-    said: name of the place in the prompt
-    """
-    found = [name for name in place.found if not name.endswith(reading.absent)]
-    if not found:
+def _people_place(reading: Reading, place: Place) -> Reading:
+    """Adds the usual things to a place that is named alone: boats in a harbour, but none to grief in a harbour."""
+    name = next((name for name in place.found if not name.endswith(reading.absent)), None)
+    if name is None:
         return reading
-    meanings = sentences.embed([said, *found])
-    name = found[int((meanings[1:] @ meanings[0]).argmax())]
     thing = Thing(name, name.rpartition(" ")[2], count=2)
     relation = Relation(len(reading.things), "in", 0)
     return replace(reading, things=(*reading.things, thing), relations=(*reading.relations, relation))
@@ -269,17 +264,21 @@ def setting_of(
     sentences, settled, seen = word_meanings(encoders), set[int](), _Seen()
     known = [one.name for one in known_things()]
     for number, thing in enumerate(reading.things):
-        noun = replace(thing, name=thing.noun)  # no alarm clock has a picture, but a clock has, and is no idea
-        nearest, nearest_noun = (0.0 if index is None else index.nearest(one) for one in (thing, noun))
+        nearest = 0.0 if index is None else index.nearest(thing)
         part: Place | Light | Weather | None = None
         is_settled = _is_part_of_body(number, reading, nearest, sentences)
         if nearest < OWN and not is_settled:
             part = places.find_part(thing.noun, places.WEATHERS, sentences)
-            is_pictured = max(nearest, nearest_noun) >= _PICTURED
-            is_idea = " " in thing.noun or places.is_idea(thing.noun, known, sentences, is_pictured=is_pictured)
-            light = places.find_part(thing.noun, places.LIGHTS, sentences, _FELT) if is_idea else None
+            is_idea = " " in thing.noun or places.is_idea(
+                thing.name, known, sentences, is_pictured=nearest >= _PICTURED
+            )
+            least = _FELT if is_idea else _EXACTLY
+            light = places.find_part(thing.noun, places.LIGHTS, sentences, least)
+            light = light or places.find_part(thing.name, places.LIGHTS, sentences, least)
             if part is None and is_idea and (light or not is_person(thing.noun, sentences)):
                 part, is_settled = light, True
+            elif light:  # a thing that comes with a light: the moon
+                seen.append((thing, thing.noun, light))
         if part := part or _place_named(number, reading, nearest, sentences):
             seen.append((thing, thing.noun, part))
         if part or is_settled:
@@ -330,7 +329,7 @@ def _place_named(number: int, reading: Reading, nearest: float, sentences: Sente
         least = max(least, _EXACTLY)
     several = thing.plural if thing.count is None and thing.plural else thing.noun  # mountains, but not one mountain
     place = places.find_part(several, places.PLACES, sentences, least)
-    place = place if place is None or place.is_open or not beside else None
+    place = place if place is None or place.is_open or not beside - {"behind", "front"} else None
     if place is None and "on" in kinds and usual is not None and not usual.is_open:
         place = usual  # a table that carries things is shown by its top
     if place is None and thing.name != thing.noun:
