@@ -24,8 +24,8 @@ not here is only a thing. Written by tools/write_nouns.py. The licence of WordNe
 """
 
 
-def main(folder: Path) -> None:
-    """Writes the file."""
+def write_nouns(folder: Path, file: Path) -> None:
+    """Writes the file from the dictionary in a folder."""
     files = {}
     for line in (folder / "data.noun").read_text("utf-8").splitlines():
         if line[:1].isdigit():
@@ -42,8 +42,8 @@ def main(folder: Path) -> None:
     lines = [f"{kinds}: {' '.join(sorted(some))}\n" for kinds, some in sorted(nouns.items())]
     notice = _HEAD + (folder.parent / "LICENSE").read_text("utf-8")
     head = "".join(f"# {line}".rstrip() + "\n" for line in notice.splitlines())
-    storage.write_text(_OUT, head + "".join(lines))
+    storage.write_text(file, head + "".join(lines))
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    write_nouns(Path(sys.argv[1]), _OUT)

@@ -177,6 +177,10 @@ def test_those_who_do_something_are_counted(reader: PromptReader, prompt: str, c
         ("a fire hydrant", ["fire hydrant"], []),
         ("a fire hydrant beside a dog", ["fire hydrant", "dog"], [(0, "beside", 1)]),
         ("a cup of tea and a croissant", ["cup", "tea", "croissant"], [(0, "of", 1)]),
+        ("a rusty watering can", ["rusty watering can"], []),
+        ("a black steam locomotive", ["steam locomotive"], []),
+        ("a tired nurse drinking coffee", ["tired nurse", "coffee"], [(0, "drinking", 1)]),
+        ("a toddler in a raincoat jumping in puddles", ["toddler", "raincoat", "puddle"], [(0, "in", 1), (1, "in", 2)]),
         ("a farmer feeding chickens", ["farmer", "chicken"], [(0, "feeding", 1)]),
         ("a farmer feeding chickens and ducks", ["farmer", "chicken", "duck"], [(0, "feeding", 1), (0, "feeding", 2)]),
         ("a wheelbarrow full of pumpkins", ["wheelbarrow", "pumpkin"], [(0, "of", 1)]),
@@ -205,3 +209,9 @@ def test_of_a_pile_there_are_several_and_what_is_joined_to_it_is_read(reader: Pr
         "sunflower",
         "vase",
     ]
+
+
+@pytest.mark.slow
+def test_what_has_no_plural_form_is_one_thing(reader: PromptReader) -> None:
+    for prompt, count in (("small hedgehog", 1), ("hedgehogs", None), ("three sheep", 3), ("scissors", None)):
+        assert [thing.count for thing in reader.read(prompt).things] == [count], prompt

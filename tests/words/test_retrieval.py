@@ -238,3 +238,54 @@ class Bag(WordBag):
     def embed(self, sentences: Sequence[str]) -> Tensor:
         like = {"pad": "lily pads", "lily pad": "lily pads stem root leaf", "pram": "stroller pram"}
         return super().embed([like.get(sentence, sentence) for sentence in sentences])
+
+
+def test_a_kind_is_no_other_kind(tmp_path: Path) -> None:
+    players = Library("a", {"1": (("football player",), 0.8, RED), "2": (("player",), 0.4, BLUE)})
+    index = PictureIndex([players], WordBag(), tmp_path)
+    chess, player = Thing("chess player", "player"), Thing("player", "player")
+    assert [found.caption for thing in (chess, player) if (found := index.find(thing, "players"))] == [
+        "player",
+        "player",
+    ]
+    only = PictureIndex([Library("b", {"1": (("football player",), 0.8, RED)})], WordBag(), tmp_path)
+    assert only.find(chess, "players") is None and only.find(Thing("football player", "player"), "players") is not None
+
+
+def test_a_number_of_things_is_not_shown_by_a_picture_of_several(tmp_path: Path) -> None:
+    books = Library("a", {"1": (("books",), 0.8, RED), "2": (("book",), 0.4, BLUE)})
+    index = PictureIndex([books], WordBag(), tmp_path)
+    for thing, caption in (
+        (Thing("book", "book"), "book"),
+        (Thing("book", "book", count=5, plural="books"), "book"),
+        (Thing("book", "book", count=None, plural="books"), "books"),
+    ):
+        found = index.find(thing, "books")
+        assert found is not None and found.caption == caption, thing
+
+
+def test_pictures_with_a_ground_do_not_hide_the_cut_outs(tmp_path: Path) -> None:
+    class Grounds(Library):
+        def pictures(self, file: str) -> list[Tensor]:
+            (picture,) = super().pictures(file)
+            picture[3] = 1
+            return [picture]
+
+    many = Grounds("a", {str(number): (("goldfish",), 0.8, RED) for number in range(12)})
+    fish = Library("b", {"x": (("orange goldfish",), 0.4, BLUE)})
+    found = PictureIndex([many, fish], WordBag(), tmp_path).find(
+        Thing("goldfish", "goldfish"), "goldfish", cut_out=True
+    )
+    assert found is not None and found.caption == "orange goldfish"
+
+
+def test_the_name_of_somebody_without_a_picture_is_about_a_thing(tmp_path: Path) -> None:
+    class Strings(WordBag):
+        def embed(self, sentences: Sequence[str]) -> Tensor:
+            return super().embed([sentence.replace("violinist", "violin") for sentence in sentences])
+
+    known = {"1": (("violin",), 0.8, RED), "2": (("nurse",), 0.8, BLUE), "3": (("sea",), 0.8, RED)}
+    index = PictureIndex([Library("a", known)], Strings(), tmp_path)
+    assert index.tool_of(Thing("violinist", "violinist")) == "violin"
+    assert index.tool_of(Thing("nurse", "nurse")) == "", "there is a picture of her"
+    assert index.tool_of(Thing("plumber", "plumber")) == "", "nothing is near"

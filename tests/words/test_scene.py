@@ -175,3 +175,60 @@ def test_a_woman_or_a_man_stands_for_somebody_without_a_picture(tmp_path: Path, 
     scene_of("a sailor", GRID, seen, 0)
     assert "(pictures" in seen.remarks[0] and ("2 times" in seen.remarks[0]) == (count == 2)
     assert seen.remarks[1].startswith("Your words: shown by something similar: 'sailor' (by ")
+
+
+LAKE, MEADOW, GOATS = (
+    Thing("lake", "lake"),
+    Thing("meadow", "meadow"),
+    Thing("goat", "goat", count=None, plural="goats"),
+)
+
+
+@pytest.mark.parametrize(
+    ("reading", "begun"),
+    [
+        (Reading((GOAT, LAKE), (Relation(0, "beside", 1),)), "Begun with 'goat' (pictures), on lake."),
+        (
+            Reading((GOAT, Thing("moon", "moon")), (Relation(0, "under", 1),)),
+            "Begun with 'goat' (pictures), on road, night.",
+        ),
+        (Reading((GOAT, Thing("long beard", "beard")), (Relation(0, "with", 1),)), "Begun with 'goat' (pictures)."),
+        (
+            Reading((MEADOW, GOATS), (Relation(0, "of", 1),)),
+            "Begun with 'goat' (pictures, 7 times) and 'tree' (pictures), on meadow.",
+        ),
+        (
+            Reading((SOUND, GOATS), (Relation(0, "of", 1),)),
+            "Begun with 'goat' (pictures, 3 times), on",
+        ),
+        (Reading((Thing("forest", "forest"),)), "Begun with 'tree' (pictures), on forest."),
+        (Reading((Thing("forest", "forest"),), absent=("tree",)), "Begun with strokes and colours of forest"),
+        (Reading((Thing("lake", "lake"), Thing("mountain", "mountain", count=None, plural="mountains"))), "Begun with"),
+    ],
+    ids=["beside", "moon", "beard", "field", "sound", "forest", "bare forest", "mountains"],
+)
+def test_what_words_show(reading: Reading, begun: str, tmp_path: Path) -> None:
+    seen = encoders(tmp_path, reading)
+    scene_of("as read", GRID, seen, 0)
+    assert seen.remarks[0].startswith(begun)
+    if begun.endswith("Begun with"):
+        assert "shown: 'lake', 'mountain'" in seen.remarks[1]
+
+
+def test_somebody_without_a_picture_gets_what_the_name_is_about(tmp_path: Path) -> None:
+    seen = encoders(tmp_path, Reading((Thing("violinist", "violinist"),)))
+    index = seen.own["picture index"]
+    assert isinstance(index, PictureIndex)
+    index.tool_of = lambda person: "goat"  # type: ignore[method-assign]
+    scene_of("a violinist", GRID, seen, 0)
+    assert seen.remarks[0].startswith("Begun with 'goat' (pictures)") and "not shown: 'violinist'" in seen.remarks[1]
+
+
+def test_the_row_along_the_horizon_of_a_place_is_far_and_hazy(tmp_path: Path) -> None:
+    with_trees, bare = (
+        scene_of("a forest", GRID, encoders(tmp_path, Reading((Thing("forest", "forest"),), absent=absent)), 0).picture
+        for absent in ((), ("tree",))
+    )
+    changed = (with_trees - bare).abs().mean(0)
+    horizon = round(0.72 * GRID.rows)
+    assert float(changed[: horizon - 2].mean()) > 0.02 and float(changed[horizon + 2 :].max()) < 1e-6
