@@ -177,11 +177,9 @@ def test_a_woman_or_a_man_stands_for_somebody_without_a_picture(tmp_path: Path, 
     assert seen.remarks[1].startswith("Your words: shown by something similar: 'sailor' (by ")
 
 
-LAKE, MEADOW, GOATS = (
-    Thing("lake", "lake"),
-    Thing("meadow", "meadow"),
-    Thing("goat", "goat", count=None, plural="goats"),
-)
+LAKE, MEADOW, SOUND = Thing("lake", "lake"), Thing("meadow", "meadow"), Thing("sound", "sound")
+MOON, BEARD = Thing("moon", "moon"), Thing("long beard", "beard")
+GOATS = Thing("goat", "goat", count=None, plural="goats")
 
 
 @pytest.mark.parametrize(
@@ -189,10 +187,10 @@ LAKE, MEADOW, GOATS = (
     [
         (Reading((GOAT, LAKE), (Relation(0, "beside", 1),)), "Begun with 'goat' (pictures), on lake."),
         (
-            Reading((GOAT, Thing("moon", "moon")), (Relation(0, "under", 1),)),
+            Reading((GOAT, MOON), (Relation(0, "under", 1),)),
             "Begun with 'goat' (pictures), on road, night.",
         ),
-        (Reading((GOAT, Thing("long beard", "beard")), (Relation(0, "with", 1),)), "Begun with 'goat' (pictures)."),
+        (Reading((GOAT, BEARD), (Relation(0, "with", 1),)), "Begun with 'goat' (pictures)."),
         (
             Reading((MEADOW, GOATS), (Relation(0, "of", 1),)),
             "Begun with 'goat' (pictures, 7 times) and 'tree' (pictures), on meadow.",

@@ -107,7 +107,7 @@ def compose_scene(
     """Composes the things in their setting.
 
     in_the_air: True if none of them stands on anything
-    scenery: picture [4, h, w] of what stands along the horizon
+    scenery: picture [4, h, w] that is repeated along the horizon
     """
     drawn = _fit(things, setting, grid, seed, in_the_air=in_the_air)
     drawing = stack(drawn, grid.rows, grid.columns)

@@ -207,7 +207,7 @@ def _place_of(things: _Cast, relations: Sequence[Relation], setting: Setting, se
 
 
 def _scenery_of(place: Place, index: PictureIndex | None, absent: Sequence[str]) -> FoundPicture | None:
-    """Returns the picture of what stands along the horizon of a place, if it has one.
+    """Returns the picture that is repeated along the horizon of a place, if it has one.
 
     absent: nouns of things that must not be seen
     """
