@@ -100,6 +100,21 @@ def test_who_reads_under_a_tree_is_before_it() -> None:
     assert girl.depth > tree.depth and girl.y < tree.y + 0.2 * tree.height and book.y < tree.y + 0.2 * tree.height
 
 
+def test_a_tree_stands_behind_those_that_sit_on_something_under_it() -> None:
+    parts = [thing(0, 1.7), thing(1, 0.8, "seat"), thing(2, 8)]
+    placed = arrange_parts(parts, [Relation(0, "on", 1), Relation(0, "under", 2)])
+    man, bench, tree = (next(one for one in placed if one.picture is part.picture) for part in parts)
+    assert tree.y == bench.y == 0 < man.y and tree.depth < min(man.depth, bench.depth)
+    assert tree.height >= 1.5 * (man.y + man.height) and abs(tree.x - man.x) < 1e-6
+
+
+def test_who_shares_something_that_is_held_stands_on_the_floor() -> None:
+    parts = [thing(0, 1.7, "person"), thing(1, 0.6, "animal"), thing(2, 0.1)]
+    placed = arrange_parts(parts, [Relation(0, "sharing", 2), Relation(1, "sharing", 2)])
+    man, dog, bread = (next(one for one in placed if one.picture is part.picture) for part in parts)
+    assert man.y == dog.y == 0 < bread.y
+
+
 def test_over_is_above_and_behind_is_hidden() -> None:
     bee, flower = put("above", thing(0, 0.015, "air"), thing(1, 0.4))
     assert bee.y >= flower.height

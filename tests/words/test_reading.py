@@ -180,6 +180,7 @@ def test_those_who_do_something_are_counted(reader: PromptReader, prompt: str, c
         ("a rusty watering can", ["rusty watering can"], []),
         ("a black steam locomotive", ["steam locomotive"], []),
         ("a tired nurse drinking coffee", ["tired nurse", "coffee"], [(0, "drinking", 1)]),
+        ("a monk sweeping leaves", ["monk", "leaf"], [(0, "sweeping", 1)]),
         ("a toddler in a raincoat jumping in puddles", ["toddler", "raincoat", "puddle"], [(0, "in", 1), (1, "in", 2)]),
         ("a farmer feeding chickens", ["farmer", "chicken"], [(0, "feeding", 1)]),
         ("a farmer feeding chickens and ducks", ["farmer", "chicken", "duck"], [(0, "feeding", 1), (0, "feeding", 2)]),

@@ -43,10 +43,12 @@ def known_things() -> tuple[Known, ...]:
 def known_like(name: str, sentences: SentenceEncoder) -> Known:
     """Returns an estimate for a named thing, from the known things of most similar meaning.
 
-    The height is a weighted mean of theirs; the usual place is that of the most similar one. No person is like a thing.
+    The height is a weighted mean of theirs; the usual place is that of the most similar one. A person is like people,
+    and a thing like things.
     """
-    maybe_person = "person" in kinds_of(name)
-    things = [thing for thing in known_things() if maybe_person or thing.where != "person"]
+    kinds, things = kinds_of(name), known_things()
+    if "person" not in kinds or kinds == {"person"}:
+        things = tuple(thing for thing in things if (thing.where == "person") == ("person" in kinds))
     meanings = sentences.embed([name, *(thing.name for thing in things)])
     similarity, nearest = (meanings[1:] @ meanings[0]).topk(_NEIGHBOURS)
     share = (similarity / _SHARPNESS).softmax(0)
@@ -71,6 +73,7 @@ _BRIMS, _HOLDS = 0.8, 0.6  # shares of a picture's fullest row: of a row above t
 _MOUTH = 0.5  # the same share of the uppermost rows of a vase, or another container that is open on top
 _FITS = 0.85  # greatest width of a thing inside another, relative to that
 _CROWDED = 0.6  # least share of its size that a thing keeps among others on the same thing
+_TALLER = 1.6  # least height of a tree, relative to those under it
 _SEAT = 0.5  # share of the height of a seat's picture at which somebody sits
 
 _HAND, _IN_THE_HANDS = 0.45, 0.5  # of a person: height of the hands, and greatest height of a thing in them
@@ -92,8 +95,8 @@ _KINDS = {
     "front": ("in front of", "before", "against", "between"),
     "with": ("with", "holding", "carrying", "playing", "wearing"),
 }
-_OPPOSITE = {"on": "beneath", "in": "around", "under": "over", "behind": "front"}
-_OPPOSITE |= {other: kind for kind, other in _OPPOSITE.items()}
+_OPPOSITE = {"on": "beneath", "in": "around", "under": "shelter", "behind": "front"}
+_OPPOSITE |= {other: kind for kind, other in _OPPOSITE.items()} | {"over": "under"}
 _LOOSE = ("with", "doing", "beside", "near")  # relations with which a thing of the sky stays in the sky
 _STOOD_BY = ("on", "in", "under", "over", "behind")  # the objects of these relations are placed first
 
@@ -228,7 +231,10 @@ def _put(mine: Placed, other: Placed, kind: str, where: str, other_where: str) -
         return mine, replace(other, x=mine.x + 0.35 * max(mine.width, 0.6), y=0.95 * mine.height)
     if kind == "under":
         return _at(mine, other, most=0.5 * other.height), other
-    if kind == "over":
+    if kind == "shelter" and where not in ("air", "held"):  # a tree stands behind those under it
+        height = max(mine.height, _TALLER * (other.y + other.height))
+        return replace(mine, height=height, x=other.x, y=min(other.y, 0.0), depth=other.depth - 2), other
+    if kind in ("over", "shelter"):
         side = 0.0 if where != "air" else 0.28 * max(other.width, 0.6) / other.width
         return _at(mine, other, across=side, up=1.04, depth=-1), other
     if kind == "behind":
@@ -285,7 +291,7 @@ def _spread(some: Sequence[Placed], holder: Placed) -> list[Placed]:
 def _beside(others: Sequence[Placed], mine: Placed) -> Placed:
     """Returns a thing on the same floor, to the right of all others."""
     edge = max(one.x + one.width / 2 for one in others)
-    return replace(mine, x=edge + 0.53 * mine.width, y=min(one.y for one in others))
+    return replace(mine, x=edge + 0.53 * mine.width, y=min(0.0, *(one.y for one in others)))
 
 
 def _top(picture: Tensor, share: float) -> float:

@@ -300,11 +300,8 @@ class _Walk:
         stem = noun.text.removesuffix("ing")
         is_name = before.dep_ == "compound" or before.lower_ not in self._words.adjectives
         actor = before.nbor(-1) if before.i and before.lower_.endswith("ing") else None
-        if (
-            actor is not None
-            and _is_noun(actor)
-            and ((noun.tag_ == "NNS" and is_one) or kinds_of(actor.lower_) == {"person"})
-        ):
+        is_actor = actor is not None and kinds_of(actor.lower_) == {"person"}
+        if actor is not None and (is_actor or (_is_noun(actor) and noun.tag_ == "NNS" and is_one)):
             self._actors[before] = actor
             return
         is_verb = kinds_of(noun.lower_) == {"idea"} and self._words.verbs & {stem, f"{stem}e", stem[:-1]}
