@@ -9,10 +9,11 @@ from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.objectives.sketch import SketchTerm
 from frida_painter.objectives.style import StyleTerm
-from frida_painter.words import places, scene
+from frida_painter.words import beginnings, places, scene
+from frida_painter.words.beginnings import initial_composition
 from frida_painter.words.places import NOWHERE, Place, Setting
 from frida_painter.words.reading import Reading, Relation, Thing
-from frida_painter.words.scene import initial_composition, scene_of
+from frida_painter.words.scene import scene_of
 from frida_painter.words.text import TextTerm
 from support.networks import NoEncoderRegistry, QuickEncoders, index_of
 from support.planning import CANVAS, picture
@@ -224,7 +225,8 @@ def test_in_a_style_the_light_and_the_weather_of_the_words_are_seen(
     goal = Goal((TextTerm("a strawberry"), StyleTerm(style)))
 
     def mean_under(setting: Setting) -> float:
-        monkeypatch.setattr(scene, "setting_of", lambda reading, index, encoders: (setting, set(), []))
+        for room in (scene, beginnings):
+            monkeypatch.setattr(room, "setting_of", lambda reading, index, encoders: (setting, set(), []))
         found = initial_composition(goal, GRID, encoders, 0).terms[-1].picture
         assert found is not None
         return float(found.mean())

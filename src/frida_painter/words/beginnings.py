@@ -8,13 +8,26 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
+from frida_painter import images
 from frida_painter.errors import ConfigError
+from frida_painter.frames import PixelGrid
+from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal, ObjectiveContext
+from frida_painter.objectives.sketch_loss import color_drawing, filled_areas
+from frida_painter.objectives.style_marks import in_style
+from frida_painter.objectives.style_places import change_by_place, styles_of
 from frida_painter.objectives.text_loss import Text, wish
 from frida_painter.objectives.word_settings import WordSettings
+from frida_painter.words.account import Account
+from frida_painter.words.composition import ComposedScene, lay_setting
 from frida_painter.words.photograph import put_into_photograph, puts_into_photograph
+from frida_painter.words.places import Setting
 from frida_painter.words.pyramid import color_in
+from frida_painter.words.reading import prompt_reader
+from frida_painter.words.retrieval import picture_index
+from frida_painter.words.scene import cast, scene_of, setting_of, tell_thing, words_of
+from frida_painter.words.style_scene import composite_into_style
 
 _APART = 104_729  # added to the seed, so that the views of the choice are not those of the optimiser
 
@@ -70,11 +83,105 @@ def _choose(goal: Goal, prompt: str, settings: WordSettings, colors: Tensor, con
 
 
 def _compose(goal: Goal, context: ObjectiveContext) -> Goal:
-    from frida_painter.words.scene import initial_composition  # loads the readers of grammar and pictures
-
     return initial_composition(goal, context.grid, context.encoders, context.seed)
 
 
 def _begin_with(goal: Goal, picture: Tensor) -> Goal:
     """Returns the goal that begins with a picture, and need not keep to it."""
     return replace(goal, initial=(ImageTerm(picture),))
+
+
+# Scenes composed from the things that the words name, as first pictures.
+
+_KEPT = 60.0  # weight of the composition against the words: networks invent colours of things
+_KEPT_SCENE = 600.0  # the same for several things, or a place: networks take a scene for a single thing
+_AMONG = 3.0  # the same if a style or a sketch has a term too
+_STAGED = 20.0  # the same for a style picture, which words would soon destroy
+_MATTERS = 8.0  # weight of a thing in a style picture or in its marks, relative to its surroundings
+_SUBJECT = 4.0  # the same for things in a scene
+
+
+def initial_composition(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, seed: int) -> Goal:
+    """Returns the goal with an initial picture, if it has words and no other picture to begin with.
+
+    The picture is also a term beside the words, so that the composition lasts while the words change it. It has the
+    colours and the marks of the styles, in proportion if these are lighter than the words. A sketch is filled with the
+    picture's colours, or with those of the heaviest style; a style to begin with gets the thing of the words laid in.
+    """
+    words, weight = words_of(goal)
+    pictures = [term for term in (goal.initial or goal.terms) if term.picture is not None]
+    if pictures or not (words or goal.initial):
+        return goal
+    if goal.initial:
+        first = next((term.words for term in goal.initial if term.words is not None), None)
+        staged = next((term.colors for term in goal.initial if term.colors is not None), None)
+        if staged is not None and words:
+            return _start_with_style(goal, staged, words, weight, grid, encoders)
+        if staged is not None or first is None:
+            return goal
+        return replace(goal, initial=(_term(scene_of(first, grid, encoders, seed)), *goal.initial))
+    styles = styles_of(goal)
+    style = max(styles, key=lambda term: term.weight).colors if styles else None
+    drawing = next((term.drawing for term in goal.terms if term.drawing is not None), None)
+    if drawing is None:
+        scene = scene_of(words, grid, encoders, seed)
+        kept = _KEPT if scene.is_alone else _KEPT_SCENE
+        kept = kept if all(term.words is not None for term in goal.terms) else _AMONG
+        if styles:
+            shown = change_by_place(scene.picture, styles, lambda style: in_style(scene.picture, scene.where, style))
+            shown = _in_light(shown, words, scene.where, encoders, seed)
+            share = min(1.0, sum(one.weight for one in styles) / weight)
+            scene = replace(scene, picture=torch.lerp(scene.picture, shown, share))
+        begun = _term(scene, weight * kept, _SUBJECT if style is None else _MATTERS)
+    else:
+        like = scene_of(words, grid, encoders, seed, "coloured like").picture if style is None else style
+        begun = _fill_drawing(images.fit(drawing, grid.rows, grid.columns), like, weight * _AMONG)
+    # Networks by class names know photographs. A scene in a style does not please them, whatever is painted, so they
+    # choose the scene and leave its painting to the style; a CLIP knows paintings.
+    leads = style is None or drawing is not None or encoders.reads_by_clip
+    terms = goal.terms if leads else tuple(term for term in goal.terms if term.words is None)
+    return Goal((*terms, begun), (replace(begun, weight=1.0),))
+
+
+def _in_light(picture: Tensor, words: str, where: Tensor, encoders: EncoderRegistry, seed: int) -> Tensor:
+    """Returns a picture in a style [3, H, W] in the light and the weather of the words, which a style does not know.
+
+    where [H, W]: opacity of the scene's things
+    """
+    setting = setting_of(prompt_reader(encoders).read(words), picture_index(encoders), encoders)[0]
+    over = Setting(light=setting.light, weather=setting.weather)
+    return picture if over == Setting() else lay_setting(picture, over, where, seed).picture
+
+
+def _term(scene: ComposedScene, weight: float = 1.0, subject: float = _SUBJECT) -> ImageTerm:
+    """Returns a scene as a term: its things have more weight than their ground."""
+    matters = 1 + (subject - 1) * scene.where
+    return ImageTerm(scene.picture, weight, matters / matters.mean())
+
+
+def _fill_drawing(drawing: Tensor, like: Tensor, weight: float) -> ImageTerm:
+    """Returns a drawing [3, H, W] in the colours of a picture, as a term: lines and enclosed areas have more weight."""
+    picture = color_drawing(drawing, like)
+    matters = 1 + (_SUBJECT - 1) * filled_areas(picture)
+    return ImageTerm(picture, weight, matters / matters.mean())
+
+
+@torch.no_grad()
+def _start_with_style(
+    goal: Goal, style: Tensor, words: str, weight: float, grid: PixelGrid, encoders: EncoderRegistry
+) -> Goal:
+    """Returns the goal that begins with the style picture, with the thing of the words in it, and keeps to it."""
+    reading, index = prompt_reader(encoders).read(words), picture_index(encoders)
+    found = cast(reading, set(), words, index, encoders, in_place=False)
+    thing, account = next((one for one in found if one is not None), None), Account(reading)
+    if thing is None:
+        encoders.remark(f"No picture was found for {words[:60]!r}; begun with the style picture alone.")
+        encoders.remark(account.told)
+        return goal
+    scene = images.fit(style, grid.rows, grid.columns)
+    shown = composite_into_style(thing.colored, scene, own=float(bool(thing.thing.color)))
+    matters = 1 + (_MATTERS - 1) * shown.where
+    kept = ImageTerm(shown.picture, _STAGED * weight, matters / matters.mean())
+    encoders.remark(f"Begun with {tell_thing(thing, reading, account)}, laid into the style picture.")
+    encoders.remark(account.told)
+    return Goal((*goal.terms, kept), (replace(kept, weight=1.0),))
