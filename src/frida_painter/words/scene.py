@@ -201,15 +201,19 @@ def _scenery_of(place: Place, index: PictureIndex | None, absent: Sequence[str])
 
     absent: nouns of things that must not be seen
     """
-    if index is None or place.scenery is None or place.scenery[0].endswith(tuple(absent)):
+    if index is None or place.scenery is None or _is_absent(place.scenery[0], absent):
         return None
     name, _ = place.scenery
     return index.find(Thing(name, name.rpartition(" ")[2]), name, cut_out=True)
 
 
+def _is_absent(name: str, absent: Sequence[str]) -> bool:
+    return name in absent or name.rpartition(" ")[2] in absent
+
+
 def _people_place(reading: Reading, place: Place) -> Reading:
     """Adds the usual things to a place that is named alone: boats in a harbour, but none to grief in a harbour."""
-    name = next((name for name in place.found if not name.endswith(reading.absent)), None)
+    name = next((name for name in place.found if not _is_absent(name, reading.absent)), None)
     if name is None:
         return reading
     thing = Thing(name, name.rpartition(" ")[2], count=2)
