@@ -240,7 +240,7 @@ def _report(report: MotionReport) -> Answer:
 BETWEEN = 1.0
 """Seconds between two pictures."""
 _WIDEST, _QUALITY = 960, 75
-_LAST = 2.0  # seconds in which the last picture is usually written
+_LAST = 2.0  # seconds of patience with a picture that is being written
 
 
 class LivePicture:

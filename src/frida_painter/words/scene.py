@@ -32,8 +32,6 @@ from frida_painter.words.retrieval import OWN, FoundPicture, PictureIndex, has_g
 # Casting: the choice of a picture for each thing.
 
 _FIGURES, _FIGURE = ("woman", "man", "girl", "boy"), 0.55  # who stand for people; least similarity to the others
-_IN_A_FIELD = 7  # number of things that a place is full of
-_PICTURED = 0.8  # similarity above which a picture probably shows what a noun names
 _CALLED = 0.9  # similarity above which a picture is of the thing itself
 
 
@@ -120,6 +118,8 @@ def _figure_for(noun: str, sentences: SentenceEncoder) -> tuple[str, float]:
 
 
 _BY_THINGS = ("under", "beside", "behind", "front", "with")  # kinds of relations to a thing, not to a place
+_IN_A_FIELD = 7  # number of things that a place is full of
+_PICTURED = 0.8  # similarity above which a picture probably shows the thing of a noun
 _ROUNDING = 1e-3
 _SURE = 0.8  # similarity above which a word of a name means a place: a watering can is not in water
 _EXACTLY = 0.95  # the same for a place that things are beside: a tent beside a lake
@@ -318,12 +318,12 @@ def _place_named(number: int, reading: Reading, nearest: float, sentences: Sente
     usual = places.find_part(thing.noun, places.PLACES, sentences)
     if beside == {"under"} and usual is places.SKY:
         return usual
-    least = max(nearest - _ROUNDING, _CALLED if beside else 0.0)
-    if beside - {"behind", "front"}:  # a forest or mountains are a background
-        least = max(least, _EXACTLY)
+    next_to = beside - {"behind", "front"}  # a forest or mountains are a background
+    least = max(nearest - _ROUNDING, _EXACTLY if next_to else _CALLED if beside else 0.0)
     several = thing.plural if thing.count is None and thing.plural else thing.noun  # mountains, but not one mountain
     place = places.find_part(several, places.PLACES, sentences, least)
-    place = place if place is None or place.is_open or not beside - {"behind", "front"} else None
+    if place is not None and next_to and not place.is_open:
+        place = None
     if place is None and "on" in kinds and usual is not None and not usual.is_open:
         place = usual  # a table that carries things is shown by its top
     if place is None and thing.name != thing.noun:
