@@ -15,6 +15,7 @@ from torch import Tensor
 
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.words.compositing import resize, stack
+from frida_painter.words.figures import Figure
 from frida_painter.words.nouns import kinds_of
 from frida_painter.words.reading import Relation
 
@@ -44,11 +45,12 @@ def known_like(name: str, sentences: SentenceEncoder) -> Known:
     """Returns an estimate for a named thing, from the known things of most similar meaning.
 
     The height is a weighted mean of theirs; the usual place is that of the most similar one. A person is like people,
-    and a thing like things.
+    and a thing like things. A compound is not what it begins with: a horseshoe is no horse.
     """
     kinds, things = kinds_of(name), known_things()
     if "person" not in kinds or kinds == {"person"}:
         things = tuple(thing for thing in things if (thing.where == "person") == ("person" in kinds))
+    things = tuple(thing for thing in things if name == thing.name or not name.startswith(thing.name))
     meanings = sentences.embed([name, *(thing.name for thing in things)])
     similarity, nearest = (meanings[1:] @ meanings[0]).topk(_NEIGHBOURS)
     share = (similarity / _SHARPNESS).softmax(0)
@@ -76,6 +78,7 @@ _CROWDED = 0.6  # least share of its size that a thing keeps among others on the
 _TALLER = 1.6  # least height of a tree, relative to those under it
 _SEAT = 0.5  # share of the height of a seat's picture at which somebody sits
 
+_REACHED = 0.3  # share of its width by which a large thing is beyond the hand
 _HAND, _IN_THE_HANDS = 0.45, 0.5  # of a person: height of the hands, and greatest height of a thing in them
 _LIGHT = 0.8  # share of its size that a thing keeps in the hands
 _LIFTED = 0.8  # greatest height of a thing that is held up, relative to its holder
@@ -85,7 +88,7 @@ _HAT, _LARGEST_HAT, _PULLED_DOWN = 1.25, 0.35, 0.3  # of the head's width, of th
 _SIDE = 256  # pixels of one of several copies
 _KINDS = {
     "on": ("on", "on top of", "upon", "onto", "riding", "crossing"),
-    "in": ("in", "inside", "into", "within", "out of"),
+    "in": ("in", "inside", "into", "within", "out of", "rowing", "driving", "paddling", "sailing"),
     "around": ("of",),
     "under": ("under", "below", "beneath", "underneath"),
     "over": ("over", "above", "across"),
@@ -112,10 +115,14 @@ def kind_of(word: str) -> str:
 
 @dataclass(frozen=True)
 class ScenePart:
-    """Thing to be placed: all its copies as one picture, colour and opacity [4, h, w], and its height and place."""
+    """Thing to be placed: all its copies as one picture, colour and opacity [4, h, w], and its height and place.
+
+    figure: that is drawn in the picture
+    """
 
     picture: Tensor
     known: Known
+    figure: Figure | None = None
 
 
 @dataclass(frozen=True)
@@ -127,6 +134,7 @@ class Placed:
     height: of the picture
     depth: order of drawing; a greater depth is in front
     hidden: share of the height, from below, that the thing around it hides
+    figure: that is drawn in it
     """
 
     picture: Tensor
@@ -135,6 +143,7 @@ class Placed:
     height: float
     depth: int = 0
     hidden: float = 0.0
+    figure: Figure | None = None
 
     @property
     def width(self) -> float:
@@ -204,7 +213,8 @@ def _scale(shown: Mapping[int, ScenePart]) -> dict[int, Placed]:
             least = _SUBJECT if number == min(shown) else _MIN
             size = max(least, min(1.0, (part.known.height / tallest) ** _GROWTH if tallest else 1.0))
         _, rows, columns = part.picture.shape
-        alone[number] = Placed(part.picture, 0.0, 0.0, size * min(1.0, (rows / columns) ** 0.5))
+        size *= min(1.0, (rows / columns) ** 0.5) if part.figure is None else part.figure.tall
+        alone[number] = Placed(part.picture, 0.0, 0.0, size, figure=part.figure)
     return alone
 
 
@@ -214,10 +224,13 @@ def _put(mine: Placed, other: Placed, kind: str, where: str, other_where: str) -
         other, mine = _put(other, mine, _OPPOSITE[kind], other_where, where)
         return mine, other
     if kind == "on":
-        if mine.height > 0.9 * other.height and other.width < 1.5 * mine.width:
+        if mine.figure is None and mine.height > 0.9 * other.height and other.width < 1.5 * mine.width:
             mine = replace(mine, height=max(0.62 * other.height, 0.6 * mine.height))
+        if other_where == "seat":  # long enough for somebody who lies
+            other = replace(other, height=other.height * max(1.0, mine.width / other.width))
         share = _SEAT if other_where == "seat" else _top(other.picture, mine.width / max(other.width, 1e-6))
-        return _at(mine, other, up=share - _SINKS * mine.height / other.height), other
+        sinks = mine.figure.seat if mine.figure is not None and mine.figure.seat else _SINKS
+        return _at(mine, other, up=share - sinks * mine.height / other.height), other
     if kind == "in":  # the inner thing looks out over the rim, in front of parts above it such as a handle or a sail
         wide = _FITS * other.width * mine.height / max(mine.width, 1e-6)
         mine = replace(mine, height=min(0.8 * other.height, wide, max(mine.height, _HIDDEN * other.height)))
@@ -249,6 +262,8 @@ def _put(mine: Placed, other: Placed, kind: str, where: str, other_where: str) -
         )
         across = middle / other.picture.shape[2] - 0.5
         return _at(replace(mine, height=size), other, across, 1 - _PULLED_DOWN * size / other.height), other
+    if kind in ("with", "doing") and other.figure is not None and where not in ("person", "air"):
+        return _at_hand(mine, other, other.figure.hand, where), other
     if kind == "with" and where == "held":
         return _at(mine, other, across=0.4, up=_HAND, depth=-1, most=_LIFTED * other.height), other
     if kind in _LOOSE and where == "air":
@@ -260,6 +275,17 @@ def _put(mine: Placed, other: Placed, kind: str, where: str, other_where: str) -
     if kind == "with" and mine.height <= 0.6 * other.height:
         return _at(mine, other, across=0.4), other
     return _beside([other], mine), other
+
+
+def _at_hand(mine: Placed, other: Placed, hand: tuple[float, float], where: str) -> Placed:
+    """Returns a thing in the hand of a figure; a large one stands behind the hand, and a long one reaches the floor."""
+    across, up = hand
+    if mine.height >= _CARRIED * other.height or where in ("animal", "seat", "top"):
+        return _at(mine, other, across + _REACHED * math.copysign(mine.width, across) / other.width, depth=-1)
+    if where == "held":
+        return _at(mine, other, across, up if up > 0.5 else 0.0, most=_LIFTED * other.height)
+    size = min(_LIGHT * mine.height, _IN_THE_HANDS * other.height)
+    return _at(mine, other, across, up - 0.4 * size / other.height, most=size)
 
 
 def _at(
@@ -320,27 +346,30 @@ def _rim(picture: Tensor) -> float:
     return int(narrow.float().argmax()) / len(full) if bool(narrow.any()) else 1.0
 
 
-def copies(picture: Tensor, count: int, where: str, seed: int) -> Tensor:
-    """Returns several copies of a picture as one picture [4, h, w].
+def copies(pictures: Sequence[Tensor], where: str, seed: int) -> Tensor:
+    """Returns several pictures of a thing as one picture [4, h, w].
 
-    where: "air" to scatter the copies; otherwise they form rows on a floor, the rear ones smaller
+    where: "air" to scatter them; otherwise they form rows on a floor, the rear ones smaller
     seed: of the random positions and sizes
     """
+    count = len(pictures)
     if count == 1:
-        return picture
+        return pictures[0]
     generator = torch.Generator().manual_seed(seed)
-    one, air = resize(picture, _SIDE / max(picture.shape[1:])), where == "air"
-    _, high, wide = one.shape
+    pictures, air = [resize(one, _SIDE / max(one.shape[1:])) for one in pictures], where == "air"
+    _, high, wide = pictures[0].shape
     spots: list[tuple[Tensor, float, float]] = []  # drawing, bottom, left
     rows = 1 if count <= 3 else 2 if count <= 7 else 3
     for row in range(rows):
         here = count // rows + (row < count % rows)
         for number in range(here):
             shake = torch.rand(2, generator=generator).tolist()
-            copy = resize(one, 0.8**row * (0.86 + 0.14 * shake[1]))
+            copy = resize(pictures[len(spots)], 0.8**row * (0.86 + 0.14 * shake[1]))
             middle = (number - (here - 1) / 2 + 0.5 * (row % 2)) * 0.8**row * wide * (1.15 if air else 0.98)
             rise = row * (0.95 if air else 0.42) + (0.5 if air else 0.06) * shake[0]
-            copy = copy.flip(2) if number % 2 and count > 2 else copy  # a pair of mirror images looks like a sign
+            copy = (
+                copy.flip(2) if number % 2 and count > 2 and where != "person" else copy
+            )  # a pair of mirror images looks like a sign
             spots.append((copy, rise * high, middle - copy.shape[2] / 2))
     left = min(start for *_, start in spots)
     width = round(max(start + copy.shape[2] for copy, _, start in spots) - left) + 2

@@ -20,13 +20,14 @@ from frida_painter.objectives.style_places import change_by_place, styles_of
 from frida_painter.objectives.text_loss import Text, wish
 from frida_painter.objectives.word_settings import WordSettings
 from frida_painter.words.account import Account
+from frida_painter.words.casting import cast
 from frida_painter.words.composition import ComposedScene, lay_setting
 from frida_painter.words.photograph import put_into_photograph, puts_into_photograph
 from frida_painter.words.places import Setting
 from frida_painter.words.pyramid import color_in
 from frida_painter.words.reading import prompt_reader
 from frida_painter.words.retrieval import picture_index
-from frida_painter.words.scene import cast, scene_of, setting_of, tell_thing, words_of
+from frida_painter.words.scene import scene_of, setting_of, tell_thing, words_of
 from frida_painter.words.style_scene import composite_into_style
 
 _APART = 104_729  # added to the seed, so that the views of the choice are not those of the optimiser

@@ -19,11 +19,12 @@ from frida_painter.objectives.objective import Goal
 from frida_painter.objectives.pixel_loss import rise, spread
 from frida_painter.words.account import Account, Mark
 from frida_painter.words.arrangement import known_like
+from frida_painter.words.casting import cast
 from frida_painter.words.composition import lay_setting
 from frida_painter.words.places import Setting
 from frida_painter.words.reading import Thing, prompt_reader, word_meanings
 from frida_painter.words.retrieval import has_ground, picture_index
-from frida_painter.words.scene import account_for, cast, setting_of, tell_thing, words_of
+from frida_painter.words.scene import account_for, setting_of, tell_thing, words_of
 from frida_painter.words.style_scene import Composited, composite_into_style
 
 _SIZES = (0.6, 0.5, 0.4)  # longer side of the thing, relative to the photograph's shorter one

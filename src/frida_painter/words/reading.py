@@ -35,10 +35,11 @@ MAX_THINGS = 12
 _NUMBERS = ["zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve"]
 _MANY = ("many", "several", "some", "few", "both")
 _GROUPS = {"pair": 2, "couple": 2, "trio": 3, "dozen": 12}
-_GATHERED: dict[str, int | None] = {  # number of things, if "of" follows
+GATHERED: dict[str, int | None] = {  # number of things, if "of" follows
     **_GROUPS, "family": 4, "group": 4, "row": 4, "line": 4,
     "pile": None, "stack": None, "heap": None, "bunch": None, "bouquet": None,
 }  # fmt: skip
+"""Nouns of several things, and their number."""
 _DEPICTIONS = ("painting", "picture", "drawing", "sketch", "photo", "photograph", "image", "portrait", "watercolor",
                 "watercolour")  # fmt: skip
 _IN_A_NAME = ("amod", "compound", "nmod", "nummod", "npadvmod", "quantmod", "poss", "det")  # parts of speech
@@ -290,7 +291,7 @@ class _Walk:
         if noun.lemma_.lower() in _DEPICTIONS or is_still_life:
             inner = shown.get("of", shown.get("with"))
         else:
-            inner = shown.get("of") if noun.lemma_ in _GATHERED else None
+            inner = shown.get("of") if noun.lemma_ in GATHERED else None
         if inner is not None:
             self._read_as[noun] = inner
         before = next((one for one in reversed(_children(noun, "compound", "amod")) if one.i < noun.i), None)
@@ -327,9 +328,9 @@ class _Walk:
             whole = verb if verb in self._read_as and verb is not None else noun
             thing = _describe_noun(noun, whole, after=verb.i if verb is not None and verb.head == noun else -1)
             for group in (
-                group for group, inner in self._read_as.items() if inner == noun and group.lemma_ in _GATHERED
+                group for group, inner in self._read_as.items() if inner == noun and group.lemma_ in GATHERED
             ):
-                thing = replace(thing, count=_GATHERED[group.lemma_], at=(*thing.at, group.i, noun.head.i))
+                thing = replace(thing, count=GATHERED[group.lemma_], at=(*thing.at, group.i, noun.head.i))
             self._numbers[noun] = len(self.things)
             self.things.append(thing)
 
@@ -423,7 +424,7 @@ def _describe_noun(noun: Token, whole: Token, after: int = -1) -> Thing:
     is_plain = noun.lower_ == lemma.lower() and not noun.lower_.endswith("s")  # one hedgehog, and one sheep
     plural = noun.tag_ in ("NNS", "NNPS") and not single and not is_plain
     count = _number(numbers[0].lower_) if numbers else None
-    count = 1 if count is None and not plural else count
+    count = (GATHERED.get(lemma) or 1) if count is None and not plural else count
     said = noun.lower_ if plural and noun.lower_ != lemma.lower() else ""
     uncounted = not plural and not numbers and not _children(whole, "det", "poss")
     at = tuple(sorted({noun.i, *(word.i for word in (*before, *numbers))}))

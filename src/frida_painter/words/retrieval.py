@@ -17,6 +17,7 @@ from frida_painter.objectives.picture_library import PictureLibrary
 from frida_painter.palette import to_lab
 from frida_painter.words.arrangement import is_person
 from frida_painter.words.compositing import recolor
+from frida_painter.words.figures import Figure
 from frida_painter.words.libraries import PictureFolder, libraries_at_hand
 from frida_painter.words.reading import Thing, paint_of, word_meanings
 
@@ -140,19 +141,23 @@ _SPEAKS = 0.45  # similarity of a caption to the last word of a name that it nee
 class FoundPicture:
     """Picture found for a thing: colour and opacity [4, h, w], its caption and library.
 
+    library: None for a drawn figure
     exact: True if it shows the named thing, False for a similar one
+    figure: that the picture shows, with its hand and seat
     """
 
     thing: Thing
     picture: Tensor
     caption: str
-    library: PictureLibrary
+    library: PictureLibrary | None
     exact: bool
+    figure: Figure | None = None
 
     @property
     def several(self) -> bool:
         """True if it shows as many things as requested: flowers, or a pair of scissors."""
-        return self.thing.count in (None, 2) and self.thing.plural in self.caption.split()
+        in_one = self.thing.count in (None, 2) and self.thing.plural in self.caption.split()
+        return in_one or (self.figure is not None and self.thing.shown > 1)
 
     @property
     def shown(self) -> int:
@@ -171,7 +176,8 @@ class FoundPicture:
         """Description for messages."""
         times = f", {self.shown} times" if self.shown > 1 else ""
         stands = "" if self.exact else f" for {self.thing.name[:_TITLE]!r}"
-        return f"{self.caption[:_TITLE]!r} ({self.library.name}{times}){stands}"
+        by = "drawn" if self.library is None else self.library.name
+        return f"{self.caption[:_TITLE]!r} ({by}{times}){stands}"
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from frida_painter.words.arrangement import (
     known_like,
     known_things,
 )
+from frida_painter.words.casting import CALLED, Cast, cast
 from frida_painter.words.composition import (
     ComposedScene,
     compose_mood,
@@ -27,95 +28,7 @@ from frida_painter.words.composition import (
 from frida_painter.words.nouns import kinds_of
 from frida_painter.words.places import DAY, NOWHERE, Light, Place, Setting, Weather
 from frida_painter.words.reading import Reading, Relation, Thing, paint_of, prompt_reader, word_meanings
-from frida_painter.words.retrieval import OWN, FoundPicture, PictureIndex, has_ground, is_upright, picture_index
-
-# Casting: the choice of a picture for each thing.
-
-_FIGURES, _FIGURE = ("woman", "man", "girl", "boy"), 0.55  # who stand for people; least similarity to the others
-_CALLED = 0.9  # similarity above which a picture is of the thing itself
-
-
-_Cast = list[FoundPicture | None]
-
-
-def cast(
-    reading: Reading,
-    settled: set[int],
-    prompt: str,
-    index: PictureIndex | None,
-    encoders: EncoderRegistry,
-    *,
-    in_place: bool,
-) -> _Cast:
-    """Returns a picture for each thing; None for a thing without one, or a thing of the setting.
-
-    settled: numbers of the things that belong to the setting
-    in_place: True if the scene shows a place too, so that pictures without a ground are needed
-
-    A measure and its content are one thing, a cup of coffee, and clothes are shown by their colour.
-    """
-    things: _Cast = [None] * len(reading.things)
-    if index is None:
-        return things
-    sentences = word_meanings(encoders)
-    wanted = {
-        number: thing
-        for number, thing in enumerate(reading.things)
-        if number not in settled and (" " not in thing.noun or index.nearest(thing) >= _CALLED)
-    }
-    for one in reading.relations:
-        if not {one.subject, one.object} <= {*wanted}:
-            continue
-        first, second = wanted[one.subject], wanted[one.object]
-        if one.word == "of" and second.uncounted:
-            name, at = f"{first.name} of {second.name}", (*first.at, *second.at)
-            first = replace(first, name=name, noun=second.noun, color=second.color, at=at)
-        elif one.word in ("in", "with", "wearing") and known_like(second.name, sentences).where == "worn":
-            first = replace(first, color=second.color)
-        else:
-            continue
-        wanted |= {one.subject: first}
-        del wanted[one.object]
-    for number, thing in wanted.items():
-        among = len(wanted) > 1 or in_place or thing.shown > 1
-        found = _find(thing, prompt, index, encoders, among=among)
-        if found is None and number == min(wanted) and thing.shown == 1:  # its picture with a ground may be all
-            found = _find(thing, prompt, index, encoders, among=False)
-        others = {one.caption for one in things if one is not None}
-        if found is not None and (found.exact or found.caption not in others):  # a king is no throne
-            things[number] = replace(found, thing=thing)
-    return things
-
-
-def _find(
-    thing: Thing, prompt: str, index: PictureIndex, encoders: EncoderRegistry, *, among: bool
-) -> FoundPicture | None:
-    """Returns the picture of a thing, None if there is none. For a person without one, a figure stands.
-
-    among: True if the thing is among others, or in a place
-    """
-    acts = bool(thing.doing or among)
-
-    def find(wanted: Thing) -> FoundPicture | None:
-        return index.find(wanted, prompt, cut_out=among, acts=acts)
-
-    found, sentences = find(thing), word_meanings(encoders)
-    is_whole = found is not None and (not acts or found.library.is_own or is_upright(found.picture))
-    if is_whole or not is_person(thing.name, sentences):
-        return found
-    name, similarity = _figure_for(thing.noun, sentences)
-    if found is not None and similarity < _FIGURE:
-        return found
-    figure = find(replace(thing, name=name, noun=name, plural=""))
-    return found if figure is None else replace(figure, exact=False)
-
-
-def _figure_for(noun: str, sentences: SentenceEncoder) -> tuple[str, float]:
-    """Returns the name of the figure that stands for a person, and its similarity."""
-    meanings = sentences.embed([noun, *_FIGURES])
-    similarity, nearest = (meanings[1:] @ meanings[0]).max(0)
-    return _FIGURES[int(nearest)], float(similarity)
-
+from frida_painter.words.retrieval import OWN, FoundPicture, PictureIndex, has_ground, picture_index
 
 _BY_THINGS = ("under", "beside", "behind", "front", "with")  # kinds of relations to a thing, not to a place
 _IN_A_FIELD = 7  # number of things that a place is full of
@@ -176,17 +89,25 @@ def scene_of(
             known = known_like(reading.things[number].name, sentences)
             if one.thing.doing == "flying" and not is_flown:
                 known = known._replace(where="air")
-            parts[number] = ScenePart(copies(one.colored, one.shown, known.where, seed + number), known)
+            several = copies([one.colored] * one.shown, known.where, seed + number)
+            parts[number] = ScenePart(several, known, one.figure)
     in_the_air = bool(shown) and all(part.known.where == "air" for part in parts if part is not None)
-    placed = arrange_parts(parts, reading.relations)
+    placed = arrange_parts(parts, [_as_meant(one, things) for one in reading.relations])
     behind = None if scenery is None else scenery.picture
     return compose_scene(placed, setting, grid, seed, in_the_air=in_the_air, scenery=behind)
+
+
+def _as_meant(relation: Relation, things: Cast) -> Relation:
+    """Returns a relation whose word belongs to what somebody does as one of the hands: to write on a blackboard."""
+    figure = getattr(things[relation.subject], "figure", None)
+    is_part = figure is not None and not figure.seat and f" {relation.word} " in figure.does
+    return replace(relation, word="doing") if is_part else relation
 
 
 _Seen = list[tuple[Thing, str, Place | Light | Weather]]
 
 
-def _place_of(things: _Cast, relations: Sequence[Relation], setting: Setting, sentences: SentenceEncoder) -> Place:
+def _place_of(things: Cast, relations: Sequence[Relation], setting: Setting, sentences: SentenceEncoder) -> Place:
     """Returns the usual place of things without a named one."""
     carried = {one.subject for one in relations if kind_of(one.word) in ("on", "in") and things[one.object] is not None}
     shown = [one for number, one in enumerate(things) if one is not None and number not in carried]
@@ -239,12 +160,9 @@ def _equip_people(reading: Reading, index: PictureIndex | None, sentences: Sente
             continue
         tool = index.tool_of(thing)
         if tool and not any(tool.endswith(one.noun) for one in reading.things):
-            figure, _ = _figure_for(thing.noun, sentences)
-            things = list(reading.things)
-            things[number] = replace(thing, name=figure, noun=figure, plural="")
-            relation = Relation(number, "holding", len(things))
-            things.append(Thing(tool, tool.rpartition(" ")[2]))
-            reading = replace(reading, things=tuple(things), relations=(*reading.relations, relation))
+            relation = Relation(number, "holding", len(reading.things))
+            things = (*reading.things, Thing(tool, tool.rpartition(" ")[2]))
+            reading = replace(reading, things=things, relations=(*reading.relations, relation))
     return reading
 
 
@@ -319,7 +237,7 @@ def _place_named(number: int, reading: Reading, nearest: float, sentences: Sente
     if beside == {"under"} and usual is places.SKY:
         return usual
     next_to = beside - {"behind", "front"}  # a forest or mountains are a background
-    least = max(nearest - _ROUNDING, _EXACTLY if next_to else _CALLED if beside else 0.0)
+    least = max(nearest - _ROUNDING, _EXACTLY if next_to else CALLED if beside else 0.0)
     several = thing.plural if thing.count is None and thing.plural else thing.noun  # mountains, but not one mountain
     place = places.find_part(several, places.PLACES, sentences, least)
     if place is not None and next_to and not place.is_open:
@@ -381,7 +299,7 @@ def _tell(
 
 def _credit(shown: Sequence[FoundPicture]) -> str:
     """Returns the authors of the pictures, for the end of a sentence."""
-    credits = dict.fromkeys(one.library.credit for one in shown if one.library.credit)
+    credits = dict.fromkeys(one.library.credit for one in shown if one.library is not None and one.library.credit)
     return f"; pictures by {'; '.join(credits)}" if credits else ""
 
 

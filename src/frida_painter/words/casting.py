@@ -1,0 +1,137 @@
+"""Casting: the choice of a picture for each thing of a prompt. People without a picture of what they do are drawn."""
+
+import zlib
+from collections.abc import Sequence
+from dataclasses import replace
+
+from frida_painter.objectives.encoders.loading import EncoderRegistry
+from frida_painter.objectives.encoders.sentence import SentenceEncoder
+from frida_painter.words import figures
+from frida_painter.words.arrangement import copies, is_person, kind_of, known_like
+from frida_painter.words.figures import Pose
+from frida_painter.words.reading import GATHERED, Reading, Relation, Thing, word_meanings
+from frida_painter.words.retrieval import FoundPicture, PictureIndex, is_upright
+
+CALLED = 0.9
+"""Similarity above which a picture is of the thing itself."""
+
+_KNOWN, _DOES = 0.6, 0.5  # similarity above which a look is that of a name, and a pose that of a verb
+_IS = 0.6  # the same for a pose and the name of somebody: a violinist plays the violin
+_ANYBODY = 6  # number of the looks, the first ones, of people without a trade
+_OLD, _AGED = ("old", "elderly", "grandmother", "grandfather"), 0.75  # who has white hair, and the least similarity
+_CHILD, _GROWN = (4.0, 0.6), (7.0, 1.6)  # heights of a body in heads and in metres
+
+Cast = list[FoundPicture | None]
+
+
+def cast(
+    reading: Reading,
+    settled: set[int],
+    prompt: str,
+    index: PictureIndex | None,
+    encoders: EncoderRegistry,
+    *,
+    in_place: bool,
+) -> Cast:
+    """Returns a picture for each thing; None for a thing without one, or a thing of the setting.
+
+    settled: numbers of the things that belong to the setting
+    in_place: True if the scene shows a place too, so that pictures without a ground are needed
+
+    A measure and its content are one thing, a cup of coffee, and clothes are shown by their colour.
+    """
+    things: Cast = [None] * len(reading.things)
+    if index is None:
+        return things
+    sentences = word_meanings(encoders)
+    wanted = {
+        number: thing
+        for number, thing in enumerate(reading.things)
+        if number not in settled and (" " not in thing.noun or index.nearest(thing) >= CALLED)
+    }
+    for one in reading.relations:
+        if not {one.subject, one.object} <= {*wanted}:
+            continue
+        first, second = wanted[one.subject], wanted[one.object]
+        if one.word == "of" and second.uncounted:
+            name, at = f"{first.name} of {second.name}", (*first.at, *second.at)
+            first = replace(first, name=name, noun=second.noun, color=second.color, at=at)
+        elif one.word in ("in", "with", "wearing") and known_like(second.name, sentences).where == "worn":
+            first = replace(first, color=second.color)
+        else:
+            continue
+        wanted |= {one.subject: first}
+        del wanted[one.object]
+    people = {number for number, thing in wanted.items() if is_person(thing.name, sentences)}
+    poses = {number: _pose_of(number, wanted[number], reading, sentences) for number in people}
+    acting = any(wanted[number].doing and pose[1] for number, pose in poses.items())
+    for number, thing in wanted.items():
+        among = len(wanted) > 1 or in_place or thing.shown > 1
+        found = index.find(thing, prompt, cut_out=among, acts=bool(among or thing.doing))
+        if number in people and not _shows_person(found, reading, acting=acting, among=among):
+            shown = [one for one in reading.relations if {one.subject, one.object} <= {*wanted}]
+            found = _draw_person(number, thing, shown, *poses[number], sentences)
+        if found is None and number == min(wanted) and thing.shown == 1:  # its picture with a ground may be all
+            found = index.find(thing, prompt)
+        others = {one.caption for one in things if one is not None}
+        if found is not None and (found.exact or found.caption not in others):  # a king is no throne
+            things[number] = replace(found, thing=thing)
+    return things
+
+
+def _shows_person(found: FoundPicture | None, reading: Reading, *, acting: bool, among: bool) -> bool:
+    """Returns True if a picture serves for a person: the user's own, or one of just that person or action.
+
+    acting: True if anybody in the scene does something
+    among: True if the person is among others, or in a place
+    """
+    if found is None or found.library is None or found.library.is_own:
+        return found is not None
+    actions = [word for word in reading.said if word.kind == "action" and word.at in found.thing.at]
+    does = any(word.says(found.caption) for word in actions)
+    return found.exact and (does or not acting) and not (among and not is_upright(found.picture))
+
+
+def _draw_person(
+    number: int, thing: Thing, relations: Sequence[Relation], pose: Pose, meant: str, sentences: SentenceEncoder
+) -> FoundPicture:
+    """Returns a drawn figure of a person in a pose.
+
+    relations: between the things that are shown
+    meant: words of the pose that mean what the person does; "" if none do
+    """
+    look, _, alike = figures.nearest([thing.name], figures.looks(), sentences)
+    is_known, anybody = alike >= _KNOWN, figures.looks()[:_ANYBODY]
+    look = look if is_known else figures.nearest([thing.noun], anybody, sentences)[0]
+    ages = sentences.embed([*thing.name.split(), *_OLD])
+    is_old = float((ages[: -len(_OLD)] @ ages[-len(_OLD) :].T).max()) >= _AGED
+    (least, small), (most, tall) = _CHILD, _GROWN
+    grown = (known_like(thing.name, sentences).height - small) / (tall - small)
+    heads = least + (most - least) * min(1.0, max(0.0, grown))
+    has_seat = any(one.subject == number and kind_of(one.word) in ("on", "in") for one in relations)
+    drawn = []
+    for copy in range(thing.shown):
+        worn = anybody[copy % len(anybody)] if thing.noun in GATHERED else look  # a family is of all kinds
+        kind = zlib.crc32(thing.name.encode()) + copy
+        figure = figures.draw_figure(pose, worn, heads=heads, is_old=is_old, kind=kind, has_seat=has_seat)
+        is_faced = any(one.object == number and kind_of(one.word) == "doing" for one in relations)
+        drawn.append(figure.mirrored() if is_faced or copy % 2 else figure)
+    figure = drawn[0]
+    if len(drawn) > 1:
+        figure = replace(
+            figure, picture=copies([one.picture for one in drawn], "person", 0), hand=(0.0, figure.hand[1])
+        )
+    caption = f"{thing.name if is_known else look.words[0]} {thing.doing if meant else ''}".strip()
+    return FoundPicture(thing, figure.picture, caption, None, is_known, replace(figure, does=meant))
+
+
+def _pose_of(number: int, thing: Thing, reading: Reading, sentences: SentenceEncoder) -> tuple[Pose, str]:
+    """Returns the pose of what a person does, and the words of the table that mean it; "" for somebody who stands."""
+    said = [thing.doing] if thing.doing else []
+    for one in reading.relations:
+        if one.subject == number:
+            between = "" if one.word == thing.doing else f" {one.word}"
+            said.append(f"{thing.doing}{between} {reading.things[one.object].noun}".strip())
+    pose, meant, similarity = figures.nearest([*said, thing.name], figures.poses(), sentences)
+    standing = figures.poses()[0]
+    return (standing, "") if similarity < (_DOES if thing.doing else _IS) or pose is standing else (pose, meant)

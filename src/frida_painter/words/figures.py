@@ -1,0 +1,268 @@
+"""Figures of people who do something: a drawn body in the pose of a verb, dressed as those who are called so."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from importlib import resources
+from itertools import pairwise
+from typing import NamedTuple, TypeVar
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+import torch
+from torch import Tensor
+
+from frida_painter.objectives.encoders.sentence import SentenceEncoder
+from frida_painter.words.compositing import resize
+from frida_painter.words.places import color_of
+
+_Point = npt.NDArray[np.float64]
+
+# Poses and looks, from tables.
+
+
+class Pose(NamedTuple):
+    """Pose: its words, angles of the body's parts in degrees, what carries it, and a tool, as `poses.txt` explains."""
+
+    words: tuple[str, ...]
+    angles: tuple[float, ...]
+    carried: str
+    tool: str = ""
+
+
+class Look(NamedTuple):
+    """Look of people: their names, colours and cut of their clothes, and a hat, as `looks.txt` explains."""
+
+    words: tuple[str, ...]
+    top: str
+    bottom: str
+    cut: str
+    hat: str = ""
+    hat_color: str = "black"
+
+
+def _rows(name: str) -> list[tuple[tuple[str, ...], list[str]]]:
+    lines = (resources.files(__package__) / name).read_text("utf-8").splitlines()
+    split = [line.partition(": ") for line in lines if not line.startswith("#")]
+    return [(tuple(words.split(", ")), rest.split()) for words, _, rest in split]
+
+
+@cache
+def poses() -> tuple[Pose, ...]:
+    """Returns the table of `poses.txt`."""
+    return tuple(Pose(words, tuple(map(float, rest[:10])), *rest[10:]) for words, rest in _rows("poses.txt"))
+
+
+@cache
+def looks() -> tuple[Look, ...]:
+    """Returns the table of `looks.txt`."""
+    return tuple(Look(words, *rest) for words, rest in _rows("looks.txt"))
+
+
+_Row = TypeVar("_Row", Pose, Look)
+
+
+def nearest(said: Sequence[str], rows: Sequence[_Row], sentences: SentenceEncoder) -> tuple[_Row, str, float]:
+    """Returns the row of a table with the word of most similar meaning to any of some words, that word, and its
+    similarity."""
+    owners: list[tuple[_Row, str]] = [(row, word) for row in rows for word in row.words]
+    meanings = sentences.embed([*said, *(word for _, word in owners)])
+    similarity, best = (meanings[len(said) :] @ meanings[: len(said)].T).amax(1).max(0)
+    row, word = owners[int(best)]
+    return row, word, float(similarity)
+
+
+# Drawing. Lengths are in heights of the head; x points right, and y down.
+
+_SIDE, _UNIT = 1024, 48  # pixels of the sheet, and of a head
+_NECK, _TORSO, _UPPER_ARM, _FOREARM, _THIGH, _SHIN = 1.05, 2.1, 1.25, 1.15, 1.7, 1.7  # lengths
+_FOOT, _HAND, _STOOL = 0.5, 0.2, 0.5  # length of a foot, radius of a hand, and depth of a stool below the hips
+_ADULT = 6.0  # height of an adult's body below the head, to which the lengths apply
+_SHADED = 0.72  # brightness of the far limbs
+_LIFTED = 0.16  # space below somebody in the air, as a share of the height
+_SKINS = ("bisque", "peru", "burlywood", "sienna", "peachpuff")
+_HAIRS, _WHITE = ("saddlebrown", "black", "darkgoldenrod", "black", "sienna"), "gainsboro"
+_WOOD, _IRON, _DARK = "peru", "dimgray", 0.3  # of tools, and brightness of shoes
+_HATS = {  # strokes of two ends, each with its place above the middle of the head, before it, and half its width
+    "cap": (((0.2, -0.05, 0.47), (0.3, 0.05, 0.42)), ((0.14, 0.3, 0.07), (0.1, 0.78, 0.05))),
+    "brim": (((0.3, -0.85, 0.07), (0.3, 0.85, 0.07)), ((0.4, 0.0, 0.42), (0.55, 0.0, 0.34))),
+    "toque": (((0.35, 0.0, 0.42), (0.9, 0.0, 0.56)),),
+    "helmet": (((0.14, -0.06, 0.57), (0.2, 0.0, 0.55)), ((0.12, -0.55, 0.08), (0.16, 0.62, 0.08))),
+    "crown": tuple(((0.45, before, 0.2), (0.85, 1.3 * before, 0.07)) for before in (-0.32, 0.0, 0.32)),
+    "pointed": (((0.3, -0.6, 0.08), (0.3, 0.65, 0.08)), ((0.3, 0.0, 0.5), (1.5, -0.1, 0.05))),
+    "hood": (((0.1, -0.22, 0.55), (-1.3, -0.35, 0.6)), ((0.06, -0.08, 0.52), (0.06, -0.08, 0.52))),
+    "": (),
+}
+
+
+@dataclass(frozen=True)
+class Figure:
+    """Drawn figure.
+
+    picture: colour and opacity [4, h, w]
+    hand: place of the hand from the middle of the lower edge, in widths and heights of the picture
+    seat: height of the hips of somebody who sits, as a share of the picture's height; 0 for others
+    tall: height of the picture, by the height of the same figure upright
+    does: words of `poses.txt` that mean what it does, or ""
+    """
+
+    picture: Tensor
+    hand: tuple[float, float]
+    seat: float
+    tall: float
+    does: str = ""
+
+    def mirrored(self) -> Figure:
+        """Returns the figure that looks to the left."""
+        return replace(self, picture=self.picture.flip(2), hand=(-self.hand[0], self.hand[1]))
+
+
+def draw_figure(pose: Pose, look: Look, *, heads: float, is_old: bool, kind: int, has_seat: bool) -> Figure:
+    """Returns a figure that looks to the right.
+
+    heads: height of the body upright, in heads: about 7, and 4 to 5 for a child
+    is_old: True for white hair
+    kind: number that chooses the colours of skin and hair
+    has_seat: True if something in the scene carries somebody who sits; otherwise there is a stool
+    """
+    body, sheet = _Body(pose, (heads - 1) / _ADULT), _Sheet()
+    skin, hair = _SKINS[kind % len(_SKINS)], _WHITE if is_old else _HAIRS[kind % len(_HAIRS)]
+    if pose.carried == "seat" and not has_seat:
+        _draw_stool(sheet, body)
+    _draw_arm(sheet, body, 1, look, skin)
+    for number in (1, 0):
+        _draw_leg(sheet, body, number, look, skin)
+    if look.cut == "skirt":
+        sheet.fill(look.bottom, [(body.hips, 0.4), *((knee, 0.36) for knee in body.knees)])
+    sheet.draw(look.top, [(body.hips, 0.44), (body.chest, 0.52)])
+    _draw_head(sheet, body, look, skin, hair)
+    _draw_tool(sheet, body, pose.tool)
+    _draw_arm(sheet, body, 0, look, skin)
+    return _cut_out(sheet, body, pose, heads)
+
+
+def _beyond(start: _Point, angle: float, length: float) -> _Point:
+    """Returns the point at a distance in a direction, in degrees from straight down to the right."""
+    turned = math.radians(angle)
+    return start + length * np.array([math.sin(turned), math.cos(turned)])
+
+
+class _Body:
+    """Joints of a body in a pose, the near ones of a pair first.
+
+    grown: height of the body by that of an adult's
+    """
+
+    def __init__(self, pose: Pose, grown: float) -> None:
+        lean, nod, near_arm, near_fore, far_arm, far_fore, *legs = pose.angles
+        self.hips, self._upward = np.zeros(2), 180 - lean - nod
+        self.chest = _beyond(self.hips, 180 - lean, _TORSO * grown)
+        self.skull = _beyond(self.chest, self._upward, _NECK)
+        self.forearms, self.shins = (near_fore, far_fore), (legs[1], legs[3])
+        self.elbows = [_beyond(self.chest, angle, _UPPER_ARM * grown) for angle in (near_arm, far_arm)]
+        self.wrists = [
+            _beyond(elbow, angle, _FOREARM * grown) for elbow, angle in zip(self.elbows, self.forearms, strict=True)
+        ]
+        self.hands = [_beyond(wrist, angle, _HAND) for wrist, angle in zip(self.wrists, self.forearms, strict=True)]
+        self.knees = [_beyond(self.hips, angle, _THIGH * grown) for angle in legs[::2]]
+        self.ankles = [_beyond(knee, angle, _SHIN * grown) for knee, angle in zip(self.knees, self.shins, strict=True)]
+
+    @property
+    def floor(self) -> float:
+        """Height of the lower foot."""
+        return float(max(ankle[1] for ankle in self.ankles))
+
+    def at(self, up: float, before: float) -> _Point:
+        """Returns a place of the head: above its middle, and before it."""
+        return _beyond(_beyond(self.skull, self._upward, up), self._upward - 90, before)
+
+
+class _Sheet:
+    """Sheet on which limbs are drawn: colour and opacity. Each joint of a limb has half a width."""
+
+    def __init__(self) -> None:
+        self.drawn = np.zeros((_SIDE, _SIDE, 4), np.float32)
+
+    def draw(self, color: str, joints: Sequence[tuple[_Point, float]], shade: float = 1.0) -> None:
+        """Draws a limb through joints."""
+        for pair in pairwise(joints):
+            self.fill(color, pair, shade)
+
+    def fill(self, color: str, joints: Sequence[tuple[_Point, float]], shade: float = 1.0) -> None:
+        """Fills the hull of joints."""
+        around = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+        circle = np.stack((np.cos(around), np.sin(around)), 1)
+        edge = np.concatenate([middle + wide * circle for middle, wide in joints])
+        pixels = np.round(16 * (edge * _UNIT + _SIDE / 2)).astype(np.int32)  # in sixteenths of a pixel
+        paint = (*(shade * color_of(color)).tolist(), 1.0)
+        cv2.fillConvexPoly(self.drawn, cv2.convexHull(pixels), paint, shift=4)
+
+
+def _draw_arm(sheet: _Sheet, body: _Body, number: int, look: Look, skin: str) -> None:
+    shade = _SHADED if number else 1.0
+    sheet.draw(look.top, [(body.chest, 0.24), (body.elbows[number], 0.22), (body.wrists[number], 0.16)], shade)
+    sheet.fill(skin, [(body.hands[number], _HAND)], shade)
+
+
+def _draw_leg(sheet: _Sheet, body: _Body, number: int, look: Look, skin: str) -> None:
+    shade, knee, ankle = _SHADED if number else 1.0, body.knees[number], body.ankles[number]
+    toe = _beyond(ankle, body.shins[number] + 75, _FOOT)
+    sheet.fill(look.bottom, [(ankle, 0.18), (toe, 0.12)], _DARK)
+    sheet.fill(skin if look.cut == "skirt" else look.bottom, [(body.hips, 0.32), (knee, 0.26)], shade)
+    sheet.fill(skin if look.cut in ("skirt", "shorts") else look.bottom, [(knee, 0.24), (ankle, 0.18)], shade)
+    if look.cut == "robe":
+        sheet.fill(look.bottom, [(body.hips, 0.44), (knee, 0.42), (ankle, 0.48)], shade)
+
+
+def _draw_head(sheet: _Sheet, body: _Body, look: Look, skin: str, hair: str) -> None:
+    hat = [[(body.at(up, before), wide) for up, before, wide in stroke] for stroke in _HATS[look.hat]]
+    sheet.draw(skin, [(body.chest, 0.2), (body.skull, 0.2)], 0.85)
+    if look.cut in ("skirt", "robe"):  # long hair
+        sheet.fill(hair, [(body.at(0.0, -0.2), 0.42), (body.at(-0.75, -0.3), 0.26)])
+    sheet.fill(hair, [(body.at(0.06, -0.08), 0.52)])
+    for stroke in hat if look.hat == "hood" else ():  # it covers the hair, and not the face
+        sheet.draw(look.hat_color, stroke)
+    sheet.fill(skin, [(body.at(-0.06, 0.1), 0.43)])
+    sheet.fill("black", [(body.at(0.0, 0.32), 0.055)])  # an eye
+    for stroke in hat if look.hat != "hood" else ():
+        sheet.draw(look.hat_color, stroke)
+
+
+def _draw_stool(sheet: _Sheet, body: _Body) -> None:
+    x, y = body.hips[0], body.hips[1] + _STOOL
+    ends = [np.array([x + side, y]) for side in (-0.35, 0.55)]
+    sheet.draw("saddlebrown", [(end, 0.14) for end in ends])
+    for end in ends:
+        sheet.draw("saddlebrown", [(end, 0.1), (np.array([end[0], body.floor]), 0.1)])
+
+
+def _draw_tool(sheet: _Sheet, body: _Body, tool: str) -> None:
+    hand, along = body.hands[0], body.forearms[0]
+    if tool == "pole":
+        x, y = hand
+        low = np.array([x + 1.3, body.floor + 0.1])
+        sheet.draw(_WOOD, [(low, 0.09), (np.array([x - 0.9, y - 1.6]), 0.09)])
+        sheet.draw(_IRON, [(_beyond(low, -90, 0.35), 0.16), (_beyond(low, 90, 0.45), 0.16)])
+    elif tool == "mallet":
+        top = _beyond(hand, along + 60, 1.3)
+        sheet.draw(_WOOD, [(hand, 0.09), (top, 0.09)])
+        sheet.draw(_IRON, [(_beyond(top, along - 30, 0.4), 0.22), (_beyond(top, along + 150, 0.4), 0.22)])
+
+
+def _cut_out(sheet: _Sheet, body: _Body, pose: Pose, heads: float) -> Figure:
+    """Returns the drawn figure without its empty margin."""
+    drawn = torch.from_numpy(sheet.drawn).permute(2, 0, 1)
+    left, top, width, height = cv2.boundingRect((drawn[3] > 0).byte().numpy())
+    high = round(height + (pose.carried == "air") * _LIFTED * heads * _UNIT)
+
+    def place(point: _Point) -> tuple[float, float]:
+        x, y = point * _UNIT + _SIDE / 2
+        return float((x - left) / width - 0.5), float(1 - (y - top) / high)
+
+    seat = place(body.hips)[1] if pose.carried == "seat" else 0.0
+    picture = resize(drawn[:, top : top + high, left : left + width], 0.5)
+    return Figure(picture, place(body.hands[0]), seat, high / (heads * _UNIT))
