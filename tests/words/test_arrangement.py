@@ -187,11 +187,11 @@ def test_any_relations_place_every_thing_once(said: list[tuple[int, str, int]]) 
 @pytest.mark.parametrize("where", ["ground", "air"])
 def test_copies_are_all_there(count: int, where: str) -> None:
     drawing = thing(0, 1).picture
-    together = copies(drawing, count, where, seed=3)
+    together = copies([drawing] * count, where, seed=3)
     assert together.shape[0] == 4 and float(together.min()) >= 0 and float(together.max()) <= 1
-    one = _area(copies(drawing, 1, where, seed=3)) * (256 / 40) ** 2
+    one = _area(copies([drawing], where, seed=3)) * (256 / 40) ** 2
     assert count * 0.35 * one <= _area(together) + (count == 1) * one <= (count + 1) * one
-    assert torch.equal(together, copies(drawing, count, where, seed=3)), "the same seed, the same place"
+    assert torch.equal(together, copies([drawing] * count, where, seed=3)), "the same seed, the same place"
 
 
 def _area(drawing: Tensor) -> float:

@@ -15,8 +15,9 @@ from frida_painter.words.retrieval import FoundPicture, PictureIndex, is_upright
 CALLED = 0.9
 """Similarity above which a picture is of the thing itself."""
 
-_KNOWN, _DOES = 0.6, 0.5  # similarity above which a look is that of a name, and a pose that of a verb
-_IS = 0.6  # the same for a pose and the name of somebody: a violinist plays the violin
+_LOOKS, _KNOWN = 0.6, 0.8  # similarity above which a look is like that of a name, and above which it is that
+_DOES = 0.5  # similarity above which a pose is that of a verb
+_IS = 0.6  # similarity above which a pose is that of a name: a violinist plays the violin
 _ANYBODY = 6  # number of the looks, the first ones, of people without a trade
 _OLD, _AGED = ("old", "elderly", "grandmother", "grandfather"), 0.75  # who has white hair, and the least similarity
 _CHILD, _GROWN = (4.0, 0.6), (7.0, 1.6)  # heights of a body in heads and in metres
@@ -100,11 +101,13 @@ def _draw_person(
     relations: between the things that are shown
     meant: words of the pose that mean what the person does; "" if none do
     """
-    look, _, alike = figures.nearest([thing.name], figures.looks(), sentences)
-    is_known, anybody = alike >= _KNOWN, figures.looks()[:_ANYBODY]
-    look = look if is_known else figures.nearest([thing.noun], anybody, sentences)[0]
-    ages = sentences.embed([*thing.name.split(), *_OLD])
-    is_old = float((ages[: -len(_OLD)] @ ages[-len(_OLD) :].T).max()) >= _AGED
+    look, called, alike = figures.nearest([thing.name], figures.looks(), sentences)
+    anybody = figures.looks()[:_ANYBODY]
+    if alike < _LOOKS:
+        look, called, _ = figures.nearest([thing.noun], anybody, sentences)
+    words = thing.name.split()
+    ages = (sentences.embed(words) @ sentences.embed(_OLD).T).amax(1)
+    old = [word for word, age in zip(words, ages.tolist(), strict=True) if age >= _AGED]
     (least, small), (most, tall) = _CHILD, _GROWN
     grown = (known_like(thing.name, sentences).height - small) / (tall - small)
     heads = least + (most - least) * min(1.0, max(0.0, grown))
@@ -113,7 +116,7 @@ def _draw_person(
     for copy in range(thing.shown):
         worn = anybody[copy % len(anybody)] if thing.noun in GATHERED else look  # a family is of all kinds
         kind = zlib.crc32(thing.name.encode()) + copy
-        figure = figures.draw_figure(pose, worn, heads=heads, is_old=is_old, kind=kind, has_seat=has_seat)
+        figure = figures.draw_figure(pose, worn, heads=heads, is_old=bool(old), kind=kind, has_seat=has_seat)
         is_faced = any(one.object == number and kind_of(one.word) == "doing" for one in relations)
         drawn.append(figure.mirrored() if is_faced or copy % 2 else figure)
     figure = drawn[0]
@@ -121,8 +124,10 @@ def _draw_person(
         figure = replace(
             figure, picture=copies([one.picture for one in drawn], "person", 0), hand=(0.0, figure.hand[1])
         )
-    caption = f"{thing.name if is_known else look.words[0]} {thing.doing if meant else ''}".strip()
-    return FoundPicture(thing, figure.picture, caption, None, is_known, replace(figure, does=meant))
+    is_exact = alike >= _KNOWN
+    said = [*old, thing.noun if is_exact else called, thing.doing if meant else ""]
+    caption = " ".join(dict.fromkeys(word for word in said if word))
+    return FoundPicture(thing, figure.picture, caption, None, is_exact, replace(figure, does=meant))
 
 
 def _pose_of(number: int, thing: Thing, reading: Reading, sentences: SentenceEncoder) -> tuple[Pose, str]:

@@ -84,8 +84,8 @@ _FOOT, _HAND, _STOOL = 0.5, 0.2, 0.5  # length of a foot, radius of a hand, and 
 _ADULT = 6.0  # height of an adult's body below the head, to which the lengths apply
 _SHADED = 0.72  # brightness of the far limbs
 _LIFTED = 0.16  # space below somebody in the air, as a share of the height
-_SKINS = ("bisque", "peru", "burlywood", "sienna", "peachpuff")
-_HAIRS, _WHITE = ("saddlebrown", "black", "darkgoldenrod", "black", "sienna"), "gainsboro"
+_SKINS = ("burlywood", "peru", "tan", "sienna", "sandybrown")
+_HAIRS, _WHITE = ("saddlebrown", "black", "darkgoldenrod", "black", "sienna"), "silver"
 _WOOD, _IRON, _DARK = "peru", "dimgray", 0.3  # of tools, and brightness of shoes
 _HATS = {  # strokes of two ends, each with its place above the middle of the head, before it, and half its width
     "cap": (((0.2, -0.05, 0.47), (0.3, 0.05, 0.42)), ((0.14, 0.3, 0.07), (0.1, 0.78, 0.05))),

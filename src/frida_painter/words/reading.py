@@ -59,7 +59,7 @@ class Thing:
     noun: last word of the name; the whole name of a prompt without nouns, such as "growing up"
     color: word for its colour, such as "dark blue", or ""
     count: stated number; None for several without a number
-    doing: verb for its action, such as "sleep", or ""
+    doing: verb for its action, such as "sleeping", or ""
     plural: the noun as written, for a plural with a form different from the singular, such as "scissors"
     uncounted: True if it has no number and no article, such as the coffee in "a cup of coffee"
     at: positions of its words in the prompt; two things with equal words are equal wherever they stand
@@ -348,12 +348,13 @@ class _Walk:
         if verb not in self._actors and (verb.pos_ not in ("VERB", "AUX") or verb.dep_ in _IN_A_NAME):
             return
         subjects = self._subjects(verb)
+        doing = "" if verb.pos_ == "AUX" else _gerund(verb, self._words.verbs)
         for number in subjects:
             thing = self.things[number]
-            self.things[number] = replace(thing, doing=thing.doing or verb.lower_, at=(*thing.at, verb.i))
+            self.things[number] = replace(thing, doing=thing.doing or doing, at=(*thing.at, verb.i))
         fed = [verb.head] if verb in self._actors and verb not in self._read_as else []
         for noun in (*_children(verb, "dobj", "attr"), *fed):
-            self._join(subjects, verb.lower_, noun, (verb.i,))
+            self._join(subjects, doing or verb.lower_, noun, (verb.i,))
 
     def _share(self, noun: Token) -> None:
         """Gives a noun the place of the last one joined to it: a teapot and three cups on a table."""
@@ -383,6 +384,19 @@ class _Walk:
         if head.pos_ in ("VERB", "AUX") and (actors := [word for word in head.lefts if _is_noun(word)]):
             return self._joined(actors[-1])
         return [] if is_root else self._subjects(above)
+
+
+def _gerund(verb: Token, verbs: frozenset[str]) -> str:
+    """Returns "riding" for "rides" and "rode"; other forms of a verb as they are."""
+    if verb.tag_ not in ("VB", "VBZ", "VBP", "VBD"):
+        return verb.lower_
+    known = (verb.lower_, verb.lower_.removesuffix("s"), verb.lemma_.lower())
+    base = next(form for form in known if form in verbs or form == known[-1])
+    for ending, instead in (("ie$", "y"), ("(?<=[^e])e$", ""), ("^([^aeiou]+[aeiou])([^aeiouwxy])$", r"\1\2\2")):
+        stem, changes = re.subn(ending, instead, base)
+        if changes:
+            return f"{stem}ing"
+    return f"{base}ing"
 
 
 def _prepositions(noun: Token) -> list[Token]:
