@@ -9,7 +9,7 @@ from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.words import figures
 from frida_painter.words.arrangement import copies, is_person, kind_of, known_like
 from frida_painter.words.figures import Pose
-from frida_painter.words.reading import GATHERED, Reading, Relation, Thing, word_meanings
+from frida_painter.words.reading import GROUPS, Reading, Relation, Thing, word_meanings
 from frida_painter.words.retrieval import FoundPicture, PictureIndex, is_upright
 
 CALLED = 0.9
@@ -114,7 +114,7 @@ def _draw_person(
     has_seat = any(one.subject == number and kind_of(one.word) in ("on", "in") for one in relations)
     drawn = []
     for copy in range(thing.shown):
-        worn = anybody[copy % len(anybody)] if thing.noun in GATHERED else look  # a family is of all kinds
+        worn = anybody[copy % len(anybody)] if thing.noun in GROUPS else look  # a family is of all kinds
         kind = zlib.crc32(thing.name.encode()) + copy
         figure = figures.draw_figure(pose, worn, heads=heads, is_old=bool(old), kind=kind, has_seat=has_seat)
         is_faced = any(one.object == number and kind_of(one.word) == "doing" for one in relations)

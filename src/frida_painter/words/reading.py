@@ -6,11 +6,10 @@ spaCy's small English model (Honnibal et al. 2020) parses the grammar. No word l
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import torch
 from torch import Tensor
@@ -25,7 +24,7 @@ from frida_painter.words.nouns import kinds_of
 
 if TYPE_CHECKING:
     from spacy.language import Language
-    from spacy.tokens import Doc, Token
+    from spacy.tokens import Token
 
 
 _PLURAL = 3  # number of painted things for a plural without a number
@@ -34,15 +33,12 @@ MAX_THINGS = 12
 """Greatest number of a prompt's things that are painted, the first ones."""
 _NUMBERS = ["zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve"]
 _MANY = ("many", "several", "some", "few", "both")
-_GROUPS = {"pair": 2, "couple": 2, "trio": 3, "dozen": 12}
-GATHERED: dict[str, int | None] = {  # number of things, if "of" follows
-    **_GROUPS, "family": 4, "group": 4, "row": 4, "line": 4,
-    "pile": None, "stack": None, "heap": None, "bunch": None, "bouquet": None,
-}  # fmt: skip
+GROUPS = {"pair": 2, "couple": 2, "trio": 3, "dozen": 12, "family": 4, "group": 4, "row": 4, "line": 4,
+           **dict.fromkeys(("pile", "stack", "heap", "bunch", "bouquet"))}  # fmt: skip
 """Nouns of several things, and their number."""
 _DEPICTIONS = ("painting", "picture", "drawing", "sketch", "photo", "photograph", "image", "portrait", "watercolor",
-                "watercolour")  # fmt: skip
-_IN_A_NAME = ("amod", "compound", "nmod", "nummod", "npadvmod", "quantmod", "poss", "det")  # parts of speech
+                "watercolour", "life")  # fmt: skip
+_IN_A_NAME = ("amod", "compound", "nmod", "nummod", "npadvmod", "quantmod")  # kinds of dependents
 _SOMEBODY = ("some", "every")  # the pronouns that are people: somebody waits, but "it" and "you" are no things
 _BASIC = ("black", "white", "red", "green", "yellow", "blue", "brown", "purple", "pink", "orange", "gray", "grey")
 _VIVID = 72.0  # chroma
@@ -180,7 +176,6 @@ class PromptReader:
 
     def __init__(self, folder: Path | None) -> None:
         self._language: Language | None = None
-        self._words: _Words | None = None
         if folder is None:
             return
         registry.require("words", "spacy", "Reading a prompt")
@@ -192,9 +187,8 @@ class PromptReader:
             raise WeightsError(f"{folder} does not hold the English grammar; fetch english again.") from cause
         lemmas: Any = self._language.get_pipe("lemmatizer")
         index = lemmas.lookups.get_table("lemma_index")
-        verbs, adjectives, adverbs = (frozenset(index[kind]) for kind in ("verb", "adj", "adv"))
-        nouns = frozenset(index["noun"])
-        self._words = _Words(verbs, adjectives, nouns, nouns - verbs - adjectives - adverbs)
+        self._verbs, self._nouns = frozenset(index["verb"]), frozenset(index["noun"])
+        self._only_nouns = self._nouns - self._verbs.union(index["adj"], index["adv"])
 
     def read(self, prompt: str) -> Reading:
         """Returns the content of a prompt. A prompt without any noun is one thing with the prompt as its name.
@@ -203,40 +197,78 @@ class PromptReader:
         """
         text = prompt[:_LONGEST].strip().rstrip(".!")
         text = text.lower() if text.isupper() else text[:1].lower() + text[1:]
-        parsed = self._parse(text) if self._language is not None else None
-        walk = _Walk(list(parsed or ()), self._words or _Words(frozenset(), frozenset(), frozenset(), frozenset()))
+        parsed = self._parse(text) if self._language is not None else ()
+        walk = _Walk(parsed)
         if walk.absent and not walk.things:
             raise refuse_absent(text)
         plain = re.sub("^(an?|the) ", "", text)
-        between = {at for relation in walk.relations for at in relation.at}
-        said = () if parsed is None else _list_said(parsed, between)
+        said = _list_said(parsed, {at for relation in walk.relations for at in relation.at})
         said = said or (SaidWord(0, plain, plain.lower(), "thing"),)
-        if parsed is not None and (rest := prompt.strip()[_LONGEST:].strip()):
+        if parsed and (rest := prompt.strip()[_LONGEST:].strip()):
             said = (*said, SaidWord(len(parsed), rest[:_LABEL], rest[:_LABEL].lower(), "thing"))
-        noun = plain if parsed is not None else plain.rpartition(" ")[2]
+        noun = plain.rpartition(" ")[2] if self._language is None else plain
         whole = Thing(plain, noun, at=tuple(word.at for word in said))
-        relations, absent = tuple(dict.fromkeys(walk.relations)), tuple(dict.fromkeys(walk.absent))
-        return Reading(tuple(walk.things) or (whole,), relations, absent, said)
+        return Reading(tuple(walk.things) or (whole,), tuple(walk.relations), tuple(walk.absent), said)
 
-    def _parse(self, text: str) -> Doc:
-        """Returns the parsed text. Words that are only nouns in the lexicon are never adjectives: a croissant."""
-        assert self._language is not None and self._words is not None
-        read = self._language(text)
-        if len(read) and (read[0].pos_ in ("NOUN", "PROPN", "ADJ") or read[0].tag_ == "VBZ"):
-            read = self._language(f"the {text}")  # cows under a tree: without an article "cows" looks like a verb
-        last = read[-1] if len(read) > 1 and _is_noun(read[-2]) and read[-1].pos_ in ("AUX", "ADJ") else None
-        if last is not None and last.lower_ in self._words.nouns and paint_of(last.lower_) is None:
-            last.pos_, last.lemma_ = "NOUN", last.lower_  # a watering can, a steam locomotive
-            for child in _children(last, "nsubj"):
-                child.dep_ = "compound"
-        for word in read:
-            is_after = word.pos_ in ("ADJ", "ADV", "X", "INTJ") and word.i > word.head.i
-            if is_after and word.lemma_ in self._words.only_nouns:
-                word.pos_ = "NOUN"
-        return read
+    def _parse(self, text: str) -> Sequence[Token]:
+        """Returns the parsed text, with mistakes of the parser corrected."""
+        assert self._language is not None
+        parsed = self._language(text)
+        if len(parsed) and parsed[0].tag_ == "VBZ":  # birds over a house: without an article "birds" looks like a verb
+            parsed = self._language(f"the {text}")
+        for word in parsed:
+            before = word.nbor(-1) if word.i else word
+            is_last = word.i + 1 == len(parsed) and _is_noun(before) and word.pos_ in ("AUX", "ADJ")
+            is_after = word.i > word.head.i and word.pos_ in ("ADJ", "ADV", "X", "INTJ") and word.head.pos_ != "VERB"
+            if (is_last and word.lower_ in self._nouns) or (is_after and word.lemma_ in self._only_nouns):
+                word.pos_, word.lemma_ = "NOUN", word.lower_  # a watering can, a fire hydrant, a croissant
+                for child in _children(word, "nsubj"):
+                    child.dep_ = "compound"
+        for word in parsed:
+            self._correct(word)
+        return list(parsed)
+
+    def _correct(self, noun: Token) -> None:
+        """Puts another word into the place of a noun, if that is what is to be seen.
+
+        A picture stands for what it shows, and a pile for its content. The parser may take a verb for a noun, and its
+        actor or its object for a part of the name: "a zebra drinking from a river", "a farmer feeding chickens". It may
+        also take the last word of a name for a further noun: "a fire hydrant".
+        """
+        shown = {word.lower_: one for word in _children(noun, "prep") for one in _children(word, "pobj")}
+        last = next((word for word in _children(noun, "appos", "amod", "advmod") if word.i == noun.i + 1), None)
+        before = [word for word in noun.lefts if word.dep_ in ("compound", "amod")]
+        stem = noun.text.removesuffix("ing")
+        is_verb = stem != noun.text and bool(self._verbs & {stem, f"{stem}e", stem[:-1]})
+        is_doing = is_verb and kinds_of(noun.lower_) == {"idea"}  # but a stone building
+        if noun.lemma_.lower() in _DEPICTIONS and (inner := shown.get("of", shown.get("with"))):
+            _put_in_place(inner, noun, "det", [word for word in noun.rights if word.i > inner.i])
+        elif noun.lemma_ in GROUPS and (inner := shown.get("of")):
+            _put_in_place(inner, noun, "nummod", [word for word in noun.rights if word.i > inner.i])
+        elif _is_noun(noun) and last is not None and last.pos_ == "NOUN":
+            _put_in_place(last, noun, "compound", [word for word in noun.children if word != last])
+        elif before and before[-1].lower_.endswith("ing") and before[-1].i:
+            verb, actor = before[-1], before[-1].nbor(-1)
+            if kinds_of(actor.lower_) == {"person"}:
+                _put_in_place(actor, noun, "dobj", [word for word in (*noun.lefts, *verb.lefts) if word.i < actor.i])
+                verb.pos_, verb.dep_, verb.head, noun.head = "VERB", "acl", actor, verb
+        elif before and is_doing and noun.dep_ in ("ROOT", "pobj", "dobj"):
+            _put_in_place(before[-1], noun, "acl", [word for word in noun.lefts if word != before[-1]])
+            noun.pos_ = "VERB"
 
 
-def _list_said(parsed: Doc, between: set[int]) -> tuple[SaidWord, ...]:
+def _put_in_place(noun: Token, other: Token, kind: str, taken: Iterable[Token]) -> None:
+    """Puts a noun into the place of another word in the tree, which then depends on the noun, in that kind.
+
+    taken: dependents of the other word that become dependents of the noun
+    """
+    noun.dep_, noun.head, taken = other.dep_, noun if other.head == other else other.head, list(taken)
+    for word in (*taken, other):
+        word.head = noun
+    other.dep_, noun.pos_ = kind, noun.pos_ if _is_noun(noun) else "NOUN"
+
+
+def _list_said(parsed: Sequence[Token], between: set[int]) -> tuple[SaidWord, ...]:
     """Returns the words of a prompt that can be shown: all but articles, conjunctions, particles and pronouns.
 
     between: positions of the words of relations
@@ -245,115 +277,66 @@ def _list_said(parsed: Doc, between: set[int]) -> tuple[SaidWord, ...]:
              "NUM": "number", "VERB": "action", "ADP": "relation"}  # fmt: skip
     found = []
     for word in parsed:
-        kind = "number" if _is_number(word) and word.lemma_ not in _GROUPS else kinds.get(word.pos_, "")
-        if kind in ("thing", "action") and word.dep_ in ("amod", "compound", "npadvmod"):
+        kind = "number" if _is_number(word) else kinds.get(word.pos_, "")
+        if kind in ("thing", "action") and _is_in_a_name(word):
             kind = "quality"
         if (word.i in between and kind != "action") or word.dep_ in ("prep", "agent"):
             kind = "relation"
         is_degree = word.pos_ == "ADV" and word.is_stop and kind == "quality"
-        if kind and word.text.strip("-'\".,;:!?") and not is_degree:
+        if kind and not word.is_punct and not is_degree:
             found.append(SaidWord(word.i, word.text, word.lemma_.lower(), kind))
     return tuple(found)
-
-
-class _Words(NamedTuple):
-    """Words of the grammar's lexicon: verbs, adjectives, nouns, and words that are only nouns."""
-
-    verbs: frozenset[str]
-    adjectives: frozenset[str]
-    nouns: frozenset[str]
-    only_nouns: frozenset[str]
 
 
 class _Walk:
     """Collector of a text's things and the relations between them, from its dependency tree."""
 
-    def __init__(self, parsed: Sequence[Token], words: _Words) -> None:
-        self._words = words
+    def __init__(self, parsed: Sequence[Token]) -> None:
         self.things: list[Thing] = []
         self.relations: list[Relation] = []
         self.absent: list[str] = []
         self._numbers: dict[Token, int] = {}  # of the nouns that are things
-        self._read_as: dict[Token, Token] = {}  # pictures, piles and mistaken verbs, and the nouns that they stand for
-        self._actors: dict[Token, Token] = {}  # of verbs that the parser took for nouns
-        for step in (self._correct, self._add, self._relate, self._act, self._share):
+        for step in (self._add, self._relate, self._act, self._share):
             for word in parsed:
                 step(word)
 
-    def _correct(self, noun: Token) -> None:
-        """Finds out what a noun is read as, and corrects two mistakes of the parser.
-
-        It may read a verb at the end as a noun, and its actor as part of the name: "a zebra drinking from a river".
-        It may also take "a farmer feeding chickens" for a kind of chickens; the article "a" shows the mistake.
-        """
-        shown = {word.lower_: one for word in _children(noun, "prep") for one in _children(word, "pobj")}
-        is_still_life = noun.lemma_ == "life" and noun.i > 0 and noun.nbor(-1).lower_ == "still"
-        if noun.lemma_.lower() in _DEPICTIONS or is_still_life:
-            inner = shown.get("of", shown.get("with"))
-        else:
-            inner = shown.get("of") if noun.lemma_ in GATHERED else None
-        if inner is not None:
-            self._read_as[noun] = inner
-        before = next((one for one in reversed(_children(noun, "compound", "amod")) if one.i < noun.i), None)
-        if before is None:
-            return
-        is_one = any(child.lower_ in ("a", "an") for child in _children(noun, "det"))
-        stem = noun.text.removesuffix("ing")
-        is_name = before.dep_ == "compound" or before.lower_ not in self._words.adjectives
-        actor = before.nbor(-1) if before.i and before.lower_.endswith("ing") else None
-        is_actor = actor is not None and kinds_of(actor.lower_) == {"person"}
-        if actor is not None and (is_actor or (_is_noun(actor) and noun.tag_ == "NNS" and is_one)):
-            self._actors[before] = actor
-            return
-        is_verb = kinds_of(noun.lower_) == {"idea"} and self._words.verbs & {stem, f"{stem}e", stem[:-1]}
-        is_last = noun.dep_ in ("ROOT", "pobj", "dobj")
-        if stem != noun.text and is_verb and is_name and is_last and noun not in self._read_as:
-            self._actors[noun] = self._read_as[noun] = before
-
     def _add(self, noun: Token) -> None:
         """Adds a noun to the things, if it is one."""
-        is_actor = noun in self._actors.values() or (noun.dep_ == "npadvmod" and noun.head.dep_ == "ROOT")
-        is_part = noun.dep_ in _IN_A_NAME and noun.head.pos_ != "VERB"  # but a train crossing a bridge
-        is_named = is_part or (noun.dep_ == "appos" and noun.pos_ == "PROPN")  # my cat Tom
-        is_noun = _is_noun(noun) and not is_named and _last_word(noun.head) != noun and not _is_between(noun)
+        is_part = _is_in_a_name(noun) or noun.dep_ in ("det", "poss", "advmod")
+        is_name = noun.dep_ == "appos" and noun.pos_ == "PROPN"  # my cat Tom
         is_nobody = noun.pos_ == "PRON" and not noun.lower_.startswith(_SOMEBODY)
-        if is_nobody or noun in self._read_as or not (is_actor or is_noun):
+        if not _is_noun(noun) or is_part or is_name or is_nobody or _is_between(noun):
             return
         first = next(word for word in (noun, *noun.ancestors) if word.dep_ not in ("conj", "appos"))
         is_without = first.dep_ == "pobj" and first.head.lower_ == "without"
         if is_without or any(child.lower_ in ("no", "zero", "0") for child in _children(noun, "det", "nummod")):
             self.absent.append(noun.lemma_)
         elif len(self.things) < MAX_THINGS:
-            verb = next((verb for verb, actor in self._actors.items() if noun in (actor, verb.head)), None)
-            whole = verb if verb in self._read_as and verb is not None else noun
-            thing = _describe_noun(noun, whole, after=verb.i if verb is not None and verb.head == noun else -1)
-            for group in (
-                group for group, inner in self._read_as.items() if inner == noun and group.lemma_ in GATHERED
-            ):
-                thing = replace(thing, count=GATHERED[group.lemma_], at=(*thing.at, group.i, noun.head.i))
             self._numbers[noun] = len(self.things)
-            self.things.append(thing)
+            self.things.append(_describe_noun(noun))
 
     def _relate(self, noun: Token) -> None:
         """Adds the relations of the object of a preposition. "In front of" and "next to" count as one word."""
-        if noun.dep_ != "pobj" or self._read_as.get(noun.head.head) == noun or _is_between(noun):
+        if noun.dep_ != "pobj":
             return
-        words = _prepositions(noun)
-        said = " ".join(word.lower_ for word in words)
+        words = [noun.head]
+        while words[0].dep_ not in ("conj", "ROOT") and (
+            words[0].head.pos_ in ("ADP", "ADV") or _is_between(words[0].head)
+        ):
+            words.insert(0, words[0].head)
         subjects = [] if words[0].head == words[0] else self._subjects(words[0].head)
-        self._join(subjects, said, noun, tuple(word.i for word in words))
+        self._join(subjects, " ".join(word.lower_ for word in words), noun, tuple(word.i for word in words))
 
     def _act(self, verb: Token) -> None:
         """Gives the actors of a verb their action, and adds its relations to its objects."""
-        if verb not in self._actors and (verb.pos_ not in ("VERB", "AUX") or verb.dep_ in _IN_A_NAME):
+        if verb.pos_ not in ("VERB", "AUX") or _is_in_a_name(verb):
             return
         subjects = self._subjects(verb)
         doing = "" if verb.pos_ == "AUX" else _gerund(verb, self._words.verbs)
         for number in subjects:
             thing = self.things[number]
             self.things[number] = replace(thing, doing=thing.doing or doing, at=(*thing.at, verb.i))
-        fed = [verb.head] if verb in self._actors and verb not in self._read_as else []
-        for noun in (*_children(verb, "dobj", "attr"), *fed):
+        for noun in _children(verb, "dobj", "attr"):
             self._join(subjects, doing or verb.lower_, noun, (verb.i,))
 
     def _share(self, noun: Token) -> None:
@@ -370,20 +353,21 @@ class _Walk:
 
     def _joined(self, noun: Token) -> list[int]:
         """Returns the number of a noun, and those of the nouns joined to it by "and"."""
-        mine = self._numbers.get(self._read_as.get(noun, noun))
         others = [number for one in _children(noun, "conj", "appos") for number in self._joined(one)]
-        return others if mine is None else [mine, *others]
+        return [self._numbers[noun], *others] if noun in self._numbers else others
 
     def _subjects(self, head: Token) -> list[int]:
         """Returns the things that a preposition or a verb below `head` belongs to, the nearest ones."""
-        above, is_root, head = head.head, head.head == head, self._read_as.get(head, head)
-        if head in self._actors:
-            return self._joined(self._actors[head])
         if head in self._numbers:
             return [self._numbers[head]]
         if head.pos_ in ("VERB", "AUX") and (actors := [word for word in head.lefts if _is_noun(word)]):
             return self._joined(actors[-1])
-        return [] if is_root else self._subjects(above)
+        return [] if head.head == head else self._subjects(head.head)
+
+
+def _is_in_a_name(word: Token) -> bool:
+    """Returns True if a word is a part of a name; a train that is crossing a bridge is none."""
+    return word.dep_ in _IN_A_NAME and word.head.pos_ != "VERB"
 
 
 def _gerund(verb: Token, verbs: frozenset[str]) -> str:
@@ -399,70 +383,43 @@ def _gerund(verb: Token, verbs: frozenset[str]) -> str:
     return f"{base}ing"
 
 
-def _prepositions(noun: Token) -> list[Token]:
-    """Returns the words before the object of a preposition that make one: "in", "front", "of"."""
-    words = [noun.head]
-    while words[0].dep_ not in ("conj", "ROOT") and (
-        words[0].head.pos_ in ("ADP", "ADV") or _is_between(words[0].head)
-    ):
-        words.insert(0, words[0].head)
-    return words
-
-
 def _is_between(noun: Token) -> bool:
     """Returns True if a noun is part of a preposition, as in "in front of"."""
     is_bare = noun.dep_ == "pobj" and noun.tag_ == "NN" and noun.n_lefts == 0
     return is_bare and any(word.lower_ == "of" for word in noun.children)
 
 
-def _last_word(noun: Token) -> Token | None:
-    """Returns the noun that ends a name, if the parser attached it wrongly: the hydrant of a fire hydrant."""
-    after = (word for word in _children(noun, "appos", "amod", "advmod") if word.i == noun.i + 1)
-    return next((word for word in after if word.pos_ == "NOUN"), None)
-
-
-def _describe_noun(noun: Token, whole: Token, after: int = -1) -> Thing:
-    """Returns the thing of a noun, from the words before it that come after position `after` of the text.
-
-    whole: word that carries the noun's adjectives and numbers, if that is a verb
-    """
-    before = [word for word in whole.subtree if after < word.i < noun.i and _belongs(word, whole)]
-    if (last := _last_word(noun)) is not None:
-        before, noun = [*before, noun], last
+def _describe_noun(noun: Token) -> Thing:
+    """Returns the thing of a noun, from the words before it."""
+    before = [word for word in noun.subtree if word.i < noun.i and _belongs(word, noun)]
     color, colored = _color(before)
-    name = [word.text for word in before if word not in colored and not _is_number(word)]
     lemma = noun.text if noun.pos_ == "PROPN" else noun.lemma_
-    beside = [word for word in (*whole.children, *noun.children) if after < word.i]
-    numbers = [word for word in beside if _is_number(word) and word.i < noun.i]
-    single = any(child.dep_ == "det" and child.lower_ in ("a", "an") for child in beside)
-    is_plain = noun.lower_ == lemma.lower() and not noun.lower_.endswith("s")  # one hedgehog, and one sheep
-    plural = noun.tag_ in ("NNS", "NNPS") and not single and not is_plain
+    name = " ".join([*(word.text for word in before if word not in colored and not _is_number(word)), lemma])
+    numbers = [word for word in noun.lefts if _is_number(word)]
+    single = any(word.dep_ == "det" and word.lower_ in ("a", "an") for word in noun.lefts)
+    plural = noun.tag_ in ("NNS", "NNPS") and not single
     count = _number(numbers[0].lower_) if numbers else None
-    count = (GATHERED.get(lemma) or 1) if count is None and not plural else count
+    count = 1 if count is None and not plural else count
     said = noun.lower_ if plural and noun.lower_ != lemma.lower() else ""
-    uncounted = not plural and not numbers and not _children(whole, "det", "poss")
+    uncounted = not plural and not numbers and not _children(noun, "det", "poss")
     at = tuple(sorted({noun.i, *(word.i for word in (*before, *numbers))}))
-    return Thing(" ".join([*name, lemma]), lemma, color, count, plural=said, uncounted=uncounted, at=at)
+    return Thing(name, lemma, color, count, plural=said, uncounted=uncounted, at=at)
 
 
 def _belongs(word: Token, noun: Token) -> bool:
     """Returns True if a word before a noun is part of its name, colour or number."""
-    while word != noun:
-        if word.dep_ not in (*_IN_A_NAME, "conj", "cc", "advmod", "punct") or word.dep_ in ("poss", "det"):
-            return False
-        word = word.head
-    return True
+    return word == noun or (word.dep_ in (*_IN_A_NAME, "conj", "cc") and _belongs(word.head, noun))
 
 
 def _is_number(word: Token) -> bool:
-    return word.dep_ in ("nummod", "quantmod") or word.lower_ in _MANY or word.lemma_ in _GROUPS
+    return word.dep_ in ("nummod", "quantmod") or word.lower_ in _MANY
 
 
 def _number(word: str) -> int | None:
     """Returns the value of a number in words or digits; None for words such as "many"."""
     if word.isdecimal():
         return int(word[:4])
-    return _NUMBERS.index(word) if word in _NUMBERS else _GROUPS.get(word)
+    return _NUMBERS.index(word) if word in _NUMBERS else GROUPS.get(word)
 
 
 def _children(word: Token, *kinds: str) -> list[Token]:
@@ -478,28 +435,22 @@ def _color(words: list[Token]) -> tuple[str, list[Token]]:
     runs = [words[first:last] for first in range(len(words)) for last in range(len(words), first, -1)]
     for run in sorted(runs, key=len, reverse=True):
         said = " ".join(word.lower_ for word in run)
-        named = run[-1].pos_ == "ADJ" or run[-1].lower_ in _BASIC  # an apple tree and a rose garden are no colours
-        if named and all(paint_of(part) is not None for part in said.split(" and ")):
+        is_named = run[-1].pos_ == "ADJ" or run[-1].lower_ in _BASIC  # an apple tree and a rose garden are no colours
+        if is_named and all(paint_of(part) is not None for part in said.split(" and ")):
             return said, run
     return "", []
 
 
-@cache
-def _paints() -> dict[str, str]:
-    """Returns the named colours of CSS and of the xkcd survey (CC0), from matplotlib."""
-    from matplotlib.colors import CSS4_COLORS, XKCD_COLORS
-
-    surveyed = {name.removeprefix("xkcd:"): paint for name, paint in XKCD_COLORS.items()}
-    return {**CSS4_COLORS, **surveyed, **{name.replace("grey", "gray"): surveyed[name] for name in surveyed}}
-
-
 def paint_of(color: str) -> Tensor | None:
-    """Returns the sRGB [3] in [0, 1] of a colour's name, the first of "black and white"; None if it is unknown."""
+    """Returns the sRGB [3] in [0, 1] of a colour's name in the xkcd survey (CC0); None if it is unknown.
+
+    Of "black and white", the first one counts.
+    """
     from matplotlib.colors import to_rgb
 
-    first = color.split(" and ")[0]
-    if first not in _paints():
+    try:
+        lab = to_lab(torch.tensor(to_rgb(f"xkcd:{color.split(' and ')[0]}")))
+    except ValueError:
         return None
-    lab = to_lab(torch.tensor(to_rgb(_paints()[first])))
     # Paint is less vivid than a screen.
     return from_lab(torch.cat((lab[:1], lab[1:] * min(1.0, _VIVID / max(float(lab[1:].norm()), 1e-6)))))
