@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import IntEnum
+from itertools import groupby
 
 from frida_painter.words.reading import Reading, SaidWord, Thing
 
@@ -95,17 +96,11 @@ class Account:
         return f"Your words: {'; '.join(f'{name}: {_join(lines)}' for name, lines in parts.items() if lines)}."
 
 
-def _join(lines: Sequence[AccountLine]) -> str:
+def _join(lines: Iterable[AccountLine]) -> str:
     """Returns the words of lines; neighbours in the prompt that the same thing shows become one phrase."""
-    phrases: list[list[AccountLine]] = []
-    for line in lines:
-        last = phrases[-1][-1] if phrases else None
-        if last is not None and last.word.at + 1 == line.word.at and last.by == line.by:
-            phrases[-1].append(line)
-        else:
-            phrases.append([line])
     told = []
-    for phrase in phrases:
-        words, first = " ".join(line.word.text for line in phrase), phrase[0]
-        told.append(f"{words!r} (by {first.by[:60]})" if first.mark is Mark.SIMILAR else repr(words))
+    for (_, by), phrase in groupby(enumerate(lines), lambda one: (one[1].word.at - one[0], one[1].by)):
+        shown = [line for _, line in phrase]
+        words = repr(" ".join(line.word.text for line in shown))
+        told.append(f"{words} (by {by[:60]})" if shown[0].mark is Mark.SIMILAR else words)
     return ", ".join(told)

@@ -21,7 +21,7 @@ from frida_painter.objectives.text_loss import Text, wish
 from frida_painter.objectives.word_settings import WordSettings
 from frida_painter.words.account import Account
 from frida_painter.words.casting import cast
-from frida_painter.words.composition import ComposedScene, lay_setting
+from frida_painter.words.composition import lay_setting
 from frida_painter.words.photograph import put_into_photograph, puts_into_photograph
 from frida_painter.words.places import Setting
 from frida_painter.words.pyramid import color_in
@@ -49,8 +49,7 @@ def with_beginning(
     encoders = context.encoders
     if puts_into_photograph(goal, encoders):
         return put_into_photograph(goal, encoders, context.seed)
-    how = settings.beginning
-    by_clip = encoders.reads_by_clip
+    how, by_clip = settings.beginning, encoders.reads_by_clip
     if how == "scene" and by_clip and not encoders.composes:
         raise ConfigError(
             "--beginning scene puts pictures of things together, and the networks for it are not here; fetch them with "
@@ -59,37 +58,21 @@ def with_beginning(
     if how == "nothing" or (by_clip and not encoders.composes and not is_alone):
         return goal
     if prompt is None or not is_alone or how == "scene" or (how == "auto" and not by_clip):
-        return _compose(goal, context)
-    reader = encoders.readers()[0]
-    size = context.grid.rows, context.grid.columns
-    wanted = wish(prompt, reader, settings)
-    picture = color_in(wanted, reader, size, context.seed, settings.first_steps, encoders.tell, encoders.heed)
+        return initial_composition(goal, context.grid, encoders, context.seed)
+    readers, size = encoders.readers(), (context.grid.rows, context.grid.columns)
+    wanted = wish(prompt, readers[0], settings)
+    colors = color_in(wanted, readers[0], size, context.seed, settings.first_steps, encoders.tell, encoders.heed)
+    told, remarks = "coloured for the words", list(encoders.remarks)
     if how == "auto" and encoders.composes:
-        return _choose(goal, prompt, settings, picture, context)
-    encoders.remark("Begun with a coarse picture, coloured for the words.")
-    return _begin_with(goal, picture)
-
-
-def _choose(goal: Goal, prompt: str, settings: WordSettings, colors: Tensor, context: ObjectiveContext) -> Goal:
-    """Returns the goal that begins with a scene or with coarse colours: with the one that is nearer to the words."""
-    judge = Text(prompt, context.encoders.readers(), context.seed + _APART, settings=settings)
-    remarks = list(context.encoders.remarks)
-    scene = next((one.picture for one in _compose(goal, context).initial if one.picture is not None), colors)
-    with torch.no_grad():
-        is_scene = bool(judge.validation(scene) < judge.validation(colors))
-    if not is_scene:
-        context.encoders.remarks[:] = remarks
-        context.encoders.remark("Begun with a coarse picture, in which the words are seen better than in a scene.")
-    return _begin_with(goal, scene if is_scene else colors)
-
-
-def _compose(goal: Goal, context: ObjectiveContext) -> Goal:
-    return initial_composition(goal, context.grid, context.encoders, context.seed)
-
-
-def _begin_with(goal: Goal, picture: Tensor) -> Goal:
-    """Returns the goal that begins with a picture, and need not keep to it."""
-    return replace(goal, initial=(ImageTerm(picture),))
+        (scene,) = initial_composition(goal, context.grid, encoders, context.seed).initial
+        judge = Text(prompt, readers, context.seed + _APART, settings=settings)
+        with torch.no_grad():
+            if scene.picture is not None and bool(judge.validation(scene.picture) < judge.validation(colors)):
+                return replace(goal, initial=(ImageTerm(scene.picture),))
+        encoders.remarks[:] = remarks
+        told = "in which the words are seen better than in a scene"
+    encoders.remark(f"Begun with a coarse picture, {told}.")
+    return replace(goal, initial=(ImageTerm(colors),))
 
 
 # Scenes composed from the things that the words name, as first pictures.
@@ -120,7 +103,8 @@ def initial_composition(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, 
             return _start_with_style(goal, staged, words, weight, grid, encoders)
         if staged is not None or first is None:
             return goal
-        return replace(goal, initial=(_term(scene_of(first, grid, encoders, seed)), *goal.initial))
+        scene = scene_of(first, grid, encoders, seed)
+        return replace(goal, initial=(_term(scene.picture, scene.where), *goal.initial))
     styles = styles_of(goal)
     style = max(styles, key=lambda term: term.weight).colors if styles else None
     drawing = next((term.drawing for term in goal.terms if term.drawing is not None), None)
@@ -133,10 +117,11 @@ def initial_composition(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, 
             shown = _in_light(shown, words, scene.where, encoders, seed)
             share = min(1.0, sum(one.weight for one in styles) / weight)
             scene = replace(scene, picture=torch.lerp(scene.picture, shown, share))
-        begun = _term(scene, weight * kept, _SUBJECT if style is None else _MATTERS)
+        begun = _term(scene.picture, scene.where, weight * kept, _SUBJECT if style is None else _MATTERS)
     else:
         like = scene_of(words, grid, encoders, seed, "coloured like").picture if style is None else style
-        begun = _fill_drawing(images.fit(drawing, grid.rows, grid.columns), like, weight * _AMONG)
+        filled = color_drawing(images.fit(drawing, grid.rows, grid.columns), like)
+        begun = _term(filled, filled_areas(filled), weight * _AMONG)
     # Networks by class names know photographs. A scene in a style does not please them, whatever is painted, so they
     # choose the scene and leave its painting to the style; a CLIP knows paintings.
     leads = style is None or drawing is not None or encoders.reads_by_clip
@@ -154,16 +139,9 @@ def _in_light(picture: Tensor, words: str, where: Tensor, encoders: EncoderRegis
     return picture if over == Setting() else lay_setting(picture, over, where, seed).picture
 
 
-def _term(scene: ComposedScene, weight: float = 1.0, subject: float = _SUBJECT) -> ImageTerm:
-    """Returns a scene as a term: its things have more weight than their ground."""
-    matters = 1 + (subject - 1) * scene.where
-    return ImageTerm(scene.picture, weight, matters / matters.mean())
-
-
-def _fill_drawing(drawing: Tensor, like: Tensor, weight: float) -> ImageTerm:
-    """Returns a drawing [3, H, W] in the colours of a picture, as a term: lines and enclosed areas have more weight."""
-    picture = color_drawing(drawing, like)
-    matters = 1 + (_SUBJECT - 1) * filled_areas(picture)
+def _term(picture: Tensor, where: Tensor, weight: float = 1.0, subject: float = _SUBJECT) -> ImageTerm:
+    """Returns a picture [3, H, W] as a term: what is at `where` [H, W] has more weight than its ground."""
+    matters = 1 + (subject - 1) * where
     return ImageTerm(picture, weight, matters / matters.mean())
 
 
@@ -181,8 +159,7 @@ def _start_with_style(
         return goal
     scene = images.fit(style, grid.rows, grid.columns)
     shown = composite_into_style(thing.colored, scene, own=float(bool(thing.thing.color)))
-    matters = 1 + (_MATTERS - 1) * shown.where
-    kept = ImageTerm(shown.picture, _STAGED * weight, matters / matters.mean())
+    kept = _term(*shown, _STAGED * weight, _MATTERS)
     encoders.remark(f"Begun with {tell_thing(thing, reading, account)}, laid into the style picture.")
     encoders.remark(account.told)
     return Goal((*goal.terms, kept), (replace(kept, weight=1.0),))

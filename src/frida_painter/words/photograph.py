@@ -22,10 +22,10 @@ from frida_painter.words.arrangement import known_like
 from frida_painter.words.casting import cast
 from frida_painter.words.composition import lay_setting
 from frida_painter.words.places import Setting
-from frida_painter.words.reading import Thing, prompt_reader, word_meanings
+from frida_painter.words.reading import prompt_reader, word_meanings
 from frida_painter.words.retrieval import has_ground, picture_index
 from frida_painter.words.scene import account_for, setting_of, tell_thing, words_of
-from frida_painter.words.style_scene import Composited, composite_into_style
+from frida_painter.words.style_scene import composite_into_style
 
 _SIZES = (0.6, 0.5, 0.4)  # longer side of the thing, relative to the photograph's shorter one
 _OWN = 0.5  # share of its own colours that it keeps
@@ -56,36 +56,42 @@ def put_into_photograph(goal: Goal, encoders: EncoderRegistry, seed: int) -> Goa
         (term.importance, term.picture) for term in goal.initial or goal.terms if term.picture is not None
     )
     words, weight = words_of(goal)
-    shown = Composited(photograph, torch.zeros(photograph.shape[1:]))
+    shown, where = photograph, torch.zeros(photograph.shape[1:])
     if any(term.drawing is not None for term in goal.terms):
         encoders.remark(f"{words[:60]!r} adds nothing to the drawing on the photograph; that needs a CLIP.")
     else:
-        shown = _lay(words, photograph, matters, encoders, seed)
+        shown, where = _lay(words, photograph, matters, encoders, seed)
     rest = tuple(term for term in goal.terms if term.words is None)
-    matters = 1 + (_MATTERS - 1) * shown.where
+    weights = 1 + (_MATTERS - 1) * where
     if goal.initial:
-        begun = ImageTerm(shown.picture, importance=matters / matters.mean())
+        begun = ImageTerm(shown, importance=weights / weights.mean())
         return Goal((*rest, replace(begun, weight=_HELD * weight)), (begun,))
+    both = weights if matters is None else spread(matters, *weights.shape) * weights
     changed = [
-        term.with_picture(shown.picture).weigh(_times(term.importance, matters))
-        if term.picture is photograph and shown.picture is not photograph
+        term.with_picture(shown).weigh(both / both.mean())
+        if term.picture is photograph and shown is not photograph
         else term
         for term in rest
     ]
     return Goal(tuple(changed))
 
 
-def _lay(words: str, photograph: Tensor, matters: Tensor | None, encoders: EncoderRegistry, seed: int) -> Composited:
-    """Returns a photograph [3, H, W] with the first thing of the words that has a picture, and that it does not show.
+def _lay(
+    words: str, photograph: Tensor, matters: Tensor | None, encoders: EncoderRegistry, seed: int
+) -> tuple[Tensor, Tensor]:
+    """Returns a photograph [3, H, W] with the first thing of the words that it does not show, and what is new [H, W].
 
     The light and the weather of the words lie over both; rain and flakes keep clear of the thing and of faces.
     matters [h, w]: importance of each place of the photograph, with mean 1; None if uniform
     Remarks in `encoders` tell what is shown.
     """
     reading, index = prompt_reader(encoders).read(words), picture_index(encoders)
-    account, shown = Account(reading), Composited(photograph, torch.zeros(photograph.shape[1:]))
-    classes = _classes_of(photograph, encoders)
-    there = [thing for thing in reading.things if _is_one_of(thing, classes, encoders)]
+    account, shown, where = Account(reading), photograph, torch.zeros(photograph.shape[1:])
+    meanings, classes = word_meanings(encoders), _classes_of(photograph, encoders)
+    there = [
+        thing for thing in reading.things
+        if classes and float((meanings.embed(classes) @ meanings.embed([thing.name])[0]).max()) > _ALIKE
+    ]  # fmt: skip
     for thing in there:
         account.mark(thing.at, Mark.SIMILAR, "what the photograph shows")
     setting, _, named = setting_of(reading, index, encoders)
@@ -97,26 +103,21 @@ def _lay(words: str, photograph: Tensor, matters: Tensor | None, encoders: Encod
     found = cast(reading, settled, words, index, encoders, in_place=True)
     usable = [one for one in found if one is not None and not has_ground(one.picture) and one.thing not in there]
     for one in usable[:1]:
-        flies = known_like(one.thing.name, word_meanings(encoders)).where == "air"
-        rows = _FLIES if flies else _STANDS
-        shown = composite_into_style(one.colored, photograph, own=_OWN, sizes=_SIZES, rows=rows)
+        rows = _FLIES if known_like(one.thing.name, meanings).where == "air" else _STANDS
+        shown, where = composite_into_style(one.colored, photograph, own=_OWN, sizes=_SIZES, rows=rows)
         encoders.remark(f"Laid into the photograph: {tell_thing(one, reading, account)}.")
-    kept = shown.where if matters is None else torch.maximum(shown.where, _faces(matters, *shown.where.shape))
-    lit = lay_setting(shown.picture, setting, kept, seed)
-    if float((lit.picture - shown.picture).abs().mean()) > _VISIBLE:
-        shown = Composited(lit.picture, torch.maximum(shown.where, lit.where - kept))
+    # Faces matter much more than other places.
+    kept = where if matters is None else torch.maximum(where, rise(spread(matters, *where.shape), _FACE))
+    lit = lay_setting(shown, setting, kept, seed)
+    if float((lit.picture - shown).abs().mean()) > _VISIBLE:
+        shown, where = lit.picture, torch.maximum(where, lit.where - kept)
         encoders.remark(f"Laid over the photograph: {', '.join(dict.fromkeys(part.name for *_, part in over))}.")
         account_for(usable[:1], reading, over, account)
         for thing in nouns:  # "at night" alone: the photograph is at night
             before = [word.at for word in reading.said if word.kind == "relation" and word.at < min(thing.at)]
             account.mark(before[-1:], Mark.SHOWN, "the photograph")
     encoders.remark(account.told)
-    return shown
-
-
-def _faces(matters: Tensor, rows: int, columns: int) -> Tensor:
-    """Returns how far each place [rows, columns] is one that matters much more than others, as faces do."""
-    return rise(spread(matters, rows, columns), _FACE)
+    return shown, where
 
 
 def _classes_of(photograph: Tensor, encoders: EncoderRegistry) -> list[str]:
@@ -126,15 +127,3 @@ def _classes_of(photograph: Tensor, encoders: EncoderRegistry) -> list[str]:
         return []
     seen = seer.logits(images.fit(photograph, _SIDE, _SIDE)[None])[0].topk(_SEEN).indices.tolist()
     return [name for number in seen for name in class_names()[number]]
-
-
-def _is_one_of(thing: Thing, names: list[str], encoders: EncoderRegistry) -> bool:
-    """Returns True if one of the names means the thing."""
-    meanings = word_meanings(encoders).embed([thing.name, *names])
-    return bool((meanings[1:] @ meanings[0] > _ALIKE).any())
-
-
-def _times(one: Tensor | None, other: Tensor) -> Tensor:
-    """Returns the product of the importance of places by two measures [h, w], with mean 1."""
-    both = other if one is None else spread(one, *other.shape) * other
-    return both / both.mean()

@@ -52,13 +52,13 @@ def color_in(
     tell: receives a sentence about the expected time, after the second step, and again if it takes much longer
     heed: called before each step; may raise to end the work
     """
-    rows, columns = size[0] * _ROWS // min(size), size[1] * _ROWS // min(size)
+    rows, columns = (side * _ROWS // min(size) for side in size)
     views, judge = (Views(_VIEWS, reader.side, seed + number, _VIEWS // 2 - 1) for number in (0, 1))
     generator = torch.Generator().manual_seed(seed)
-    levels = [
-        (spread * torch.randn(_COLORED, 3, _cells(rows, cells), _cells(columns, cells), generator=generator))
-        for cells, spread in zip(_LEVELS, _BEGUN, strict=True)
-    ]
+    levels = []
+    for cells, spread in zip(_LEVELS, _BEGUN, strict=True):
+        shape = (max(1, round(cells * side / _ROWS)) for side in (rows, columns))
+        levels.append(spread * torch.randn(_COLORED, 3, *shape, generator=generator))
     adam = torch.optim.Adam([level.requires_grad_() for level in levels], _RATE, (0.9, 0.98))
     expected, began = 0.0, time.monotonic()
     for step in range(steps):
@@ -66,9 +66,8 @@ def color_in(
         if step == 1:
             began = time.monotonic()  # the first step is slower
         done = step / steps
-        picture = draw_pyramid(
-            [level for level, first in zip(levels, _FROM, strict=True) if done >= first], rows, columns
-        )
+        taking_part = [level for level, first in zip(levels, _FROM, strict=True) if done >= first]
+        picture = draw_pyramid(taking_part, rows, columns)
         which = views.some(_AT_A_TIME, generator)
         seen = torch.cat([views.of_squares(one, which, [0.5] * _AT_A_TIME) for one in picture])
         distance = wish(seen + _NOISE * torch.randn(seen.shape, generator=generator)).sum()
@@ -90,8 +89,3 @@ def color_in(
         which = torch.tensor([1, 2, 3])
         seen = torch.cat([judge.of_squares(one, which, [0.5] * 3) for one in found])
         return found[int(wish(seen).reshape(_COLORED, 3).mean(1).argmin())].clamp(0, 1)
-
-
-def _cells(side: int, cells: int) -> int:
-    """Returns the cells along a side of a level that has `cells` along the shorter one."""
-    return max(1, round(cells * side / _ROWS))

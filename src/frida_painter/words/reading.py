@@ -214,14 +214,19 @@ class PromptReader:
         """Returns the parsed text, with mistakes of the parser corrected."""
         assert self._language is not None
         parsed = self._language(text)
-        if len(parsed) and parsed[0].tag_ == "VBZ":  # birds over a house: without an article "birds" looks like a verb
+        first = parsed[0] if len(parsed) else None
+        if first is not None and (first.tag_ == "VBZ" or (first.pos_ == "VERB" and kinds_of(first.lower_) == {"person"})):
+            # birds over a house: without an article "birds" looks like a verb
             parsed = self._language(f"the {text}")
         for word in parsed:
+            if word.tag_ == "VBZ" and (base := word.lower_.removesuffix("s")) in self._verbs:
+                word.lemma_ = base  # rides come from ride, not rid
             before = word.nbor(-1) if word.i else word
             is_last = word.i + 1 == len(parsed) and _is_noun(before) and word.pos_ in ("AUX", "ADJ")
-            is_after = word.i > word.head.i and word.pos_ in ("ADJ", "ADV", "X", "INTJ") and word.head.pos_ != "VERB"
+            is_after = word.i > word.head.i and word.pos_ in ("ADJ", "ADV", "X", "INTJ")
             if (is_last and word.lower_ in self._nouns) or (is_after and word.lemma_ in self._only_nouns):
                 word.pos_, word.lemma_ = "NOUN", word.lower_  # a watering can, a fire hydrant, a croissant
+                word.dep_ = "dobj" if word.head.pos_ == "VERB" and word.dep_ == "advmod" else word.dep_  # hanging laundry
                 for child in _children(word, "nsubj"):
                     child.dep_ = "compound"
         for word in parsed:
@@ -252,9 +257,19 @@ class PromptReader:
             if kinds_of(actor.lower_) == {"person"}:
                 _put_in_place(actor, noun, "dobj", [word for word in (*noun.lefts, *verb.lefts) if word.i < actor.i])
                 verb.pos_, verb.dep_, verb.head, noun.head = "VERB", "acl", actor, verb
+        elif noun.i and noun.tag_ == "NNS" and noun.lemma_ in self._verbs and self._is_finite(noun):
+            if before:
+                _put_in_place(before[-1], noun, "acl", [word for word in noun.lefts if word != before[-1]])
+            noun.pos_, noun.tag_ = "VERB", "VBZ"
         elif before and is_doing and noun.dep_ in ("ROOT", "pobj", "dobj"):
             _put_in_place(before[-1], noun, "acl", [word for word in noun.lefts if word != before[-1]])
             noun.pos_ = "VERB"
+
+    def _is_finite(self, noun: Token) -> bool:
+        """Returns True if what looks like a plural at the end is what somebody does: a woman dances."""
+        is_end = noun.i + 1 == len(noun.doc)
+        is_no_thing = kinds_of(noun.lemma_) == {"idea"} or noun.lemma_ not in self._nouns
+        return is_end and is_no_thing and kinds_of(noun.nbor(-1).lower_) == {"person"}
 
 
 def _put_in_place(noun: Token, other: Token, kind: str, taken: Iterable[Token]) -> None:
@@ -329,10 +344,11 @@ class _Walk:
 
     def _act(self, verb: Token) -> None:
         """Gives the actors of a verb their action, and adds its relations to its objects."""
-        if verb.pos_ not in ("VERB", "AUX") or _is_in_a_name(verb):
+        is_state = verb.pos_ == "ADJ" and verb.i > verb.head.i  # somebody asleep in a chair
+        if not is_state and (verb.pos_ not in ("VERB", "AUX") or _is_in_a_name(verb)):
             return
         subjects = self._subjects(verb)
-        doing = "" if verb.pos_ == "AUX" else _gerund(verb, self._words.verbs)
+        doing = "" if verb.pos_ == "AUX" else _gerund(verb)
         for number in subjects:
             thing = self.things[number]
             self.things[number] = replace(thing, doing=thing.doing or doing, at=(*thing.at, verb.i))
@@ -362,7 +378,11 @@ class _Walk:
             return [self._numbers[head]]
         if head.pos_ in ("VERB", "AUX") and (actors := [word for word in head.lefts if _is_noun(word)]):
             return self._joined(actors[-1])
-        return [] if head.head == head else self._subjects(head.head)
+        above = head.head
+        if head.dep_ == "acl" and above.dep_ == "pobj" and (owners := self._subjects(above.head)):
+            if all(kinds_of(self.things[one].noun) == {"person"} for one in owners):
+                return owners if kinds_of(above.lower_) != {"person"} else self._subjects(above)  # in a coat, running
+        return [] if above == head else self._subjects(above)
 
 
 def _is_in_a_name(word: Token) -> bool:
@@ -370,12 +390,11 @@ def _is_in_a_name(word: Token) -> bool:
     return word.dep_ in _IN_A_NAME and word.head.pos_ != "VERB"
 
 
-def _gerund(verb: Token, verbs: frozenset[str]) -> str:
+def _gerund(verb: Token) -> str:
     """Returns "riding" for "rides" and "rode"; other forms of a verb as they are."""
     if verb.tag_ not in ("VB", "VBZ", "VBP", "VBD"):
         return verb.lower_
-    known = (verb.lower_, verb.lower_.removesuffix("s"), verb.lemma_.lower())
-    base = next(form for form in known if form in verbs or form == known[-1])
+    base = verb.lemma_.lower()
     for ending, instead in (("ie$", "y"), ("(?<=[^e])e$", ""), ("^([^aeiou]+[aeiou])([^aeiouwxy])$", r"\1\2\2")):
         stem, changes = re.subn(ending, instead, base)
         if changes:

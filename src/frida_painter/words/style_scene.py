@@ -1,7 +1,6 @@
 """Words in a style or in a photograph: a thing is laid into it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import product
 
 import torch
@@ -22,14 +21,6 @@ _CLEAR = 40.0  # difference of L* that counts as full visibility
 _KEEPING, _LARGE = 0.7, 0.55  # weights of unchanged edges and of size, against visibility
 
 
-@dataclass(frozen=True)
-class Composited:
-    """Picture [3, H, W] with a thing in it, and the thing's opacity, [H, W] in [0, 1]."""
-
-    picture: Tensor
-    where: Tensor
-
-
 def composite_into_style(
     drawing: Tensor,
     picture: Tensor,
@@ -37,8 +28,8 @@ def composite_into_style(
     own: float = 0.0,
     sizes: Sequence[float] = _SIZES,
     rows: tuple[float, float] = (0.0, 1.0),
-) -> Composited:
-    """Lays a drawing, colour and opacity [4, h, w], into a picture [3, H, W].
+) -> tuple[Tensor, Tensor]:
+    """Returns a picture [3, H, W] with a drawing, colour and opacity [4, h, w], in it, and the thing's opacity [H, W].
 
     own: share of its own colours that the drawing keeps; the rest are the picture's colours, from dark to light
     sizes: possible lengths of its longer side, relative to the picture's shorter one
@@ -68,7 +59,7 @@ def composite_into_style(
                 best, chosen = worth, (number, size, down, across)
     number, size, down, across = chosen
     thing = _resize_to(painted[number], size, picture)
-    return Composited(*paste(thing, picture, *_place(thing, picture, down, across)))
+    return paste(thing, picture, *_place(thing, picture, down, across))
 
 
 def _resize_to(drawing: Tensor, size: float, picture: Tensor) -> Tensor:
