@@ -55,11 +55,6 @@ def test_a_persons_own_picture_goes_before_others(tmp_path: Path) -> None:
     assert found is not None and found.library.is_own
 
 
-def test_a_synonym_counts_only_where_the_caption_agrees_with_the_words(tmp_path: Path) -> None:
-    index = PictureIndex([ICONS], WordBag(), tmp_path)
-    assert index.find(Thing("dragonfly", "dragonfly"), "a dragonfly") is None, "no darning needle"
-
-
 def test_a_keyword_counts_as_far_as_the_title_agrees(tmp_path: Path) -> None:
     index = PictureIndex([PHOTOS], WordBag(), tmp_path)
     assert index.nearest(Thing("bus", "bus")) > index.nearest(Thing("animals", "animals"))
@@ -135,13 +130,6 @@ def test_names_are_found_by_their_letters_whatever_their_size(tmp_path: Path) ->
     index = PictureIndex([Library("pictures", known)], WordBag(), tmp_path)
     found = index.find(Thing("Eiffel Tower", "Tower"), "the Eiffel Tower")
     assert found is not None and found.caption == "eiffel tower" and found.exact
-
-
-def test_a_colour_in_brackets_is_part_of_a_caption(tmp_path: Path) -> None:
-    ducks = {"1": (("Duck (Yellow)",), 0.8, RED), "2": (("Duck (walking)",), 0.8, BLUE)}
-    index = PictureIndex([Library("stamps", ducks)], WordBag(), tmp_path)
-    found = index.find(Thing("duck", "duck", "yellow"), "a yellow duck")
-    assert found is not None and found.caption == "yellow duck"
 
 
 def test_another_kind_is_no_picture_of_the_thing(tmp_path: Path) -> None:

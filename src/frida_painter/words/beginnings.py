@@ -114,7 +114,10 @@ def initial_composition(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, 
         kept = kept if all(term.words is not None for term in goal.terms) else _AMONG
         if styles:
             shown = change_by_place(scene.picture, styles, lambda style: in_style(scene.picture, scene.where, style))
-            shown = _in_light(shown, words, scene.where, encoders, seed)
+            # The styles do not know the light and the weather of the words.
+            setting = setting_of(prompt_reader(encoders).read(words), picture_index(encoders), encoders)[0]
+            over = Setting(light=setting.light, weather=setting.weather)
+            shown = shown if over == Setting() else lay_setting(shown, over, scene.where, seed).picture
             share = min(1.0, sum(one.weight for one in styles) / weight)
             scene = replace(scene, picture=torch.lerp(scene.picture, shown, share))
         begun = _term(scene.picture, scene.where, weight * kept, _SUBJECT if style is None else _MATTERS)
@@ -127,16 +130,6 @@ def initial_composition(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, 
     leads = style is None or drawing is not None or encoders.reads_by_clip
     terms = goal.terms if leads else tuple(term for term in goal.terms if term.words is None)
     return Goal((*terms, begun), (replace(begun, weight=1.0),))
-
-
-def _in_light(picture: Tensor, words: str, where: Tensor, encoders: EncoderRegistry, seed: int) -> Tensor:
-    """Returns a picture in a style [3, H, W] in the light and the weather of the words, which a style does not know.
-
-    where [H, W]: opacity of the scene's things
-    """
-    setting = setting_of(prompt_reader(encoders).read(words), picture_index(encoders), encoders)[0]
-    over = Setting(light=setting.light, weather=setting.weather)
-    return picture if over == Setting() else lay_setting(picture, over, where, seed).picture
 
 
 def _term(picture: Tensor, where: Tensor, weight: float = 1.0, subject: float = _SUBJECT) -> ImageTerm:

@@ -39,11 +39,7 @@ def read_picture(content: bytes, name: str) -> Tensor:
     """
     if content[:1024].lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
         content = _draw_svg(content, name)
-    return trim(without_ground(images.load_with_opacity(content, name, longest=svg_process.SIDE)), name)
-
-
-def trim(drawing: Tensor, name: str) -> Tensor:
-    """Returns a drawing without its empty margin. Raises ImageError if it is transparent."""
+    drawing = without_ground(images.load_with_opacity(content, name, longest=svg_process.SIDE))
     left, top, width, height = cv2.boundingRect((drawing[3] > _SEEN).byte().numpy())
     if width == 0:
         raise ImageError(f"{name} shows nothing: all of it is transparent.")
@@ -107,7 +103,12 @@ class PictureArchive:
             known: dict[str, list[str]] = json.loads(self._read(CAPTIONS))
         except ValueError as cause:
             raise WeightsError(f"{self._archive} has damaged captions ({cause}); fetch {self.name} again.") from cause
-        return [Captioned(file, tuple(captions), self._realism(file)) for file, captions in sorted(known.items())]
+        drawn = _DRAWN_IN.get(self.name, _DRAWN)
+        is_drawn = {file: file.endswith(".svg") or "cartoon" in file for file in known}  # pixels are photographs
+        return [
+            Captioned(file, tuple(captions), drawn if is_drawn[file] else _PHOTOGRAPH)
+            for file, captions in sorted(known.items())
+        ]
 
     def pictures(self, file: str) -> list[Tensor]:
         """Returns the picture. Raises WeightsError if the archive is damaged, ImageError if the picture is."""
@@ -119,11 +120,6 @@ class PictureArchive:
                 return opened.read(file)
         except (OSError, zipfile.BadZipFile, zlib.error, EOFError, KeyError) as cause:
             raise WeightsError(f"{self._archive} is damaged ({cause}); fetch {self.name} again.") from cause
-
-    def _realism(self, file: str) -> float:
-        """Returns the realism of a file: pixels are photographs, unless the name says "cartoon"."""
-        is_drawn = file.endswith(".svg") or "cartoon" in file
-        return _DRAWN_IN.get(self.name, _DRAWN) if is_drawn else _PHOTOGRAPH
 
 
 class PictureFolder:
@@ -145,7 +141,14 @@ class PictureFolder:
 
     def list_captioned(self) -> Sequence[Captioned]:
         """Returns the pictures that have a caption in words. Raises ConfigError for none or too many pictures."""
-        said = {path: _read_caption(path) for path in self._files()}
+        every = (path for path in self._folder.rglob("[!.]*") if path.suffix.lower() in _SUFFIXES and not path.is_dir())
+        files = sorted(islice(every, _MAX_FILES + 1))
+        if len(files) > _MAX_FILES:
+            raise ConfigError(
+                f"--pictures {self._folder} holds more than {_MAX_FILES} pictures, which would take long to read; "
+                "give a folder with those of the things that you want to paint."
+            )
+        said = {path: _read_caption(path) for path in files}
         found = [Captioned(str(path), (words,), 1.0) for path, words in said.items() if words]
         self.unnamed = len(said) - len(found)
         if not found:
@@ -158,19 +161,6 @@ class PictureFolder:
     def pictures(self, file: str) -> list[Tensor]:
         """Returns the picture. Raises ImageError."""
         return [read_picture(storage.read_bytes(Path(file), "a picture", _MAX_BYTES, ImageError), Path(file).name)]
-
-    def _files(self) -> list[Path]:
-        """Returns the picture files below the folder, sorted."""
-        inside = (
-            path for path in self._folder.rglob("[!.]*") if path.suffix.lower() in _SUFFIXES and not path.is_dir()
-        )
-        found = sorted(islice(inside, _MAX_FILES + 1))
-        if len(found) > _MAX_FILES:
-            raise ConfigError(
-                f"--pictures {self._folder} holds more than {_MAX_FILES} pictures, which would take long to read; "
-                "give a folder with those of the things that you want to paint."
-            )
-        return found
 
 
 def _read_caption(path: Path) -> str:

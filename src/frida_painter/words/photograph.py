@@ -98,8 +98,8 @@ def _lay(
     setting = Setting(light=replace(setting.light, stars=0), weather=setting.weather)
     used = {setting.weather.name, *setting.light.name.split(", ")}
     over = [one for one in named if one[2].name in used]
-    nouns = [thing for thing, word, _ in over if word == thing.noun]
-    settled = {number for number, thing in enumerate(reading.things) if thing in nouns}
+    named_alone = [thing for thing, word, _ in over if word == thing.noun]
+    settled = {number for number, thing in enumerate(reading.things) if thing in named_alone}
     found = cast(reading, settled, words, index, encoders, in_place=True)
     usable = [one for one in found if one is not None and not has_ground(one.picture) and one.thing not in there]
     for one in usable[:1]:
@@ -113,9 +113,6 @@ def _lay(
         shown, where = lit.picture, torch.maximum(where, lit.where - kept)
         encoders.remark(f"Laid over the photograph: {', '.join(dict.fromkeys(part.name for *_, part in over))}.")
         account_for(usable[:1], reading, over, account)
-        for thing in nouns:  # "at night" alone: the photograph is at night
-            before = [word.at for word in reading.said if word.kind == "relation" and word.at < min(thing.at)]
-            account.mark(before[-1:], Mark.SHOWN, "the photograph")
     encoders.remark(account.told)
     return shown, where
 

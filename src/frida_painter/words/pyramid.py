@@ -78,12 +78,12 @@ def color_in(
         adam.step()
         whole = (steps - 1) * (time.monotonic() - began) / max(step, 1)
         left = max(1, round(whole * (1 - step / max(steps - 1, 1))))
-        if step == 1:
-            tell(f"A first picture is coloured for the words, in about {left} s; the plan follows.")
-        elif step > 1 and whole > _MUCH_LONGER * expected and left > _SOON:
-            tell(f"The first picture takes longer, about {left} s more; this machine is busy.")
-        if step == 1 or whole > _MUCH_LONGER * expected:
+        if step and whole >= _MUCH_LONGER * expected:
             expected = whole
+            if step == 1:
+                tell(f"A first picture is coloured for the words, in about {left} s; the plan follows.")
+            elif left > _SOON:
+                tell(f"The first picture takes longer, about {left} s more; this machine is busy.")
     with torch.no_grad():
         found = draw_pyramid(levels, *size)
         which = torch.tensor([1, 2, 3])

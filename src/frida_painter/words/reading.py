@@ -36,6 +36,7 @@ _MANY = ("many", "several", "some", "few", "both")
 GROUPS = {"pair": 2, "couple": 2, "trio": 3, "dozen": 12, "family": 4, "group": 4, "row": 4, "line": 4,
            **dict.fromkeys(("pile", "stack", "heap", "bunch", "bouquet"))}  # fmt: skip
 """Nouns of several things, and their number."""
+_COUNTS = {**GROUPS, **{word: number for number, word in enumerate(_NUMBERS)}}
 _DEPICTIONS = ("painting", "picture", "drawing", "sketch", "photo", "photograph", "image", "portrait", "watercolor",
                 "watercolour", "life")  # fmt: skip
 _IN_A_NAME = ("amod", "compound", "nmod", "nummod", "npadvmod", "quantmod")  # kinds of dependents
@@ -108,11 +109,10 @@ class SaidWord:
     def says(self, caption: str) -> bool:
         """Returns True if a caption has this word, an inflected form, or a compound that ends with it."""
         stem, own = self.lemma[: max(_STEM, len(self.lemma) - 1)], (self.text.lower(), self.lemma)
-        for word in re.findall(r"[\w']+", caption.lower()):
-            is_form = word.startswith(stem) and len(word) <= len(self.lemma) + _ENDING
-            if word in own or (len(stem) >= _STEM and (is_form or word.endswith(own))):
-                return True
-        return False
+        words = re.findall(r"[\w']+", caption.lower())
+        forms = [word for word in words if word.startswith(stem) and len(word) <= len(self.lemma) + _ENDING]
+        is_long = len(stem) >= _STEM
+        return any(word in own or (is_long and (word in forms or word.endswith(own))) for word in words)
 
 
 @dataclass(frozen=True)
@@ -154,13 +154,12 @@ def prompt_reader(encoders: EncoderRegistry) -> PromptReader:
     """Returns the reader of prompts; without the grammar model it takes a prompt as one thing, with a remark."""
 
     def make() -> PromptReader:
-        folder = weights.find("english", encoders.cache)
-        if folder is None or not registry.is_installed("spacy"):
+        folder = weights.find("english", encoders.cache) if registry.is_installed("spacy") else None
+        if folder is None:
             encoders.remark(
                 "The prompt is taken for one thing; to have its grammar read: pip install 'frida-painter[words]', "
                 "frida-painter models fetch english"
             )
-            folder = None
         return PromptReader(folder)
 
     return encoders.keep("prompt reader", make)
@@ -197,7 +196,7 @@ class PromptReader:
         """
         text = prompt[:_LONGEST].strip().rstrip(".!")
         text = text.lower() if text.isupper() else text[:1].lower() + text[1:]
-        parsed = self._parse(text) if self._language is not None else ()
+        parsed = self._parse(text)
         walk = _Walk(parsed)
         if walk.absent and not walk.things:
             raise refuse_absent(text)
@@ -211,8 +210,9 @@ class PromptReader:
         return Reading(tuple(walk.things) or (whole,), tuple(walk.relations), tuple(walk.absent), said)
 
     def _parse(self, text: str) -> Sequence[Token]:
-        """Returns the parsed text, with mistakes of the parser corrected."""
-        assert self._language is not None
+        """Returns the parsed text, with mistakes of the parser corrected; empty without the model."""
+        if self._language is None:
+            return ()
         parsed = self._language(text)
         first = parsed[0] if len(parsed) else None
         if first is not None and (first.tag_ == "VBZ" or (first.pos_ == "VERB" and kinds_of(first.lower_) == {"person"})):
@@ -436,9 +436,7 @@ def _is_number(word: Token) -> bool:
 
 def _number(word: str) -> int | None:
     """Returns the value of a number in words or digits; None for words such as "many"."""
-    if word.isdecimal():
-        return int(word[:4])
-    return _NUMBERS.index(word) if word in _NUMBERS else GROUPS.get(word)
+    return int(word[:4]) if word.isdecimal() else _COUNTS.get(word)
 
 
 def _children(word: Token, *kinds: str) -> list[Token]:

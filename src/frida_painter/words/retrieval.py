@@ -5,12 +5,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
 import torch
 from torch import Tensor
 
 from frida_painter.errors import ImageError
-from frida_painter.objectives.encoders.classifiers import synonyms
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.objectives.picture_library import PictureLibrary
@@ -27,10 +25,11 @@ _REALISM = 0.6  # bonus of a photograph over a sign
 _FLAT = 0.4  # share of realism that a picture of flat areas loses: it is a drawing, whatever its file says
 _PLAIN, _COLORLESS = 0.25, 0.7  # penalties: for lines, and for pictures with a ground; for drawings without colour
 _COLORFUL = 8.0  # chroma
-_BLACK, _SILHOUETTE = 12.0, 0.4  # L* of black, and its share of a picture that makes a silhouette
-_SKETCHY = 0.25  # share of its box below which a thing consists of lines only
 _MOSTLY = 0.5  # share of equal neighbouring pixels above which a picture is drawn
-_FILLED = 0.95  # share of its box above which a picture is a rectangle
+_SKETCHY, _FILLED = (
+    0.25,
+    0.95,
+)  # share of its box below which a thing consists of lines only, and above which a picture is a rectangle
 
 
 def worth_of(picture: Tensor, realism: float) -> float:
@@ -41,12 +40,10 @@ def worth_of(picture: Tensor, realism: float) -> float:
     pairs = seen[:, 1:] & seen[:, :-1]
     same = (picture[:3, :, 1:] == picture[:3, :, :-1]).all(0) & pairs
     flat = float(same.sum()) / max(1, int(pairs.sum()))  # near 0 in photographs, near 1 in signs
-    lab = to_lab(picture[:3, seen].T)
-    black, chroma = float((lab[:, 0] < _BLACK).float().mean()), float(lab[:, 1:].norm(dim=1).mean())
-    is_colorless = flat > _MOSTLY and (chroma < _COLORFUL or black > _SILHOUETTE)
-    is_lines = float(picture[3].mean()) < _SKETCHY
-    penalty = _PLAIN * (is_lines + has_ground(picture)) + _COLORLESS * is_colorless
-    return _REALISM * realism * (1 - _FLAT * flat) - penalty
+    chroma = float(to_lab(picture[:3, seen].T)[:, 1:].norm(dim=1).mean())
+    is_colorless = flat > _MOSTLY and chroma < _COLORFUL
+    is_plain = float(picture[3].mean()) < _SKETCHY or has_ground(picture)
+    return _REALISM * realism * (1 - _FLAT * flat) - _PLAIN * is_plain - _COLORLESS * is_colorless
 
 
 def has_ground(picture: Tensor) -> bool:
@@ -63,19 +60,17 @@ def is_upright(picture: Tensor) -> bool:
 
 _SAYS, _ADDS = 0.2, 0.2  # bonus for each word of the prompt, and penalty for each other word
 _MORE = 0.3  # penalty for a picture of several, if a number of them is wanted
+_MODIFIES = 0.6  # penalty for a title whose word only describes another word
 _ENDING = 2  # greatest number of an ending's letters: an older woman is old
-_MODIFIES = 0.6  # for a title whose word only describes another word
 _FURTHER = re.compile(r"\b(?:of|with|in|on|at|for|and)\b")  # the words after these are not the named thing
 OWN = 2.0
 """Bonus in similarity of the user's own picture of a thing."""
 
 
 def clean_caption(caption: str) -> str:
-    """Returns a caption in small letters without article, numbers, underscores and brackets, except for colours."""
-    colors = [word for word in re.findall(r"\((.*?)\)", caption.lower()) if paint_of(word) is not None]
-    plain = re.sub(r"\(.*?\)|[^a-zA-Z' -]+", " ", caption)
-    plain = re.sub("^(an?|the|another|some|my|our) ", "", " ".join(plain.split()).lower())
-    return " ".join([*colors[:1], plain]).strip() or caption
+    """Returns a caption in small letters without article, numbers, underscores and brackets."""
+    plain = " ".join(re.sub(r"\(.*?\)|[^a-zA-Z' -]+", " ", caption).lower().split())
+    return re.sub("^(an?|the|another|some|my|our) ", "", plain) or caption
 
 
 def _names(title: str) -> list[str]:
@@ -88,48 +83,38 @@ def _spoken(title: str, thing: Thing) -> float:
     words = set(title.split())
     wanted = {*thing.name.split(), *thing.color.split(), thing.doing, thing.plural} - {""}
     said = sum(any(word.startswith(one) and len(word) <= len(one) + _ENDING for one in wanted) for word in words)
-    is_more = thing.count not in (None, 2) and (_names(title) or [""])[-1] in (f"{thing.noun}s", thing.plural)
+    is_more = thing.count not in (None, 2) and "".join(_names(title)[-1:]) in (f"{thing.noun}s", thing.plural)
     return _SAYS * said - _ADDS * (len(words) - said) - _MODIFIES * _is_modified(title, thing) - _MORE * is_more
 
 
 def _is_modified(title: str, thing: Thing) -> bool:
     """Returns True if a title has the word for another thing: a mountain goat, or an owl on a branch."""
-    head = (_names(title) or [""])[-1]
-    return thing.noun in title and not head.endswith((thing.noun, f"{thing.noun}s", thing.plural or thing.noun))
-
-
-def _is_other_kind(title: str, thing: Thing) -> bool:
-    """Returns True if a title and a thing are kinds of the same: a football player is no chess player."""
-    *kind, noun = _names(title) or [""]
-    wanted = thing.name.split()[:-1]
-    return noun == thing.noun and bool(kind and wanted) and not {*kind} & {*wanted, *thing.color.split()}
+    last = "".join(_names(title)[-1:])
+    return thing.noun in title and not last.endswith((thing.noun, f"{thing.noun}s", thing.plural or thing.noun))
 
 
 def _is_called(title: str, thing: Thing) -> bool:
-    """Returns True if a title has the word, a compound such as sailboat, or a synonym, and no different kind.
+    """Returns True if a title has the word, or a compound such as sailboat, and no different kind.
 
     For a washing machine, the title "sewing machine" does not count, but "machine" does.
     """
-    kind, wanted = set(_names(title)[:-1]), set(thing.name.split()[:-1])
-    names = (thing.noun, *(other.split()[-1].lower() for other in synonyms(thing.name)))
-    ends = (*names, *(f"{name}s" for name in names), thing.plural or thing.noun)
-    return (not kind or not wanted or bool(kind & wanted)) and any(word.endswith(ends) for word in title.split())
+    kind, wanted = _names(title)[:-1], thing.name.split()[:-1]
+    is_kind = not kind or not wanted or any(word.startswith((*wanted, *thing.color.split())) for word in kind)
+    ends = (thing.noun, f"{thing.noun}s", thing.plural or thing.noun)
+    return is_kind and any(word.endswith(ends) for word in title.split())
 
 
 _MIN, _MIN_PERSON = 0.58, 0.52  # similarity of a caption to a thing, or a person, below which no picture is better
 _LOOKED_AT_FOR_KIND = 60
 _ABOUT = 0.7  # similarity above which the name of a person is about a thing: a violinist and a violin
 _NAMED = 0.8  # similarity above which a caption means the thing, with any words: a duck (0.64) is no goose
-_AGREES = 0.35  # similarity to the prompt's own words that a synonym's caption needs
 _BAND = 0.35  # range of similarity below the best within which pictures are examined
 _LOOKED_AT = 9
 _TITLE = 60  # characters of a caption in a message
 
+_COLORED, _SAME = 0.1, 0.95  # greatest bonus for a caption with the colour; similarity above which it has both
+_KEYWORD, _AGREED = 0.05, 0.4  # loss of a keyword against a title; share of its similarity whatever the title says
 _EXACT = 1.5  # weight of similarity against the look of a picture
-_KEYWORD = 0.05  # loss of a keyword against a title
-_COLORED = 0.1  # greatest bonus for a caption with the colour
-_SAME = 0.95  # similarity of a caption to name and colour above which it has both
-_AGREED = 0.4  # share of a keyword's similarity that does not depend on the title
 _NOUN = 0.35  # weight of a name's last word in its meaning
 _CONTEXT = 0.15  # weight of a caption's similarity to the whole prompt
 
@@ -184,10 +169,12 @@ class FoundPicture:
 class _Entry:
     library: PictureLibrary
     file: str
-    title: str
-    keywords: tuple[str, ...]
-    rows: tuple[int, ...]  # rows of its captions in the matrix of meanings, the title's first
+    captions: list[str]  # the title, and keywords
     realism: float
+
+    @property
+    def title(self) -> str:
+        return self.captions[0]
 
 
 class PictureIndex:
@@ -199,29 +186,19 @@ class PictureIndex:
     def __init__(self, libraries: Sequence[PictureLibrary], sentences: SentenceEncoder, keep: Path) -> None:
         self._sentences = sentences
         self._entries: list[_Entry] = []
-        self._meanings = torch.zeros(0, 1)
         self.faults: list[str] = []
-        parts: list[Tensor] = []
-        before = 0
+        parts, rows, owners, before = list[Tensor](), list[int](), list[int](), 0
         for library in libraries:
-            captioned = library.list_captioned()
-            said = list(dict.fromkeys(clean_caption(caption) for one in captioned for caption in one.captions))
-            at = {caption: before + number for number, caption in enumerate(said)}
-            for one in captioned:
-                rows = tuple(at[clean_caption(caption)] for caption in one.captions)
-                title, *keywords = map(clean_caption, one.captions)
-                self._entries.append(_Entry(library, one.file, title, tuple(keywords), rows, one.realism))
-            parts.append(sentences.embed_once(said, keep))
-            before += len(said)
-        self._meanings = torch.cat(parts)
-        longest = max(len(entry.rows) for entry in self._entries)
-        self._titles = torch.tensor([entry.rows[0] for entry in self._entries])
-        self._kinds = np.array([" ".join(_names(entry.title)[-1:]) for entry in self._entries])
-        self._names = np.array([entry.title for entry in self._entries])
-        self._owned = torch.tensor([entry.library.is_own for entry in self._entries])
-        self._words = torch.tensor(
-            [entry.rows + (entry.rows[0],) * (longest - len(entry.rows)) for entry in self._entries]
-        )
+            known: dict[str, int] = {}  # rows of captions in the matrix of meanings
+            for one in library.list_captioned():
+                said = [clean_caption(caption) for caption in one.captions]
+                rows += [known.setdefault(caption, before + len(known)) for caption in said]
+                owners += [len(self._entries)] * len(said)
+                self._entries.append(_Entry(library, one.file, said, one.realism))
+            parts.append(sentences.embed_once([*known], keep))
+            before += len(known)
+        self._meanings, self._rows, self._owners = torch.cat(parts), torch.tensor(rows), torch.tensor(owners)
+        self._titles = self._rows[self._owners.diff(prepend=torch.tensor([-1])) > 0]
 
     def find(self, thing: Thing, prompt: str, *, cut_out: bool = False, acts: bool = False) -> FoundPicture | None:
         """Returns the best picture of a thing, the user's own before all others; None if there is none.
@@ -231,19 +208,12 @@ class PictureIndex:
         acts: True for somebody who does something or is among others, and should be seen from head to foot
         """
         thing = _in_small_letters(thing)
-        figure = is_person(thing.name, self._sentences)
-        similarity = self._of_kind(thing, self._similarity(thing), figure=figure)
-        best = float(similarity.clamp(max=1).max())
-        if best < (least := _MIN_PERSON if figure else _MIN):
-            return None
-        context = self._similar(prompt)[self._titles]
-        order = (similarity + _CONTEXT * context).argsort(descending=True)[: 4 * _LOOKED_AT].tolist()
-        near = [
-            at for at in order if similarity[at] >= (OWN if _is_other_kind(self._entries[at].title, thing) else least)
-        ]
-        if cut_out:
-            near = [at for at in near if similarity[at] >= OWN or not _is_modified(self._entries[at].title, thing)]
-        highest, found, seen = -float("inf"), None, 0
+        figure, similarity = is_person(thing.name, self._sentences), self._similarity(thing)
+        least = _MIN_PERSON if figure else _MIN
+        context = (self._meanings @ self._sentences.embed([prompt])[0])[self._titles]
+        order = (similarity + _CONTEXT * context).argsort(descending=True)[:_LOOKED_AT_FOR_KIND].tolist()
+        near = [at for at in order if similarity[at] >= (least if self._fits(at, thing, figure, cut_out) else OWN)]
+        highest, found, best, seen = -float("inf"), None, 0.0, 0
         for at, picture in self._show(near):
             entry, like = self._entries[at], float(similarity[at])
             if cut_out and like < OWN and has_ground(picture):
@@ -259,23 +229,18 @@ class PictureIndex:
                 + _FROM_HEAD_TO_FOOT * (figure and acts and is_upright(picture))
             )
             if worth > highest:
-                called = _is_called(entry.title, thing) or thing.name in entry.keywords
-                exact = like >= _NAMED or called
+                exact = like >= _NAMED or _is_called(entry.title, thing) or thing.name in entry.captions
                 highest, found = worth, FoundPicture(thing, picture, entry.title, entry.library, exact)
         return found
 
-    def _of_kind(self, thing: Thing, similarity: Tensor, *, figure: bool) -> Tensor:
-        """Returns the similarities without those of another kind: only a person stands for a person, and for no thing.
+    def _fits(self, at: int, thing: Thing, figure: bool, cut_out: bool) -> bool:
+        """Returns True if a picture may stand for a thing, of which it is no other kind: for a person, only a person.
 
-        figure: True if the thing is a person: a tooth is no dentist, and a farmer no farmhouse
+        A tooth is no dentist, a farmer no farmhouse, and a football player no chess player.
         """
-        similarity = similarity.clone()
-        for at in similarity.topk(min(_LOOKED_AT_FOR_KIND, len(similarity))).indices.tolist():
-            entry = self._entries[at]
-            is_named = entry.library.is_own or _is_called(entry.title, thing)
-            if not is_named and is_person(entry.title, self._sentences) != figure:
-                similarity[at] = 0
-        return similarity
+        title = self._entries[at].title
+        is_like = is_person(title, self._sentences) == figure and _names(title)[-1:] != [thing.noun]
+        return (_is_called(title, thing) or is_like) and not (cut_out and _is_modified(title, thing))
 
     def _show(self, entries: Iterable[int]) -> Iterator[tuple[int, Tensor]]:
         """Yields the variants of pictures; those that cannot be read are left out."""
@@ -303,44 +268,39 @@ class PictureIndex:
         return ""
 
     def _similarity(self, thing: Thing) -> Tensor:
-        """Returns the similarity of each picture's captions to a thing [n], and more for the user's own pictures of it.
+        """Returns the similarity of each picture's title to a thing [n], and more for the user's own pictures of it.
 
         Their names need only have the word.
         """
-        similarity, nouns = self._captioned(thing), {thing.noun, thing.plural} - {""}
-        named = [entry.library.is_own and bool(nouns & {*_names(entry.title)}) for entry in self._entries]
-        return similarity + OWN * (self._owned & ((similarity >= _NAMED) | torch.tensor(named)))
+        similarity, nouns = self._titled(thing), {thing.noun, thing.plural} - {""}
+        for at, entry in enumerate(self._entries):
+            if entry.library.is_own and (similarity[at] >= _NAMED or nouns & {*_names(entry.title)}):
+                similarity[at] += OWN
+        return similarity
 
-    def _captioned(self, thing: Thing) -> Tensor:
-        """Returns the similarity of each picture's captions to a thing, [n]."""
-        called = self._embed_captions(thing.name)
-        if thing.color:
-            colored = self._embed_captions(f"{thing.color} {thing.name}")
-            said = torch.where(colored >= _SAME, colored + _COLORED, torch.minimum(colored, called + _COLORED))
-            called = torch.maximum(called, said)
-        if thing.doing:
-            for words in (f"{thing.name} {thing.doing}", f"{thing.doing} {thing.name}"):
-                called = torch.maximum(called, self._embed_captions(words))
+    def _titled(self, thing: Thing) -> Tensor:
+        """Returns the similarity of each picture's title to a thing [n]: to its name, or one with its other words."""
+        also = [f"{thing.doing} {thing.name}"] if thing.doing else []
         if thing.plural and thing.count in (None, 2):
-            called = torch.maximum(called, self._embed_captions(f"{thing.name.removesuffix(thing.noun)}{thing.plural}"))
-        for other in synonyms(thing.name):
-            called = torch.maximum(called, self._embed_captions(other).masked_fill(called < _AGREES, 0))
+            also.append(f"{thing.name.removesuffix(thing.noun)}{thing.plural}")
+        called = torch.stack([self._similar(words) for words in (thing.name, *also)]).amax(0)
+        if thing.color:
+            colored = self._similar(f"{thing.color} {thing.name}")
+            bounded = torch.where(colored >= _SAME, colored + _COLORED, colored.minimum(called + _COLORED))
+            called = called.maximum(bounded)
         if thing.noun == thing.name:
             return called
-        # An older man is a man, and any picture called a man will do; but a slot machine is no sewing machine.
-        called = torch.where(torch.from_numpy(self._names == thing.noun), called.clamp(min=_MIN), called)
-        is_one = torch.from_numpy(self._kinds == thing.noun) & (called >= _MIN)
-        noun = self._embed_captions(thing.noun).masked_fill(is_one, 1)
+        # An older man is a man; but a slot machine is no sewing machine.
+        is_one = torch.tensor([_names(entry.title)[-1:] == [thing.noun] for entry in self._entries])
+        noun = self._similar(thing.noun).masked_fill(is_one & (called >= _MIN), 1)
         return ((1 - _NOUN) * called + _NOUN * noun).masked_fill(noun < _SPEAKS, 0)  # stones are no stone bridge
 
-    def _embed_captions(self, words: str) -> Tensor:
-        """Returns the similarity of words to each picture: the title's, or a keyword's, weighted by the title's."""
-        similar = self._similar(words)
-        title, keyword = similar[self._titles], similar[self._words].amax(1) - _KEYWORD
-        return torch.maximum(title, keyword * (_AGREED + (1 - _AGREED) * title))
-
     def _similar(self, words: str) -> Tensor:
-        return self._meanings @ self._sentences.embed([words])[0]
+        """Returns the similarity of words to each picture: the title's, or a keyword's, weighted by the title's."""
+        similar = self._meanings @ self._sentences.embed([words])[0]
+        title = similar[self._titles]
+        keyword = title.scatter_reduce(0, self._owners, similar[self._rows] - _KEYWORD, "amax")
+        return torch.maximum(title, keyword * (_AGREED + (1 - _AGREED) * title))
 
 
 def picture_index(encoders: EncoderRegistry) -> PictureIndex | None:

@@ -97,10 +97,9 @@ class TextTerm(Term):
 
         said = [term for term in goal.terms if isinstance(term, cls)]
         main = max(said, key=lambda term: term.weight, default=None)
+        prompt, settings = (None, USUAL) if main is None else (main.prompt, main.settings)
         is_alone = len(said) == len(goal.terms) and not goal.initial
-        if main is None:
-            return with_beginning(goal, context, None, USUAL, is_alone=False)
-        return with_beginning(goal, context, main.prompt, main.settings, is_alone=is_alone)
+        return with_beginning(goal, context, prompt, settings, is_alone=is_alone)
 
 
 KIND = GoalKind(
