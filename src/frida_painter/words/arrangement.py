@@ -78,6 +78,7 @@ _CROWDED = 0.6  # least share of its size that a thing keeps among others on the
 _TALLER = 1.6  # least height of a tree, relative to those under it
 _SEAT = 0.5  # share of the height of a seat's picture at which somebody sits
 
+_HELD, _SMALL = 0.6, 0.4  # height of a thing, relative to a figure, from which it stands, and up to which it never does
 _REACHED = 0.3  # share of its width by which a large thing is beyond the hand
 _HAND, _IN_THE_HANDS = 0.45, 0.5  # of a person: height of the hands, and greatest height of a thing in them
 _LIGHT = 0.8  # share of its size that a thing keeps in the hands
@@ -177,7 +178,9 @@ def arrange_parts(parts: Sequence[ScenePart | None], relations: Sequence[Relatio
         mine, other, kind = one.subject, one.object, kind_of(one.word)
         if mine in placed:
             mine, other, kind = other, mine, _OPPOSITE.get(kind, kind)
-        if mine not in placed:
+        if mine not in placed and known[other] == "air" and known[mine] != "air" and len(placed) > 1:
+            placed[mine] = _beside([placed[each] for each in placed if known[each] != "air"], alone[mine])
+        elif mine not in placed:
             placed[mine], placed[other] = _put(alone[mine], placed[other], kind, known[mine], known[other])
             together.setdefault((other, kind), []).append(mine)
     for (number, kind), some in together.items():
@@ -280,7 +283,8 @@ def _put(mine: Placed, other: Placed, kind: str, where: str, other_where: str) -
 def _at_hand(mine: Placed, other: Placed, hand: tuple[float, float], where: str) -> Placed:
     """Returns a thing in the hand of a figure; a large one stands behind the hand, and a long one reaches the floor."""
     across, up = hand
-    if mine.height >= _CARRIED * other.height or where in ("animal", "seat", "top"):
+    is_large = mine.height >= _HELD * other.height or where in ("animal", "seat", "top")
+    if is_large and mine.height > _SMALL * other.height:
         return _at(mine, other, across + _REACHED * math.copysign(mine.width, across) / other.width, depth=-1)
     if where == "held":
         return _at(mine, other, across, up if up > 0.5 else 0.0, most=_LIFTED * other.height)

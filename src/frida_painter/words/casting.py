@@ -64,6 +64,8 @@ def cast(
         wanted |= {one.subject: first}
         del wanted[one.object]
     people = {number for number, thing in wanted.items() if is_person(thing.name, sentences)}
+    groups = {number: GROUPS.get(wanted[number].noun) for number in people if wanted[number].count == 1}
+    wanted |= {number: replace(wanted[number], count=count) for number, count in groups.items() if count}
     poses = {number: _pose_of(number, wanted[number], reading, sentences) for number in people}
     acting = any(wanted[number].doing and pose[1] for number, pose in poses.items())
     for number, thing in wanted.items():

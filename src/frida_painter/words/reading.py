@@ -215,7 +215,9 @@ class PromptReader:
             return ()
         parsed = self._language(text)
         first = parsed[0] if len(parsed) else None
-        if first is not None and (first.tag_ == "VBZ" or (first.pos_ == "VERB" and kinds_of(first.lower_) == {"person"})):
+        if first is not None and (
+            first.tag_ == "VBZ" or (first.pos_ == "VERB" and kinds_of(first.lower_) == {"person"})
+        ):
             # birds over a house: without an article "birds" looks like a verb
             parsed = self._language(f"the {text}")
         for word in parsed:
@@ -226,7 +228,9 @@ class PromptReader:
             is_after = word.i > word.head.i and word.pos_ in ("ADJ", "ADV", "X", "INTJ")
             if (is_last and word.lower_ in self._nouns) or (is_after and word.lemma_ in self._only_nouns):
                 word.pos_, word.lemma_ = "NOUN", word.lower_  # a watering can, a fire hydrant, a croissant
-                word.dep_ = "dobj" if word.head.pos_ == "VERB" and word.dep_ == "advmod" else word.dep_  # hanging laundry
+                word.dep_ = (
+                    "dobj" if word.head.pos_ == "VERB" and word.dep_ == "advmod" else word.dep_
+                )  # hanging laundry
                 for child in _children(word, "nsubj"):
                     child.dep_ = "compound"
         for word in parsed:
@@ -267,9 +271,9 @@ class PromptReader:
 
     def _is_finite(self, noun: Token) -> bool:
         """Returns True if what looks like a plural at the end is what somebody does: a woman dances."""
-        is_end = noun.i + 1 == len(noun.doc)
-        is_no_thing = kinds_of(noun.lemma_) == {"idea"} or noun.lemma_ not in self._nouns
-        return is_end and is_no_thing and kinds_of(noun.nbor(-1).lower_) == {"person"}
+        is_end = noun.i + 1 == len(noun.doc) and not _is_number(noun.nbor(-1))
+        is_no_thing = "idea" in kinds_of(noun.lemma_) or noun.lemma_ not in self._nouns
+        return is_end and is_no_thing and "person" in kinds_of(noun.nbor(-1).lower_)
 
 
 def _put_in_place(noun: Token, other: Token, kind: str, taken: Iterable[Token]) -> None:
@@ -277,7 +281,9 @@ def _put_in_place(noun: Token, other: Token, kind: str, taken: Iterable[Token]) 
 
     taken: dependents of the other word that become dependents of the noun
     """
-    noun.dep_, noun.head, taken = other.dep_, noun if other.head == other else other.head, list(taken)
+    taken = list(taken)
+    if other.head != noun:
+        noun.dep_, noun.head = other.dep_, noun if other.head == other else other.head
     for word in (*taken, other):
         word.head = noun
     other.dep_, noun.pos_ = kind, noun.pos_ if _is_noun(noun) else "NOUN"
@@ -379,9 +385,10 @@ class _Walk:
         if head.pos_ in ("VERB", "AUX") and (actors := [word for word in head.lefts if _is_noun(word)]):
             return self._joined(actors[-1])
         above = head.head
-        if head.dep_ == "acl" and above.dep_ == "pobj" and (owners := self._subjects(above.head)):
-            if all(kinds_of(self.things[one].noun) == {"person"} for one in owners):
-                return owners if kinds_of(above.lower_) != {"person"} else self._subjects(above)  # in a coat, running
+        owners = self._subjects(above.head) if head.dep_ == "acl" and above.dep_ == "pobj" else []
+        people = [one for one in owners if "person" in kinds_of(self.things[one].noun)]
+        if people and "person" not in kinds_of(above.lower_):  # a man in a suit, running
+            return people
         return [] if above == head else self._subjects(above)
 
 
