@@ -69,7 +69,7 @@ def test_the_old_have_white_hair_and_children_large_heads() -> None:
 
 
 def test_a_mirrored_figure_has_its_hand_on_the_other_side() -> None:
-    figure = draw("watering")
+    figure = draw("climbing")
     turned = figure.mirrored()
     assert turned.hand == (-figure.hand[0], figure.hand[1]) and torch.equal(turned.picture.flip(2), figure.picture)
 

@@ -22,6 +22,8 @@ _ANYBODY = 6  # number of the looks, the first ones, of people without a trade
 _OLD, _AGED = ("old", "elderly", "grandmother", "grandfather"), 0.75  # who has white hair, and the least similarity
 _CHILD, _GROWN = (4.0, 0.6), (7.0, 1.6)  # heights of a body in heads and in metres
 
+_HANDLES = ("on", "in", "with", "doing")  # kinds of relations of a body to a thing
+
 Cast = list[FoundPicture | None]
 
 
@@ -67,11 +69,13 @@ def cast(
     groups = {number: GROUPS.get(wanted[number].noun) for number in people if wanted[number].count == 1}
     wanted |= {number: replace(wanted[number], count=count) for number, count in groups.items() if count}
     poses = {number: _pose_of(number, wanted[number], reading, sentences) for number in people}
-    acting = any(wanted[number].doing and pose[1] for number, pose in poses.items())
+    acting = any(wanted[number].doing and pose[1] for number, pose in poses.items()) or any(
+        one.subject in people and one.object in wanted and kind_of(one.word) in _HANDLES for one in reading.relations
+    )
     for number, thing in wanted.items():
         among = len(wanted) > 1 or in_place or thing.shown > 1
         found = index.find(thing, prompt, cut_out=among, acts=bool(among or thing.doing))
-        if number in people and not _shows_person(found, reading, acting=acting, among=among):
+        if number in people and not _shows_person(found, reading, sentences, acting=acting, among=among):
             shown = [one for one in reading.relations if {one.subject, one.object} <= {*wanted}]
             found = _draw_person(number, thing, shown, *poses[number], sentences)
         if found is None and number == min(wanted) and thing.shown == 1:  # its picture with a ground may be all
@@ -82,7 +86,9 @@ def cast(
     return things
 
 
-def _shows_person(found: FoundPicture | None, reading: Reading, *, acting: bool, among: bool) -> bool:
+def _shows_person(
+    found: FoundPicture | None, reading: Reading, sentences: SentenceEncoder, *, acting: bool, among: bool
+) -> bool:
     """Returns True if a picture serves for a person: the user's own, or one of just that person or action.
 
     acting: True if anybody in the scene does something
@@ -92,7 +98,8 @@ def _shows_person(found: FoundPicture | None, reading: Reading, *, acting: bool,
         return found is not None
     actions = [word for word in reading.said if word.kind == "action" and word.at in found.thing.at]
     does = any(word.says(found.caption) for word in actions)
-    return found.exact and (does or not acting) and not (among and not is_upright(found.picture))
+    is_as_old = {*_old(found.thing.name, sentences)} <= {*found.caption.split()}
+    return found.exact and is_as_old and (does or not acting) and not (among and not is_upright(found.picture))
 
 
 def _draw_person(
@@ -107,9 +114,7 @@ def _draw_person(
     anybody = figures.looks()[:_ANYBODY]
     if alike < _LOOKS:
         look, called, _ = figures.nearest([thing.noun], anybody, sentences)
-    words = thing.name.split()
-    ages = (sentences.embed(words) @ sentences.embed(_OLD).T).amax(1)
-    old = [word for word, age in zip(words, ages.tolist(), strict=True) if age >= _AGED]
+    old = _old(thing.name, sentences)
     (least, small), (most, tall) = _CHILD, _GROWN
     grown = (known_like(thing.name, sentences).height - small) / (tall - small)
     heads = least + (most - least) * min(1.0, max(0.0, grown))
@@ -130,6 +135,13 @@ def _draw_person(
     said = [*old, thing.noun if is_exact else called, thing.doing if meant else ""]
     caption = " ".join(dict.fromkeys(word for word in said if word))
     return FoundPicture(thing, figure.picture, caption, None, is_exact, replace(figure, does=meant))
+
+
+def _old(name: str, sentences: SentenceEncoder) -> list[str]:
+    """Returns the words of a name that mean that somebody is old."""
+    words = name.split()
+    ages = (sentences.embed(words) @ sentences.embed(_OLD).T).amax(1)
+    return [word for word, age in zip(words, ages.tolist(), strict=True) if age >= _AGED]
 
 
 def _pose_of(number: int, thing: Thing, reading: Reading, sentences: SentenceEncoder) -> tuple[Pose, str]:

@@ -354,6 +354,9 @@ class _Walk:
         if not is_state and (verb.pos_ not in ("VERB", "AUX") or _is_in_a_name(verb)):
             return
         subjects = self._subjects(verb)
+        if verb.dep_ == "acl":  # mother and child, walking
+            beside = [one for one in verb.head.conjuncts if one.i < verb.i and "person" in kinds_of(one.lower_)]
+            subjects += [self._numbers[one] for one in beside if one in self._numbers]
         doing = "" if verb.pos_ == "AUX" else _gerund(verb)
         for number in subjects:
             thing = self.things[number]
