@@ -104,9 +104,8 @@ class PictureArchive:
         except ValueError as cause:
             raise WeightsError(f"{self._archive} has damaged captions ({cause}); fetch {self.name} again.") from cause
         drawn = _DRAWN_IN.get(self.name, _DRAWN)
-        is_drawn = {file: file.endswith(".svg") or "cartoon" in file for file in known}  # pixels are photographs
         return [
-            Captioned(file, tuple(captions), drawn if is_drawn[file] else _PHOTOGRAPH)
+            Captioned(file, tuple(captions), drawn if file.endswith(".svg") or "cartoon" in file else _PHOTOGRAPH)
             for file, captions in sorted(known.items())
         ]
 

@@ -240,7 +240,7 @@ class PromptReader:
     def _correct(self, noun: Token) -> None:
         """Puts another word into the place of a noun, if that is what is to be seen.
 
-        A picture stands for what it shows, and a pile for its content. The parser may take a verb for a noun, and its
+        This is the thing in a picture, or the content of a pile. The parser may take a verb for a noun, and its
         actor or its object for a part of the name: "a zebra drinking from a river", "a farmer feeding chickens". It may
         also take the last word of a name for a further noun: "a fire hydrant".
         """

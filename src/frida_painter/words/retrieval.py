@@ -109,7 +109,7 @@ _LOOKED_AT_FOR_KIND = 60
 _ABOUT = 0.7  # similarity above which the name of a person is about a thing: a violinist and a violin
 _NAMED = 0.8  # similarity above which a caption means the thing, with any words: a duck (0.64) is no goose
 _BAND = 0.35  # range of similarity below the best within which pictures are examined
-_LOOKED_AT = 9
+_LOOKED_AT = 14
 _TITLE = 60  # characters of a caption in a message
 
 _COLORED, _SAME = 0.1, 0.95  # greatest bonus for a caption with the colour; similarity above which it has both
@@ -211,10 +211,10 @@ class PictureIndex:
         figure, similarity = is_person(thing.name, self._sentences), self._similarity(thing)
         least = _MIN_PERSON if figure else _MIN
         context = (self._meanings @ self._sentences.embed([prompt])[0])[self._titles]
-        order = (similarity + _CONTEXT * context).argsort(descending=True)[:_LOOKED_AT_FOR_KIND].tolist()
+        order = (similarity + _CONTEXT * context).argsort(descending=True, stable=True)[:_LOOKED_AT_FOR_KIND].tolist()
         near = [at for at in order if similarity[at] >= (least if self._fits(at, thing, figure, cut_out) else OWN)]
         highest, found, best, seen = -float("inf"), None, 0.0, 0
-        for at, picture in self._show(near):
+        for at, picture in self._show(near[: 4 * _LOOKED_AT]):
             entry, like = self._entries[at], float(similarity[at])
             if cut_out and like < OWN and has_ground(picture):
                 continue

@@ -39,37 +39,33 @@ def composite_into_style(
     should be large and stand out clearly.
     """
     small = images.fit(picture, _ROWS, round(_ROWS * picture.shape[2] / picture.shape[1]))
-    edges, light = _edges(small), _lightness(small)
+    edges, light = _edges(small), to_lab_picture(small)[0]
     colors = style_colors(picture)
     painted = [drawing] if own == 1 else [torch.lerp(tone(drawing, colors, *tones), drawing, own) for tones in _TONES]
-    best, chosen = -float("inf"), (0, sizes[-1], 0.5, 0.5)
+
+    def worth(choice: tuple[Tensor, float, float, float]) -> float:
+        shown, where = _lay(small, *choice)
+        wider = functional.max_pool2d(where[None, None], 2 * _STYLE_SCENE_AROUND + 1, 1, _STYLE_SCENE_AROUND)[0, 0]
+        around = float((light * (wider - where)).sum() / (wider - where).sum())
+        clear = min(1.0, abs(float(to_lab_picture(shown)[0][where > 0.5].median()) - around) / _CLEAR)
+        kept = float(torch.corrcoef(torch.stack((_edges(shown).flatten(), edges.flatten())))[0, 1])
+        return _KEEPING * kept + clear + _LARGE * choice[1]
+
     heights = [down for down in _PLACES if rows[0] <= down <= rows[1]]
-    for number, size in product(range(len(painted)), sizes):
-        thing = _resize_to(painted[number], size, small)
-        bright = float(_lightness(thing[:3])[thing[3] > 0.5].median())
-        for down, across in product(heights, _PLACES):
-            shown, where = paste(thing, small, *_place(thing, small, down, across))
-            wider = (
-                functional.max_pool2d(where[None, None], 2 * _STYLE_SCENE_AROUND + 1, 1, _STYLE_SCENE_AROUND)[0, 0]
-                - where
-            )
-            clear = min(1.0, abs(bright - float((light * wider).sum() / wider.sum())) / _CLEAR)
-            kept = float(torch.corrcoef(torch.stack((_edges(shown).flatten(), edges.flatten())))[0, 1])
-            if (worth := _KEEPING * kept + clear + _LARGE * size) > best:
-                best, chosen = worth, (number, size, down, across)
-    number, size, down, across = chosen
-    thing = _resize_to(painted[number], size, picture)
-    return paste(thing, picture, *_place(thing, picture, down, across))
+    return _lay(picture, *max(product(painted, sizes, heights, _PLACES), key=worth))
 
 
-def _resize_to(drawing: Tensor, size: float, picture: Tensor) -> Tensor:
-    """Returns a drawing whose longer side is `size` of the picture's shorter one."""
-    return resize(drawing, size * min(picture.shape[1:]) / max(drawing.shape[1:]))
+def _lay(picture: Tensor, thing: Tensor, size: float, down: float, across: float) -> tuple[Tensor, Tensor]:
+    """Returns a picture [3, H, W] with a thing in it, and the thing's opacity [H, W].
 
-
-def _place(thing: Tensor, picture: Tensor, down: float, across: float) -> tuple[int, int]:
-    """Returns the first row and column of a thing, from its position in the free space: 0 to 1 down and across."""
-    return round(down * (picture.shape[1] - thing.shape[1])), round(across * (picture.shape[2] - thing.shape[2]))
+    size: of its longer side, relative to the picture's shorter one
+    down, across: position in the free space, from 0 to 1
+    """
+    one = resize(thing, size * min(picture.shape[1:]) / max(thing.shape[1:]))
+    return paste(
+        one, picture,
+        round(down * (picture.shape[1] - one.shape[1])), round(across * (picture.shape[2] - one.shape[2])),
+    )  # fmt: skip
 
 
 def _edges(picture: Tensor) -> Tensor:
@@ -78,8 +74,3 @@ def _edges(picture: Tensor) -> Tensor:
     across = smooth[:, 2 * _AREA :] - smooth[:, : -2 * _AREA]
     down = smooth[2 * _AREA :] - smooth[: -2 * _AREA]
     return (across[_AREA:-_AREA].square() + down[:, _AREA:-_AREA].square()).sqrt()
-
-
-def _lightness(picture: Tensor) -> Tensor:
-    """Returns L* of a picture [3, h, w], [h, w]."""
-    return to_lab_picture(picture)[0]

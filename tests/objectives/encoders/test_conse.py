@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from downloads import fetched
-from frida_painter.objectives.encoders.classifiers import class_names, synonyms
+from frida_painter.objectives.encoders.classifiers import class_names
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from support.networks import WordBag, random_reader
 
@@ -68,8 +68,3 @@ def test_a_thousand_classes_each_with_a_name() -> None:
     assert len(names) == 1000
     assert all(name.strip() == name and name for some in names for name in some)
     assert names[437][:2] == ("beacon", "lighthouse") and names[949] == ("strawberry",) and names[0][0] == "tench"
-
-
-def test_a_class_has_other_names() -> None:
-    assert "lady beetle" in synonyms("ladybird") and "ladybird" not in synonyms("Ladybird")
-    assert synonyms("no such thing") == []

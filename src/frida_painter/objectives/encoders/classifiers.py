@@ -235,13 +235,3 @@ def class_names() -> tuple[tuple[str, ...], ...]:
     """
     text = (resources.files(__package__) / FILE).read_text("utf-8")
     return tuple(tuple(line.split(", ")) for line in text.splitlines())
-
-
-def synonyms(name: str) -> list[str]:
-    """Returns other names of the class of that name; empty for other names.
-
-    Example: "lady beetle" for "ladybird".
-    """
-    plain = name.lower()
-    known = [some for some in class_names() if any(plain == one.lower() for one in some)]
-    return [one for some in known for one in some if one.lower() != plain]
