@@ -196,10 +196,13 @@ def arrange_parts(parts: Sequence[ScenePart | None], relations: Sequence[Relatio
 
 
 def _turn(relation: Relation, shown: Mapping[int, ScenePart]) -> Relation:
-    """Returns a relation as it is meant: what a table is "with" stands on it, and a hat is not around its wearer."""
+    """Returns a relation as it is meant: what a table is "with" stands on it, somebody
+    on a boat sits in it, and a hat is not around its wearer."""
     subject, other = shown[relation.subject].known, shown[relation.object].known
     if relation.word == "with" and subject.where == "top" and other.height < subject.height:
         return Relation(relation.object, "on", relation.subject)
+    if other.where == "water" and subject.where == "person" and relation.word == "on":
+        return replace(relation, word="in")
     return replace(relation, word="with") if other.where == "head" and relation.word == "in" else relation
 
 

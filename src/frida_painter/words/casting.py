@@ -16,7 +16,7 @@ CALLED = 0.9
 """Similarity above which a picture is of the thing itself."""
 
 _LOOKS, _KNOWN = 0.6, 0.8  # similarity above which a look is like that of a name, and above which it is that
-_DOES = 0.5  # similarity above which a pose is that of a verb
+_DOES, _WITH = 0.5, 0.8  # similarity above which a pose is that of a verb, and that of a verb with its object
 _IS = 0.6  # similarity above which a pose is that of a name: a violinist plays the violin
 _ANYBODY = 6  # number of the looks, the first ones, of people without a trade
 _OLD, _AGED = ("old", "elderly", "grandmother", "grandfather"), 0.75  # who has white hair, and the least similarity
@@ -146,11 +146,14 @@ def _old(name: str, sentences: SentenceEncoder) -> list[str]:
 
 def _pose_of(number: int, thing: Thing, reading: Reading, sentences: SentenceEncoder) -> tuple[Pose, str]:
     """Returns the pose of what a person does, and the words of the table that mean it; "" for somebody who stands."""
-    said = [thing.doing] if thing.doing else []
+    said = []
     for one in reading.relations:
         if one.subject == number:
             between = "" if one.word == thing.doing else f" {one.word}"
             said.append(f"{thing.doing}{between} {reading.things[one.object].noun}".strip())
-    pose, meant, similarity = figures.nearest([*said, thing.name], figures.poses(), sentences)
+    pose, meant, similarity = figures.nearest(said or [thing.name], figures.poses(), sentences)
+    if " " not in meant or similarity < _WITH:  # flying a kite is not flying
+        alone = [*said, thing.doing or thing.name]
+        pose, meant, similarity = figures.nearest(alone, figures.poses(), sentences)
     standing = figures.poses()[0]
     return (standing, "") if similarity < (_DOES if thing.doing else _IS) or pose is standing else (pose, meant)

@@ -309,7 +309,7 @@ def mix_lights(first: Light, second: Light) -> Light:
 
 def infer_place(names: Sequence[str], sentences: SentenceEncoder, *, outside: bool = False) -> Place:
     """Returns the usual place of things, that with the most similar words; under the sky if they are `outside`."""
-    places = [place for place in PLACES if place.is_open or not outside]
+    places = [place for place in PLACES if place is not PAPER and (place.is_open or not outside)]
     return _nearest(names, places, sentences, lambda one: (*one.found, *one.words))[0]
 
 
