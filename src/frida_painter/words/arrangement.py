@@ -72,6 +72,12 @@ _SINKS = 0.1  # share of its height by which a thing overlaps the thing below it
 
 _HIDDEN = 0.4  # hidden share of the height of a thing inside another
 _BRIMS, _HOLDS = 0.8, 0.6  # shares of a picture's fullest row: of a row above the rim, and of one that is no foot
+_ABOVE, _ARC, _DEEPEST = (
+    0.6,
+    0.35,
+    0.3,
+)  # of an opening: its row of that width; its least row; most, by the rim's height
+_BULGE = 0.12  # share of the height that shows in the middle of a rim, at least
 _MOUTH = 0.5  # the same share of the uppermost rows of a vase, or another container that is open on top
 _FITS = 0.85  # greatest width of a thing inside another, relative to that
 _CROWDED = 0.6  # least share of its size that a thing keeps among others on the same thing
@@ -119,11 +125,13 @@ class ScenePart:
     """Thing to be placed: all its copies as one picture, colour and opacity [4, h, w], and its height and place.
 
     figure: that is drawn in the picture
+    size: factor of its height that the prompt asks for: a tiny mouse
     """
 
     picture: Tensor
     known: Known
     figure: Figure | None = None
+    size: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -136,6 +144,8 @@ class Placed:
     depth: order of drawing; a greater depth is in front
     hidden: share of the height, from below, that the thing around it hides
     figure: that is drawn in it
+    dip: share of the height by which less is hidden in the middle of a round rim
+    size: factor of its height that the prompt asked for
     """
 
     picture: Tensor
@@ -145,6 +155,8 @@ class Placed:
     depth: int = 0
     hidden: float = 0.0
     figure: Figure | None = None
+    dip: float = 0.0
+    size: float = 1.0
 
     @property
     def width(self) -> float:
@@ -166,6 +178,13 @@ def arrange_parts(parts: Sequence[ScenePart | None], relations: Sequence[Relatio
     usable = [
         _turn(one, shown) for one in relations if one.subject != one.object and {one.subject, one.object} <= {*shown}
     ]
+    related = {number for one in usable for number in (one.subject, one.object)}
+    for number in {*shown} - related:  # a lamp beside a table is on it, and a clock on the wall
+        top = next((other for other in shown if known[other] == "top" and other != number), None)
+        if top is not None and known[number] == "ground" and shown[number].known.height < shown[top].known.height:
+            usable.append(Relation(number, "on", top))
+        elif known[number] == "wall" and len(shown) > 1:
+            usable.append(Relation(number, "near", next(other for other in shown if other != number)))
     floor = [number for number in shown if known[number] != "air"] or list(shown)
     first = next((one.object for one in usable if kind_of(one.word) in _STOOD_BY), floor[0])
     placed = {first: alone[first]}
@@ -199,8 +218,10 @@ def _turn(relation: Relation, shown: Mapping[int, ScenePart]) -> Relation:
     """Returns a relation as it is meant: what a table is "with" stands on it, somebody
     on a boat sits in it, and a hat is not around its wearer."""
     subject, other = shown[relation.subject].known, shown[relation.object].known
-    if relation.word == "with" and subject.where == "top" and other.height < subject.height:
-        return Relation(relation.object, "on", relation.subject)
+    tops = [relation.subject, *shown] if subject.where not in ("person", "animal") else []
+    top = next((number for number in tops if shown[number].known.where == "top"), relation.object)
+    if relation.word == "with" and top != relation.object and other.height < shown[top].known.height:
+        return Relation(relation.object, "on", top)
     if other.where == "water" and subject.where == "person" and relation.word == "on":
         return replace(relation, word="in")
     return replace(relation, word="with") if other.where == "head" and relation.word == "in" else relation
@@ -219,8 +240,8 @@ def _scale(shown: Mapping[int, ScenePart]) -> dict[int, Placed]:
             least = _SUBJECT if number == min(shown) else _MIN
             size = max(least, min(1.0, (part.known.height / tallest) ** _GROWTH if tallest else 1.0))
         _, rows, columns = part.picture.shape
-        size *= min(1.0, (rows / columns) ** 0.5) if part.figure is None else part.figure.tall
-        alone[number] = Placed(part.picture, 0.0, 0.0, size, figure=part.figure)
+        shape = min(1.0, (rows / columns) ** 0.5) if part.figure is None else part.figure.tall
+        alone[number] = Placed(part.picture, 0.0, 0.0, part.size * size * shape, figure=part.figure, size=part.size)
     return alone
 
 
@@ -240,14 +261,19 @@ def _put(mine: Placed, other: Placed, kind: str, where: str, other_where: str) -
     if kind == "in":  # the inner thing looks out over the rim, in front of parts above it such as a handle or a sail
         wide = _FITS * other.width * mine.height / max(mine.width, 1e-6)
         mine = replace(mine, height=min(0.8 * other.height, wide, max(mine.height, _HIDDEN * other.height)))
-        return replace(
-            _at(mine, other, up=_rim(other.picture) - _SINKS - _HIDDEN * mine.height / other.height), hidden=_HIDDEN
-        ), other
+        rim, deep = _rim(other.picture)
+        dip = min(_HIDDEN, max(_BULGE, deep * other.height / mine.height))
+        up = rim - max(_SINKS, _ABOVE * deep) - _HIDDEN * mine.height / other.height
+        return replace(_at(mine, other, up=up), hidden=_HIDDEN, dip=dip), other
     if kind == "under" and other_where == "held":  # a person under an umbrella has it overhead
         over = max(1.25 * mine.width, 0.7 * mine.height) * other.height / other.width
         return mine, _at(replace(other, height=over), mine, up=0.85, depth=-1)
     if other_where == "air" and where != "air" and kind in ("under", "over", *_LOOSE):
         return mine, replace(other, x=mine.x + 0.35 * max(mine.width, 0.6), y=0.95 * mine.height)
+    if "wall" in (where, other_where) and where != other_where and kind in (*_LOOSE, "front", "", "under", "over"):
+        hung, below = (mine, other) if where == "wall" else (other, mine)
+        hung = replace(hung, x=below.x + 0.2 * below.width, y=max(0.55, 0.6 * below.height), depth=below.depth - 2)
+        return (hung, other) if where == "wall" else (mine, hung)
     if kind == "under":
         return _at(mine, other, most=0.5 * other.height), other
     if kind == "shelter" and where not in ("air", "held"):  # a tree stands behind those under it
@@ -340,8 +366,8 @@ def _top(picture: Tensor, share: float) -> float:
     return 1 - float(tops.median()) / seen.shape[0] if len(tops) else 1.0
 
 
-def _rim(picture: Tensor) -> float:
-    """Returns the height of a container's rim as a share of its height.
+def _rim(picture: Tensor) -> tuple[float, float]:
+    """Returns the height of a container's rim, and half the height of its round opening, as shares of its height.
 
     Above a rim, a container is narrower than below: only a handle or a sail rises there. A container that is wide at
     its top is open there.
@@ -350,12 +376,15 @@ def _rim(picture: Tensor) -> float:
     widest = full.cummax(0).values
     narrow = (full < _BRIMS * widest) & (widest >= _HOLDS * full.max())
     narrow[:] &= full[-len(full) // 20 :].max() < _MOUTH * full.max()
-    return int(narrow.float().argmax()) / len(full) if bool(narrow.any()) else 1.0
+    rim = int(narrow.float().argmax()) if bool(narrow.any()) else len(full)
+    arc = (full[rim:] > _ARC * full.max()).float().cumprod(0).sum() / (1 - _ARC**2) ** 0.5 / (1 - _ABOVE)
+    return rim / len(full), min(float(arc), _DEEPEST * rim) / len(full)
 
 
-def copies(pictures: Sequence[Tensor], where: str, seed: int) -> Tensor:
+def copies(pictures: Sequence[Tensor], where: str, seed: int, *, leans: bool = False) -> Tensor:
     """Returns several pictures of a thing as one picture [4, h, w].
 
+    leans: True if none may be mirrored, because all lean in the wind
     where: "air" to scatter them; otherwise they form rows on a floor, the rear ones smaller
     seed: of the random positions and sizes
     """
@@ -375,7 +404,7 @@ def copies(pictures: Sequence[Tensor], where: str, seed: int) -> Tensor:
             middle = (number - (here - 1) / 2 + 0.5 * (row % 2)) * 0.8**row * wide * (1.15 if air else 0.98)
             rise = row * (0.95 if air else 0.42) + (0.5 if air else 0.06) * shake[0]
             copy = (
-                copy.flip(2) if number % 2 and count > 2 and where != "person" else copy
+                copy.flip(2) if number % 2 and count > 2 and where != "person" and not leans else copy
             )  # a pair of mirror images looks like a sign
             spots.append((copy, rise * high, middle - copy.shape[2] / 2))
     left = min(start for *_, start in spots)

@@ -1,5 +1,6 @@
 """Compositing of drawings with opacity: their colours, their sizes, and their places on pictures."""
 
+import math
 from collections.abc import Sequence
 
 import torch
@@ -83,13 +84,37 @@ def stack(drawings: Sequence[tuple[Tensor, int, int]], rows: int, columns: int) 
     return torch.cat((colors / where.clamp(min=1e-4), where[None])).clamp(0, 1)
 
 
-def resize(drawing: Tensor, scale: float) -> Tensor:
-    """Returns a drawing [4, h, w] scaled by `scale`."""
-    size = [max(1, round(drawing.shape[1] * scale)), max(1, round(drawing.shape[2] * scale))]
+def resize(drawing: Tensor, scale: float, wide: float = 1.0) -> Tensor:
+    """Returns a drawing [4, h, w] scaled by `scale`, and its width by `wide` too."""
+    size = [max(1, round(drawing.shape[1] * scale)), max(1, round(drawing.shape[2] * scale * wide))]
     # Colours are weighted by opacity in the resampling, because transparent pixels have none.
     seen = torch.cat((drawing[:3] * drawing[3:], drawing[3:]))[None]
     small = functional.interpolate(seen, size, mode="bilinear", antialias=True)[0].clamp(0, 1)
     return torch.cat((small[:3] / small[3:].clamp(min=1e-4), small[3:])).clamp(0, 1)
+
+
+def warp_rows(drawing: Tensor, shift: Tensor, wide: Tensor) -> Tensor:
+    """Returns a drawing [4, h, w] with each row moved by `shift` [h] columns and scaled by `wide` [h]; it grows."""
+    _, rows, columns = drawing.shape
+    around = math.ceil(float((shift.abs() + (wide - 1).clamp(min=0) * columns / 2).max()))
+    larger = functional.pad(drawing, (around, around))
+    half = larger.shape[2] / 2
+    x = (torch.arange(larger.shape[2]) + 0.5 - half - shift[:, None]) / (wide[:, None] * half)
+    y = ((torch.arange(rows) + 0.5) / rows * 2 - 1)[:, None].expand_as(x)
+    return sample(larger, torch.stack((x, y), 2))
+
+
+def sample(drawing: Tensor, where: Tensor) -> Tensor:
+    """Returns a drawing [4, h, w] as seen at places [H, W, 2] of it: x and y, -1 to 1 from edge to edge."""
+    seen = torch.cat((drawing[:3] * drawing[3:], drawing[3:]))[None]
+    warped = functional.grid_sample(seen, where[None], align_corners=False)[0]
+    return torch.cat((warped[:3] / warped[3:].clamp(min=1e-4), warped[3:])).clamp(0, 1)
+
+
+def crop(drawing: Tensor) -> Tensor:
+    """Returns a drawing [4, h, w] without transparent rows and columns at its edges."""
+    down, across = (torch.nonzero((drawing[3] > 0.02).any(side)).flatten() for side in (1, 0))
+    return drawing[:, int(down[0]) : int(down[-1]) + 1, int(across[0]) : int(across[-1]) + 1] if len(down) else drawing
 
 
 def soften(picture: Tensor, near: int) -> Tensor:

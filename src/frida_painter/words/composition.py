@@ -14,7 +14,7 @@ from frida_painter.frames import PixelGrid
 from frida_painter.words.arrangement import Placed
 from frida_painter.words.brushwork import paint_mood
 from frida_painter.words.compositing import paste, resize, soften, stack
-from frida_painter.words.places import HORIZON, Light, Setting, color_of, with_contrast
+from frida_painter.words.places import HORIZON, SUMMIT, Light, Setting, color_of, with_contrast
 
 # Simplification for few strokes: areas of one colour, without texture.
 
@@ -56,7 +56,7 @@ def falling(setting: Setting, where: Tensor, seed: int) -> tuple[Tensor, Tensor]
     over, taken = np.zeros((rows, columns), np.uint8), np.asarray(where > 0.3, np.uint8)
     for _ in range(_TRIES * count):
         (y, x), size, mark = chance.random(2) * space, 0.75 + 0.5 * chance.random(), np.zeros_like(over)
-        end = round(x - _SLOPE * size * length * rows), round(y + size * length * rows)
+        end = round(x - _SLOPE * (1 + 2 * weather.wind) * size * length * rows), round(y + size * length * rows)
         cv2.line(mark, (round(x), round(y)), end, 255, max(1, round(size * width * rows)), cv2.LINE_AA)
         if count and not (mark[taken > 0] > 0).any():
             over, count = np.maximum(over, mark), count - 1
@@ -67,6 +67,7 @@ def falling(setting: Setting, where: Tensor, seed: int) -> tuple[Tensor, Tensor]
 _WIDE, _HIGH = 0.86, 0.80  # of the canvas: greatest extent of the things
 _STANDS = 0.55  # of the land below the horizon: position of the things' feet
 _ALOFT = 0.40  # of the height: position of the middle of things in the air
+_ATOP, _BEFORE = 0.52, 0.3  # the same on a hill or far away, and before what is far away
 _AMID = 0.62  # of the height that a single thing fills in a visible place
 _THIRD = 0.07  # of the width: distance from the middle of a thing that leaves room
 
@@ -79,7 +80,6 @@ _TOUCH = 0.75  # opacity of the shadow right below a thing
 
 _HAZE, _GAPS, _ROOTED = 0.35, (0.6, 1.1), 0.01  # of the scenery: share of the light; distances by its width; depth
 
-_BULGE = 0.3  # share of the hidden part that shows in the middle of a rim
 _DIPS = 0.07  # of its height: the part of a thing that water hides
 
 
@@ -103,38 +103,51 @@ def compose_scene(
     *,
     in_the_air: bool,
     scenery: Tensor | None = None,
+    far: Sequence[Placed] = (),
 ) -> ComposedScene:
     """Composes the things in their setting.
 
     in_the_air: True if none of them stands on anything
     scenery: picture [4, h, w] that is repeated along the horizon
+    far: things behind that
     """
-    drawn = _fit(things, setting, grid, seed, in_the_air=in_the_air)
+    drawn = _fit(things, setting, grid, seed, in_the_air=in_the_air, most=_BEFORE if far else 1.0)
     drawing = stack(drawn, grid.rows, grid.columns)
     where = drawing[3]
-    ground = setting.ground(grid, seed)
+    ground, behind = setting.ground(grid, seed), torch.zeros_like(where)
+    for picture, top, left in _fit(far, setting, grid, seed, in_the_air=False, is_far=True):
+        ground, over = paste(_in_haze(picture, setting, 0.5 * _HAZE), ground, top, left)
+        behind = torch.maximum(behind, over)
     ground = ground if scenery is None else _line_horizon(ground, scenery, setting, seed)
+    ground = setting.raise_land(ground, grid, seed)
     colors = _in_light(simplify(drawing[:3]), ground, where, setting)
     ground = with_contrast(ground, where, colors)
     if not in_the_air and setting.place.kind != "paper":
         low = min(one.y for one in things) if things else 0.0
         for one, (picture, top, left) in zip(things, drawn, strict=True):
             if one.y - low < _STANDING * one.height:
-                ground = _cast(picture, ground, top + picture.shape[1], left, is_water=setting.place.kind == "water")
+                ground = _cast(picture, ground, top + picture.shape[1], left, is_water=setting.on_water)
     is_alone = len(things) == 1 and not setting.is_named
-    return _under(setting, torch.lerp(ground, colors, where), where, seed, is_alone=is_alone)
+    picture = torch.lerp(ground, colors, where)
+    return _under(setting, picture, torch.maximum(where, behind), seed, is_alone=is_alone)
+
+
+def _in_haze(picture: Tensor, setting: Setting, haze: float = _HAZE) -> Tensor:
+    """Returns a picture [4, h, w] in the light of its setting, and far away."""
+    far = color_of(setting.light.low)[:, None, None].expand_as(picture[:3])
+    lit = picture[:3] * setting.light.shade[:, None, None].clamp(max=1.0)
+    return torch.cat((torch.lerp(lit, far, haze), picture[3:]))
 
 
 def _line_horizon(ground: Tensor, scenery: Tensor, setting: Setting, seed: int) -> Tensor:
     """Returns the ground [3, H, W] with a row of copies of a picture [4, h, w] along its horizon, hazy and unequal."""
     assert setting.place.scenery is not None
     (_, rows, columns), (_, share), chance = ground.shape, setting.place.scenery, np.random.default_rng(seed)
-    far = color_of(setting.light.low)[:, None, None].expand_as(scenery[:3])
-    hazy = torch.lerp(scenery[:3] * setting.light.shade[:, None, None].clamp(max=1.0), far, _HAZE)
+    hazy = _in_haze(scenery, setting)
     left = 0.0
     while left < columns:
         size, gap, mirrored = chance.uniform(0.7, 1.2), chance.uniform(*_GAPS), chance.random() < 0.5
-        one = resize(torch.cat((hazy, scenery[3:])), size * share * rows / scenery.shape[1])
+        one = resize(hazy, size * share * rows / scenery.shape[1])
         one = one.flip(2) if mirrored else one
         foot = round((HORIZON + _ROOTED) * rows)
         ground, _ = paste(one, ground, foot - one.shape[1], round(left - 0.3 * one.shape[2]))
@@ -207,9 +220,19 @@ def _under(setting: Setting, picture: Tensor, where: Tensor, seed: int, *, is_al
 
 
 def _fit(
-    things: Sequence[Placed], setting: Setting, grid: PixelGrid, seed: int, *, in_the_air: bool
+    things: Sequence[Placed],
+    setting: Setting,
+    grid: PixelGrid,
+    seed: int,
+    *,
+    in_the_air: bool,
+    is_far: bool = False,
+    most: float = 1.0,
 ) -> list[tuple[Tensor, int, int]]:
-    """Returns the pictures scaled to pixels, each with its first row and column; nothing touches the edge."""
+    """Returns the pictures scaled to pixels, each with its first row and column; nothing touches the edge.
+
+    most: greatest share of the canvas's height
+    """
     if not things:
         return []
     rows, columns = grid.rows, grid.columns
@@ -217,22 +240,24 @@ def _fit(
     right = max(one.x + one.width / 2 for one in things)
     low, high = min(one.y for one in things), max(one.y + one.height for one in things)
     tall = _AMID if setting.is_named and (in_the_air or len(things) == 1) else _HIGH
-    scale = min(_WIDE * columns / (right - left), tall * rows / (high - low))
+    wide, tall = (_ATOP, _ATOP) if setting.on_hill or is_far else (_WIDE, min(tall, most))
+    scale = min(wide * columns / (right - left), tall * rows / (high - low)) * min(1, max(one.size for one in things))
     width, height = scale * (right - left), scale * (high - low)
-    floor = HORIZON + _STANDS * (1 - HORIZON)
+    floor = HORIZON if is_far else SUMMIT if setting.on_hill else HORIZON + _STANDS * (1 - HORIZON) - _ROOTED
+    floor += _ROOTED
     bottom = _ALOFT * rows + height / 2 if in_the_air else floor * rows
     bottom = min(max(bottom, height + 0.04 * rows), 0.96 * rows)
     free = columns - width
-    shift = min(_THIRD * columns, 0.5 * free - 0.04 * columns) if setting.is_named else 0.0
+    shift = min(_THIRD * columns, 0.5 * free - 0.04 * columns) if setting.is_named and not setting.on_hill else 0.0
     start = free / 2 + (1 if seed % 2 else -1) * max(0.0, shift)
     found = []
     for one in things:
         picture = resize(one.picture, max(1e-3, scale * one.height / one.picture.shape[1]))
-        if setting.place.kind == "water" and setting.is_named and not in_the_air and one.y == low:
+        if setting.on_water and setting.is_named and not (in_the_air or is_far) and one.y == low:
             dips = max(1, round(_DIPS * picture.shape[1]))
             picture[3, -dips:] *= torch.linspace(1, 0, dips)[:, None]
         down, across = (torch.linspace(0, 1, picture.shape[1])[:, None], torch.linspace(-1, 1, picture.shape[2]))
-        rim = 1 - one.hidden * (1 - _BULGE * (1 - across**2).sqrt())  # the front of a round rim, seen from above
+        rim = 1 - one.hidden + one.dip * (1 - across**2).sqrt()  # the front of a round rim, seen from above
         picture[3] *= (down <= rim) | (one.hidden == 0)
         top = round(bottom - scale * (one.y - low) - picture.shape[1])
         at = round(start + scale * (one.x - one.width / 2 - left))

@@ -25,6 +25,10 @@ _EDGE = 0.03  # share of the height over which two bands blend
 _COVERED = 0.75  # share of the land that falling snow covers
 _DIM, _FAR = 0.78, 0.30  # factor of a colour away from the light; share of the light at the horizon in far land
 _SLANT, _QUIET = 0.35, 0.75  # radians of the strokes of a sky, and their liveliness
+SUMMIT = 0.6
+"""Share of the height above a hill on which things stand."""
+_VALLEY, _BROAD, _STEEP = 0.92, 0.75, 0.2  # foot of that hill; its half width; relief above which it is a cliff
+_BANK = 0.79  # share of the height above a bank
 _GAMMA = 0.7  # exponent from the light of a sky, relative to a day's, to the shade of things in it
 
 
@@ -37,9 +41,10 @@ class Place:
     below: colour below the horizon
     relief: height of its hills, as a share of the height
     hills: their colour; None for that below the horizon
-    kind: "land", "water" on which things float, "room" without a sky, or "paper", on which nothing is painted
+    kind: "land", "hill" on top of which things can be, "water" on which they float, "room" without a sky, or "paper", on which nothing is painted
     above: colour above the horizon; None for the sky of the light
     scenery: thing that stands in a row along its horizon, and its share of the height
+    bank: colour of the land in front of its water
     """
 
     words: tuple[str, ...]
@@ -50,6 +55,7 @@ class Place:
     above: Color | None = None
     hills: Color | None = None
     scenery: tuple[str, float] | None = None
+    bank: Color | None = None
 
     @property
     def name(self) -> str:
@@ -59,7 +65,7 @@ class Place:
     @property
     def is_open(self) -> bool:
         """True if there is a sky over it."""
-        return self.kind in ("land", "water")
+        return self.kind in ("land", "hill", "water")
 
 
 @dataclass(frozen=True)
@@ -110,6 +116,7 @@ class Weather:
     light: in it, if the words name no other
     rain, flakes: number of marks
     fog: opacity
+    wind: share of their height by which plants lean
     """
 
     name: str
@@ -119,6 +126,7 @@ class Weather:
     rain: int = 0
     flakes: int = 0
     fog: float = 0.0
+    wind: float = 0.0
 
 
 def color_of(color: Color) -> Tensor:
@@ -132,16 +140,17 @@ NOWHERE = Place(("",), (), "white")
 PAPER = Place(("plain paper", "blank page", "plain background"), (), "white", kind="paper")
 PLACES = (
     Place(("sea", "ocean", "harbour", "coast", "wave"), ("sailing boat", "ship", "whale", "fish", "island"),
-          "#3875a8", kind="water"),
-    Place(("lake", "pond", "river", "water"), ("swan", "duck", "frog", "lily pad", "boat"), "#5c94ad", 0.08, "water"),
+          "#3875a8", kind="water", bank="#e6cc94"),
+    Place(("lake", "pond", "river", "water"), ("swan", "duck", "frog", "lily pad", "boat"), "#5c94ad", 0.08, "water",
+          bank="#75a352"),
     Place(("beach", "sand", "shore"), ("palm tree", "crab", "starfish"), "#e6cc94", scenery=("palm tree", 0.3)),
     Place(("meadow", "grass", "field", "garden", "park"),
           ("flower", "tree", "animal", "butterfly", "insect", "tractor", "cow", "bicycle", "rooster", "horse", "sheep",
            "dog"), "#75a352", scenery=("tree", 0.12)),
-    Place(("hills", "hill", "valley", "landscape", "horizon"), ("castle", "windmill", "tower"), "#809e5c", 0.14,
+    Place(("hills", "hill", "valley", "landscape", "horizon"), ("castle", "windmill", "tower"), "#809e5c", 0.14, "hill",
           scenery=("tree", 0.14)),
     Place(("village", "farm", "countryside"), ("house", "barn", "church"), "#8aa85c", 0.1, scenery=("house", 0.2)),
-    Place(("mountains", "mountain range", "cliff", "alps"), ("mountain", "eagle", "volcano"), "#708085", 0.28),
+    Place(("mountains", "mountain range", "cliff", "alps"), ("mountain", "eagle", "volcano"), "#708085", 0.28, "hill"),
     Place(("forest", "jungle", "woods", "wilderness"),
           ("tree", "bear", "deer", "owl", "mushroom", "fox", "wolf", "squirrel", "tiger", "monkey"), "#456638", 0.3,
           above="#99bd94", scenery=("tree", 0.55)),
@@ -162,12 +171,14 @@ LAKE, MEADOW, SKY, TABLE, ROOM = PLACES[1], PLACES[3], PLACES[12], PLACES[13], P
 DAY = Light(("day", "noon"), "#a3cae9", "#e0f0f9")
 LIGHTS = (
     Light(("dawn", "sunrise", "early morning", "morning"), "#9eb2db", "#fcd1ad", "#ffedb2"),
-    Light(("sunset", "dusk", "evening", "twilight"), "#6b5c94", "#fc9947", "#ffdb73"),
+    Light(("sunset", "dusk", "evening", "twilight", "golden hour", "late afternoon"), "#6b5c94", "#fc9947", "#ffdb73"),
     Light(("night", "midnight", "moonlight", "darkness", "starry night", "moon", "star"),
           "#0d1438", "#45598f", "#faeda8", stars=10),
+    Light(("northern lights", "northern light", "aurora", "polar lights"),
+          "#0a1030", "#1f5a63", "#4dfa9a", "waves", 0.5, stars=10),
     Light(("autumn", "fall foliage", "october"), "#ccb894", "#e69433", "#b8331f", "fall", 0.5),
     Light(("winter", "cold", "frost"), "#a8c2db", "#e0ebf5", "#fae6d6"),
-    Light(("heat", "summer", "drought", "holidays"), "#ed9e40", "#fcd15c", "#fff7cc", "burst", 0.3),
+    Light(("heat", "heat wave", "summer", "drought", "holidays"), "#ed9e40", "#fcd15c", "#fff7cc", "burst", 0.3),
     Light(("sadness", "grief", "loneliness", "melancholy", "gloomy", "a farewell", "remorse", "regret"),
           "#576b8a", "#99a8b8", "#ccbd9e", "fall", 0.15),
     Light(("joy", "happiness", "laughter", "celebration", "party", "amazement", "fun"),
@@ -191,15 +202,16 @@ LIGHTS = (
     Light(("thought", "idea", "time", "eternity", "gravity", "knowledge", "truth"),
           "#244270", "#578fad", "#fad67a", "vortex"),
 )  # fmt: skip
-GREY = LIGHTS[6]
-TIMES = LIGHTS[:6]
+GREY, AURORA = LIGHTS[7], LIGHTS[3]
+TIMES = LIGHTS[:7]
 """Lights of a time of day or year, in contrast to those of a mood."""
 CLEAR = Weather("clear", (), "white", DAY)
 WEATHERS = (
     Weather("rain", ("rain", "rainy", "downpour", "drizzle"), "#dbe6f2", GREY, rain=16),
     Weather("a storm", ("storm", "stormy", "thunder", "lightning", "hurricane"), "#d1d6e0",
-            Light(("a storm",), "#384557", "#949e9e", "#ede6b8", "vortex", 0.8), rain=12),
-    Weather("snow", ("snowfall", "snowing", "snowy", "blizzard", "snowstorm"), "white", LIGHTS[4], flakes=18),
+            Light(("a storm",), "#384557", "#949e9e", "#ede6b8", "vortex", 0.8), rain=12, wind=0.7),
+    Weather("wind", ("wind", "windy", "gale", "breeze"), "white", LIGHTS[17], wind=0.45),
+    Weather("snow", ("snowfall", "snowing", "snowy", "blizzard", "snowstorm"), "white", LIGHTS[5], flakes=18),
     Weather("fog", ("fog", "mist", "misty", "haze"), "#e6e8eb",
             Light(("pale light",), "#b8bfc7", "#e0e3e3", "#f7f2e6", energy=0.0), fog=0.6),
 )  # fmt: skip
@@ -216,12 +228,14 @@ class Setting:
     """Setting of a scene: place, light and weather.
 
     is_named: True if words of the prompt ask for it
+    is_raised: True if the things stand on its hill, or in front of its water
     """
 
     place: Place = NOWHERE
     light: Light = DAY
     weather: Weather = CLEAR
     is_named: bool = False
+    is_raised: bool = False
 
     @property
     def words(self) -> str:
@@ -239,7 +253,7 @@ class Setting:
         high, low = color_of(self.light.top), color_of(self.light.low)
         if place.above is not None:
             high, low = color_of(place.above) * shade * _DIM, color_of(place.above) * shade
-        if self.weather.flakes and place.kind == "land":  # snow also covers the land
+        if self.weather.flakes and place.kind in ("land", "hill"):  # snow also covers the land
             land = torch.lerp(land, color_of(self.weather.color) * shade, _COVERED)
         if place.kind == "water":  # water reflects the top of the sky; the glow of a low sun would make it grey
             land = torch.lerp(land, high, 0.25)
@@ -252,6 +266,15 @@ class Setting:
         near = ((down - HORIZON) / (1 - HORIZON)).clamp(0, 1)
         far = torch.lerp(land, low, _FAR if place.is_open else 0.0)
         front = torch.lerp(far[:, None, None], (land * _DIM)[:, None, None], near)
+        if self.light.form == "waves" and self.light in TIMES and place.above is None:  # curtains of the polar lights
+            for level, wave in ((0.42, 7.0), (0.58, 4.5)):
+                rise = level + 0.09 * torch.sin(wave * across + seed) - down
+                veil = torch.where(rise > 0, (-4 * rise).exp(), (30 * rise).exp()) * (
+                    0.55 + 0.45 * torch.sin(40 * across)
+                )
+                picture = torch.lerp(
+                    picture, color_of(self.light.accent)[:, None, None], 0.75 * veil.expand_as(picture)
+                )
         if place.relief:
             hills = land if place.hills is None else color_of(place.hills) * shade
             hills = torch.lerp(hills, low, 0.12)[:, None, None]
@@ -261,6 +284,32 @@ class Setting:
         picture = torch.lerp(picture, front, below.expand_as(picture)).clamp(0, 1)
         slant = _SLANT * (1 if seed % 2 else -1) * (1 - below)
         return paint_loosely(picture, slant + 0.25 * (share - 0.5), seed, lively=_QUIET)
+
+    @property
+    def on_hill(self) -> bool:
+        """True if the things stand on a hill, or on a cliff."""
+        return self.is_raised and self.place.kind == "hill"
+
+    @property
+    def on_water(self) -> bool:
+        """True if the things float."""
+        return self.place.kind == "water" and not self.is_raised
+
+    def raise_land(self, picture: Tensor, grid: PixelGrid, seed: int) -> Tensor:
+        """Returns a ground [3, H, W] with the hill or the bank in front of it on which the things stand."""
+        if not self.is_raised:
+            return picture
+        place, across = self.place, torch.linspace(-1, 1, grid.columns)
+        land = replace(self, place=replace(place, below=place.bank or place.below, kind="land", relief=0.0))
+        top = _BANK + 0.02 * torch.sin(3 * across + seed)
+        if self.on_hill:
+            aside = across.abs() if place.relief < _STEEP else (across + 1) / 2  # a cliff falls off on one side
+            top = _VALLEY - (_VALLEY - SUMMIT) * torch.exp(-((aside / _BROAD) ** (2 if place.relief < _STEEP else 20)))
+        down = ((torch.arange(grid.rows) + 0.5) / grid.rows)[:, None]
+        rows = HORIZON + _EDGE + (1 - HORIZON - _EDGE) * (down - top) / (1 - top)
+        where = torch.stack((across.expand_as(rows), 2 * rows - 1), 2)[None]
+        front = functional.grid_sample(land.ground(grid, seed)[None], where, padding_mode="border", align_corners=False)
+        return torch.lerp(picture, front[0], ((down - top) / 0.01 + 0.5).clamp(0, 1).expand_as(picture))
 
     def in_fog(self, picture: Tensor) -> Tensor:
         """Returns the picture [3, H, W] with fog in front of it, if there is any."""
@@ -307,9 +356,15 @@ def mix_lights(first: Light, second: Light) -> Light:
     return replace(second, words=(f"{first.name}, {second.name}",), top=top, low=low, accent=accent, stars=first.stars)
 
 
-def infer_place(names: Sequence[str], sentences: SentenceEncoder, *, outside: bool = False) -> Place:
-    """Returns the usual place of things, that with the most similar words; under the sky if they are `outside`."""
-    places = [place for place in PLACES if place is not PAPER and (place.is_open or not outside)]
+def infer_place(
+    names: Sequence[str], sentences: SentenceEncoder, *, outside: bool = False, afloat: bool = True
+) -> Place:
+    """Returns the usual place of things, that with the most similar words; under the sky if they are `outside`.
+
+    afloat: False if none of them is on or in water
+    """
+    kinds = ("land", "hill", *(["water"] if afloat else []), *([] if outside else ["room"]))
+    places = [place for place in PLACES if place.kind in kinds]
     return _nearest(names, places, sentences, lambda one: (*one.found, *one.words))[0]
 
 

@@ -9,6 +9,7 @@ from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.objectives.objective import Goal
 from frida_painter.words import places
 from frida_painter.words.account import Account, Mark
+from frida_painter.words.appearance import Look, change_looks, in_weather, looks_of
 from frida_painter.words.arrangement import (
     ScenePart,
     arrange_parts,
@@ -27,7 +28,7 @@ from frida_painter.words.composition import (
 )
 from frida_painter.words.nouns import kinds_of
 from frida_painter.words.places import DAY, NOWHERE, Light, Place, Setting, Weather
-from frida_painter.words.reading import Reading, Relation, Thing, paint_of, prompt_reader, word_meanings
+from frida_painter.words.reading import Reading, Relation, SaidWord, Thing, paint_of, prompt_reader, word_meanings
 from frida_painter.words.retrieval import OWN, FoundPicture, PictureIndex, has_ground, picture_index
 
 _BY_THINGS = ("under", "beside", "behind", "front", "with")  # kinds of relations to a thing, not to a place
@@ -75,6 +76,11 @@ def scene_of(
     used |= {second.name} if is_mood else {places.SKY.name} if setting.place.is_open else set()
     account_for(things, reading, [one for one in seen if one[2].name in used], account)
     scenery = _scenery_of(setting.place, index, reading.absent) if is_placed else None
+    looks: dict[int, dict[SaidWord, Look]] = {}
+    for number, one in enumerate(things if whole is None else ()):
+        if one is not None:
+            looks[number] = _looks_of(number, reading, one.caption, sentences)
+            account.mark([word.at for word in looks[number]], Mark.SHOWN, one.caption)
     _tell([one for one in (*things, scenery) if one is not None], setting, encoders, use, index, account)
     if whole is not None:
         if len(shown) > 1:
@@ -86,15 +92,29 @@ def scene_of(
     parts: list[ScenePart | None] = [None] * len(things)
     for number, one in enumerate(things):
         if one is not None:
-            known = known_like(reading.things[number].name, sentences)
+            called = [word.text.lower() for word in looks[number]]
+            name = " ".join(word for word in reading.things[number].name.split() if word.lower() not in called)
+            known = known_like(name, sentences)  # a small house is no small bird
             if one.thing.doing == "flying" and not is_flown:
                 known = known._replace(where="air")
-            several = copies([one.colored] * one.shown, known.where, seed + number)
-            parts[number] = ScenePart(several, known, one.figure)
-    in_the_air = bool(shown) and all(part.known.where == "air" for part in parts if part is not None)
-    placed = arrange_parts(parts, [_as_meant(one, things) for one in reading.relations])
-    behind = None if scenery is None else scenery.picture
-    return compose_scene(placed, setting, grid, seed, in_the_air=in_the_air, scenery=behind)
+            picture, size = change_looks(one.colored, [*looks[number].values()])
+            picture = in_weather(picture, setting.weather, known.where, [*looks[number].values()])
+            leans = picture.shape != one.colored.shape
+            picture = copies([picture] * one.shown, known.where, seed + number, leans=leans)
+            parts[number] = ScenePart(picture, known, one.figure, size)
+    usual = {part.known.where for part in parts if part is not None}
+    in_the_air = usual == {"air"}
+    setting = replace(setting, is_raised=setting.is_raised and not in_the_air and "water" not in usual)
+    beyond = {one.subject for one in reading.relations if kind_of(one.word) == "behind" and one.object in settled}
+    relations = [_as_meant(one, things) for one in reading.relations]
+    near, far = (
+        arrange_parts([part if (number in beyond) == is_far else None for number, part in enumerate(parts)], relations)
+        for is_far in (False, True)
+    )
+    behind = None
+    if scenery is not None:
+        behind = in_weather(scenery.picture, setting.weather, known_like(scenery.thing.name, sentences).where)
+    return compose_scene(near, setting, grid, seed, in_the_air=in_the_air, scenery=behind, far=far)
 
 
 def _as_meant(relation: Relation, things: Cast) -> Relation:
@@ -114,7 +134,29 @@ def _place_of(things: Cast, relations: Sequence[Relation], setting: Setting, sen
     shown = shown or [one for one in things if one is not None]
     outside = setting.weather != places.CLEAR or setting.light != DAY
     names = [name for one in shown for name in (one.thing.name, one.caption)]
-    return places.infer_place(names, sentences, outside=outside)
+    afloat = any(known_like(one.thing.name, sentences).where == "water" for one in shown)
+    return places.infer_place(names, sentences, outside=outside, afloat=afloat)
+
+
+def _looks_of(number: int, reading: Reading, caption: str, sentences: SentenceEncoder) -> dict[SaidWord, Look]:
+    """Returns the words for the appearance of a thing that its picture does not already have.
+
+    A word that belongs to no thing tells of the one before it: the snowman is melting.
+    """
+    thing, owned = reading.things[number], {at for one in reading.things for at in one.at}
+    ends = max(thing.at, default=0)
+    after = min(
+        (min(one.at) for one in reading.things if one.at and min(one.at) > ends), default=reading.said[-1].at + 1
+    )
+    said = [
+        word
+        for word in reading.said
+        if word.kind in ("quality", "action")
+        and not word.says(caption)
+        and (word.at in thing.at or (word.at not in owned and ends < word.at < after))
+    ]
+    looks = looks_of([word.text.lower() for word in said], sentences, is_person=is_person(thing.name, sentences))
+    return {word: looks[word.text.lower()] for word in said if word.text.lower() in looks}
 
 
 def _scenery_of(place: Place, index: PictureIndex | None, absent: Sequence[str]) -> FoundPicture | None:
@@ -186,7 +228,8 @@ def setting_of(
             )
             least = _FELT if is_idea else _EXACTLY
             light = places.find_part(thing.noun, places.LIGHTS, sentences, least)
-            light = light or places.find_part(thing.name, places.LIGHTS, sentences, least)
+            whole = f"{thing.color} {thing.name}".strip()
+            light = light or places.find_part(whole, places.LIGHTS, sentences, least)
             if part is None and is_idea and (light or not is_person(thing.noun, sentences)):
                 part, is_settled = light, True
             elif light:  # a thing that comes with a light: the moon
@@ -210,7 +253,11 @@ def setting_of(
     named = sorted((part for part in parts if isinstance(part, Place)), key=lambda place: place is places.SKY)
     place = named[0] if named else NOWHERE
     place = places.before(place, named[1:]) if place.is_open else place
-    return Setting(place, light, weather, is_named=bool(seen)), settled, seen
+    here = [thing for thing, _, part in seen if part is next(iter(named), None)]
+    related = {kind_of(one.word) for one in reading.relations if reading.things[one.object] in here}
+    top, bank = related & {"on", "over", "behind"}, related & {"beside", "near", "front", "with"}
+    is_raised = bool(top if place.kind == "hill" else place.bank and bank and not related & {"on", "over", "in"})
+    return Setting(place, light, weather, is_named=bool(seen), is_raised=is_raised), settled, seen
 
 
 def _is_part_of_body(number: int, reading: Reading, nearest: float, sentences: SentenceEncoder) -> bool:
