@@ -1,6 +1,7 @@
 """Where things stand to each other."""
 
 import itertools
+from dataclasses import replace
 
 import pytest
 import torch
@@ -144,6 +145,31 @@ def test_what_is_in_something_looks_out_over_its_rim(widths: tuple[int, ...], ri
 def test_a_bowl_of_apples_holds_them() -> None:
     bowl, apples = put("of", thing(0, 0.15, shape=(20, 40)), thing(1, 0.08))
     assert apples.hidden > 0 and bowl.hidden == 0 and apples.x == bowl.x and bowl.y < apples.y < bowl.height
+
+
+def test_what_is_with_something_by_a_table_stands_on_the_table_and_a_window_hangs_behind_it() -> None:
+    desk, window = ScenePart(table().picture, Known("desk", 0.8, "top")), thing(1, 1.2, "wall")
+    books, lamp = thing(0, 0.2), thing(0, 0.4, shape=(50, 20))
+    placed = arrange_parts([desk, window, books, lamp], [Relation(0, "by", 1), Relation(1, "with", 2)])
+    first, behind, *others = (
+        next(one for one in placed if one.picture is part.picture) for part in (desk, window, books, lamp)
+    )
+    assert behind.depth < first.depth and behind.y > 0.4 * first.height
+    assert all(one.y > 0.5 * first.height and one.depth > first.depth for one in others)
+
+
+def test_what_is_tiny_is_less_than_the_least_of_others() -> None:
+    mouse, elephant = thing(0, 0.06), thing(1, 3.2)
+    plain, _ = put("beside", mouse, elephant)
+    tiny, _ = put("beside", replace(mouse, size=0.5), elephant)
+    assert tiny.height == pytest.approx(0.5 * plain.height)
+
+
+def test_copies_that_lean_in_the_wind_lean_to_one_side() -> None:
+    picture = torch.zeros(4, 40, 40)
+    picture[:, :, :10] = 1
+    mirrored, alike = (copies(picture, 3, "plant", 0, leans=leans) for leans in (False, True))
+    assert not torch.equal(mirrored, alike)
 
 
 @pytest.mark.parametrize("word", ["on", "in"])

@@ -13,7 +13,7 @@ from support.planning import CANVAS
 
 GRID = PixelGrid.of_height(CANVAS, 128)
 MEADOW, NIGHT = PLACES[3], LIGHTS[2]
-RAIN, _, SNOW, _ = WEATHERS
+RAIN, _, SNOW, *_ = WEATHERS
 
 
 @pytest.mark.slow

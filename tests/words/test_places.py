@@ -76,13 +76,15 @@ def test_words_name_places_lights_and_weathers_or_imply_them() -> None:
     assert find_part("rain", WEATHERS, bag) is WEATHERS[0] and find_part("dog", WEATHERS, bag) is None
     assert find_part("rain mobile", WEATHERS, bag) is None and find_part("dawn chorus", LIGHTS, bag) is LIGHTS[0]
     assert infer_place(["a whale"], bag) is PLACES[0]
+    assert infer_place(["a whale"], bag, afloat=False).kind != "water"
 
 
 def test_sizes_come_from_what_is_similar() -> None:
     bag = WordBag()
     assert known_like("elephant", bag).height == pytest.approx(3.2, rel=0.2)
     assert known_like("moon", bag).where == "air" and known_like("dress", bag).where == "worn"
-    places = ("ground", "person", "animal", "air", "water", "worn", "held", "head", "top", "seat", "body")
+    places = ("ground", "person", "animal", "air", "water", "worn", "held", "head", "top", "seat", "body",
+              "plant", "wall")  # fmt: skip
     assert all(thing.height > 0 and thing.where in places for thing in known_things())
     assert known_like("plate", bag).where == "seat", "what is on it lies in it"
     assert known_like("spider web", bag).where == "seat" and known_like("umbrella", bag).where == "held"

@@ -215,3 +215,24 @@ def test_the_row_along_the_horizon_of_a_place_is_far_and_hazy(tmp_path: Path) ->
     changed = (with_trees - bare).abs().mean(0)
     horizon = round(0.72 * GRID.rows)
     assert float(changed[: horizon - 2].mean()) > 0.02 and float(changed[horizon + 2 :].max()) < 1e-6
+
+
+@pytest.mark.parametrize("word", ["friendly", "broken", "tiny"])
+def test_a_thing_looks_as_its_words_say_and_that_is_told(word: str, tmp_path: Path) -> None:
+    pictures = [
+        scene_of("a goat", GRID, quick, 1).picture
+        for thing in (GOAT, Thing(f"{word} goat", "goat"))
+        if (quick := encoders(tmp_path, Reading((thing, TREE))))
+    ]
+    told = " ".join(quick.remarks)
+    assert (word == "friendly") == torch.equal(*pictures)
+    assert (word == "friendly") == (word in told.partition("not shown")[2])
+
+
+def test_what_is_behind_a_place_is_far_and_what_is_on_a_hill_is_high(tmp_path: Path) -> None:
+    middles = {}
+    for word, place in (("in", "meadow"), ("behind", "meadow"), ("in", "hills"), ("on", "hills")):
+        reading = Reading((GOAT, Thing(place, place)), (Relation(0, word, 1),))
+        where = scene_of(f"a goat {word} {place}", GRID, encoders(tmp_path, reading), 1).where
+        middles[word, place] = float(where.gt(0.5).any(1).nonzero().max())
+    assert middles["behind", "meadow"] < middles["in", "meadow"] and middles["on", "hills"] < middles["in", "hills"]

@@ -24,23 +24,18 @@ def _bulge(picture: Tensor) -> Tensor:
     wide = functional.pad(picture, (picture.shape[2] // 6, picture.shape[2] // 6, 0, 0))
     y, x = torch.meshgrid(*(torch.linspace(-1, 1, side) for side in wide.shape[1:]), indexing="ij")
     middle = (1 - x**2 - y**2).clamp(min=0)
-    where = torch.stack((x * (1 - 0.5 * middle), y * (1 - 0.2 * middle)), 2)
-    return sample(wide, where)
+    return sample(wide, torch.stack((x * (1 - 0.5 * middle), y * (1 - 0.2 * middle)), 2))
 
 
 def _melt(picture: Tensor) -> Tensor:
-    """Returns a picture that sags and runs into a puddle at its foot."""
-    down = torch.linspace(0, 1, round(0.8 * picture.shape[1]))
+    """Returns a picture that sags and runs into a puddle of its colour at its foot."""
     low = resize(picture, 0.8, 1.25)
+    down = torch.linspace(0, 1, low.shape[1])
     wide = 1 + 0.25 * down + 0.6 * ((down - 0.8) / 0.2).clamp(min=0) ** 1.5
-    wave = 0.04 * picture.shape[2] * (down * 17).sin() * down
-    run = warp_rows(low, wave[: low.shape[1]], wide[: low.shape[1]])
-    _, rows, columns = run.shape
-    y, x = torch.meshgrid(torch.linspace(0, 1, rows), torch.linspace(-1, 1, columns), indexing="ij")
-    pool = (x**2 + ((y - 0.92) / 0.08) ** 2 < 1).float()
-    color = (run[:3] * run[3:]).sum((1, 2)) / run[3].sum().clamp(min=1)
-    under = color[:, None, None] * (1 - run[3:]) + run[:3] * run[3:]
-    return torch.cat((under, torch.maximum(run[3], pool)[None]))
+    run = warp_rows(low, 0.04 * picture.shape[2] * (down * 17).sin() * down, wide)
+    pool = torch.linspace(-1, 1, run.shape[2]) ** 2 + ((down[:, None] - 0.92) / 0.08) ** 2 < 1
+    color = (run[:3] * run[3:]).sum((1, 2), keepdim=True) / run[3].sum().clamp(min=1)
+    return torch.cat((torch.lerp(color.expand_as(run[:3]), run[:3], run[3:]), torch.maximum(run[3:], pool[None])))
 
 
 def _crack(picture: Tensor) -> Tensor:
@@ -50,10 +45,8 @@ def _crack(picture: Tensor) -> Tensor:
     middle = columns * (0.48 + functional.interpolate(points, rows, mode="linear", align_corners=True)[0, 0])[:, None]
     gap, across = max(2, round(0.05 * columns)), torch.arange(columns)[None]
     dark = 1 - 0.75 * (1 - (across - middle).abs() / (0.04 * columns)).clamp(0, 1)
-    inked = torch.cat((picture[:3] * dark, picture[3:]))
-    left, right = (torch.cat((inked[:3], inked[3:] * part)) for part in (across < middle, across >= middle))
-    drop = gap // 2
-    left, right = functional.pad(left, (0, gap, 0, drop)), functional.pad(right, (gap, 0, drop, 0))
+    left, right = (torch.cat((picture[:3] * dark, picture[3:] * part)) for part in (across < middle, across >= middle))
+    left, right = functional.pad(left, (0, gap, 0, gap // 2)), functional.pad(right, (gap, 0, gap // 2, 0))
     return torch.where(right[3:] > left[3:], right, left)
 
 
@@ -74,8 +67,10 @@ def _lay_snow(picture: Tensor, depth: float = 0.06) -> Tensor:
     """Returns a picture with snow on its upper edges, of a depth that is a share of its height."""
     deep = max(1, round(depth * picture.shape[1]))
     over = functional.pad(picture[3], (0, 0, deep, 0))[: picture.shape[1]]
-    near = max(1, deep // 4)
-    cap = soften((picture[3] * (1 - over))[None], near)[0].clamp(0, 1) * (0.6 + 0.8 * _noise(picture, 14)).clamp(0, 1)
+    under = functional.pad(picture[3], (0, 0, 0, 2 * deep))[2 * deep :]  # lines bear no snow
+    cap = soften((picture[3] * (1 - over) * under)[None], max(1, deep // 4))[0].clamp(0, 1) * (
+        0.6 + 0.8 * _noise(picture, 14)
+    ).clamp(0, 1)
     white = torch.tensor([0.96, 0.97, 1.0])[:, None, None].expand_as(picture[:3])
     return torch.cat((torch.lerp(picture[:3], white, (2 * cap).clamp(0, 1)), picture[3:]))
 
@@ -83,40 +78,18 @@ def _lay_snow(picture: Tensor, depth: float = 0.06) -> Tensor:
 def _bury(picture: Tensor) -> Tensor:
     """Returns a picture without its foot, which a drift hides."""
     across = torch.linspace(-1, 1, picture.shape[2])
-    drift = 1 - 0.3 * (1 - 0.6 * across**2) * (0.75 + 0.5 * _noise(picture, 5)[0])
+    drift = 1 - 0.22 * (1 - 0.6 * across**2) * (0.75 + 0.5 * _noise(picture, 5)[0])
     down = torch.linspace(0, 1, picture.shape[1])[:, None]
     return torch.cat((picture[:3], picture[3:] * (down < drift)))
 
 
-def _mark(picture: Tensor, pattern: Tensor) -> Tensor:
-    """Returns a picture darker, or lighter if it is dark, in a pattern [h, w]."""
-    seen = picture[3] > 0.5
-    is_dark = bool(seen.any()) and float(picture[:3, seen].mean()) < 0.4
-    other = picture[:3] + 0.75 * (1 - picture[:3]) if is_dark else 0.4 * picture[:3]
-    return torch.cat((torch.where(pattern, other, picture[:3]), picture[3:]))
-
-
 def _stripe(picture: Tensor) -> Tensor:
-    y, x = torch.meshgrid(*(torch.arange(side) / max(picture.shape[1:]) for side in picture.shape[1:]), indexing="ij")
-    return _mark(picture, (12 * (x + 0.25 * y)) % 1 < 0.45)
-
-
-def _dot(picture: Tensor) -> Tensor:
-    y, x = torch.meshgrid(
-        *(9 * torch.arange(side) / max(picture.shape[1:]) for side in picture.shape[1:]), indexing="ij"
-    )
-    x = x + 0.5 * (y.floor() % 2)
-    return _mark(picture, (x % 1 - 0.5) ** 2 + (y % 1 - 0.5) ** 2 < 0.08)
-
-
-def _glow(picture: Tensor) -> Tensor:
-    """Returns a picture that is bright, in a halo of warm light."""
-    wide = max(picture.shape[1:]) // 4
-    around = functional.pad(picture, (wide,) * 4)
-    halo = (1.6 * soften(around[3:], wide // 2)[0]).clamp(0, 0.9)
-    warm = torch.tensor([1.0, 0.8, 0.35])[:, None, None].expand_as(around[:3])
-    lit = torch.lerp(warm, 0.5 * around[:3] + 0.5 * warm, around[3:])
-    return torch.cat((lit, torch.maximum(around[3], halo)[None]))
+    """Returns a picture with stripes that are darker, or lighter if it is dark."""
+    y, x = (torch.arange(side) / max(picture.shape[1:]) for side in picture.shape[1:])
+    is_dark = float((picture[:3].mean(0) * picture[3]).sum() / picture[3].sum().clamp(min=1)) < 0.4
+    other = 1 - 0.25 * (1 - picture[:3]) if is_dark else 0.4 * picture[:3]
+    pattern = (12 * (x + 0.25 * y[:, None])) % 1 < 0.45
+    return torch.cat((torch.where(pattern, other, picture[:3]), picture[3:]))
 
 
 class Look(NamedTuple):
@@ -138,14 +111,12 @@ _LOOKS = (
     Look(("short", "low"), tall=0.65),
     Look(("tiny", "small", "little", "miniature", "minuscule"), size=0.55),
     Look(("huge", "giant", "enormous", "big", "large", "massive"), size=1.8),
-    Look(("bent", "bending", "swaying", "crooked", "leaning", "windswept"), change=_bend),
+    Look(("bent", "bending", "swaying", "crooked", "windswept"), change=_bend),
     Look(("cracked", "broken", "shattered", "damaged", "smashed"), change=_crack),
     Look(("rusty", "rusted", "corroded"), change=_blotch),
     Look(("buried", "buried in snow"), change=_bury),
     Look(("melting", "melted", "thawing"), change=_melt),
     Look(("striped", "stripy"), change=_stripe),
-    Look(("spotted", "dotted", "polka-dot", "speckled"), change=_dot),
-    Look(("glowing", "shining", "luminous", "radiant"), change=_glow),
 )
 _MEANS = 0.72  # similarity above which a word asks for an appearance
 _FIGURES = 8  # of the first ones, which people can have too

@@ -72,11 +72,8 @@ _SINKS = 0.1  # share of its height by which a thing overlaps the thing below it
 
 _HIDDEN = 0.4  # hidden share of the height of a thing inside another
 _BRIMS, _HOLDS = 0.8, 0.6  # shares of a picture's fullest row: of a row above the rim, and of one that is no foot
-_ABOVE, _ARC, _DEEPEST = (
-    0.6,
-    0.35,
-    0.3,
-)  # of an opening: its row of that width; its least row; most, by the rim's height
+# Of an opening: place of the row called its rim, its narrowest row, and its greatest half height by the rim's.
+_ABOVE, _ARC, _DEEPEST = 0.6, 0.35, 0.15
 _BULGE = 0.12  # share of the height that shows in the middle of a rim, at least
 _MOUTH = 0.5  # the same share of the uppermost rows of a vase, or another container that is open on top
 _FITS = 0.85  # greatest width of a thing inside another, relative to that
@@ -403,9 +400,8 @@ def copies(pictures: Sequence[Tensor], where: str, seed: int, *, leans: bool = F
             copy = resize(pictures[len(spots)], 0.8**row * (0.86 + 0.14 * shake[1]))
             middle = (number - (here - 1) / 2 + 0.5 * (row % 2)) * 0.8**row * wide * (1.15 if air else 0.98)
             rise = row * (0.95 if air else 0.42) + (0.5 if air else 0.06) * shake[0]
-            copy = (
-                copy.flip(2) if number % 2 and count > 2 and where != "person" and not leans else copy
-            )  # a pair of mirror images looks like a sign
+            if number % 2 and count > 2 and where != "person" and not leans:  # mirror images look like a sign
+                copy = copy.flip(2)
             spots.append((copy, rise * high, middle - copy.shape[2] / 2))
     left = min(start for *_, start in spots)
     width = round(max(start + copy.shape[2] for copy, _, start in spots) - left) + 2

@@ -67,7 +67,7 @@ def falling(setting: Setting, where: Tensor, seed: int) -> tuple[Tensor, Tensor]
 _WIDE, _HIGH = 0.86, 0.80  # of the canvas: greatest extent of the things
 _STANDS = 0.55  # of the land below the horizon: position of the things' feet
 _ALOFT = 0.40  # of the height: position of the middle of things in the air
-_ATOP, _BEFORE = 0.52, 0.3  # the same on a hill or far away, and before what is far away
+_ATOP, _BEFORE = 0.52, 0.3  # the same on a hill, and before what is far away
 _AMID = 0.62  # of the height that a single thing fills in a visible place
 _THIRD = 0.07  # of the width: distance from the middle of a thing that leaves room
 
@@ -240,7 +240,7 @@ def _fit(
     right = max(one.x + one.width / 2 for one in things)
     low, high = min(one.y for one in things), max(one.y + one.height for one in things)
     tall = _AMID if setting.is_named and (in_the_air or len(things) == 1) else _HIGH
-    wide, tall = (_ATOP, _ATOP) if setting.on_hill or is_far else (_WIDE, min(tall, most))
+    wide, tall = (_AMID, _AMID) if is_far else (_ATOP, _ATOP) if setting.on_hill else (_WIDE, min(tall, most))
     scale = min(wide * columns / (right - left), tall * rows / (high - low)) * min(1, max(one.size for one in things))
     width, height = scale * (right - left), scale * (high - low)
     floor = HORIZON if is_far else SUMMIT if setting.on_hill else HORIZON + _STANDS * (1 - HORIZON) - _ROOTED

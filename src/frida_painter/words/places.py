@@ -41,7 +41,8 @@ class Place:
     below: colour below the horizon
     relief: height of its hills, as a share of the height
     hills: their colour; None for that below the horizon
-    kind: "land", "hill" on top of which things can be, "water" on which they float, "room" without a sky, or "paper", on which nothing is painted
+    kind: "land", "hill" on top of which things can be, "water" on which they float, "room" without a sky, or "paper",
+        on which nothing is painted
     above: colour above the horizon; None for the sky of the light
     scenery: thing that stands in a row along its horizon, and its share of the height
     bank: colour of the land in front of its water
@@ -202,7 +203,7 @@ LIGHTS = (
     Light(("thought", "idea", "time", "eternity", "gravity", "knowledge", "truth"),
           "#244270", "#578fad", "#fad67a", "vortex"),
 )  # fmt: skip
-GREY, AURORA = LIGHTS[7], LIGHTS[3]
+GREY = LIGHTS[7]
 TIMES = LIGHTS[:7]
 """Lights of a time of day or year, in contrast to those of a mood."""
 CLEAR = Weather("clear", (), "white", DAY)
@@ -210,10 +211,10 @@ WEATHERS = (
     Weather("rain", ("rain", "rainy", "downpour", "drizzle"), "#dbe6f2", GREY, rain=16),
     Weather("a storm", ("storm", "stormy", "thunder", "lightning", "hurricane"), "#d1d6e0",
             Light(("a storm",), "#384557", "#949e9e", "#ede6b8", "vortex", 0.8), rain=12, wind=0.7),
-    Weather("wind", ("wind", "windy", "gale", "breeze"), "white", LIGHTS[17], wind=0.45),
     Weather("snow", ("snowfall", "snowing", "snowy", "blizzard", "snowstorm"), "white", LIGHTS[5], flakes=18),
     Weather("fog", ("fog", "mist", "misty", "haze"), "#e6e8eb",
             Light(("pale light",), "#b8bfc7", "#e0e3e3", "#f7f2e6", energy=0.0), fog=0.6),
+    Weather("wind", ("wind", "windy", "gale", "breeze"), "white", LIGHTS[17], wind=0.45),
 )  # fmt: skip
 _Part = TypeVar("_Part", Place, Light, Weather)
 _CALLED = 0.72  # similarity to a place's words above which words name it

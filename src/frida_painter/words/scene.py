@@ -1,5 +1,6 @@
 """From a prompt to a scene: reads the prompt, finds pictures of its things, and composes them in a setting."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -97,8 +98,9 @@ def scene_of(
             known = known_like(name, sentences)  # a small house is no small bird
             if one.thing.doing == "flying" and not is_flown:
                 known = known._replace(where="air")
-            picture, size = change_looks(one.colored, [*looks[number].values()])
-            picture = in_weather(picture, setting.weather, known.where, [*looks[number].values()])
+            mine = [*looks[number].values()]
+            picture, size = change_looks(one.colored, mine)
+            picture = in_weather(picture, setting.weather, known.where, mine)
             leans = picture.shape != one.colored.shape
             picture = copies([picture] * one.shown, known.where, seed + number, leans=leans)
             parts[number] = ScenePart(picture, known, one.figure, size)
@@ -145,18 +147,14 @@ def _looks_of(number: int, reading: Reading, caption: str, sentences: SentenceEn
     """
     thing, owned = reading.things[number], {at for one in reading.things for at in one.at}
     ends = max(thing.at, default=0)
-    after = min(
-        (min(one.at) for one in reading.things if one.at and min(one.at) > ends), default=reading.said[-1].at + 1
-    )
-    said = [
-        word
-        for word in reading.said
-        if word.kind in ("quality", "action")
-        and not word.says(caption)
-        and (word.at in thing.at or (word.at not in owned and ends < word.at < after))
-    ]
-    looks = looks_of([word.text.lower() for word in said], sentences, is_person=is_person(thing.name, sentences))
-    return {word: looks[word.text.lower()] for word in said if word.text.lower() in looks}
+    after = min((at for at in owned if at > ends), default=math.inf)
+    said = {word: word.text.lower() for word in reading.said if word.kind in ("quality", "action")}
+    mine = {
+        word: text for word, text in said.items() if not word.says(caption) and (word.at in thing.at or (
+            word.at not in owned and ends < word.at < after))
+    }  # fmt: skip
+    looks = looks_of([*mine.values()], sentences, is_person=is_person(thing.name, sentences))
+    return {word: looks[text] for word, text in mine.items() if text in looks}
 
 
 def _scenery_of(place: Place, index: PictureIndex | None, absent: Sequence[str]) -> FoundPicture | None:
