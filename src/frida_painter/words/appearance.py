@@ -92,7 +92,7 @@ def _stripe(picture: Tensor) -> Tensor:
     return torch.cat((torch.where(pattern, other, picture[:3]), picture[3:]))
 
 
-class Look(NamedTuple):
+class Appearance(NamedTuple):
     """Appearance that words ask for: factors of a thing's height, width and size, and a change of its picture."""
 
     words: tuple[str, ...]
@@ -103,27 +103,27 @@ class Look(NamedTuple):
 
 
 _LOOKS = (
-    Look(("fat", "plump", "chubby", "obese", "stout"), change=_bulge),
-    Look(("wide", "broad", "thick"), wide=1.4),
-    Look(("thin", "slim", "skinny", "narrow", "slender"), wide=0.6),
-    Look(("tall", "high", "towering"), tall=1.5),
-    Look(("long", "elongated"), wide=1.6),
-    Look(("short", "low"), tall=0.65),
-    Look(("tiny", "small", "little", "miniature", "minuscule"), size=0.55),
-    Look(("huge", "giant", "enormous", "big", "large", "massive"), size=1.8),
-    Look(("bent", "bending", "swaying", "crooked", "windswept"), change=_bend),
-    Look(("cracked", "broken", "shattered", "damaged", "smashed"), change=_crack),
-    Look(("rusty", "rusted", "corroded"), change=_blotch),
-    Look(("buried", "buried in snow"), change=_bury),
-    Look(("melting", "melted", "thawing"), change=_melt),
-    Look(("striped", "stripy"), change=_stripe),
+    Appearance(("fat", "plump", "chubby", "obese", "stout"), change=_bulge),
+    Appearance(("wide", "broad", "thick"), wide=1.4),
+    Appearance(("thin", "slim", "skinny", "narrow", "slender"), wide=0.6),
+    Appearance(("tall", "high", "towering"), tall=1.5),
+    Appearance(("long", "elongated"), wide=1.6),
+    Appearance(("short", "low"), tall=0.65),
+    Appearance(("tiny", "small", "little", "miniature", "minuscule"), size=0.55),
+    Appearance(("huge", "giant", "enormous", "big", "large", "massive"), size=1.8),
+    Appearance(("bent", "bending", "swaying", "crooked", "windswept"), change=_bend),
+    Appearance(("cracked", "broken", "shattered", "damaged", "smashed"), change=_crack),
+    Appearance(("rusty", "rusted", "corroded"), change=_blotch),
+    Appearance(("buried", "buried in snow"), change=_bury),
+    Appearance(("melting", "melted", "thawing"), change=_melt),
+    Appearance(("striped", "stripy"), change=_stripe),
 )
 _MEANS = 0.72  # similarity above which a word asks for an appearance
 _FIGURES = 8  # of the first ones, which people can have too
 _SIDE = 320  # pixels of a picture that is changed
 
 
-def looks_of(words: Sequence[str], sentences: SentenceEncoder, *, is_person: bool) -> dict[str, Look]:
+def looks_of(words: Sequence[str], sentences: SentenceEncoder, *, is_person: bool) -> dict[str, Appearance]:
     """Returns the words that ask for an appearance, each with it. People change in their figure only."""
     owners = [look for look in _LOOKS[: _FIGURES if is_person else None] for _ in look.words]
     anchors = sentences.embed([word for look in dict.fromkeys(owners) for word in look.words])
@@ -131,8 +131,8 @@ def looks_of(words: Sequence[str], sentences: SentenceEncoder, *, is_person: boo
     return {word: owners[int(at)] for word, (similarity, at) in nearest.items() if float(similarity) >= _MEANS}
 
 
-def change_looks(picture: Tensor, looks: Sequence[Look]) -> tuple[Tensor, float]:
-    """Returns a picture [4, h, w] with an appearance, cut to what is seen of it, and the factor of its height."""
+def change_looks(picture: Tensor, looks: Sequence[Appearance]) -> tuple[Tensor, float]:
+    """Returns a picture [4, h, w] with an appearance, without transparent edges, and the factor of its height."""
     size = 1.0
     for look in looks:
         picture, size = resize(picture, _SIDE / max(picture.shape[1:])), size * look.size * look.tall
@@ -141,7 +141,7 @@ def change_looks(picture: Tensor, looks: Sequence[Look]) -> tuple[Tensor, float]
     return picture, size
 
 
-def in_weather(picture: Tensor, weather: Weather, where: str, looks: Sequence[Look] = ()) -> Tensor:
+def in_weather(picture: Tensor, weather: Weather, where: str, looks: Sequence[Appearance] = ()) -> Tensor:
     """Returns a picture [4, h, w] with snow on it, or bent by the wind, if its usual place is one for that."""
     if weather.wind and where == "plant" and _bend not in [look.change for look in looks]:
         return _bend(picture, weather.wind)

@@ -14,7 +14,7 @@ from frida_painter.frames import PixelGrid
 from frida_painter.words.arrangement import Placed
 from frida_painter.words.brushwork import paint_mood
 from frida_painter.words.compositing import paste, resize, soften, stack
-from frida_painter.words.places import HORIZON, SUMMIT, Light, Setting, color_of, with_contrast
+from frida_painter.words.places import HORIZON, SUMMIT, TOLD_APART, Light, Setting, color_of, with_contrast
 
 # Simplification for few strokes: areas of one colour, without texture.
 
@@ -72,6 +72,7 @@ _AMID = 0.62  # of the height that a single thing fills in a visible place
 _THIRD = 0.07  # of the width: distance from the middle of a thing that leaves room
 
 _DARKEST = 0.7  # share of a picture's brightness that is left in the darkest light
+_AT_NIGHT = 0.5  # factor of the contrast between things and a night, which stays dark
 _LIT = 0.55  # share of the light's colour that things take on
 _ROUND, _MODELLED, _BOUNCED = 0.05, 0.3, 0.12  # of the height: reach of the shade; its depth; share of the ground
 _STANDING = 0.05  # of its height, by which a thing on the floor may be above it
@@ -121,7 +122,7 @@ def compose_scene(
     ground = ground if scenery is None else _line_horizon(ground, scenery, setting, seed)
     ground = setting.raise_land(ground, grid, seed)
     colors = _in_light(simplify(drawing[:3]), ground, where, setting)
-    ground = with_contrast(ground, where, colors)
+    ground = with_contrast(ground, where, colors, TOLD_APART * (_AT_NIGHT if setting.light.stars else 1))
     if not in_the_air and setting.place.kind != "paper":
         low = min(one.y for one in things) if things else 0.0
         for one, (picture, top, left) in zip(things, drawn, strict=True):

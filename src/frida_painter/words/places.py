@@ -220,7 +220,9 @@ _Part = TypeVar("_Part", Place, Light, Weather)
 _CALLED = 0.72  # similarity to a place's words above which words name it
 _FELT, _FELT_WEATHER = 0.62, 0.7  # to the words of a light, and of a weather: a snowmobile (0.67) is a thing
 _ABSTRACT = 0.25  # margin of an abstract noun with a picture
-_TOLD_APART, _MIDDLE = 40.0, 55.0  # Lab distance, and L*
+_MIDDLE = 55.0  # L*
+TOLD_APART = 40.0
+"""Lab distance between things and the ground around them."""
 _CONTRARY = 50.0  # mean Lab distance between the colours of lights that do not go together
 
 
@@ -381,7 +383,7 @@ def before(place: Place, others: Sequence[Place]) -> Place:
     return replace(place, relief=highest.relief, hills=highest.below) if highest.relief > place.relief else place
 
 
-def with_contrast(ground: Tensor, where: Tensor, thing: Tensor, least: float = _TOLD_APART) -> Tensor:
+def with_contrast(ground: Tensor, where: Tensor, thing: Tensor, least: float = TOLD_APART) -> Tensor:
     """Returns the ground [3, H, W], darker or lighter if things would not stand out from it.
 
     where: [H, W] opacity of the things

@@ -10,7 +10,7 @@ from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.objectives.objective import Goal
 from frida_painter.words import places
 from frida_painter.words.account import Account, Mark
-from frida_painter.words.appearance import Look, change_looks, in_weather, looks_of
+from frida_painter.words.appearance import Appearance, change_looks, in_weather, looks_of
 from frida_painter.words.arrangement import (
     ScenePart,
     arrange_parts,
@@ -77,7 +77,7 @@ def scene_of(
     used |= {second.name} if is_mood else {places.SKY.name} if setting.place.is_open else set()
     account_for(things, reading, [one for one in seen if one[2].name in used], account)
     scenery = _scenery_of(setting.place, index, reading.absent) if is_placed else None
-    looks: dict[int, dict[SaidWord, Look]] = {}
+    looks: dict[int, dict[SaidWord, Appearance]] = {}
     for number, one in enumerate(things if whole is None else ()):
         if one is not None:
             looks[number] = _looks_of(number, reading, one.caption, sentences)
@@ -140,7 +140,7 @@ def _place_of(things: Cast, relations: Sequence[Relation], setting: Setting, sen
     return places.infer_place(names, sentences, outside=outside, afloat=afloat)
 
 
-def _looks_of(number: int, reading: Reading, caption: str, sentences: SentenceEncoder) -> dict[SaidWord, Look]:
+def _looks_of(number: int, reading: Reading, caption: str, sentences: SentenceEncoder) -> dict[SaidWord, Appearance]:
     """Returns the words for the appearance of a thing that its picture does not already have.
 
     A word that belongs to no thing tells of the one before it: the snowman is melting.
