@@ -168,7 +168,7 @@ def test_what_is_tiny_is_less_than_the_least_of_others() -> None:
 def test_copies_that_lean_in_the_wind_lean_to_one_side() -> None:
     picture = torch.zeros(4, 40, 40)
     picture[:, :, :10] = 1
-    mirrored, alike = (copies(picture, 3, "plant", 0, leans=leans) for leans in (False, True))
+    mirrored, alike = (copies([picture] * 3, "plant", 0, leans=leans) for leans in (False, True))
     assert not torch.equal(mirrored, alike)
 
 
