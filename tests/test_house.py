@@ -59,6 +59,7 @@ OWN_FILES = {
     "weights/cache.py",
     "weights/sources.py",
     "words/arrangement.py",
+    "words/figures.py",
     "words/nouns.py",
 }
 READING = {"read_bytes", "read_text", "copyfile", "imread", "fromfile", "loadtxt", "genfromtxt", "safe_open", "memmap"}

@@ -95,7 +95,7 @@ def test_several_people_are_one_picture_and_the_account_says_how_many(noun: str,
     )
 
 
-def test_the_old_are_said_to_be_old_and_a_trade_that_no_look_has_is_only_similar(tmp_path: Path) -> None:
+def test_the_old_are_said_to_be_old_and_a_trade_without_clothes_is_only_similar(tmp_path: Path) -> None:
     (old,) = found(Reading((Thing("old monk", "monk"),)), tmp_path)
     assert old is not None and old.caption == "old monk"
     (rusty,) = found(Reading((Thing("rusty monk", "monk"),)), tmp_path)

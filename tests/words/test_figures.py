@@ -1,16 +1,18 @@
-"""Drawn figures: the tables are well formed, and a figure shows what its pose and its look say."""
+"""Drawn figures: the tables are well formed, and a figure shows what its pose and its clothes say."""
 
 import pytest
 import torch
 
-from frida_painter.words.figures import Figure, Look, Pose, draw_figure, looks, nearest, poses
+from frida_painter.words.figures import Clothes, Figure, Pose, draw_figure, nearest, poses, wardrobe
 from support.networks import WordBag
 
-PLAIN = Look(("somebody",), "red", "blue", "trousers")
+PLAIN = Clothes(("somebody",), "red", "blue", "trousers")
 
 
-def draw(words: str, look: Look = PLAIN, heads: float = 7.0, *, has_seat: bool = True, is_old: bool = False) -> Figure:
-    return draw_figure(pose(words), look, heads=heads, is_old=is_old, kind=0, has_seat=has_seat)
+def draw(
+    words: str, worn: Clothes = PLAIN, heads: float = 7.0, *, has_seat: bool = True, is_old: bool = False
+) -> Figure:
+    return draw_figure(pose(words), worn, heads=heads, is_old=is_old, kind=0, has_seat=has_seat)
 
 
 def pose(word: str) -> Pose:
@@ -37,10 +39,10 @@ def test_a_figure_of_every_pose_is_whole_and_its_hand_is_on_it(which: Pose, head
     assert (which.carried == "seat") == (figure.seat > 0)
 
 
-@pytest.mark.parametrize("look", looks(), ids=lambda one: one.words[0])
-def test_every_look_can_be_drawn(look: Look) -> None:
-    assert look.cut in ("trousers", "shorts", "skirt", "robe")
-    assert float(draw("standing", look).picture[3].mean()) > 0.2
+@pytest.mark.parametrize("worn", wardrobe(), ids=lambda one: one.words[0])
+def test_all_clothes_can_be_drawn(worn: Clothes) -> None:
+    assert worn.cut in ("trousers", "shorts", "skirt", "robe")
+    assert float(draw("standing", worn).picture[3].mean()) > 0.2
 
 
 def test_poses_differ_as_their_words_do() -> None:
@@ -70,7 +72,7 @@ def test_the_old_have_white_hair_and_children_large_heads() -> None:
 
 def test_a_mirrored_figure_has_its_hand_on_the_other_side() -> None:
     figure = draw("climbing")
-    turned = figure.mirrored()
+    turned = figure.mirror()
     assert turned.hand == (-figure.hand[0], figure.hand[1]) and torch.equal(turned.picture.flip(2), figure.picture)
 
 

@@ -1,4 +1,4 @@
-"""Casting: the choice of a picture for each thing of a prompt. People without a picture of what they do are drawn."""
+"""Casting: the choice of a picture for each thing of a prompt. People without a picture of their action are drawn."""
 
 import zlib
 from collections.abc import Sequence
@@ -15,10 +15,10 @@ from frida_painter.words.retrieval import FoundPicture, PictureIndex, is_upright
 CALLED = 0.9
 """Similarity above which a picture is of the thing itself."""
 
-_LOOKS, _KNOWN = 0.6, 0.8  # similarity above which a look is like that of a name, and above which it is that
+_DRESSED, _KNOWN = 0.6, 0.8  # similarity above which clothes are like those of a name, and above which they are those
 _DOES, _WITH = 0.5, 0.8  # similarity above which a pose is that of a verb, and that of a verb with its object
 _IS = 0.6  # similarity above which a pose is that of a name: a violinist plays the violin
-_ANYBODY = 6  # number of the looks, the first ones, of people without a trade
+_ANYBODY = 6  # number of the clothes, the first ones, of people without a trade
 _OLD, _AGED = ("old", "elderly", "grandmother", "grandfather"), 0.75  # who has white hair, and the least similarity
 _CHILD, _GROWN = (4.0, 0.6), (7.0, 1.6)  # heights of a body in heads and in metres
 
@@ -110,10 +110,10 @@ def _draw_person(
     relations: between the things that are shown
     meant: words of the pose that mean what the person does; "" if none do
     """
-    look, called, alike = figures.nearest([thing.name], figures.looks(), sentences)
-    anybody = figures.looks()[:_ANYBODY]
-    if alike < _LOOKS:
-        look, called, _ = figures.nearest([thing.noun], anybody, sentences)
+    clothes, called, alike = figures.nearest([thing.name], figures.wardrobe(), sentences)
+    anybody = figures.wardrobe()[:_ANYBODY]
+    if alike < _DRESSED:
+        clothes, called, _ = figures.nearest([thing.noun], anybody, sentences)
     old = _old(thing.name, sentences)
     (least, small), (most, tall) = _CHILD, _GROWN
     grown = (known_like(thing.name, sentences).height - small) / (tall - small)
@@ -121,11 +121,11 @@ def _draw_person(
     has_seat = any(one.subject == number and kind_of(one.word) in ("on", "in") for one in relations)
     drawn = []
     for copy in range(thing.shown):
-        worn = anybody[copy % len(anybody)] if thing.noun in GROUPS else look  # a family is of all kinds
+        worn = anybody[copy % len(anybody)] if thing.noun in GROUPS else clothes  # a family is of all kinds
         kind = zlib.crc32(thing.name.encode()) + copy
         figure = figures.draw_figure(pose, worn, heads=heads, is_old=bool(old), kind=kind, has_seat=has_seat)
         is_faced = any(one.object == number and kind_of(one.word) == "doing" for one in relations)
-        drawn.append(figure.mirrored() if is_faced or copy % 2 else figure)
+        drawn.append(figure.mirror() if is_faced or copy % 2 else figure)
     figure = drawn[0]
     if len(drawn) > 1:
         figure = replace(
@@ -145,7 +145,7 @@ def _old(name: str, sentences: SentenceEncoder) -> list[str]:
 
 
 def _pose_of(number: int, thing: Thing, reading: Reading, sentences: SentenceEncoder) -> tuple[Pose, str]:
-    """Returns the pose of what a person does, and the words of the table that mean it; "" for somebody who stands."""
+    """Returns the pose of a person's action, and the words of the table that mean it; "" for somebody who stands."""
     said = []
     for one in reading.relations:
         if one.subject == number:

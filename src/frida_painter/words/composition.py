@@ -66,6 +66,7 @@ def falling(setting: Setting, where: Tensor, seed: int) -> tuple[Tensor, Tensor]
 
 _WIDE, _HIGH = 0.86, 0.80  # of the canvas: greatest extent of the things
 _STANDS = 0.55  # of the land below the horizon: position of the things' feet
+_LONG, _CUT = 1.25, 0.6  # width of the things by the canvas's above which a long one is cut, and its share at most
 _ALOFT = 0.40  # of the height: position of the middle of things in the air
 _ATOP, _BEFORE = 0.52, 0.3  # the same on a hill, and before what is far away
 _AMID = 0.62  # of the height that a single thing fills in a visible place
@@ -230,7 +231,9 @@ def _fit(
     is_far: bool = False,
     most: float = 1.0,
 ) -> list[tuple[Tensor, int, int]]:
-    """Returns the pictures scaled to pixels, each with its first row and column; nothing touches the edge.
+    """Returns the pictures scaled to pixels, each with its first row and column.
+
+    Nothing touches the edge, but a thing that is much longer than the others leaves the canvas on the right.
 
     most: greatest share of the canvas's height
     """
@@ -242,6 +245,11 @@ def _fit(
     low, high = min(one.y for one in things), max(one.y + one.height for one in things)
     tall = _AMID if setting.is_named and (in_the_air or len(things) == 1) else _HIGH
     wide, tall = (_AMID, _AMID) if is_far else (_ATOP, _ATOP) if setting.on_hill else (_WIDE, min(tall, most))
+    longest = max(things, key=lambda one: one.width)
+    if not is_far and longest.x + longest.width / 2 == right > longest.x - longest.width / 2 > left:
+        least = _LONG * (high - low) * wide * columns / (tall * rows)  # a train beside somebody leaves the picture
+        right -= min(_CUT * longest.width, max(0.0, right - left - least))
+    is_cut = right < longest.x + longest.width / 2
     scale = min(wide * columns / (right - left), tall * rows / (high - low)) * min(1, max(one.size for one in things))
     width, height = scale * (right - left), scale * (high - low)
     floor = HORIZON if is_far else SUMMIT if setting.on_hill else HORIZON + _STANDS * (1 - HORIZON) - _ROOTED
@@ -250,7 +258,7 @@ def _fit(
     bottom = min(max(bottom, height + 0.04 * rows), 0.96 * rows)
     free = columns - width
     shift = min(_THIRD * columns, 0.5 * free - 0.04 * columns) if setting.is_named and not setting.on_hill else 0.0
-    start = free / 2 + (1 if seed % 2 else -1) * max(0.0, shift)
+    start = free if is_cut else free / 2 + (1 if seed % 2 else -1) * max(0.0, shift)
     found = []
     for one in things:
         picture = resize(one.picture, max(1e-3, scale * one.height / one.picture.shape[1]))
@@ -263,5 +271,6 @@ def _fit(
         top = round(bottom - scale * (one.y - low) - picture.shape[1])
         at = round(start + scale * (one.x - one.width / 2 - left))
         top = max(0, min(top, rows - picture.shape[1]))
-        found.append((picture[:, :rows, :columns], top, max(0, min(at, columns - picture.shape[2]))))
+        at = max(0, min(at, columns - (1 if is_cut else picture.shape[2])))
+        found.append((picture[:, :rows, : columns - at], top, at))
     return found

@@ -22,7 +22,7 @@ from frida_painter.words.places import color_of
 
 _Point = npt.NDArray[np.float64]
 
-# Poses and looks, from tables.
+# Poses and clothes, from tables.
 
 
 class Pose(NamedTuple):
@@ -34,8 +34,8 @@ class Pose(NamedTuple):
     tool: str = ""
 
 
-class Look(NamedTuple):
-    """Look of people: their names, colours and cut of their clothes, and a hat, as `looks.txt` explains."""
+class Clothes(NamedTuple):
+    """Clothes of people: names of those who wear them, colours, cut and a hat, as `clothes.txt` explains."""
 
     words: tuple[str, ...]
     top: str
@@ -58,12 +58,12 @@ def poses() -> tuple[Pose, ...]:
 
 
 @cache
-def looks() -> tuple[Look, ...]:
-    """Returns the table of `looks.txt`."""
-    return tuple(Look(words, *rest) for words, rest in _rows("looks.txt"))
+def wardrobe() -> tuple[Clothes, ...]:
+    """Returns the table of `clothes.txt`."""
+    return tuple(Clothes(words, *rest) for words, rest in _rows("clothes.txt"))
 
 
-_Row = TypeVar("_Row", Pose, Look)
+_Row = TypeVar("_Row", Pose, Clothes)
 
 
 def nearest(said: Sequence[str], rows: Sequence[_Row], sentences: SentenceEncoder) -> tuple[_Row, str, float]:
@@ -116,12 +116,12 @@ class Figure:
     tall: float
     does: str = ""
 
-    def mirrored(self) -> Figure:
+    def mirror(self) -> Figure:
         """Returns the figure that looks to the left."""
         return replace(self, picture=self.picture.flip(2), hand=(-self.hand[0], self.hand[1]))
 
 
-def draw_figure(pose: Pose, look: Look, *, heads: float, is_old: bool, kind: int, has_seat: bool) -> Figure:
+def draw_figure(pose: Pose, worn: Clothes, *, heads: float, is_old: bool, kind: int, has_seat: bool) -> Figure:
     """Returns a figure that looks to the right.
 
     heads: height of the body upright, in heads: about 7, and 4 to 5 for a child
@@ -133,15 +133,15 @@ def draw_figure(pose: Pose, look: Look, *, heads: float, is_old: bool, kind: int
     skin, hair = _SKINS[kind % len(_SKINS)], _WHITE if is_old else _HAIRS[kind % len(_HAIRS)]
     if pose.carried == "seat" and not has_seat:
         _draw_stool(sheet, body)
-    _draw_arm(sheet, body, 1, look, skin)
+    _draw_arm(sheet, body, 1, worn, skin)
     for number in (1, 0):
-        _draw_leg(sheet, body, number, look, skin)
-    if look.cut == "skirt":
-        sheet.fill(look.bottom, [(body.hips, 0.4), *((knee, 0.36) for knee in body.knees)])
-    sheet.draw(look.top, [(body.hips, 0.44), (body.chest, 0.52)])
-    _draw_head(sheet, body, look, skin, hair)
+        _draw_leg(sheet, body, number, worn, skin)
+    if worn.cut == "skirt":
+        sheet.fill(worn.bottom, [(body.hips, 0.4), *((knee, 0.36) for knee in body.knees)])
+    sheet.draw(worn.top, [(body.hips, 0.44), (body.chest, 0.52)])
+    _draw_head(sheet, body, worn, skin, hair)
     _draw_tool(sheet, body, pose.tool)
-    _draw_arm(sheet, body, 0, look, skin)
+    _draw_arm(sheet, body, 0, worn, skin)
     return _cut_out(sheet, body, pose, heads)
 
 
@@ -202,34 +202,34 @@ class _Sheet:
         cv2.fillConvexPoly(self.drawn, cv2.convexHull(pixels), paint, shift=4)
 
 
-def _draw_arm(sheet: _Sheet, body: _Body, number: int, look: Look, skin: str) -> None:
+def _draw_arm(sheet: _Sheet, body: _Body, number: int, worn: Clothes, skin: str) -> None:
     shade = _SHADED if number else 1.0
-    sheet.draw(look.top, [(body.chest, 0.24), (body.elbows[number], 0.22), (body.wrists[number], 0.16)], shade)
+    sheet.draw(worn.top, [(body.chest, 0.24), (body.elbows[number], 0.22), (body.wrists[number], 0.16)], shade)
     sheet.fill(skin, [(body.hands[number], _HAND)], shade)
 
 
-def _draw_leg(sheet: _Sheet, body: _Body, number: int, look: Look, skin: str) -> None:
+def _draw_leg(sheet: _Sheet, body: _Body, number: int, worn: Clothes, skin: str) -> None:
     shade, knee, ankle = _SHADED if number else 1.0, body.knees[number], body.ankles[number]
     toe = _beyond(ankle, body.shins[number] + 75, _FOOT)
-    sheet.fill(look.bottom, [(ankle, 0.18), (toe, 0.12)], _DARK)
-    sheet.fill(skin if look.cut == "skirt" else look.bottom, [(body.hips, 0.32), (knee, 0.26)], shade)
-    sheet.fill(skin if look.cut in ("skirt", "shorts") else look.bottom, [(knee, 0.24), (ankle, 0.18)], shade)
-    if look.cut == "robe":
-        sheet.fill(look.bottom, [(body.hips, 0.44), (knee, 0.42), (ankle, 0.48)], shade)
+    sheet.fill(worn.bottom, [(ankle, 0.18), (toe, 0.12)], _DARK)
+    sheet.fill(skin if worn.cut == "skirt" else worn.bottom, [(body.hips, 0.32), (knee, 0.26)], shade)
+    sheet.fill(skin if worn.cut in ("skirt", "shorts") else worn.bottom, [(knee, 0.24), (ankle, 0.18)], shade)
+    if worn.cut == "robe":
+        sheet.fill(worn.bottom, [(body.hips, 0.44), (knee, 0.42), (ankle, 0.48)], shade)
 
 
-def _draw_head(sheet: _Sheet, body: _Body, look: Look, skin: str, hair: str) -> None:
-    hat = [[(body.at(up, before), wide) for up, before, wide in stroke] for stroke in _HATS[look.hat]]
+def _draw_head(sheet: _Sheet, body: _Body, worn: Clothes, skin: str, hair: str) -> None:
+    hat = [[(body.at(up, before), wide) for up, before, wide in stroke] for stroke in _HATS[worn.hat]]
     sheet.draw(skin, [(body.chest, 0.2), (body.skull, 0.2)], 0.85)
-    if look.cut in ("skirt", "robe"):  # long hair
+    if worn.cut in ("skirt", "robe"):  # long hair
         sheet.fill(hair, [(body.at(0.0, -0.2), 0.42), (body.at(-0.75, -0.3), 0.26)])
     sheet.fill(hair, [(body.at(0.06, -0.08), 0.52)])
-    for stroke in hat if look.hat == "hood" else ():  # it covers the hair, and not the face
-        sheet.draw(look.hat_color, stroke)
+    for stroke in hat if worn.hat == "hood" else ():  # it covers the hair, and not the face
+        sheet.draw(worn.hat_color, stroke)
     sheet.fill(skin, [(body.at(-0.06, 0.1), 0.43)])
     sheet.fill("black", [(body.at(0.0, 0.32), 0.055)])  # an eye
-    for stroke in hat if look.hat != "hood" else ():
-        sheet.draw(look.hat_color, stroke)
+    for stroke in hat if worn.hat != "hood" else ():
+        sheet.draw(worn.hat_color, stroke)
 
 
 def _draw_stool(sheet: _Sheet, body: _Body) -> None:

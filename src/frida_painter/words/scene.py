@@ -120,7 +120,7 @@ def scene_of(
 
 
 def _as_meant(relation: Relation, things: Cast) -> Relation:
-    """Returns a relation whose word belongs to what somebody does as one of the hands: to write on a blackboard."""
+    """Returns a relation as one of the hands, if its word belongs to an action: to write on a blackboard."""
     figure = getattr(things[relation.subject], "figure", None)
     is_part = figure is not None and not figure.seat and f" {relation.word} " in figure.does
     return replace(relation, word="doing") if is_part else relation
