@@ -89,21 +89,7 @@ def scene_of(
         return compose_photograph(whole.colored[:3], setting, grid, seed)
     if is_mood:
         return compose_mood(setting.light, second, setting, grid, seed)
-    is_flown = any(relation.word == "flying" for relation in reading.relations)  # a kite of somebody on the ground
-    parts: list[ScenePart | None] = [None] * len(things)
-    for number, one in enumerate(things):
-        if one is not None:
-            called = [word.text.lower() for word in looks[number]]
-            name = " ".join(word for word in reading.things[number].name.split() if word.lower() not in called)
-            known = known_like(name, sentences)  # a small house is no small bird
-            if one.thing.doing == "flying" and not is_flown:
-                known = known._replace(where="air")
-            mine = [*looks[number].values()]
-            picture, size = change_looks(one.colored, mine)
-            picture = in_weather(picture, setting.weather, known.where, mine)
-            leans = picture.shape != one.colored.shape
-            picture = copies([picture] * one.shown, known.where, seed + number, leans=leans)
-            parts[number] = ScenePart(picture, known, one.figure, size)
+    parts = _parts_of(things, looks, reading, setting, seed, sentences)
     usual = {part.known.where for part in parts if part is not None}
     in_the_air = usual == {"air"}
     setting = replace(setting, is_raised=setting.is_raised and not in_the_air and "water" not in usual)
@@ -117,6 +103,33 @@ def scene_of(
     if scenery is not None:
         behind = in_weather(scenery.picture, setting.weather, known_like(scenery.thing.name, sentences).where)
     return compose_scene(near, setting, grid, seed, in_the_air=in_the_air, scenery=behind, far=far)
+
+
+def _parts_of(
+    things: Cast,
+    looks: dict[int, dict[SaidWord, Appearance]],
+    reading: Reading,
+    setting: Setting,
+    seed: int,
+    sentences: SentenceEncoder,
+) -> list[ScenePart | None]:
+    """Returns the things with their looks, in the weather, and all their copies, ready to be placed."""
+    is_flown = any(relation.word == "flying" for relation in reading.relations)  # a kite of somebody on the ground
+    parts: list[ScenePart | None] = [None] * len(things)
+    for number, one in enumerate(things):
+        if one is None:
+            continue
+        called, mine = [word.text.lower() for word in looks[number]], [*looks[number].values()]
+        name = " ".join(word for word in reading.things[number].name.split() if word.lower() not in called)
+        known = known_like(name, sentences)  # a small house is no small bird
+        if one.thing.doing == "flying" and not is_flown:
+            known = known._replace(where="air")
+        picture, size = change_looks(one.colored, mine)
+        picture = in_weather(picture, setting.weather, known.where, mine)
+        leans = picture.shape != one.colored.shape
+        picture = copies([picture] * one.shown, known.where, seed + number, leans=leans)
+        parts[number] = ScenePart(picture, known, one.figure, size)
+    return parts
 
 
 def _as_meant(relation: Relation, things: Cast) -> Relation:
