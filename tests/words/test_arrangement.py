@@ -12,6 +12,7 @@ from torch import Tensor
 from downloads import fetched
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.words.arrangement import Known, Placed, ScenePart, arrange_parts, copies, is_person
+from frida_painter.words.figures import Figure
 from frida_painter.words.reading import Relation
 
 
@@ -50,6 +51,38 @@ def test_under_a_table_is_between_its_legs_and_under_the_moon_is_below_it() -> N
     assert dog.y == over.y == 0 and dog.height <= 0.5 * over.height and dog.depth > over.depth
     castle, moon = put("under", thing(0, 25), thing(1, 100, "air"))
     assert moon.y > 0.5 * castle.height and moon.height < castle.height
+
+
+def figure(color: int, height: float = 1.7) -> ScenePart:
+    """Somebody whose hand is in front, above the middle, and who sits on what carries them."""
+    part = thing(color, height, "person", (40, 20))
+    return replace(part, figure=Figure(part.picture, (0.5, 0.6), 0.4, 1.0))
+
+
+@pytest.mark.parametrize("word", ["holding", "reading"])
+def test_a_small_thing_is_in_the_hand_of_a_figure(word: str) -> None:
+    book, reader = reversed(put(word, figure(0), thing(1, 0.2)))
+    assert abs(book.x - (reader.x + 0.5 * reader.width)) < 1e-6
+    assert book.y < reader.y + 0.6 * reader.height < book.y + book.height
+
+
+def test_a_figure_touches_a_large_thing_and_a_duck_is_not_in_its_hand() -> None:
+    oven, baker = reversed(put("opening", figure(0), thing(1, 1.8)))
+    assert oven.y == baker.y and oven.depth < baker.depth and oven.x < baker.x + 0.5 * (baker.width + oven.width)
+    duck, farmer = reversed(put("feeding", figure(0), thing(1, 0.35, "water")))
+    assert duck.y == farmer.y and duck.x > farmer.x + farmer.width / 2
+    baby, mother = reversed(put("carrying", figure(0), thing(1, 0.6, "person")))
+    assert baby.y > mother.y + 0.2 * mother.height
+
+
+def test_the_hips_of_a_rider_are_on_the_horse_and_who_is_in_a_house_stands_before_it() -> None:
+    rider, horse = put("riding", figure(0), thing(1, 1.8, "animal"))
+    hips = rider.y + 0.4 * rider.height
+    assert abs(hips - (horse.y + horse.height)) < 0.05 * horse.height
+    guest, house = put("in", figure(0), thing(1, 6.0))
+    assert guest.depth > house.depth and guest.hidden == 0 and guest.y <= house.y
+    sailor, boat = put("on", figure(0), thing(1, 2.0, "water", (20, 40)))
+    assert sailor.hidden > 0 and sailor.y < boat.y + boat.height
 
 
 def test_a_kite_that_is_flown_is_in_the_air_and_a_ball_that_is_kicked_is_not() -> None:

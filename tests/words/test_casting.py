@@ -102,3 +102,10 @@ def test_the_old_are_said_to_be_old_and_a_trade_without_clothes_is_only_similar(
     assert rusty is not None and "rusty" not in rusty.caption
     (unknown,) = found(Reading((Thing("bailiff", "bailiff"),)), tmp_path)
     assert unknown is None or not unknown.exact
+
+
+def test_who_does_something_on_a_bench_sits(tmp_path: Path) -> None:
+    standing, _ = found(acting("baker", "feeding", Thing("goat", "goat")), tmp_path)
+    sitting, _ = found(acting("baker", "feeding", Thing("bench", "bench"), by="on"), tmp_path)
+    assert standing is not None and standing.figure is not None and standing.figure.seat == 0
+    assert sitting is not None and sitting.figure is not None and sitting.figure.seat > 0.2

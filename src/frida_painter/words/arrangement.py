@@ -255,6 +255,8 @@ def _put(mine: Placed, other: Placed, kind: str, where: str, other_where: str) -
         share = _SEAT if other_where == "seat" else _top(other.picture, mine.width / max(other.width, 1e-6))
         sinks = mine.figure.seat if mine.figure is not None and mine.figure.seat else _SINKS
         return _at(mine, other, up=share - sinks * mine.height / other.height), other
+    if kind == "in" and mine.figure is not None and other.height > mine.height and other_where == "ground":
+        return _at(mine, other, across=-0.2, up=-0.06), other  # in a house, so in front of it
     if kind == "in":  # the inner thing looks out over the rim, in front of parts above it such as a handle or a sail
         wide = _FITS * other.width * mine.height / max(mine.width, 1e-6)
         mine = replace(mine, height=min(0.8 * other.height, wide, max(mine.height, _HIDDEN * other.height)))
@@ -291,13 +293,18 @@ def _put(mine: Placed, other: Placed, kind: str, where: str, other_where: str) -
         )
         across = middle / other.picture.shape[2] - 0.5
         return _at(replace(mine, height=size), other, across, 1 - _PULLED_DOWN * size / other.height), other
-    if kind in ("with", "doing") and other.figure is not None and where not in ("person", "air"):
+    is_held = kind == "with" or where not in (
+        "person",
+        "animal",
+        "water",
+    )  # a baby is carried, and a duck is not fed so
+    if kind in ("with", "doing") and other.figure is not None and where != "air" and is_held:
         return _at_hand(mine, other, other.figure.hand, where), other
     if kind == "with" and where == "held":
         return _at(mine, other, across=0.4, up=_HAND, depth=-1, most=_LIFTED * other.height), other
     if kind in _LOOSE and where == "air":
         return replace(mine, x=other.x + 0.5 * (other.width + mine.width), y=0.75 * other.height), other
-    small = mine.height < _CARRIED * other.height and where not in ("person", "animal", "seat", "top")
+    small = mine.height < _CARRIED * other.height and where not in ("person", "animal", "seat", "top", "water")
     if kind in ("with", "doing") and other_where == "person" and small:  # in the hands, whatever is done with it
         size = min(_LIGHT * mine.height, _IN_THE_HANDS * other.height, 1.3 * other.width * mine.height / mine.width)
         return _at(mine, other, across=0.12, up=_HAND - 0.4 * size / other.height, most=size), other

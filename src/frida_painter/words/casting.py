@@ -9,7 +9,7 @@ from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.words import figures
 from frida_painter.words.arrangement import copies, is_person, kind_of, known_like
 from frida_painter.words.figures import Pose
-from frida_painter.words.reading import GROUPS, Reading, Relation, Thing, word_meanings
+from frida_painter.words.reading import GROUPS, Reading, Thing, word_meanings
 from frida_painter.words.retrieval import FoundPicture, PictureIndex, is_upright
 
 CALLED = 0.9
@@ -22,6 +22,7 @@ _ANYBODY = 6  # number of the clothes, the first ones, of people without a trade
 _OLD, _AGED = ("old", "elderly", "grandmother", "grandfather"), 0.75  # who has white hair, and the least similarity
 _CHILD, _GROWN = (4.0, 0.6), (7.0, 1.6)  # heights of a body in heads and in metres
 
+_LEGS = 6  # place of the legs among the angles of a pose
 _HANDLES = ("on", "in", "with", "doing")  # kinds of relations of a body to a thing
 
 Cast = list[FoundPicture | None]
@@ -76,8 +77,13 @@ def cast(
         among = len(wanted) > 1 or in_place or thing.shown > 1
         found = index.find(thing, prompt, cut_out=among, acts=bool(among or thing.doing))
         if number in people and not _shows_person(found, reading, sentences, acting=acting, among=among):
-            shown = [one for one in reading.relations if {one.subject, one.object} <= {*wanted}]
-            found = _draw_person(number, thing, shown, *poses[number], sentences)
+            carriers = [
+                known_like(wanted[one.object].name, sentences).where
+                for one in reading.relations
+                if one.subject == number and one.object in wanted and kind_of(one.word) in ("on", "in")
+            ]
+            is_faced = any(one.object == number and kind_of(one.word) == "doing" for one in reading.relations)
+            found = _draw_person(thing, *poses[number], sentences, carriers=carriers, is_faced=is_faced)
         if found is None and number == min(wanted) and thing.shown == 1:  # its picture with a ground may be all
             found = index.find(thing, prompt)
         others = {one.caption for one in things if one is not None}
@@ -103,12 +109,13 @@ def _shows_person(
 
 
 def _draw_person(
-    number: int, thing: Thing, relations: Sequence[Relation], pose: Pose, meant: str, sentences: SentenceEncoder
+    thing: Thing, pose: Pose, meant: str, sentences: SentenceEncoder, *, carriers: Sequence[str], is_faced: bool
 ) -> FoundPicture:
     """Returns a drawn figure of a person in a pose.
 
-    relations: between the things that are shown
     meant: words of the pose that mean what the person does; "" if none do
+    carriers: kinds of the things that the person is on or in, such as "seat"
+    is_faced: True if somebody else acts on the person, who looks back
     """
     clothes, called, alike = figures.nearest([thing.name], figures.wardrobe(), sentences)
     anybody = figures.wardrobe()[:_ANYBODY]
@@ -118,13 +125,14 @@ def _draw_person(
     (least, small), (most, tall) = _CHILD, _GROWN
     grown = (known_like(thing.name, sentences).height - small) / (tall - small)
     heads = least + (most - least) * min(1.0, max(0.0, grown))
-    has_seat = any(one.subject == number and kind_of(one.word) in ("on", "in") for one in relations)
+    if pose.carried == "ground" and "seat" in carriers:  # to feed ducks on a bench
+        sitting = next(one for one in figures.poses() if "sitting" in one.words)
+        pose = pose._replace(angles=(*pose.angles[:_LEGS], *sitting.angles[_LEGS:]), carried="seat")
     drawn = []
     for copy in range(thing.shown):
         worn = anybody[copy % len(anybody)] if thing.noun in GROUPS else clothes  # a family is of all kinds
         kind = zlib.crc32(thing.name.encode()) + copy
-        figure = figures.draw_figure(pose, worn, heads=heads, is_old=bool(old), kind=kind, has_seat=has_seat)
-        is_faced = any(one.object == number and kind_of(one.word) == "doing" for one in relations)
+        figure = figures.draw_figure(pose, worn, heads=heads, is_old=bool(old), kind=kind, has_seat=bool(carriers))
         drawn.append(figure.mirror() if is_faced or copy % 2 else figure)
     figure = drawn[0]
     if len(drawn) > 1:

@@ -51,7 +51,7 @@ def falling(setting: Setting, where: Tensor, seed: int) -> tuple[Tensor, Tensor]
     falls = weather.rain or weather.flakes
     count = falls or (setting.light.stars if setting.place.is_open else 0)
     length, width = (_RAIN_LENGTH, _RAIN_WIDTH) if weather.rain else (0.0, _DAB)
-    space = (1.0 if falls else HORIZON) * rows, columns
+    space = (1.0 if falls else SUMMIT if setting.on_hill else HORIZON) * rows, columns
     chance, around = np.random.default_rng(seed), np.ones((2 * (rows // _APART) + 1,) * 2, np.uint8)
     over, taken = np.zeros((rows, columns), np.uint8), np.asarray(where > 0.3, np.uint8)
     for _ in range(_TRIES * count):
@@ -68,7 +68,7 @@ _WIDE, _HIGH = 0.86, 0.80  # of the canvas: greatest extent of the things
 _STANDS = 0.55  # of the land below the horizon: position of the things' feet
 _LONG, _CUT = 1.25, 0.6  # width of the things by the canvas's above which a long one is cut, and its share at most
 _ALOFT = 0.40  # of the height: position of the middle of things in the air
-_ATOP, _BEFORE = 0.52, 0.3  # the same on a hill, and before what is far away
+_ATOP, _BEFORE = 0.58, 0.3  # the same on a hill, and before what is far away
 _AMID = 0.62  # of the height that a single thing fills in a visible place
 _THIRD = 0.07  # of the width: distance from the middle of a thing that leaves room
 

@@ -209,7 +209,7 @@ TIMES = LIGHTS[:7]
 CLEAR = Weather("clear", (), "white", DAY)
 WEATHERS = (
     Weather("rain", ("rain", "rainy", "downpour", "drizzle"), "#dbe6f2", GREY, rain=16),
-    Weather("a storm", ("storm", "stormy", "thunder", "lightning", "hurricane"), "#d1d6e0",
+    Weather("a storm", ("storm", "stormy", "thunderstorm", "thunder", "lightning", "hurricane"), "#d1d6e0",
             Light(("a storm",), "#384557", "#949e9e", "#ede6b8", "vortex", 0.8), rain=12, wind=0.7),
     Weather("snow", ("snowfall", "snowing", "snowy", "blizzard", "snowstorm"), "white", LIGHTS[5], flakes=18),
     Weather("fog", ("fog", "mist", "misty", "haze"), "#e6e8eb",

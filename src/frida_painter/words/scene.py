@@ -136,6 +136,7 @@ def _as_meant(relation: Relation, things: Cast) -> Relation:
     """Returns a relation as one of the hands, if its word belongs to an action: to write on a blackboard."""
     figure = getattr(things[relation.subject], "figure", None)
     is_part = figure is not None and not figure.seat and f" {relation.word} " in figure.does
+    is_part = is_part or (figure is not None and relation.word == "out of")  # to take bread out of an oven
     return replace(relation, word="doing") if is_part else relation
 
 
@@ -149,7 +150,7 @@ def _place_of(things: Cast, relations: Sequence[Relation], setting: Setting, sen
     shown = shown or [one for one in things if one is not None]
     outside = setting.weather != places.CLEAR or setting.light != DAY
     names = [name for one in shown for name in (one.thing.name, one.caption)]
-    afloat = any(known_like(one.thing.name, sentences).where == "water" for one in shown)
+    afloat = all(known_like(one.thing.name, sentences).where in ("water", "air") for one in shown)
     return places.infer_place(names, sentences, outside=outside, afloat=afloat)
 
 
@@ -304,6 +305,9 @@ def _place_named(number: int, reading: Reading, nearest: float, sentences: Sente
         place = usual  # a table that carries things is shown by its top
     if place is None and thing.name != thing.noun:
         place = places.find_part(thing.name, places.PLACES, sentences, max(least, _SURE))
+    if place is not None and place.kind == "land":  # a desert road
+        named = (places.find_part(word, places.PLACES, sentences, _EXACTLY) for word in thing.name.split()[:-1])
+        place = next((one for one in named if one is not None and one.kind == "land"), place)
     paint = paint_of(thing.color)
     return place if place is None or paint is None else places.in_color(place, tuple(paint.tolist()))
 
