@@ -81,7 +81,7 @@ _CROWDED = 0.6  # least share of its size that a thing keeps among others on the
 _TALLER = 1.6  # least height of a tree, relative to those under it
 _SEAT = 0.5  # share of the height of a seat's picture at which somebody sits
 
-_HELD, _SMALL = 0.6, 0.4  # height of a thing, relative to a figure, from which it stands, and up to which it never does
+_HELD, _SMALL = 0.6, 0.4  # height of a thing in a hand, relative to a figure: of one that is carried, and of others
 _REACHED = 0.3  # share of its width by which a large thing is beyond the hand
 _HAND, _IN_THE_HANDS = 0.45, 0.5  # of a person: height of the hands, and greatest height of a thing in them
 _LIGHT = 0.8  # share of its size that a thing keeps in the hands
@@ -299,7 +299,8 @@ def _put(mine: Placed, other: Placed, kind: str, where: str, other_where: str) -
         "water",
     )  # a baby is carried, and a duck is not fed so
     if kind in ("with", "doing") and other.figure is not None and where != "air" and is_held:
-        return _at_hand(mine, other, other.figure.hand, where), other
+        most = _HELD if kind == "with" and where not in ("animal", "seat", "top") else _SMALL
+        return _at_hand(mine, other, other.figure.hand, where, most), other
     if kind == "with" and where == "held":
         return _at(mine, other, across=0.4, up=_HAND, depth=-1, most=_LIFTED * other.height), other
     if kind in _LOOSE and where == "air":
@@ -313,11 +314,13 @@ def _put(mine: Placed, other: Placed, kind: str, where: str, other_where: str) -
     return _beside([other], mine), other
 
 
-def _at_hand(mine: Placed, other: Placed, hand: tuple[float, float], where: str) -> Placed:
-    """Returns a thing in the hand of a figure; a large one stands behind the hand, and a long one reaches the floor."""
+def _at_hand(mine: Placed, other: Placed, hand: tuple[float, float], where: str, most: float) -> Placed:
+    """Returns a thing in the hand of a figure; a large one stands behind the hand, and a long one reaches the floor.
+
+    most: height of a thing in a hand, relative to the figure
+    """
     across, up = hand
-    is_large = mine.height >= _HELD * other.height or where in ("animal", "seat", "top")
-    if is_large and mine.height > _SMALL * other.height:
+    if mine.height > most * other.height:
         return _at(mine, other, across + _REACHED * math.copysign(mine.width, across) / other.width, depth=-1)
     if where == "held":
         return _at(mine, other, across, up if up > 0.5 else 0.0, most=_LIFTED * other.height)
