@@ -145,19 +145,20 @@ PLACES = (
     Place(("lake", "pond", "river", "water"), ("swan", "duck", "frog", "lily pad", "boat"), "#5c94ad", 0.08, "water",
           bank="#75a352"),
     Place(("beach", "sand", "shore"), ("palm tree", "crab", "starfish"), "#e6cc94", scenery=("palm tree", 0.3)),
-    Place(("meadow", "grass", "field", "garden", "park"),
+    Place(("meadow", "grass", "field", "garden", "park", "backyard"),
           ("flower", "tree", "animal", "butterfly", "insect", "tractor", "cow", "bicycle", "rooster", "horse", "sheep",
            "dog"), "#75a352", scenery=("tree", 0.12)),
     Place(("hills", "hill", "valley", "landscape", "horizon"), ("castle", "windmill", "tower"), "#809e5c", 0.14, "hill",
           scenery=("tree", 0.14)),
     Place(("village", "farm", "countryside"), ("house", "barn", "church"), "#8aa85c", 0.1, scenery=("house", 0.2)),
+    Place(("orchard", "vineyard", "grove"), ("apple tree", "grapevine"), "#7d9a4e", 0.1, scenery=("tree", 0.36)),
     Place(("mountains", "mountain range", "cliff", "alps"), ("mountain", "eagle", "volcano"), "#708085", 0.28, "hill"),
     Place(("forest", "jungle", "woods", "wilderness"),
           ("tree", "bear", "deer", "owl", "mushroom", "fox", "wolf", "squirrel", "tiger", "monkey"), "#456638", 0.3,
           above="#99bd94", scenery=("tree", 0.55)),
     Place(("desert", "dune", "savannah"), ("cactus", "camel", "giraffe", "lion", "elephant", "zebra"), "#dbad6b", 0.07),
     Place(("snow", "ice", "winter landscape", "iceberg"), ("snowman", "penguin", "polar bear"), "#f0f5fa", 0.06),
-    Place(("street", "city", "town", "square", "market"), ("house", "car", "bus", "train", "traffic light"),
+    Place(("street", "city", "town", "square", "market", "skyline"), ("house", "car", "bus", "train", "traffic light"),
           "#8f8c8a", scenery=("office building", 0.4)),
     Place(("road", "path", "highway"), ("truck", "motorcycle", "road sign"), "#96918a", 0.08, scenery=("tree", 0.2)),
     Place(("sky", "clouds"), ("cloud", "airplane", "hot air balloon", "kite", "flying bird", "rocket"), "#c7e0f2"),
@@ -168,7 +169,7 @@ PLACES = (
           above="#ebe0cc"),
     PAPER,
 )  # fmt: skip
-LAKE, MEADOW, SKY, TABLE, ROOM = PLACES[1], PLACES[3], PLACES[12], PLACES[13], PLACES[14]
+LAKE, MEADOW, SKY, TABLE, ROOM = PLACES[1], PLACES[3], PLACES[13], PLACES[14], PLACES[15]
 DAY = Light(("day", "noon"), "#a3cae9", "#e0f0f9")
 LIGHTS = (
     Light(("dawn", "sunrise", "early morning", "morning"), "#9eb2db", "#fcd1ad", "#ffedb2"),
