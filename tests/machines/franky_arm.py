@@ -16,6 +16,7 @@ import sys
 import threading
 import time
 from collections import deque
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Self
 
@@ -54,6 +55,7 @@ class FrankyArm:
         ready, self.address = self.process.stdout.readline().split()
         assert ready == "ready"
         threading.Thread(target=self._listen, daemon=True).start()
+        self._wait_until(lambda: self.trace.exists() and len(self.joints()) > 0)  # on a busy machine it begins later
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -75,10 +77,7 @@ class FrankyArm:
         before = self._told.count(done)
         self.process.stdin.write(json.dumps(what) + "\n")
         self.process.stdin.flush()
-        until = time.monotonic() + 30
-        while self._told.count(done) == before:
-            assert self.process.poll() is None and time.monotonic() < until
-            time.sleep(0.002)
+        self._wait_until(lambda: self._told.count(done) > before)
 
     def recoveries(self) -> int:
         """Number of times that somebody asked the arm to recover from its errors by itself."""
@@ -103,6 +102,12 @@ class FrankyArm:
         size = 7 * 8
         whole = self.trace.stat().st_size // size
         return tip_positions(np.fromfile(self.trace, np.float64, 7, offset=(whole - 1) * size)[None])[0]
+
+    def _wait_until(self, is_so: Callable[[], bool]) -> None:
+        until = time.monotonic() + 30
+        while not is_so():
+            assert self.process.poll() is None and time.monotonic() < until
+            time.sleep(0.002)
 
     def _listen(self) -> None:
         for line in self.process.stdout:
