@@ -34,7 +34,7 @@ def test_a_figure_of_every_pose_is_whole_and_its_hand_is_on_it(which: Pose, head
     across, up = figure.hand
     assert -0.5 <= across <= 0.5 and 0 <= up <= 1 and 0.2 < figure.tall < 1.6 and 0 <= figure.seat < 0.8
     around = figure.picture[3, max(0, round((1 - up) * height) - 3) :, max(0, round((across + 0.5) * width) - 3) :]
-    assert float(around[:7, :7].max()) == 1
+    assert float(around[:7, :7].max()) == 1 or which.tool == "mallet", "which hits what is on the floor"
     assert float(figure.picture[3, :2].max()) > 0.5, "nothing is cut off, and there is no margin"
     assert (which.carried == "seat") == (figure.seat > 0)
 

@@ -325,7 +325,7 @@ def _at_hand(mine: Placed, other: Placed, hand: tuple[float, float], where: str,
     if where == "held":
         return _at(mine, other, across, up if up > 0.5 else 0.0, most=_LIFTED * other.height)
     size = min(_LIGHT * mine.height, _IN_THE_HANDS * other.height)
-    return _at(mine, other, across, up - 0.4 * size / other.height, most=size)
+    return _at(mine, other, across, max(0.0, up - 0.4 * size / other.height), most=size)
 
 
 def _at(

@@ -104,7 +104,7 @@ class Figure:
     """Drawn figure.
 
     picture: colour and opacity [4, h, w]
-    hand: place of the hand from the middle of the lower edge, in widths and heights of the picture
+    hand: place of the hand, or of what its tool reaches, from the middle of the lower edge, in widths and heights
     seat: height of the hips of somebody who sits, as a share of the picture's height; 0 for others
     tall: height of the picture, by the height of the same figure upright
     does: words of `poses.txt` that mean what it does, or ""
@@ -140,9 +140,9 @@ def draw_figure(pose: Pose, worn: Clothes, *, heads: float, is_old: bool, kind: 
         sheet.fill(worn.bottom, [(body.hips, 0.4), *((knee, 0.36) for knee in body.knees)])
     sheet.draw(worn.top, [(body.hips, 0.44), (body.chest, 0.52)])
     _draw_head(sheet, body, worn, skin, hair)
-    _draw_tool(sheet, body, pose.tool)
+    reached = _draw_tool(sheet, body, pose.tool)
     _draw_arm(sheet, body, 0, worn, skin)
-    return _cut_out(sheet, body, pose, heads)
+    return _cut_out(sheet, body, pose, heads, reached)
 
 
 def _beyond(start: _Point, angle: float, length: float) -> _Point:
@@ -240,20 +240,23 @@ def _draw_stool(sheet: _Sheet, body: _Body) -> None:
         sheet.draw("saddlebrown", [(end, 0.1), (np.array([end[0], body.floor]), 0.1)])
 
 
-def _draw_tool(sheet: _Sheet, body: _Body, tool: str) -> None:
-    hand, along = body.hands[0], body.forearms[0]
+def _draw_tool(sheet: _Sheet, body: _Body, tool: str) -> _Point:
+    """Draws a tool, if there is one; returns the place that it reaches, or the hand."""
+    (x, y), along = body.hands[0], body.forearms[0]
     if tool == "pole":
-        x, y = hand
         low = np.array([x + 1.3, body.floor + 0.1])
         sheet.draw(_WOOD, [(low, 0.09), (np.array([x - 0.9, y - 1.6]), 0.09)])
         sheet.draw(_IRON, [(_beyond(low, -90, 0.35), 0.16), (_beyond(low, 90, 0.45), 0.16)])
-    elif tool == "mallet":
-        top = _beyond(hand, along + 60, 1.3)
-        sheet.draw(_WOOD, [(hand, 0.09), (top, 0.09)])
+        return low
+    if tool == "mallet":
+        top = _beyond(body.hands[0], along + 60, 1.3)
+        sheet.draw(_WOOD, [(body.hands[0], 0.09), (top, 0.09)])
         sheet.draw(_IRON, [(_beyond(top, along - 30, 0.4), 0.22), (_beyond(top, along + 150, 0.4), 0.22)])
+        return np.array([x + 1.3, body.floor])
+    return body.hands[0]
 
 
-def _cut_out(sheet: _Sheet, body: _Body, pose: Pose, heads: float) -> Figure:
+def _cut_out(sheet: _Sheet, body: _Body, pose: Pose, heads: float, reached: _Point) -> Figure:
     """Returns the drawn figure without its empty margin."""
     drawn = torch.from_numpy(sheet.drawn).permute(2, 0, 1)
     left, top, width, height = cv2.boundingRect((drawn[3] > 0).byte().numpy())
@@ -265,4 +268,4 @@ def _cut_out(sheet: _Sheet, body: _Body, pose: Pose, heads: float) -> Figure:
 
     seat = place(body.hips)[1] if pose.carried == "seat" else 0.0
     picture = resize(drawn[:, top : top + high, left : left + width], 0.5)
-    return Figure(picture, place(body.hands[0]), seat, high / (heads * _UNIT))
+    return Figure(picture, place(reached), seat, high / (heads * _UNIT))
