@@ -241,7 +241,7 @@ def _draw_stool(sheet: _Sheet, body: _Body) -> None:
 
 
 def _draw_tool(sheet: _Sheet, body: _Body, tool: str) -> _Point:
-    """Draws a tool, if there is one; returns the place that it reaches, or the hand."""
+    """Draws a tool, if there is one; returns the place of its end on the floor, or the hand."""
     (x, y), along = body.hands[0], body.forearms[0]
     if tool == "pole":
         low = np.array([x + 1.3, body.floor + 0.1])
