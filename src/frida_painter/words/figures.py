@@ -104,7 +104,7 @@ class Figure:
     """Drawn figure.
 
     picture: colour and opacity [4, h, w]
-    hand: place of the hand, or of what its tool reaches, from the middle of the lower edge, in widths and heights
+    hand: place of the hand, or of the end of its tool, from the middle of the lower edge, in widths and heights
     seat: height of the hips of somebody who sits, as a share of the picture's height; 0 for others
     tall: height of the picture, by the height of the same figure upright
     does: words of `poses.txt` that mean what it does, or ""
