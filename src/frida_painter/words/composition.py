@@ -14,7 +14,8 @@ from frida_painter.frames import PixelGrid
 from frida_painter.words.arrangement import Placed
 from frida_painter.words.brushwork import paint_mood
 from frida_painter.words.compositing import paste, resize, soften, stack
-from frida_painter.words.places import HORIZON, SUMMIT, TOLD_APART, Light, Setting, color_of, with_contrast
+from frida_painter.words.places import SUMMIT, TOLD_APART, Light, Setting, color_of, with_contrast
+from frida_painter.words.scenery import draw_scenery
 
 # Simplification for few strokes: areas of one colour, without texture.
 
@@ -51,7 +52,7 @@ def falling(setting: Setting, where: Tensor, seed: int) -> tuple[Tensor, Tensor]
     falls = weather.rain or weather.flakes
     count = falls or (setting.light.stars if setting.place.is_open else 0)
     length, width = (_RAIN_LENGTH, _RAIN_WIDTH) if weather.rain else (0.0, _DAB)
-    space = (1.0 if falls else SUMMIT if setting.on_hill else HORIZON) * rows, columns
+    space = (1.0 if falls else SUMMIT if setting.on_hill else setting.place.horizon) * rows, columns
     chance, around = np.random.default_rng(seed), np.ones((2 * (rows // _APART) + 1,) * 2, np.uint8)
     over, taken = np.zeros((rows, columns), np.uint8), np.asarray(where > 0.3, np.uint8)
     for _ in range(_TRIES * count):
@@ -80,7 +81,7 @@ _STANDING = 0.05  # of its height, by which a thing on the floor may be above it
 _SHADOW, _LEAN, _DARK = 0.28, 1.1, 0.42  # length by the thing's height, columns per row to the right, and opacity
 _TOUCH = 0.75  # opacity of the shadow right below a thing
 
-_HAZE, _GAPS, _ROOTED = 0.35, (0.6, 1.1), 0.01  # of the scenery: share of the light; distances by its width; depth
+_HAZE, _ROOTED = 0.35, 0.01  # share of the light in what is far away; depth of its foot
 
 _DIPS = 0.07  # of its height: the part of a thing that water hides
 
@@ -104,13 +105,13 @@ def compose_scene(
     seed: int,
     *,
     in_the_air: bool,
-    scenery: Tensor | None = None,
+    absent: Sequence[str] = (),
     far: Sequence[Placed] = (),
 ) -> ComposedScene:
     """Composes the things in their setting.
 
     in_the_air: True if none of them stands on anything
-    scenery: picture [4, h, w] that is repeated along the horizon
+    absent: nouns of things that must not be seen
     far: things behind that
     """
     drawn = _fit(things, setting, grid, seed, in_the_air=in_the_air, most=_BEFORE if far else 1.0)
@@ -120,7 +121,7 @@ def compose_scene(
     for picture, top, left in _fit(far, setting, grid, seed, in_the_air=False, is_far=True):
         ground, over = paste(_in_haze(picture, setting, 0.5 * _HAZE), ground, top, left)
         behind = torch.maximum(behind, over)
-    ground = ground if scenery is None else _line_horizon(ground, scenery, setting, seed)
+    ground = draw_scenery(ground, setting, seed, absent)
     ground = setting.raise_land(ground, grid, seed)
     colors = _in_light(simplify(drawing[:3]), ground, where, setting)
     ground = with_contrast(ground, where, colors, TOLD_APART * (_AT_NIGHT if setting.light.stars else 1))
@@ -139,22 +140,6 @@ def _in_haze(picture: Tensor, setting: Setting, haze: float = _HAZE) -> Tensor:
     far = color_of(setting.light.low)[:, None, None].expand_as(picture[:3])
     lit = picture[:3] * setting.light.shade[:, None, None].clamp(max=1.0)
     return torch.cat((torch.lerp(lit, far, haze), picture[3:]))
-
-
-def _line_horizon(ground: Tensor, scenery: Tensor, setting: Setting, seed: int) -> Tensor:
-    """Returns the ground [3, H, W] with a row of copies of a picture [4, h, w] along its horizon, hazy and unequal."""
-    assert setting.place.scenery is not None
-    (_, rows, columns), (_, share), chance = ground.shape, setting.place.scenery, np.random.default_rng(seed)
-    hazy = _in_haze(scenery, setting)
-    left = 0.0
-    while left < columns:
-        size, gap, mirrored = chance.uniform(0.7, 1.2), chance.uniform(*_GAPS), chance.random() < 0.5
-        one = resize(hazy, size * share * rows / scenery.shape[1])
-        one = one.flip(2) if mirrored else one
-        foot = round((HORIZON + _ROOTED) * rows)
-        ground, _ = paste(one, ground, foot - one.shape[1], round(left - 0.3 * one.shape[2]))
-        left += gap * one.shape[2]
-    return ground
 
 
 def compose_mood(first: Light, second: Light, setting: Setting, grid: PixelGrid, seed: int) -> ComposedScene:
@@ -252,7 +237,8 @@ def _fit(
     is_cut = right < longest.x + longest.width / 2
     scale = min(wide * columns / (right - left), tall * rows / (high - low)) * min(1, max(one.size for one in things))
     width, height = scale * (right - left), scale * (high - low)
-    floor = HORIZON if is_far else SUMMIT if setting.on_hill else HORIZON + _STANDS * (1 - HORIZON) - _ROOTED
+    horizon = setting.place.horizon
+    floor = horizon if is_far else SUMMIT if setting.on_hill else horizon + _STANDS * (1 - horizon) - _ROOTED
     floor += _ROOTED
     bottom = _ALOFT * rows + height / 2 if in_the_air else floor * rows
     bottom = min(max(bottom, height + 0.04 * rows), 0.96 * rows)

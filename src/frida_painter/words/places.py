@@ -6,7 +6,9 @@ are lights too. Colours are sRGB, as "#rrggbb" or in [0, 1].
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from functools import cache
+from importlib import resources
+from typing import NamedTuple, TypeVar
 
 import torch
 from torch import Tensor
@@ -15,12 +17,12 @@ from torch.nn import functional
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.palette import from_lab, to_lab
-from frida_painter.words.brushwork import clouds, paint_loosely
+from frida_painter.words.brushwork import paint_loosely
 from frida_painter.words.nouns import kinds_of
 
 Color = str | tuple[float, float, float]
 HORIZON = 0.72
-"""Share of the height above the horizon, or above the edge of a floor or a table."""
+"""Usual share of the height above the horizon, or above the edge of a floor or a table."""
 _EDGE = 0.03  # share of the height over which two bands blend
 _COVERED = 0.75  # share of the land that falling snow covers
 _DIM, _FAR = 0.78, 0.30  # factor of a colour away from the light; share of the light at the horizon in far land
@@ -32,6 +34,17 @@ _BANK = 0.79  # share of the height above a bank
 _GAMMA = 0.7  # exponent from the light of a sky, relative to a day's, to the shade of things in it
 
 
+class Layer(NamedTuple):
+    """Layer of the scenery of a place: its kind, a colour or the thing that stands there, and its size.
+
+    `places.txt` explains the kinds.
+    """
+
+    kind: str
+    what: str
+    size: float
+
+
 @dataclass(frozen=True)
 class Place:
     """Place of a scene.
@@ -39,24 +52,22 @@ class Place:
     words: words that name it, the first for messages
     found: things that are usually there
     below: colour below the horizon
-    relief: height of its hills, as a share of the height
-    hills: their colour; None for that below the horizon
     kind: "land", "hill" on top of which things can be, "water" on which they float, "room" without a sky, or "paper",
         on which nothing is painted
     above: colour above the horizon; None for the sky of the light
-    scenery: thing that stands in a row along its horizon, and its share of the height
     bank: colour of the land in front of its water
+    horizon: share of the height above the horizon, or above the edge of a floor or a table
+    layers: its scenery, from back to front
     """
 
     words: tuple[str, ...]
     found: tuple[str, ...]
     below: Color
-    relief: float = 0.0
     kind: str = "land"
     above: Color | None = None
-    hills: Color | None = None
-    scenery: tuple[str, float] | None = None
     bank: Color | None = None
+    horizon: float = HORIZON
+    layers: tuple[Layer, ...] = ()
 
     @property
     def name(self) -> str:
@@ -67,6 +78,21 @@ class Place:
     def is_open(self) -> bool:
         """True if there is a sky over it."""
         return self.kind in ("land", "hill", "water")
+
+    @property
+    def is_way(self) -> bool:
+        """True if it leads through another place: a road, a jetty, a bridge."""
+        return any(layer.kind in _WAYS for layer in self.layers)
+
+    @property
+    def has_bridge(self) -> bool:
+        """True if there is a bridge over it."""
+        return any(layer.kind == "bridge" for layer in self.layers)
+
+    @property
+    def relief(self) -> float:
+        """Height of its hills or mountains, as a share of the height."""
+        return max((layer.size for layer in self.layers if layer.kind in ("hills", "peaks")), default=0.0)
 
 
 @dataclass(frozen=True)
@@ -137,40 +163,32 @@ def color_of(color: Color) -> Tensor:
     return torch.tensor(to_rgb(color))
 
 
+@cache
+def known_places() -> tuple[Place, ...]:
+    """Returns the table of `places.txt`."""
+    lines = (resources.files(__package__) / "places.txt").read_text("utf-8").splitlines()
+    found = []
+    for line in lines:
+        if not line.startswith("#"):
+            words, things, land, scenery = (part.strip() for part in line.split("|"))
+            kind, below, above, bank, horizon = land.split()
+            split = [layer.split() for layer in scenery.split(";") if layer]
+            layers = tuple(Layer(name, what.replace("-", " "), float(size)) for name, what, size in split)
+            usual = tuple(things.split(", ")) if things else ()
+            sky, shore = (None if one in ("sky", "-") else one for one in (above, bank))
+            found.append(Place(tuple(words.split(", ")), usual, below, kind, sky, shore, float(horizon), layers))
+    return tuple(found)
+
+
 NOWHERE = Place(("",), (), "white")
-PAPER = Place(("plain paper", "blank page", "plain background"), (), "white", kind="paper")
-PLACES = (
-    Place(("sea", "ocean", "harbour", "coast", "wave"), ("sailing boat", "ship", "whale", "fish", "island"),
-          "#3875a8", kind="water", bank="#e6cc94"),
-    Place(("lake", "pond", "river", "water"), ("swan", "duck", "frog", "lily pad", "boat"), "#5c94ad", 0.08, "water",
-          bank="#75a352"),
-    Place(("beach", "sand", "shore"), ("palm tree", "crab", "starfish"), "#e6cc94", scenery=("palm tree", 0.3)),
-    Place(("meadow", "grass", "field", "garden", "park", "backyard"),
-          ("flower", "tree", "animal", "butterfly", "insect", "tractor", "cow", "bicycle", "rooster", "horse", "sheep",
-           "dog"), "#75a352", scenery=("tree", 0.12)),
-    Place(("hills", "hill", "valley", "landscape", "horizon"), ("castle", "windmill", "tower"), "#809e5c", 0.14, "hill",
-          scenery=("tree", 0.14)),
-    Place(("village", "farm", "countryside"), ("house", "barn", "church"), "#8aa85c", 0.1, scenery=("house", 0.2)),
-    Place(("orchard", "vineyard", "grove"), ("apple tree", "grapevine"), "#7d9a4e", 0.1, scenery=("tree", 0.36)),
-    Place(("mountains", "mountain range", "cliff", "alps"), ("mountain", "eagle", "volcano"), "#708085", 0.28, "hill"),
-    Place(("forest", "jungle", "woods", "wilderness"),
-          ("tree", "bear", "deer", "owl", "mushroom", "fox", "wolf", "squirrel", "tiger", "monkey"), "#456638", 0.3,
-          above="#99bd94", scenery=("tree", 0.55)),
-    Place(("desert", "dune", "savannah"), ("cactus", "camel", "giraffe", "lion", "elephant", "zebra"), "#dbad6b", 0.07),
-    Place(("snow", "ice", "winter landscape", "iceberg"), ("snowman", "penguin", "polar bear"), "#f0f5fa", 0.06),
-    Place(("street", "city", "town", "square", "market", "skyline"), ("house", "car", "bus", "train", "traffic light"),
-          "#8f8c8a", scenery=("office building", 0.4)),
-    Place(("road", "path", "highway"), ("truck", "motorcycle", "road sign"), "#96918a", 0.08, scenery=("tree", 0.2)),
-    Place(("sky", "clouds"), ("cloud", "airplane", "hot air balloon", "kite", "flying bird", "rocket"), "#c7e0f2"),
-    Place(("table top", "kitchen", "tablecloth", "still life"), ("fruit", "food", "cup", "dish", "vase", "cake"),
-          "#a8754c", kind="room", above="#ede3cc"),
-    Place(("room", "indoors", "floor", "wall", "stage"),
-          ("furniture", "musical instrument", "clothes", "tool", "chair", "computer"), "#997052", kind="room",
-          above="#ebe0cc"),
-    PAPER,
-)  # fmt: skip
-LAKE, MEADOW, SKY, TABLE, ROOM = PLACES[1], PLACES[3], PLACES[13], PLACES[14], PLACES[15]
-DAY = Light(("day", "noon"), "#a3cae9", "#e0f0f9")
+
+
+def place_named(name: str) -> Place:
+    """Returns the place of the table with that name."""
+    return next(place for place in known_places() if place.name == name)
+
+
+DAY = Light(("day", "noon", "midday", "sunny", "daylight"), "#a3cae9", "#e0f0f9")
 LIGHTS = (
     Light(("dawn", "sunrise", "early morning", "morning"), "#9eb2db", "#fcd1ad", "#ffedb2"),
     Light(("sunset", "dusk", "evening", "twilight", "golden hour", "late afternoon"), "#6b5c94", "#fc9947", "#ffdb73"),
@@ -205,6 +223,8 @@ LIGHTS = (
           "#244270", "#578fad", "#fad67a", "vortex"),
 )  # fmt: skip
 GREY = LIGHTS[7]
+HOURS = LIGHTS[:4]
+"""Lights of an hour."""
 TIMES = LIGHTS[:7]
 """Lights of a time of day or year, in contrast to those of a mood."""
 CLEAR = Weather("clear", (), "white", DAY)
@@ -213,11 +233,16 @@ WEATHERS = (
     Weather("a storm", ("storm", "stormy", "thunderstorm", "thunder", "lightning", "hurricane"), "#d1d6e0",
             Light(("a storm",), "#384557", "#949e9e", "#ede6b8", "vortex", 0.8), rain=12, wind=0.7),
     Weather("snow", ("snowfall", "snowing", "snowy", "blizzard", "snowstorm"), "white", LIGHTS[5], flakes=18),
-    Weather("fog", ("fog", "mist", "misty", "haze"), "#e6e8eb",
+    Weather("fog", ("fog", "mist", "misty", "haze", "smog"), "#e6e8eb",
             Light(("pale light",), "#b8bfc7", "#e0e3e3", "#f7f2e6", energy=0.0), fog=0.6),
+    Weather("clouds", ("cloudy", "overcast", "grey sky"), "white", Light(("a grey sky",), "#8d99a6", "#c6ccd0")),
     Weather("wind", ("wind", "windy", "gale", "breeze"), "white", LIGHTS[17], wind=0.45),
 )  # fmt: skip
 _Part = TypeVar("_Part", Place, Light, Weather)
+_ORDER = ("peaks", "hills", "far", "line", "band", "way", "road", "stream", "planks", "platform", "rails", "walls",
+          "field", "grove", "sides", "falls", "bridge", "hung", "wings")  # of layers, from back to front  # fmt: skip
+_WAYS = ("way", "road", "rails", "platform", "planks", "bridge")
+_KIN = {"peaks": "hills", "road": "way", "grove": "sides", "walls": "sides", "field": "sides"}  # of which there is one
 _CALLED = 0.72  # similarity to a place's words above which words name it
 _FELT, _FELT_WEATHER = 0.62, 0.7  # to the words of a light, and of a weather: a snowmobile (0.67) is a thing
 _ABSTRACT = 0.25  # margin of an abstract noun with a picture
@@ -265,9 +290,9 @@ class Setting:
         down, across = torch.meshgrid(down, across, indexing="ij")
         # The light comes from the left, and along the horizon.
         along = 0.85 if place.is_open else 0.35
-        share = along * (down / HORIZON).clamp(max=1) ** 2 + (1 - along) * (1 - across)
+        share = along * (down / place.horizon).clamp(max=1) ** 2 + (1 - along) * (1 - across)
         picture = torch.lerp(high[:, None, None], low[:, None, None], share)
-        near = ((down - HORIZON) / (1 - HORIZON)).clamp(0, 1)
+        near = ((down - place.horizon) / (1 - place.horizon)).clamp(0, 1)
         far = torch.lerp(land, low, _FAR if place.is_open else 0.0)
         front = torch.lerp(far[:, None, None], (land * _DIM)[:, None, None], near)
         if self.light.form == "waves" and self.light in TIMES and place.above is None:  # curtains of the polar lights
@@ -279,20 +304,15 @@ class Setting:
                 picture = torch.lerp(
                     picture, color_of(self.light.accent)[:, None, None], 0.75 * veil.expand_as(picture)
                 )
-        if place.relief:
-            hills = land if place.hills is None else color_of(place.hills) * shade
-            hills = torch.lerp(hills, low, 0.12)[:, None, None]
-            top = HORIZON - place.relief * (0.35 + 0.6 * clouds(grid, seed, 0.4)[:1])
-            picture = torch.lerp(picture, hills.expand_as(picture), ((down - top) / _EDGE + 0.5).clamp(0, 1))
-        below = ((down - HORIZON) / _EDGE + 0.5).clamp(0, 1)
+        below = ((down - place.horizon) / _EDGE + 0.5).clamp(0, 1)
         picture = torch.lerp(picture, front, below.expand_as(picture)).clamp(0, 1)
         slant = _SLANT * (1 if seed % 2 else -1) * (1 - below)
         return paint_loosely(picture, slant + 0.25 * (share - 0.5), seed, lively=_QUIET)
 
     @property
     def on_hill(self) -> bool:
-        """True if the things stand on a hill, or on a cliff."""
-        return self.is_raised and self.place.kind == "hill"
+        """True if the things stand on a hill, on a cliff, or on a bridge."""
+        return self.is_raised and (self.place.kind == "hill" or self.place.has_bridge)
 
     @property
     def on_water(self) -> bool:
@@ -301,16 +321,16 @@ class Setting:
 
     def raise_land(self, picture: Tensor, grid: PixelGrid, seed: int) -> Tensor:
         """Returns a ground [3, H, W] with the hill or the bank in front of it on which the things stand."""
-        if not self.is_raised:
+        if not self.is_raised or self.place.has_bridge:
             return picture
         place, across = self.place, torch.linspace(-1, 1, grid.columns)
-        land = replace(self, place=replace(place, below=place.bank or place.below, kind="land", relief=0.0))
+        land = replace(self, place=replace(place, below=place.bank or place.below, kind="land", layers=()))
         top = _BANK + 0.02 * torch.sin(3 * across + seed)
         if self.on_hill:
             aside = across.abs() if place.relief < _STEEP else (across + 1) / 2  # a cliff falls off on one side
             top = _VALLEY - (_VALLEY - SUMMIT) * torch.exp(-((aside / _BROAD) ** (2 if place.relief < _STEEP else 20)))
         down = ((torch.arange(grid.rows) + 0.5) / grid.rows)[:, None]
-        rows = HORIZON + _EDGE + (1 - HORIZON - _EDGE) * (down - top) / (1 - top)
+        rows = place.horizon + _EDGE + (1 - place.horizon - _EDGE) * (down - top) / (1 - top)
         where = torch.stack((across.expand_as(rows), 2 * rows - 1), 2)[None]
         front = functional.grid_sample(land.ground(grid, seed)[None], where, padding_mode="border", align_corners=False)
         return torch.lerp(picture, front[0], ((down - top) / 0.01 + 0.5).clamp(0, 1).expand_as(picture))
@@ -318,13 +338,20 @@ class Setting:
     def in_fog(self, picture: Tensor) -> Tensor:
         """Returns the picture [3, H, W] with fog in front of it, if there is any."""
         height = ((torch.arange(picture.shape[1]) + 0.5) / picture.shape[1])[None, :, None]
-        thick = self.weather.fog * (1 - ((height - HORIZON).abs() / 0.45)).clamp(0, 1)
+        thick = self.weather.fog * (1 - ((height - self.place.horizon).abs() / 0.45)).clamp(0, 1)
         return torch.lerp(picture, color_of(self.weather.color)[:, None, None].expand_as(picture), thick)
 
 
 def find_part(name: str, parts: Sequence[_Part], sentences: SentenceEncoder, least: float = 0.0) -> _Part | None:
-    """Returns the place, the light or the weather that a word means; None below `least` or a threshold."""
-    part, similarity = _nearest([name], parts, sentences)
+    """Returns the place, the light or the weather that a word means; None below `least` or a threshold.
+
+    A single word is no compound: a station is not yet a train station.
+    """
+
+    def words(part: _Part) -> Sequence[str]:
+        return [word for word in part.words if " " in name or " " not in word or not isinstance(part, Place)]
+
+    part, similarity = _nearest([name], parts, sentences, words)
     usual = {Place: _CALLED, Light: _FELT, Weather: _FELT_WEATHER}[type(part)]
     return part if similarity >= max(least, usual) else None
 
@@ -337,7 +364,7 @@ def is_idea(noun: str, things: Sequence[str], sentences: SentenceEncoder, *, is_
     kinds = kinds_of(noun)
     if "idea" not in kinds or (kinds == {"idea"} and not is_pictured):
         return "idea" in kinds
-    around = [word for place in PLACES for word in (*place.words, *place.found)]
+    around = [word for place in known_places() for word in (*place.words, *place.found)]
     margin = _nearest([noun], LIGHTS, sentences)[1] - float(
         (sentences.embed([*things, *around]) @ sentences.embed([noun])[0]).max()
     )
@@ -368,20 +395,32 @@ def infer_place(
     afloat: False if none of them is on or in water
     """
     kinds = ("land", "hill", *(["water"] if afloat else []), *([] if outside else ["room"]))
-    places = [place for place in PLACES if place.kind in kinds]
+    places = [place for place in known_places() if place.kind in kinds]
     return _nearest(names, places, sentences, lambda one: (*one.found, *one.words))[0]
 
 
 def in_color(place: Place, color: Color) -> Place:
     """Returns the place in another colour: a teal sky, a blue wall, a green meadow."""
-    is_above = place.name in (SKY.name, ROOM.name)
+    is_above = place.name in ("sky", "room")
     return replace(place, above=color) if is_above else replace(place, below=color)
 
 
-def before(place: Place, others: Sequence[Place]) -> Place:
-    """Returns the place with the hills of others behind it: a lake before mountains."""
-    highest = max(others, key=lambda one: one.relief, default=place)
-    return replace(place, relief=highest.relief, hills=highest.below) if highest.relief > place.relief else place
+def join(place: Place, others: Sequence[Place]) -> Place:
+    """Returns the place with the scenery of others that it has none of: a lake before mountains, and with a jetty."""
+    kept = {_KIN.get(layer.kind, layer.kind): layer for layer in place.layers}
+    for other in others if place.is_open else ():
+        for layer in other.layers:
+            kin = _KIN.get(layer.kind, layer.kind)
+            if kin not in kept or (kin == "hills" and layer.size > kept[kin].size):
+                kept[kin] = layer
+    added = [layer for layer in kept.values() if layer not in place.layers]
+    hidden = {layer.kind for layer in added if layer.kind in ("hills", "peaks")} and {"hills", "peaks"}
+    return with_layers(place, [*(layer for layer in place.layers if layer.kind not in hidden), *added])
+
+
+def with_layers(place: Place, layers: Sequence[Layer]) -> Place:
+    """Returns the place with these layers, in their order from back to front."""
+    return replace(place, layers=tuple(sorted(layers, key=lambda layer: _ORDER.index(layer.kind))))
 
 
 def with_contrast(ground: Tensor, where: Tensor, thing: Tensor, least: float = TOLD_APART) -> Tensor:

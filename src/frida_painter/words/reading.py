@@ -396,8 +396,9 @@ class _Walk:
 
 
 def _is_in_a_name(word: Token) -> bool:
-    """Returns True if a word is a part of a name; a train that is crossing a bridge is none."""
-    return word.dep_ in _IN_A_NAME and word.head.pos_ != "VERB"
+    """Returns True if a word is a part of a name; a train that is crossing a bridge, and "a barn, evening" are none."""
+    is_apart = word.i > word.head.i and _is_noun(word)
+    return word.dep_ in _IN_A_NAME and word.head.pos_ != "VERB" and not is_apart
 
 
 def _gerund(verb: Token) -> str:

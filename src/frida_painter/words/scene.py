@@ -8,7 +8,7 @@ from frida_painter.frames import PixelGrid
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.objectives.objective import Goal
-from frida_painter.words import places
+from frida_painter.words import places, scenery
 from frida_painter.words.account import Account, Mark
 from frida_painter.words.appearance import Appearance, change_looks, in_weather, looks_of
 from frida_painter.words.arrangement import (
@@ -31,7 +31,10 @@ from frida_painter.words.nouns import kinds_of
 from frida_painter.words.places import DAY, NOWHERE, Light, Place, Setting, Weather
 from frida_painter.words.reading import Reading, Relation, SaidWord, Thing, paint_of, prompt_reader, word_meanings
 from frida_painter.words.retrieval import OWN, FoundPicture, PictureIndex, has_ground, picture_index
+from frida_painter.words.scenery import Stand
 
+_SKY = "sky"
+_LIGHTS = (*places.LIGHTS, DAY)
 _BY_THINGS = ("under", "beside", "behind", "front", "with")  # kinds of relations to a thing, not to a place
 _IN_A_FIELD = 7  # number of things that a place is full of
 _PICTURED = 0.8  # similarity above which a picture probably shows the thing of a noun
@@ -53,8 +56,8 @@ def scene_of(
     setting, settled, seen = setting_of(reading, index, encoders)
     named = [light for *_, light in seen if isinstance(light, Light)]
     feels = any(part in named and part not in places.TIMES and word == thing.noun for thing, word, part in seen)
-    is_placed = any(part.name == setting.place.name for *_, part in seen)
-    if is_placed and len(settled) == len(reading.things) and not feels and setting.place.scenery is None:
+    is_placed = any(isinstance(part, Place | Stand) for *_, part in seen)
+    if is_placed and len(settled) == len(reading.things) and not feels and not setting.place.layers:
         reading = _people_place(reading, setting.place)
     reading = _equip_people(_fill_fields(reading, seen), index, sentences)
     things = cast(reading, settled, prompt, index, encoders, in_place=setting.place is not NOWHERE)
@@ -73,16 +76,16 @@ def scene_of(
     others = [light for light in lights if light.name not in setting.light.name]
     second = next(light for light in others if light in named or places.go_together(light, setting.light))
     used = {setting.place.name, setting.weather.name, *setting.light.name.split(", ")}
-    used |= {part.name for *_, part in seen if isinstance(part, Place) and part.relief}
-    used |= {second.name} if is_mood else {places.SKY.name} if setting.place.is_open else set()
+    used |= {part.name for *_, part in seen if isinstance(part, Stand) or (isinstance(part, Place) and part.layers)}
+    used |= set() if setting.light.stars else {DAY.name}
+    used |= {second.name} if is_mood else {_SKY} if setting.place.is_open else set()
     account_for(things, reading, [one for one in seen if one[2].name in used], account)
-    scenery = _scenery_of(setting.place, index, reading.absent) if is_placed else None
     looks: dict[int, dict[SaidWord, Appearance]] = {}
     for number, one in enumerate(things if whole is None else ()):
         if one is not None:
             looks[number] = _looks_of(number, reading, one.caption, sentences)
             account.mark([word.at for word in looks[number]], Mark.SHOWN, one.caption)
-    _tell([one for one in (*things, scenery) if one is not None], setting, encoders, use, index, account)
+    _tell([one for one in things if one is not None], setting, encoders, use, index, account)
     if whole is not None:
         if len(shown) > 1:
             encoders.remark("The picture has a ground of its own and fills the canvas; nothing else is added.")
@@ -99,10 +102,17 @@ def scene_of(
         arrange_parts([part if (number in beyond) == is_far else None for number, part in enumerate(parts)], relations)
         for is_far in (False, True)
     )
-    behind = None
-    if scenery is not None:
-        behind = in_weather(scenery.picture, setting.weather, known_like(scenery.thing.name, sentences).where)
-    return compose_scene(near, setting, grid, seed, in_the_air=in_the_air, scenery=behind, far=far)
+    place = setting.place
+    if place.name == _SKY and not in_the_air:  # cranes against an orange sky
+        place = replace(
+            _place_of(things, reading.relations, replace(setting, weather=places.WEATHERS[-1]), sentences),
+            above=place.above,
+        )
+        is_placed = False
+    if not is_placed:  # what nobody asked for is not seen
+        place = replace(place, layers=())
+    setting = replace(setting, place=place)
+    return compose_scene(near, setting, grid, seed, in_the_air=in_the_air, absent=reading.absent, far=far)
 
 
 def _parts_of(
@@ -140,7 +150,7 @@ def _as_meant(relation: Relation, things: Cast) -> Relation:
     return replace(relation, word="doing") if is_part else relation
 
 
-_Seen = list[tuple[Thing, str, Place | Light | Weather]]
+_Seen = list[tuple[Thing, str, Place | Light | Weather | Stand]]
 
 
 def _place_of(things: Cast, relations: Sequence[Relation], setting: Setting, sentences: SentenceEncoder) -> Place:
@@ -169,17 +179,6 @@ def _looks_of(number: int, reading: Reading, caption: str, sentences: SentenceEn
     }  # fmt: skip
     looks = looks_of([*mine.values()], sentences, is_person=is_person(thing.name, sentences))
     return {word: looks[text] for word, text in mine.items() if text in looks}
-
-
-def _scenery_of(place: Place, index: PictureIndex | None, absent: Sequence[str]) -> FoundPicture | None:
-    """Returns the picture that is repeated along the horizon of a place, if it has one.
-
-    absent: nouns of things that must not be seen
-    """
-    if index is None or place.scenery is None or _is_absent(place.scenery[0], absent):
-        return None
-    name, _ = place.scenery
-    return index.find(Thing(name, name.rpartition(" ")[2]), name, cut_out=True)
 
 
 def _is_absent(name: str, absent: Sequence[str]) -> bool:
@@ -239,37 +238,67 @@ def setting_of(
                 thing.name, known, sentences, is_pictured=nearest >= _PICTURED
             )
             least = _FELT if is_idea else _EXACTLY
-            light = places.find_part(thing.noun, places.LIGHTS, sentences, least)
+            light = places.find_part(thing.noun, _LIGHTS, sentences, least)
             whole = f"{thing.color} {thing.name}".strip()
-            light = light or places.find_part(whole, places.LIGHTS, sentences, least)
+            light = light or places.find_part(whole, _LIGHTS, sentences, least)
             if part is None and is_idea and (light or not is_person(thing.noun, sentences)):
                 part, is_settled = light, True
             elif light:  # a thing that comes with a light: the moon
                 seen.append((thing, thing.noun, light))
         if part := part or _place_named(number, reading, nearest, sentences):
             seen.append((thing, thing.noun, part))
+        for word in thing.name.split()[:-1] if isinstance(part, Place) else ():  # a desert road
+            if also := places.find_part(word, places.known_places(), sentences, _EXACTLY):
+                seen.append((thing, word, also))
         if part or is_settled:
             settled.add(number)
         for word in thing.name.split()[:-1]:
             weather = places.find_part(word, places.WEATHERS, sentences, _SURE)
-            if felt := weather or places.find_part(word, places.LIGHTS, sentences, _FELT):
+            if felt := weather or places.find_part(word, _LIGHTS, sentences, _FELT):
                 seen.append((thing, word, felt))
     parts = [part for *_, part in seen]
     weather = next((part for part in parts if isinstance(part, Weather)), places.CLEAR)
     times = [part for part in parts if isinstance(part, Light) and part in places.TIMES]
-    moods = [part for part in parts if isinstance(part, Light) and part not in places.TIMES]
+    moods = [part for part in parts if isinstance(part, Light) and part not in (*places.TIMES, DAY)]
+    hours, seasons = ([part for part in times if (part in places.HOURS) == is_hour] for is_hour in (True, False))
+    if hours and seasons:  # a winter evening
+        times = [replace(hours[0], words=(f"{hours[0].name}, {seasons[0].name}",))]
     outside = [*times, *([] if weather is places.CLEAR else [weather.light])]
     light = next(iter((*outside, *moods)), DAY)
     if outside and moods:
         light = places.mix_lights(outside[0], moods[0])
-    named = sorted((part for part in parts if isinstance(part, Place)), key=lambda place: place is places.SKY)
-    place = named[0] if named else NOWHERE
-    place = places.before(place, named[1:]) if place.is_open else place
-    here = [thing for thing, _, part in seen if part is next(iter(named), None)]
+    named = sorted((part for part in parts if isinstance(part, Place)), key=lambda one: (one.name == _SKY, one.is_way))
+    place = places.join(named[0], named[1:]) if named else NOWHERE
+    here = [thing for thing, _, part in seen if part in named]
+    for number, stand in _stands_in(place, reading, settled, index, sentences).items():
+        place = scenery.line_with(places.place_named("room") if place is NOWHERE else place, stand)
+        seen.append((reading.things[number], reading.things[number].noun, stand))
+        settled.add(number)
     related = {kind_of(one.word) for one in reading.relations if reading.things[one.object] in here}
     top, bank = related & {"on", "over", "behind"}, related & {"beside", "near", "front", "with"}
-    is_raised = bool(top if place.kind == "hill" else place.bank and bank and not related & {"on", "over", "in"})
+    is_raised = bool(
+        top if place.kind == "hill" or place.has_bridge else place.bank and bank and not related & {"on", "over", "in"}
+    )
     return Setting(place, light, weather, is_named=bool(seen), is_raised=is_raised), settled, seen
+
+
+def _stands_in(
+    place: Place, reading: Reading, settled: set[int], index: PictureIndex | None, sentences: SentenceEncoder
+) -> dict[int, Stand]:
+    """Returns the things that are scenery of a place, by their numbers: several trees, or the window of a room."""
+    left = [number for number in range(len(reading.things)) if number not in settled]
+    found: dict[int, Stand] = {}
+    for number in left:
+        thing = reading.things[number]
+        is_own = index is not None and index.nearest(thing) >= OWN
+        full = f"{thing.name.removesuffix(thing.noun)}{thing.plural or thing.noun}"
+        is_mass = thing.uncounted and any(one.object == number for one in reading.relations)  # in blossom
+        stand = None if is_own else scenery.find_stand(full, sentences)
+        if stand is not None and stand.is_indoors:
+            found |= {number: stand} if not place.is_open or (place is NOWHERE and len(left) > 1) else {}
+        elif stand is not None and place.is_open and place.layers and (thing.count is None or is_mass):
+            found[number] = stand
+    return found
 
 
 def _is_part_of_body(number: int, reading: Reading, nearest: float, sentences: SentenceEncoder) -> bool:
@@ -288,26 +317,24 @@ def _place_named(number: int, reading: Reading, nearest: float, sentences: Sente
     nearest: similarity of the nearest picture: a thing with a picture of its own stays a thing, a tree is no forest
     """
     thing = reading.things[number]
-    if is_person(thing.noun, sentences):
+    is_exact = places.find_part(thing.noun, places.known_places(), sentences, _EXACTLY) is not None  # a moor
+    if not is_exact and is_person(thing.noun, sentences):
         return None
     kinds = {kind_of(one.word) for one in reading.relations if one.object == number}
     beside = kinds & set(_BY_THINGS)
-    usual = places.find_part(thing.noun, places.PLACES, sentences)
-    if beside == {"under"} and usual is places.SKY:
+    usual = places.find_part(thing.noun, places.known_places(), sentences)
+    if beside == {"under"} and usual is not None and usual.name == _SKY:
         return usual
     next_to = beside - {"behind", "front"}  # a forest or mountains are a background
     least = max(nearest - _ROUNDING, _EXACTLY if next_to else CALLED if beside else 0.0)
     several = thing.plural if thing.count is None and thing.plural else thing.noun  # mountains, but not one mountain
-    place = places.find_part(several, places.PLACES, sentences, least)
+    full = f"{thing.name.removesuffix(thing.noun)}{several}"
+    place = places.find_part(full, places.known_places(), sentences, max(least, _SURE))
+    place = place or places.find_part(several, places.known_places(), sentences, least)
     if place is not None and next_to and not place.is_open:
         place = None
     if place is None and "on" in kinds and usual is not None and not usual.is_open:
         place = usual  # a table that carries things is shown by its top
-    if place is None and thing.name != thing.noun:
-        place = places.find_part(thing.name, places.PLACES, sentences, max(least, _SURE))
-    if place is not None and place.kind == "land":  # a desert road
-        named = (places.find_part(word, places.PLACES, sentences, _EXACTLY) for word in thing.name.split()[:-1])
-        place = next((one for one in named if one is not None and one.kind == "land"), place)
     paint = paint_of(thing.color)
     return place if place is None or paint is None else places.in_color(place, tuple(paint.tolist()))
 
@@ -319,6 +346,8 @@ def account_for(things: Sequence[FoundPicture | None], reading: Reading, seen: _
     """
     for thing, word, part in seen:
         account.mark_setting(thing.at, part.name, word)
+        if isinstance(part, Stand) and {thing.name, f"{thing.name}s"} & {*part.words}:
+            account.mark(thing.at, Mark.SHOWN, part.name)
         for color in thing.color.split() if isinstance(part, Place) else ():
             account.mark_setting(thing.at, f"{color} {part.name}", color)
     shown = [one for one in things if one is not None]

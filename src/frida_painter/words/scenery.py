@@ -1,0 +1,463 @@
+"""Scenery of a place, drawn in perspective: hills, ways and water, and the trees, houses or stalls along them."""
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from functools import cache
+from importlib import resources
+from itertools import pairwise
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+import torch
+from torch import Tensor
+
+from frida_painter import images
+from frida_painter.objectives.encoders.sentence import SentenceEncoder
+from frida_painter.objectives.picture_library import Captioned
+from frida_painter.words.appearance import in_weather
+from frida_painter.words.compositing import crop, resize
+from frida_painter.words.places import SUMMIT, Color, Layer, Place, Setting, color_of, known_places, with_layers
+
+_Points = Sequence[tuple[float, float]] | npt.NDArray[np.float64]
+
+
+class Stand(NamedTuple):
+    """Thing that stands in rows in a place: its words, main colour, height and shapes, as `scenery.txt` explains."""
+
+    words: tuple[str, ...]
+    color: str
+    height: float
+    shapes: tuple[tuple[str, ...], ...]
+
+    @property
+    def name(self) -> str:
+        """Name for messages."""
+        return self.words[0]
+
+    @property
+    def is_indoors(self) -> bool:
+        """True if rooms have such a thing."""
+        return any(self.name in [layer.what for layer in place.layers] for place in known_places() if not place.is_open)
+
+    @property
+    def usual(self) -> str:
+        """Usual place of such a thing, for the weather on it."""
+        return "plant" if self.shapes[-1][0] == "dabs" else "ground"
+
+
+@cache
+def stands() -> tuple[Stand, ...]:
+    """Returns the table of `scenery.txt`."""
+    lines = (resources.files(__package__) / "scenery.txt").read_text("utf-8").splitlines()
+    rows = [line.partition(": ") for line in lines if not line.startswith("#")]
+    found = []
+    for head, _, shapes in rows:
+        words, color, height = head.rsplit(" ", 2)
+        drawn = tuple(tuple(shape.split()) for shape in shapes.split(";"))
+        found.append(Stand(tuple(words.split(", ")), color, float(height), drawn))
+    return tuple(found)
+
+
+_CALLED = 0.8  # similarity above which a name means a stand
+_WORTH = 0.7  # realism of a drawing, between those of photographs and of other drawings
+
+
+def find_stand(name: str, sentences: SentenceEncoder) -> Stand | None:
+    """Returns the stand of most similar meaning to a name; None if none is similar."""
+    owners = [(stand, word) for stand in stands() for word in stand.words]
+    meanings = sentences.embed([name, *(word for _, word in owners)])
+    similarity, best = (meanings[1:] @ meanings[0]).max(0)
+    return owners[int(best)][0] if float(similarity) >= _CALLED else None
+
+
+_LOW = 0.5  # height below which stands cover a land in rows
+
+
+def line_with(place: Place, stand: Stand) -> Place:
+    """Returns the place with another thing beside its way, on its wall, or all over its land."""
+    old = next((layer for layer in place.layers if layer.kind in ("sides", "walls", "grove", "field")), None)
+    if not place.is_open:
+        new = Layer("hung", stand.name, 0.44)
+    elif old is not None:
+        new = old._replace(what=stand.name)
+    elif stand.usual == "plant" and place.kind != "water":
+        new = Layer("field" if stand.height < _LOW else "grove", stand.name, 1.0)
+    else:
+        new = Layer("line", stand.name, 0.25 * max(1.0, stand.height))
+    return with_layers(place, [*(layer for layer in place.layers if layer != old), new])
+
+
+# Drawing of one stand.
+
+_UNIT, _WIDE, _HIGH = 240, 2.7, 1.12  # pixels of its height, and the extent of the sheet in heights
+_ROUND = 0.22  # share of its brightness by which foliage differs from its lit side to its shade
+_SPECKS = 0.09  # the same at random
+_GLASS, _LIT_GLASS = "#7b95a8", "#ffd980"
+_DUSK = 0.8  # brightness of a setting below which windows are lit
+_BOOKS = ("#8c3f38", "#3f6280", "#c9a34a", "#4f7550", "#6b4a6b", "#d9c9a6", "#a8683a")
+_TONES = {"@": 1.0, "-": 0.8, "+": 1.25}
+_AUTUMN = ("#d9772b", "#e0a02f", "#b8502a", "#c9912f")
+
+
+def draw_stand(stand: Stand, setting: Setting, seed: int) -> Tensor:
+    """Returns a drawn stand in the light, season and weather of a setting, as colour and opacity [4, h, w]."""
+    stand = _in_season(stand, setting)
+    chance = np.random.default_rng(seed)
+    shade = setting.light.shade.clamp(max=1.0).numpy()
+    is_lit = float(shade.mean()) < _DUSK and setting.place.is_open
+    main = color_of(stand.color).numpy() * chance.uniform(0.92, 1.08)
+    sheet = np.zeros((round(_HIGH * _UNIT), round(_WIDE * _UNIT), 4), np.float32)
+
+    def pixels(points: _Points) -> npt.NDArray[np.int32]:
+        return np.array([((x + _WIDE / 2) * _UNIT * 16, (1.06 - y) * _UNIT * 16) for x, y in points]).astype(np.int32)
+
+    def paint(color: str, tone: float = 1.0) -> tuple[float, ...]:
+        if color in ("*", "sky"):
+            sky = color_of(setting.light.low).numpy() if color == "sky" else color_of(_GLASS).numpy() * shade
+            glass = color_of(_LIT_GLASS).numpy() if color == "*" and is_lit and chance.random() < 0.7 else sky
+            return (*glass.tolist(), 1.0)
+        plain = main * _TONES[color] if color in _TONES else color_of(color).numpy()
+        return (*np.clip(plain * shade * tone, 0, 1).tolist(), 1.0)
+
+    for kind, color, *rest in stand.shapes:
+        points = [(float(x), float(y)) for x, y in (one.split(",") for one in rest if "," in one)]
+        numbers = [float(one) for one in rest if "," not in one]
+        if kind == "area":
+            cv2.fillPoly(sheet, [pixels(points)], paint(color), shift=4)
+        elif kind == "line":
+            cv2.polylines(
+                sheet, [pixels(points)], isClosed=False, color=paint(color), shift=4,
+                thickness=max(1, round(numbers[0] * _UNIT)),
+            )  # fmt: skip
+        elif kind == "dabs":
+            for away, turn in zip(
+                np.sqrt(chance.random(int(numbers[0]))), 2 * np.pi * chance.random(int(numbers[0])), strict=True
+            ):
+                across, up = away * math.cos(turn), away * math.sin(turn)
+                spot = points[0][0] + across * points[1][0], points[0][1] + up * points[1][1]
+                tone = 1 + _ROUND * (0.6 * up - 0.4 * across) + _SPECKS * chance.standard_normal()
+                radius = round(numbers[1] * chance.uniform(0.75, 1.2) * _UNIT * 16)
+                cv2.circle(sheet, pixels([spot])[0].tolist(), radius, paint(color, tone), -1, shift=4)
+        else:
+            (left, low), (right, high), (columns, rows) = points[0], points[1], map(int, numbers)
+            wide, tall = (right - left) / columns, (high - low) / rows
+            for row, column in np.ndindex(rows, columns):
+                x, y = left + (column + 0.14) * wide, low + (row + 0.12) * tall
+                one = str(chance.choice(_BOOKS)) if color == "books" else color
+                corners = [(x, y), (x + 0.72 * wide, y), (x + 0.72 * wide, y + 0.76 * tall), (x, y + 0.76 * tall)]
+                cv2.fillPoly(sheet, [pixels(corners)], paint(one), shift=4)
+    drawn = crop(resize(torch.from_numpy(sheet).permute(2, 0, 1), 0.5))
+    return in_weather(drawn, setting.weather, stand.usual)
+
+
+def _in_season(stand: Stand, setting: Setting) -> Stand:
+    """Returns the stand in the season of a setting: without leaves in winter, and in their colours in autumn."""
+    is_leafy = stand.words[0] == stands()[0].words[0]
+    if is_leafy and (setting.weather.flakes or "winter" in setting.light.name):
+        return next(one for one in stands() if one.name == "bare tree")
+    red, green, blue = color_of(stand.color).tolist()
+    if "autumn" in setting.light.name and green > max(red, blue) and stand.usual == "plant":
+        return stand._replace(color=_AUTUMN[len(stand.name) % len(_AUTUMN)])
+    return stand
+
+
+# A place in perspective.
+
+_FINE = 2  # the scenery is drawn that much larger, for smooth edges
+_FARTHEST = 14.0  # distance of the end of a way; 1 at the lower edge of the canvas
+_HAZE = 0.42  # share of the light at the horizon in what is there
+_ALONG = (6.2, 4.3, 3.1, 2.2, 1.6, 1.18)  # distances of the things along a way
+_FRONTS = (5.6, 4.0, 2.9, 2.1, 1.5, 1.08, 0.78)  # distances of the edges of house fronts
+_ROWS = (6.4, 4.9, 3.8, 3.0, 2.4, 1.9, 1.5, 1.2, 0.98)  # of the rows of a field
+_VERGE = 0.35  # space between a way and the things along it
+_STEP, _ASIDE = 0.09, 0.55  # height of a platform; distance of a jetty from the middle
+_KINDS = 3  # number of different drawings of a stand
+_WINDING = {"way": 0.3, "stream": 0.45}  # greatest shift of the middle of a way, which a road has not
+
+
+class View:
+    """View of a place in perspective, on a picture that grows from back to front.
+
+    ground: [3, H, W], without scenery
+    """
+
+    def __init__(self, ground: Tensor, setting: Setting, seed: int) -> None:
+        self._setting, self._chance = setting, np.random.default_rng(seed)
+        _, rows, columns = ground.shape
+        self._rows, self._columns, self._size = rows * _FINE, columns * _FINE, (rows, columns)
+        fine = images.fit(ground, self._rows, self._columns)
+        self._sheet: npt.NDArray[np.float32] = np.ascontiguousarray(fine.permute(1, 2, 0).numpy(), np.float32)
+        self._horizon, self._turn = setting.place.horizon, 1 if seed % 2 else -1
+        widths = [layer.size for layer in setting.place.layers if layer.kind in ("way", "road", "rails", "stream")]
+        self._edge = max(widths, default=0.65) + _VERGE
+        self._low = color_of(setting.light.low).numpy()
+
+    @property
+    def picture(self) -> Tensor:
+        """The picture [3, H, W]."""
+        drawn = torch.from_numpy(self._sheet).permute(2, 0, 1).clamp(0, 1)
+        return images.fit(drawn, *self._size)
+
+    def draw(self, layer: Layer) -> None:
+        """Draws a layer of a place."""
+        drawers: dict[str, Callable[[Layer], None]] = {
+            "hills": self._draw_hills, "peaks": self._draw_peaks, "band": self._draw_band, "way": self._draw_way,
+            "road": self._draw_way, "stream": self._draw_way, "rails": self._draw_rails, "falls": self._draw_falls,
+            "platform": self._draw_platform, "planks": self._draw_planks, "bridge": self._draw_bridge,
+        }  # fmt: skip
+        if layer.kind in drawers:
+            drawers[layer.kind](layer)
+        else:
+            stand = next(one for one in stands() if one.name == layer.what)
+            drawn = [draw_stand(stand, self._setting, number) for number in range(_KINDS)]
+            for number, (x, y, height, far) in enumerate(self._spots(layer, stand, drawn[0])):
+                picture = drawn[number % _KINDS]
+                self._lay(picture.flip(2) if number % 2 and layer.kind != "hung" else picture, x, y, height, far)
+            for far, near in pairwise(_FRONTS) if layer.kind == "walls" else ():
+                for side in (-1, 1):
+                    self._raise_front(drawn[self._chance.integers(_KINDS)], side, near, far, layer.size * stand.height)
+
+    def _spots(self, layer: Layer, stand: Stand, drawn: Tensor) -> Iterator[tuple[float, float, float, float]]:
+        """Yields the places of stands in a layer, from back to front: foot, height, and distance."""
+        tall, slim = layer.size * stand.height, drawn.shape[2] / drawn.shape[1] * self._rows / self._columns
+        if layer.kind == "line":
+            x = -0.3 * slim * layer.size
+            while x < 1.1:
+                size = layer.size * self._chance.uniform(0.75, 1.1)
+                yield x, self._horizon + 0.01, size, _FARTHEST / 2
+                x += slim * size * self._chance.uniform(0.72, 1.05)
+        elif layer.kind == "sides":
+            for far in _ALONG:
+                for side in (-1, 1):
+                    x, y = self._at(side * self._edge * self._chance.uniform(0.98, 1.12), far)
+                    yield x, y, tall / far * self._chance.uniform(0.9, 1.1), far
+        elif layer.kind == "field":
+            step = max(0.3, 2.4 * slim * tall)
+            for far in _ROWS:
+                for number in range(-math.ceil(far / step), math.ceil(far / step) + 1):
+                    x, y = self._at((number + 0.5) * step, far)
+                    yield x, y, tall / far, far
+        elif layer.kind == "grove":
+            for far in np.geomspace(5.5, 1.05, 18):
+                side = self._chance.choice((-1, 1)) * self._chance.uniform(0.4 if far < 3 else 0, 1.15)
+                x, y = self._at(side * far, far)
+                yield x, y, tall / far * self._chance.uniform(0.8, 1.15), far
+        elif layer.kind == "far":
+            yield 0.5 + 0.24 * self._turn, self._horizon + 0.015, layer.size, _FARTHEST / 4
+        elif layer.kind == "wings":
+            for x in (0.06, 0.94):
+                yield x, self._horizon + 0.06, 0.85, 1.0
+        elif layer.kind == "hung":
+            among = [one.what for one in self._setting.place.layers if one.kind == "hung"]
+            x = (0.5, 0.22, 0.78, 0.5)[0 if len(among) == 1 else 1 + among.index(layer.what)]
+            x = 0.5 + self._turn * (x - 0.5)
+            yield x, self._horizon * 0.5 + layer.size / 2, layer.size, 1.0
+
+    def _at(self, across: float, far: float) -> tuple[float, float]:
+        """Returns the place on the canvas, in its width and height, of a point of the land."""
+        return 0.5 + across / (2 * far), self._horizon + (1 - self._horizon) / far
+
+    def _color(self, color: Color, far: float, tone: float = 1.0) -> npt.NDArray[np.float32]:
+        """Returns a colour in the setting's light, and hazy in the distance."""
+        lit = np.clip(color_of(color).numpy() * self._setting.light.shade.numpy() * tone, 0, 1)
+        haze = _HAZE * (1 - 1 / max(far, 1.0)) if self._setting.place.is_open else 0.0
+        return np.asarray((1 - haze) * lit + haze * self._low, np.float32)
+
+    def _fill(self, color: Color, points: _Points, far: float, tone: float = 1.0) -> None:
+        """Fills an area, whose points are in the canvas's width and height."""
+        pixels = (np.array(points) * (self._columns, self._rows) * 16).round().astype(np.int32)
+        cv2.fillPoly(self._sheet, [pixels], self._color(color, far, tone).tolist(), cv2.LINE_8, 4)
+
+    def _lay(self, picture: Tensor, x: float, y: float, height: float, far: float) -> None:
+        """Lays a picture [4, h, w] on its place, hazy in the distance; parts outside the canvas are cut off."""
+        drawn = resize(picture, max(2.0, height * self._rows) / picture.shape[1]).permute(1, 2, 0).numpy()
+        tall, wide, _ = drawn.shape
+        top, left = round(y * self._rows) - tall, round(x * self._columns - wide / 2)
+        part = drawn[max(0, -top) : max(0, self._rows - top), max(0, -left) : max(0, self._columns - left)]
+        if part.size:
+            top, left = max(0, top), max(0, left)
+            under = self._sheet[top : top + part.shape[0], left : left + part.shape[1]]
+            haze = _HAZE * (1 - 1 / max(far, 1.0)) if self._setting.place.is_open else 0.0
+            under += part[..., 3:] * ((1 - haze) * part[..., :3] + haze * self._low - under)
+
+    def _raise_front(self, picture: Tensor, side: int, near: float, far: float, height: float) -> None:
+        """Lays a picture [4, h, w] as the front of a house along a way, from a near to a far distance."""
+        edge = side * (self._edge - 0.1)
+        drawn = picture.permute(1, 2, 0).numpy()
+        drawn = np.concatenate((drawn[..., :3] * drawn[..., 3:], drawn[..., 3:]), 2)
+        tall, wide, _ = drawn.shape
+        corners = [
+            (x * self._columns, (y - up * height / away) * self._rows)
+            for away in (near, far)
+            for x, y in [self._at(edge, away)]
+            for up in (0, 1)
+        ]
+        source = np.array([(0, tall), (0, 0), (wide, tall), (wide, 0)], np.float32)
+        warp = cv2.getPerspectiveTransform(source, np.array(corners, np.float32))
+        laid = cv2.warpPerspective(drawn, warp, (self._columns, self._rows), flags=cv2.INTER_AREA)
+        tone = 1.0 if side > 0 else 0.82  # the light comes from the left
+        haze = _HAZE * (1 - 1 / max(near, 1.0))
+        color = (1 - haze) * tone * laid[..., :3] + haze * self._low * laid[..., 3:]
+        self._sheet = np.asarray(self._sheet * (1 - laid[..., 3:]) + color, np.float32)
+
+    def _lay_flat(self, color: Color, sides: tuple[float, float], fars: tuple[float, float], tone: float = 1.0) -> None:
+        """Fills a rectangle on the land, between two sides and two distances."""
+        (left, right), (near, far) = sides, fars
+        corners = [self._at(*corner) for corner in ((left, near), (right, near), (right, far), (left, far))]
+        self._fill(color, corners, near, tone)
+
+    def _draw_hills(self, layer: Layer) -> None:
+        along = np.linspace(0, 1, 80)
+        for back in (1.0, 0.6):
+            waves = self._chance.uniform(0, 6.3, 3)
+            rise = sum(np.sin(along * turn + wave) / turn for turn, wave in zip((4.1, 7.3, 13.0), waves, strict=True))
+            top = self._horizon - layer.size * back * np.clip(0.62 + 1.3 * rise, 0.12, 1.1)
+            foot = self._horizon + 0.02
+            self._fill(layer.what, [*zip(along, top, strict=True), (1, foot), (0, foot)], 9 * back, 0.92 + 0.14 * back)
+
+    def _draw_peaks(self, layer: Layer) -> None:
+        count, foot = 5, self._horizon + 0.02
+        for number in self._chance.permutation(count):
+            x = (number + 0.5 + self._chance.uniform(-0.25, 0.25)) / count
+            high, bent = layer.size * self._chance.uniform(0.6, 1.0), self._chance.uniform(-0.15, 0.15)
+
+            def place(across: float, down: float, x: float = x, high: float = high) -> tuple[float, float]:
+                return x + 0.75 * high * across, foot - high * (1 - down)
+
+            ridge = [place(0, 0), place(0.3 * bent + 0.06, 0.35), place(bent, 1)]
+            self._fill(layer.what, [*ridge, place(-1, 1), place(-0.45, 0.5)], 5, 1.2)
+            self._fill(layer.what, [*ridge, place(1, 1), place(0.55, 0.48)], 5, 0.8)
+            edge = [(0, 0), (0.25, 0.34), (0.1, 0.26), (0.0, 0.4), (-0.1, 0.27), (-0.23, 0.36)]
+            self._fill("#f4f7fb", [place(*point) for point in edge], 3)
+
+    def _draw_band(self, layer: Layer) -> None:
+        top, low = self._horizon - 0.02, self._horizon + layer.size * (1 - self._horizon)
+        along = np.linspace(1, 0, 60)
+        shore = low + 0.012 * np.sin(9 * along + self._chance.uniform(0, 6))
+        for color, drop in (("white", 0.02), (layer.what, 0.0)):
+            self._fill(color, [(0, top), (1, top), *zip(along, shore + drop, strict=True)], 1.6)
+        self._draw_ripples(lambda _: (0.0, 1.0), self._horizon, low)
+
+    def _draw_ripples(self, extent: Callable[[float], tuple[float, float]], top: float, low: float) -> None:
+        """Draws light and dark waves between two heights; `extent` returns the ends of the water at a height."""
+        for y in np.sort(self._chance.uniform(top + 0.02, low - 0.01, 24)).tolist():
+            (left, right), near = extent(y), y - self._horizon
+            wide, thick = min(0.03 + 0.16 * near, right - left), 0.003 + 0.012 * near
+            x, tone = self._chance.uniform(left, right - wide), 1.35 if self._chance.random() < 0.6 else 0.75
+            ends = [(x, y), (x + wide / 2, y - thick), (x + wide, y), (x + wide / 2, y + thick)]
+            self._fill("#7fa9bf", ends, 1.5, tone)
+
+    def _draw_way(self, layer: Layer) -> None:
+        fars, winds = np.geomspace(1, _FARTHEST, 50), self._turn * _WINDING.get(layer.kind, 0.0)
+
+        def edge(far: float, side: float) -> tuple[float, float]:
+            return self._at(winds * math.sin(2.2 * (far - 1)) * min(1.0, far - 1) + side * layer.size, far)
+
+        for wide, tone in ((1.12, 0.8), (1.0, 1.0)):
+            left, right = ([edge(far, side * wide) for far in fars] for side in (-1, 1))
+            self._fill(layer.what, [*left, *right[::-1]], 1.6, tone)
+        for far in np.geomspace(1, 8, 9) if layer.kind == "road" else ():
+            self._lay_flat("#f2eee2", (-0.025, 0.025), (far, 1.12 * far))
+        if layer.kind == "stream":
+
+            def extent(y: float) -> tuple[float, float]:
+                far = (1 - self._horizon) / (y - self._horizon)
+                return edge(far, -0.9)[0], edge(far, 0.9)[0]
+
+            self._draw_ripples(extent, self._horizon + 0.04, 1.0)
+
+    def _draw_rails(self, layer: Layer) -> None:
+        self._draw_way(layer)
+        for far in np.geomspace(8, 1, 18):
+            self._lay_flat("#5f4a3a", (-0.8 * layer.size, 0.8 * layer.size), (far, 1.05 * far))
+        for x in (-0.55 * layer.size, 0.55 * layer.size):
+            self._lay_flat("#d6dade", (x - 0.025, x + 0.025), (1, _FARTHEST))
+
+    def _draw_platform(self, layer: Layer) -> None:
+        fars = (0.9, _FARTHEST)
+
+        def edge(across: float, up: float) -> list[tuple[float, float]]:
+            return [(x, y - up / far) for far in fars for x, y in [self._at(across, far)]]
+
+        for side in (-1, 1):
+            top = edge(side * layer.size, _STEP)
+            self._fill(layer.what, [*edge(side * layer.size, 0), *top[::-1]], 2, 0.55)
+            self._fill(layer.what, [*top, *edge(side * 40, _STEP)[::-1]], 1.4)
+            self._fill("#f0d060", [*top, *edge(side * (layer.size + 0.08), _STEP)[::-1]], 1.2)
+
+    def _draw_planks(self, layer: Layer) -> None:
+        left, right, end = _ASIDE * self._turn - layer.size, _ASIDE * self._turn + layer.size, 3.4
+        for far in (end, 2.1, 1.45):
+            for x, y in (self._at(left, far), self._at(right, far)):
+                wide, rise, sink = 0.02 / far, 0.08 / far, 0.14 / far
+                self._fill(
+                    layer.what,
+                    [(x - wide, y - rise), (x + wide, y - rise), (x + wide, y + sink), (x - wide, y + sink)], far, 0.6,
+                )  # fmt: skip
+        self._lay_flat(layer.what, (left, right), (0.9, end))
+        for far in np.geomspace(0.95, end, 12):
+            self._lay_flat(layer.what, (left, right), (far, 1.02 * far), 0.7)
+
+    def _draw_bridge(self, layer: Layer) -> None:
+        along = np.linspace(-0.02, 1.02, 60)
+        deck = SUMMIT + 0.08 * (1 - np.sin(np.pi * np.clip(along, 0, 1)))
+        under = 0.06 + 0.12 * (np.abs(along - 0.5) / 0.5) ** 3
+
+        def fill(rise: float, drop: float | npt.NDArray[np.float64], tone: float) -> None:
+            upper, lower = zip(along, deck - rise, strict=True), zip(along[::-1], (deck + drop)[::-1], strict=True)
+            self._fill(layer.what, [*upper, *lower], 1.3, tone)
+
+        fill(0.0, under, 0.85)
+        fill(0.012, 0.014, 1.15)
+        for x, y in zip(along[1::6], deck[1::6], strict=True):
+            self._fill(
+                layer.what, [(x - 0.008, y), (x + 0.008, y), (x + 0.008, y - 0.13), (x - 0.008, y - 0.13)], 1.3, 0.75
+            )
+        fill(0.14, -0.115, 1.05)
+
+    def _draw_falls(self, layer: Layer) -> None:
+        top, low = self._horizon - layer.size, self._horizon + 0.1
+        rock = [(0.12, low), (0.2, top + 0.12), (0.3, top), (0.7, top + 0.01), (0.82, top + 0.14), (0.9, low)]
+        self._fill(layer.what, rock, 1.5)
+        for x, y in zip(
+            self._chance.uniform(0.16, 0.86, 9), self._chance.uniform(top + 0.12, low - 0.1, 9), strict=True
+        ):
+            stone = [(x - 0.05, y), (x, y - 0.05), (x + 0.05, y + 0.01), (x + 0.02, y + 0.07)]
+            self._fill(layer.what, stone, 1.5, self._chance.choice((0.75, 1.2)))
+        around = np.linspace(0, 2 * np.pi, 40)
+        circle = np.stack((np.cos(around), np.sin(around)), 1)
+        self._fill("#4f8fae", np.array((0.5, low + 0.08)) + (0.42, 0.1) * circle, 1.2)
+        for number, x in enumerate(np.tile(np.linspace(0.4, 0.6, 13), 2) + self._chance.uniform(-0.012, 0.012, 26)):
+            start = top + self._chance.uniform(0, 0.5) * (low - top) * (number > 12)
+            water = [(x - 0.012, start), (x + 0.012, start), (x + 0.02, low + 0.05), (x - 0.02, low + 0.05)]
+            self._fill("#eaf4fa", water, 1.0, self._chance.uniform(0.82, 1.0))
+        for spot in self._chance.uniform((0.36, low + 0.02), (0.64, low + 0.07), (16, 2)):
+            self._fill("white", spot + 0.025 * circle, 1.0, 0.95)
+
+
+def draw_scenery(ground: Tensor, setting: Setting, seed: int, absent: Sequence[str] = ()) -> Tensor:
+    """Returns a ground [3, H, W] with the scenery of its place.
+
+    absent: nouns of things that must not be seen
+    """
+    view = View(ground, setting, seed)
+    for layer in setting.place.layers:
+        if not {layer.what, layer.what.rpartition(" ")[2]} & {*absent}:
+            view.draw(layer)
+    return view.picture
+
+
+class DrawnScenery:
+    """Library of the drawn things, each by itself: for a prompt with one tree, or a church in a village."""
+
+    name, credit, is_own = "drawn", "", False
+
+    def list_captioned(self) -> Sequence[Captioned]:
+        """Returns the things of `scenery.txt`, with their words."""
+        return [Captioned(stand.name, stand.words, _WORTH) for stand in stands()]
+
+    def pictures(self, file: str) -> list[Tensor]:
+        """Returns the drawing of a thing in daylight."""
+        return [draw_stand(stand, Setting(), 0) for stand in stands() if stand.name == file]
