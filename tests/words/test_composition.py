@@ -4,7 +4,7 @@ import torch
 from frida_painter.frames import PixelGrid
 from frida_painter.words.arrangement import Placed
 from frida_painter.words.composition import compose_photograph, compose_scene
-from frida_painter.words.places import LIGHTS, PAPER, PLACES, Setting
+from frida_painter.words.places import LIGHTS, Setting, place_named
 from support.planning import CANVAS
 
 GRID = PixelGrid.of_height(CANVAS, 60)
@@ -23,7 +23,10 @@ def test_a_thing_in_a_bowl_ends_at_a_round_rim() -> None:
     drawing = torch.ones(4, 40, 40)
     for hidden in (0.0, 0.4):
         inside = [Placed(drawing, 0, 0, 1, hidden=hidden, dip=0.3 * hidden)]
-        seen = compose_scene(inside, Setting(PAPER, is_named=True), GRID, 0, in_the_air=False).where > 0.5
+        seen = (
+            compose_scene(inside, Setting(place_named("plain paper"), is_named=True), GRID, 0, in_the_air=False).where
+            > 0.5
+        )
         columns = seen.any(0).nonzero().flatten()
         lowest = [int(seen[:, at].nonzero().max()) for at in columns.tolist()]
         middle = lowest[len(lowest) // 2]
@@ -37,7 +40,7 @@ def box(x: float = 0.0, size: float = 1.0) -> Placed:
 
 
 def test_a_hill_rises_under_a_thing_and_a_bank_is_in_front_of_water() -> None:
-    hills, lake = (next(one for one in PLACES if one.name == name) for name in ("hills", "lake"))
+    hills, lake = map(place_named, ("hills", "lake"))
     for place, columns in ((hills, (GRID.columns // 2, 2)), (lake, (GRID.columns // 2, GRID.columns // 2))):
         flat, raised = (Setting(place, is_named=True, is_raised=is_raised) for is_raised in (False, True))
         ground = flat.ground(GRID, 0)
@@ -54,12 +57,10 @@ def test_a_hill_rises_under_a_thing_and_a_bank_is_in_front_of_water() -> None:
 
 
 def test_what_is_far_is_behind_the_scenery_and_what_is_tiny_is_small() -> None:
-    meadow = next(one for one in PLACES if one.name == "meadow")
-    row = torch.ones(4, 20, 20)
-    row[:2] = 0
-    scene = compose_scene([], Setting(meadow, is_named=True), GRID, 0, in_the_air=False, scenery=row, far=[box()])
+    meadow = place_named("meadow")
+    scene = compose_scene([], Setting(meadow, is_named=True), GRID, 0, in_the_air=False, far=[box()])
     seen = scene.where > 0.5
-    assert bool(seen.any()) and int(seen.any(1).nonzero().max()) <= 0.78 * GRID.rows
+    assert bool(seen.any()) and int(seen.any(1).nonzero().max()) <= (meadow.horizon + 0.06) * GRID.rows
     large, tiny = (
         compose_scene([box(size=size)], Setting(), GRID, 0, in_the_air=False).where.gt(0.5).float().mean()
         for size in (1.0, 0.5)

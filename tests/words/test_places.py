@@ -11,23 +11,20 @@ from frida_painter.words.places import (
     CLEAR,
     DAY,
     GREY,
-    HORIZON,
     LIGHTS,
-    MEADOW,
-    PAPER,
-    PLACES,
-    ROOM,
     WEATHERS,
     Place,
     Setting,
-    before,
     color_of,
     find_part,
     go_together,
     in_color,
     infer_place,
     is_idea,
+    join,
+    known_places,
     mix_lights,
+    place_named,
     rank_lights,
     with_contrast,
 )
@@ -35,9 +32,10 @@ from support.networks import WordBag
 from support.planning import CANVAS
 
 GRID = PixelGrid.of_height(CANVAS, 48)
+PAINTED = [place for place in known_places() if place.kind != "paper"]
 
 
-@pytest.mark.parametrize("place", [place for place in PLACES if place.kind != "paper"], ids=lambda place: place.name)
+@pytest.mark.parametrize("place", PAINTED, ids=lambda place: place.name)
 @pytest.mark.parametrize("light", [DAY, *LIGHTS], ids=lambda light: light.name)
 def test_every_ground_has_a_sky_and_a_land(place, light) -> None:
     ground = Setting(place, light, is_named=True).ground(GRID, 0)
@@ -46,21 +44,22 @@ def test_every_ground_has_a_sky_and_a_land(place, light) -> None:
 
 
 def test_night_is_dark_and_fog_is_seen() -> None:
-    day, night = (Setting(PLACES[3], light, is_named=True).ground(GRID, 0).mean() for light in (DAY, LIGHTS[2]))
+    meadow = place_named("meadow")
+    day, night = (Setting(meadow, light, is_named=True).ground(GRID, 0).mean() for light in (DAY, LIGHTS[2]))
     assert float(night) < 0.4 * float(day)
-    clear, foggy = (Setting(PLACES[3], LIGHTS[2], weather, is_named=True) for weather in (CLEAR, WEATHERS[3]))
+    clear, foggy = (Setting(meadow, LIGHTS[2], weather, is_named=True) for weather in (CLEAR, WEATHERS[3]))
     ground = clear.ground(GRID, 0)
     assert torch.equal(clear.in_fog(ground), ground)
     assert float((foggy.in_fog(ground) - ground).abs().amax(0).gt(0.1).float().mean()) > 0.3
 
 
-@pytest.mark.parametrize("place", [place for place in PLACES if place.kind != "paper"], ids=lambda place: place.name)
+@pytest.mark.parametrize("place", PAINTED, ids=lambda place: place.name)
 def test_a_ground_has_depth_and_loose_strokes_and_no_white_paper(place: Place) -> None:
     for light in (DAY, LIGHTS[1]):
         ground = Setting(place, light, is_named=True).ground(GRID, 0)
         assert float((ground.amin(0) > 0.93).float().mean()) < 0.1 or "snow" in place.name
         light_of = to_lab(ground.permute(1, 2, 0))[..., 0]
-        horizon = round(HORIZON * GRID.rows)
+        horizon = round(place.horizon * GRID.rows)
         assert float(light_of[horizon + 1 : horizon + 4].mean() - light_of[-3:].mean()) > 2, "darker in front"
         assert float(light_of.std(1).mean()) > 1, "and of strokes"
     assert not torch.equal(ground, Setting(place, light).ground(GRID, 1)) and torch.equal(
@@ -70,12 +69,15 @@ def test_a_ground_has_depth_and_loose_strokes_and_no_white_paper(place: Place) -
 
 def test_words_name_places_lights_and_weathers_or_imply_them() -> None:
     bag = WordBag()
-    assert find_part("the sea", PLACES, bag) is PLACES[0] and find_part("teapot", PLACES, bag) is None
-    assert find_part("the sea", PLACES, bag, 1.1) is None, "there is a picture that is called so"
+    assert (
+        find_part("the sea", known_places(), bag) is place_named("sea")
+        and find_part("teapot", known_places(), bag) is None
+    )
+    assert find_part("the sea", known_places(), bag, 1.1) is None, "there is a picture that is called so"
     assert find_part("dawn", LIGHTS, bag) is LIGHTS[0] and find_part("dog", LIGHTS, bag) is None
     assert find_part("rain", WEATHERS, bag) is WEATHERS[0] and find_part("dog", WEATHERS, bag) is None
     assert find_part("rain mobile", WEATHERS, bag) is None and find_part("dawn chorus", LIGHTS, bag) is LIGHTS[0]
-    assert infer_place(["a whale"], bag) is PLACES[0]
+    assert infer_place(["a whale"], bag) is place_named("sea")
     assert infer_place(["a whale"], bag, afloat=False).kind != "water"
 
 
@@ -109,7 +111,7 @@ def test_things_never_touch_the_edge(shape: tuple[int, int], named: bool, in_the
     drawing[3], drawing[0] = 1, 1
     things = [Placed(drawing, 0, 0, 1), Placed(drawing, 1.5, 0.5, 0.6, 1)]
     for some in (things, things[:1]):
-        scene = compose_scene(some, Setting(PLACES[0], is_named=named), GRID, 1, in_the_air=in_the_air)
+        scene = compose_scene(some, Setting(place_named("sea"), is_named=named), GRID, 1, in_the_air=in_the_air)
         assert float(scene.where.max()) == 1 and scene.picture.shape == (3, GRID.rows, GRID.columns)
         edges = torch.cat((scene.where[0], scene.where[-1], scene.where[:, 0], scene.where[:, -1]))
         assert float(edges.max()) < 0.5
@@ -118,7 +120,7 @@ def test_things_never_touch_the_edge(shape: tuple[int, int], named: bool, in_the
 def test_a_thing_without_a_named_place_stands_on_a_painted_ground_with_its_shadow() -> None:
     drawing = torch.zeros(4, 30, 40)
     drawing[3], drawing[0] = 1, 1
-    setting = Setting(ROOM)
+    setting = Setting(place_named("room"))
     scene = compose_scene([Placed(drawing, 0, 0, 1)], setting, GRID, 0, in_the_air=False)
     assert float((scene.picture.amin(0) > 0.93).float().mean()) < 0.1
     aloft = compose_scene([Placed(drawing, 0, 0, 1)], setting, GRID, 0, in_the_air=True).picture.mean(0)
@@ -131,10 +133,11 @@ def test_a_thing_without_a_named_place_stands_on_a_painted_ground_with_its_shado
 def test_paper_stays_bare_if_words_ask_for_it() -> None:
     drawing = torch.zeros(4, 30, 40)
     drawing[3], drawing[0] = 1, 1
-    scene = compose_scene([Placed(drawing, 0, 0, 1)], Setting(PAPER, is_named=True), GRID, 0, in_the_air=False)
+    paper = place_named("plain paper")
+    scene = compose_scene([Placed(drawing, 0, 0, 1)], Setting(paper, is_named=True), GRID, 0, in_the_air=False)
     assert float(scene.picture[:, scene.where < 0.01].min()) == 1
-    assert find_part("blank page", PLACES, WordBag()) is PAPER
-    blue = Setting(in_color(PAPER, (0.2, 0.3, 0.9))).ground(GRID, 0)
+    assert find_part("blank page", known_places(), WordBag()) is paper
+    blue = Setting(in_color(paper, (0.2, 0.3, 0.9))).ground(GRID, 0)
     assert float(blue[2].min()) == pytest.approx(0.9) and float(blue.std((1, 2)).max()) < 1e-6
 
 
@@ -163,10 +166,10 @@ def test_contrary_feelings_do_not_go_together_and_each_light_has_a_fellow() -> N
 
 
 def test_hills_of_another_place_stand_behind_a_lake() -> None:
-    lake, mountains = PLACES[1], next(place for place in PLACES if place.name == "mountains")
-    both = before(lake, [MEADOW, mountains])
-    assert (both.below, both.relief, both.hills) == (lake.below, mountains.relief, mountains.below)
-    assert before(mountains, [lake]) is mountains and before(lake, []) is lake
-    with_hills, without = (Setting(place, is_named=True).ground(GRID, 0) for place in (both, lake))
-    changed = (with_hills - without).abs().mean((0, 2))
-    assert float(changed[int(0.6 * len(changed))]) > 0.02 and float(changed[:3].max()) < 1e-6
+    lake, mountains = place_named("lake"), place_named("mountains")
+    both = join(lake, [place_named("meadow"), mountains])
+    assert (both.below, both.relief) == (lake.below, mountains.relief)
+    assert [layer.kind for layer in both.layers] == ["peaks", "line"], "one row of hills, and the lake's own trees"
+    assert join(mountains, [lake]) == mountains and join(lake, []) == lake
+    bridge, river = place_named("bridge"), place_named("river")
+    assert {layer.kind for layer in join(river, [bridge]).layers} == {"hills", "line", "stream", "sides", "bridge"}

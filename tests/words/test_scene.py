@@ -173,22 +173,21 @@ GOATS = Thing("goat", "goat", count=None, plural="goats")
         (Reading((GOAT, LAKE), (Relation(0, "beside", 1),)), "Begun with 'goat' (pictures), on lake."),
         (
             Reading((GOAT, MOON), (Relation(0, "under", 1),)),
-            "Begun with 'goat' (pictures), on road, night.",
+            "Begun with 'goat' (pictures), on",
         ),
         (Reading((GOAT, BEARD), (Relation(0, "with", 1),)), "Begun with 'goat' (pictures)."),
         (
             Reading((MEADOW, GOATS), (Relation(0, "of", 1),)),
-            "Begun with 'goat' (pictures, 7 times) and 'tree' (pictures), on meadow.",
+            "Begun with 'goat' (pictures, 7 times), on meadow.",
         ),
         (
             Reading((SOUND, GOATS), (Relation(0, "of", 1),)),
             "Begun with 'goat' (pictures, 3 times), on",
         ),
-        (Reading((Thing("forest", "forest"),)), "Begun with 'tree' (pictures), on forest."),
-        (Reading((Thing("forest", "forest"),), absent=("tree",)), "Begun with strokes and colours of forest"),
+        (Reading((Thing("forest", "forest"),)), "Begun with the scenery of forest, drawn."),
         (Reading((Thing("lake", "lake"), Thing("mountain", "mountain", count=None, plural="mountains"))), "Begun with"),
     ],
-    ids=["beside", "moon", "beard", "field", "sound", "forest", "bare forest", "mountains"],
+    ids=["beside", "moon", "beard", "field", "sound", "forest", "mountains"],
 )
 def test_what_words_show(reading: Reading, begun: str, tmp_path: Path) -> None:
     seen = encoders(tmp_path, reading)
@@ -207,14 +206,18 @@ def test_somebody_without_a_picture_gets_what_the_name_is_about(tmp_path: Path) 
     assert seen.remarks[0].startswith("Begun with 'violinist' (drawn) and 'goat' (pictures)")
 
 
-def test_the_row_along_the_horizon_of_a_place_is_far_and_hazy(tmp_path: Path) -> None:
-    with_trees, bare = (
-        scene_of("a forest", GRID, encoders(tmp_path, Reading((Thing("forest", "forest"),), absent=absent)), 0).picture
-        for absent in ((), ("tree",))
-    )
-    changed = (with_trees - bare).abs().mean(0)
-    horizon = round(0.72 * GRID.rows)
-    assert float(changed[: horizon - 2].mean()) > 0.02 and float(changed[horizon + 2 :].max()) < 1e-6
+def test_several_trees_line_a_place_and_a_window_is_in_a_wall(tmp_path: Path) -> None:
+    trees, window = Thing("leafless tree", "tree", count=None, plural="trees"), Thing("window", "window")
+    street, market = Thing("street", "street"), Thing("market", "market")
+    stalls = Thing("stall", "stall", count=None, plural="stalls")
+    for things, shown in (
+        ((street, trees), ["'street', 'leafless tree'"]),
+        ((market, stalls), ["'market'", "'stall'"]),
+        ((GOAT, window), ["'goat'", "'window'"]),
+    ):
+        seen = encoders(tmp_path, Reading(things, (Relation(0, "with", 1),)))
+        scene_of("as read", GRID, seen, 0)
+        assert all(one in seen.remarks[1].partition("not shown")[0] for one in shown), seen.remarks
 
 
 @pytest.mark.parametrize("word", ["friendly", "broken", "tiny"])

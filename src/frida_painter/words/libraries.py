@@ -22,7 +22,6 @@ from frida_painter.errors import ConfigError, ImageError, WeightsError
 from frida_painter.objectives.picture_library import Captioned, PictureLibrary
 from frida_painter.weights.archive import CAPTIONS, FILE
 from frida_painter.words import svg_process
-from frida_painter.words.scenery import DrawnScenery
 
 # Pictures with opacity from untrusted files: SVG drawings and pixels.
 
@@ -196,4 +195,4 @@ def libraries_at_hand(cache: Path | None = None, own: Path | None = None) -> lis
         folder = weights.find(known.name, cache) if known.kept[0].name == FILE else None
         if folder is not None:
             found.append(PictureArchive(known.name, f"{known.credit}, {known.licence}", folder / FILE))
-    return [*found, DrawnScenery()] if found else found
+    return found

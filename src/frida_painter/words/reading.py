@@ -249,7 +249,10 @@ class PromptReader:
         before = [word for word in noun.lefts if word.dep_ in ("compound", "amod")]
         stem = noun.text.removesuffix("ing")
         is_verb = stem != noun.text and bool(self._verbs & {stem, f"{stem}e", stem[:-1]})
-        is_doing = is_verb and kinds_of(noun.lower_) == {"idea"}  # but a stone building
+        # But a stone building and a winter evening.
+        is_doing = (
+            is_verb and kinds_of(noun.lower_) == {"idea"} and kinds_of(before[-1].lower_ if before else "") != {"idea"}
+        )
         if noun.lemma_.lower() in _DEPICTIONS and (inner := shown.get("of", shown.get("with"))):
             _put_in_place(inner, noun, "det", [word for word in noun.rights if word.i > inner.i])
         elif noun.lemma_ in GROUPS and (inner := shown.get("of")):

@@ -18,6 +18,7 @@ from frida_painter.words.compositing import recolor
 from frida_painter.words.figures import Figure
 from frida_painter.words.libraries import PictureFolder, libraries_at_hand
 from frida_painter.words.reading import Thing, paint_of, word_meanings
+from frida_painter.words.scenery import DrawnScenery
 
 # Worth of a picture, independent of its thing.
 
@@ -317,7 +318,7 @@ def picture_index(encoders: EncoderRegistry) -> PictureIndex | None:
                 f"{unnamed} of your pictures were left out, of which neither a name nor a text beside them says in "
                 "Latin letters what they show."
             )
-        return PictureIndex(libraries, word_meanings(encoders), encoders.meanings)
+        return PictureIndex([*libraries, DrawnScenery()], word_meanings(encoders), encoders.meanings)
 
     return encoders.keep("picture index", make)
 

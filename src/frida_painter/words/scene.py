@@ -247,7 +247,8 @@ def setting_of(
                 seen.append((thing, thing.noun, light))
         if part := part or _place_named(number, reading, nearest, sentences):
             seen.append((thing, thing.noun, part))
-        for word in thing.name.split()[:-1] if isinstance(part, Place) else ():  # a desert road
+        is_whole = places.find_part(thing.name, places.known_places(), sentences, _EXACTLY)  # a city skyline
+        for word in thing.name.split()[:-1] if isinstance(part, Place) and not is_whole else ():  # a desert road
             if also := places.find_part(word, places.known_places(), sentences, _EXACTLY):
                 seen.append((thing, word, also))
         if part or is_settled:
@@ -379,7 +380,8 @@ def _tell(
     place = f", on {setting.words}" if setting.is_named else ""
     told = f"{' and '.join(one.told for one in shown)}{place}{_credit(shown)}"
     if not shown:
-        told = f"strokes and colours of {setting.words}, without a picture of a thing"
+        is_drawn = bool(setting.place.layers)
+        told = f"the scenery of {setting.words}, drawn" if is_drawn else f"strokes and colours of {setting.words}"
     encoders.remark(f"{use.capitalize()} {told}.")
     encoders.remark(account.told)
     if any(line.mark is Mark.NOT_SHOWN and line.word.kind == "thing" for line in account.lines):

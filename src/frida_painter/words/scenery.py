@@ -450,13 +450,13 @@ def draw_scenery(ground: Tensor, setting: Setting, seed: int, absent: Sequence[s
 
 
 class DrawnScenery:
-    """Library of the drawn things, each by itself: for a prompt with one tree, or a church in a village."""
+    """Library of the drawn things outdoors, each by itself: for a prompt with one tree, or a church in a village."""
 
     name, credit, is_own = "drawn", "", False
 
     def list_captioned(self) -> Sequence[Captioned]:
         """Returns the things of `scenery.txt`, with their words."""
-        return [Captioned(stand.name, stand.words, _WORTH) for stand in stands()]
+        return [Captioned(stand.name, stand.words, _WORTH) for stand in stands() if not stand.is_indoors]
 
     def pictures(self, file: str) -> list[Tensor]:
         """Returns the drawing of a thing in daylight."""

@@ -1,0 +1,103 @@
+"""Scenery of places in perspective, and the things that stand in it."""
+
+import pytest
+import torch
+
+from frida_painter.frames import PixelGrid
+from frida_painter.palette import to_lab
+from frida_painter.words.places import LIGHTS, WEATHERS, Place, Setting, join, known_places, place_named
+from frida_painter.words.scenery import (
+    DrawnScenery,
+    Stand,
+    draw_scenery,
+    draw_stand,
+    find_stand,
+    line_with,
+    stands,
+)
+from support.networks import WordBag
+from support.planning import CANVAS
+
+GRID = PixelGrid.of_height(CANVAS, 96)
+DRAWN = [place for place in known_places() if place.layers]
+NIGHT, AUTUMN = (next(light for light in LIGHTS if light.name == name) for name in ("night", "autumn"))
+SNOW = next(weather for weather in WEATHERS if weather.flakes)
+
+
+def stand_named(name: str) -> Stand:
+    return next(stand for stand in stands() if stand.name == name)
+
+
+@pytest.mark.parametrize("place", DRAWN, ids=lambda place: place.name)
+def test_every_scenery_is_seen_and_repeats_to_the_byte(place: Place) -> None:
+    setting = Setting(place, is_named=True)
+    ground = setting.ground(GRID, 0)
+    seen = draw_scenery(ground, setting, 3)
+    assert seen.shape == ground.shape and 0 <= float(seen.min()) <= float(seen.max()) <= 1
+    assert float((seen - ground).abs().amax(0).gt(0.05).float().mean()) > 0.03
+    assert torch.equal(seen, draw_scenery(ground, setting, 3))
+
+
+@pytest.mark.parametrize("stand", stands(), ids=lambda stand: stand.name)
+def test_every_stand_is_drawn_whole(stand: Stand) -> None:
+    drawn = draw_stand(stand, Setting(), 0)
+    assert drawn.shape[0] == 4 and 0 <= float(drawn.min()) <= float(drawn.max()) <= 1
+    assert float(drawn[3].mean()) > 0.08 and min(drawn.shape[1:]) > 8
+    assert len({*stand.words}) == len(stand.words) and 0 < stand.height < 3
+    for part in drawn[3, -1], drawn[3, 0], drawn[3, :, 0], drawn[3, :, -1]:  # trimmed on all sides
+        assert float(part.max()) > 0
+
+
+def test_what_must_not_be_seen_is_left_out() -> None:
+    setting = Setting(place_named("lake"), is_named=True)
+    ground = setting.ground(GRID, 0)
+    with_trees, without = (draw_scenery(ground, setting, 0, absent) for absent in ((), ("tree",)))
+    changed = (with_trees - without).abs().mean((0, 2))
+    at = round(setting.place.horizon * GRID.rows)
+    assert float(changed[at - 4 : at].mean()) > 0.02 and float(changed[at + 4 :].max()) < 1e-6
+
+
+def test_windows_are_lit_at_night_and_leaves_change_with_the_season() -> None:
+    house, tree = stand_named("house"), stand_named("tree")
+    by_day, by_night = (draw_stand(house, Setting(place_named("village"), light), 1) for light in (LIGHTS[0], NIGHT))
+    warm = [((one[0] > 0.97) & (one[1] > 0.8) & (one[2] < 0.6)).float().mean() for one in (by_day, by_night)]
+    assert warm[0] < 0.001 < 0.01 < warm[1]
+    green, autumn, bare = (
+        draw_stand(tree, setting, 0) for setting in (Setting(), Setting(light=AUTUMN), Setting(weather=SNOW))
+    )
+    hues = [to_lab(one[:3, one[3] > 0.5].T).mean(0)[1] for one in (green, autumn)]
+    assert float(hues[0]) < 0 < float(hues[1]), "from green to red"
+    assert float(bare[3].mean()) < 0.6 * float(green[3].mean())
+
+
+def test_a_way_becomes_narrow_and_a_front_of_houses_low_in_the_distance() -> None:
+    place = place_named("road")
+    setting = Setting(Place(("",), (), "#00ff00", horizon=0.5, layers=place.layers[-1:]), is_named=True)
+    ground = setting.ground(GRID, 0)
+    is_road = (draw_scenery(ground, setting, 0) - ground).abs().amax(0) > 0.1
+    widths = [int(is_road[round(share * GRID.rows)].sum()) for share in (0.56, 0.7, 0.97)]
+    assert 0 < widths[0] < 0.5 * widths[1] and widths[1] < 0.7 * widths[2]
+
+
+def test_things_of_the_prompt_replace_those_of_the_place() -> None:
+    palm, window = stand_named("palm"), stand_named("window")
+    street, meadow, room, sea = map(place_named, ("street", "meadow", "room", "sea"))
+    for place, stand, kind in (
+        (place_named("river"), palm, "sides"), (street, stand_named("shop"), "walls"), (meadow, palm, "grove"),
+        (meadow, stand_named("flowers"), "field"), (meadow, stand_named("house"), "line"), (sea, palm, "line"),
+        (room, window, "hung"),
+    ):  # fmt: skip
+        changed = line_with(place, stand)
+        assert (kind, stand.name) in [layer[:2] for layer in changed.layers]
+        assert len(changed.layers) <= len(place.layers) + 1
+    assert join(room, [street]) == room, "no street in a room"
+
+
+def test_names_mean_stands_and_rooms_have_their_own() -> None:
+    bag = WordBag()
+    assert find_stand("palm tree", bag) is stand_named("palm") and find_stand("teapot", bag) is None
+    assert stand_named("window").is_indoors and not stand_named("palm").is_indoors
+    library = DrawnScenery()
+    captioned = library.list_captioned()
+    assert {"tree", "house"} < {one.file for one in captioned} and "window" not in {one.file for one in captioned}
+    assert all(len(library.pictures(one.file)) == 1 for one in captioned)
