@@ -61,6 +61,8 @@ OWN_FILES = {
     "words/arrangement.py",
     "words/figures.py",
     "words/nouns.py",
+    "words/places.py",
+    "words/scenery.py",
 }
 READING = {"read_bytes", "read_text", "copyfile", "imread", "fromfile", "loadtxt", "genfromtxt", "safe_open", "memmap"}
 

@@ -4,7 +4,7 @@ import torch
 from frida_painter.frames import PixelGrid
 from frida_painter.words.arrangement import Placed
 from frida_painter.words.composition import compose_photograph, compose_scene
-from frida_painter.words.places import LIGHTS, Setting, place_named
+from frida_painter.words.places import LIGHTS, Setting, find_place
 from support.planning import CANVAS
 
 GRID = PixelGrid.of_height(CANVAS, 60)
@@ -24,7 +24,7 @@ def test_a_thing_in_a_bowl_ends_at_a_round_rim() -> None:
     for hidden in (0.0, 0.4):
         inside = [Placed(drawing, 0, 0, 1, hidden=hidden, dip=0.3 * hidden)]
         seen = (
-            compose_scene(inside, Setting(place_named("plain paper"), is_named=True), GRID, 0, in_the_air=False).where
+            compose_scene(inside, Setting(find_place("plain paper"), is_named=True), GRID, 0, in_the_air=False).where
             > 0.5
         )
         columns = seen.any(0).nonzero().flatten()
@@ -40,7 +40,7 @@ def box(x: float = 0.0, size: float = 1.0) -> Placed:
 
 
 def test_a_hill_rises_under_a_thing_and_a_bank_is_in_front_of_water() -> None:
-    hills, lake = map(place_named, ("hills", "lake"))
+    hills, lake = map(find_place, ("hills", "lake"))
     for place, columns in ((hills, (GRID.columns // 2, 2)), (lake, (GRID.columns // 2, GRID.columns // 2))):
         flat, raised = (Setting(place, is_named=True, is_raised=is_raised) for is_raised in (False, True))
         ground = flat.ground(GRID, 0)
@@ -57,7 +57,7 @@ def test_a_hill_rises_under_a_thing_and_a_bank_is_in_front_of_water() -> None:
 
 
 def test_what_is_far_is_behind_the_scenery_and_what_is_tiny_is_small() -> None:
-    meadow = place_named("meadow")
+    meadow = find_place("meadow")
     scene = compose_scene([], Setting(meadow, is_named=True), GRID, 0, in_the_air=False, far=[box()])
     seen = scene.where > 0.5
     assert bool(seen.any()) and int(seen.any(1).nonzero().max()) <= (meadow.horizon + 0.06) * GRID.rows

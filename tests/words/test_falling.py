@@ -8,11 +8,11 @@ import torch
 from frida_painter.frames import PixelGrid
 from frida_painter.words.arrangement import Placed
 from frida_painter.words.composition import compose_scene, falling
-from frida_painter.words.places import CLEAR, DAY, LIGHTS, WEATHERS, Setting, place_named
+from frida_painter.words.places import CLEAR, DAY, LIGHTS, WEATHERS, Setting, find_place
 from support.planning import CANVAS
 
 GRID = PixelGrid.of_height(CANVAS, 128)
-MEADOW, NIGHT = place_named("meadow"), LIGHTS[2]
+MEADOW, NIGHT = find_place("meadow"), LIGHTS[2]
 RAIN, _, SNOW, *_ = WEATHERS
 
 
@@ -40,7 +40,7 @@ def test_stars_are_over_the_horizon_and_out_of_doors() -> None:
     where = torch.zeros(GRID.rows, GRID.columns)
     stars = falling(Setting(MEADOW, NIGHT), where, 0)[0]
     assert float(stars[: round(MEADOW.horizon * GRID.rows)].sum()) > 0.9 * float(stars.sum()) > 0
-    room = place_named("room")
+    room = find_place("room")
     for setting in (Setting(room, NIGHT), Setting(MEADOW, DAY, CLEAR)):
         assert float(falling(setting, where, 0)[0].max()) == 0
 

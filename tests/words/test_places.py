@@ -17,6 +17,7 @@ from frida_painter.words.places import (
     Setting,
     color_of,
     find_part,
+    find_place,
     go_together,
     in_color,
     infer_place,
@@ -24,7 +25,6 @@ from frida_painter.words.places import (
     join,
     known_places,
     mix_lights,
-    place_named,
     rank_lights,
     with_contrast,
 )
@@ -44,7 +44,7 @@ def test_every_ground_has_a_sky_and_a_land(place, light) -> None:
 
 
 def test_night_is_dark_and_fog_is_seen() -> None:
-    meadow = place_named("meadow")
+    meadow = find_place("meadow")
     day, night = (Setting(meadow, light, is_named=True).ground(GRID, 0).mean() for light in (DAY, LIGHTS[2]))
     assert float(night) < 0.4 * float(day)
     clear, foggy = (Setting(meadow, LIGHTS[2], weather, is_named=True) for weather in (CLEAR, WEATHERS[3]))
@@ -70,14 +70,14 @@ def test_a_ground_has_depth_and_loose_strokes_and_no_white_paper(place: Place) -
 def test_words_name_places_lights_and_weathers_or_imply_them() -> None:
     bag = WordBag()
     assert (
-        find_part("the sea", known_places(), bag) is place_named("sea")
+        find_part("the sea", known_places(), bag) is find_place("sea")
         and find_part("teapot", known_places(), bag) is None
     )
     assert find_part("the sea", known_places(), bag, 1.1) is None, "there is a picture that is called so"
     assert find_part("dawn", LIGHTS, bag) is LIGHTS[0] and find_part("dog", LIGHTS, bag) is None
     assert find_part("rain", WEATHERS, bag) is WEATHERS[0] and find_part("dog", WEATHERS, bag) is None
     assert find_part("rain mobile", WEATHERS, bag) is None and find_part("dawn chorus", LIGHTS, bag) is LIGHTS[0]
-    assert infer_place(["a whale"], bag) is place_named("sea")
+    assert infer_place(["a whale"], bag) is find_place("sea")
     assert infer_place(["a whale"], bag, afloat=False).kind != "water"
 
 
@@ -111,7 +111,7 @@ def test_things_never_touch_the_edge(shape: tuple[int, int], named: bool, in_the
     drawing[3], drawing[0] = 1, 1
     things = [Placed(drawing, 0, 0, 1), Placed(drawing, 1.5, 0.5, 0.6, 1)]
     for some in (things, things[:1]):
-        scene = compose_scene(some, Setting(place_named("sea"), is_named=named), GRID, 1, in_the_air=in_the_air)
+        scene = compose_scene(some, Setting(find_place("sea"), is_named=named), GRID, 1, in_the_air=in_the_air)
         assert float(scene.where.max()) == 1 and scene.picture.shape == (3, GRID.rows, GRID.columns)
         edges = torch.cat((scene.where[0], scene.where[-1], scene.where[:, 0], scene.where[:, -1]))
         assert float(edges.max()) < 0.5
@@ -120,7 +120,7 @@ def test_things_never_touch_the_edge(shape: tuple[int, int], named: bool, in_the
 def test_a_thing_without_a_named_place_stands_on_a_painted_ground_with_its_shadow() -> None:
     drawing = torch.zeros(4, 30, 40)
     drawing[3], drawing[0] = 1, 1
-    setting = Setting(place_named("room"))
+    setting = Setting(find_place("room"))
     scene = compose_scene([Placed(drawing, 0, 0, 1)], setting, GRID, 0, in_the_air=False)
     assert float((scene.picture.amin(0) > 0.93).float().mean()) < 0.1
     aloft = compose_scene([Placed(drawing, 0, 0, 1)], setting, GRID, 0, in_the_air=True).picture.mean(0)
@@ -133,7 +133,7 @@ def test_a_thing_without_a_named_place_stands_on_a_painted_ground_with_its_shado
 def test_paper_stays_bare_if_words_ask_for_it() -> None:
     drawing = torch.zeros(4, 30, 40)
     drawing[3], drawing[0] = 1, 1
-    paper = place_named("plain paper")
+    paper = find_place("plain paper")
     scene = compose_scene([Placed(drawing, 0, 0, 1)], Setting(paper, is_named=True), GRID, 0, in_the_air=False)
     assert float(scene.picture[:, scene.where < 0.01].min()) == 1
     assert find_part("blank page", known_places(), WordBag()) is paper
@@ -166,10 +166,10 @@ def test_contrary_feelings_do_not_go_together_and_each_light_has_a_fellow() -> N
 
 
 def test_hills_of_another_place_stand_behind_a_lake() -> None:
-    lake, mountains = place_named("lake"), place_named("mountains")
-    both = join(lake, [place_named("meadow"), mountains])
+    lake, mountains = find_place("lake"), find_place("mountains")
+    both = join(lake, [find_place("meadow"), mountains])
     assert (both.below, both.relief) == (lake.below, mountains.relief)
     assert [layer.kind for layer in both.layers] == ["peaks", "line"], "one row of hills, and the lake's own trees"
     assert join(mountains, [lake]) == mountains and join(lake, []) == lake
-    bridge, river = place_named("bridge"), place_named("river")
+    bridge, river = find_place("bridge"), find_place("river")
     assert {layer.kind for layer in join(river, [bridge]).layers} == {"hills", "line", "stream", "sides", "bridge"}

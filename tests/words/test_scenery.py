@@ -5,7 +5,7 @@ import torch
 
 from frida_painter.frames import PixelGrid
 from frida_painter.palette import to_lab
-from frida_painter.words.places import LIGHTS, WEATHERS, Place, Setting, join, known_places, place_named
+from frida_painter.words.places import LIGHTS, WEATHERS, Place, Setting, find_place, join, known_places
 from frida_painter.words.scenery import (
     DrawnScenery,
     Stand,
@@ -49,7 +49,7 @@ def test_every_stand_is_drawn_whole(stand: Stand) -> None:
 
 
 def test_what_must_not_be_seen_is_left_out() -> None:
-    setting = Setting(place_named("lake"), is_named=True)
+    setting = Setting(find_place("lake"), is_named=True)
     ground = setting.ground(GRID, 0)
     with_trees, without = (draw_scenery(ground, setting, 0, absent) for absent in ((), ("tree",)))
     changed = (with_trees - without).abs().mean((0, 2))
@@ -59,7 +59,7 @@ def test_what_must_not_be_seen_is_left_out() -> None:
 
 def test_windows_are_lit_at_night_and_leaves_change_with_the_season() -> None:
     house, tree = stand_named("house"), stand_named("tree")
-    by_day, by_night = (draw_stand(house, Setting(place_named("village"), light), 1) for light in (LIGHTS[0], NIGHT))
+    by_day, by_night = (draw_stand(house, Setting(find_place("village"), light), 1) for light in (LIGHTS[0], NIGHT))
     warm = [((one[0] > 0.97) & (one[1] > 0.8) & (one[2] < 0.6)).float().mean() for one in (by_day, by_night)]
     assert warm[0] < 0.001 < 0.01 < warm[1]
     green, autumn, bare = (
@@ -71,7 +71,7 @@ def test_windows_are_lit_at_night_and_leaves_change_with_the_season() -> None:
 
 
 def test_a_way_becomes_narrow_and_a_front_of_houses_low_in_the_distance() -> None:
-    place = place_named("road")
+    place = find_place("road")
     setting = Setting(Place(("",), (), "#00ff00", horizon=0.5, layers=place.layers[-1:]), is_named=True)
     ground = setting.ground(GRID, 0)
     is_road = (draw_scenery(ground, setting, 0) - ground).abs().amax(0) > 0.1
@@ -81,9 +81,9 @@ def test_a_way_becomes_narrow_and_a_front_of_houses_low_in_the_distance() -> Non
 
 def test_things_of_the_prompt_replace_those_of_the_place() -> None:
     palm, window = stand_named("palm"), stand_named("window")
-    street, meadow, room, sea = map(place_named, ("street", "meadow", "room", "sea"))
+    street, meadow, room, sea = map(find_place, ("street", "meadow", "room", "sea"))
     for place, stand, kind in (
-        (place_named("river"), palm, "sides"), (street, stand_named("shop"), "walls"), (meadow, palm, "grove"),
+        (find_place("river"), palm, "sides"), (street, stand_named("shop"), "walls"), (meadow, palm, "grove"),
         (meadow, stand_named("flowers"), "field"), (meadow, stand_named("house"), "line"), (sea, palm, "line"),
         (room, window, "hung"),
     ):  # fmt: skip

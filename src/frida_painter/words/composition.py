@@ -81,7 +81,7 @@ _STANDING = 0.05  # of its height, by which a thing on the floor may be above it
 _SHADOW, _LEAN, _DARK = 0.28, 1.1, 0.42  # length by the thing's height, columns per row to the right, and opacity
 _TOUCH = 0.75  # opacity of the shadow right below a thing
 
-_HAZE, _ROOTED = 0.35, 0.01  # share of the light in what is far away; depth of its foot
+_HAZE, _ROOTED = 0.35, 0.01  # share of the light in far things; depth of their feet
 
 _DIPS = 0.07  # of its height: the part of a thing that water hides
 

@@ -34,8 +34,8 @@ _BANK = 0.79  # share of the height above a bank
 _GAMMA = 0.7  # exponent from the light of a sky, relative to a day's, to the shade of things in it
 
 
-class Layer(NamedTuple):
-    """Layer of the scenery of a place: its kind, a colour or the thing that stands there, and its size.
+class PlaceLayer(NamedTuple):
+    """PlaceLayer of the scenery of a place: its kind, a colour or the thing that stands there, and its size.
 
     `places.txt` explains the kinds.
     """
@@ -67,7 +67,7 @@ class Place:
     above: Color | None = None
     bank: Color | None = None
     horizon: float = HORIZON
-    layers: tuple[Layer, ...] = ()
+    layers: tuple[PlaceLayer, ...] = ()
 
     @property
     def name(self) -> str:
@@ -173,7 +173,7 @@ def known_places() -> tuple[Place, ...]:
             words, things, land, scenery = (part.strip() for part in line.split("|"))
             kind, below, above, bank, horizon = land.split()
             split = [layer.split() for layer in scenery.split(";") if layer]
-            layers = tuple(Layer(name, what.replace("-", " "), float(size)) for name, what, size in split)
+            layers = tuple(PlaceLayer(name, what.replace("-", " "), float(size)) for name, what, size in split)
             usual = tuple(things.split(", ")) if things else ()
             sky, shore = (None if one in ("sky", "-") else one for one in (above, bank))
             found.append(Place(tuple(words.split(", ")), usual, below, kind, sky, shore, float(horizon), layers))
@@ -183,7 +183,7 @@ def known_places() -> tuple[Place, ...]:
 NOWHERE = Place(("",), (), "white")
 
 
-def place_named(name: str) -> Place:
+def find_place(name: str) -> Place:
     """Returns the place of the table with that name."""
     return next(place for place in known_places() if place.name == name)
 
@@ -418,7 +418,7 @@ def join(place: Place, others: Sequence[Place]) -> Place:
     return with_layers(place, [*(layer for layer in place.layers if layer.kind not in hidden), *added])
 
 
-def with_layers(place: Place, layers: Sequence[Layer]) -> Place:
+def with_layers(place: Place, layers: Sequence[PlaceLayer]) -> Place:
     """Returns the place with these layers, in their order from back to front."""
     return replace(place, layers=tuple(sorted(layers, key=lambda layer: _ORDER.index(layer.kind))))
 

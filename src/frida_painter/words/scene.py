@@ -272,7 +272,7 @@ def setting_of(
     place = places.join(named[0], named[1:]) if named else NOWHERE
     here = [thing for thing, _, part in seen if part in named]
     for number, stand in _stands_in(place, reading, settled, index, sentences).items():
-        place = scenery.line_with(places.place_named("room") if place is NOWHERE else place, stand)
+        place = scenery.line_with(places.find_place("room") if place is NOWHERE else place, stand)
         seen.append((reading.things[number], reading.things[number].noun, stand))
         settled.add(number)
     related = {kind_of(one.word) for one in reading.relations if reading.things[one.object] in here}

@@ -18,7 +18,7 @@ from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.objectives.picture_library import Captioned
 from frida_painter.words.appearance import in_weather
 from frida_painter.words.compositing import crop, resize
-from frida_painter.words.places import SUMMIT, Color, Layer, Place, Setting, color_of, known_places, with_layers
+from frida_painter.words.places import SUMMIT, Color, Place, PlaceLayer, Setting, color_of, known_places, with_layers
 
 _Points = Sequence[tuple[float, float]] | npt.NDArray[np.float64]
 
@@ -79,13 +79,13 @@ def line_with(place: Place, stand: Stand) -> Place:
     """Returns the place with another thing beside its way, on its wall, or all over its land."""
     old = next((layer for layer in place.layers if layer.kind in ("sides", "walls", "grove", "field")), None)
     if not place.is_open:
-        new = Layer("hung", stand.name, 0.44)
+        new = PlaceLayer("hung", stand.name, 0.44)
     elif old is not None:
         new = old._replace(what=stand.name)
     elif stand.usual == "plant" and place.kind != "water":
-        new = Layer("field" if stand.height < _LOW else "grove", stand.name, 1.0)
+        new = PlaceLayer("field" if stand.height < _LOW else "grove", stand.name, 1.0)
     else:
-        new = Layer("line", stand.name, 0.25 * max(1.0, stand.height))
+        new = PlaceLayer("line", stand.name, 0.25 * max(1.0, stand.height))
     return with_layers(place, [*(layer for layer in place.layers if layer != old), new])
 
 
@@ -167,7 +167,7 @@ def _in_season(stand: Stand, setting: Setting) -> Stand:
 
 _FINE = 2  # the scenery is drawn that much larger, for smooth edges
 _FARTHEST = 14.0  # distance of the end of a way; 1 at the lower edge of the canvas
-_HAZE = 0.42  # share of the light at the horizon in what is there
+_HAZE = 0.42  # share of the horizon's light in far things
 _ALONG = (6.2, 4.3, 3.1, 2.2, 1.6, 1.18)  # distances of the things along a way
 _FRONTS = (5.6, 4.0, 2.9, 2.1, 1.5, 1.08, 0.78)  # distances of the edges of house fronts
 _ROWS = (6.4, 4.9, 3.8, 3.0, 2.4, 1.9, 1.5, 1.2, 0.98)  # of the rows of a field
@@ -200,9 +200,9 @@ class View:
         drawn = torch.from_numpy(self._sheet).permute(2, 0, 1).clamp(0, 1)
         return images.fit(drawn, *self._size)
 
-    def draw(self, layer: Layer) -> None:
+    def draw(self, layer: PlaceLayer) -> None:
         """Draws a layer of a place."""
-        drawers: dict[str, Callable[[Layer], None]] = {
+        drawers: dict[str, Callable[[PlaceLayer], None]] = {
             "hills": self._draw_hills, "peaks": self._draw_peaks, "band": self._draw_band, "way": self._draw_way,
             "road": self._draw_way, "stream": self._draw_way, "rails": self._draw_rails, "falls": self._draw_falls,
             "platform": self._draw_platform, "planks": self._draw_planks, "bridge": self._draw_bridge,
@@ -219,7 +219,7 @@ class View:
                 for side in (-1, 1):
                     self._raise_front(drawn[self._chance.integers(_KINDS)], side, near, far, layer.size * stand.height)
 
-    def _spots(self, layer: Layer, stand: Stand, drawn: Tensor) -> Iterator[tuple[float, float, float, float]]:
+    def _spots(self, layer: PlaceLayer, stand: Stand, drawn: Tensor) -> Iterator[tuple[float, float, float, float]]:
         """Yields the places of stands in a layer, from back to front: foot, height, and distance."""
         tall, slim = layer.size * stand.height, drawn.shape[2] / drawn.shape[1] * self._rows / self._columns
         if layer.kind == "line":
@@ -308,7 +308,7 @@ class View:
         corners = [self._at(*corner) for corner in ((left, near), (right, near), (right, far), (left, far))]
         self._fill(color, corners, near, tone)
 
-    def _draw_hills(self, layer: Layer) -> None:
+    def _draw_hills(self, layer: PlaceLayer) -> None:
         along = np.linspace(0, 1, 80)
         for back in (1.0, 0.6):
             waves = self._chance.uniform(0, 6.3, 3)
@@ -317,7 +317,7 @@ class View:
             foot = self._horizon + 0.02
             self._fill(layer.what, [*zip(along, top, strict=True), (1, foot), (0, foot)], 9 * back, 0.92 + 0.14 * back)
 
-    def _draw_peaks(self, layer: Layer) -> None:
+    def _draw_peaks(self, layer: PlaceLayer) -> None:
         count, foot = 5, self._horizon + 0.02
         for number in self._chance.permutation(count):
             x = (number + 0.5 + self._chance.uniform(-0.25, 0.25)) / count
@@ -332,7 +332,7 @@ class View:
             edge = [(0, 0), (0.25, 0.34), (0.1, 0.26), (0.0, 0.4), (-0.1, 0.27), (-0.23, 0.36)]
             self._fill("#f4f7fb", [place(*point) for point in edge], 3)
 
-    def _draw_band(self, layer: Layer) -> None:
+    def _draw_band(self, layer: PlaceLayer) -> None:
         top, low = self._horizon - 0.02, self._horizon + layer.size * (1 - self._horizon)
         along = np.linspace(1, 0, 60)
         shore = low + 0.012 * np.sin(9 * along + self._chance.uniform(0, 6))
@@ -349,7 +349,7 @@ class View:
             ends = [(x, y), (x + wide / 2, y - thick), (x + wide, y), (x + wide / 2, y + thick)]
             self._fill("#7fa9bf", ends, 1.5, tone)
 
-    def _draw_way(self, layer: Layer) -> None:
+    def _draw_way(self, layer: PlaceLayer) -> None:
         fars, winds = np.geomspace(1, _FARTHEST, 50), self._turn * _WINDING.get(layer.kind, 0.0)
 
         def edge(far: float, side: float) -> tuple[float, float]:
@@ -368,14 +368,14 @@ class View:
 
             self._draw_ripples(extent, self._horizon + 0.04, 1.0)
 
-    def _draw_rails(self, layer: Layer) -> None:
+    def _draw_rails(self, layer: PlaceLayer) -> None:
         self._draw_way(layer)
         for far in np.geomspace(8, 1, 18):
             self._lay_flat("#5f4a3a", (-0.8 * layer.size, 0.8 * layer.size), (far, 1.05 * far))
         for x in (-0.55 * layer.size, 0.55 * layer.size):
             self._lay_flat("#d6dade", (x - 0.025, x + 0.025), (1, _FARTHEST))
 
-    def _draw_platform(self, layer: Layer) -> None:
+    def _draw_platform(self, layer: PlaceLayer) -> None:
         fars = (0.9, _FARTHEST)
 
         def edge(across: float, up: float) -> list[tuple[float, float]]:
@@ -387,7 +387,7 @@ class View:
             self._fill(layer.what, [*top, *edge(side * 40, _STEP)[::-1]], 1.4)
             self._fill("#f0d060", [*top, *edge(side * (layer.size + 0.08), _STEP)[::-1]], 1.2)
 
-    def _draw_planks(self, layer: Layer) -> None:
+    def _draw_planks(self, layer: PlaceLayer) -> None:
         left, right, end = _ASIDE * self._turn - layer.size, _ASIDE * self._turn + layer.size, 3.4
         for far in (end, 2.1, 1.45):
             for x, y in (self._at(left, far), self._at(right, far)):
@@ -400,10 +400,10 @@ class View:
         for far in np.geomspace(0.95, end, 12):
             self._lay_flat(layer.what, (left, right), (far, 1.02 * far), 0.7)
 
-    def _draw_bridge(self, layer: Layer) -> None:
+    def _draw_bridge(self, layer: PlaceLayer) -> None:
         along = np.linspace(-0.02, 1.02, 60)
         deck = SUMMIT + 0.08 * (1 - np.sin(np.pi * np.clip(along, 0, 1)))
-        under = 0.06 + 0.12 * (np.abs(along - 0.5) / 0.5) ** 3
+        under = 0.085 + 0.12 * (np.abs(along - 0.5) / 0.5) ** 3
 
         def fill(rise: float, drop: float | npt.NDArray[np.float64], tone: float) -> None:
             upper, lower = zip(along, deck - rise, strict=True), zip(along[::-1], (deck + drop)[::-1], strict=True)
@@ -417,7 +417,7 @@ class View:
             )
         fill(0.14, -0.115, 1.05)
 
-    def _draw_falls(self, layer: Layer) -> None:
+    def _draw_falls(self, layer: PlaceLayer) -> None:
         top, low = self._horizon - layer.size, self._horizon + 0.1
         rock = [(0.12, low), (0.2, top + 0.12), (0.3, top), (0.7, top + 0.01), (0.82, top + 0.14), (0.9, low)]
         self._fill(layer.what, rock, 1.5)
