@@ -27,7 +27,8 @@ from frida_painter.words.places import Setting
 from frida_painter.words.pyramid import color_in
 from frida_painter.words.reading import prompt_reader
 from frida_painter.words.retrieval import picture_index
-from frida_painter.words.scene import scene_of, setting_of, tell_thing, words_of
+from frida_painter.words.scene import scene_of, tell_thing, words_of
+from frida_painter.words.setting import setting_of
 from frida_painter.words.style_scene import composite_into_style
 
 _APART = 104_729  # added to the seed, so that the views of the choice are not those of the optimiser

@@ -24,7 +24,8 @@ from frida_painter.words.composition import lay_setting
 from frida_painter.words.places import Setting
 from frida_painter.words.reading import prompt_reader, word_meanings
 from frida_painter.words.retrieval import has_ground, picture_index
-from frida_painter.words.scene import account_for, setting_of, tell_thing, words_of
+from frida_painter.words.scene import account_for, tell_thing, words_of
+from frida_painter.words.setting import setting_of
 from frida_painter.words.style_scene import composite_into_style
 
 _SIZES = (0.6, 0.5, 0.4)  # longer side of the thing, relative to the photograph's shorter one

@@ -8,7 +8,7 @@ from frida_painter.frames import PixelGrid
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.objectives.objective import Goal
-from frida_painter.words import places, scenery
+from frida_painter.words import places
 from frida_painter.words.account import Account, Mark
 from frida_painter.words.appearance import Appearance, change_looks, in_weather, looks_of
 from frida_painter.words.arrangement import (
@@ -18,30 +18,21 @@ from frida_painter.words.arrangement import (
     is_person,
     kind_of,
     known_like,
-    known_things,
 )
-from frida_painter.words.casting import CALLED, Cast, cast
+from frida_painter.words.casting import Cast, cast
 from frida_painter.words.composition import (
     ComposedScene,
     compose_mood,
     compose_photograph,
     compose_scene,
 )
-from frida_painter.words.nouns import kinds_of
-from frida_painter.words.places import DAY, NOWHERE, Light, Place, Setting, Weather
-from frida_painter.words.reading import Reading, Relation, SaidWord, Thing, paint_of, prompt_reader, word_meanings
-from frida_painter.words.retrieval import OWN, FoundPicture, PictureIndex, has_ground, picture_index
+from frida_painter.words.places import DAY, NOWHERE, Light, Place, Setting
+from frida_painter.words.reading import Reading, Relation, SaidWord, Thing, prompt_reader, word_meanings
+from frida_painter.words.retrieval import FoundPicture, PictureIndex, has_ground, picture_index
 from frida_painter.words.scenery import Stand
+from frida_painter.words.setting import SKY, Seen, setting_of, usual_place
 
-_SKY = "sky"
-_LIGHTS = (*places.LIGHTS, DAY)
-_BY_THINGS = ("under", "beside", "behind", "front", "with")  # kinds of relations to a thing, not to a place
 _IN_A_FIELD = 7  # number of things that a place is full of
-_PICTURED = 0.8  # similarity above which a picture probably shows the thing of a noun
-_ROUNDING = 1e-3
-_SURE = 0.8  # similarity above which a word of a name means a place: a watering can is not in water
-_EXACTLY = 0.95  # the same for a place that things are beside: a tent beside a lake
-_FELT = 0.75  # the same for an idea or an adjective and a light: a sad clown
 
 
 def scene_of(
@@ -72,13 +63,13 @@ def scene_of(
         setting = replace(setting, light=lights[0] if setting.light == DAY else setting.light, is_named=True)
         seen += [(reading.things[number], reading.things[number].noun, setting.light) for number in settled]
     elif setting.place is NOWHERE:
-        setting = replace(setting, place=_place_of(things, reading.relations, setting, sentences))
+        setting = replace(setting, place=usual_place(things, reading.relations, setting, sentences))
     others = [light for light in lights if light.name not in setting.light.name]
     second = next(light for light in others if light in named or places.go_together(light, setting.light))
     used = {setting.place.name, setting.weather.name, *setting.light.name.split(", ")}
     used |= {part.name for *_, part in seen if isinstance(part, Stand) or (isinstance(part, Place) and part.layers)}
     used |= set() if setting.light.stars else {DAY.name}
-    used |= {second.name} if is_mood else {_SKY} if setting.place.is_open else set()
+    used |= {second.name} if is_mood else {SKY} if setting.place.is_open else set()
     account_for(things, reading, [one for one in seen if one[2].name in used], account)
     looks: dict[int, dict[SaidWord, Appearance]] = {}
     for number, one in enumerate(things if whole is None else ()):
@@ -103,9 +94,9 @@ def scene_of(
         for is_far in (False, True)
     )
     place = setting.place
-    if place.name == _SKY and not in_the_air:  # cranes against an orange sky
+    if place.name == SKY and not in_the_air:  # cranes against an orange sky
         place = replace(
-            _place_of(things, reading.relations, replace(setting, weather=places.WEATHERS[-1]), sentences),
+            usual_place(things, reading.relations, replace(setting, weather=places.WEATHERS[-1]), sentences),
             above=place.above,
         )
         is_placed = False
@@ -150,20 +141,6 @@ def _as_meant(relation: Relation, things: Cast) -> Relation:
     return replace(relation, word="doing") if is_part else relation
 
 
-_Seen = list[tuple[Thing, str, Place | Light | Weather | Stand]]
-
-
-def _place_of(things: Cast, relations: Sequence[Relation], setting: Setting, sentences: SentenceEncoder) -> Place:
-    """Returns the usual place of things without a named one."""
-    carried = {one.subject for one in relations if kind_of(one.word) in ("on", "in") and things[one.object] is not None}
-    shown = [one for number, one in enumerate(things) if one is not None and number not in carried]
-    shown = shown or [one for one in things if one is not None]
-    outside = setting.weather != places.CLEAR or setting.light != DAY
-    names = [name for one in shown for name in (one.thing.name, one.caption)]
-    afloat = all(known_like(one.thing.name, sentences).where in ("water", "air") for one in shown)
-    return places.infer_place(names, sentences, outside=outside, afloat=afloat)
-
-
 def _looks_of(number: int, reading: Reading, caption: str, sentences: SentenceEncoder) -> dict[SaidWord, Appearance]:
     """Returns the words for the appearance of a thing that its picture does not already have.
 
@@ -195,7 +172,7 @@ def _people_place(reading: Reading, place: Place) -> Reading:
     return replace(reading, things=(*reading.things, thing), relations=(*reading.relations, relation))
 
 
-def _fill_fields(reading: Reading, seen: _Seen) -> Reading:
+def _fill_fields(reading: Reading, seen: Seen) -> Reading:
     """Returns the reading with many of the things that a place is said to be full of: a field of tulips."""
     fields = [thing.at for thing, _, part in seen if isinstance(part, Place)]
     full = {one.object for one in reading.relations if one.word == "of" and reading.things[one.subject].at in fields}
@@ -219,128 +196,7 @@ def _equip_people(reading: Reading, index: PictureIndex | None, sentences: Sente
     return reading
 
 
-def setting_of(
-    reading: Reading, index: PictureIndex | None, encoders: EncoderRegistry
-) -> tuple[Setting, set[int], _Seen]:
-    """Returns the setting that the words name, the numbers of the things that are only part of it, and its words.
-
-    Each of its words comes with the thing that it belongs to and the part of the setting that it means.
-    """
-    sentences, settled, seen = word_meanings(encoders), set[int](), _Seen()
-    known = [one.name for one in known_things()]
-    for number, thing in enumerate(reading.things):
-        nearest = 0.0 if index is None else index.nearest(thing)
-        part: Place | Light | Weather | None = None
-        is_settled = _is_part_of_body(number, reading, nearest, sentences)
-        if nearest < OWN and not is_settled:
-            part = places.find_part(thing.noun, places.WEATHERS, sentences)
-            is_idea = " " in thing.noun or places.is_idea(
-                thing.name, known, sentences, is_pictured=nearest >= _PICTURED
-            )
-            least = _FELT if is_idea else _EXACTLY
-            light = places.find_part(thing.noun, _LIGHTS, sentences, least)
-            whole = f"{thing.color} {thing.name}".strip()
-            light = light or places.find_part(whole, _LIGHTS, sentences, least)
-            if part is None and is_idea and (light or not is_person(thing.noun, sentences)):
-                part, is_settled = light, True
-            elif light:  # a thing that comes with a light: the moon
-                seen.append((thing, thing.noun, light))
-        if part := part or _place_named(number, reading, nearest, sentences):
-            seen.append((thing, thing.noun, part))
-        is_whole = places.find_part(thing.name, places.known_places(), sentences, _EXACTLY)  # a city skyline
-        for word in thing.name.split()[:-1] if isinstance(part, Place) and not is_whole else ():  # a desert road
-            if also := places.find_part(word, places.known_places(), sentences, _EXACTLY):
-                seen.append((thing, word, also))
-        if part or is_settled:
-            settled.add(number)
-        for word in thing.name.split()[:-1]:
-            weather = places.find_part(word, places.WEATHERS, sentences, _SURE)
-            if felt := weather or places.find_part(word, _LIGHTS, sentences, _FELT):
-                seen.append((thing, word, felt))
-    parts = [part for *_, part in seen]
-    weather = next((part for part in parts if isinstance(part, Weather)), places.CLEAR)
-    times = [part for part in parts if isinstance(part, Light) and part in places.TIMES]
-    moods = [part for part in parts if isinstance(part, Light) and part not in (*places.TIMES, DAY)]
-    hours, seasons = ([part for part in times if (part in places.HOURS) == is_hour] for is_hour in (True, False))
-    if hours and seasons:  # a winter evening
-        times = [replace(hours[0], words=(f"{hours[0].name}, {seasons[0].name}",))]
-    outside = [*times, *([] if weather is places.CLEAR else [weather.light])]
-    light = next(iter((*outside, *moods)), DAY)
-    if outside and moods:
-        light = places.mix_lights(outside[0], moods[0])
-    named = sorted((part for part in parts if isinstance(part, Place)), key=lambda one: (one.name == _SKY, one.is_way))
-    place = places.join(named[0], named[1:]) if named else NOWHERE
-    here = [thing for thing, _, part in seen if part in named]
-    for number, stand in _stands_in(place, reading, settled, index, sentences).items():
-        place = scenery.line_with(places.find_place("room") if place is NOWHERE else place, stand)
-        seen.append((reading.things[number], reading.things[number].noun, stand))
-        settled.add(number)
-    related = {kind_of(one.word) for one in reading.relations if reading.things[one.object] in here}
-    top, bank = related & {"on", "over", "behind"}, related & {"beside", "near", "front", "with"}
-    is_raised = bool(
-        top if place.kind == "hill" or place.has_bridge else place.bank and bank and not related & {"on", "over", "in"}
-    )
-    return Setting(place, light, weather, is_named=bool(seen), is_raised=is_raised), settled, seen
-
-
-def _stands_in(
-    place: Place, reading: Reading, settled: set[int], index: PictureIndex | None, sentences: SentenceEncoder
-) -> dict[int, Stand]:
-    """Returns the things that are scenery of a place, by their numbers: several trees, or the window of a room."""
-    left = [number for number in range(len(reading.things)) if number not in settled]
-    found: dict[int, Stand] = {}
-    for number in left:
-        thing = reading.things[number]
-        is_own = index is not None and index.nearest(thing) >= OWN
-        full = f"{thing.name.removesuffix(thing.noun)}{thing.plural or thing.noun}"
-        is_mass = thing.uncounted and any(one.object == number for one in reading.relations)  # in blossom
-        stand = None if is_own else scenery.find_stand(full, sentences)
-        if stand is not None and stand.is_indoors:
-            found |= {number: stand} if not place.is_open or (place is NOWHERE and len(left) > 1) else {}
-        elif stand is not None and place.is_open and place.layers and (thing.count is None or is_mass):
-            found[number] = stand
-    return found
-
-
-def _is_part_of_body(number: int, reading: Reading, nearest: float, sentences: SentenceEncoder) -> bool:
-    """Returns True if a thing is a part of somebody else, such as a beard, and has no picture of its own.
-
-    nearest: similarity of the nearest picture
-    """
-    noun, is_object = reading.things[number].noun, any(one.object == number for one in reading.relations)
-    is_part = is_object and "body" in kinds_of(noun) and known_like(noun, sentences).where == "body"
-    return is_part and nearest < OWN
-
-
-def _place_named(number: int, reading: Reading, nearest: float, sentences: SentenceEncoder) -> Place | None:
-    """Returns the place that a thing of the prompt is, or None if it is a thing.
-
-    nearest: similarity of the nearest picture: a thing with a picture of its own stays a thing, a tree is no forest
-    """
-    thing = reading.things[number]
-    is_exact = places.find_part(thing.noun, places.known_places(), sentences, _EXACTLY) is not None  # a moor
-    if not is_exact and is_person(thing.noun, sentences):
-        return None
-    kinds = {kind_of(one.word) for one in reading.relations if one.object == number}
-    beside = kinds & set(_BY_THINGS)
-    usual = places.find_part(thing.noun, places.known_places(), sentences)
-    if beside == {"under"} and usual is not None and usual.name == _SKY:
-        return usual
-    next_to = beside - {"behind", "front"}  # a forest or mountains are a background
-    least = max(nearest - _ROUNDING, _EXACTLY if next_to else CALLED if beside else 0.0)
-    several = thing.plural if thing.count is None and thing.plural else thing.noun  # mountains, but not one mountain
-    full = f"{thing.name.removesuffix(thing.noun)}{several}"
-    place = places.find_part(full, places.known_places(), sentences, max(least, _SURE))
-    place = place or places.find_part(several, places.known_places(), sentences, least)
-    if place is not None and next_to and not place.is_open:
-        place = None
-    if place is None and "on" in kinds and usual is not None and not usual.is_open:
-        place = usual  # a table that carries things is shown by its top
-    paint = paint_of(thing.color)
-    return place if place is None or paint is None else places.in_color(place, tuple(paint.tolist()))
-
-
-def account_for(things: Sequence[FoundPicture | None], reading: Reading, seen: _Seen, account: Account) -> None:
+def account_for(things: Sequence[FoundPicture | None], reading: Reading, seen: Seen, account: Account) -> None:
     """Marks what a scene shows: the words of its setting, the things with pictures, and the relations of both.
 
     seen: words of the setting

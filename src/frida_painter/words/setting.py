@@ -1,0 +1,169 @@
+"""Setting that a prompt names: its place with the scenery, its light and its weather, by the meaning of its words."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from frida_painter.objectives.encoders.loading import EncoderRegistry
+from frida_painter.objectives.encoders.sentence import SentenceEncoder
+from frida_painter.words import places, scenery
+from frida_painter.words.arrangement import is_person, kind_of, known_like, known_things
+from frida_painter.words.casting import CALLED, Cast
+from frida_painter.words.nouns import kinds_of
+from frida_painter.words.places import DAY, NOWHERE, Light, Place, Setting, Weather
+from frida_painter.words.reading import Reading, Relation, Thing, paint_of, word_meanings
+from frida_painter.words.retrieval import OWN, PictureIndex
+from frida_painter.words.scenery import Stand
+
+SKY = "sky"
+"""Place without a land of its own."""
+_LIGHTS = (*places.LIGHTS, DAY)
+_BY_THINGS = ("under", "beside", "behind", "front", "with")  # kinds of relations to a thing, not to a place
+_PICTURED = 0.8  # similarity above which a picture probably shows the thing of a noun
+_ROUNDING = 1e-3
+_SURE = 0.8  # similarity above which a word of a name means a place: a watering can is not in water
+_EXACTLY = 0.95  # the same for a place that things are beside: a tent beside a lake
+_FELT = 0.75  # the same for an idea or an adjective and a light: a sad clown
+
+Seen = list[tuple[Thing, str, Place | Light | Weather | Stand]]
+"""Words of a setting, each with the thing that it belongs to and the part of the setting that it means."""
+
+
+def setting_of(
+    reading: Reading, index: PictureIndex | None, encoders: EncoderRegistry
+) -> tuple[Setting, set[int], Seen]:
+    """Returns the setting that the words name, the numbers of the things that are only part of it, and its words."""
+    sentences, settled, seen = word_meanings(encoders), set[int](), Seen()
+    for number in range(len(reading.things)):
+        is_settled, parts = _parts_of(number, reading, index, sentences)
+        settled |= {number} if is_settled else set()
+        seen += parts
+    light, weather = _mix([part for *_, part in seen])
+    named = [part for *_, part in seen if isinstance(part, Place)]
+    named.sort(key=lambda one: (one.name == SKY, one.is_way))
+    place = places.join(named[0], named[1:]) if named else NOWHERE
+    here = [thing for thing, _, part in seen if part in named]
+    for number, stand in _stands_in(place, reading, settled, index, sentences).items():
+        place = scenery.line_with(places.find_place("room") if place is NOWHERE else place, stand)
+        seen.append((reading.things[number], reading.things[number].noun, stand))
+        settled.add(number)
+    related = {kind_of(one.word) for one in reading.relations if reading.things[one.object] in here}
+    is_atop = place.kind == "hill" or place.has_bridge
+    is_ashore = (
+        bool(place.bank) and bool(related & {"beside", "near", "front", "with"}) and not related & {"on", "over", "in"}
+    )
+    is_raised = bool(related & {"on", "over", "behind"}) if is_atop else is_ashore
+    return Setting(place, light, weather, is_named=bool(seen), is_raised=is_raised), settled, seen
+
+
+def _parts_of(
+    number: int, reading: Reading, index: PictureIndex | None, sentences: SentenceEncoder
+) -> tuple[bool, Seen]:
+    """Returns the parts of the setting that the words of a thing mean; and True if the thing is nothing else."""
+    thing, seen, known = reading.things[number], Seen(), places.known_places()
+    nearest = 0.0 if index is None else index.nearest(thing)
+    part: Place | Light | Weather | None = None
+    is_settled = _is_part_of_body(number, reading, nearest, sentences)
+    if nearest < OWN and not is_settled:
+        part = places.find_part(thing.noun, places.WEATHERS, sentences)
+        around = [one.name for one in known_things()]
+        is_idea = " " in thing.noun or places.is_idea(thing.name, around, sentences, is_pictured=nearest >= _PICTURED)
+        least, whole = _FELT if is_idea else _EXACTLY, f"{thing.color} {thing.name}".strip()
+        light = places.find_part(thing.noun, _LIGHTS, sentences, least)
+        light = light or places.find_part(whole, _LIGHTS, sentences, least)
+        if part is None and is_idea and (light or not is_person(thing.noun, sentences)):
+            part, is_settled = light, True
+        elif light:  # a thing that comes with a light: the moon
+            seen.append((thing, thing.noun, light))
+    if part := part or _place_named(number, reading, nearest, sentences):
+        seen.append((thing, thing.noun, part))
+    is_whole = places.find_part(thing.name, known, sentences, _EXACTLY) is not None  # a city skyline
+    for word in thing.name.split()[:-1]:
+        if isinstance(part, Place) and not is_whole and (also := places.find_part(word, known, sentences, _EXACTLY)):
+            seen.append((thing, word, also))  # a desert road
+        weather = places.find_part(word, places.WEATHERS, sentences, _SURE)
+        if felt := weather or places.find_part(word, _LIGHTS, sentences, _FELT):
+            seen.append((thing, word, felt))
+    return is_settled or part is not None, seen
+
+
+def _mix(parts: Sequence[Place | Light | Weather | Stand]) -> tuple[Light, Weather]:
+    """Returns the light and the weather of all parts of a setting: those of a winter evening, or of grief at dawn."""
+    weather = next((part for part in parts if isinstance(part, Weather)), places.CLEAR)
+    lights = [part for part in parts if isinstance(part, Light) and part is not DAY]
+    hours = [light for light in lights if light in places.HOURS]
+    seasons = [light for light in lights if light in places.TIMES and light not in hours]
+    moods = [light for light in lights if light not in places.TIMES]
+    if hours and seasons:
+        hours = [replace(hours[0], words=(f"{hours[0].name}, {seasons[0].name}",))]
+    outside = [*hours, *seasons, *([] if weather is places.CLEAR else [weather.light])]
+    light = next(iter((*outside, *moods)), DAY)
+    return (places.mix_lights(outside[0], moods[0]) if outside and moods else light), weather
+
+
+def _stands_in(
+    place: Place, reading: Reading, settled: set[int], index: PictureIndex | None, sentences: SentenceEncoder
+) -> dict[int, Stand]:
+    """Returns the things that are scenery of a place, by their numbers: several trees, or the window of a room."""
+    left = [number for number in range(len(reading.things)) if number not in settled]
+    found: dict[int, Stand] = {}
+    for number in left:
+        thing = reading.things[number]
+        is_own = index is not None and index.nearest(thing) >= OWN
+        full = f"{thing.name.removesuffix(thing.noun)}{thing.plural or thing.noun}"
+        is_mass = thing.uncounted and any(one.object == number for one in reading.relations)  # in blossom
+        is_other = is_own or is_person(thing.name, sentences)
+        stand = None if is_other else scenery.find_stand(full, sentences)
+        if stand is not None and stand.is_indoors:
+            found |= {number: stand} if not place.is_open or (place is NOWHERE and len(left) > 1) else {}
+        elif stand is not None and place.is_open and place.layers and (thing.count is None or is_mass):
+            found[number] = stand
+    return found
+
+
+def _is_part_of_body(number: int, reading: Reading, nearest: float, sentences: SentenceEncoder) -> bool:
+    """Returns True if a thing is a part of somebody else, such as a beard, and has no picture of its own.
+
+    nearest: similarity of the nearest picture
+    """
+    noun, is_object = reading.things[number].noun, any(one.object == number for one in reading.relations)
+    is_part = is_object and "body" in kinds_of(noun) and known_like(noun, sentences).where == "body"
+    return is_part and nearest < OWN
+
+
+def _place_named(number: int, reading: Reading, nearest: float, sentences: SentenceEncoder) -> Place | None:
+    """Returns the place that a thing of the prompt is, or None if it is a thing.
+
+    nearest: similarity of the nearest picture: a thing with a picture of its own stays a thing, a tree is no forest
+    """
+    thing = reading.things[number]
+    is_exact = places.find_part(thing.noun, places.known_places(), sentences, _EXACTLY) is not None  # a moor
+    if not is_exact and is_person(thing.noun, sentences):
+        return None
+    kinds = {kind_of(one.word) for one in reading.relations if one.object == number}
+    beside = kinds & set(_BY_THINGS)
+    usual = places.find_part(thing.noun, places.known_places(), sentences)
+    if beside == {"under"} and usual is not None and usual.name == SKY:
+        return usual
+    next_to = beside - {"behind", "front"}  # a forest or mountains are a background
+    least = max(nearest - _ROUNDING, _EXACTLY if next_to else CALLED if beside else 0.0)
+    several = thing.plural if thing.count is None and thing.plural else thing.noun  # mountains, but not one mountain
+    full = f"{thing.name.removesuffix(thing.noun)}{several}"
+    place = places.find_part(full, places.known_places(), sentences, max(least, _SURE))
+    place = place or places.find_part(several, places.known_places(), sentences, least)
+    if place is not None and next_to and not place.is_open:
+        place = None
+    if place is None and "on" in kinds and usual is not None and not usual.is_open:
+        place = usual  # a table that carries things is shown by its top
+    paint = paint_of(thing.color)
+    return place if place is None or paint is None else places.in_color(place, tuple(paint.tolist()))
+
+
+def usual_place(things: Cast, relations: Sequence[Relation], setting: Setting, sentences: SentenceEncoder) -> Place:
+    """Returns the usual place of things without a named one."""
+    carried = {one.subject for one in relations if kind_of(one.word) in ("on", "in") and things[one.object] is not None}
+    shown = [one for number, one in enumerate(things) if one is not None and number not in carried]
+    shown = shown or [one for one in things if one is not None]
+    outside = setting.weather != places.CLEAR or setting.light != DAY
+    names = [name for one in shown for name in (one.thing.name, one.caption)]
+    afloat = all(known_like(one.thing.name, sentences).where in ("water", "air") for one in shown)
+    return places.infer_place(names, sentences, outside=outside, afloat=afloat)
