@@ -84,7 +84,7 @@ def test_things_of_the_prompt_replace_those_of_the_place() -> None:
     street, meadow, room, sea = map(find_place, ("street", "meadow", "room", "sea"))
     for place, stand, kind in (
         (find_place("river"), palm, "sides"), (street, stand_named("shop"), "walls"), (meadow, palm, "grove"),
-        (meadow, stand_named("flowers"), "field"), (meadow, stand_named("house"), "line"), (sea, palm, "line"),
+        (meadow, stand_named("flower"), "field"), (meadow, stand_named("house"), "line"), (sea, palm, "line"),
         (room, window, "hung"),
     ):  # fmt: skip
         changed = line_with(place, stand)

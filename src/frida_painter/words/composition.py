@@ -49,7 +49,7 @@ def falling(setting: Setting, where: Tensor, seed: int) -> tuple[Tensor, Tensor]
     where: [H, W] opacity of the scene's things
     """
     weather, (rows, columns) = setting.weather, where.shape
-    falls = weather.rain or weather.flakes
+    falls = (weather.rain or weather.flakes) if setting.place.is_open else 0
     count = falls or (setting.light.stars if setting.place.is_open else 0)
     length, width = (_RAIN_LENGTH, _RAIN_WIDTH) if weather.rain else (0.0, _DAB)
     space = (1.0 if falls else SUMMIT if setting.on_hill else setting.place.horizon) * rows, columns
@@ -71,7 +71,7 @@ _LONG, _CUT = 1.25, 0.6  # width of the things by the canvas's above which a lon
 _ALOFT = 0.40  # of the height: position of the middle of things in the air
 _ATOP, _BEFORE = 0.58, 0.3  # the same on a hill, and before what is far away
 _AMID = 0.62  # of the height that a single thing fills in a visible place
-_THIRD = 0.07  # of the width: distance from the middle of a thing that leaves room
+_THIRD, _ASHORE = 0.07, 0.24  # of the width: distance from the middle of a thing that leaves room, and beside a river
 
 _DARKEST = 0.7  # share of a picture's brightness that is left in the darkest light
 _AT_NIGHT = 0.5  # factor of the contrast between things and a night, which stays dark
@@ -243,7 +243,8 @@ def _fit(
     bottom = _ALOFT * rows + height / 2 if in_the_air else floor * rows
     bottom = min(max(bottom, height + 0.04 * rows), 0.96 * rows)
     free = columns - width
-    shift = min(_THIRD * columns, 0.5 * free - 0.04 * columns) if setting.is_named and not setting.on_hill else 0.0
+    aside = _ASHORE if setting.place.has("stream") and setting.is_raised else _THIRD
+    shift = min(aside * columns, 0.5 * free - 0.04 * columns) if setting.is_named and not setting.on_hill else 0.0
     start = free if is_cut else free / 2 + (1 if seed % 2 else -1) * max(0.0, shift)
     found = []
     for one in things:

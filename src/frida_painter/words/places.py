@@ -35,7 +35,7 @@ _GAMMA = 0.7  # exponent from the light of a sky, relative to a day's, to the sh
 
 
 class PlaceLayer(NamedTuple):
-    """PlaceLayer of the scenery of a place: its kind, a colour or the thing that stands there, and its size.
+    """Layer of the scenery of a place: its kind, a colour or the thing that stands there, its size, and its own colour.
 
     `places.txt` explains the kinds.
     """
@@ -43,6 +43,7 @@ class PlaceLayer(NamedTuple):
     kind: str
     what: str
     size: float
+    color: Color | None = None
 
 
 @dataclass(frozen=True)
@@ -82,12 +83,11 @@ class Place:
     @property
     def is_way(self) -> bool:
         """True if it leads through another place: a road, a jetty, a bridge."""
-        return any(layer.kind in _WAYS for layer in self.layers)
+        return self.has(*_WAYS)
 
-    @property
-    def has_bridge(self) -> bool:
-        """True if there is a bridge over it."""
-        return any(layer.kind == "bridge" for layer in self.layers)
+    def has(self, *kinds: str) -> bool:
+        """Returns True if it has a layer of one of these kinds."""
+        return any(layer.kind in kinds for layer in self.layers)
 
     @property
     def relief(self) -> float:
@@ -312,7 +312,7 @@ class Setting:
     @property
     def on_hill(self) -> bool:
         """True if the things stand on a hill, on a cliff, or on a bridge."""
-        return self.is_raised and (self.place.kind == "hill" or self.place.has_bridge)
+        return self.is_raised and (self.place.kind == "hill" or self.place.has("bridge"))
 
     @property
     def on_water(self) -> bool:
@@ -321,7 +321,7 @@ class Setting:
 
     def raise_land(self, picture: Tensor, grid: PixelGrid, seed: int) -> Tensor:
         """Returns a ground [3, H, W] with the hill or the bank in front of it on which the things stand."""
-        if not self.is_raised or self.place.has_bridge:
+        if not self.is_raised or self.place.has("bridge", "planks"):
             return picture
         place, across = self.place, torch.linspace(-1, 1, grid.columns)
         land = replace(self, place=replace(place, below=place.bank or place.below, kind="land", layers=()))

@@ -66,7 +66,7 @@ def scene_of(
         setting = replace(setting, place=usual_place(things, reading.relations, setting, sentences))
     others = [light for light in lights if light.name not in setting.light.name]
     second = next(light for light in others if light in named or places.go_together(light, setting.light))
-    used = {setting.place.name, setting.weather.name, *setting.light.name.split(", ")}
+    used = {setting.place.name, setting.weather.name if setting.place.is_open else "", *setting.light.name.split(", ")}
     used |= {part.name for *_, part in seen if isinstance(part, Stand) or (isinstance(part, Place) and part.layers)}
     used |= set() if setting.light.stars else {DAY.name}
     used |= {second.name} if is_mood else {SKY} if setting.place.is_open else set()
@@ -83,6 +83,8 @@ def scene_of(
         return compose_photograph(whole.colored[:3], setting, grid, seed)
     if is_mood:
         return compose_mood(setting.light, second, setting, grid, seed)
+    if not setting.place.is_open:  # no rain falls indoors, and no wind blows
+        setting = replace(setting, weather=places.CLEAR)
     parts = _parts_of(things, looks, reading, setting, seed, sentences)
     usual = {part.known.where for part in parts if part is not None}
     in_the_air = usual == {"air"}

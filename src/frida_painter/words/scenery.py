@@ -27,7 +27,7 @@ class Stand(NamedTuple):
     """Thing that stands in rows in a place: its words, main colour, height and shapes, as `scenery.txt` explains."""
 
     words: tuple[str, ...]
-    color: str
+    color: Color
     height: float
     shapes: tuple[tuple[str, ...], ...]
 
@@ -40,6 +40,11 @@ class Stand(NamedTuple):
     def is_indoors(self) -> bool:
         """True if rooms have such a thing."""
         return any(self.name in [layer.what for layer in place.layers] for place in known_places() if not place.is_open)
+
+    @property
+    def has_glass(self) -> bool:
+        """True if it has windows."""
+        return any("*" in shape for shape in self.shapes)
 
     @property
     def usual(self) -> str:
@@ -65,18 +70,26 @@ _WORTH = 0.7  # realism of a drawing, between those of photographs and of other 
 
 
 def find_stand(name: str, sentences: SentenceEncoder) -> Stand | None:
-    """Returns the stand of most similar meaning to a name; None if none is similar."""
-    owners = [(stand, word) for stand in stands() for word in stand.words]
-    meanings = sentences.embed([name, *(word for _, word in owners)])
-    similarity, best = (meanings[1:] @ meanings[0]).max(0)
-    return owners[int(best)][0] if float(similarity) >= _CALLED else None
+    """Returns the stand of most similar meaning to a name, with as many of its words as possible; None for none.
+
+    Lit shop windows are shop windows.
+    """
+    owners, words = [(stand, word) for stand in stands() for word in stand.words], name.split()
+    anchors = sentences.embed([word for _, word in owners])
+    for first in range(len(words)):
+        similarity, best = (anchors @ sentences.embed([" ".join(words[first:])])[0]).max(0)
+        if float(similarity) >= _CALLED:
+            return owners[int(best)][0]
+    return None
 
 
-_LOW = 0.5  # height below which stands cover a land in rows
+_LOW = 0.65  # height below which stands cover a land in rows
 
 
-def line_with(place: Place, stand: Stand) -> Place:
-    """Returns the place with another thing beside its way, on its wall, or all over its land."""
+def line_with(place: Place, stand: Stand, color: Color | None = None) -> Place:
+    """Returns the place with another thing beside its way, on its wall, or all over its land, in that colour."""
+    if stand.is_indoors and place.is_open:  # the houses have windows
+        return place
     old = next((layer for layer in place.layers if layer.kind in ("sides", "walls", "grove", "field")), None)
     if not place.is_open:
         new = PlaceLayer("hung", stand.name, 0.44)
@@ -86,7 +99,7 @@ def line_with(place: Place, stand: Stand) -> Place:
         new = PlaceLayer("field" if stand.height < _LOW else "grove", stand.name, 1.0)
     else:
         new = PlaceLayer("line", stand.name, 0.25 * max(1.0, stand.height))
-    return with_layers(place, [*(layer for layer in place.layers if layer != old), new])
+    return with_layers(place, [*(layer for layer in place.layers if layer != old), new._replace(color=color)])
 
 
 # Drawing of one stand.
@@ -211,6 +224,7 @@ class View:
             drawers[layer.kind](layer)
         else:
             stand = next(one for one in stands() if one.name == layer.what)
+            stand = stand if layer.color is None else stand._replace(color=layer.color)
             drawn = [draw_stand(stand, self._setting, number) for number in range(_KINDS)]
             for number, (x, y, height, far) in enumerate(self._spots(layer, stand, drawn[0])):
                 picture = drawn[number % _KINDS]
@@ -388,10 +402,11 @@ class View:
             self._fill("#f0d060", [*top, *edge(side * (layer.size + 0.08), _STEP)[::-1]], 1.2)
 
     def _draw_planks(self, layer: PlaceLayer) -> None:
-        left, right, end = _ASIDE * self._turn - layer.size, _ASIDE * self._turn + layer.size, 3.4
-        for far in (end, 2.1, 1.45):
+        middle = 0.0 if self._setting.is_raised else _ASIDE * self._turn
+        left, right, end = middle - layer.size, middle + layer.size, 4.5
+        for far in (end, 2.9, 2.0, 1.45):
             for x, y in (self._at(left, far), self._at(right, far)):
-                wide, rise, sink = 0.02 / far, 0.08 / far, 0.14 / far
+                wide, rise, sink = 0.015 / far, 0.06 / far, 0.14 / far
                 self._fill(
                     layer.what,
                     [(x - wide, y - rise), (x + wide, y - rise), (x + wide, y + sink), (x - wide, y + sink)], far, 0.6,

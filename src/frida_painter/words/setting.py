@@ -18,6 +18,7 @@ SKY = "sky"
 """Place without a land of its own."""
 _LIGHTS = (*places.LIGHTS, DAY)
 _BY_THINGS = ("under", "beside", "behind", "front", "with")  # kinds of relations to a thing, not to a place
+_AROUND = ("behind", "front", "near", "beside")  # kinds of relations to things that are all around
 _PICTURED = 0.8  # similarity above which a picture probably shows the thing of a noun
 _ROUNDING = 1e-3
 _SURE = 0.8  # similarity above which a word of a name means a place: a watering can is not in water
@@ -43,11 +44,15 @@ def setting_of(
     place = places.join(named[0], named[1:]) if named else NOWHERE
     here = [thing for thing, _, part in seen if part in named]
     for number, stand in _stands_in(place, reading, settled, index, sentences).items():
-        place = scenery.line_with(places.find_place("room") if place is NOWHERE else place, stand)
+        usual = places.find_place("room" if stand.is_indoors else "meadow")
+        color = paint_of(reading.things[number].color)
+        place = scenery.line_with(
+            usual if place is NOWHERE else place, stand, None if color is None else tuple(color.tolist())
+        )
         seen.append((reading.things[number], reading.things[number].noun, stand))
         settled.add(number)
     related = {kind_of(one.word) for one in reading.relations if reading.things[one.object] in here}
-    is_atop = place.kind == "hill" or place.has_bridge
+    is_atop = place.kind == "hill" or place.has("bridge", "planks")
     is_ashore = (
         bool(place.bank) and bool(related & {"beside", "near", "front", "with"}) and not related & {"on", "over", "in"}
     )
@@ -105,6 +110,8 @@ def _stands_in(
 ) -> dict[int, Stand]:
     """Returns the things that are scenery of a place, by their numbers: several trees, or the window of a room."""
     left = [number for number in range(len(reading.things)) if number not in settled]
+    rows = [layer.what for layer in place.layers]
+    has_glass = any(stand.has_glass for stand in scenery.stands() if stand.name in rows)
     found: dict[int, Stand] = {}
     for number in left:
         thing = reading.things[number]
@@ -114,9 +121,11 @@ def _stands_in(
         is_other = is_own or is_person(thing.name, sentences)
         stand = None if is_other else scenery.find_stand(full, sentences)
         if stand is not None and stand.is_indoors:
-            found |= {number: stand} if not place.is_open or (place is NOWHERE and len(left) > 1) else {}
-        elif stand is not None and place.is_open and place.layers and (thing.count is None or is_mass):
-            found[number] = stand
+            is_inside = not place.is_open or (place is NOWHERE and len(left) > 1)
+            found |= {number: stand} if is_inside or has_glass else {}
+        elif stand is not None and place.is_open and (thing.count is None or is_mass):
+            is_around = any(one.object == number and kind_of(one.word) in _AROUND for one in reading.relations)
+            found |= {number: stand} if place.layers or (is_around and place is NOWHERE) else {}
     return found
 
 
