@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from frida_painter.words.nouns import kinds_of
+from frida_painter.words.nouns import kinds_of, senses_of
 
 TOOL = Path(__file__).parents[2] / "tools" / "write_nouns.py"
 
@@ -31,17 +31,31 @@ def test_a_noun_may_be_what_its_senses_say(name: str, kinds: str) -> None:
     assert kinds_of(name) == set(kinds.split())
 
 
-def test_the_file_is_written_from_a_dictionary(tmp_path: Path) -> None:
+def test_the_files_are_written_from_a_dictionary(tmp_path: Path) -> None:
     folder = tmp_path / "dict"
     folder.mkdir()
     (tmp_path / "LICENSE").write_text("Some licence\n")
     kept = "  1 a line of the licence\n"
-    (folder / "data.noun").write_text(f"{kept}00000001 18 n 01 x\n00000002 05 n 01 x\n00000003 12 n 01 x\n")
-    (folder / "index.noun").write_text(
-        f"{kept}lion n 2 1 @ 2 0 00000002 00000001  \nrose n 1 1 @ 1 0 00000002  \njoy n 1 1 @ 1 0 00000003  \n"
-        "sea_lion n 1 1 @ 1 0 00000001  \n"
+    (folder / "data.noun").write_text(
+        f"{kept}00000001 18 n 01 lion 0 000 | a hero\n00000002 05 n 02 big_cat 0 cat 0 000 | a beast\n"
+        "00000003 12 n 01 joy 0 000 | a feeling\n00000004 05 n 01 lion 0 001 @ 00000002 n 0000 | a cat\n"
+        "00000005 05 n 01 Felidae 0 001 @ 00000002 n 0000 | Latin\n"
     )
-    runpy.run_path(str(TOOL))["write_nouns"](folder, tmp_path / "nouns.txt")
-    lines = (tmp_path / "nouns.txt").read_text("utf-8").splitlines()
-    assert "# Some licence" in lines
-    assert [line for line in lines if line[0] != "#"] == ["idea: joy", "person: children", "person thing: lion"]
+    (folder / "index.noun").write_text(
+        f"{kept}lion n 2 1 @ 2 0 00000004 00000001  \njoy n 1 1 @ 1 0 00000003  \nbig_cat n 1 1 @ 1 0 00000002  \n"
+    )
+    kinds, senses = tmp_path / "nouns.txt", tmp_path / "senses.txt"
+    runpy.run_path(str(TOOL))["write_nouns"](folder, kinds, senses)
+    read = [file.read_text("utf-8").splitlines() for file in (kinds, senses)]
+    assert all("# Some licence" in lines for lines in read)
+    assert [[line for line in lines if line[0] != "#"] for lines in read] == [
+        ["idea: joy", "person: children", "person thing: lion"],
+        ["0 big cat, cat", "1 lion"],
+    ]
+
+
+def test_a_sense_is_a_kind_of_those_above_it() -> None:
+    (oak, *_), (tree, *_) = senses_of("oak tree"), senses_of("trees")
+    assert oak.is_kind_of(tree) and not tree.is_kind_of(oak)
+    assert senses_of("ladybird") == senses_of("ladybug")
+    assert senses_of("old pine cone") == senses_of("pinecone") and senses_of("zxq") == []

@@ -1,18 +1,63 @@
-"""Kinds of nouns: people, ideas, parts of the body, and things, by their senses in WordNet 3.1 (Miller 1995)."""
+"""Nouns: their kinds, which are people, ideas, parts of the body and things, and their senses (WordNet 3.1)."""
 
+from __future__ import annotations
+
+from collections import defaultdict
 from functools import cache
 from importlib import resources
+from typing import NamedTuple
+
+
+class Sense(NamedTuple):
+    """Sense of a noun.
+
+    words: all nouns with that sense
+    above: the sense that it is a kind of, or None
+    """
+
+    words: tuple[str, ...]
+    above: Sense | None
+
+    def is_kind_of(self, other: Sense) -> bool:
+        """Returns True if this is the other sense, or a kind of it."""
+        return self is other or (self.above is not None and self.above.is_kind_of(other))
+
+
+def _read_lines(file: str) -> list[str]:
+    lines = (resources.files(__package__) / file).read_text("utf-8").splitlines()
+    return [line for line in lines if not line.startswith("#")]
 
 
 @cache
 def _kinds() -> dict[str, frozenset[str]]:
-    lines = (resources.files(__package__) / "nouns.txt").read_text("utf-8").splitlines()
-    rows = [line.partition(": ") for line in lines if not line.startswith("#")]
+    rows = [line.partition(": ") for line in _read_lines("nouns.txt")]
     return {noun: frozenset(kinds.split()) for kinds, _, nouns in rows for noun in nouns.split()}
+
+
+@cache
+def _senses() -> dict[str, list[Sense]]:
+    known, path = defaultdict[str, list[Sense]](list), list[Sense]()
+    for line in _read_lines("senses.txt"):
+        depth, _, words = line.partition(" ")
+        del path[int(depth) :]
+        path.append(Sense(tuple(words.split(", ")), path[-1] if path else None))
+        for word in path[-1].words:
+            known[word].append(path[-1])
+    return dict(known)
+
+
+def _singular(noun: str) -> str:
+    return f"{noun[:-2]}an" if noun.endswith("men") else noun.removesuffix("s")
 
 
 def kinds_of(name: str) -> frozenset[str]:
     """Returns what the last word of a name may mean: "person", "idea", "body" and "thing", one or several of them."""
     noun, known = name.lower().rpartition(" ")[2], _kinds()
-    single = f"{noun[:-2]}an" if noun.endswith("men") else noun.removesuffix("s")
-    return known.get(noun) or known.get(single) or frozenset({"thing"})
+    return known.get(noun) or known.get(_singular(noun)) or frozenset({"thing"})
+
+
+def senses_of(name: str) -> list[Sense]:
+    """Returns the senses of a name for things that can be touched: of its last two words, or else of the last one."""
+    words, known = name.lower().split(), _senses()
+    tried = [" ".join(words[-2:]), "".join(words[-2:]), *words[-1:]]  # a pine cone is a pinecone
+    return next((known[form] for noun in tried for form in (noun, _singular(noun)) if form in known), [])

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import torch
@@ -17,6 +18,7 @@ from frida_painter.words.arrangement import is_person
 from frida_painter.words.compositing import recolor
 from frida_painter.words.figures import Figure
 from frida_painter.words.libraries import PictureFolder, libraries_at_hand
+from frida_painter.words.nouns import Sense, kinds_of, senses_of
 from frida_painter.words.reading import Thing, paint_of, word_meanings
 from frida_painter.words.scenery import DrawnScenery
 
@@ -61,7 +63,6 @@ def is_upright(picture: Tensor) -> bool:
 
 _SAYS, _ADDS = 0.2, 0.2  # bonus for each word of the prompt, and penalty for each other word
 _MORE = 0.3  # penalty for a picture of several, if a number of them is wanted
-_MODIFIES = 0.6  # penalty for a title whose word only describes another word
 _ENDING = 2  # greatest number of an ending's letters: an older woman is old
 _FURTHER = re.compile(r"\b(?:of|with|in|on|at|for|and)\b")  # the words after these are not the named thing
 OWN = 2.0
@@ -69,9 +70,9 @@ OWN = 2.0
 
 
 def clean_caption(caption: str) -> str:
-    """Returns a caption in small letters without article, numbers, underscores and brackets."""
-    plain = " ".join(re.sub(r"\(.*?\)|[^a-zA-Z' -]+", " ", caption).lower().split())
-    return re.sub("^(an?|the|another|some|my|our) ", "", plain) or caption
+    """Returns a caption in small letters without article, numbers of files, underscores and brackets."""
+    plain = " ".join(re.sub(r"\(.*?\)|(?<=[a-zA-Z])\d+|[^\w' -]+|_", " ", caption).lower().split())
+    return re.sub("^(an?|the|another|some|my|our) (pair of )?", "", plain) or caption
 
 
 def _names(title: str) -> list[str]:
@@ -85,7 +86,7 @@ def _spoken(title: str, thing: Thing) -> float:
     wanted = {*thing.name.split(), *thing.color.split(), thing.doing, thing.plural} - {""}
     said = sum(any(word.startswith(one) and len(word) <= len(one) + _ENDING for one in wanted) for word in words)
     is_more = thing.count not in (None, 2) and "".join(_names(title)[-1:]) in (f"{thing.noun}s", thing.plural)
-    return _SAYS * said - _ADDS * (len(words) - said) - _MODIFIES * _is_modified(title, thing) - _MORE * is_more
+    return _SAYS * said - _ADDS * (len(words) - said) - _MORE * is_more
 
 
 def _is_modified(title: str, thing: Thing) -> bool:
@@ -107,10 +108,11 @@ def _is_called(title: str, thing: Thing) -> bool:
 
 _MIN, _MIN_PERSON = 0.58, 0.52  # similarity of a caption to a thing, or a person, below which no picture is better
 _LOOKED_AT_FOR_KIND = 60
-_ABOUT = 0.7  # similarity above which the name of a person is about a thing: a violinist and a violin
+_ABOUT = 0.7  # similarity above which a person's name is about a thing, and a special kind stands for a thing
 _NAMED = 0.8  # similarity above which a caption means the thing, with any words: a duck (0.64) is no goose
 _BAND = 0.35  # range of similarity below the best within which pictures are examined
 _LOOKED_AT = 14
+_UNSURE = 0.04  # difference of similarity to a prompt, within which several senses are meant
 _TITLE = 60  # characters of a caption in a message
 
 _COLORED, _SAME = 0.1, 0.95  # greatest bonus for a caption with the colour; similarity above which it has both
@@ -177,6 +179,16 @@ class _Entry:
     def title(self) -> str:
         return self.captions[0]
 
+    @cached_property
+    def names(self) -> list[str]:
+        """Words of the title that name its thing; the last one is the noun."""
+        return _names(self.title)
+
+    @cached_property
+    def nouns(self) -> set[str]:
+        """The last word of the names, and the last two."""
+        return {" ".join(self.names[-2:]), *self.names[-1:]}
+
 
 class PictureIndex:
     """Index of the captions of several libraries, as embeddings that are computed once and stored in the folder `keep`.
@@ -211,9 +223,14 @@ class PictureIndex:
         thing = _in_small_letters(thing)
         figure, similarity = is_person(thing.name, self._sentences), self._similarity(thing)
         least = _MIN_PERSON if figure else _MIN
+        meant = self._meant(thing.name, clean_caption(prompt), _UNSURE)
+        synonyms = {word for one in meant for word in one.words if senses_of(word) == meant} - {thing.noun}
+        same = torch.tensor([bool(synonyms & entry.nouns) for entry in self._entries])
+        similarity = torch.where(same, similarity.clamp(min=_SAME), similarity)
         context = (self._meanings @ self._sentences.embed([prompt])[0])[self._titles]
         order = (similarity + _CONTEXT * context).argsort(descending=True, stable=True)[:_LOOKED_AT_FOR_KIND].tolist()
-        near = [at for at in order if similarity[at] >= (least if self._fits(at, thing, figure, cut_out) else OWN)]
+        fits = [self._fits(self._entries[at], float(similarity[at]), thing, meant, synonyms, prompt) for at in order]
+        near = [at for at, fit in zip(order, fits, strict=True) if similarity[at] >= (least if fit else OWN)]
         highest, found, best, seen = -float("inf"), None, 0.0, 0
         for at, picture in self._show(near[: 4 * _LOOKED_AT]):
             entry, like = self._entries[at], float(similarity[at])
@@ -234,14 +251,53 @@ class PictureIndex:
                 highest, found = worth, FoundPicture(thing, picture, entry.title, entry.library, exact)
         return found
 
-    def _fits(self, at: int, thing: Thing, figure: bool, cut_out: bool) -> bool:
-        """Returns True if a picture may stand for a thing, of which it is no other kind: for a person, only a person.
+    def _fits(
+        self, entry: _Entry, like: float, thing: Thing, meant: Sequence[Sense], synonyms: set[str], prompt: str
+    ) -> bool:
+        """Returns True if a picture may stand for a thing: one of its kind, or of the kind that it is of.
 
-        A tooth is no dentist, a farmer no farmhouse, and a football player no chess player.
+        Only a person stands for a person; a farmer is no farmhouse, and a football player no chess player. An icon has
+        no context, so that it needs the same name, and among other things one without abstract senses.
+
+        like: similarity of the picture to the thing
+        meant: senses of the thing
+        synonyms: other words for just that sense
         """
-        title = self._entries[at].title
-        is_like = is_person(title, self._sentences) == figure and _names(title)[-1:] != [thing.noun]
-        return (_is_called(title, thing) or is_like) and not (cut_out and _is_modified(title, thing))
+        is_called = _is_called(entry.title, thing)
+        if entry.realism == 0:
+            kinds, is_alone = kinds_of(entry.title), prompt.lower().endswith(thing.name)
+            is_plain = kinds == {"thing"} or (is_alone and "thing" in kinds)
+            return is_plain and entry.title in (thing.name, thing.noun, thing.plural, *synonyms)
+        if synonyms & entry.nouns:
+            return True
+        if _is_modified(entry.title, thing):
+            return False  # an owl on a branch is no branch
+        if is_person(thing.name, self._sentences):
+            return is_called or (is_person(entry.title, self._sentences) and entry.names[-1:] != [thing.noun])
+        kind = thing.name.split()[-2:]
+        if len(kind) > 1 and senses_of(kind[0]):  # a box is no lunch box
+            whole, title = self._sentences.embed([" ".join(kind), entry.title])
+            if float(whole @ title) < _ABOUT:
+                return False
+        shown = self._meant(" ".join(entry.names), entry.title)
+        if meant and shown:
+            is_special = (like >= _ABOUT or entry.names[-1] == thing.noun) and any(
+                one.is_kind_of(other) for one in shown for other in meant
+            )
+            return is_special or any(other.is_kind_of(one) for one in shown for other in meant)
+        return is_called or (like >= _ABOUT and thing.name in entry.captions)
+
+    def _meant(self, name: str, text: str, unsure: float = 0.0) -> list[Sense]:
+        """Returns the senses of a name that a text probably means: a board with bread on it is no game.
+
+        unsure: difference of similarity to the text, within which several are meant
+        """
+        senses = senses_of(name)
+        if len(senses) < 2 or text in senses[0].words:
+            return senses
+        said = [", ".join((*one.words, *(one.above.words[:2] if one.above else ()))) for one in senses]
+        likely = self._sentences.embed(said) @ self._sentences.embed([text])[0]
+        return [one for one, like in zip(senses, likely, strict=True) if like >= likely.max() - unsure]
 
     def _show(self, entries: Iterable[int]) -> Iterator[tuple[int, Tensor]]:
         """Yields the variants of pictures; those that cannot be read are left out."""
@@ -275,7 +331,7 @@ class PictureIndex:
         """
         similarity, nouns = self._titled(thing), {thing.noun, thing.plural} - {""}
         for at, entry in enumerate(self._entries):
-            if entry.library.is_own and (similarity[at] >= _NAMED or nouns & {*_names(entry.title)}):
+            if entry.library.is_own and (similarity[at] >= _NAMED or nouns & {*entry.names}):
                 similarity[at] += OWN
         return similarity
 
@@ -292,7 +348,7 @@ class PictureIndex:
         if thing.noun == thing.name:
             return called
         # An older man is a man; but a slot machine is no sewing machine.
-        is_one = torch.tensor([_names(entry.title)[-1:] == [thing.noun] for entry in self._entries])
+        is_one = torch.tensor([entry.names[-1:] == [thing.noun] for entry in self._entries])
         noun = self._similar(thing.noun).masked_fill(is_one & (called >= _MIN), 1)
         return ((1 - _NOUN) * called + _NOUN * noun).masked_fill(noun < _SPEAKS, 0)  # stones are no stone bridge
 
