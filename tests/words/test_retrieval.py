@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+import pytest
 import torch
 from torch import Tensor
 
@@ -220,12 +221,20 @@ def test_a_kind_shows_what_it_is_of_and_nothing_else_does_only_because_it_is_lik
 
 def test_the_prompt_says_which_sense_of_a_noun_is_meant(tmp_path: Path) -> None:
     boards = Library("a", {"1": (("chessboard",), 0.8, RED), "2": (("bread board",), 0.4, BLUE)})
-    sentences = Taught(gameboard="chess", chessboard="board", bread="sheet")
+    sentences = Taught(gameboard="chess", chessboard="board", bread="sheet board")
     index = PictureIndex([boards], sentences, tmp_path)
     board = Thing("board", "board")
     for prompt, caption in (("bread on a board", "bread board"), ("chess on a board", "chessboard")):
         found = index.find(board, prompt)
         assert found is not None and found.caption == caption
+
+
+def test_a_plain_thing_goes_before_that_of_an_occasion(tmp_path: Path) -> None:
+    known = {"1": (("pumpkin", "halloween"), 0.4, RED), "2": (("pumpkin", "vegetables"), 0.3, BLUE)}
+    index = PictureIndex([Library("a", known)], WordBag(), tmp_path)
+    for prompt, color in (("a pumpkin", BLUE), ("a pumpkin at Halloween", RED)):
+        found = index.find(Thing("pumpkin", "pumpkin"), prompt)
+        assert found is not None and tuple(found.picture[:3, -1, -1].tolist()) == pytest.approx(color)
 
 
 def test_an_icon_needs_the_same_name(tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.objectives.word_settings import refuse_absent
 from frida_painter.palette import from_lab, to_lab
-from frida_painter.words.nouns import kinds_of
+from frida_painter.words.nouns import kinds_of, senses_of
 
 if TYPE_CHECKING:
     from spacy.language import Language
@@ -216,7 +216,7 @@ class PromptReader:
         parsed = self._language(text)
         first = parsed[0] if len(parsed) else None
         if first is not None and (
-            first.tag_ == "VBZ" or (first.pos_ == "VERB" and kinds_of(first.lower_) == {"person"})
+            first.tag_ in ("VBZ", "VB") or (first.pos_ == "VERB" and kinds_of(first.lower_) == {"person"})
         ):
             # birds over a house: without an article "birds" looks like a verb
             parsed = self._language(f"the {text}")
@@ -226,6 +226,8 @@ class PromptReader:
             before = word.nbor(-1) if word.i else word
             is_last = word.i + 1 == len(parsed) and _is_noun(before) and word.pos_ in ("AUX", "ADJ")
             is_after = word.i > word.head.i and word.pos_ in ("ADJ", "ADV", "X", "INTJ")
+            if word.tag_ in ("VB", "VBP") and word.dep_ == "ROOT" and before.tag_ in ("NN", "NNP"):
+                is_last = not _children(word, "aux")  # a teddy bear with one eye: "bear" is no verb of one teddy
             if (is_last and word.lower_ in self._nouns) or (is_after and word.lemma_ in self._only_nouns):
                 word.pos_, word.lemma_ = "NOUN", word.lower_  # a watering can, a fire hydrant, a croissant
                 word.dep_ = (
@@ -255,13 +257,16 @@ class PromptReader:
         )
         if noun.lemma_.lower() in _DEPICTIONS and (inner := shown.get("of", shown.get("with"))):
             _put_in_place(inner, noun, "det", [word for word in noun.rights if word.i > inner.i])
+        elif noun.dep_ == "pobj" and "body" in kinds_of(noun.lemma_) and (owners := _children(noun, "poss")):
+            if "person" in kinds_of(owners[0].lower_) and _is_noun(owners[0]):  # asleep on his father's chest
+                _put_in_place(owners[0], noun, "det", [])
         elif noun.lemma_ in GROUPS and (inner := shown.get("of")):
             _put_in_place(inner, noun, "nummod", [word for word in noun.rights if word.i > inner.i])
         elif _is_noun(noun) and last is not None and last.pos_ == "NOUN":
             _put_in_place(last, noun, "compound", [word for word in noun.children if word != last])
         elif before and before[-1].lower_.endswith("ing") and before[-1].i:
             verb, actor = before[-1], before[-1].nbor(-1)
-            if kinds_of(actor.lower_) == {"person"}:
+            if "person" in kinds_of(actor.lower_):
                 _put_in_place(actor, noun, "dobj", [word for word in (*noun.lefts, *verb.lefts) if word.i < actor.i])
                 verb.pos_, verb.dep_, verb.head, noun.head = "VERB", "acl", actor, verb
         elif noun.i and noun.tag_ == "NNS" and noun.lemma_ in self._verbs and self._is_finite(noun):
@@ -276,7 +281,7 @@ class PromptReader:
         """Returns True if what looks like a plural at the end is what somebody does: a woman dances."""
         is_end = noun.i + 1 == len(noun.doc) and not _is_number(noun.nbor(-1))
         is_no_thing = "idea" in kinds_of(noun.lemma_) or noun.lemma_ not in self._nouns
-        return is_end and is_no_thing and "person" in kinds_of(noun.nbor(-1).lower_)
+        return is_end and is_no_thing and "person" in kinds_of(noun.nbor(-1).lower_) and _is_noun(noun.nbor(-1))
 
 
 def _put_in_place(noun: Token, other: Token, kind: str, taken: Iterable[Token]) -> None:
@@ -393,7 +398,7 @@ class _Walk:
         above = head.head
         owners = self._subjects(above.head) if head.dep_ == "acl" and above.dep_ == "pobj" else []
         people = [one for one in owners if "person" in kinds_of(self.things[one].noun)]
-        if people and "person" not in kinds_of(above.lower_):  # a man in a suit, running
+        if people and kinds_of(above.lower_) != {"person"}:  # a man in a suit, running
             return people
         return [] if above == head else self._subjects(above)
 
@@ -466,7 +471,10 @@ def _color(words: list[Token]) -> tuple[str, list[Token]]:
     runs = [words[first:last] for first in range(len(words)) for last in range(len(words), first, -1)]
     for run in sorted(runs, key=len, reverse=True):
         said = " ".join(word.lower_ for word in run)
-        is_named = run[-1].pos_ == "ADJ" or run[-1].lower_ in _BASIC  # an apple tree and a rose garden are no colours
+        whole = f"{said} {words[-1].nbor().lower_}"  # an apple tree and a pine cone are no colours
+        is_named = run[-1].lower_ in _BASIC or (
+            run[-1].pos_ == "ADJ" and senses_of(whole) == senses_of(whole.rpartition(" ")[2])
+        )
         if is_named and all(paint_of(part) is not None for part in said.split(" and ")):
             return said, run
     return "", []

@@ -62,6 +62,7 @@ def is_upright(picture: Tensor) -> bool:
 # Comparison of a picture's title with a thing of a prompt.
 
 _SAYS, _ADDS = 0.2, 0.2  # bonus for each word of the prompt, and penalty for each other word
+_OCCASION = 0.15  # penalty for keywords of an idea that the prompt does not have: a pumpkin of Halloween
 _MORE = 0.3  # penalty for a picture of several, if a number of them is wanted
 _ENDING = 2  # greatest number of an ending's letters: an older woman is old
 _FURTHER = re.compile(r"\b(?:of|with|in|on|at|for|and)\b")  # the words after these are not the named thing
@@ -92,7 +93,8 @@ def _spoken(title: str, thing: Thing) -> float:
 def _is_modified(title: str, thing: Thing) -> bool:
     """Returns True if a title has the word for another thing: a mountain goat, or an owl on a branch."""
     last = "".join(_names(title)[-1:])
-    return thing.noun in title and not last.endswith((thing.noun, f"{thing.noun}s", thing.plural or thing.noun))
+    ends = (thing.noun, f"{thing.noun}s", thing.plural or thing.noun, thing.doing or thing.noun)
+    return thing.noun in title and not last.endswith(ends)
 
 
 def _is_called(title: str, thing: Thing) -> bool:
@@ -239,8 +241,10 @@ class PictureIndex:
             best, seen = (like, 1) if found is None else (best, seen + 1)
             if like < best - _BAND or seen > _LOOKED_AT:
                 break
+            ideas = {word for word in entry.captions[1:] if kinds_of(word) == {"idea"} and word not in prompt.lower()}
             worth = (
                 _EXACT * like
+                - _OCCASION * bool(ideas)
                 + _spoken(entry.title, thing)
                 + _CONTEXT * float(context[at])
                 + worth_of(picture, entry.realism)
