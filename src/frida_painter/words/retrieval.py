@@ -285,9 +285,7 @@ class PictureIndex:
                 return False
         shown = self._meant(" ".join(entry.names), entry.title)
         if meant and shown:
-            is_special = (like >= _ABOUT or entry.names[-1] == thing.noun) and any(
-                one.is_kind_of(other) for one in shown for other in meant
-            )
+            is_special = like >= _ABOUT and any(one.is_kind_of(other) for one in shown for other in meant)
             return is_special or any(other.is_kind_of(one) for one in shown for other in meant)
         return is_called or (like >= _ABOUT and thing.name in entry.captions)
 
