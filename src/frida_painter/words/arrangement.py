@@ -33,6 +33,9 @@ class Known(NamedTuple):
     where: str
 
 
+_THING = Known("thing", 1.0, "ground")
+
+
 @cache
 def known_things() -> tuple[Known, ...]:
     """Returns the table of `world.txt`."""
@@ -67,10 +70,11 @@ def is_person(name: str, sentences: SentenceEncoder) -> bool:
 _GROWTH = 0.6  # exponent from the height in the world to the height in a picture
 _MIN = 0.3  # least height of a thing, relative to the tallest
 _SUBJECT = 0.5  # least height of the first thing of a prompt, relative to the tallest
+_TOWERS = 1.7  # height in the world, by that of the tallest person, above which things are equally tall
 _IN_THE_AIR = 0.38  # height of a thing in the sky, beside a thing of height 1
 _SINKS = 0.1  # share of its height by which a thing overlaps the thing below it
 
-_HIDDEN = 0.4  # hidden share of the height of a thing inside another
+_HIDDEN, _TO_THE_HIPS = 0.4, 0.52  # hidden share of the height of a thing inside another, and of a person
 _BRIMS, _HOLDS = 0.8, 0.6  # shares of a picture's fullest row: of a row above the rim, and of one that is no foot
 # Of an opening: place of the row called its rim, its narrowest row, and its greatest half height by the rim's.
 _ABOVE, _ARC, _DEEPEST = 0.6, 0.35, 0.15
@@ -78,15 +82,13 @@ _BULGE = 0.12  # share of the height that shows in the middle of a rim, at least
 _MOUTH = 0.5  # the same share of the uppermost rows of a vase, or another container that is open on top
 _FITS = 0.85  # greatest width of a thing inside another, relative to that
 _CROWDED = 0.6  # least share of its size that a thing keeps among others on the same thing
-_TALLER = 1.6  # least height of a tree, relative to those under it
+_TALLER = 1.45  # least height of a tree, relative to those under it
 _SEAT = 0.5  # share of the height of a seat's picture at which somebody sits
 
-_HELD, _SMALL = 0.6, 0.4  # height of a thing in a hand, relative to a figure: of one that is carried, and of others
-_REACHED = 0.3  # share of its width by which a large thing is beyond the hand
-_HAND, _IN_THE_HANDS = 0.45, 0.5  # of a person: height of the hands, and greatest height of a thing in them
+_HAND = (0.12, 0.45)  # of a person's picture: place of the hand
+_CARRIED, _HANDLED = 0.62, 0.3  # height in the world, by a person's, of what hands carry, and of what they work on
+_INTO = 0.4  # the same of what somebody can be in
 _LIGHT = 0.8  # share of its size that a thing keeps in the hands
-_LIFTED = 0.8  # greatest height of a thing that is held up, relative to its holder
-_CARRIED = 0.85  # height of a thing in a picture, relative to a person, above which it stands on the floor
 _CROWN = 0.1  # share of a picture's height at its top that counts as the head
 _HAT, _LARGEST_HAT, _PULLED_DOWN = 1.25, 0.35, 0.3  # of the head's width, of the wearer's height, of its own height
 _SIDE = 256  # pixels of one of several copies
@@ -100,11 +102,11 @@ _KINDS = {
     "near": ("near", "by", "along", "around", "at"),
     "behind": ("behind", "among", "amid"),
     "front": ("in front of", "before", "against", "between"),
-    "with": ("with", "holding", "carrying", "playing", "wearing"),
+    "with": ("with", "playing", "wearing"),
+    "hold": ("holding", "carrying", "hugging"),
 }
 _OPPOSITE = {"on": "beneath", "in": "around", "under": "shelter", "behind": "front"}
 _OPPOSITE |= {other: kind for kind, other in _OPPOSITE.items()} | {"over": "under"}
-_LOOSE = ("with", "doing", "beside", "near")  # relations with which a thing of the sky stays in the sky
 _STOOD_BY = ("on", "in", "under", "over", "behind")  # the objects of these relations are placed first
 
 
@@ -143,6 +145,7 @@ class Placed:
     figure: that is drawn in it
     dip: share of the height by which less is hidden in the middle of a round rim
     size: factor of its height that the prompt asked for
+    known: its height and usual place in the world
     """
 
     picture: Tensor
@@ -154,6 +157,7 @@ class Placed:
     figure: Figure | None = None
     dip: float = 0.0
     size: float = 1.0
+    known: Known = _THING
 
     @property
     def width(self) -> float:
@@ -197,7 +201,7 @@ def arrange_parts(parts: Sequence[ScenePart | None], relations: Sequence[Relatio
         if mine not in placed and known[other] == "air" and known[mine] != "air" and len(placed) > 1:
             placed[mine] = _beside([placed[each] for each in placed if known[each] != "air"], alone[mine])
         elif mine not in placed:
-            placed[mine], placed[other] = _put(alone[mine], placed[other], kind, known[mine], known[other])
+            placed[mine], placed[other] = _put(alone[mine], placed[other], kind)
             together.setdefault((other, kind), []).append(mine)
     for (number, kind), some in together.items():
         if kind in ("on", "in") and len(some) > 1:
@@ -206,7 +210,7 @@ def arrange_parts(parts: Sequence[ScenePart | None], relations: Sequence[Relatio
     for number in shown:
         if number not in placed:
             above = known[number] == "air" and any(known[other] != "air" for other in placed)
-            by = _put(alone[number], placed[first], "over", "air", "")[0] if above else None
+            by = _put(alone[number], placed[first], "over")[0] if above else None
             placed[number] = by or _beside(list(placed.values()), alone[number])
     return sorted(placed.values(), key=lambda one: one.depth)
 
@@ -221,6 +225,8 @@ def _turn(relation: Relation, shown: Mapping[int, ScenePart]) -> Relation:
         return Relation(relation.object, "on", top)
     if other.where == "water" and subject.where == "person" and relation.word == "on":
         return replace(relation, word="in")
+    if subject.where == "person" and kind_of(relation.word) == "in" and other.height < _INTO * subject.height:
+        return relation if other.where in ("water", "seat") else replace(relation, word="doing")  # into a microscope
     return replace(relation, word="with") if other.where == "head" and relation.word == "in" else relation
 
 
@@ -230,6 +236,8 @@ def _scale(shown: Mapping[int, ScenePart]) -> dict[int, Placed]:
     Wide things get less height, so that the area counts: a spoon is long but not large.
     """
     tallest = max([part.known.height for part in shown.values() if part.known.where != "air"], default=0.0)
+    people = [part.known.height for part in shown.values() if part.known.where == "person"]
+    tallest = min(tallest, _TOWERS * max(people, default=math.inf))
     alone = {}
     for number, part in shown.items():
         size = _IN_THE_AIR
@@ -238,107 +246,111 @@ def _scale(shown: Mapping[int, ScenePart]) -> dict[int, Placed]:
             size = max(least, min(1.0, (part.known.height / tallest) ** _GROWTH if tallest else 1.0))
         _, rows, columns = part.picture.shape
         shape = min(1.0, (rows / columns) ** 0.5) if part.figure is None else part.figure.tall
-        alone[number] = Placed(part.picture, 0.0, 0.0, part.size * size * shape, figure=part.figure, size=part.size)
+        alone[number] = Placed(
+            part.picture, 0.0, 0.0, part.size * size * shape, figure=part.figure, size=part.size, known=part.known
+        )
     return alone
 
 
-def _put(mine: Placed, other: Placed, kind: str, where: str, other_where: str) -> tuple[Placed, Placed]:
+class _Anchor(NamedTuple):
+    """Anchor of a thing at another one: a point of each, which meet.
+
+    across, up: point of the other, from the middle of its lower edge, in its widths and heights
+    aside, sinks: point of the thing, in its own
+    depth: before the other
+    least, most: bounds of its height, by the other's
+    """
+
+    across: float = 0.0
+    up: float = 0.0
+    aside: float = 0.0
+    sinks: float = 0.0
+    depth: int = 1
+    least: float = 0.0
+    most: float = math.inf
+
+
+_ANCHORS = (  # kinds of relations, and usual places of a thing; "" for all
+    ("over", "air", _Anchor(0.3, 1.04, depth=-1)),
+    ("with hold doing beside near shelter", "air", _Anchor(0.5, 0.78, aside=-0.5)),
+    ("with hold doing beside near front shelter", "wall", _Anchor(0.2, 0.6, depth=-2)),
+    ("with hold", "held", _Anchor(0.4, _HAND[1], depth=-1, most=0.8)),
+    ("under", "", _Anchor(most=0.5)),
+    ("over", "", _Anchor(0.0, 1.04, depth=-1)),
+    ("behind", "", _Anchor(0.45, 0.08, depth=-1, least=0.85)),
+    ("front", "", _Anchor(-0.3, -0.06)),
+)
+
+
+def _put(mine: Placed, other: Placed, kind: str) -> tuple[Placed, Placed]:
     """Returns a thing at its place beside another, and the other, whose size or place may have changed."""
-    if kind in ("beneath", "around"):
-        other, mine = _put(other, mine, _OPPOSITE[kind], other_where, where)
+    where, other_where = mine.known.where, other.known.where
+    hangs = other_where in ("air", "wall") and where not in ("air", "wall") and kind not in ("on", "in", "behind", "")
+    if hangs or kind in ("beneath", "around") or (kind == "under" and other_where == "held"):
+        other, mine = _put(other, mine, "shelter" if hangs else _OPPOSITE[kind])
         return mine, other
+    if kind == "on" and other_where == "seat":  # long enough for somebody who lies
+        other = replace(other, height=other.height * max(1.0, mine.width / other.width))
+    anchor = _anchor(mine, other, kind)
+    if anchor is None:
+        return _beside([other], mine), other
+    height = min(max(mine.height, anchor.least * other.height), anchor.most * other.height)
+    mine = replace(mine, height=height, depth=other.depth + anchor.depth)
+    x = other.x + anchor.across * other.width - anchor.aside * mine.width
+    mine = replace(mine, x=x, y=other.y + anchor.up * other.height - anchor.sinks * height)
+    if kind == "in" and anchor.sinks:  # the inner thing looks out over the rim, before parts above it such as a sail
+        deep = _rim(other.picture)[1] * other.height / height
+        mine = replace(mine, hidden=anchor.sinks, dip=min(anchor.sinks, max(_BULGE, deep)))
+    return mine, other
+
+
+def _anchor(mine: Placed, other: Placed, kind: str) -> _Anchor | None:
+    """Returns where a thing belongs at another; None for beside it."""
+    where, shape = mine.known.where, mine.height / max(mine.width, 1e-6)
     if kind == "on":
-        if mine.figure is None and mine.height > 0.9 * other.height and other.width < 1.5 * mine.width:
-            mine = replace(mine, height=max(0.62 * other.height, 0.6 * mine.height))
-        if other_where == "seat":  # long enough for somebody who lies
-            other = replace(other, height=other.height * max(1.0, mine.width / other.width))
-        share = _SEAT if other_where == "seat" else _top(other.picture, mine.width / max(other.width, 1e-6))
-        sinks = mine.figure.seat if mine.figure is not None and mine.figure.seat else _SINKS
-        return _at(mine, other, up=share - sinks * mine.height / other.height), other
-    if kind == "in" and mine.figure is not None and other.height > mine.height and other_where == "ground":
-        return _at(mine, other, across=-0.2, up=-0.06), other  # in a house, so in front of it
-    if kind == "in":  # the inner thing looks out over the rim, in front of parts above it such as a handle or a sail
-        wide = _FITS * other.width * mine.height / max(mine.width, 1e-6)
-        mine = replace(mine, height=min(0.8 * other.height, wide, max(mine.height, _HIDDEN * other.height)))
-        rim, deep = _rim(other.picture)
-        dip = min(_HIDDEN, max(_BULGE, deep * other.height / mine.height))
-        up = rim - max(_SINKS, _ABOVE * deep) - _HIDDEN * mine.height / other.height
-        return replace(_at(mine, other, up=up), hidden=_HIDDEN, dip=dip), other
-    if kind == "under" and other_where == "held":  # a person under an umbrella has it overhead
-        over = max(1.25 * mine.width, 0.7 * mine.height) * other.height / other.width
-        return mine, _at(replace(other, height=over), mine, up=0.85, depth=-1)
-    if other_where == "air" and where != "air" and kind in ("under", "over", *_LOOSE):
-        return mine, replace(other, x=mine.x + 0.35 * max(mine.width, 0.6), y=0.95 * mine.height)
-    if "wall" in (where, other_where) and where != other_where and kind in (*_LOOSE, "front", "", "under", "over"):
-        hung, below = (mine, other) if where == "wall" else (other, mine)
-        hung = replace(hung, x=below.x + 0.2 * below.width, y=max(0.55, 0.6 * below.height), depth=below.depth - 2)
-        return (hung, other) if where == "wall" else (mine, hung)
-    if kind == "under":
-        return _at(mine, other, most=0.5 * other.height), other
-    if kind == "shelter" and where not in ("air", "held"):  # a tree stands behind those under it
-        height = max(mine.height, _TALLER * (other.y + other.height))
-        return replace(mine, height=height, x=other.x, y=min(other.y, 0.0), depth=other.depth - 2), other
-    if kind in ("over", "shelter"):
-        side = 0.0 if where != "air" else 0.28 * max(other.width, 0.6) / other.width
-        return _at(mine, other, across=side, up=1.04, depth=-1), other
-    if kind == "behind":
-        return _at(replace(mine, height=max(mine.height, 0.85 * other.height)), other, 0.45, 0.08, depth=-1), other
-    if kind == "front":
-        return _at(mine, other, across=-0.3, up=-0.06), other
+        is_small = mine.figure is not None or mine.height <= 0.9 * other.height or other.width >= 1.5 * mine.width
+        most = math.inf if is_small else max(0.62, 0.6 * mine.height / other.height)
+        up = _SEAT if other.known.where == "seat" else _top(other.picture, mine.width / max(other.width, 1e-6))
+        return _Anchor(up=up, sinks=(mine.figure.seat if mine.figure else 0.0) or _SINKS, most=most)
+    if kind == "in" and mine.figure is not None and other.height > mine.height and other.known.where == "ground":
+        return _Anchor(-0.2, -0.06)  # in a house, so in front of it
+    if kind == "in":
+        hidden, (rim, deep) = _HIDDEN if mine.figure is None else _TO_THE_HIPS, _rim(other.picture)
+        most = min(0.8, _FITS * other.width * shape / other.height)
+        return _Anchor(up=rim - max(_SINKS, _ABOVE * deep), sinks=hidden, least=min(hidden, most), most=most)
     if kind == "with" and where == "head":
         crown = other.picture[3, : max(1, round(_CROWN * other.picture.shape[1]))].gt(0.5).any(0).nonzero()
         middle, wide = float(crown.float().mean()), float(crown.max() - crown.min() + 1)
-        size = min(
-            _HAT * wide / other.picture.shape[2] * other.width * mine.height / mine.width, _LARGEST_HAT * other.height
-        )
-        across = middle / other.picture.shape[2] - 0.5
-        return _at(replace(mine, height=size), other, across, 1 - _PULLED_DOWN * size / other.height), other
-    is_held = kind == "with" or where not in (
-        "person",
-        "animal",
-        "water",
-    )  # a baby is carried, and a duck is not fed so
-    if kind in ("with", "doing") and other.figure is not None and where != "air" and is_held:
-        most = _HELD if kind == "with" and where not in ("animal", "seat", "top") else _SMALL
-        return _at_hand(mine, other, other.figure.hand, where, most), other
-    if kind == "with" and where == "held":
-        return _at(mine, other, across=0.4, up=_HAND, depth=-1, most=_LIFTED * other.height), other
-    if kind in _LOOSE and where == "air":
-        return replace(mine, x=other.x + 0.5 * (other.width + mine.width), y=0.75 * other.height), other
-    small = mine.height < _CARRIED * other.height and where not in ("person", "animal", "seat", "top", "water")
-    if kind in ("with", "doing") and other_where == "person" and small:  # in the hands, whatever is done with it
-        size = min(_LIGHT * mine.height, _IN_THE_HANDS * other.height, 1.3 * other.width * mine.height / mine.width)
-        return _at(mine, other, across=0.12, up=_HAND - 0.4 * size / other.height, most=size), other
-    if kind == "with" and mine.height <= 0.6 * other.height:
-        return _at(mine, other, across=0.4), other
-    return _beside([other], mine), other
+        columns = other.picture.shape[2]
+        size = min(_HAT * wide / columns * other.width * shape / other.height, _LARGEST_HAT)
+        return _Anchor(middle / columns - 0.5, 1 - _PULLED_DOWN * size, least=size, most=size)
+    if kind in ("with", "hold", "doing") and other.known.where == "person" and where not in ("air", "wall"):
+        return _in_hand(mine, other, kind)
+    if kind == "with" and mine.height <= 0.6 * other.height and where != "held":
+        return _Anchor(across=0.4)
+    if kind == "shelter" and where == "held":  # an umbrella over somebody
+        return _Anchor(up=0.85, depth=-1, least=max(1.25 * other.width, 0.7 * other.height) * shape / other.height)
+    if kind == "shelter" and where not in ("air", "wall"):  # a tree stands behind those under it
+        aloft = max(0.0, other.y) / other.height
+        return _Anchor(up=-aloft, depth=-2, least=_TALLER * (1 + aloft))
+    return next((anchor for kinds, only, anchor in _ANCHORS if kind in kinds.split() and only in ("", where)), None)
 
 
-def _at_hand(mine: Placed, other: Placed, hand: tuple[float, float], where: str, most: float) -> Placed:
-    """Returns a thing in the hand of a figure; a large one stands behind the hand, and a long one reaches the floor.
-
-    most: height of a thing in a hand, relative to the figure
-    """
-    across, up = hand
-    if mine.height > most * other.height:
-        return _at(mine, other, across + _REACHED * math.copysign(mine.width, across) / other.width, depth=-1)
+def _in_hand(mine: Placed, other: Placed, kind: str) -> _Anchor:
+    """Returns where a thing is that somebody has or works on: in the hand, or on the ground before it."""
+    across, up = _HAND if other.figure is None else other.figure.hand
+    where, share, floor = mine.known.where, mine.known.height / other.known.height, -max(0.0, other.y) / other.height
     if where == "held":
-        return _at(mine, other, across, up if up > 0.5 else 0.0, most=_LIFTED * other.height)
-    size = min(_LIGHT * mine.height, _IN_THE_HANDS * other.height)
-    return _at(mine, other, across, max(0.0, up - 0.4 * size / other.height), most=size)
-
-
-def _at(
-    mine: Placed, other: Placed, across: float = 0.0, up: float = 0.0, *, depth: int = 1, most: float = math.inf
-) -> Placed:
-    """Returns a thing at a place of another.
-
-    across, up: from the middle of the other's lower edge, in its widths and heights
-    depth: before the other
-    most: greatest height
-    """
-    x, y = other.x + across * other.width, other.y + up * other.height
-    return replace(mine, height=min(mine.height, most), x=x, y=y, depth=other.depth + depth)
+        return _Anchor(across, up if up > 0.5 else floor, depth=-1, most=0.8)
+    lives = where in ("person", "animal", "water")
+    stays = lives or where in ("seat", "top") or (where == "plant" and kind == "doing")
+    if share <= (_HANDLED if kind == "doing" else _CARRIED) and (not stays or kind == "hold"):
+        size = min(_LIGHT * mine.height / other.height, 0.5)
+        return _Anchor(across, max(floor, up - 0.4 * size), least=size, most=size)
+    side = math.copysign(1.0, across)
+    return _Anchor(
+        max(abs(across), 0.3) * side, floor, aside=-(0.45 if lives else 0.3) * side, depth=-1 if share > 1 else 1
+    )
 
 
 def _spread(some: Sequence[Placed], holder: Placed) -> list[Placed]:

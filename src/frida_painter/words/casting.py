@@ -1,5 +1,6 @@
 """Casting: the choice of a picture for each thing of a prompt. People without a picture of their action are drawn."""
 
+import re
 import zlib
 from collections.abc import Sequence
 from dataclasses import replace
@@ -9,7 +10,7 @@ from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.words import figures
 from frida_painter.words.arrangement import copies, is_person, kind_of, known_like
 from frida_painter.words.figures import Pose
-from frida_painter.words.reading import GROUPS, Reading, Thing, word_meanings
+from frida_painter.words.reading import GROUPS, Reading, Thing, paint_of, word_meanings
 from frida_painter.words.retrieval import FoundPicture, PictureIndex, is_upright
 
 CALLED = 0.9
@@ -17,13 +18,17 @@ CALLED = 0.9
 
 _DRESSED, _KNOWN = 0.6, 0.8  # similarity above which clothes are like those of a name, and above which they are those
 _DOES, _WITH = 0.5, 0.8  # similarity above which a pose is that of a verb, and that of a verb with its object
-_IS = 0.6  # similarity above which a pose is that of a name: a violinist plays the violin
-_ANYBODY = 6  # number of the clothes, the first ones, of people without a trade
+_IS = 0.66  # similarity above which a pose is that of a name: a violinist plays the violin, and a rower is rowing
+_DOER = re.compile("(er|or|ist)$")  # ending of a name for who does something
+_ANYBODY, _FAMILY = 4, 6  # numbers of the clothes, the first ones, of people without a trade, and of families
+_LONG = ("skirt", "robe")  # cuts of clothes of one colour
+_UPRIGHT = 45  # degrees by which somebody leans who can sit too
 _OLD, _AGED = ("old", "elderly", "grandmother", "grandfather"), 0.75  # who has white hair, and the least similarity
 _CHILD, _GROWN = (4.0, 0.6), (7.0, 1.6)  # heights of a body in heads and in metres
 
+_PAGE = "page"  # tool of a pose that shows the object of the verb
 _LEGS = 6  # place of the legs among the angles of a pose
-_HANDLES = ("on", "in", "with", "doing")  # kinds of relations of a body to a thing
+_HANDLES = ("on", "in", "with", "hold", "doing")  # kinds of relations of a body to a thing
 
 Cast = list[FoundPicture | None]
 
@@ -51,7 +56,8 @@ def cast(
     wanted = {
         number: thing
         for number, thing in enumerate(reading.things)
-        if number not in settled and (" " not in thing.noun or index.nearest(thing) >= CALLED)
+        if number not in settled
+        and (" " not in thing.noun or index.nearest(thing) >= CALLED or is_person(thing.name, sentences))
     }
     for one in reading.relations:
         if not {one.subject, one.object} <= {*wanted}:
@@ -73,7 +79,14 @@ def cast(
     acting = any(wanted[number].doing and pose[1] for number, pose in poses.items()) or any(
         one.subject in people and one.object in wanted and kind_of(one.word) in _HANDLES for one in reading.relations
     )
+    pages = {
+        one.object: one.subject
+        for one in reading.relations
+        if one.subject in people and poses[one.subject][0].tool == _PAGE and one.word == wanted[one.subject].doing
+    }
     for number, thing in wanted.items():
+        if number in pages:
+            continue
         among = len(wanted) > 1 or in_place or thing.shown > 1
         found = index.find(thing, prompt, cut_out=among, acts=bool(among or thing.doing))
         if number in people and not _shows_person(found, reading, sentences, acting=acting, among=among):
@@ -82,8 +95,10 @@ def cast(
                 for one in reading.relations
                 if one.subject == number and one.object in wanted and kind_of(one.word) in ("on", "in")
             ]
-            is_faced = any(one.object == number and kind_of(one.word) == "doing" for one in reading.relations)
+            is_faced = number != min(people)  # people look at each other
             found = _draw_person(thing, *poses[number], sentences, carriers=carriers, is_faced=is_faced)
+            shown = [found.caption, *(reading.things[page].noun for page, reader in pages.items() if reader == number)]
+            found = replace(found, caption=" ".join(shown))
         if found is None and number == min(wanted) and thing.shown == 1:  # its picture with a ground may be all
             found = index.find(thing, prompt)
         others = {one.caption for one in things if one is not None}
@@ -118,19 +133,23 @@ def _draw_person(
     is_faced: True if somebody else acts on the person, who looks back
     """
     clothes, called, alike = figures.nearest([thing.name], figures.wardrobe(), sentences)
-    anybody = figures.wardrobe()[:_ANYBODY]
+    family = figures.wardrobe()[:_FAMILY]
     if alike < _DRESSED:
-        clothes, called, _ = figures.nearest([thing.noun], anybody, sentences)
+        clothes, called, _ = figures.nearest([thing.noun], family[:_ANYBODY], sentences)
+    paint = paint_of(thing.color)
+    if paint is not None:
+        worn = "#" + bytes((255 * paint).round().byte().tolist()).hex()
+        clothes = clothes._replace(top=worn, bottom=worn if clothes.cut in _LONG else clothes.bottom)
     old = _old(thing.name, sentences)
     (least, small), (most, tall) = _CHILD, _GROWN
     grown = (known_like(thing.name, sentences).height - small) / (tall - small)
     heads = least + (most - least) * min(1.0, max(0.0, grown))
-    if pose.carried == "ground" and "seat" in carriers:  # to feed ducks on a bench
+    if pose.carried == "ground" and "seat" in carriers and abs(pose.angles[0]) < _UPRIGHT:  # to feed ducks on a bench
         sitting = next(one for one in figures.poses() if "sitting" in one.words)
         pose = pose._replace(angles=(*pose.angles[:_LEGS], *sitting.angles[_LEGS:]), carried="seat")
     drawn = []
     for copy in range(thing.shown):
-        worn = anybody[copy % len(anybody)] if thing.noun in GROUPS else clothes  # a family is of all kinds
+        worn = family[copy % len(family)] if thing.noun in GROUPS else clothes  # a family is of all kinds
         kind = zlib.crc32(thing.name.encode()) + copy
         figure = figures.draw_figure(pose, worn, heads=heads, is_old=bool(old), kind=kind, has_seat=bool(carriers))
         drawn.append(figure.mirror() if is_faced or copy % 2 else figure)
@@ -161,7 +180,8 @@ def _pose_of(number: int, thing: Thing, reading: Reading, sentences: SentenceEnc
             said.append(f"{thing.doing}{between} {reading.things[one.object].noun}".strip())
     pose, meant, similarity = figures.nearest(said or [thing.name], figures.poses(), sentences)
     if " " not in meant or similarity < _WITH:  # flying a kite is not flying
-        alone = [*said, thing.doing or thing.name]
+        named = (thing.name, _DOER.sub("ing", thing.noun))
+        alone = [*said, *([thing.doing] if thing.doing else named)]
         pose, meant, similarity = figures.nearest(alone, figures.poses(), sentences)
     standing = figures.poses()[0]
     return (standing, "") if similarity < (_DOES if thing.doing else _IS) or pose is standing else (pose, meant)

@@ -86,6 +86,7 @@ _SHADED = 0.72  # brightness of the far limbs
 _LIFTED = 0.16  # space below somebody in the air, as a share of the height
 _SKINS = ("burlywood", "peru", "tan", "sienna", "sandybrown")
 _HAIRS, _WHITE = ("saddlebrown", "black", "darkgoldenrod", "black", "sienna"), "silver"
+_PAGE = ((-0.3, 0.1), (0.1, -1.15), (1.1, -0.95), (0.7, 0.3))  # corners of a page, from the hand
 _WOOD, _IRON, _DARK = "peru", "dimgray", 0.3  # of tools, and brightness of shoes
 _HATS = {  # strokes of two ends, each with its place above the middle of the head, before it, and half its width
     "cap": (((0.2, -0.05, 0.47), (0.3, 0.05, 0.42)), ((0.14, 0.3, 0.07), (0.1, 0.78, 0.05))),
@@ -136,8 +137,12 @@ def draw_figure(pose: Pose, worn: Clothes, *, heads: float, is_old: bool, kind: 
     _draw_arm(sheet, body, 1, worn, skin)
     for number in (1, 0):
         _draw_leg(sheet, body, number, worn, skin)
-    if worn.cut == "skirt":
-        sheet.fill(worn.bottom, [(body.hips, 0.4), *((knee, 0.36) for knee in body.knees)])
+    if worn.cut in ("skirt", "robe"):
+        low = [
+            ((knee, 0.36) if worn.cut == "skirt" else (ankle, 0.4))
+            for knee, ankle in zip(body.knees, body.ankles, strict=True)
+        ]
+        sheet.fill(worn.bottom, [(body.hips, 0.4), *low])
     sheet.draw(worn.top, [(body.hips, 0.44), (body.chest, 0.52)])
     _draw_head(sheet, body, worn, skin, hair)
     reached = _draw_tool(sheet, body, pose.tool)
@@ -215,7 +220,7 @@ def _draw_leg(sheet: _Sheet, body: _Body, number: int, worn: Clothes, skin: str)
     sheet.fill(skin if worn.cut == "skirt" else worn.bottom, [(body.hips, 0.32), (knee, 0.26)], shade)
     sheet.fill(skin if worn.cut in ("skirt", "shorts") else worn.bottom, [(knee, 0.24), (ankle, 0.18)], shade)
     if worn.cut == "robe":
-        sheet.fill(worn.bottom, [(body.hips, 0.44), (knee, 0.42), (ankle, 0.48)], shade)
+        sheet.fill(worn.bottom, [(body.hips, 0.44), (knee, 0.42), (ankle, 0.44)], shade)
 
 
 def _draw_head(sheet: _Sheet, body: _Body, worn: Clothes, skin: str, hair: str) -> None:
@@ -253,6 +258,20 @@ def _draw_tool(sheet: _Sheet, body: _Body, tool: str) -> _Point:
         sheet.draw(_WOOD, [(body.hands[0], 0.09), (top, 0.09)])
         sheet.draw(_IRON, [(_beyond(top, along - 30, 0.4), 0.22), (_beyond(top, along + 150, 0.4), 0.22)])
         return np.array([x + 1.3, body.floor])
+    if tool == "foot":
+        return _beyond(body.ankles[0], body.shins[0] + 75, _FOOT)
+    if tool == "leash":
+        end = np.array([x + 1.2, body.hips[1] + 0.9])
+        sheet.draw(_IRON, [(body.hands[0], 0.05), (end, 0.05)])
+        return end
+    if tool == "page":
+        for wide, color in ((0.06, _IRON), (0.0, "ivory")):
+            sheet.fill(color, [(body.hands[0] + np.array(corner), 0.05 + wide) for corner in _PAGE])
+        for share in (0.3, 0.5, 0.7):  # its lines
+            (low, high, far, near), rest = np.array(_PAGE), 1 - share
+            left, right = rest * low + share * high, rest * near + share * far
+            inner = [body.hands[0] + 0.8 * one + 0.2 * other for one, other in ((left, right), (right, left))]
+            sheet.draw(_IRON, [(end, 0.04) for end in inner])
     return body.hands[0]
 
 

@@ -127,9 +127,10 @@ def _parts_of(
         known = known_like(name, sentences)  # a small house is no small bird
         if one.thing.doing == "flying" and not is_flown:
             known = known._replace(where="air")
-        picture, size = change_looks(one.colored, mine)
+        colored = one.colored if one.figure is None else one.picture  # the clothes have the colour
+        picture, size = change_looks(colored, mine)
         picture = in_weather(picture, setting.weather, known.where, mine)
-        leans = picture.shape != one.colored.shape
+        leans = picture.shape != colored.shape
         picture = copies([picture] * one.shown, known.where, seed + number, leans=leans)
         parts[number] = ScenePart(picture, known, one.figure, size)
     return parts

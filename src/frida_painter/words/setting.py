@@ -17,7 +17,7 @@ from frida_painter.words.scenery import Stand
 SKY = "sky"
 """Place without a land of its own."""
 _LIGHTS = (*places.LIGHTS, DAY)
-_BY_THINGS = ("under", "beside", "behind", "front", "with")  # kinds of relations to a thing, not to a place
+_BY_THINGS = ("under", "beside", "behind", "front", "with", "hold")  # kinds of relations to a thing, not to a place
 _AROUND = ("behind", "front", "near", "beside")  # kinds of relations to things that are all around
 _PICTURED = 0.8  # similarity above which a picture probably shows the thing of a noun
 _ROUNDING = 1e-3
