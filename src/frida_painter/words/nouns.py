@@ -18,9 +18,14 @@ class Sense(NamedTuple):
     words: tuple[str, ...]
     above: Sense | None
 
+    @property
+    def kinds(self) -> tuple[Sense, ...]:
+        """The senses that this is a kind of, the nearest first."""
+        return () if self.above is None else (self.above, *self.above.kinds)
+
     def is_kind_of(self, other: Sense) -> bool:
         """Returns True if this is the other sense, or a kind of it."""
-        return self is other or (self.above is not None and self.above.is_kind_of(other))
+        return other in (self, *self.kinds)
 
 
 def _read_lines(file: str) -> list[str]:
@@ -56,8 +61,13 @@ def kinds_of(name: str) -> frozenset[str]:
     return known.get(noun) or known.get(_singular(noun)) or frozenset({"thing"})
 
 
-def senses_of(name: str) -> list[Sense]:
-    """Returns the senses of a name for things that can be touched: of its last two words, or else of the last one."""
+def noun_of(name: str) -> str:
+    """Returns the last two words of a name if they have senses, or else the last one, in the singular."""
     words, known = name.lower().split(), _senses()
     tried = [" ".join(words[-2:]), "".join(words[-2:]), *words[-1:]]  # a pine cone is a pinecone
-    return next((known[form] for noun in tried for form in (noun, _singular(noun)) if form in known), [])
+    return next((form for noun in tried for form in (noun, _singular(noun)) if form in known), "")
+
+
+def senses_of(name: str) -> list[Sense]:
+    """Returns the senses of the noun of a name, for things that can be touched."""
+    return _senses().get(noun_of(name), [])

@@ -18,7 +18,7 @@ from frida_painter.words.arrangement import is_person
 from frida_painter.words.compositing import recolor
 from frida_painter.words.figures import Figure
 from frida_painter.words.libraries import PictureFolder, libraries_at_hand
-from frida_painter.words.nouns import Sense, kinds_of, senses_of
+from frida_painter.words.nouns import Sense, kinds_of, noun_of, senses_of
 from frida_painter.words.reading import Thing, paint_of, word_meanings
 from frida_painter.words.scenery import DrawnScenery
 
@@ -62,6 +62,8 @@ def is_upright(picture: Tensor) -> bool:
 # Comparison of a picture's title with a thing of a prompt.
 
 _SAYS, _ADDS = 0.2, 0.2  # bonus for each word of the prompt, and penalty for each other word
+_ICON = 0.4  # penalty of an icon, which everything with colours goes before
+_KINDS = 4  # number of kinds of an animal or a plant that may stand for it: a bird for a robin, but no animal
 _OCCASION = 0.15  # penalty for keywords of an idea that the prompt does not have: a pumpkin of Halloween
 _MORE = 0.3  # penalty for a picture of several, if a number of them is wanted
 _ENDING = 2  # greatest number of an ending's letters: an older woman is old
@@ -95,6 +97,16 @@ def _is_modified(title: str, thing: Thing) -> bool:
     last = "".join(_names(title)[-1:])
     ends = (thing.noun, f"{thing.noun}s", thing.plural or thing.noun, thing.doing or thing.noun)
     return thing.noun in title and not last.endswith(ends)
+
+
+def _words_of(senses: Sequence[Sense]) -> set[str]:
+    """Returns the words that have one of the senses, and no other."""
+    return {word for one in senses for word in one.words if senses_of(word) == [one]}
+
+
+def _raise(similarity: Tensor, names: Sequence[str], words: set[str], least: float) -> Tensor:
+    """Returns similarities [n] of pictures that are at least `least` if their names are among the words."""
+    return torch.where(torch.tensor([name in words for name in names]), similarity.clamp(min=least), similarity)
 
 
 def _is_called(title: str, thing: Thing) -> bool:
@@ -187,9 +199,8 @@ class _Entry:
         return _names(self.title)
 
     @cached_property
-    def nouns(self) -> set[str]:
-        """The last word of the names, and the last two."""
-        return {" ".join(self.names[-2:]), *self.names[-1:]}
+    def noun(self) -> str:
+        return noun_of(" ".join(self.names))
 
 
 class PictureIndex:
@@ -226,9 +237,11 @@ class PictureIndex:
         figure, similarity = is_person(thing.name, self._sentences), self._similarity(thing)
         least = _MIN_PERSON if figure else _MIN
         meant = self._meant(thing.name, clean_caption(prompt), _UNSURE)
-        synonyms = {word for one in meant for word in one.words if senses_of(word) == meant} - {thing.noun}
-        same = torch.tensor([bool(synonyms & entry.nouns) for entry in self._entries])
-        similarity = torch.where(same, similarity.clamp(min=_SAME), similarity)
+        synonyms = _words_of(meant if len(meant) == 1 else ()) - {thing.noun}
+        similarity = _raise(similarity, [entry.noun for entry in self._entries], synonyms, _SAME)
+        living = [one for sense in meant for one in sense.kinds[:_KINDS] if one.is_kind_of(senses_of("organism")[0])]
+        names = [" ".join(entry.names) for entry in self._entries]
+        similarity = _raise(similarity, names, _words_of(living), least)  # a robin is a bird
         context = (self._meanings @ self._sentences.embed([prompt])[0])[self._titles]
         order = (similarity + _CONTEXT * context).argsort(descending=True, stable=True)[:_LOOKED_AT_FOR_KIND].tolist()
         fits = [self._fits(self._entries[at], float(similarity[at]), thing, meant, synonyms, prompt) for at in order]
@@ -245,6 +258,7 @@ class PictureIndex:
             worth = (
                 _EXACT * like
                 - _OCCASION * bool(ideas)
+                - _ICON * (entry.realism == 0)
                 + _spoken(entry.title, thing)
                 + _CONTEXT * float(context[at])
                 + worth_of(picture, entry.realism)
@@ -272,17 +286,20 @@ class PictureIndex:
             kinds, is_alone = kinds_of(entry.title), prompt.lower().endswith(thing.name)
             is_plain = kinds == {"thing"} or (is_alone and "thing" in kinds)
             return is_plain and entry.title in (thing.name, thing.noun, thing.plural, *synonyms)
-        if synonyms & entry.nouns:
+        if entry.noun in synonyms:
             return True
         if _is_modified(entry.title, thing):
             return False  # an owl on a branch is no branch
         if is_person(thing.name, self._sentences):
             return is_called or (is_person(entry.title, self._sentences) and entry.names[-1:] != [thing.noun])
         kind = thing.name.split()[-2:]
-        if len(kind) > 1 and senses_of(kind[0]):  # a box is no lunch box
+        if len(kind) > 1:
             whole, title = self._sentences.embed([" ".join(kind), entry.title])
-            if float(whole @ title) < _ABOUT:
-                return False
+            alike = float(whole @ title)
+            if is_called and alike >= _NAMED:
+                return True
+            if senses_of(kind[0]) and alike < _ABOUT:
+                return False  # a box is no lunch box
         shown = self._meant(" ".join(entry.names), entry.title)
         if meant and shown:
             is_special = like >= _ABOUT and any(one.is_kind_of(other) for one in shown for other in meant)
