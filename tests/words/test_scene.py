@@ -1,4 +1,4 @@
-"""Scenes of pictures made up here: an ibex before rocks fills its picture, a tree and a goat stand free."""
+"""Scenes of pictures made up here: an okapi before rocks fills its picture, a tree and a goat stand free."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -20,14 +20,14 @@ from support.planning import CANVAS
 
 GRID = PixelGrid.of_height(CANVAS, 48)
 TREE, GOAT = Thing("tree", "tree"), Thing("goat", "goat")
-IBEX = Thing("ibex", "ibex")
+OKAPI = Thing("okapi", "okapi")
 
 
 class Pictures:
     name, credit, is_own = "pictures", "", False
 
     def list_captioned(self) -> Sequence[Captioned]:
-        return [Captioned(said, (said,), 0.8) for said in ("ibex", "red panda", "panda", "tree", "goat")]
+        return [Captioned(said, (said,), 0.8) for said in ("okapi", "red panda", "panda", "tree", "goat")]
 
     def pictures(self, file: str) -> list[Tensor]:
         picture = torch.rand(4, 60, 90, generator=torch.Generator().manual_seed(1))
@@ -65,7 +65,7 @@ def filled(scene: ComposedScene) -> bool:
 
 
 def test_what_only_a_picture_with_a_ground_shows_fills_the_canvas(tmp_path: Path) -> None:
-    seen = encoders(tmp_path, Reading((IBEX, TREE), (Relation(0, "under", 1),)))
+    seen = encoders(tmp_path, Reading((OKAPI, TREE), (Relation(0, "under", 1),)))
     scene = scene_of("under a tree", GRID, seen, 0)
     assert filled(scene) and not scene.is_alone
     assert seen.remarks[1].endswith("not shown: 'tree'.") and "nothing else is added" in seen.remarks[3]
@@ -111,16 +111,16 @@ def test_what_stands_free_stands_among_others(tmp_path: Path) -> None:
 
 
 def test_among_others_a_thing_that_is_not_the_first_has_no_ground(tmp_path: Path) -> None:
-    seen = encoders(tmp_path, Reading((GOAT, IBEX), (Relation(0, "beside", 1),)))
-    scene_of("a goat beside an ibex", GRID, seen, 0)
-    assert "'goat'" in seen.remarks[0] and "not shown: 'ibex'" in seen.remarks[1]
+    seen = encoders(tmp_path, Reading((GOAT, OKAPI), (Relation(0, "beside", 1),)))
+    scene_of("a goat beside an okapi", GRID, seen, 0)
+    assert "'goat'" in seen.remarks[0] and "not shown: 'okapi'" in seen.remarks[1]
 
 
 def test_a_picture_of_a_persons_own_with_a_ground_fills_the_canvas(tmp_path: Path) -> None:
-    alone = encoders(tmp_path, Reading((IBEX,)), OwnPictures())
-    assert filled(scene_of("an ibex", GRID, alone, 0))
-    among = encoders(tmp_path, Reading((IBEX, GOAT), (Relation(0, "beside", 1),)), OwnPictures())
-    assert filled(scene_of("an ibex beside a goat", GRID, among, 0)) and "nothing else is added" in among.remarks[-1]
+    alone = encoders(tmp_path, Reading((OKAPI,)), OwnPictures())
+    assert filled(scene_of("an okapi", GRID, alone, 0))
+    among = encoders(tmp_path, Reading((OKAPI, GOAT), (Relation(0, "beside", 1),)), OwnPictures())
+    assert filled(scene_of("an okapi beside a goat", GRID, among, 0)) and "nothing else is added" in among.remarks[-1]
 
 
 def test_a_time_of_the_day_that_is_named_alone_is_light_and_no_thing(tmp_path: Path) -> None:
@@ -134,9 +134,9 @@ def test_a_colour_is_not_told_from_a_photographs_ground(tmp_path: Path) -> None:
     blue = encoders(tmp_path, Reading((Thing("panda", "panda", "blue"),)))
     scene_of("a blue panda", GRID, blue, 0)
     assert "'panda' (pictures)" in blue.remarks[0], "which stands free, and can be coloured"
-    ibex = encoders(tmp_path, Reading((Thing("ibex", "ibex", "gray"),)))
-    scene_of("a gray ibex", GRID, ibex, 0)
-    assert "'ibex' (pictures)" in ibex.remarks[0], "rather than none"
+    okapi = encoders(tmp_path, Reading((Thing("okapi", "okapi", "gray"),)))
+    scene_of("a gray okapi", GRID, okapi, 0)
+    assert "'okapi' (pictures)" in okapi.remarks[0], "rather than none"
 
 
 def test_a_feeling_is_painted_without_a_thing_even_if_a_picture_is_called_so(tmp_path: Path) -> None:

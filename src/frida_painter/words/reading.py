@@ -198,7 +198,8 @@ class PromptReader:
         text = text.lower() if text.isupper() else text[:1].lower() + text[1:]
         parsed = self._parse(text)
         walk = _Walk(parsed)
-        if walk.absent and not walk.things:
+        is_negated = not parsed and text.startswith(("no ", "without "))
+        if is_negated or (walk.absent and not walk.things):
             raise refuse_absent(text)
         plain = re.sub("^(an?|the) ", "", text)
         said = _list_said(parsed, {at for relation in walk.relations for at in relation.at})

@@ -136,7 +136,6 @@ _NOUN = 0.35  # weight of a name's last word in its meaning
 _CONTEXT = 0.15  # weight of a caption's similarity to the whole prompt
 
 _FROM_HEAD_TO_FOOT, _TALL = 0.3, 1.3  # bonus for a whole figure, by height over width: actors have hands and feet
-_SPEAKS = 0.45  # similarity of a caption to the last word of a name that it needs
 
 
 @dataclass(frozen=True)
@@ -237,9 +236,10 @@ class PictureIndex:
         figure, similarity = is_person(thing.name, self._sentences), self._similarity(thing)
         least = _MIN_PERSON if figure else _MIN
         meant = self._meant(thing.name, clean_caption(prompt), _UNSURE)
-        synonyms = _words_of(meant if len(meant) == 1 else ()) - {thing.noun}
+        sure = meant if len(meant) == 1 else []
+        synonyms = _words_of(sure) - {thing.noun}
         similarity = _raise(similarity, [entry.noun for entry in self._entries], synonyms, _SAME)
-        living = [one for sense in meant for one in sense.kinds[:_KINDS] if one.is_kind_of(senses_of("organism")[0])]
+        living = [one for sense in sure for one in sense.kinds[:_KINDS] if one.is_kind_of(senses_of("organism")[0])]
         names = [" ".join(entry.names) for entry in self._entries]
         similarity = _raise(similarity, names, _words_of(living), least)  # a robin is a bird
         context = (self._meanings @ self._sentences.embed([prompt])[0])[self._titles]
@@ -369,7 +369,7 @@ class PictureIndex:
         # An older man is a man; but a slot machine is no sewing machine.
         is_one = torch.tensor([entry.names[-1:] == [thing.noun] for entry in self._entries])
         noun = self._similar(thing.noun).masked_fill(is_one & (called >= _MIN), 1)
-        return ((1 - _NOUN) * called + _NOUN * noun).masked_fill(noun < _SPEAKS, 0)  # stones are no stone bridge
+        return (1 - _NOUN) * called + _NOUN * noun
 
     def _similar(self, words: str) -> Tensor:
         """Returns the similarity of words to each picture: the title's, or a keyword's, weighted by the title's."""
