@@ -205,7 +205,7 @@ class Taught(WordBag):
 def test_a_kind_shows_what_it_is_of_and_nothing_else_does_only_because_it_is_like_it(tmp_path: Path) -> None:
     names = ("duck", "sailboat", "lady beetle", "trout")
     library = Library("photos", {name: ((name,), 0.8, RED) for name in names})
-    sentences = Taught(duck="goose", salmon="trout", oak="tree")
+    sentences = Taught(duck="goose", salmon="trout", oak="tree", ladybird="beetle")
     index = PictureIndex([library, Library("trees", {"1": (("tree",), 0.8, GREEN)})], sentences, tmp_path)
     for name, caption, exact in (
         ("goose", None, False),

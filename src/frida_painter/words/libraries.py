@@ -53,7 +53,7 @@ def without_ground(drawing: Tensor) -> Tensor:
     colors = drawing[:3]
     edge = torch.cat((colors[:, 0], colors[:, -1], colors[:, :, 0], colors[:, :, -1]), 1)
     ground = edge.median(1).values
-    if ((edge - ground[:, None]).abs().amax(0) <= _ALIKE).float().mean() < 0.8:
+    if ((edge - ground[:, None]).abs().amax(0) <= _ALIKE).float().mean() < 0.83:
         return drawing
     is_ground = (colors - ground[:, None, None]).abs().amax(0) <= _ALIKE
     framed = functional.pad(is_ground.byte(), (1, 1, 1, 1), value=1).numpy()

@@ -63,6 +63,7 @@ def is_upright(picture: Tensor) -> bool:
 
 _SAYS, _ADDS = 0.2, 0.2  # bonus for each word of the prompt, and penalty for each other word
 _ICON = 0.4  # penalty of an icon, which everything with colours goes before
+_RATHER = 0.4  # similarity that another word for a thing needs
 _KINDS = 4  # number of kinds of an animal or a plant that may stand for it: a bird for a robin, but no animal
 _OCCASION = 0.15  # penalty for keywords of an idea that the prompt does not have: a pumpkin of Halloween
 _MORE = 0.3  # penalty for a picture of several, if a number of them is wanted
@@ -105,8 +106,12 @@ def _words_of(senses: Sequence[Sense]) -> set[str]:
 
 
 def _raise(similarity: Tensor, names: Sequence[str], words: set[str], least: float) -> Tensor:
-    """Returns similarities [n] of pictures that are at least `least` if their names are among the words."""
-    return torch.where(torch.tensor([name in words for name in names]), similarity.clamp(min=least), similarity)
+    """Returns similarities [n] of pictures that are at least `least` if their names are among the words.
+
+    The name must be rather similar: a dot is no acid.
+    """
+    is_named = torch.tensor([name in words for name in names]) & (similarity >= _RATHER)
+    return torch.where(is_named, similarity.clamp(min=least), similarity)
 
 
 def _is_called(title: str, thing: Thing) -> bool:
