@@ -2,10 +2,12 @@ import pytest
 import torch
 
 from frida_painter.frames import PixelGrid
-from frida_painter.words.arrangement import Placed
+from frida_painter.words.arrangement import Known, Placed
 from frida_painter.words.composition import compose_photograph, compose_scene
 from frida_painter.words.places import LIGHTS, Setting, find_place
 from support.planning import CANVAS
+
+THING = Known("thing", 1.0, "ground")
 
 GRID = PixelGrid.of_height(CANVAS, 60)
 
@@ -22,7 +24,7 @@ def test_a_picture_with_a_ground_fills_the_canvas_in_the_light_that_is_named(row
 def test_a_thing_in_a_bowl_ends_at_a_round_rim() -> None:
     drawing = torch.ones(4, 40, 40)
     for hidden in (0.0, 0.4):
-        inside = [Placed(drawing, 0, 0, 1, hidden=hidden, dip=0.3 * hidden)]
+        inside = [Placed(drawing, THING, hidden=hidden, dip=0.3 * hidden)]
         seen = (
             compose_scene(inside, Setting(find_place("plain paper"), is_named=True), GRID, 0, in_the_air=False).where
             > 0.5
@@ -36,7 +38,7 @@ def test_a_thing_in_a_bowl_ends_at_a_round_rim() -> None:
 def box(x: float = 0.0, size: float = 1.0) -> Placed:
     drawing = torch.zeros(4, 40, 40)
     drawing[0], drawing[3] = 1, 1
-    return Placed(drawing, x, 0, size, size=size)
+    return Placed(drawing, THING, size=size, x=x, height=size)
 
 
 def test_a_hill_rises_under_a_thing_and_a_bank_is_in_front_of_water() -> None:

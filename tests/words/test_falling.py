@@ -6,10 +6,12 @@ import pytest
 import torch
 
 from frida_painter.frames import PixelGrid
-from frida_painter.words.arrangement import Placed
+from frida_painter.words.arrangement import Known, Placed
 from frida_painter.words.composition import compose_scene, falling
 from frida_painter.words.places import CLEAR, DAY, LIGHTS, WEATHERS, Setting, find_place
 from support.planning import CANVAS
+
+THING = Known("thing", 1.0, "ground")
 
 GRID = PixelGrid.of_height(CANVAS, 128)
 MEADOW, NIGHT = find_place("meadow"), LIGHTS[2]
@@ -53,7 +55,7 @@ def test_what_falls_matters_as_things_do() -> None:
     drawing = torch.zeros(4, 40, 40)
     drawing[3] = drawing[0] = 1
     setting = Setting(MEADOW, DAY, RAIN, is_named=True)
-    scene = compose_scene([Placed(drawing, 0, 0, 1)], setting, GRID, 0, in_the_air=False)
-    dry = compose_scene([Placed(drawing, 0, 0, 1)], Setting(MEADOW, DAY, is_named=True), GRID, 0, in_the_air=False)
+    scene = compose_scene([Placed(drawing, THING)], setting, GRID, 0, in_the_air=False)
+    dry = compose_scene([Placed(drawing, THING)], Setting(MEADOW, DAY, is_named=True), GRID, 0, in_the_air=False)
     rain = (scene.picture - dry.picture).abs().amax(0) > 0.1
     assert float(rain.float().mean()) > 0.01 and float(scene.where[rain].mean()) > 0.7

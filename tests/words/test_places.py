@@ -5,7 +5,7 @@ import torch
 
 from frida_painter.frames import PixelGrid
 from frida_painter.palette import to_lab
-from frida_painter.words.arrangement import Placed, known_like, known_things
+from frida_painter.words.arrangement import Known, Placed, known_like, known_things
 from frida_painter.words.composition import compose_scene
 from frida_painter.words.places import (
     CLEAR,
@@ -30,6 +30,8 @@ from frida_painter.words.places import (
 )
 from support.networks import WordBag
 from support.planning import CANVAS
+
+THING = Known("thing", 1.0, "ground")
 
 GRID = PixelGrid.of_height(CANVAS, 48)
 PAINTED = [place for place in known_places() if place.kind != "paper"]
@@ -109,7 +111,7 @@ def test_things_are_told_from_their_ground(shade: float) -> None:
 def test_things_never_touch_the_edge(shape: tuple[int, int], named: bool, in_the_air: bool) -> None:
     drawing = torch.zeros(4, *shape)
     drawing[3], drawing[0] = 1, 1
-    things = [Placed(drawing, 0, 0, 1), Placed(drawing, 1.5, 0.5, 0.6, 1)]
+    things = [Placed(drawing, THING), Placed(drawing, THING, x=1.5, y=0.5, height=0.6, depth=1)]
     for some in (things, things[:1]):
         scene = compose_scene(some, Setting(find_place("sea"), is_named=named), GRID, 1, in_the_air=in_the_air)
         assert float(scene.where.max()) == 1 and scene.picture.shape == (3, GRID.rows, GRID.columns)
@@ -121,9 +123,9 @@ def test_a_thing_without_a_named_place_stands_on_a_painted_ground_with_its_shado
     drawing = torch.zeros(4, 30, 40)
     drawing[3], drawing[0] = 1, 1
     setting = Setting(find_place("room"))
-    scene = compose_scene([Placed(drawing, 0, 0, 1)], setting, GRID, 0, in_the_air=False)
+    scene = compose_scene([Placed(drawing, THING)], setting, GRID, 0, in_the_air=False)
     assert float((scene.picture.amin(0) > 0.93).float().mean()) < 0.1
-    aloft = compose_scene([Placed(drawing, 0, 0, 1)], setting, GRID, 0, in_the_air=True).picture.mean(0)
+    aloft = compose_scene([Placed(drawing, THING)], setting, GRID, 0, in_the_air=True).picture.mean(0)
     foot = int((scene.where > 0.5).any(1).nonzero().max())
     shade = (aloft - scene.picture.mean(0))[foot + 1 : foot + 3]
     assert float(shade.max()) > 0.05, "its shadow"
@@ -134,7 +136,7 @@ def test_paper_stays_bare_if_words_ask_for_it() -> None:
     drawing = torch.zeros(4, 30, 40)
     drawing[3], drawing[0] = 1, 1
     paper = find_place("plain paper")
-    scene = compose_scene([Placed(drawing, 0, 0, 1)], Setting(paper, is_named=True), GRID, 0, in_the_air=False)
+    scene = compose_scene([Placed(drawing, THING)], Setting(paper, is_named=True), GRID, 0, in_the_air=False)
     assert float(scene.picture[:, scene.where < 0.01].min()) == 1
     assert find_part("blank page", known_places(), WordBag()) is paper
     blue = Setting(in_color(paper, (0.2, 0.3, 0.9))).ground(GRID, 0)

@@ -33,9 +33,6 @@ class Known(NamedTuple):
     where: str
 
 
-_THING = Known("thing", 1.0, "ground")
-
-
 @cache
 def known_things() -> tuple[Known, ...]:
     """Returns the table of `world.txt`."""
@@ -88,6 +85,8 @@ _SEAT = 0.5  # share of the height of a seat's picture at which somebody sits
 _HAND = (0.12, 0.45)  # of a person's picture: place of the hand
 _CARRIED, _HANDLED = 0.62, 0.3  # height in the world, by a person's, of what hands carry, and of what they work on
 _INTO = 0.4  # the same of what somebody can be in
+_INSIDE, _SILL = 0.75, 0.42  # the same of what is closed around somebody, and height of its window, by its own
+_LENGTHY = 1.5  # height by width above which what is held up may reach the floor
 _LIGHT = 0.8  # share of its size that a thing keeps in the hands
 _CROWN = 0.1  # share of a picture's height at its top that counts as the head
 _HAT, _LARGEST_HAT, _PULLED_DOWN = 1.25, 0.35, 0.3  # of the head's width, of the wearer's height, of its own height
@@ -134,30 +133,22 @@ class ScenePart:
 
 
 @dataclass(frozen=True)
-class Placed:
-    """Picture at its place in a scene.
+class Placed(ScenePart):
+    """Thing at its place in a scene.
 
-    picture: colour and opacity [4, h, w]
     x, y: middle of its lower edge
     height: of the picture
     depth: order of drawing; a greater depth is in front
     hidden: share of the height, from below, that the thing around it hides
-    figure: that is drawn in it
     dip: share of the height by which less is hidden in the middle of a round rim
-    size: factor of its height that the prompt asked for
-    known: its height and usual place in the world
     """
 
-    picture: Tensor
-    x: float
-    y: float
-    height: float
+    x: float = 0.0
+    y: float = 0.0
+    height: float = 1.0
     depth: int = 0
     hidden: float = 0.0
-    figure: Figure | None = None
     dip: float = 0.0
-    size: float = 1.0
-    known: Known = _THING
 
     @property
     def width(self) -> float:
@@ -179,39 +170,37 @@ def arrange_parts(parts: Sequence[ScenePart | None], relations: Sequence[Relatio
     usable = [
         _turn(one, shown) for one in relations if one.subject != one.object and {one.subject, one.object} <= {*shown}
     ]
-    related = {number for one in usable for number in (one.subject, one.object)}
-    for number in {*shown} - related:  # a lamp beside a table is on it, and a clock on the wall
-        top = next((other for other in shown if known[other] == "top" and other != number), None)
-        if top is not None and known[number] == "ground" and shown[number].known.height < shown[top].known.height:
-            usable.append(Relation(number, "on", top))
-        elif known[number] == "wall" and len(shown) > 1:
-            usable.append(Relation(number, "near", next(other for other in shown if other != number)))
     floor = [number for number in shown if known[number] != "air"] or list(shown)
     first = next((one.object for one in usable if kind_of(one.word) in _STOOD_BY), floor[0])
+    top = next((number for number in shown if known[number] == "top"), None)
+    related = {first, *(number for one in usable for number in (one.subject, one.object))}
+    for number in sorted({*shown} - related):  # a lamp beside a table is on it, a clock on the wall, and a bird above
+        is_small = top is not None and shown[number].known.height < shown[top].known.height
+        if top is not None and is_small and known[number] == "ground":
+            usable.append(Relation(number, "on", top))
+        else:
+            above = "above" if known[number] == "air" != known[first] else ""
+            usable.append(Relation(number, "near" if known[number] == "wall" else above, first))
     placed = {first: alone[first]}
     together: dict[tuple[int, str], list[int]] = {}  # things on or in the same thing
     while usable:
         one = next((one for one in usable if {one.subject, one.object} & set(placed)), usable[0])
         usable.remove(one)
-        if not {one.subject, one.object} & set(placed):
-            placed[one.object] = _beside(list(placed.values()), alone[one.object])
         mine, other, kind = one.subject, one.object, kind_of(one.word)
+        if not {mine, other} & set(placed):
+            placed[other] = _beside(list(placed.values()), alone[other])
         if mine in placed:
             mine, other, kind = other, mine, _OPPOSITE.get(kind, kind)
-        if mine not in placed and known[other] == "air" and known[mine] != "air" and len(placed) > 1:
-            placed[mine] = _beside([placed[each] for each in placed if known[each] != "air"], alone[mine])
-        elif mine not in placed:
-            placed[mine], placed[other] = _put(alone[mine], placed[other], kind)
+        if mine not in placed:
+            rest = [each for each in placed.values() if each.known.where != "air"]
+            is_below = len(placed) > 1 and known[other] == "air" != known[mine]
+            put = None if is_below and rest else _put(alone[mine], placed[other], kind)
+            placed[mine], placed[other] = put or (_beside(rest or [placed[other]], alone[mine]), placed[other])
             together.setdefault((other, kind), []).append(mine)
     for (number, kind), some in together.items():
         if kind in ("on", "in") and len(some) > 1:
             spread = _spread([placed[each] for each in some], placed[number])
             placed |= dict(zip(some, spread, strict=True))
-    for number in shown:
-        if number not in placed:
-            above = known[number] == "air" and any(known[other] != "air" for other in placed)
-            by = _put(alone[number], placed[first], "over")[0] if above else None
-            placed[number] = by or _beside(list(placed.values()), alone[number])
     return sorted(placed.values(), key=lambda one: one.depth)
 
 
@@ -246,9 +235,7 @@ def _scale(shown: Mapping[int, ScenePart]) -> dict[int, Placed]:
             size = max(least, min(1.0, (part.known.height / tallest) ** _GROWTH if tallest else 1.0))
         _, rows, columns = part.picture.shape
         shape = min(1.0, (rows / columns) ** 0.5) if part.figure is None else part.figure.tall
-        alone[number] = Placed(
-            part.picture, 0.0, 0.0, part.size * size * shape, figure=part.figure, size=part.size, known=part.known
-        )
+        alone[number] = Placed(part.picture, part.known, part.figure, part.size, height=part.size * size * shape)
     return alone
 
 
@@ -282,18 +269,18 @@ _ANCHORS = (  # kinds of relations, and usual places of a thing; "" for all
 )
 
 
-def _put(mine: Placed, other: Placed, kind: str) -> tuple[Placed, Placed]:
-    """Returns a thing at its place beside another, and the other, whose size or place may have changed."""
+def _put(mine: Placed, other: Placed, kind: str) -> tuple[Placed, Placed] | None:
+    """Returns a thing at its place by another, and the other, whose size or place may have changed; None for beside."""
     where, other_where = mine.known.where, other.known.where
     hangs = other_where in ("air", "wall") and where not in ("air", "wall") and kind not in ("on", "in", "behind", "")
     if hangs or kind in ("beneath", "around") or (kind == "under" and other_where == "held"):
-        other, mine = _put(other, mine, "shelter" if hangs else _OPPOSITE[kind])
-        return mine, other
+        put = _put(other, mine, "shelter" if hangs else _OPPOSITE[kind])
+        return put and put[::-1]
     if kind == "on" and other_where == "seat":  # long enough for somebody who lies
         other = replace(other, height=other.height * max(1.0, mine.width / other.width))
     anchor = _anchor(mine, other, kind)
     if anchor is None:
-        return _beside([other], mine), other
+        return None
     height = min(max(mine.height, anchor.least * other.height), anchor.most * other.height)
     mine = replace(mine, height=height, depth=other.depth + anchor.depth)
     x = other.x + anchor.across * other.width - anchor.aside * mine.width
@@ -312,8 +299,11 @@ def _anchor(mine: Placed, other: Placed, kind: str) -> _Anchor | None:
         most = math.inf if is_small else max(0.62, 0.6 * mine.height / other.height)
         up = _SEAT if other.known.where == "seat" else _top(other.picture, mine.width / max(other.width, 1e-6))
         return _Anchor(up=up, sinks=(mine.figure.seat if mine.figure else 0.0) or _SINKS, most=most)
-    if kind == "in" and mine.figure is not None and other.height > mine.height and other.known.where == "ground":
-        return _Anchor(-0.2, -0.06)  # in a house, so in front of it
+    if kind == "in" and mine.figure is not None and other.known.where == "ground":
+        if other.height > mine.height:
+            return _Anchor(-0.2, -0.06)  # in a house, so in front of it
+        if other.known.height > _INSIDE * mine.known.height:  # in a car, at its window
+            return _Anchor(up=_SILL, sinks=_TO_THE_HIPS, least=1.0, most=1.0)
     if kind == "in":
         hidden, (rim, deep) = _HIDDEN if mine.figure is None else _TO_THE_HIPS, _rim(other.picture)
         most = min(0.8, _FITS * other.width * shape / other.height)
@@ -340,12 +330,13 @@ def _in_hand(mine: Placed, other: Placed, kind: str) -> _Anchor:
     """Returns where a thing is that somebody has or works on: in the hand, or on the ground before it."""
     across, up = _HAND if other.figure is None else other.figure.hand
     where, share, floor = mine.known.where, mine.known.height / other.known.height, -max(0.0, other.y) / other.height
-    if where == "held":
-        return _Anchor(across, up if up > 0.5 else floor, depth=-1, most=0.8)
+    shape = mine.height / max(mine.width, 1e-6)
+    if where == "held":  # an umbrella is held up, and a long broom may reach the floor
+        return _Anchor(across, max(up, _HAND[1]) if up > 0.5 or shape < _LENGTHY else floor, depth=-1, most=0.8)
     lives = where in ("person", "animal", "water")
     stays = lives or where in ("seat", "top") or (where == "plant" and kind == "doing")
     if share <= (_HANDLED if kind == "doing" else _CARRIED) and (not stays or kind == "hold"):
-        size = min(_LIGHT * mine.height / other.height, 0.5)
+        size = min(_LIGHT * mine.height / other.height, 0.5, 0.5 * shape)
         return _Anchor(across, max(floor, up - 0.4 * size), least=size, most=size)
     side = math.copysign(1.0, across)
     return _Anchor(

@@ -10,6 +10,7 @@ from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.words import figures
 from frida_painter.words.arrangement import copies, is_person, kind_of, known_like
 from frida_painter.words.figures import Pose
+from frida_painter.words.nouns import kinds_of
 from frida_painter.words.reading import GROUPS, Reading, Thing, paint_of, word_meanings
 from frida_painter.words.retrieval import FoundPicture, PictureIndex, is_upright
 
@@ -73,6 +74,10 @@ def cast(
         wanted |= {one.subject: first}
         del wanted[one.object]
     people = {number for number, thing in wanted.items() if is_person(thing.name, sentences)}
+    objects = {one.object for one in reading.relations} - people if people else set()
+    for number in objects & {*wanted}:  # somebody's head is not another thing
+        if "body" in kinds_of(wanted[number].noun) and known_like(wanted[number].noun, sentences).where == "body":
+            del wanted[number]
     groups = {number: GROUPS.get(wanted[number].noun) for number in people if wanted[number].count == 1}
     wanted |= {number: replace(wanted[number], count=count) for number, count in groups.items() if count}
     poses = {number: _pose_of(number, wanted[number], reading, sentences) for number in people}
@@ -138,8 +143,8 @@ def _draw_person(
         clothes, called, _ = figures.nearest([thing.noun], family[:_ANYBODY], sentences)
     paint = paint_of(thing.color)
     if paint is not None:
-        worn = "#" + bytes((255 * paint).round().byte().tolist()).hex()
-        clothes = clothes._replace(top=worn, bottom=worn if clothes.cut in _LONG else clothes.bottom)
+        dyed = "#" + bytes((255 * paint).round().byte().tolist()).hex()
+        clothes = clothes._replace(top=dyed, bottom=dyed if clothes.cut in _LONG else clothes.bottom)
     old = _old(thing.name, sentences)
     (least, small), (most, tall) = _CHILD, _GROWN
     grown = (known_like(thing.name, sentences).height - small) / (tall - small)

@@ -192,7 +192,7 @@ def _equip_people(reading: Reading, index: PictureIndex | None, sentences: Sente
         if index is None or not is_person(thing.name, sentences):
             continue
         tool = index.tool_of(thing)
-        if tool and not any(tool.endswith(one.noun) for one in reading.things):
+        if tool and thing.noun not in tool and not any(tool.endswith(one.noun) for one in reading.things):
             relation = Relation(number, "holding", len(reading.things))
             things = (*reading.things, Thing(tool, tool.rpartition(" ")[2]))
             reading = replace(reading, things=things, relations=(*reading.relations, relation))
