@@ -75,6 +75,25 @@ def test_a_figure_touches_a_large_thing_and_a_duck_is_not_in_its_hand() -> None:
     assert baby.y > mother.y + 0.2 * mother.height
 
 
+def test_a_puppy_is_held_in_the_arms_and_one_that_is_fed_or_had_stands() -> None:
+    for word, is_held in (("holding", True), ("feeding", False), ("with", False)):
+        puppy, vet = reversed(put(word, figure(0), thing(1, 0.35, "animal")))
+        assert (puppy.y > vet.y + 0.2 * vet.height) == is_held
+
+
+def test_a_driver_is_at_the_window_of_a_car_and_a_scientist_is_not_in_a_microscope() -> None:
+    driver, car = put("in", figure(0), thing(1, 1.5, shape=(40, 90)))
+    lowest = driver.y + driver.hidden * driver.height
+    assert 0.3 * car.height < lowest < 0.6 * car.height and driver.y + driver.height <= 1.05 * car.height
+    scientist, microscope = put("into", figure(0), thing(1, 0.45))
+    assert scientist.hidden == 0 and microscope.height < 0.5 * scientist.height
+
+
+def test_a_lamp_does_not_make_people_tiny() -> None:
+    man, lamp = put("beside", figure(0), thing(1, 20.0, shape=(80, 10)))
+    assert man.height > 0.6 * lamp.height
+
+
 def test_the_hips_of_a_rider_are_on_the_horse_and_who_is_in_a_house_stands_before_it() -> None:
     rider, horse = put("riding", figure(0), thing(1, 1.8, "animal"))
     hips = rider.y + 0.4 * rider.height

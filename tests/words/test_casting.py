@@ -109,3 +109,20 @@ def test_who_does_something_on_a_bench_sits(tmp_path: Path) -> None:
     sitting, _ = found(acting("baker", "feeding", Thing("bench", "bench"), by="on"), tmp_path)
     assert standing is not None and standing.figure is not None and standing.figure.seat == 0
     assert sitting is not None and sitting.figure is not None and sitting.figure.seat > 0.2
+
+
+def test_a_page_in_the_hands_is_what_somebody_reads(tmp_path: Path) -> None:
+    reader, bread = found(acting("baker", "reading a book", Thing("bread", "bread")), tmp_path)
+    assert reader is not None and reader.caption.endswith("bread") and bread is None
+
+
+def test_clothes_have_the_colour_and_not_the_skin(tmp_path: Path) -> None:
+    plain, red = (found(Reading((Thing("monk", "monk", color=color),)), tmp_path)[0] for color in ("", "red"))
+    assert plain is not None and red is not None
+    changed = (plain.picture[:3] - red.picture[:3]).abs().amax(0) > 0.1
+    assert 0.3 < float(changed[plain.picture[3] > 0.5].float().mean()) < 0.95
+
+
+def test_the_head_of_somebody_is_no_other_thing(tmp_path: Path) -> None:
+    _, head = found(acting("baker", "carrying", Thing("head", "head")), tmp_path)
+    assert head is None

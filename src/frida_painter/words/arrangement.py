@@ -83,10 +83,9 @@ _TALLER = 1.45  # least height of a tree, relative to those under it
 _SEAT = 0.5  # share of the height of a seat's picture at which somebody sits
 
 _HAND = (0.12, 0.45)  # of a person's picture: place of the hand
-_CARRIED, _HANDLED = 0.62, 0.3  # height in the world, by a person's, of what hands carry, and of what they work on
-_INTO = 0.4  # the same of what somebody can be in
-_INSIDE, _SILL = 0.75, 0.42  # the same of what is closed around somebody, and height of its window, by its own
-_LENGTHY = 1.5  # height by width above which what is held up may reach the floor
+_CARRIED, _HANDLED = 0.62, 0.3  # height in the world, by a person's, of a thing in the hands, and of one under work
+_INTO, _INSIDE, _SILL = 0.4, 0.75, 0.42  # the same for things to be in, and for cars; height of a car's window
+_LENGTHY = 1.5  # height by width of a broom, which may reach the floor
 _LIGHT = 0.8  # share of its size that a thing keeps in the hands
 _CROWN = 0.1  # share of a picture's height at its top that counts as the head
 _HAT, _LARGEST_HAT, _PULLED_DOWN = 1.25, 0.35, 0.3  # of the head's width, of the wearer's height, of its own height
