@@ -90,18 +90,18 @@ def test_what_a_table_is_with_stands_on_it_and_not_beside(tmp_path: Path) -> Non
 
 
 def test_what_shows_one_thing_stands_for_no_other_beside_it(tmp_path: Path) -> None:
-    class Kings(PictureIndex):
+    class Donkeys(PictureIndex):
         def find(self, thing: Thing, *others: object, **further: object) -> FoundPicture | None:
             if further.get("shows"):
                 return None
-            return FoundPicture(thing, Pictures().pictures("goat")[0], "king", Pictures(), thing.noun == "king")
+            return FoundPicture(thing, Pictures().pictures("goat")[0], "donkey", Pictures(), thing.noun == "donkey")
 
-    king, throne = Thing("king", "king"), Thing("throne", "throne")
-    seen = encoders(tmp_path, Reading((king, throne), (Relation(0, "on", 1),)))
-    seen.own["picture index"] = Kings([Pictures()], WordBag(), tmp_path)
-    scene_of("a king on a throne", GRID, seen, 0)
-    assert seen.remarks[0].startswith("Begun with 'king' (pictures)") and seen.remarks[0].count("'king'") == 1
-    assert seen.remarks[1] == "Your words: shown: 'king'; not shown: 'throne'."
+    donkey, cart = Thing("donkey", "donkey"), Thing("cart", "cart")
+    seen = encoders(tmp_path, Reading((donkey, cart), (Relation(0, "on", 1),)))
+    seen.own["picture index"] = Donkeys([Pictures()], WordBag(), tmp_path)
+    scene_of("a donkey on a cart", GRID, seen, 0)
+    assert seen.remarks[0].startswith("Begun with 'donkey' (pictures)") and seen.remarks[0].count("'donkey'") == 1
+    assert seen.remarks[1] == "Your words: shown: 'donkey'; not shown: 'cart'."
 
 
 def test_what_stands_free_stands_among_others(tmp_path: Path) -> None:
