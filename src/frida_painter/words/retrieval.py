@@ -128,6 +128,7 @@ def _is_called(title: str, thing: Thing) -> bool:
 _MIN, _MIN_PERSON = 0.58, 0.52  # similarity of a caption to a thing, or a person, below which no picture is better
 _LOOKED_AT_FOR_KIND = 60
 _ABOUT = 0.7  # similarity above which a person's name is about a thing, and a special kind stands for a thing
+_COMPOUND = 0.65  # similarity of a compound to its last word, above which it is one: a stone house (0.67)
 _NAMED = 0.8  # similarity above which a caption means the thing, with any words: a duck (0.64) is no goose
 _BAND = 0.35  # range of similarity below the best within which pictures are examined
 _LOOKED_AT = 14
@@ -303,13 +304,15 @@ class PictureIndex:
             alike = float(whole @ title)
             if is_called and alike >= _NAMED:
                 return True
-            if senses_of(kind[0]) and alike < _ABOUT:
+            if senses_of(kind[0]) and alike < _COMPOUND:
                 return False  # a box is no lunch box
         shown = self._meant(" ".join(entry.names), entry.title)
         if meant and shown:
+            is_same = like >= _NAMED and any(thing.noun in one.words for one in shown)  # a couch is a sofa
             is_special = like >= _ABOUT and any(one.is_kind_of(other) for one in shown for other in meant)
-            return is_special or any(other.is_kind_of(one) for one in shown for other in meant)
-        return is_called or (like >= _ABOUT and thing.name in entry.captions)
+            return is_same or is_special or any(other.is_kind_of(one) for one in shown for other in meant)
+        is_head = thing.noun.endswith(entry.title)  # a campfire is a fire
+        return is_called or is_head or (like >= _ABOUT and thing.name in entry.captions)
 
     def _meant(self, name: str, text: str, unsure: float = 0.0) -> list[Sense]:
         """Returns the senses of a name that a text probably means: a board with bread on it is no game.

@@ -470,8 +470,9 @@ class DrawnScenery:
     name, credit, is_own = "drawn", "", False
 
     def list_captioned(self) -> Sequence[Captioned]:
-        """Returns the things of `scenery.txt`, with their words."""
-        return [Captioned(stand.name, stand.words, _WORTH) for stand in stands() if not stand.is_indoors]
+        """Returns the things of `scenery.txt`, once for each of their words."""
+        drawn = [(stand, word) for stand in stands() for word in stand.words if not stand.is_indoors]
+        return [Captioned(stand.name, (word,), _WORTH) for stand, word in drawn]
 
     def pictures(self, file: str) -> list[Tensor]:
         """Returns the drawing of a thing in daylight."""
