@@ -13,6 +13,7 @@ from itertools import islice
 from pathlib import Path
 
 import cv2
+import numpy as np
 import torch
 from torch import Tensor
 from torch.nn import functional
@@ -26,6 +27,8 @@ from frida_painter.words import svg_process
 # Pictures with opacity from untrusted files: SVG drawings and pixels.
 
 _SEEN = 0.05  # opacity above which a pixel is part of a thing
+_PLAIN = 0.83  # share of the edge of a picture that has the colour of its ground
+_SPECK = 0.03  # size of a remnant of the ground, by that of the largest piece of a thing
 _ALIKE = 14.5 / 255  # by which the colours of a plain ground may differ
 
 
@@ -53,12 +56,15 @@ def without_ground(drawing: Tensor) -> Tensor:
     colors = drawing[:3]
     edge = torch.cat((colors[:, 0], colors[:, -1], colors[:, :, 0], colors[:, :, -1]), 1)
     ground = edge.median(1).values
-    if ((edge - ground[:, None]).abs().amax(0) <= _ALIKE).float().mean() < 0.83:
+    if ((edge - ground[:, None]).abs().amax(0) <= _ALIKE).float().mean() < _PLAIN:
         return drawing
     is_ground = (colors - ground[:, None, None]).abs().amax(0) <= _ALIKE
     framed = functional.pad(is_ground.byte(), (1, 1, 1, 1), value=1).numpy()
     _, parts = cv2.connectedComponents(framed, connectivity=4)
-    kept = torch.from_numpy(parts != parts[0, 0])[None, 1:-1, 1:-1].float()
+    inside = np.asarray(parts != parts[0, 0], np.uint8)[1:-1, 1:-1]
+    _, pieces, sizes, _ = cv2.connectedComponentsWithStats(inside)  # the ground is piece 0
+    is_large = sizes[:, cv2.CC_STAT_AREA] >= _SPECK * sizes[1:, cv2.CC_STAT_AREA].max(initial=0)
+    kept = torch.from_numpy((is_large & (np.arange(len(sizes)) > 0))[pieces])[None].float()
     return torch.cat((colors, kept)) if float(kept.mean()) > 0.02 else drawing
 
 
