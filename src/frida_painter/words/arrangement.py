@@ -15,7 +15,7 @@ from torch import Tensor
 
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.words.compositing import resize, stack
-from frida_painter.words.figures import Figure
+from frida_painter.words.figures import Figure, wardrobe
 from frida_painter.words.nouns import kinds_of
 from frida_painter.words.reading import Relation
 
@@ -58,10 +58,22 @@ def known_like(name: str, sentences: SentenceEncoder) -> Known:
     return Known(name, float((share * heights.log()).sum().exp()), things[int(nearest[0])].where)
 
 
+_PERSON = 0.48  # least similarity of a word with other senses to a word for a person
+
+
 def is_person(name: str, sentences: SentenceEncoder) -> bool:
-    """Returns True if a name means a person. If the noun has other senses, the most similar known thing decides."""
+    """Returns True if a name means a person.
+
+    If its noun has other senses too, it means one if it is rather near to the people among the known things or to those
+    who have clothes of their own, and nearer than to any other known thing: a conductor, but no fox and no reed.
+    """
     kinds = kinds_of(name)
-    return "person" in kinds and (kinds == {"person"} or known_like(name, sentences).where == "person")
+    if "person" not in kinds or kinds == {"person"}:
+        return "person" in kinds
+    known = {one.name: one.where == "person" for one in known_things()}
+    known |= {word: True for clothes in wardrobe() for word in clothes.words}
+    similarity, nearest = (sentences.embed([*known]) @ sentences.embed([name])[0]).max(0)
+    return float(similarity) >= _PERSON and [*known.values()][int(nearest)]
 
 
 _GROWTH = 0.6  # exponent from the height in the world to the height in a picture

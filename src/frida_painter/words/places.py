@@ -83,7 +83,7 @@ class Place:
     @property
     def is_way(self) -> bool:
         """True if it leads through another place: a road, a jetty, a bridge."""
-        return self.has(*_WAYS)
+        return self.has(*_WAYS) and not self.has("sides", "walls")
 
     def has(self, *kinds: str) -> bool:
         """Returns True if it has a layer of one of these kinds."""
@@ -130,7 +130,7 @@ class Light:
     def shade(self) -> Tensor:
         """Factors [3] for the colours of things and of the land: 1 by day."""
         sky, day = (color_of(light.top) + color_of(light.low) for light in (self, DAY))
-        return (sky / day) ** _GAMMA
+        return (sky / day) ** (_GAMMA if self not in SEASONS else _GAMMA / 2)
 
 
 @dataclass(frozen=True)
@@ -225,6 +225,8 @@ LIGHTS = (
 GREY = LIGHTS[7]
 HOURS = LIGHTS[:4]
 """Lights of an hour."""
+SEASONS = LIGHTS[4:7]
+"""Lights of a season, which leave things more of their colours."""
 TIMES = LIGHTS[:7]
 """Lights of a time of day or year, in contrast to those of a mood."""
 CLEAR = Weather("clear", (), "white", DAY)
@@ -241,6 +243,7 @@ WEATHERS = (
 _Part = TypeVar("_Part", Place, Light, Weather)
 _ORDER = ("peaks", "hills", "far", "line", "band", "way", "road", "stream", "planks", "platform", "rails", "walls",
           "field", "grove", "sides", "falls", "bridge", "hung", "wings")  # of layers, from back to front  # fmt: skip
+_SEA = 0.25  # share of the land that is the sea behind it
 _WAYS = ("way", "road", "rails", "platform", "planks", "bridge")
 _KIN = {"peaks": "hills", "road": "way", "grove": "sides", "walls": "sides", "field": "sides"}  # of which there is one
 _CALLED = 0.72  # similarity to a place's words above which words name it
@@ -284,7 +287,9 @@ class Setting:
             high, low = color_of(place.above) * shade * _DIM, color_of(place.above) * shade
         if self.weather.flakes and place.kind in ("land", "hill"):  # snow also covers the land
             land = torch.lerp(land, color_of(self.weather.color) * shade, _COVERED)
-        if place.kind == "water":  # water reflects the top of the sky; the glow of a low sun would make it grey
+        if (
+            place.kind == "water" and self.light not in SEASONS
+        ):  # water reflects the top of the sky; the glow of a low sun would make it grey
             land = torch.lerp(land, high, 0.25)
         down, across = ((torch.arange(side) + 0.5) / side for side in (rows, columns))
         down, across = torch.meshgrid(down, across, indexing="ij")
@@ -409,7 +414,8 @@ def join(place: Place, others: Sequence[Place]) -> Place:
     """Returns the place with the scenery of others that it has none of: a lake before mountains, and with a jetty."""
     kept = {_KIN.get(layer.kind, layer.kind): layer for layer in place.layers}
     for other in others if place.is_open else ():
-        for layer in other.layers:
+        water = [PlaceLayer("band", str(other.below), _SEA)] if other.kind == "water" != place.kind else []
+        for layer in (*water, *(other.layers if other.is_open else ())):
             kin = _KIN.get(layer.kind, layer.kind)
             if kin not in kept or (kin == "hills" and layer.size > kept[kin].size):
                 kept[kin] = layer

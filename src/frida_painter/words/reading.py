@@ -221,6 +221,9 @@ class PromptReader:
         ):
             # birds over a house: without an article "birds" looks like a verb
             parsed = self._language(f"the {text}")
+        last = parsed[-1] if len(parsed) > 1 else None
+        if last is not None and last.tag_ == "VBZ" and last.nbor(-1).lower_.endswith("ing"):  # flipping pancakes
+            parsed = self._language(f"{parsed[:-1].text} the {last.text}")
         for word in parsed:
             if word.tag_ == "VBZ" and (base := word.lower_.removesuffix("s")) in self._verbs:
                 word.lemma_ = base  # rides come from ride, not rid
@@ -252,10 +255,9 @@ class PromptReader:
         before = [word for word in noun.lefts if word.dep_ in ("compound", "amod")]
         stem = noun.text.removesuffix("ing")
         is_verb = stem != noun.text and bool(self._verbs & {stem, f"{stem}e", stem[:-1]})
-        # But a stone building and a winter evening.
-        is_doing = (
-            is_verb and kinds_of(noun.lower_) == {"idea"} and kinds_of(before[-1].lower_ if before else "") != {"idea"}
-        )
+        actors = before or _children(noun, "nsubj")
+        kinds = [kinds_of(word.lower_) for word in (*actors[-1:], noun)]
+        is_doing = is_verb and kinds[-1] == {"idea"} and kinds[0] != {"idea"}  # but a stone building, a winter evening
         if noun.lemma_.lower() in _DEPICTIONS and (inner := shown.get("of", shown.get("with"))):
             _put_in_place(inner, noun, "det", [word for word in noun.rights if word.i > inner.i])
         elif noun.dep_ == "pobj" and "body" in kinds_of(noun.lemma_) and (owners := _children(noun, "poss")):
@@ -274,8 +276,8 @@ class PromptReader:
             if before:
                 _put_in_place(before[-1], noun, "acl", [word for word in noun.lefts if word != before[-1]])
             noun.pos_, noun.tag_ = "VERB", "VBZ"
-        elif before and is_doing and noun.dep_ in ("ROOT", "pobj", "dobj"):
-            _put_in_place(before[-1], noun, "acl", [word for word in noun.lefts if word != before[-1]])
+        elif actors and is_doing and noun.dep_ in ("ROOT", "pobj", "dobj"):
+            _put_in_place(actors[-1], noun, "acl", [word for word in noun.lefts if word != actors[-1]])
             noun.pos_ = "VERB"
 
     def _is_finite(self, noun: Token) -> bool:

@@ -65,6 +65,7 @@ _SAYS, _ADDS = 0.2, 0.2  # bonus for each word of the prompt, and penalty for ea
 _ICON = 0.4  # penalty of an icon, which everything with colours goes before
 _RATHER = 0.4  # similarity that another word for a thing needs
 _KINDS = 4  # number of kinds of an animal or a plant that may stand for it: a bird for a robin, but no animal
+_DEEP = 8  # number of kinds above one that is not too general: a bird, but no animal
 _OCCASION = 0.15  # penalty for keywords of an idea that the prompt does not have: a pumpkin of Halloween
 _MORE = 0.3  # penalty for a picture of several, if a number of them is wanted
 _ENDING = 2  # greatest number of an ending's letters: an older woman is old
@@ -245,7 +246,8 @@ class PictureIndex:
         sure = meant if len(meant) == 1 else []
         synonyms = _words_of(sure) - {thing.noun}
         similarity = _raise(similarity, [entry.noun for entry in self._entries], synonyms, _SAME)
-        living = [one for sense in sure for one in sense.kinds[:_KINDS] if one.is_kind_of(senses_of("organism")[0])]
+        above = [one for sense in sure for one in sense.kinds[:_KINDS] if len(one.kinds) >= _DEEP]
+        living = [one for one in above if one.is_kind_of(senses_of("organism")[0])]
         names = [" ".join(entry.names) for entry in self._entries]
         similarity = _raise(similarity, names, _words_of(living), least)  # a robin is a bird
         context = (self._meanings @ self._sentences.embed([prompt])[0])[self._titles]

@@ -18,7 +18,7 @@ SKY = "sky"
 """Place without a land of its own."""
 _LIGHTS = (*places.LIGHTS, DAY)
 _BY_THINGS = ("under", "beside", "behind", "front", "with", "hold")  # kinds of relations to a thing, not to a place
-_AROUND = ("behind", "front", "near", "beside")  # kinds of relations to things that are all around
+_AROUND = ("behind", "front", "near", "beside", "over")  # kinds of relations to things that are all around
 _PICTURED = 0.8  # similarity above which a picture probably shows the thing of a noun
 _ROUNDING = 1e-3
 _SURE = 0.8  # similarity above which a word of a name means a place: a watering can is not in water
@@ -38,17 +38,23 @@ def setting_of(
         is_settled, parts = _parts_of(number, reading, index, sentences)
         settled |= {number} if is_settled else set()
         seen += parts
+    owned = {at for thing in reading.things for at in thing.at}
+    for word in reading.said:  # it is still dark
+        if word.kind == "quality" and word.at not in owned:
+            weather = places.find_part(word.lemma, places.WEATHERS, sentences, _SURE)
+            if felt := weather or places.find_part(word.lemma, _LIGHTS, sentences, _FELT):
+                seen.append((Thing(word.text, word.lemma, at=(word.at,)), word.lemma, felt))
     light, weather = _mix([part for *_, part in seen])
     named = [part for *_, part in seen if isinstance(part, Place)]
-    named.sort(key=lambda one: (one.name == SKY, one.is_way))
+    named.sort(key=lambda one: (one.name == SKY, not one.is_open, one.is_way))
     place = places.join(named[0], named[1:]) if named else NOWHERE
     here = [thing for thing, _, part in seen if part in named]
     for number, stand in _stands_in(place, reading, settled, index, sentences).items():
         usual = places.find_place("room" if stand.is_indoors else "meadow")
-        color = paint_of(reading.things[number].color)
-        place = scenery.line_with(
-            usual if place is NOWHERE else place, stand, None if color is None else tuple(color.tolist())
-        )
+        if place is NOWHERE or place.name == SKY:
+            place = replace(usual, above=place.above)
+        paint = paint_of(reading.things[number].color)
+        place = scenery.line_with(place, stand, None if paint is None else tuple(paint.tolist()))
         seen.append((reading.things[number], reading.things[number].noun, stand))
         settled.add(number)
     related = {kind_of(one.word) for one in reading.relations if reading.things[one.object] in here}
@@ -125,7 +131,7 @@ def _stands_in(
             found |= {number: stand} if is_inside or has_glass else {}
         elif stand is not None and place.is_open and (thing.count is None or is_mass):
             is_around = any(one.object == number and kind_of(one.word) in _AROUND for one in reading.relations)
-            found |= {number: stand} if place.layers or (is_around and place is NOWHERE) else {}
+            found |= {number: stand} if place.layers or place.name == SKY or (is_around and place is NOWHERE) else {}
     return found
 
 
@@ -157,7 +163,7 @@ def _place_named(number: int, reading: Reading, nearest: float, sentences: Sente
     least = max(nearest - _ROUNDING, _EXACTLY if next_to else CALLED if beside else 0.0)
     several = thing.plural if thing.count is None and thing.plural else thing.noun  # mountains, but not one mountain
     full = f"{thing.name.removesuffix(thing.noun)}{several}"
-    place = places.find_part(full, places.known_places(), sentences, max(least, _SURE))
+    place = places.find_part(full, places.known_places(), sentences, least)
     place = place or places.find_part(several, places.known_places(), sentences, least)
     if place is not None and next_to and not place.is_open:
         place = None
