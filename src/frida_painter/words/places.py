@@ -287,9 +287,8 @@ class Setting:
             high, low = color_of(place.above) * shade * _DIM, color_of(place.above) * shade
         if self.weather.flakes and place.kind in ("land", "hill"):  # snow also covers the land
             land = torch.lerp(land, color_of(self.weather.color) * shade, _COVERED)
-        if (
-            place.kind == "water" and self.light not in SEASONS
-        ):  # water reflects the top of the sky; the glow of a low sun would make it grey
+        # Water reflects the top of the sky; the glow of a low sun, or of a season, would make it grey.
+        if place.kind == "water" and self.light not in SEASONS:
             land = torch.lerp(land, high, 0.25)
         down, across = ((torch.arange(side) + 0.5) / side for side in (rows, columns))
         down, across = torch.meshgrid(down, across, indexing="ij")
