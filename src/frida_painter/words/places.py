@@ -188,7 +188,7 @@ def find_place(name: str) -> Place:
     return next(place for place in known_places() if place.name == name)
 
 
-DAY = Light(("day", "noon", "midday", "sunny", "daylight"), "#a3cae9", "#e0f0f9")
+DAY = Light(("day", "noon", "midday", "sunny", "daylight", "light", "sunlight"), "#a3cae9", "#e0f0f9")
 LIGHTS = (
     Light(("dawn", "sunrise", "early morning", "morning"), "#9eb2db", "#fcd1ad", "#ffedb2"),
     Light(("sunset", "dusk", "evening", "twilight", "golden hour", "late afternoon"), "#6b5c94", "#fc9947", "#ffdb73"),
