@@ -12,6 +12,7 @@ from frida_painter.palette import from_lab, to_lab
 # Recoloring of a drawing: its main colour changes, and parts of another hue stay.
 
 _DARKEST = 22.0  # L* below which a colour is an outline or a shadow, unless there is no other
+_BODY = 0.3  # least share of a drawing that is no outline
 _COLORLESS = 12.0  # chroma below which a colour has no hue
 _HUE = 0.7  # cosine of the angle by which shades of one colour may differ in hue
 _SHADE = 45.0  # L* by which shades of a colour without hue may differ
@@ -32,7 +33,7 @@ def recolor(drawing: Tensor, color: Tensor) -> Tensor:
     lab = to_lab(drawing[:3].flatten(1).T)  # [h w, 3]
     seen = drawing[3].flatten() > 0.5
     body = seen & (lab[:, 0] > _DARKEST)
-    body = body if bool(body.any()) else seen
+    body = body if float(body.sum()) > _BODY * float(seen.sum()) else seen  # a black teapot
     if not bool(body.any()):
         return drawing
     main, wanted = _commonest(lab[body]), to_lab(color)

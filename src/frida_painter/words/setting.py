@@ -50,7 +50,10 @@ def setting_of(
     place = places.join(named[0], named[1:]) if named else NOWHERE
     here = [thing for thing, _, part in seen if part in named]
     for number, stand in _stands_in(place, reading, settled, index, sentences).items():
-        usual = places.find_place("room" if stand.is_indoors else "meadow")
+        words = reading.things[number].name.split()[:-1] if stand.is_indoors else ()  # a kitchen window
+        rooms = [places.find_part(word, places.known_places(), sentences, _EXACTLY) for word in words]
+        usual = next((one for one in rooms if one is not None and not one.is_open), None)
+        usual = usual or places.find_place("room" if stand.is_indoors else "meadow")
         if place is NOWHERE or place.name == SKY:
             place = replace(usual, above=place.above)
         paint = paint_of(reading.things[number].color)
@@ -88,9 +91,10 @@ def _parts_of(
     if part := part or _place_named(number, reading, nearest, sentences):
         seen.append((thing, thing.noun, part))
     is_whole = places.find_part(thing.name, known, sentences, _EXACTLY) is not None  # a city skyline
-    for word in thing.name.split()[:-1]:
+    for word in thing.name.split():
         if isinstance(part, Place) and not is_whole and (also := places.find_part(word, known, sentences, _EXACTLY)):
-            seen.append((thing, word, also))  # a desert road
+            seen.append((thing, word, also))  # a desert road, a forest path
+    for word in thing.name.split()[:-1]:
         weather = places.find_part(word, places.WEATHERS, sentences, _SURE)
         if felt := weather or places.find_part(word, _LIGHTS, sentences, _FELT):
             seen.append((thing, word, felt))
