@@ -172,6 +172,9 @@ def test_hills_of_another_place_stand_behind_a_lake() -> None:
     both = join(lake, [find_place("meadow"), mountains])
     assert (both.below, both.relief) == (lake.below, mountains.relief)
     assert [layer.kind for layer in both.layers] == ["peaks", "line"], "one row of hills, and the lake's own trees"
-    assert join(mountains, [lake]).layers[-1][:2] == ("band", lake.below) and join(lake, []) == lake
+    shore = join(mountains, [in_color(lake, (0.2, 0.3, 0.9))]).layers[-1]
+    assert (shore.kind, shore.color) == ("band", (0.2, 0.3, 0.9)) and join(lake, []) == lake
     bridge, river = find_place("bridge"), find_place("river")
+    green = in_color(river, "green")
+    assert green.below == river.below and [one.color for one in green.layers if one.kind == "stream"] == ["green"]
     assert {layer.kind for layer in join(river, [bridge]).layers} == {"hills", "line", "stream", "sides", "bridge"}

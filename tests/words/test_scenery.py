@@ -24,10 +24,6 @@ NIGHT, AUTUMN = (next(light for light in LIGHTS if light.name == name) for name 
 SNOW = next(weather for weather in WEATHERS if weather.flakes)
 
 
-def stand_named(name: str) -> Stand:
-    return next(stand for stand in stands() if stand.name == name)
-
-
 @pytest.mark.parametrize("place", DRAWN, ids=lambda place: place.name)
 def test_every_scenery_is_seen_and_repeats_to_the_byte(place: Place) -> None:
     setting = Setting(place, is_named=True)
@@ -38,7 +34,7 @@ def test_every_scenery_is_seen_and_repeats_to_the_byte(place: Place) -> None:
     assert torch.equal(seen, draw_scenery(ground, setting, 3))
 
 
-@pytest.mark.parametrize("stand", stands(), ids=lambda stand: stand.name)
+@pytest.mark.parametrize("stand", stands().values(), ids=lambda stand: stand.name)
 def test_every_stand_is_drawn_whole(stand: Stand) -> None:
     drawn = draw_stand(stand, Setting(), 0)
     assert drawn.shape[0] == 4 and 0 <= float(drawn.min()) <= float(drawn.max()) <= 1
@@ -58,7 +54,7 @@ def test_what_must_not_be_seen_is_left_out() -> None:
 
 
 def test_windows_are_lit_at_night_and_leaves_change_with_the_season() -> None:
-    house, tree = stand_named("house"), stand_named("tree")
+    house, tree = stands()["house"], stands()["tree"]
     by_day, by_night = (draw_stand(house, Setting(find_place("village"), light), 1) for light in (LIGHTS[0], NIGHT))
     warm = [((one[0] > 0.97) & (one[1] > 0.8) & (one[2] < 0.6)).float().mean() for one in (by_day, by_night)]
     assert warm[0] < 0.001 < 0.01 < warm[1]
@@ -80,11 +76,11 @@ def test_a_way_becomes_narrow_and_a_front_of_houses_low_in_the_distance() -> Non
 
 
 def test_things_of_the_prompt_replace_those_of_the_place() -> None:
-    palm, window = stand_named("palm"), stand_named("window")
+    palm, window = stands()["palm"], stands()["window"]
     street, meadow, room, sea = map(find_place, ("street", "meadow", "room", "sea"))
     for place, stand, kind in (
-        (find_place("river"), palm, "sides"), (street, stand_named("shop"), "walls"), (meadow, palm, "grove"),
-        (meadow, stand_named("flower"), "field"), (meadow, stand_named("house"), "line"), (sea, palm, "line"),
+        (find_place("river"), palm, "sides"), (street, stands()["shop"], "walls"), (meadow, palm, "grove"),
+        (meadow, stands()["flower"], "field"), (meadow, stands()["house"], "line"), (sea, palm, "line"),
         (room, window, "hung"),
     ):  # fmt: skip
         changed = line_with(place, stand)
@@ -95,8 +91,8 @@ def test_things_of_the_prompt_replace_those_of_the_place() -> None:
 
 def test_names_mean_stands_and_rooms_have_their_own() -> None:
     bag = WordBag()
-    assert find_stand("palm tree", bag) is stand_named("palm") and find_stand("teapot", bag) is None
-    assert stand_named("window").is_indoors and not stand_named("palm").is_indoors
+    assert find_stand("palm tree", bag) is stands()["palm"] and find_stand("teapot", bag) is None
+    assert stands()["window"].is_indoors and not stands()["palm"].is_indoors
     library = DrawnScenery()
     captioned = library.list_captioned()
     assert {"tree", "house"} < {one.file for one in captioned} and "window" not in {one.file for one in captioned}

@@ -76,6 +76,11 @@ def is_person(name: str, sentences: SentenceEncoder) -> bool:
     return float(similarity) >= _PERSON and [*known.values()][int(nearest)]
 
 
+def is_part_of_body(noun: str, sentences: SentenceEncoder) -> bool:
+    """Returns True if a noun means a part of a body, such as a beard."""
+    return "body" in kinds_of(noun) and known_like(noun, sentences).where == "body"
+
+
 _GROWTH = 0.6  # exponent from the height in the world to the height in a picture
 _MIN = 0.3  # least height of a thing, relative to the tallest
 _SUBJECT = 0.5  # least height of the first thing of a prompt, relative to the tallest

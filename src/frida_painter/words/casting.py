@@ -8,9 +8,8 @@ from dataclasses import replace
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.words import figures
-from frida_painter.words.arrangement import copies, is_person, kind_of, known_like
+from frida_painter.words.arrangement import copies, is_part_of_body, is_person, kind_of, known_like
 from frida_painter.words.figures import Pose
-from frida_painter.words.nouns import kinds_of
 from frida_painter.words.reading import GROUPS, Reading, Thing, paint_of, word_meanings
 from frida_painter.words.retrieval import FoundPicture, PictureIndex, is_upright
 
@@ -76,7 +75,7 @@ def cast(
     people = {number for number, thing in wanted.items() if is_person(thing.name, sentences)}
     objects = {one.object for one in reading.relations} - people if people else set()
     for number in objects & {*wanted}:  # somebody's head is not another thing
-        if "body" in kinds_of(wanted[number].noun) and known_like(wanted[number].noun, sentences).where == "body":
+        if is_part_of_body(wanted[number].noun, sentences):
             del wanted[number]
     groups = {number: GROUPS.get(wanted[number].noun) for number in people if wanted[number].count == 1}
     wanted |= {number: replace(wanted[number], count=count) for number, count in groups.items() if count}
@@ -143,7 +142,7 @@ def _draw_person(
         clothes, called, _ = figures.nearest([thing.noun], family[:_ANYBODY], sentences)
     paint = paint_of(thing.color)
     if paint is not None:
-        dyed = "#" + bytes((255 * paint).round().byte().tolist()).hex()
+        dyed = tuple(paint.tolist())
         clothes = clothes._replace(top=dyed, bottom=dyed if clothes.cut in _LONG else clothes.bottom)
     old = _old(thing.name, sentences)
     (least, small), (most, tall) = _CHILD, _GROWN

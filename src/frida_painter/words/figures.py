@@ -18,7 +18,7 @@ from torch import Tensor
 
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.words.compositing import resize
-from frida_painter.words.places import color_of
+from frida_painter.words.places import Color, color_of
 
 _Point = npt.NDArray[np.float64]
 
@@ -38,8 +38,8 @@ class Clothes(NamedTuple):
     """Clothes of people: names of those who wear them, colours, cut and a hat, as `clothes.txt` explains."""
 
     words: tuple[str, ...]
-    top: str
-    bottom: str
+    top: Color
+    bottom: Color
     cut: str
     hat: str = ""
     hat_color: str = "black"
@@ -192,12 +192,12 @@ class _Sheet:
     def __init__(self) -> None:
         self.drawn = np.zeros((_SIDE, _SIDE, 4), np.float32)
 
-    def draw(self, color: str, joints: Sequence[tuple[_Point, float]], shade: float = 1.0) -> None:
+    def draw(self, color: Color, joints: Sequence[tuple[_Point, float]], shade: float = 1.0) -> None:
         """Draws a limb through joints."""
         for pair in pairwise(joints):
             self.fill(color, pair, shade)
 
-    def fill(self, color: str, joints: Sequence[tuple[_Point, float]], shade: float = 1.0) -> None:
+    def fill(self, color: Color, joints: Sequence[tuple[_Point, float]], shade: float = 1.0) -> None:
         """Fills the hull of joints."""
         around = np.linspace(0, 2 * np.pi, 24, endpoint=False)
         circle = np.stack((np.cos(around), np.sin(around)), 1)

@@ -35,15 +35,15 @@ _GAMMA = 0.7  # exponent from the light of a sky, relative to a day's, to the sh
 
 
 class PlaceLayer(NamedTuple):
-    """Layer of the scenery of a place: its kind, a colour or the thing that stands there, its size, and its own colour.
+    """Layer of the scenery of a place: its kind, the name of the thing that stands there or "", its size and colour.
 
-    `places.txt` explains the kinds.
+    `places.txt` explains the kinds. The colour is "" for a thing in its own.
     """
 
     kind: str
     what: str
     size: float
-    color: Color | None = None
+    color: Color = ""
 
 
 @dataclass(frozen=True)
@@ -173,7 +173,12 @@ def known_places() -> tuple[Place, ...]:
             words, things, land, scenery = (part.strip() for part in line.split("|"))
             kind, below, above, bank, horizon = land.split()
             split = [layer.split() for layer in scenery.split(";") if layer]
-            layers = tuple(PlaceLayer(name, what.replace("-", " "), float(size)) for name, what, size in split)
+            layers = tuple(
+                PlaceLayer(name, "", float(size), what)
+                if what.startswith("#")
+                else PlaceLayer(name, what.replace("-", " "), float(size))
+                for name, what, size in split
+            )
             usual = tuple(things.split(", ")) if things else ()
             sky, shore = (None if one in ("sky", "-") else one for one in (above, bank))
             found.append(Place(tuple(words.split(", ")), usual, below, kind, sky, shore, float(horizon), layers))
@@ -245,7 +250,13 @@ _ORDER = ("peaks", "hills", "far", "line", "band", "way", "road", "stream", "pla
           "field", "grove", "sides", "falls", "bridge", "hung", "wings")  # of layers, from back to front  # fmt: skip
 _SEA = 0.25  # share of the land that is the sea behind it
 _WAYS = ("way", "road", "rails", "platform", "planks", "bridge")
-_KIN = {"peaks": "hills", "road": "way", "grove": "sides", "walls": "sides", "field": "sides"}  # of which there is one
+_KIN = {
+    "peaks": "hills",
+    "road": "way",
+    "grove": "sides",
+    "walls": "sides",
+    "field": "sides",
+}  # other kinds for the same
 _CALLED = 0.72  # similarity to a place's words above which words name it
 _FELT, _FELT_WEATHER = 0.62, 0.7  # to the words of a light, and of a weather: a snowmobile (0.67) is a thing
 _ABSTRACT = 0.25  # margin of an abstract noun with a picture
@@ -404,23 +415,31 @@ def infer_place(
 
 
 def in_color(place: Place, color: Color) -> Place:
-    """Returns the place in another colour: a teal sky, a blue wall, a green meadow."""
-    is_above = place.name in ("sky", "room")
-    return replace(place, above=color) if is_above else replace(place, below=color)
+    """Returns the place in another colour: a teal sky, a blue wall, a green river, a white path, a green meadow."""
+    if place.name in ("sky", "room"):
+        return replace(place, above=color)
+    kinds = ("stream", *(_WAYS if place.is_way else ()))
+    if place.has(*kinds):
+        layers = (layer._replace(color=color) if layer.kind in kinds else layer for layer in place.layers)
+        return replace(place, layers=tuple(layers))
+    return replace(place, below=color)
 
 
 def join(place: Place, others: Sequence[Place]) -> Place:
     """Returns the place with the scenery of others that it has none of: a lake before mountains, and with a jetty."""
-    kept = {_KIN.get(layer.kind, layer.kind): layer for layer in place.layers}
+    layers = list(place.layers)
     for other in others if place.is_open else ():
-        water = [PlaceLayer("band", str(other.below), _SEA)] if other.kind == "water" != place.kind else []
+        water = [PlaceLayer("band", "", _SEA, other.below)] if other.kind == "water" != place.kind else []
         for layer in (*water, *(other.layers if other.is_open else ())):
-            kin = _KIN.get(layer.kind, layer.kind)
-            if kin not in kept or (kin == "hills" and layer.size > kept[kin].size):
-                kept[kin] = layer
-    added = [layer for layer in kept.values() if layer not in place.layers]
-    hidden = {layer.kind for layer in added if layer.kind in ("hills", "peaks")} and {"hills", "peaks"}
-    return with_layers(place, [*(layer for layer in place.layers if layer.kind not in hidden), *added])
+            same = [one for one in layers if _kin(one) == _kin(layer)]
+            is_higher = _kin(layer) == "hills" and all(layer.size > one.size for one in same)
+            if is_higher or not same:
+                layers = [*(one for one in layers if one not in same), layer]
+    return with_layers(place, layers)
+
+
+def _kin(layer: PlaceLayer) -> str:
+    return _KIN.get(layer.kind, layer.kind)
 
 
 def with_layers(place: Place, layers: Sequence[PlaceLayer]) -> Place:

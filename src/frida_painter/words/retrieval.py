@@ -252,7 +252,8 @@ class PictureIndex:
         similarity = _raise(similarity, names, _words_of(living), least)  # a robin is a bird
         context = (self._meanings @ self._sentences.embed([prompt])[0])[self._titles]
         order = (similarity + _CONTEXT * context).argsort(descending=True, stable=True)[:_LOOKED_AT_FOR_KIND].tolist()
-        fits = [self._fits(self._entries[at], float(similarity[at]), thing, meant, synonyms, prompt) for at in order]
+        shown = [(self._entries[at], float(similarity[at])) for at in order]
+        fits = [self._fits(entry, like, thing, meant, synonyms, prompt, figure=figure) for entry, like in shown]
         near = [at for at, fit in zip(order, fits, strict=True) if similarity[at] >= (least if fit else OWN)]
         highest, found, best, seen = -float("inf"), None, 0.0, 0
         for at, picture in self._show(near[: 4 * _LOOKED_AT]):
@@ -278,7 +279,15 @@ class PictureIndex:
         return found
 
     def _fits(
-        self, entry: _Entry, like: float, thing: Thing, meant: Sequence[Sense], synonyms: set[str], prompt: str
+        self,
+        entry: _Entry,
+        like: float,
+        thing: Thing,
+        meant: Sequence[Sense],
+        synonyms: set[str],
+        prompt: str,
+        *,
+        figure: bool,
     ) -> bool:
         """Returns True if a picture may stand for a thing: one of its kind, or of the kind that it is of.
 
@@ -288,6 +297,7 @@ class PictureIndex:
         like: similarity of the picture to the thing
         meant: senses of the thing
         synonyms: other words for just that sense
+        figure: True if the thing is a person
         """
         is_called = _is_called(entry.title, thing)
         if entry.realism == 0:
@@ -298,7 +308,7 @@ class PictureIndex:
             return True
         if _is_modified(entry.title, thing):
             return False  # an owl on a branch is no branch
-        if is_person(thing.name, self._sentences):
+        if figure:
             return is_called or (is_person(entry.title, self._sentences) and entry.names[-1:] != [thing.noun])
         kind = thing.name.split()[-2:]
         if len(kind) > 1:

@@ -46,7 +46,7 @@ def scene_of(
     sentences, account = word_meanings(encoders), Account(reading)
     setting, settled, seen = setting_of(reading, index, encoders)
     named = [light for *_, light in seen if isinstance(light, Light) and light is not DAY]
-    feels = any(part in named and part not in (DAY, *places.TIMES) and word == thing.noun for thing, word, part in seen)
+    feels = any(part in named and part not in places.TIMES and word == thing.noun for thing, word, part in seen)
     is_placed = any(isinstance(part, Place | Stand) for *_, part in seen)
     if is_placed and len(settled) == len(reading.things) and not feels and not setting.place.layers:
         reading = _people_place(reading, setting.place)

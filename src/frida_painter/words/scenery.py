@@ -53,16 +53,17 @@ class Stand(NamedTuple):
 
 
 @cache
-def stands() -> tuple[Stand, ...]:
-    """Returns the table of `scenery.txt`."""
+def stands() -> dict[str, Stand]:
+    """Returns the table of `scenery.txt`, by the names of the things."""
     lines = (resources.files(__package__) / "scenery.txt").read_text("utf-8").splitlines()
     rows = [line.partition(": ") for line in lines if not line.startswith("#")]
-    found = []
+    found = {}
     for head, _, shapes in rows:
         words, color, height = head.rsplit(" ", 2)
         drawn = tuple(tuple(shape.split()) for shape in shapes.split(";"))
-        found.append(Stand(tuple(words.split(", ")), color, float(height), drawn))
-    return tuple(found)
+        stand = Stand(tuple(words.split(", ")), color, float(height), drawn)
+        found[stand.name] = stand
+    return found
 
 
 _CALLED = 0.8  # similarity above which a name means a stand
@@ -74,7 +75,7 @@ def find_stand(name: str, sentences: SentenceEncoder) -> Stand | None:
 
     Lit shop windows are shop windows.
     """
-    owners, words = [(stand, word) for stand in stands() for word in stand.words], name.split()
+    owners, words = [(stand, word) for stand in stands().values() for word in stand.words], name.split()
     anchors = sentences.embed([word for _, word in owners])
     for first in range(len(words)):
         similarity, best = (anchors @ sentences.embed([" ".join(words[first:])])[0]).max(0)
@@ -86,7 +87,7 @@ def find_stand(name: str, sentences: SentenceEncoder) -> Stand | None:
 _LOW = 0.65  # height below which stands cover a land in rows
 
 
-def line_with(place: Place, stand: Stand, color: Color | None = None) -> Place:
+def line_with(place: Place, stand: Stand, color: Color = "") -> Place:
     """Returns the place with another thing beside its way, on its wall, or all over its land, in that colour."""
     if stand.is_indoors and place.is_open:  # the houses have windows
         return place
@@ -167,9 +168,8 @@ def draw_stand(stand: Stand, setting: Setting, seed: int) -> Tensor:
 
 def _in_season(stand: Stand, setting: Setting) -> Stand:
     """Returns the stand in the season of a setting: without leaves in winter, and in their colours in autumn."""
-    is_leafy = stand.words[0] == stands()[0].words[0]
-    if is_leafy and (setting.weather.flakes or "winter" in setting.light.name):
-        return next(one for one in stands() if one.name == "bare tree")
+    if stand.name == "tree" and (setting.weather.flakes or "winter" in setting.light.name):
+        return stands()["bare tree"]
     red, green, blue = color_of(stand.color).tolist()
     if "autumn" in setting.light.name and green > max(red, blue) and stand.usual == "plant":
         return stand._replace(color=_AUTUMN[len(stand.name) % len(_AUTUMN)])
@@ -223,8 +223,8 @@ class View:
         if layer.kind in drawers:
             drawers[layer.kind](layer)
         else:
-            stand = next(one for one in stands() if one.name == layer.what)
-            stand = stand if layer.color is None else stand._replace(color=layer.color)
+            stand = stands()[layer.what]
+            stand = stand._replace(color=layer.color) if layer.color else stand
             drawn = [draw_stand(stand, self._setting, number) for number in range(_KINDS)]
             for number, (x, y, height, far) in enumerate(self._spots(layer, stand, drawn[0])):
                 picture = drawn[number % _KINDS]
@@ -276,8 +276,11 @@ class View:
     def _color(self, color: Color, far: float, tone: float = 1.0) -> npt.NDArray[np.float32]:
         """Returns a colour in the setting's light, and hazy in the distance."""
         lit = np.clip(color_of(color).numpy() * self._setting.light.shade.numpy() * tone, 0, 1)
-        haze = _HAZE * (1 - 1 / max(far, 1.0)) if self._setting.place.is_open else 0.0
-        return np.asarray((1 - haze) * lit + haze * self._low, np.float32)
+        return np.asarray(lit + self._haze(far) * (self._low - lit), np.float32)
+
+    def _haze(self, far: float) -> float:
+        """Returns the share of the horizon's light at a distance."""
+        return _HAZE * (1 - 1 / max(far, 1.0)) if self._setting.place.is_open else 0.0
 
     def _fill(self, color: Color, points: _Points, far: float, tone: float = 1.0) -> None:
         """Fills an area, whose points are in the canvas's width and height."""
@@ -293,7 +296,7 @@ class View:
         if part.size:
             top, left = max(0, top), max(0, left)
             under = self._sheet[top : top + part.shape[0], left : left + part.shape[1]]
-            haze = _HAZE * (1 - 1 / max(far, 1.0)) if self._setting.place.is_open else 0.0
+            haze = self._haze(far)
             under += part[..., 3:] * ((1 - haze) * part[..., :3] + haze * self._low - under)
 
     def _raise_front(self, picture: Tensor, side: int, near: float, far: float, height: float) -> None:
@@ -312,7 +315,7 @@ class View:
         warp = cv2.getPerspectiveTransform(source, np.array(corners, np.float32))
         laid = cv2.warpPerspective(drawn, warp, (self._columns, self._rows), flags=cv2.INTER_AREA)
         tone = 1.0 if side > 0 else 0.82  # the light comes from the left
-        haze = _HAZE * (1 - 1 / max(near, 1.0))
+        haze = self._haze(near)
         color = (1 - haze) * tone * laid[..., :3] + haze * self._low * laid[..., 3:]
         self._sheet = np.asarray(self._sheet * (1 - laid[..., 3:]) + color, np.float32)
 
@@ -329,7 +332,7 @@ class View:
             rise = sum(np.sin(along * turn + wave) / turn for turn, wave in zip((4.1, 7.3, 13.0), waves, strict=True))
             top = self._horizon - layer.size * back * np.clip(0.62 + 1.3 * rise, 0.12, 1.1)
             foot = self._horizon + 0.02
-            self._fill(layer.what, [*zip(along, top, strict=True), (1, foot), (0, foot)], 9 * back, 0.92 + 0.14 * back)
+            self._fill(layer.color, [*zip(along, top, strict=True), (1, foot), (0, foot)], 9 * back, 0.92 + 0.14 * back)
 
     def _draw_peaks(self, layer: PlaceLayer) -> None:
         count, foot = 5, self._horizon + 0.02
@@ -341,8 +344,8 @@ class View:
                 return x + 0.75 * high * across, foot - high * (1 - down)
 
             ridge = [place(0, 0), place(0.3 * bent + 0.06, 0.35), place(bent, 1)]
-            self._fill(layer.what, [*ridge, place(-1, 1), place(-0.45, 0.5)], 5, 1.2)
-            self._fill(layer.what, [*ridge, place(1, 1), place(0.55, 0.48)], 5, 0.8)
+            self._fill(layer.color, [*ridge, place(-1, 1), place(-0.45, 0.5)], 5, 1.2)
+            self._fill(layer.color, [*ridge, place(1, 1), place(0.55, 0.48)], 5, 0.8)
             edge = [(0, 0), (0.25, 0.34), (0.1, 0.26), (0.0, 0.4), (-0.1, 0.27), (-0.23, 0.36)]
             self._fill("#f4f7fb", [place(*point) for point in edge], 3)
 
@@ -350,7 +353,7 @@ class View:
         top, low = self._horizon - 0.02, self._horizon + layer.size * (1 - self._horizon)
         along = np.linspace(1, 0, 60)
         shore = low + 0.012 * np.sin(9 * along + self._chance.uniform(0, 6))
-        for color, drop in (("white", 0.02), (layer.what, 0.0)):
+        for color, drop in (("white", 0.02), (layer.color, 0.0)):
             self._fill(color, [(0, top), (1, top), *zip(along, shore + drop, strict=True)], 1.6)
         self._draw_ripples(lambda _: (0.0, 1.0), self._horizon, low)
 
@@ -371,7 +374,7 @@ class View:
 
         for wide, tone in ((1.12, 0.8), (1.0, 1.0)):
             left, right = ([edge(far, side * wide) for far in fars] for side in (-1, 1))
-            self._fill(layer.what, [*left, *right[::-1]], 1.6, tone)
+            self._fill(layer.color, [*left, *right[::-1]], 1.6, tone)
         for far in np.geomspace(1, 8, 9) if layer.kind == "road" else ():
             self._lay_flat("#f2eee2", (-0.025, 0.025), (far, 1.12 * far))
         if layer.kind == "stream":
@@ -397,8 +400,8 @@ class View:
 
         for side in (-1, 1):
             top = edge(side * layer.size, _STEP)
-            self._fill(layer.what, [*edge(side * layer.size, 0), *top[::-1]], 2, 0.55)
-            self._fill(layer.what, [*top, *edge(side * 40, _STEP)[::-1]], 1.4)
+            self._fill(layer.color, [*edge(side * layer.size, 0), *top[::-1]], 2, 0.55)
+            self._fill(layer.color, [*top, *edge(side * 40, _STEP)[::-1]], 1.4)
             self._fill("#f0d060", [*top, *edge(side * (layer.size + 0.08), _STEP)[::-1]], 1.2)
 
     def _draw_planks(self, layer: PlaceLayer) -> None:
@@ -408,12 +411,12 @@ class View:
             for x, y in (self._at(left, far), self._at(right, far)):
                 wide, rise, sink = 0.015 / far, 0.06 / far, 0.14 / far
                 self._fill(
-                    layer.what,
+                    layer.color,
                     [(x - wide, y - rise), (x + wide, y - rise), (x + wide, y + sink), (x - wide, y + sink)], far, 0.6,
                 )  # fmt: skip
-        self._lay_flat(layer.what, (left, right), (0.9, end))
+        self._lay_flat(layer.color, (left, right), (0.9, end))
         for far in np.geomspace(0.95, end, 12):
-            self._lay_flat(layer.what, (left, right), (far, 1.02 * far), 0.7)
+            self._lay_flat(layer.color, (left, right), (far, 1.02 * far), 0.7)
 
     def _draw_bridge(self, layer: PlaceLayer) -> None:
         along = np.linspace(-0.02, 1.02, 60)
@@ -422,25 +425,25 @@ class View:
 
         def fill(rise: float, drop: float | npt.NDArray[np.float64], tone: float) -> None:
             upper, lower = zip(along, deck - rise, strict=True), zip(along[::-1], (deck + drop)[::-1], strict=True)
-            self._fill(layer.what, [*upper, *lower], 1.3, tone)
+            self._fill(layer.color, [*upper, *lower], 1.3, tone)
 
         fill(0.0, under, 0.85)
         fill(0.012, 0.014, 1.15)
         for x, y in zip(along[1::6], deck[1::6], strict=True):
             self._fill(
-                layer.what, [(x - 0.008, y), (x + 0.008, y), (x + 0.008, y - 0.13), (x - 0.008, y - 0.13)], 1.3, 0.75
+                layer.color, [(x - 0.008, y), (x + 0.008, y), (x + 0.008, y - 0.13), (x - 0.008, y - 0.13)], 1.3, 0.75
             )
         fill(0.14, -0.115, 1.05)
 
     def _draw_falls(self, layer: PlaceLayer) -> None:
         top, low = self._horizon - layer.size, self._horizon + 0.1
         rock = [(0.12, low), (0.2, top + 0.12), (0.3, top), (0.7, top + 0.01), (0.82, top + 0.14), (0.9, low)]
-        self._fill(layer.what, rock, 1.5)
+        self._fill(layer.color, rock, 1.5)
         for x, y in zip(
             self._chance.uniform(0.16, 0.86, 9), self._chance.uniform(top + 0.12, low - 0.1, 9), strict=True
         ):
             stone = [(x - 0.05, y), (x, y - 0.05), (x + 0.05, y + 0.01), (x + 0.02, y + 0.07)]
-            self._fill(layer.what, stone, 1.5, self._chance.choice((0.75, 1.2)))
+            self._fill(layer.color, stone, 1.5, self._chance.choice((0.75, 1.2)))
         around = np.linspace(0, 2 * np.pi, 40)
         circle = np.stack((np.cos(around), np.sin(around)), 1)
         self._fill("#4f8fae", np.array((0.5, low + 0.08)) + (0.42, 0.1) * circle, 1.2)
@@ -457,6 +460,8 @@ def draw_scenery(ground: Tensor, setting: Setting, seed: int, absent: Sequence[s
 
     absent: nouns of things that must not be seen
     """
+    if not setting.place.layers:
+        return ground
     view = View(ground, setting, seed)
     for layer in setting.place.layers:
         if not {layer.what, layer.what.rpartition(" ")[2]} & {*absent}:
@@ -471,9 +476,9 @@ class DrawnScenery:
 
     def list_captioned(self) -> Sequence[Captioned]:
         """Returns the things of `scenery.txt`, once for each of their words."""
-        drawn = [(stand, word) for stand in stands() for word in stand.words if not stand.is_indoors]
+        drawn = [(stand, word) for stand in stands().values() for word in stand.words if not stand.is_indoors]
         return [Captioned(stand.name, (word,), _WORTH) for stand, word in drawn]
 
     def pictures(self, file: str) -> list[Tensor]:
         """Returns the drawing of a thing in daylight."""
-        return [draw_stand(stand, Setting(), 0) for stand in stands() if stand.name == file]
+        return [draw_stand(stands()[file], Setting(), 0)]

@@ -6,9 +6,8 @@ from dataclasses import replace
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.words import places, scenery
-from frida_painter.words.arrangement import is_person, kind_of, known_like, known_things
+from frida_painter.words.arrangement import is_part_of_body, is_person, kind_of, known_like, known_things
 from frida_painter.words.casting import CALLED, Cast
-from frida_painter.words.nouns import kinds_of
 from frida_painter.words.places import DAY, NOWHERE, Light, Place, Setting, Weather
 from frida_painter.words.reading import Reading, Relation, Thing, paint_of, word_meanings
 from frida_painter.words.retrieval import OWN, PictureIndex
@@ -57,16 +56,16 @@ def setting_of(
         if place is NOWHERE or place.name == SKY:
             place = replace(usual, above=place.above)
         paint = paint_of(reading.things[number].color)
-        place = scenery.line_with(place, stand, None if paint is None else tuple(paint.tolist()))
+        place = scenery.line_with(place, stand, "" if paint is None else tuple(paint.tolist()))
         seen.append((reading.things[number], reading.things[number].noun, stand))
         settled.add(number)
     related = {kind_of(one.word) for one in reading.relations if reading.things[one.object] in here}
     is_atop = place.kind == "hill" or place.has("bridge", "planks")
-    is_ashore = (
-        bool(place.bank) and bool(related & {"beside", "near", "front", "with"}) and not related & {"on", "over", "in"}
+    is_ashore = place.bank is not None and not related & {"on", "over", "in"}
+    raising = (
+        {"on", "over", "behind"} if is_atop else {"beside", "near", "front", "with", "hold"} if is_ashore else set()
     )
-    is_raised = bool(related & {"on", "over", "behind"}) if is_atop else is_ashore
-    return Setting(place, light, weather, is_named=bool(seen), is_raised=is_raised), settled, seen
+    return Setting(place, light, weather, is_named=bool(seen), is_raised=bool(related & raising)), settled, seen
 
 
 def _parts_of(
@@ -76,7 +75,8 @@ def _parts_of(
     thing, seen, known = reading.things[number], Seen(), places.known_places()
     nearest = 0.0 if index is None else index.nearest(thing)
     part: Place | Light | Weather | None = None
-    is_settled = _is_part_of_body(number, reading, nearest, sentences)
+    is_object = any(one.object == number for one in reading.relations)
+    is_settled = is_object and nearest < OWN and is_part_of_body(thing.noun, sentences)  # somebody's beard
     if nearest < OWN and not is_settled:
         part = places.find_part(thing.noun, places.WEATHERS, sentences)
         around = [one.name for one in known_things()]
@@ -120,8 +120,7 @@ def _stands_in(
 ) -> dict[int, Stand]:
     """Returns the things that are scenery of a place, by their numbers: several trees, or the window of a room."""
     left = [number for number in range(len(reading.things)) if number not in settled]
-    rows = [layer.what for layer in place.layers]
-    has_glass = any(stand.has_glass for stand in scenery.stands() if stand.name in rows)
+    has_glass = any(scenery.stands()[layer.what].has_glass for layer in place.layers if layer.what)
     found: dict[int, Stand] = {}
     for number in left:
         thing = reading.things[number]
@@ -137,16 +136,6 @@ def _stands_in(
             is_around = any(one.object == number and kind_of(one.word) in _AROUND for one in reading.relations)
             found |= {number: stand} if place.layers or place.name == SKY or (is_around and place is NOWHERE) else {}
     return found
-
-
-def _is_part_of_body(number: int, reading: Reading, nearest: float, sentences: SentenceEncoder) -> bool:
-    """Returns True if a thing is a part of somebody else, such as a beard, and has no picture of its own.
-
-    nearest: similarity of the nearest picture
-    """
-    noun, is_object = reading.things[number].noun, any(one.object == number for one in reading.relations)
-    is_part = is_object and "body" in kinds_of(noun) and known_like(noun, sentences).where == "body"
-    return is_part and nearest < OWN
 
 
 def _place_named(number: int, reading: Reading, nearest: float, sentences: SentenceEncoder) -> Place | None:
