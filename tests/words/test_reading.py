@@ -193,6 +193,13 @@ def test_those_who_do_something_are_counted(reader: PromptReader, prompt: str, c
         ("an apple tree", ["apple tree"], []),
         ("a tiger in tall grass", ["tiger", "tall grass"], [(0, "in", 1)]),
         ("a coffee roasting machine", ["coffee roasting machine"], []),
+        ("dancing in the rain", ["somebody", "rain"], [(0, "in", 1)]),
+        ("learning to ride a bicycle", ["somebody", "bicycle"], [(0, "riding", 1)]),
+        ("Please paint me a fox on a hill", ["fox", "hill"], [(0, "on", 1)]),
+        ("can you show me the sea?", ["sea"], []),
+        ("I'd like to see a house, it has a red door", ["house", "door"], [(0, "with", 1)]),
+        ("paint on a wall", ["paint", "wall"], [(0, "on", 1)]),
+        ("a boy in the snow, it is raining", ["boy", "snow"], [(0, "in", 1)]),
     ],
 )
 def test_what_the_parser_mistakes_is_read_by_the_lexicon(
@@ -201,6 +208,27 @@ def test_what_the_parser_mistakes_is_read_by_the_lexicon(
     read = reader.read(prompt)
     assert [thing.name for thing in read.things] == things
     assert [(one.subject, one.word, one.object) for one in read.relations] == relations
+
+
+@pytest.mark.parametrize(
+    ("prompt", "color", "doing"),
+    [
+        ("my dog, he is brown", "brown", ""),
+        ("anger, red and black", "red and black", ""),
+        ("the house is dark red", "dark red", ""),
+        ("a woman asleep", "", "asleep"),
+        ("a song that my grandpa used to hum", "", ""),
+        ("a girl learning to swim", "", "swimming"),
+    ],
+)
+def test_what_is_said_after_a_thing_belongs_to_it(reader: PromptReader, prompt: str, color: str, doing: str) -> None:
+    thing = reader.read(prompt).things[0]
+    assert (thing.color, thing.doing) == (color, doing)
+
+
+def test_who_does_not_come_is_not_there(reader: PromptReader) -> None:
+    reading = reader.read("a boy waiting for a father who never comes")
+    assert [thing.noun for thing in reading.things] == ["boy"] and reading.absent == ("father",)
 
 
 def test_of_what_somebody_feeds_there_are_several(reader: PromptReader) -> None:

@@ -162,6 +162,13 @@ def test_weather_is_no_object_and_its_light_goes_before_that_of_a_mood(tmp_path:
     assert "'sound' (by music), 'thunder' (by a storm)" in seen.remarks[1]
 
 
+def test_a_mood_has_the_colours_that_it_is_said_to_have(tmp_path: Path) -> None:
+    said = tuple(SaidWord(at, word, word, "quality") for at, word in enumerate(("red", "black"), 1))
+    reading = Reading((Thing("anger", "anger", color="red and black", at=(0, 1, 2)),), said=said)
+    red = scene_of("anger, red and black", GRID, encoders(tmp_path, reading), 0).picture.mean((1, 2))
+    assert float(red[0]) > 1.5 * float(red[1:].max()) and float(red[2]) < 0.35
+
+
 LAKE, MEADOW, SOUND = Thing("lake", "lake"), Thing("meadow", "meadow"), Thing("sound", "sound")
 MOON, BEARD = Thing("moon", "moon"), Thing("long beard", "beard")
 GOATS = Thing("goat", "goat", count=None, plural="goats")

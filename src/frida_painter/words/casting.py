@@ -10,7 +10,7 @@ from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.words import figures
 from frida_painter.words.arrangement import copies, is_part_of_body, is_person, kind_of, known_like
 from frida_painter.words.figures import Pose
-from frida_painter.words.reading import GROUPS, Reading, Thing, paint_of, word_meanings
+from frida_painter.words.reading import GROUPS, SOMEBODY, Reading, Thing, paint_of, word_meanings
 from frida_painter.words.retrieval import FoundPicture, PictureIndex, is_upright
 
 CALLED = 0.9
@@ -89,7 +89,8 @@ def cast(
         if one.subject in people and poses[one.subject][0].tool == _PAGE and one.word == wanted[one.subject].doing
     }
     for number, thing in wanted.items():
-        if number in pages:
+        does_unseen = thing.noun == SOMEBODY and not (number in poses and poses[number][1])  # learning to forgive
+        if number in pages or does_unseen:
             continue
         among = len(wanted) > 1 or in_place or thing.shown > 1
         found = index.find(thing, prompt, cut_out=among, acts=bool(among or thing.doing))

@@ -203,7 +203,8 @@ LIGHTS = (
           "#0a1030", "#1f5a63", "#4dfa9a", "waves", 0.5, stars=10),
     Light(("autumn", "fall foliage", "october"), "#ccb894", "#e69433", "#b8331f", "fall", 0.5),
     Light(("winter", "cold", "frost"), "#a8c2db", "#e0ebf5", "#fae6d6"),
-    Light(("heat", "heat wave", "summer", "drought", "holidays"), "#ed9e40", "#fcd15c", "#fff7cc", "burst", 0.3),
+    Light(("heat", "heat wave", "warm", "hot", "summer", "drought", "holidays"),
+          "#ed9e40", "#fcd15c", "#fff7cc", "burst", 0.3),
     Light(("sadness", "grief", "loneliness", "melancholy", "gloomy", "a farewell", "remorse", "regret"),
           "#576b8a", "#99a8b8", "#ccbd9e", "fall", 0.15),
     Light(("joy", "happiness", "laughter", "celebration", "party", "amazement", "fun"),
@@ -215,7 +216,7 @@ LIGHTS = (
     Light(("fear", "anxiety", "nightmare", "danger", "pain"), "#29333d", "#668066", "#d9d175", "vortex", 0.9),
     Light(("calm", "peace", "silence", "sleep", "boredom", "relief", "comfort"),
           "#8fb8c2", "#d6e0d1", "#fcedcc", energy=0.0),
-    Light(("longing", "nostalgia", "memory", "childhood", "homesickness", "smell"), "#857070", "#dba86b", "#fae0a3"),
+    Light(("longing", "nostalgia", "memory", "childhood", "homesickness"), "#857070", "#dba86b", "#fae0a3"),
     Light(("dream", "imagination", "mystery", "magic", "secret"), "#5c4794", "#5ca3ad", "#f7c7d6", "waves", 0.3),
     Light(("hope", "spring", "birth", "growth", "beginning", "forgiveness", "optimism"),
           "#70a870", "#ccdb85", "#fcdbdb", "field", 0.4),
@@ -400,6 +401,15 @@ def mix_lights(first: Light, second: Light) -> Light:
     """Returns the light halfway between two, with the form of the second: grief at dawn."""
     top, low, accent = ((first.colors + second.colors)[1:] / 2).tolist()
     return replace(second, words=(f"{first.name}, {second.name}",), top=top, low=low, accent=accent, stars=first.stars)
+
+
+def dye(light: Light, colors: Sequence[Tensor]) -> Light:
+    """Returns the light in other colours, sRGB [3] each, at least one: anger in red and black."""
+    dark, *others = sorted(colors, key=lambda color: float(to_lab(color)[0]))
+    others = others[:2] or [torch.lerp(dark, torch.ones(3), 0.2)]
+    tints = [dark, *others, torch.lerp(others[-1], torch.ones(3), 0.4)]
+    top, low, accent = (tuple(tint.tolist()) for tint in tints[:3])
+    return replace(light, top=top, low=low, accent=accent)
 
 
 def infer_place(

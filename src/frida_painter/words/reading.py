@@ -40,7 +40,15 @@ _COUNTS = {**GROUPS, **{word: number for number, word in enumerate(_NUMBERS)}}
 _DEPICTIONS = ("painting", "picture", "drawing", "sketch", "photo", "photograph", "image", "portrait", "watercolor",
                 "watercolour", "life")  # fmt: skip
 _IN_A_NAME = ("amod", "compound", "nmod", "nummod", "npadvmod", "quantmod")  # kinds of dependents
-_SOMEBODY = ("some", "every")  # the pronouns that are people: somebody waits, but "it" and "you" are no things
+SOMEBODY = "somebody"
+"""Who does what a prompt without an actor asks for: dancing in the rain."""
+_PEOPLE = (SOMEBODY, "someone", "everybody", "everyone")  # pronouns of people; "it" and "something" are no things
+_TOLD_OF = ("it", "he", "she", "they")  # pronouns for the first thing: my dog, he is brown
+_NEVER = ("come", "arrive", "return", "exist", "answer")  # somebody who doesn't come is not seen
+_ASKED = re.compile(
+    r"(please|(can|could|would|will) you|i (want|wish|need)( you)?( to)?|i('d| would) (like|love)( you)?( to)?|see|have|"
+    r"(paint|draw|sketch|show|make|give|create)( (me|us)|(?= (an?|the|my|our|some|what|how|something)\b)))[, ]+", re.I
+)  # fmt: skip
 _BASIC = ("black", "white", "red", "green", "yellow", "blue", "brown", "purple", "pink", "orange", "gray", "grey")
 _VIVID = 72.0  # chroma
 _LABEL = 60
@@ -130,6 +138,12 @@ class Reading:
     absent: tuple[str, ...] = ()
     said: tuple[SaidWord, ...] = ()
 
+    @property
+    def colors(self) -> dict[int, Tensor]:
+        """sRGB [3] of the words for colours, by their positions."""
+        said = {word.at: paint_of(word.lemma) for word in self.said if word.lemma in _BASIC and word.kind == "quality"}
+        return {at: paint for at, paint in said.items() if paint is not None}
+
 
 class WordMeanings(SentenceEncoder):
     """Sentence encoder that keeps its embeddings, so that the words of tables are read once."""
@@ -165,6 +179,14 @@ def prompt_reader(encoders: EncoderRegistry) -> PromptReader:
     return encoders.keep("prompt reader", make)
 
 
+def what_is_asked(prompt: str) -> str:
+    """Returns a prompt without the words of a request: "please paint me a fox" is a fox."""
+    prompt = prompt.strip()
+    while (request := _ASKED.match(prompt)) and request.end() < len(prompt):
+        prompt = prompt[request.end() :]
+    return prompt
+
+
 class PromptReader:
     """Reader of prompts by their grammar.
 
@@ -194,7 +216,7 @@ class PromptReader:
 
         Raises ConfigError if it only names things that must not be seen.
         """
-        text = prompt[:_LONGEST].strip().rstrip(".!")
+        text = what_is_asked(prompt[:_LONGEST]).rstrip(".!?")
         text = text.lower() if text.isupper() else text[:1].lower() + text[1:]
         parsed = self._parse(text)
         walk = _Walk(parsed)
@@ -221,6 +243,12 @@ class PromptReader:
         ):
             # birds over a house: without an article "birds" looks like a verb
             parsed = self._language(f"the {text}")
+        elif (
+            first is not None
+            and (first.tag_, first.pos_, first.dep_) == ("VBG", "VERB", "ROOT")
+            and not _children(first, "nsubj")
+        ):
+            parsed = self._language(f"{SOMEBODY} {text}")
         last = parsed[-1] if len(parsed) > 1 else None
         if last is not None and last.tag_ == "VBZ" and last.nbor(-1).lower_.endswith("ing"):  # flipping pancakes
             parsed = self._language(f"{parsed[:-1].text} the {last.text}")
@@ -336,12 +364,13 @@ class _Walk:
         """Adds a noun to the things, if it is one."""
         is_part = _is_in_a_name(noun) or noun.dep_ in ("det", "poss", "advmod")
         is_name = noun.dep_ == "appos" and noun.pos_ == "PROPN"  # my cat Tom
-        is_nobody = noun.pos_ == "PRON" and not noun.lower_.startswith(_SOMEBODY)
+        is_nobody = noun.pos_ == "PRON" and noun.lower_ not in _PEOPLE
         if not _is_noun(noun) or is_part or is_name or is_nobody or _is_between(noun):
             return
         first = next(word for word in (noun, *noun.ancestors) if word.dep_ not in ("conj", "appos"))
         is_without = first.dep_ == "pobj" and first.head.lower_ == "without"
-        if is_without or any(child.lower_ in ("no", "zero", "0") for child in _children(noun, "det", "nummod")):
+        is_missed = any(one.lemma_ in _NEVER and _children(one, "neg") for one in _children(noun, "relcl"))
+        if is_without or is_missed or any(_is_none(child) for child in _children(noun, "det", "nummod")):
             self.absent.append(noun.lemma_)
         elif len(self.things) < MAX_THINGS:
             self._numbers[noun] = len(self.things)
@@ -361,19 +390,30 @@ class _Walk:
 
     def _act(self, verb: Token) -> None:
         """Gives the actors of a verb their action, and adds its relations to its objects."""
-        is_state = verb.pos_ == "ADJ" and verb.i > verb.head.i  # somebody asleep in a chair
+        is_state = verb.pos_ == "ADJ" and (verb.i > verb.head.i or bool(_children(verb, "nsubj")))  # asleep in a chair
+        if is_state and verb.dep_ == "conj":
+            return
         if not is_state and (verb.pos_ not in ("VERB", "AUX") or _is_in_a_name(verb)):
+            return
+        if any(word.pos_ == "VERB" for word in _children(verb, "xcomp")):  # he used to hum, or she learns to ride
             return
         subjects = self._subjects(verb)
         if verb.dep_ == "acl":  # mother and child, walking
             beside = [one for one in verb.head.conjuncts if one.i < verb.i and "person" in kinds_of(one.lower_)]
             subjects += [self._numbers[one] for one in beside if one in self._numbers]
-        doing = "" if verb.pos_ == "AUX" else _gerund(verb)
+        has = verb.lemma_ == "have"
+        doing = "" if verb.pos_ == "AUX" or has else _gerund(verb)
+        last = max((one.i for one in verb.conjuncts), default=verb.i)
+        painted, run = (
+            _color([*verb.doc[verb.left_edge.i : last + 1]], verb.head) if is_state else ("", [])
+        )  # a teapot, blue
         for number in subjects:
             thing = self.things[number]
-            self.things[number] = replace(thing, doing=thing.doing or doing, at=(*thing.at, verb.i))
+            at = (*thing.at, *(word.i for word in run or (verb,)))
+            does = thing.doing or ("" if painted else doing)
+            self.things[number] = replace(thing, at=at, color=thing.color or painted, doing=does)
         for noun in _children(verb, "dobj", "attr"):
-            self._join(subjects, doing or verb.lower_, noun, (verb.i,))
+            self._join(subjects, "with" if has else doing or verb.lower_, noun, (verb.i,))
 
     def _share(self, noun: Token) -> None:
         """Gives a noun the place of the last one joined to it: a teapot and three cups on a table."""
@@ -396,8 +436,11 @@ class _Walk:
         """Returns the things that a preposition or a verb below `head` belongs to, the nearest ones."""
         if head in self._numbers:
             return [self._numbers[head]]
-        if head.pos_ in ("VERB", "AUX") and (actors := [word for word in head.lefts if _is_noun(word)]):
-            return self._joined(actors[-1])
+        if head.pos_ in ("VERB", "AUX", "ADJ") and (actors := [word for word in head.lefts if _is_noun(word)]):
+            is_told_of = actors[-1].lower_ in _TOLD_OF[head.lemma_ not in ("be", "have") :] and bool(
+                self.things
+            )  # it rains
+            return [0] if is_told_of else self._joined(actors[-1])
         above = head.head
         owners = self._subjects(above.head) if head.dep_ == "acl" and above.dep_ == "pobj" else []
         people = [one for one in owners if "person" in kinds_of(self.things[one].noun)]
@@ -433,7 +476,7 @@ def _is_between(noun: Token) -> bool:
 def _describe_noun(noun: Token) -> Thing:
     """Returns the thing of a noun, from the words before it."""
     before = [word for word in noun.subtree if word.i < noun.i and _belongs(word, noun)]
-    color, colored = _color(before)
+    color, colored = _color(before, noun)
     lemma = noun.text if noun.pos_ == "PROPN" else noun.lemma_
     name = " ".join([*(word.text for word in before if word not in colored and not _is_number(word)), lemma])
     numbers = [word for word in noun.lefts if _is_number(word)]
@@ -456,6 +499,10 @@ def _is_number(word: Token) -> bool:
     return word.dep_ in ("nummod", "quantmod") or word.lower_ in _MANY
 
 
+def _is_none(word: Token) -> bool:
+    return word.lower_ in ("no", "zero", "0")
+
+
 def _number(word: str) -> int | None:
     """Returns the value of a number in words or digits; None for words such as "many"."""
     return int(word[:4]) if word.isdecimal() else _COUNTS.get(word)
@@ -469,12 +516,12 @@ def _is_noun(word: Token) -> bool:
     return word.pos_ in ("NOUN", "PROPN", "PRON")
 
 
-def _color(words: list[Token]) -> tuple[str, list[Token]]:
-    """Returns the longest run of words that names a colour, or colours joined by "and", with those words."""
+def _color(words: list[Token], noun: Token) -> tuple[str, list[Token]]:
+    """Returns the longest run of words that names a colour of a noun, or colours joined by "and", with those words."""
     runs = [words[first:last] for first in range(len(words)) for last in range(len(words), first, -1)]
     for run in sorted(runs, key=len, reverse=True):
         said = " ".join(word.lower_ for word in run)
-        whole = f"{said} {words[-1].nbor().lower_}"  # an apple tree and a pine cone are no colours
+        whole = f"{said} {noun.lower_}"  # an apple tree and a pine cone are no colours
         is_named = run[-1].lower_ in _BASIC or (
             run[-1].pos_ == "ADJ" and senses_of(whole) == senses_of(whole.rpartition(" ")[2])
         )

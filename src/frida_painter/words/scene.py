@@ -27,7 +27,7 @@ from frida_painter.words.composition import (
     compose_scene,
 )
 from frida_painter.words.places import DAY, NOWHERE, Light, Place, Setting
-from frida_painter.words.reading import Reading, Relation, SaidWord, Thing, prompt_reader, word_meanings
+from frida_painter.words.reading import Reading, Relation, SaidWord, Thing, prompt_reader, what_is_asked, word_meanings
 from frida_painter.words.retrieval import FoundPicture, PictureIndex, has_ground, picture_index
 from frida_painter.words.scenery import Stand
 from frida_painter.words.setting import SKY, Seen, setting_of, usual_place
@@ -42,6 +42,7 @@ def scene_of(
 
     use: use of the scene by the painting, for the remarks
     """
+    prompt = what_is_asked(prompt)
     reading, index = prompt_reader(encoders).read(prompt), picture_index(encoders)
     sentences, account = word_meanings(encoders), Account(reading)
     setting, settled, seen = setting_of(reading, index, encoders)
@@ -60,12 +61,16 @@ def scene_of(
         things, setting, is_placed = [whole], replace(setting, is_named=False), False
         seen = [one for one in seen if not isinstance(one[2], Place)]
     elif is_mood:
-        setting = replace(setting, light=lights[0] if setting.light == DAY else setting.light, is_named=True)
+        light, said = lights[0] if setting.light == DAY else setting.light, reading.colors
+        light = places.dye(light, [*said.values()]) if said else light
+        setting = replace(setting, light=light, is_named=True)
+        account.mark(said, Mark.SHOWN, light.name)
         seen += [(reading.things[number], reading.things[number].noun, setting.light) for number in settled]
     elif setting.place is NOWHERE:
         setting = replace(setting, place=usual_place(things, reading.relations, setting, sentences))
     others = [light for light in lights if light.name not in setting.light.name]
     second = next(light for light in others if light in named or places.go_together(light, setting.light))
+    second = setting.light if is_mood and reading.colors else second
     used = {setting.place.name, setting.weather.name if setting.place.is_open else "", *setting.light.name.split(", ")}
     used |= {part.name for *_, part in seen if isinstance(part, Stand) or (isinstance(part, Place) and part.layers)}
     used |= set() if setting.light.stars else {DAY.name}
