@@ -1,4 +1,6 @@
-"""Writes `nouns.txt`, the kinds of English nouns, and `senses.txt`, their senses, from the dictionary WordNet 3.1.
+"""Writes tables of English nouns from the dictionary WordNet 3.1.
+
+`nouns.txt` has their kinds, `senses.txt` their senses, and `names.txt` what places with a name of their own are.
 
 python tools/write_nouns.py DICT
 
@@ -29,10 +31,16 @@ Senses of the nouns for animals, plants, food and objects in WordNet 3.1: the wo
 The number is how deep it is. Written by tools/write_nouns.py. The licence of WordNet:
 
 """
+_NAMES_HEAD = """\
+What places with a name of their own are, in WordNet 3.1. Written by tools/write_nouns.py. The licence of WordNet:
+
+"""
+_PLACES = (15, 17)  # regions and towns, and rivers and mountains
+_NOT_PLACES = ("port", "entry", "constellation", "star", "zodiac", "asteroid", "satellite")  # Cadiz is a city
 
 
-def write_nouns(folder: Path, kinds: Path, senses: Path) -> None:
-    """Writes the two files from the dictionary in a folder."""
+def write_nouns(folder: Path, kinds: Path, senses: Path, names: Path) -> None:
+    """Writes the three files from the dictionary in a folder."""
     data = [line.partition(" | ")[0].split() for line in (folder / "data.noun").read_text("utf-8").splitlines()]
     known = {row[0]: row for row in data if len(row) > 3 and row[0].isdecimal() and row[2] == "n"}
     nouns = defaultdict(list, person=["children"])  # WordNet has singulars, and its other plurals are regular enough
@@ -47,6 +55,19 @@ def write_nouns(folder: Path, kinds: Path, senses: Path) -> None:
     licence = (folder.parent / "LICENSE").read_text("utf-8")
     _write(
         kinds, _KINDS_HEAD + licence, [f"{which}: {' '.join(sorted(some))}" for which, some in sorted(nouns.items())]
+    )
+    named, common = defaultdict(set), {word for row in known.values() for word in row[4::2] if word.islower()}
+    for row in known.values():
+        above = [known[row[at + 1]][4].split("_")[-1] for at in range(len(row) - 1) if row[at] == "@i"]
+        kind = next((kind for kind in above if kind not in _NOT_PLACES), "")
+        if int(row[1]) in _PLACES and kind:
+            words = (word.replace("_", " ") for word in row[4 : 4 + 2 * int(row[3], 16) : 2])
+            kept = {word.lower() for word in words if word.isascii()} - common  # a turkey
+            named["city" if kind == "capital" else kind.lower()] |= kept
+    _write(
+        names,
+        _NAMES_HEAD + licence,
+        [f"{which}: {', '.join(sorted(some))}" for which, some in sorted(named.items()) if some],
     )
     below, tops = defaultdict(list), []
     for sense, row in known.items():
@@ -76,4 +97,4 @@ def _write(file: Path, notice: str, lines: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    write_nouns(Path(sys.argv[1]), _WORDS / "nouns.txt", _WORDS / "senses.txt")
+    write_nouns(Path(sys.argv[1]), *(_WORDS / f"{file}.txt" for file in ("nouns", "senses", "names")))

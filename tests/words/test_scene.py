@@ -192,9 +192,10 @@ GOATS = Thing("goat", "goat", count=None, plural="goats")
             "Begun with 'goat' (pictures, 3 times), on",
         ),
         (Reading((Thing("forest", "forest"),)), "Begun with the scenery of forest, drawn."),
+        (Reading((GOAT, Thing("Nile", "Nile")), (Relation(0, "on", 1),)), "Begun with 'goat' (pictures), on river."),
         (Reading((Thing("lake", "lake"), Thing("mountain", "mountain", count=None, plural="mountains"))), "Begun with"),
     ],
-    ids=["beside", "moon", "beard", "field", "sound", "forest", "mountains"],
+    ids=["beside", "moon", "beard", "field", "sound", "forest", "Nile", "mountains"],
 )
 def test_what_words_show(reading: Reading, begun: str, tmp_path: Path) -> None:
     seen = encoders(tmp_path, reading)

@@ -1,4 +1,4 @@
-"""Nouns: their kinds, which are people, ideas, parts of the body and things, and their senses (WordNet 3.1)."""
+"""Nouns: their kinds, which are people, ideas, parts of the body and things, their senses, and names (WordNet 3.1)."""
 
 from __future__ import annotations
 
@@ -49,6 +49,17 @@ def _senses() -> dict[str, list[Sense]]:
         for word in path[-1].words:
             known[word].append(path[-1])
     return dict(known)
+
+
+@cache
+def _names() -> dict[str, str]:
+    rows = [line.partition(": ") for line in _read_lines("names.txt")]
+    return {name: kind for kind, _, names in rows for name in names.split(", ")}
+
+
+def kind_of_name(name: str) -> str:
+    """Returns the noun for what a place with a name of its own is, such as "river"; "" for other names."""
+    return _names().get(name.lower(), "")
 
 
 def _singular(noun: str) -> str:

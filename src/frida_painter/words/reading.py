@@ -20,7 +20,7 @@ from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.objectives.word_settings import refuse_absent
 from frida_painter.palette import from_lab, to_lab
-from frida_painter.words.nouns import kinds_of, senses_of
+from frida_painter.words.nouns import kind_of_name, kinds_of, senses_of
 
 if TYPE_CHECKING:
     from spacy.language import Language
@@ -46,8 +46,9 @@ _PEOPLE = (SOMEBODY, "someone", "everybody", "everyone")  # pronouns of people; 
 _TOLD_OF = ("it", "he", "she", "they")  # pronouns for the first thing: my dog, he is brown
 _NEVER = ("come", "arrive", "return", "exist", "answer")  # somebody who doesn't come is not seen
 _ASKED = re.compile(
-    r"(please|(can|could|would|will) you|i (want|wish|need)( you)?( to)?|i('d| would) (like|love)( you)?( to)?|see|have|"
-    r"(paint|draw|sketch|show|make|give|create)( (me|us)|(?= (an?|the|my|our|some|what|how|something)\b)))[, ]+", re.I
+    r"(please|(can|could|would|will) you|i (want|wish|need)( you)?( to)?|i('d| would) (like|love)( you)?( to)?|see|"
+    r"have|(paint|draw|sketch|show|make|give|create)( (me|us)|(?= (an?|the|my|our|some|what|how|something)\b)))[, ]+",
+    re.I,
 )  # fmt: skip
 _BASIC = ("black", "white", "red", "green", "yellow", "blue", "brown", "purple", "pink", "orange", "gray", "grey")
 _VIVID = 72.0  # chroma
@@ -217,7 +218,11 @@ class PromptReader:
         Raises ConfigError if it only names things that must not be seen.
         """
         text = what_is_asked(prompt[:_LONGEST]).rstrip(".!?")
-        text = text.lower() if text.isupper() else text[:1].lower() + text[1:]
+        first, _, rest = text.partition(" ")
+        if text.isupper():
+            text = text.lower()
+        elif not kind_of_name(first) and not rest[:1].isupper():  # New York keeps its capitals
+            text = text[:1].lower() + text[1:]
         parsed = self._parse(text)
         walk = _Walk(parsed)
         is_negated = not parsed and text.startswith(("no ", "without "))

@@ -8,6 +8,7 @@ from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.words import places, scenery
 from frida_painter.words.arrangement import is_part_of_body, is_person, kind_of, known_like, known_things
 from frida_painter.words.casting import CALLED, Cast
+from frida_painter.words.nouns import kind_of_name
 from frida_painter.words.places import DAY, NOWHERE, Light, Place, Setting, Weather
 from frida_painter.words.reading import Reading, Relation, Thing, paint_of, word_meanings
 from frida_painter.words.retrieval import OWN, PictureIndex
@@ -89,7 +90,8 @@ def _parts_of(
         elif light:  # a thing that comes with a light: the moon
             seen.append((thing, thing.noun, light))
     if part := part or _place_named(number, reading, nearest, sentences):
-        seen.append((thing, thing.noun, part))
+        named = thing.name.lower().split() if kind_of_name(thing.name) else [thing.noun]
+        seen += [(thing, word, part) for word in named]
     is_whole = places.find_part(thing.name, known, sentences, _EXACTLY) is not None  # a city skyline
     for word in thing.name.split():
         if isinstance(part, Place) and not is_whole and (also := places.find_part(word, known, sentences, _EXACTLY)):
@@ -144,6 +146,10 @@ def _place_named(number: int, reading: Reading, nearest: float, sentences: Sente
     nearest: similarity of the nearest picture: a thing with a picture of its own stays a thing, a tree is no forest
     """
     thing = reading.things[number]
+    if nearest < OWN and (named := kind_of_name(thing.name)):  # London is a city, and Norway like its landscape
+        open_places = [place for place in places.known_places() if place.is_open]
+        found = places.find_part(named, open_places, sentences)
+        return found or places.infer_place([thing.name], sentences, outside=True)
     is_exact = places.find_part(thing.noun, places.known_places(), sentences, _EXACTLY) is not None  # a moor
     if not is_exact and is_person(thing.noun, sentences):
         return None
