@@ -142,7 +142,11 @@ class Reading:
     @property
     def colors(self) -> dict[int, Tensor]:
         """sRGB [3] of the words for colours, by their positions."""
-        said = {word.at: paint_of(word.lemma) for word in self.said if word.lemma in _BASIC and word.kind == "quality"}
+        said = {
+            word.at: paint_of(word.lemma)
+            for word in self.said
+            if word.lemma in _BASIC and word.kind in ("quality", "thing")
+        }
         return {at: paint for at, paint in said.items() if paint is not None}
 
 
