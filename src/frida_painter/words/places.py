@@ -31,19 +31,23 @@ SUMMIT = 0.6
 """Share of the height above a hill on which things stand."""
 _VALLEY, _BROAD, _STEEP = 0.92, 0.75, 0.2  # foot of that hill; its half width; relief above which it is a cliff
 _BANK = 0.79  # share of the height above a bank
+_GLOW = 0.85  # least share of a sky's own colour that is left in a low light
 _GAMMA = 0.7  # exponent from the light of a sky, relative to a day's, to the shade of things in it
 
 
 class PlaceLayer(NamedTuple):
     """Layer of the scenery of a place: its kind, the name of the thing that stands there or "", its size and colour.
 
-    `places.txt` explains the kinds. The colour is "" for a thing in its own.
+    `places.txt` explains the kinds. The colour is "" for a thing in its own. x and y: place of the foot of a single
+    thing, in the canvas's width and height, or 0.
     """
 
     kind: str
     what: str
     size: float
     color: Color = ""
+    x: float = 0.0
+    y: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -105,6 +109,7 @@ class Light:
     form: composition of the light as a picture, one of `FORMS`
     energy: 0 for long calm strokes to 1 for short, restless ones
     stars: number of stars
+    body: thing of `scenery.txt` that shines in its sky, or ""
     """
 
     words: tuple[str, ...]
@@ -114,6 +119,7 @@ class Light:
     form: str = "horizon"
     energy: float = 0.2
     stars: int = 0
+    body: str = ""
 
     @property
     def name(self) -> str:
@@ -144,6 +150,8 @@ class Weather:
     rain, flakes: number of marks
     fog: opacity
     wind: share of their height by which plants lean
+    wet: share of what is above it that wet ground reflects
+    clouds: number of clouds
     """
 
     name: str
@@ -154,6 +162,8 @@ class Weather:
     flakes: int = 0
     fog: float = 0.0
     wind: float = 0.0
+    wet: float = 0.0
+    clouds: int = 0
 
 
 def color_of(color: Color) -> Tensor:
@@ -174,11 +184,10 @@ def known_places() -> tuple[Place, ...]:
             kind, below, above, bank, horizon = land.split()
             split = [layer.split() for layer in scenery.split(";") if layer]
             layers = tuple(
-                PlaceLayer(name, "", float(size), what)
-                if what.startswith("#")
-                else PlaceLayer(name, what.replace("-", " "), float(size))
-                for name, what, size in split
-            )
+                PlaceLayer(name, "" if what[0] == "#" else what.replace("-", " "), float(size),
+                           what if what[0] == "#" else "", *map(float, at))
+                for name, what, size, *at in split
+            )  # fmt: skip
             usual = tuple(things.split(", ")) if things else ()
             sky, shore = (None if one in ("sky", "-") else one for one in (above, bank))
             found.append(Place(tuple(words.split(", ")), usual, below, kind, sky, shore, float(horizon), layers))
@@ -195,16 +204,21 @@ def find_place(name: str) -> Place:
 
 DAY = Light(("day", "noon", "midday", "sunny", "daylight", "light", "sunlight"), "#a3cae9", "#e0f0f9")
 LIGHTS = (
-    Light(("dawn", "sunrise", "early morning", "morning"), "#9eb2db", "#fcd1ad", "#ffedb2"),
-    Light(("sunset", "dusk", "evening", "twilight", "golden hour", "late afternoon"), "#6b5c94", "#fc9947", "#ffdb73"),
-    Light(("night", "midnight", "moonlight", "darkness", "starry night", "moon", "star"),
-          "#0d1438", "#45598f", "#faeda8", stars=10),
+    Light(("dawn", "early morning", "morning"), "#9eb2db", "#fcd1ad", "#ffedb2"),
+    Light(("dusk", "evening", "twilight", "late afternoon"), "#6b5c94", "#fc9947", "#ffdb73"),
+    Light(("night", "midnight", "darkness", "starry night", "star"), "#0d1438", "#45598f", "#faeda8", stars=10),
+    Light(("sunrise", "rising sun", "sun coming up", "sun rising"), "#8fa8dc", "#ffc49a", "#ffedb2", body="sun"),
+    Light(("sunset", "golden hour", "setting sun", "sun going down", "sun setting", "low sun", "sun goes down"),
+          "#6b5c94", "#fc8f45", "#ffdb73", body="sun"),
+    Light(("moonlight", "full moon", "moon", "moonlit night", "crescent moon"),
+          "#101a44", "#4f66a0", "#faeda8", stars=7, body="moon"),
+    Light(("sun", "bright sun", "shining sun"), "#8fc4ee", "#e6f3f6", "#fff2b0", body="sun"),
     Light(("northern lights", "northern light", "aurora", "polar lights"),
           "#0a1030", "#1f5a63", "#4dfa9a", "waves", 0.5, stars=10),
     Light(("autumn", "fall foliage", "october"), "#ccb894", "#e69433", "#b8331f", "fall", 0.5),
     Light(("winter", "cold", "frost"), "#a8c2db", "#e0ebf5", "#fae6d6"),
-    Light(("heat", "heat wave", "warm", "hot", "summer", "drought", "holidays"),
-          "#ed9e40", "#fcd15c", "#fff7cc", "burst", 0.3),
+    Light(("summer", "warm", "june", "july", "holidays"), "#7fbdf0", "#fbf0c4", "#fff7cc", "burst", 0.3),
+    Light(("heat", "heat wave", "hot", "drought"), "#ed9e40", "#fcd15c", "#fff7cc", "burst", 0.3),
     Light(("sadness", "grief", "loneliness", "melancholy", "gloomy", "a farewell", "remorse", "regret"),
           "#576b8a", "#99a8b8", "#ccbd9e", "fall", 0.15),
     Light(("joy", "happiness", "laughter", "celebration", "party", "amazement", "fun"),
@@ -228,27 +242,33 @@ LIGHTS = (
     Light(("thought", "idea", "time", "eternity", "gravity", "knowledge", "truth"),
           "#244270", "#578fad", "#fad67a", "vortex"),
 )  # fmt: skip
-GREY = LIGHTS[7]
-HOURS = LIGHTS[:4]
+GREY = LIGHTS[12]
+HOURS = LIGHTS[:8]
 """Lights of an hour."""
-SEASONS = LIGHTS[4:7]
+SEASONS = LIGHTS[8:12]
 """Lights of a season, which leave things more of their colours."""
-TIMES = LIGHTS[:7]
+TIMES = LIGHTS[:12]
 """Lights of a time of day or year, in contrast to those of a mood."""
 CLEAR = Weather("clear", (), "white", DAY)
 WEATHERS = (
-    Weather("rain", ("rain", "rainy", "downpour", "drizzle"), "#dbe6f2", GREY, rain=16),
+    Weather("rain", ("rain", "rainy", "raining", "downpour", "drizzle"), "#dbe6f2", GREY, rain=16, wet=0.3),
     Weather("a storm", ("storm", "stormy", "thunderstorm", "thunder", "lightning", "hurricane"), "#d1d6e0",
-            Light(("a storm",), "#384557", "#949e9e", "#ede6b8", "vortex", 0.8), rain=12, wind=0.7),
-    Weather("snow", ("snowfall", "snowing", "snowy", "blizzard", "snowstorm"), "white", LIGHTS[5], flakes=18),
-    Weather("fog", ("fog", "mist", "misty", "haze", "smog"), "#e6e8eb",
+            Light(("a storm",), "#384557", "#949e9e", "#ede6b8", "vortex", 0.8), rain=12, wind=0.7, wet=0.3),
+    Weather("snow", ("snowfall", "snowing", "snowy", "snow-covered", "blizzard", "snowstorm"), "white", LIGHTS[9],
+            flakes=18),
+    Weather("fog", ("fog", "foggy", "mist", "misty", "haze", "hazy", "smog"), "#e6e8eb",
             Light(("pale light",), "#b8bfc7", "#e0e3e3", "#f7f2e6", energy=0.0), fog=0.6),
-    Weather("clouds", ("cloudy", "overcast", "grey sky"), "white", Light(("a grey sky",), "#8d99a6", "#c6ccd0")),
-    Weather("wind", ("wind", "windy", "gale", "breeze"), "white", LIGHTS[17], wind=0.45),
+    Weather("clouds", ("cloudy", "overcast", "grey sky", "grey day", "dull day"), "white",
+            Light(("a grey sky",), "#8d99a6", "#c6ccd0"), clouds=4),
+    Weather("storm clouds", ("storm clouds", "dark clouds", "black clouds", "before a storm", "approaching storm"),
+            "#565f6e", Light(("a dark sky",), "#5f6b7d", "#b3b8ae", "#ede6b8", "vortex", 0.8), wind=0.3, clouds=7),
+    Weather("after the rain", ("after the rain", "after rain", "wet", "puddles"), "white",
+            Light(("a clearing sky",), "#93a9bd", "#dfe3dd"), wet=0.6),
+    Weather("wind", ("wind", "windy", "gale", "breeze"), "white", LIGHTS[22], wind=0.45),
 )  # fmt: skip
 _Part = TypeVar("_Part", Place, Light, Weather)
-_ORDER = ("peaks", "hills", "far", "line", "band", "way", "road", "stream", "planks", "platform", "rails", "walls",
-          "field", "grove", "sides", "falls", "bridge", "hung", "wings")  # of layers, from back to front  # fmt: skip
+_ORDER = ("peaks", "hills", "far", "line", "walls", "band", "waves", "way", "road", "stream", "canal", "platform",
+          "rails", "planks", "field", "grove", "strewn", "sides", "falls", "bridge", "hung", "near")  # of layers, from back to front  # fmt: skip
 _SEA = 0.25  # share of the land that is the sea behind it
 _WAYS = ("way", "road", "rails", "platform", "planks", "bridge")
 _KIN = {
@@ -257,6 +277,8 @@ _KIN = {
     "grove": "sides",
     "walls": "sides",
     "field": "sides",
+    "strewn": "sides",
+    "canal": "stream",
 }  # other kinds for the same
 _CALLED = 0.72  # similarity to a place's words above which words name it
 _FELT, _FELT_WEATHER = 0.62, 0.7  # to the words of a light, and of a weather: a snowmobile (0.67) is a thing
@@ -296,7 +318,8 @@ class Setting:
             return land.clamp(0, 1)[:, None, None].expand(3, rows, columns).contiguous()
         high, low = color_of(self.light.top), color_of(self.light.low)
         if place.above is not None:
-            high, low = color_of(place.above) * shade * _DIM, color_of(place.above) * shade
+            low = color_of(place.above) * (shade.clamp(min=_GLOW) if place.is_open else shade)
+            high = torch.lerp(high, low, 0.6) if place.is_open and self.light != DAY else low * _DIM
         if self.weather.flakes and place.kind in ("land", "hill"):  # snow also covers the land
             land = torch.lerp(land, color_of(self.weather.color) * shade, _COVERED)
         # Water reflects the top of the sky; the glow of a low sun, or of a season, would make it grey.
@@ -428,11 +451,19 @@ def in_color(place: Place, color: Color) -> Place:
     """Returns the place in another colour: a teal sky, a blue wall, a green river, a white path, a green meadow."""
     if place.name in ("sky", "room"):
         return replace(place, above=color)
-    kinds = ("stream", *(_WAYS if place.is_way else ()))
+    kinds = ("stream", "canal", *(_WAYS if place.is_way else ()))
     if place.has(*kinds):
         layers = (layer._replace(color=color) if layer.kind in kinds else layer for layer in place.layers)
         return replace(place, layers=tuple(layers))
     return replace(place, below=color)
+
+
+def in_size(place: Place, wide: float) -> Place:
+    """Returns the place with its ways and waves by a factor as wide or high: a narrow street, big waves."""
+    sized = (*_WAYS, "stream", "canal", "waves")
+    return with_layers(
+        place, [one._replace(size=one.size * wide) if one.kind in sized else one for one in place.layers]
+    )
 
 
 def join(place: Place, others: Sequence[Place]) -> Place:
@@ -445,7 +476,8 @@ def join(place: Place, others: Sequence[Place]) -> Place:
             is_higher = _kin(layer) == "hills" and all(layer.size > one.size for one in same)
             if is_higher or not same:
                 layers = [*(one for one in layers if one not in same), layer]
-    return with_layers(place, layers)
+    above = next((one.above for one in others if one.is_open and one.above is not None), place.above)
+    return replace(with_layers(place, layers), above=above if place.is_open else place.above)
 
 
 def _kin(layer: PlaceLayer) -> str:

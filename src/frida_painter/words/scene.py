@@ -32,6 +32,7 @@ from frida_painter.words.retrieval import FoundPicture, PictureIndex, has_ground
 from frida_painter.words.scenery import Stand
 from frida_painter.words.setting import SKY, Seen, setting_of, usual_place
 
+_CROWDED = ("busy", "crowded", "bustling", "packed", "lively")
 _IN_A_FIELD = 7  # number of things that a place is full of
 
 
@@ -49,8 +50,9 @@ def scene_of(
     named = [light for *_, light in seen if isinstance(light, Light) and light is not DAY]
     feels = any(part in named and part not in places.TIMES and word == thing.noun for thing, word, part in seen)
     is_placed = any(isinstance(part, Place | Stand) for *_, part in seen)
-    if is_placed and len(settled) == len(reading.things) and not feels and not setting.place.layers:
-        reading = _people_place(reading, setting.place)
+    is_busy = any(isinstance(part, Place) and {*thing.name.split()} & {*_CROWDED} for thing, _, part in seen)
+    if is_placed and len(settled) == len(reading.things) and (is_busy or not (feels or setting.place.layers)):
+        reading = _people_place(reading, setting.place, is_busy=is_busy)
     reading = _equip_people(_fill_fields(reading, seen), index, sentences)
     things = cast(reading, settled, prompt, index, encoders, in_place=setting.place is not NOWHERE)
     shown = [one for one in things if one is not None]
@@ -93,7 +95,8 @@ def scene_of(
     parts = _parts_of(things, looks, reading, setting, seed, sentences)
     usual = {part.known.where for part in parts if part is not None}
     in_the_air = usual == {"air"}
-    setting = replace(setting, is_raised=setting.is_raised and not in_the_air and "water" not in usual)
+    is_ashore = setting.place.bank is not None and usual == {"ground"}  # a lighthouse does not float
+    setting = replace(setting, is_raised=(setting.is_raised or is_ashore) and not in_the_air and "water" not in usual)
     beyond = {one.subject for one in reading.relations if kind_of(one.word) == "behind" and one.object in settled}
     relations = [_as_meant(one, things) for one in reading.relations]
     near, far = (
@@ -107,10 +110,11 @@ def scene_of(
             above=place.above,
         )
         is_placed = False
-    if not is_placed:  # what nobody asked for is not seen
-        place = replace(place, layers=())
+    if not is_placed:  # what nobody asked for is not seen, but the sea that a beach or a lighthouse is at
+        place = replace(place, layers=tuple(one for one in place.layers if one.kind in ("band", "waves")))
     setting = replace(setting, place=place)
-    return compose_scene(near, setting, grid, seed, in_the_air=in_the_air, absent=reading.absent, far=far)
+    absent = *reading.absent, *(one.thing.noun for one in things if one is not None)  # a lonely tree
+    return compose_scene(near, setting, grid, seed, in_the_air=in_the_air, absent=absent, far=far)
 
 
 def _parts_of(
@@ -170,14 +174,16 @@ def _is_absent(name: str, absent: Sequence[str]) -> bool:
     return name in absent or name.rpartition(" ")[2] in absent
 
 
-def _people_place(reading: Reading, place: Place) -> Reading:
-    """Adds the usual things to a place that is named alone: boats in a harbour, but none to grief in a harbour."""
+def _people_place(reading: Reading, place: Place, *, is_busy: bool) -> Reading:
+    """Adds the usual things to a place that is named alone: boats in a harbour, but none to grief in a harbour.
+
+    is_busy: True to add people too
+    """
     name = next((name for name in place.found if not _is_absent(name, reading.absent)), None)
-    if name is None:
-        return reading
-    thing = Thing(name, name.rpartition(" ")[2], count=2)
-    relation = Relation(len(reading.things), "in", 0)
-    return replace(reading, things=(*reading.things, thing), relations=(*reading.relations, relation))
+    added = [Thing(name, name.rpartition(" ")[2], count=2)] if name is not None else []
+    added = [*(Thing(who, who, doing="walking") for who in ("woman", "man", "girl") if is_busy), *added]
+    relations = (Relation(len(reading.things) + number, "in", 0) for number in range(len(added)))
+    return replace(reading, things=(*reading.things, *added), relations=(*reading.relations, *relations))
 
 
 def _fill_fields(reading: Reading, seen: Seen) -> Reading:

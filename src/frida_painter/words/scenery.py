@@ -18,7 +18,16 @@ from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.objectives.picture_library import Captioned
 from frida_painter.words.appearance import in_weather
 from frida_painter.words.compositing import crop, resize
-from frida_painter.words.places import SUMMIT, Color, Place, PlaceLayer, Setting, color_of, known_places, with_layers
+from frida_painter.words.places import (
+    LIGHTS,
+    Color,
+    Place,
+    PlaceLayer,
+    Setting,
+    color_of,
+    known_places,
+    with_layers,
+)
 
 _Points = Sequence[tuple[float, float]] | npt.NDArray[np.float64]
 
@@ -39,12 +48,27 @@ class Stand(NamedTuple):
     @property
     def is_indoors(self) -> bool:
         """True if rooms have such a thing."""
-        return any(self.name in [layer.what for layer in place.layers] for place in known_places() if not place.is_open)
+        return self.is_in("hung", "line", "walls", "near")
+
+    @property
+    def is_furniture(self) -> bool:
+        """True if it only stands about in rooms, as one thing of many kinds."""
+        return self.is_in("near") and not self.is_in("hung", "line", "walls")
+
+    def is_in(self, *kinds: str) -> bool:
+        """Returns True if a room has it in a layer of these kinds."""
+        rooms = (place for place in known_places() if not place.is_open)
+        return any(layer.what == self.name and layer.kind in kinds for place in rooms for layer in place.layers)
 
     @property
     def has_glass(self) -> bool:
         """True if it has windows."""
         return any("*" in shape for shape in self.shapes)
+
+    @property
+    def shines(self) -> bool:
+        """True if it has a light of its own: the sun, a planet."""
+        return any(light.body == self.name for light in LIGHTS) or "planet" in self.words
 
     @property
     def usual(self) -> str:
@@ -66,6 +90,12 @@ def stands() -> dict[str, Stand]:
     return found
 
 
+@cache
+def named_things() -> frozenset[str]:
+    """Returns all words of the table."""
+    return frozenset(word for stand in stands().values() for word in stand.words)
+
+
 _CALLED = 0.8  # similarity above which a name means a stand
 _WORTH = 0.7  # realism of a drawing, between those of photographs and of other drawings
 
@@ -75,7 +105,8 @@ def find_stand(name: str, sentences: SentenceEncoder) -> Stand | None:
 
     Lit shop windows are shop windows.
     """
-    owners, words = [(stand, word) for stand in stands().values() for word in stand.words], name.split()
+    owners = [(stand, word) for stand in stands().values() if not stand.is_furniture for word in stand.words]
+    words = name.split()
     anchors = sentences.embed([word for _, word in owners])
     for first in range(len(words)):
         similarity, best = (anchors @ sentences.embed([" ".join(words[first:])])[0]).max(0)
@@ -84,23 +115,29 @@ def find_stand(name: str, sentences: SentenceEncoder) -> Stand | None:
     return None
 
 
-_LOW = 0.65  # height below which stands cover a land in rows
+_LOW = 0.65  # height below which stands cover a land
+_FREE = (0.5, 0.2, 0.8)  # places on a wall
 
 
 def line_with(place: Place, stand: Stand, color: Color = "") -> Place:
     """Returns the place with another thing beside its way, on its wall, or all over its land, in that colour."""
     if stand.is_indoors and place.is_open:  # the houses have windows
         return place
-    old = next((layer for layer in place.layers if layer.kind in ("sides", "walls", "grove", "field")), None)
-    if not place.is_open:
-        new = PlaceLayer("hung", stand.name, 0.44)
-    elif old is not None:
+    same = [layer for layer in place.layers if layer.what == stand.name]
+    kinds = ("sides", "walls", "grove", "field", "strewn")
+    old = next((layer for layer in (*same, *place.layers) if layer in same or layer.kind in kinds), None)
+    taken = [layer.x for layer in place.layers if layer.kind == "hung"]
+    if old is not None and (place.is_open or same):
         new = old._replace(what=stand.name)
+    elif not place.is_open:
+        x = max(_FREE, key=lambda x: min((abs(x - one) for one in taken), default=1))
+        new = PlaceLayer("hung", stand.name, 0.44, x=x, y=0.5 * place.horizon + 0.22)
     elif stand.usual == "plant" and place.kind != "water":
-        new = PlaceLayer("field" if stand.height < _LOW else "grove", stand.name, 1.0)
+        new = PlaceLayer("strewn" if stand.height < _LOW else "grove", stand.name, 1.0)
     else:
         new = PlaceLayer("line", stand.name, 0.25 * max(1.0, stand.height))
-    return with_layers(place, [*(layer for layer in place.layers if layer != old), new._replace(color=color)])
+    layers = [layer for layer in place.layers if layer != old and (layer not in same or not color)]
+    return with_layers(place, [*layers, new._replace(color=color)])
 
 
 # Drawing of one stand.
@@ -120,7 +157,7 @@ def draw_stand(stand: Stand, setting: Setting, seed: int) -> Tensor:
     stand = _in_season(stand, setting)
     chance = np.random.default_rng(seed)
     shade = setting.light.shade.clamp(max=1.0).numpy()
-    is_lit = float(shade.mean()) < _DUSK and setting.place.is_open
+    is_lit = float(shade.mean()) < _DUSK
     main = color_of(stand.color).numpy() * chance.uniform(0.92, 1.08)
     sheet = np.zeros((round(_HIGH * _UNIT), round(_WIDE * _UNIT), 4), np.float32)
 
@@ -133,7 +170,7 @@ def draw_stand(stand: Stand, setting: Setting, seed: int) -> Tensor:
             glass = color_of(_LIT_GLASS).numpy() if color == "*" and is_lit and chance.random() < 0.7 else sky
             return (*glass.tolist(), 1.0)
         plain = main * _TONES[color] if color in _TONES else color_of(color).numpy()
-        return (*np.clip(plain * shade * tone, 0, 1).tolist(), 1.0)
+        return (*np.clip(plain * (1 if stand.shines else shade) * tone, 0, 1).tolist(), 1.0)
 
     for kind, color, *rest in stand.shapes:
         points = [(float(x), float(y)) for x, y in (one.split(",") for one in rest if "," in one)]
@@ -188,6 +225,10 @@ _VERGE = 0.35  # space between a way and the things along it
 _STEP, _ASIDE = 0.09, 0.55  # height of a platform; distance of a jetty from the middle
 _KINDS = 3  # number of different drawings of a stand
 _WINDING = {"way": 0.3, "stream": 0.45}  # greatest shift of the middle of a way, which a road has not
+_SHINY, _ROUGH = 0.5, 0.012  # share of what is above water that it reflects; shift by its ripples, of the width
+_GLOWING, _BEAM = 0.9, 0.4  # opacity of the glow around the sun or the moon, and of light that comes in by a window
+_ABOVE = ("planks", "field", "grove", "strewn", "sides", "falls", "bridge", "near")  # kinds that no water mirrors
+_BODY = {"sun": 0.13, "moon": 0.11}  # radii of bodies in the sky
 
 
 class View:
@@ -206,6 +247,9 @@ class View:
         widths = [layer.size for layer in setting.place.layers if layer.kind in ("way", "road", "rails", "stream")]
         self._edge = max(widths, default=0.65) + _VERGE
         self._low = color_of(setting.light.low).numpy()
+        self._wet = np.zeros(self._sheet.shape[:2], np.float32)  # share of what is above that the ground reflects
+        if setting.place.kind == "water" and not setting.place.has("stream", "canal"):
+            self._wet[round(self._horizon * self._rows) :] = _SHINY
 
     @property
     def picture(self) -> Tensor:
@@ -217,8 +261,9 @@ class View:
         """Draws a layer of a place."""
         drawers: dict[str, Callable[[PlaceLayer], None]] = {
             "hills": self._draw_hills, "peaks": self._draw_peaks, "band": self._draw_band, "way": self._draw_way,
-            "road": self._draw_way, "stream": self._draw_way, "rails": self._draw_rails, "falls": self._draw_falls,
-            "platform": self._draw_platform, "planks": self._draw_planks, "bridge": self._draw_bridge,
+            "road": self._draw_way, "stream": self._draw_way, "canal": self._draw_way, "waves": self._draw_waves,
+            "rails": self._draw_rails,
+            "platform": self._draw_platform, "planks": self._draw_planks,
         }  # fmt: skip
         if layer.kind in drawers:
             drawers[layer.kind](layer)
@@ -237,10 +282,10 @@ class View:
         """Yields the places of stands in a layer, from back to front: foot, height, and distance."""
         tall, slim = layer.size * stand.height, drawn.shape[2] / drawn.shape[1] * self._rows / self._columns
         if layer.kind == "line":
-            x = -0.3 * slim * layer.size
+            x, far = -0.3 * slim * layer.size, _FARTHEST / 2 if layer.y < self._horizon else 1.0
             while x < 1.1:
                 size = layer.size * self._chance.uniform(0.75, 1.1)
-                yield x, self._horizon + 0.01, size, _FARTHEST / 2
+                yield x, max(layer.y, self._horizon + 0.01), size, far
                 x += slim * size * self._chance.uniform(0.72, 1.05)
         elif layer.kind == "sides":
             for far in _ALONG:
@@ -253,21 +298,18 @@ class View:
                 for number in range(-math.ceil(far / step), math.ceil(far / step) + 1):
                     x, y = self._at((number + 0.5) * step, far)
                     yield x, y, tall / far, far
+        elif layer.kind == "strewn":
+            for far in np.geomspace(7.0, 0.95, 90):
+                x, y = self._at(far * self._chance.uniform(-1.1, 1.1), far)
+                yield x, y, tall / far * self._chance.uniform(0.8, 1.2), far
         elif layer.kind == "grove":
             for far in np.geomspace(5.5, 1.05, 18):
                 side = self._chance.choice((-1, 1)) * self._chance.uniform(0.4 if far < 3 else 0, 1.15)
                 x, y = self._at(side * far, far)
                 yield x, y, tall / far * self._chance.uniform(0.8, 1.15), far
-        elif layer.kind == "far":
-            yield 0.5 + 0.24 * self._turn, self._horizon + 0.015, layer.size, _FARTHEST / 4
-        elif layer.kind == "wings":
-            for x in (0.06, 0.94):
-                yield x, self._horizon + 0.06, 0.85, 1.0
-        elif layer.kind == "hung":
-            among = [one.what for one in self._setting.place.layers if one.kind == "hung"]
-            x = (0.5, 0.22, 0.78, 0.5)[0 if len(among) == 1 else 1 + among.index(layer.what)]
-            x = 0.5 + self._turn * (x - 0.5)
-            yield x, self._horizon * 0.5 + layer.size / 2, layer.size, 1.0
+        else:
+            far = _FARTHEST / 4 if layer.kind == "far" else 1.0
+            yield 0.5 + self._turn * (layer.x - 0.5), layer.y, layer.size, far
 
     def _at(self, across: float, far: float) -> tuple[float, float]:
         """Returns the place on the canvas, in its width and height, of a point of the land."""
@@ -286,6 +328,81 @@ class View:
         """Fills an area, whose points are in the canvas's width and height."""
         pixels = (np.array(points) * (self._columns, self._rows) * 16).round().astype(np.int32)
         cv2.fillPoly(self._sheet, [pixels], self._color(color, far, tone).tolist(), cv2.LINE_8, 4)
+
+    def _mask(self, points: _Points) -> npt.NDArray[np.bool_]:
+        """Returns the pixels of an area, whose points are in the canvas's width and height."""
+        mask = np.zeros(self._wet.shape, np.uint8)
+        pixels = (np.array(points) * (self._columns, self._rows)).round().astype(np.int32)
+        cv2.fillPoly(mask, [pixels], 1)
+        return np.asarray(mask > 0)
+
+    def _shine(self, color: Color, opacity: npt.NDArray[np.float32]) -> None:
+        """Lays a light of a colour over the picture, with an opacity [H, W]."""
+        self._sheet += opacity[..., None] * (color_of(color).numpy() - self._sheet)
+
+    def draw_body(self) -> None:
+        """Draws the sun or the moon of the setting's light in the sky, with its glow."""
+        light = self._setting.light
+        if not light.body:
+            return
+        is_low = light not in (LIGHTS[5], LIGHTS[6])
+        radius = _BODY[light.body]
+        up = self._horizon - (0.09 + max(0.55 * self._setting.place.relief, 0.0) if is_low else 0.8 * self._horizon)
+        x, y = 0.5 + 0.2 * self._turn, max(1.1 * radius, up)
+        down, across = np.indices(self._wet.shape, np.float32)
+        away = np.hypot(down - y * self._rows, across - x * self._columns) / (radius * self._rows)
+        self._shine(light.accent, _GLOWING * np.exp(-((away / 2.2) ** 2)).astype(np.float32) * 0.8)
+        self._shine("#fffbe6", np.clip(8 * (1 - away), 0, 1).astype(np.float32))
+
+    def draw_clouds(self) -> None:
+        """Draws the clouds of the weather."""
+        drawn = [draw_stand(stands()["cloud"], self._setting, number) for number in range(_KINDS)]
+        for number in range(self._setting.weather.clouds):
+            size = self._chance.uniform(0.16, 0.3)
+            x = (number + self._chance.uniform(0.1, 0.9)) / self._setting.weather.clouds
+            self._lay(drawn[number % _KINDS], x, self._chance.uniform(0.22, 0.8 * self._horizon), size, 1.0)
+
+    def wet_ground(self) -> None:
+        """Mirrors what is above water and wet ground in them, with ripples; rain has left puddles."""
+        for far in (
+            np.geomspace(4.5, 1.15, 7) if self._setting.weather.wet and self._setting.place.kind == "land" else ()
+        ):
+            around, (x, y) = np.linspace(0, 2 * np.pi, 30), self._at(self._chance.uniform(-0.8, 0.8) * far, far)
+            ring = [(x + 0.17 / far * math.cos(turn), y + 0.06 / far * math.sin(turn)) for turn in around]
+            self._wet[self._mask(ring)] = 0.8
+        if not self._wet.any():
+            return
+        down, across = np.indices(self._wet.shape, np.float32)
+        ripple = _ROUGH * self._columns * np.sin(down * (90 / self._rows) + 3 * np.sin(down * (31 / self._rows)))
+        mirrored = cv2.remap(
+            self._sheet, (across + ripple).astype(np.float32), 2 * self._horizon * self._rows - down,
+            cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT,
+        )  # fmt: skip
+        self._sheet += self._wet[..., None] * (mirrored - self._sheet)
+
+    def _draw_waves(self, layer: PlaceLayer) -> None:
+        high = layer.size * (1 + 1.5 * self._setting.weather.wind)
+        for far in np.geomspace(5.5, 1.0, 7):
+            along, y = np.linspace(0, 1, 160), self._at(0, far)[1] + 0.3 * high / far
+            peak = 1 - np.abs(np.sin(np.pi * (1.6 * far**0.8 * along + self._chance.uniform(0, 1))))
+            top = y - high / far * peak
+            foam = top + 0.3 * high / far * np.clip(2.4 * peak - 0.8, 0.06, 1)
+            for color, edge in (("#f2f8fb", top), (layer.color, foam)):
+                self._fill(color, [*zip(along, edge, strict=True), (1, 1.1), (0, 1.1)], far, 1.05 - 0.25 / far)
+
+    def light_up(self) -> None:
+        """Draws the light that comes in by the windows of a room: a beam to the floor and a bright spot on it."""
+        windows = [layer for layer in self._setting.place.layers if layer.what == "window" and layer.kind == "hung"]
+        for layer in windows if float(self._setting.light.shade.mean()) > _DUSK else ():
+            x, top, low = 0.5 + self._turn * (layer.x - 0.5), layer.y - layer.size, layer.y - 0.1 * layer.size
+            wide, way = 0.3 * layer.size, 0.3 * (1 if x < 0.5 else -1)
+            floor = [(x + way + side * wide * grown, y) for side, grown, y in (
+                (-1, 1, self._horizon + 0.06), (1, 1, self._horizon + 0.06), (1, 1.5, 0.94), (-1, 1.5, 0.94))]  # fmt: skip
+            beam = [(x - wide, top), (x + wide, top), floor[1], floor[2], floor[3], (x - wide, low)]
+            for points, share in ((beam, 0.5 * _BEAM), (floor, 1.3 * _BEAM)):
+                soft = cv2.GaussianBlur(self._mask(points).astype(np.float32), (0, 0), 0.01 * self._rows)
+                self._shine(self._setting.light.accent if self._setting.light.accent != "white" else "#fff3c4",
+                            share * soft)  # fmt: skip
 
     def _lay(self, picture: Tensor, x: float, y: float, height: float, far: float) -> None:
         """Lays a picture [4, h, w] on its place, hazy in the distance; parts outside the canvas are cut off."""
@@ -375,9 +492,12 @@ class View:
         for wide, tone in ((1.12, 0.8), (1.0, 1.0)):
             left, right = ([edge(far, side * wide) for far in fars] for side in (-1, 1))
             self._fill(layer.color, [*left, *right[::-1]], 1.6, tone)
+        if layer.kind in ("way", "road"):
+            self._wet[self._mask([*left, *right[::-1]])] = self._setting.weather.wet
         for far in np.geomspace(1, 8, 9) if layer.kind == "road" else ():
             self._lay_flat("#f2eee2", (-0.025, 0.025), (far, 1.12 * far))
-        if layer.kind == "stream":
+        if layer.kind in ("stream", "canal"):
+            self._wet[self._mask([*left, *right[::-1]])] = _SHINY
 
             def extent(y: float) -> tuple[float, float]:
                 far = (1 - self._horizon) / (y - self._horizon)
@@ -418,54 +538,27 @@ class View:
         for far in np.geomspace(0.95, end, 12):
             self._lay_flat(layer.color, (left, right), (far, 1.02 * far), 0.7)
 
-    def _draw_bridge(self, layer: PlaceLayer) -> None:
-        along = np.linspace(-0.02, 1.02, 60)
-        deck = SUMMIT + 0.08 * (1 - np.sin(np.pi * np.clip(along, 0, 1)))
-        under = 0.085 + 0.12 * (np.abs(along - 0.5) / 0.5) ** 3
-
-        def fill(rise: float, drop: float | npt.NDArray[np.float64], tone: float) -> None:
-            upper, lower = zip(along, deck - rise, strict=True), zip(along[::-1], (deck + drop)[::-1], strict=True)
-            self._fill(layer.color, [*upper, *lower], 1.3, tone)
-
-        fill(0.0, under, 0.85)
-        fill(0.012, 0.014, 1.15)
-        for x, y in zip(along[1::6], deck[1::6], strict=True):
-            self._fill(
-                layer.color, [(x - 0.008, y), (x + 0.008, y), (x + 0.008, y - 0.13), (x - 0.008, y - 0.13)], 1.3, 0.75
-            )
-        fill(0.14, -0.115, 1.05)
-
-    def _draw_falls(self, layer: PlaceLayer) -> None:
-        top, low = self._horizon - layer.size, self._horizon + 0.1
-        rock = [(0.12, low), (0.2, top + 0.12), (0.3, top), (0.7, top + 0.01), (0.82, top + 0.14), (0.9, low)]
-        self._fill(layer.color, rock, 1.5)
-        for x, y in zip(
-            self._chance.uniform(0.16, 0.86, 9), self._chance.uniform(top + 0.12, low - 0.1, 9), strict=True
-        ):
-            stone = [(x - 0.05, y), (x, y - 0.05), (x + 0.05, y + 0.01), (x + 0.02, y + 0.07)]
-            self._fill(layer.color, stone, 1.5, self._chance.choice((0.75, 1.2)))
-        around = np.linspace(0, 2 * np.pi, 40)
-        circle = np.stack((np.cos(around), np.sin(around)), 1)
-        self._fill("#4f8fae", np.array((0.5, low + 0.08)) + (0.42, 0.1) * circle, 1.2)
-        for number, x in enumerate(np.tile(np.linspace(0.4, 0.6, 13), 2) + self._chance.uniform(-0.012, 0.012, 26)):
-            start = top + self._chance.uniform(0, 0.5) * (low - top) * (number > 12)
-            water = [(x - 0.012, start), (x + 0.012, start), (x + 0.02, low + 0.05), (x - 0.02, low + 0.05)]
-            self._fill("#eaf4fa", water, 1.0, self._chance.uniform(0.82, 1.0))
-        for spot in self._chance.uniform((0.36, low + 0.02), (0.64, low + 0.07), (16, 2)):
-            self._fill("white", spot + 0.025 * circle, 1.0, 0.95)
-
 
 def draw_scenery(ground: Tensor, setting: Setting, seed: int, absent: Sequence[str] = ()) -> Tensor:
     """Returns a ground [3, H, W] with the scenery of its place.
 
     absent: nouns of things that must not be seen
     """
-    if not setting.place.layers:
+    is_lit = bool(setting.light.body or setting.weather.clouds) and setting.place.is_open
+    if not setting.place.layers and not is_lit:
         return ground
     view = View(ground, setting, seed)
-    for layer in setting.place.layers:
-        if not {layer.what, layer.what.rpartition(" ")[2]} & {*absent}:
-            view.draw(layer)
+    if setting.place.is_open:
+        view.draw_body()
+        view.draw_clouds()
+    layers = [one for one in setting.place.layers if not {one.what, one.what.rpartition(" ")[2]} & {*absent}]
+    for is_above in (False, True):
+        for layer in layers:
+            if (layer.kind in _ABOVE) == is_above:
+                view.draw(layer)
+        if not is_above:
+            view.wet_ground()
+    view.light_up()
     return view.picture
 
 

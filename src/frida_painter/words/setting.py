@@ -1,11 +1,13 @@
 """Setting that a prompt names: its place with the scenery, its light and its weather, by the meaning of its words."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.words import places, scenery
+from frida_painter.words.appearance import looks_of
 from frida_painter.words.arrangement import is_part_of_body, is_person, kind_of, known_like, known_things
 from frida_painter.words.casting import CALLED, Cast
 from frida_painter.words.nouns import kind_of_name
@@ -40,7 +42,7 @@ def setting_of(
         seen += parts
     owned = {at for thing in reading.things for at in thing.at}
     for word in reading.said:  # it is still dark
-        if word.kind == "quality" and word.at not in owned:
+        if word.kind in ("quality", "action") and word.at not in owned:
             weather = places.find_part(word.lemma, places.WEATHERS, sentences, _SURE)
             if felt := weather or places.find_part(word.lemma, _LIGHTS, sentences, _FELT):
                 seen.append((Thing(word.text, word.lemma, at=(word.at,)), word.lemma, felt))
@@ -79,7 +81,10 @@ def _parts_of(
     is_object = any(one.object == number for one in reading.relations)
     is_settled = is_object and nearest < OWN and is_part_of_body(thing.noun, sentences)  # somebody's beard
     if nearest < OWN and not is_settled:
-        part = places.find_part(thing.noun, places.WEATHERS, sentences)
+        before = [f"{one.word} {thing.noun}" for one in reading.relations if one.object == number]  # after the rain
+        for said in (*before, _whole(thing)):
+            part = part or places.find_part(said, places.WEATHERS, sentences, _EXACTLY)
+        part = part or places.find_part(thing.noun, places.WEATHERS, sentences)
         around = [one.name for one in known_things()]
         is_idea = " " in thing.noun or places.is_idea(thing.name, around, sentences, is_pictured=nearest >= _PICTURED)
         least, whole = _FELT if is_idea else _EXACTLY, f"{thing.color} {thing.name}".strip()
@@ -88,7 +93,14 @@ def _parts_of(
         if part is None and is_idea and (light or not is_person(thing.noun, sentences)):
             part, is_settled = light, True
         elif light:  # a thing that comes with a light: the moon
+            ends = max(thing.at)
+            said = " ".join(word.text for word in reading.said if thing.at[0] <= word.at <= ends + 1)
+            light = (
+                places.find_part(f"{thing.noun} {said.partition(thing.noun)[2]}".strip(), _LIGHTS, sentences, _SURE)
+                or light
+            )
             seen.append((thing, thing.noun, light))
+            is_settled = is_settled or (bool(light.body) and len(reading.things) > 1)
     if part := part or _place_named(number, reading, nearest, sentences):
         named = thing.name.lower().split() if kind_of_name(thing.name) else [thing.noun]
         seen += [(thing, word, part) for word in named]
@@ -101,6 +113,11 @@ def _parts_of(
         if felt := weather or places.find_part(word, _LIGHTS, sentences, _FELT):
             seen.append((thing, word, felt))
     return is_settled or part is not None, seen
+
+
+def _whole(thing: Thing) -> str:
+    """Returns the name of a thing with its noun as written."""
+    return f"{thing.name.removesuffix(thing.noun)}{thing.plural or thing.noun}"
 
 
 def _mix(parts: Sequence[Place | Light | Weather | Stand]) -> tuple[Light, Weather]:
@@ -127,10 +144,9 @@ def _stands_in(
     for number in left:
         thing = reading.things[number]
         is_own = index is not None and index.nearest(thing) >= OWN
-        full = f"{thing.name.removesuffix(thing.noun)}{thing.plural or thing.noun}"
         is_mass = thing.uncounted and any(one.object == number for one in reading.relations)  # in blossom
         is_other = is_own or is_person(thing.name, sentences)
-        stand = None if is_other else scenery.find_stand(full, sentences)
+        stand = None if is_other else scenery.find_stand(_whole(thing), sentences)
         if stand is not None and stand.is_indoors:
             is_inside = not place.is_open or (place is NOWHERE and len(left) > 1)
             found |= {number: stand} if is_inside or has_glass else {}
@@ -151,7 +167,8 @@ def _place_named(number: int, reading: Reading, nearest: float, sentences: Sente
         found = places.find_part(named, open_places, sentences)
         return found or places.infer_place([thing.name], sentences, outside=True)
     is_exact = places.find_part(thing.noun, places.known_places(), sentences, _EXACTLY) is not None  # a moor
-    if not is_exact and is_person(thing.noun, sentences):
+    is_one = thing.noun in scenery.named_things() and not thing.plural  # a tree is no forest
+    if not is_exact and (is_one or is_person(thing.noun, sentences)):
         return None
     kinds = {kind_of(one.word) for one in reading.relations if one.object == number}
     beside = kinds & set(_BY_THINGS)
@@ -164,6 +181,8 @@ def _place_named(number: int, reading: Reading, nearest: float, sentences: Sente
     full = f"{thing.name.removesuffix(thing.noun)}{several}"
     place = places.find_part(full, places.known_places(), sentences, least)
     place = place or places.find_part(several, places.known_places(), sentences, least)
+    if place is not None and (looks := looks_of(thing.name.split()[:-1], sentences, is_person=False)):
+        place = places.in_size(place, math.prod(look.wide * look.size for look in looks.values()))  # a narrow street
     if place is not None and next_to and not place.is_open:
         place = None
     if place is None and "on" in kinds and usual is not None and not usual.is_open:
