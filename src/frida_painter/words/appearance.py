@@ -1,7 +1,10 @@
 """Appearance of a thing that its words ask for: a fat pigeon, a rusty can, a melting snowman."""
 
+import math
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from functools import cache
+from importlib import resources
+from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor
@@ -9,7 +12,7 @@ from torch.nn import functional
 
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.words.compositing import crop, resize, sample, soften, warp_rows
-from frida_painter.words.places import Weather
+from frida_painter.words.places import Color, Weather, color_of
 
 
 def _bend(picture: Tensor, lean: float = 0.6) -> Tensor:
@@ -50,17 +53,64 @@ def _crack(picture: Tensor) -> Tensor:
     return torch.where(right[3:] > left[3:], right, left)
 
 
-def _noise(picture: Tensor, cells: int) -> Tensor:
-    """Returns smooth noise [h, w] in about [0, 1] for a picture."""
-    noise = torch.rand(1, 1, cells, cells, generator=torch.Generator().manual_seed(cells))
+def _noise(picture: Tensor, down: float, across: float = 0) -> Tensor:
+    """Returns smooth noise [h, w] in about [0, 1] for a picture, with that number of cells down, and across."""
+    noise = torch.rand(1, 1, int(down), int(across or down), generator=torch.Generator().manual_seed(int(down)))
     return functional.interpolate(noise, picture.shape[1:], mode="bicubic", align_corners=True)[0, 0]
 
 
-def _blotch(picture: Tensor) -> Tensor:
-    """Returns a picture with blotches of rust."""
-    rust, light = torch.tensor([0.62, 0.29, 0.10])[:, None, None], 0.65 + 0.5 * picture[:3].mean(0)
-    spots = ((_noise(picture, 9) + 0.4 * _noise(picture, 30) - 0.55) * 8).clamp(0.1, 0.95)
-    return torch.cat((torch.lerp(picture[:3], (rust * light).clamp(0, 1), spots.expand_as(picture[:3])), picture[3:]))
+def _blotch(picture: Tensor, color: Color, at_foot: float = 0.0) -> Tensor:
+    """Returns a picture with blotches of rust, mud or dust, by so much more at its foot."""
+    light, down = 0.65 + 0.5 * picture[:3].mean(0), torch.linspace(-0.5, 0.5, picture.shape[1])[:, None]
+    spots = ((_noise(picture, 9) + 0.4 * _noise(picture, 30) - 0.55 + at_foot * (down - 0.1)) * 8).clamp(0.1, 0.95)
+    stained = (color_of(color)[:, None, None] * light).clamp(0, 1)
+    return torch.cat((torch.lerp(picture[:3], stained, spots.expand_as(picture[:3])), picture[3:]))
+
+
+def _make_of(
+    picture: Tensor, color: Color, down: float, across: float, grain: float, share: float = 1.0, opacity: float = 1.0
+) -> Tensor:
+    """Returns a picture as if made of a material: its colour with the picture's light, and a grain of cells.
+
+    share: of the material's colour
+    """
+    gray, seen = picture[:3].mean(0), picture[3]
+    light = (
+        1 + 0.9 * (gray - (gray * seen).sum() / seen.sum().clamp(min=1)) + grain * (_noise(picture, down, across) - 0.5)
+    )
+    made = (color_of(color)[:, None, None] * light).clamp(0, 1)
+    return torch.cat((torch.lerp(picture[:3], made, share), opacity * picture[3:]))
+
+
+def _steam(picture: Tensor) -> Tensor:
+    """Returns a picture with steam rising from it."""
+    high = picture.shape[1] // 2
+    tall, up = functional.pad(picture, (0, 0, high, 0)), torch.linspace(1, 0, high)[:, None]
+    across = torch.linspace(-1, 1, picture.shape[2]) + 0.06 * (11 * up).sin()
+    wisps = torch.stack([1 - ((across - middle) / 0.1) ** 2 for middle in (-0.35, 0.0, 0.35)]).amax(0).clamp(min=0)
+    tall[:3, :high], tall[3, :high] = 0.94, torch.maximum(tall[3, :high], 0.8 * wisps * (1 - up**2))
+    return tall
+
+
+def _bite(picture: Tensor) -> Tensor:
+    """Returns a picture without a bite at its upper right."""
+    y, x = torch.meshgrid(*(torch.linspace(-1, 1, side) for side in picture.shape[1:]), indexing="ij")
+    bites = [
+        (x - at) ** 2 + (y - high) ** 2 < size**2
+        for at, high, size in ((0.9, -0.5, 0.4), (0.75, -0.15, 0.3), (0.98, 0.1, 0.3))
+    ]
+    return torch.cat((picture[:3], picture[3:] * ~torch.stack(bites).any(0)))
+
+
+def _turn(picture: Tensor, degrees: float) -> Tensor:
+    """Returns a picture turned to the right."""
+    _, rows, columns = picture.shape
+    around = math.ceil((math.hypot(rows, columns) - min(rows, columns)) / 2) + 1
+    wide = functional.pad(picture, (around,) * 4)
+    turn, (_, height, width) = math.radians(degrees), wide.shape
+    y, x = torch.meshgrid(*(torch.linspace(-side / 2, side / 2, side) for side in wide.shape[1:]), indexing="ij")
+    across, down = x * math.cos(turn) + y * math.sin(turn), y * math.cos(turn) - x * math.sin(turn)
+    return sample(wide, torch.stack((2 * across / width, 2 * down / height), 2))
 
 
 def _lay_snow(picture: Tensor, depth: float = 0.06) -> Tensor:
@@ -83,12 +133,17 @@ def _bury(picture: Tensor) -> Tensor:
     return torch.cat((picture[:3], picture[3:] * (down < drift)))
 
 
-def _stripe(picture: Tensor) -> Tensor:
-    """Returns a picture with stripes that are darker, or lighter if it is dark."""
+def _pattern(picture: Tensor, kind: str) -> Tensor:
+    """Returns a picture with a pattern that is darker, or lighter if it is dark."""
     y, x = (torch.arange(side) / max(picture.shape[1:]) for side in picture.shape[1:])
-    is_dark = float((picture[:3].mean(0) * picture[3]).sum() / picture[3].sum().clamp(min=1)) < 0.4
-    other = 1 - 0.25 * (1 - picture[:3]) if is_dark else 0.4 * picture[:3]
-    pattern = (12 * (x + 0.25 * y[:, None])) % 1 < 0.45
+    y, light = y[:, None], float((picture[:3].mean(0) * picture[3]).sum() / picture[3].sum().clamp(min=1))
+    pattern = {
+        "stripes": (12 * (x + 0.25 * y)) % 1 < 0.45,
+        "dots": ((9 * x + 0.5 * ((9 * y) // 1 % 2)) % 1 - 0.5) ** 2 + ((9 * y) % 1 - 0.5) ** 2 < 0.09,
+        "checks": ((8 * x) % 1 < 0.5) ^ ((8 * y) % 1 < 0.5),
+        "stitches": (26 * (y + 0.04 * ((13 * x) % 1 - 0.5).abs() * 2)) % 1 < 0.3,
+    }[kind]
+    other = 1 - 0.25 * (1 - picture[:3]) if light < (0.75 if kind == "dots" else 0.4) else 0.4 * picture[:3]
     return torch.cat((torch.where(pattern, other, picture[:3]), picture[3:]))
 
 
@@ -102,22 +157,31 @@ class Appearance(NamedTuple):
     change: Callable[[Tensor], Tensor] | None = None
 
 
-_LOOKS = (
-    Appearance(("fat", "plump", "chubby", "obese", "stout"), change=_bulge),
-    Appearance(("wide", "broad", "thick"), wide=1.4),
-    Appearance(("thin", "slim", "skinny", "narrow", "slender"), wide=0.6),
-    Appearance(("tall", "high", "towering"), tall=1.5),
-    Appearance(("long", "elongated"), wide=1.6),
-    Appearance(("short", "low"), tall=0.65),
-    Appearance(("tiny", "small", "little", "miniature", "minuscule"), size=0.7),
-    Appearance(("huge", "giant", "enormous", "big", "large", "massive"), size=1.8),
-    Appearance(("bent", "bending", "swaying", "crooked", "windswept"), change=_bend),
-    Appearance(("cracked", "broken", "shattered", "damaged", "smashed"), change=_crack),
-    Appearance(("rusty", "rusted", "corroded"), change=_blotch),
-    Appearance(("buried", "buried in snow"), change=_bury),
-    Appearance(("melting", "melted", "thawing"), change=_melt),
-    Appearance(("striped", "stripy"), change=_stripe),
-)
+_CHANGES: dict[str, Callable[..., Tensor]] = {
+    "bulge": _bulge, "bend": _bend, "crack": _crack, "blotch": _blotch, "bury": _bury, "melt": _melt,
+    "pattern": _pattern, "make": _make_of, "steam": _steam, "bite": _bite, "turn": _turn,
+}  # fmt: skip
+
+
+def _given(change: Callable[..., Tensor], given: Sequence[float | str]) -> Callable[[Tensor], Tensor]:
+    return lambda picture: change(picture, *given)
+
+
+@cache
+def known_looks() -> tuple[Appearance, ...]:
+    """Returns the table of `looks.txt`."""
+    lines = (resources.files(__package__) / "looks.txt").read_text("utf-8").splitlines()
+    found = []
+    for words, _, said in (line.partition(": ") for line in lines if not line.startswith("#")):
+        kind, *rest = said.split()
+        given = [float(one) if one[0] in "-.0123456789" else one for one in rest]
+        changed: dict[str, Any] = {kind: given[0] if given else 1.0}
+        if kind in _CHANGES:
+            changed = {"change": _given(_CHANGES[kind], given) if given else _CHANGES[kind]}
+        found.append(Appearance(tuple(words.split(", ")), **changed))
+    return tuple(found)
+
+
 _MEANS = 0.72  # similarity above which a word asks for an appearance
 _FIGURES = 8  # of the first ones, which people can have too
 _SIDE = 320  # pixels of a picture that is changed
@@ -125,7 +189,7 @@ _SIDE = 320  # pixels of a picture that is changed
 
 def looks_of(words: Sequence[str], sentences: SentenceEncoder, *, is_person: bool) -> dict[str, Appearance]:
     """Returns the words that ask for an appearance, each with it. People change in their figure only."""
-    owners = [look for look in _LOOKS[: _FIGURES if is_person else None] for _ in look.words]
+    owners = [look for look in known_looks()[: _FIGURES if is_person else None] for _ in look.words]
     anchors = sentences.embed([word for look in dict.fromkeys(owners) for word in look.words])
     nearest = {word: (anchors @ sentences.embed([word])[0]).max(0) for word in words}
     return {word: owners[int(at)] for word, (similarity, at) in nearest.items() if float(similarity) >= _MEANS}

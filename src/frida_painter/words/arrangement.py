@@ -97,6 +97,8 @@ _MOUTH = 0.5  # the same share of the uppermost rows of a vase, or another conta
 _FITS = 0.85  # greatest width of a thing inside another, relative to that
 _CROWDED = 0.6  # least share of its size that a thing keeps among others on the same thing
 _TALLER = 1.45  # least height of a tree, relative to those under it
+_DISH, _FLAT = 0.12, 1.4  # height in the world, and width by height, of what things lie amid: a plate
+_AMID, _WITHIN = 0.4, 0.75  # place in its height, and the width by its own, of those things
 _SEAT = 0.5  # share of the height of a seat's picture at which somebody sits
 
 _HAND = (0.12, 0.45)  # of a person's picture: place of the hand
@@ -313,6 +315,8 @@ def _anchor(mine: Placed, other: Placed, kind: str) -> _Anchor | None:
     if kind == "on":
         is_small = mine.figure is not None or mine.height <= 0.9 * other.height or other.width >= 1.5 * mine.width
         most = math.inf if is_small else max(0.62, 0.6 * mine.height / other.height)
+        if other.known.height < _DISH and other.width > _FLAT * other.height and where not in ("person", "animal"):
+            return _Anchor(up=_AMID, most=_WITHIN * other.width * shape / other.height)
         up = _SEAT if other.known.where == "seat" else _top(other.picture, mine.width / max(other.width, 1e-6))
         return _Anchor(up=up, sinks=(mine.figure.seat if mine.figure else 0.0) or _SINKS, most=most)
     if kind == "in" and mine.figure is not None and other.known.where == "ground":

@@ -73,9 +73,9 @@ def cast(
         wanted |= {one.subject: first}
         del wanted[one.object]
     people = {number for number, thing in wanted.items() if is_person(thing.name, sentences)}
-    objects = {one.object for one in reading.relations} - people if people else set()
-    for number in objects & {*wanted}:  # somebody's head is not another thing
-        if is_part_of_body(wanted[number].noun, sentences):
+    alive = [one for one in wanted if one in people or known_like(wanted[one].name, sentences).where == "animal"]
+    for number in [*wanted]:  # somebody's head, or the ears of a dog, are not another thing
+        if alive and number > min(alive) and is_part_of_body(wanted[number].noun, sentences):
             del wanted[number]
     groups = {number: GROUPS.get(wanted[number].noun) for number in people if wanted[number].count == 1}
     wanted |= {number: replace(wanted[number], count=count) for number, count in groups.items() if count}
@@ -104,8 +104,8 @@ def cast(
             found = _draw_person(thing, *poses[number], sentences, carriers=carriers, is_faced=is_faced)
             shown = [found.caption, *(reading.things[page].noun for page, reader in pages.items() if reader == number)]
             found = replace(found, caption=" ".join(shown))
-        if found is None and number == min(wanted) and thing.shown == 1:  # its picture with a ground may be all
-            found = index.find(thing, prompt)
+        if found is None and number == min(wanted):  # its picture with a ground may be all
+            found = index.find(thing, prompt, cut_out=thing.shown > 1, kin=True)
         others = {one.caption for one in things if one is not None}
         if found is not None and (found.exact or found.caption not in others):  # a king is no throne
             things[number] = replace(found, thing=thing)

@@ -17,6 +17,7 @@ _COLORLESS = 12.0  # chroma below which a colour has no hue
 _HUE = 0.7  # cosine of the angle by which shades of one colour may differ in hue
 _SHADE = 45.0  # L* by which shades of a colour without hue may differ
 _STEP = 8.0  # Lab distance within which colours count as one
+_PATCH = 0.45  # share of a drawing below which its main colour is only that of a patch
 _PASSES = 25.0  # Lab distance at which a colour still passes for its name
 
 _SHADES = 24  # frequent colours that are compared with all their shades
@@ -37,12 +38,17 @@ def recolor(drawing: Tensor, color: Tensor) -> Tensor:
     if not bool(body.any()):
         return drawing
     main, wanted = _commonest(lab[body]), to_lab(color)
-    is_shade = bool(_alike(wanted[None], main)) and abs(float(main[0] - wanted[0])) <= _PASSES
-    if float((main - wanted).norm()) <= _PASSES or (is_shade and float(main[1:].norm()) > _COLORLESS):
-        return drawing
     alike = _alike(lab, main)
+    is_shade = bool(_alike(wanted[None], main)) and abs(float(main[0] - wanted[0])) <= _PASSES
+    passes = float((main - wanted).norm()) <= _PASSES or (is_shade and float(main[1:].norm()) > _COLORLESS)
+    contrast = _CONTRAST
+    if float(alike[seen].float().mean()) < _PATCH:  # a brown dog has no black and white patches
+        patches = lab[:, 1:].norm(dim=1) <= _COLORLESS
+        alike, contrast = patches if passes else alike | patches, 0.5 * _CONTRAST
+    elif passes:
+        return drawing
     hue = min(1.0, float(wanted[1:].norm()) / _VIVID)  # shades of gray have no hue
-    lab[alike] = wanted + _CONTRAST * (lab[alike] - main) * lab.new_tensor([1.0, hue, hue])
+    lab[alike] = wanted + contrast * (lab[alike] - main) * lab.new_tensor([1.0, hue, hue])
     return torch.cat((from_lab(lab).T.reshape(drawing[:3].shape), drawing[3:]))
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
+import cv2
 import torch
 from torch import Tensor
 
@@ -26,13 +27,14 @@ from frida_painter.words.scenery import DrawnScenery
 
 _REALISM = 0.6  # bonus of a photograph over a sign
 _FLAT = 0.4  # share of realism that a picture of flat areas loses: it is a drawing, whatever its file says
-_PLAIN, _COLORLESS = 0.25, 0.7  # penalties: for lines, and for pictures with a ground; for drawings without colour
+_PLAIN, _COLORLESS = 0.35, 0.7  # penalties: for lines, and for pictures with a ground; for drawings without colour
 _COLORFUL = 8.0  # chroma
 _MOSTLY = 0.5  # share of equal neighbouring pixels above which a picture is drawn
-_SKETCHY, _FILLED = (
-    0.25,
-    0.95,
-)  # share of its box below which a thing consists of lines only, and above which a picture is a rectangle
+_SKETCHY = 0.25  # share of its box below which a thing consists of lines only
+_FILLED = 0.95  # share of its box above which a picture is a rectangle
+_COARSE, _FEW = 0.2, 56  # penalty for few pixels, and those of the longer side that are enough
+_PARTED = 0.5  # penalty by the share of a picture that is not its largest piece: a lemon and a half
+_HAS_COLOR, _NEAR_COLOR = 0.5, 35.0  # bonus by the share of a wanted colour, and the Lab distance within which it is
 
 
 def worth_of(picture: Tensor, realism: float) -> float:
@@ -46,7 +48,21 @@ def worth_of(picture: Tensor, realism: float) -> float:
     chroma = float(to_lab(picture[:3, seen].T)[:, 1:].norm(dim=1).mean())
     is_colorless = flat > _MOSTLY and chroma < _COLORFUL
     is_plain = float(picture[3].mean()) < _SKETCHY or has_ground(picture)
-    return _REALISM * realism * (1 - _FLAT * flat) - _PLAIN * is_plain - _COLORLESS * is_colorless
+    coarse = max(0.0, 1 - max(picture.shape[1:]) / _FEW)
+    worth = _REALISM * realism * (1 - _FLAT * flat) - _PLAIN * is_plain - _COLORLESS * is_colorless
+    return worth - _COARSE * coarse
+
+
+def _fit_to(thing: Thing, picture: Tensor) -> float:
+    """Returns a score for a picture of a thing: high if it has the thing's colour, and low if it is in pieces."""
+    seen, paint, score = picture[3] > 0.5, paint_of(thing.color), 0.0
+    if thing.count not in (None, 2):
+        sizes = cv2.connectedComponentsWithStats(seen.byte().numpy())[2][1:, cv2.CC_STAT_AREA]
+        score -= _PARTED * (1 - float(sizes.max(initial=1)) / max(1, int(sizes.sum())))
+    if paint is not None and bool(seen.any()):
+        away = (to_lab(picture[:3, seen].T) - to_lab(paint)).norm(dim=1)
+        score += _HAS_COLOR * float((away < _NEAR_COLOR).float().mean())
+    return score
 
 
 def has_ground(picture: Tensor) -> bool:
@@ -66,6 +82,7 @@ _ICON = 0.4  # penalty of an icon, which everything with colours goes before
 _RATHER = 0.4  # similarity that another word for a thing needs
 _KINDS = 4  # number of kinds of an animal or a plant that may stand for it: a bird for a robin, but no animal
 _DEEP = 8  # number of kinds above one that is not too general: a bird, but no animal
+_BROAD = 5  # the same for a thing that has no picture of its own: a tool, but no object
 _OCCASION = 0.15  # penalty for keywords of an idea that the prompt does not have: a pumpkin of Halloween
 _MORE = 0.3  # penalty for a picture of several, if a number of them is wanted
 _ENDING = 2  # greatest number of an ending's letters: an older woman is old
@@ -232,12 +249,15 @@ class PictureIndex:
         self._meanings, self._rows, self._owners = torch.cat(parts), torch.tensor(rows), torch.tensor(owners)
         self._titles = self._rows[self._owners.diff(prepend=torch.tensor([-1])) > 0]
 
-    def find(self, thing: Thing, prompt: str, *, cut_out: bool = False, acts: bool = False) -> FoundPicture | None:
+    def find(
+        self, thing: Thing, prompt: str, *, cut_out: bool = False, acts: bool = False, kin: bool = False
+    ) -> FoundPicture | None:
         """Returns the best picture of a thing, the user's own before all others; None if there is none.
 
         prompt: whole text, for the context
         cut_out: True to exclude pictures with a ground, and other things with a similar name, except the user's own
         acts: True for somebody who does something or is among others, and should be seen from head to foot
+        kin: True to take the nearest thing of the same kind if there is no picture: a flute for an oboe
         """
         thing = _in_small_letters(thing)
         figure, similarity = is_person(thing.name, self._sentences), self._similarity(thing)
@@ -255,6 +275,7 @@ class PictureIndex:
         shown = [(self._entries[at], float(similarity[at])) for at in order]
         fits = [self._fits(entry, like, thing, meant, synonyms, prompt, figure=figure) for entry, like in shown]
         near = [at for at, fit in zip(order, fits, strict=True) if similarity[at] >= (least if fit else OWN)]
+        near = near or (self._kin(similarity, meant) if kin and not figure else [])
         highest, found, best, seen = -float("inf"), None, 0.0, 0
         for at, picture in self._show(near[: 4 * _LOOKED_AT]):
             entry, like = self._entries[at], float(similarity[at])
@@ -271,12 +292,22 @@ class PictureIndex:
                 + _spoken(entry.title, thing)
                 + _CONTEXT * float(context[at])
                 + worth_of(picture, entry.realism)
+                + _fit_to(thing, picture)
                 + _FROM_HEAD_TO_FOOT * (figure and acts and is_upright(picture))
             )
             if worth > highest:
                 exact = like >= _NAMED or _is_called(entry.title, thing) or thing.name in entry.captions
                 highest, found = worth, FoundPicture(thing, picture, entry.title, entry.library, exact)
         return found
+
+    def _kin(self, similarity: Tensor, meant: Sequence[Sense]) -> list[int]:
+        """Returns the pictures of things that are of a kind with one of the senses, the nearest kind first."""
+        nouns = [senses_of(entry.noun) if entry.realism else [] for entry in self._entries]
+        for kind in (kind for sense in meant for kind in sense.kinds if len(kind.kinds) >= _BROAD):
+            same = [at for at, senses in enumerate(nouns) if any(one.is_kind_of(kind) for one in senses[:1])]
+            if same:
+                return sorted(same, key=lambda at: -float(similarity[at]))[:_LOOKED_AT]
+        return []
 
     def _fits(
         self,

@@ -33,6 +33,7 @@ from frida_painter.words.scenery import Stand
 from frida_painter.words.setting import SKY, Seen, setting_of, usual_place
 
 _CROWDED = ("busy", "crowded", "bustling", "packed", "lively")
+_HAS = ("with", "having", "on")  # words between a whole and its part
 _IN_A_FIELD = 7  # number of things that a place is full of
 
 
@@ -81,7 +82,8 @@ def scene_of(
     looks: dict[int, dict[SaidWord, Appearance]] = {}
     for number, one in enumerate(things if whole is None else ()):
         if one is not None:
-            looks[number] = _looks_of(number, reading, one.caption, sentences)
+            missing = {at for at, other in enumerate(things) if other is None} - settled
+            looks[number] = _looks_of(number, reading, one, missing, sentences)
             account.mark([word.at for word in looks[number]], Mark.SHOWN, one.caption)
     _tell([one for one in things if one is not None], setting, encoders, use, index, account)
     if whole is not None:
@@ -153,17 +155,24 @@ def _as_meant(relation: Relation, things: Cast) -> Relation:
     return replace(relation, word="doing") if is_part else relation
 
 
-def _looks_of(number: int, reading: Reading, caption: str, sentences: SentenceEncoder) -> dict[SaidWord, Appearance]:
+def _looks_of(
+    number: int, reading: Reading, found: FoundPicture, missing: set[int], sentences: SentenceEncoder
+) -> dict[SaidWord, Appearance]:
     """Returns the words for the appearance of a thing that its picture does not already have.
 
-    A word that belongs to no thing tells of the one before it: the snowman is melting.
+    A word that belongs to no thing tells of the one before it: the snowman is melting. That of a part which is not
+    shown tells of the whole: a teapot with a chipped spout.
+
+    missing: numbers of the things that are not shown
     """
-    thing, owned = reading.things[number], {at for one in reading.things for at in one.at}
+    thing, owned = found.thing, {at for one in reading.things for at in one.at}
+    parts = {one.object for one in reading.relations if one.subject == number and one.word in _HAS} & missing
+    own = {*thing.at, *(at for part in parts for at in reading.things[part].at)}
     ends = max(thing.at, default=0)
     after = min((at for at in owned if at > ends), default=math.inf)
     said = {word: word.text.lower() for word in reading.said if word.kind in ("quality", "action")}
     mine = {
-        word: text for word, text in said.items() if not word.says(caption) and (word.at in thing.at or (
+        word: text for word, text in said.items() if not word.says(found.caption) and (word.at in own or (
             word.at not in owned and ends < word.at < after))
     }  # fmt: skip
     looks = looks_of([*mine.values()], sentences, is_person=is_person(thing.name, sentences))

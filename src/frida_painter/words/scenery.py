@@ -77,9 +77,9 @@ class Stand(NamedTuple):
 
 
 @cache
-def stands() -> dict[str, Stand]:
-    """Returns the table of `scenery.txt`, by the names of the things."""
-    lines = (resources.files(__package__) / "scenery.txt").read_text("utf-8").splitlines()
+def stands(table: str = "scenery.txt") -> dict[str, Stand]:
+    """Returns a table of drawn things, by their names."""
+    lines = (resources.files(__package__) / table).read_text("utf-8").splitlines()
     rows = [line.partition(": ") for line in lines if not line.startswith("#")]
     found = {}
     for head, _, shapes in rows:
@@ -568,10 +568,13 @@ class DrawnScenery:
     name, credit, is_own = "drawn", "", False
 
     def list_captioned(self) -> Sequence[Captioned]:
-        """Returns the things of `scenery.txt`, once for each of their words."""
-        drawn = [(stand, word) for stand in stands().values() for word in stand.words if not stand.is_indoors]
+        """Returns the things of `scenery.txt` and `things.txt`, once for each of their words."""
+        drawn = [(stand, word) for stand in self._known().values() for word in stand.words if not stand.is_indoors]
         return [Captioned(stand.name, (word,), _WORTH) for stand, word in drawn]
 
     def pictures(self, file: str) -> list[Tensor]:
         """Returns the drawing of a thing in daylight."""
-        return [draw_stand(stands()[file], Setting(), 0)]
+        return [draw_stand(self._known()[file], Setting(), 0)]
+
+    def _known(self) -> dict[str, Stand]:
+        return stands("things.txt") | stands()
