@@ -312,6 +312,9 @@ def _put(mine: Placed, other: Placed, kind: str) -> tuple[Placed, Placed] | None
 def _anchor(mine: Placed, other: Placed, kind: str) -> _Anchor | None:
     """Returns where a thing belongs at another; None for beside it."""
     where, shape = mine.known.where, mine.height / max(mine.width, 1e-6)
+    meeting = [one.figure.meets for one in (other, mine) if one.figure is not None and one.figure.meets is not None]
+    if len(meeting) == 2:
+        return _Anchor(meeting[0], aside=meeting[1])
     if kind == "on":
         is_small = mine.figure is not None or mine.height <= 0.9 * other.height or other.width >= 1.5 * mine.width
         most = math.inf if is_small else max(0.62, 0.6 * mine.height / other.height)

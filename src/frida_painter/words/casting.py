@@ -4,12 +4,17 @@ import re
 import zlib
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
 
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.words import figures
 from frida_painter.words.arrangement import copies, is_part_of_body, is_person, kind_of, known_like
-from frida_painter.words.figures import Pose
+from frida_painter.words.compositing import stack
+from frida_painter.words.figures import Figure, Pose, Tool
 from frida_painter.words.reading import GROUPS, SOMEBODY, Reading, Thing, paint_of, word_meanings
 from frida_painter.words.retrieval import FoundPicture, PictureIndex, is_upright
 
@@ -18,6 +23,7 @@ CALLED = 0.9
 
 _DRESSED, _KNOWN = 0.6, 0.8  # similarity above which clothes are like those of a name, and above which they are those
 _DOES, _WITH = 0.5, 0.8  # similarity above which a pose is that of a verb, and that of a verb with its object
+_USES = 0.72  # similarity above which a verb alone has a tool
 _IS = 0.66  # similarity above which a pose is that of a name: a violinist plays the violin, and a rower is rowing
 _DOER = re.compile("(er|or|ist)$")  # ending of a name for who does something
 _ANYBODY, _FAMILY = 4, 6  # numbers of the clothes, the first ones, of people without a trade, and of families
@@ -26,9 +32,24 @@ _UPRIGHT = 45  # degrees by which somebody leans who can sit too
 _OLD, _AGED = ("old", "elderly", "grandmother", "grandfather"), 0.75  # who has white hair, and the least similarity
 _CHILD, _GROWN = (4.0, 0.6), (7.0, 1.6)  # heights of a body in heads and in metres
 
-_PAGE = "page"  # tool of a pose that shows the object of the verb
 _LEGS = 6  # place of the legs among the angles of a pose
 _HANDLES = ("on", "in", "with", "hold", "doing")  # kinds of relations of a body to a thing
+
+
+
+class Act(NamedTuple):
+    """Action of a person: its pose, the words of the tables that mean it, or "", and its tool."""
+
+    pose: Pose
+    meant: str
+    tool: Tool | None = None
+
+    def shows(self, name: str, sentences: SentenceEncoder) -> bool:
+        """Returns True if the tool is a thing of that name."""
+        things = self.tool.things if self.tool else ()
+        near = sentences.embed(things) @ sentences.embed([name])[0] if things else torch.zeros(1)
+        return name in things or float(near.max()) >= CALLED
+
 
 Cast = list[FoundPicture | None]
 
@@ -79,18 +100,23 @@ def cast(
             del wanted[number]
     groups = {number: GROUPS.get(wanted[number].noun) for number in people if wanted[number].count == 1}
     wanted |= {number: replace(wanted[number], count=count) for number, count in groups.items() if count}
-    poses = {number: _pose_of(number, wanted[number], reading, sentences) for number in people}
-    acting = any(wanted[number].doing and pose[1] for number, pose in poses.items()) or any(
+    acts = {number: _act_of(number, wanted[number], reading, sentences) for number in people}
+    for one in reading.relations:  # who is hugged hugs too
+        if {one.subject, one.object} <= people and not wanted[one.object].doing:
+            tool = acts[one.subject].tool
+            acts[one.object] = acts[one.subject] if tool and tool.meets else acts[one.object]
+    acting = any(wanted[number].doing and act.meant for number, act in acts.items()) or any(
         one.subject in people and one.object in wanted and kind_of(one.word) in _HANDLES for one in reading.relations
     )
-    pages = {
+    tools = {
         one.object: one.subject
         for one in reading.relations
-        if one.subject in people and poses[one.subject][0].tool == _PAGE and one.word == wanted[one.subject].doing
+        if one.subject in people and one.object in {*wanted} - people
+        if acts[one.subject].shows(wanted[one.object].noun, sentences)
     }
     for number, thing in wanted.items():
-        does_unseen = thing.noun == SOMEBODY and not (number in poses and poses[number][1])  # learning to forgive
-        if number in pages or does_unseen:
+        does_unseen = thing.noun == SOMEBODY and not (number in acts and acts[number].meant)  # learning to forgive
+        if number in tools or does_unseen:
             continue
         among = len(wanted) > 1 or in_place or thing.shown > 1
         found = index.find(thing, prompt, cut_out=among, acts=bool(among or thing.doing))
@@ -98,12 +124,16 @@ def cast(
             carriers = [
                 known_like(wanted[one.object].name, sentences).where
                 for one in reading.relations
-                if one.subject == number and one.object in wanted and kind_of(one.word) in ("on", "in")
+                if one.subject == number and one.object in {*wanted} - {*tools} and kind_of(one.word) in ("on", "in")
             ]
+            mine = [wanted[tool] for tool, user in tools.items() if user == number]
             is_faced = number != min(people)  # people look at each other
-            found = _draw_person(thing, *poses[number], sentences, carriers=carriers, is_faced=is_faced)
-            shown = [found.caption, *(reading.things[page].noun for page, reader in pages.items() if reader == number)]
-            found = replace(found, caption=" ".join(shown))
+            color = next((one.color for one in mine if one.color), "")
+            found = _draw_person(
+                thing, acts[number], sentences, carriers=carriers, is_faced=is_faced, color=color
+            )
+            shown = [found.caption, *(f"{one.color} {one.name}" for one in mine)]
+            found = replace(found, caption=" ".join(" ".join(shown).split()))
         if found is None and number == min(wanted):  # its picture with a ground may be all
             found = index.find(thing, prompt, cut_out=thing.shown > 1, kin=True)
         others = {one.caption for one in things if one is not None}
@@ -129,11 +159,11 @@ def _shows_person(
 
 
 def _draw_person(
-    thing: Thing, pose: Pose, meant: str, sentences: SentenceEncoder, *, carriers: Sequence[str], is_faced: bool
+    thing: Thing, act: Act, sentences: SentenceEncoder, *, carriers: Sequence[str], is_faced: bool, color: str = ""
 ) -> FoundPicture:
-    """Returns a drawn figure of a person in a pose.
+    """Returns a drawn figure of a person who acts.
 
-    meant: words of the pose that mean what the person does; "" if none do
+    color: of the tool, or ""
     carriers: kinds of the things that the person is on or in, such as "seat"
     is_faced: True if somebody else acts on the person, who looks back
     """
@@ -148,6 +178,7 @@ def _draw_person(
     old = _old(thing.name, sentences)
     (least, small), (most, tall) = _CHILD, _GROWN
     grown = (known_like(thing.name, sentences).height - small) / (tall - small)
+    pose, hue = act.pose, paint_of(color)
     heads = least + (most - least) * min(1.0, max(0.0, grown))
     if pose.carried == "ground" and "seat" in carriers and abs(pose.angles[0]) < _UPRIGHT:  # to feed ducks on a bench
         sitting = next(one for one in figures.poses() if "sitting" in one.words)
@@ -156,17 +187,31 @@ def _draw_person(
     for copy in range(thing.shown):
         worn = family[copy % len(family)] if thing.noun in GROUPS else clothes  # a family is of all kinds
         kind = zlib.crc32(thing.name.encode()) + copy
-        figure = figures.draw_figure(pose, worn, heads=heads, is_old=bool(old), kind=kind, has_seat=bool(carriers))
+        figure = figures.draw_figure(
+            pose, worn, heads=heads, is_old=bool(old), kind=kind, has_seat=bool(carriers), tool=act.tool,
+            color="" if hue is None else tuple(hue.tolist()),
+        )  # fmt: skip
         drawn.append(figure.mirror() if is_faced or copy % 2 else figure)
     figure = drawn[0]
     if len(drawn) > 1:
-        figure = replace(
-            figure, picture=copies([one.picture for one in drawn], "person", 0), hand=(0.0, figure.hand[1])
-        )
+        pairs = [_join(*drawn[at : at + 2]) for at in range(0, len(drawn), 2)]
+        together = pairs if figure.meets is not None else [one.picture for one in drawn]
+        figure = replace(figure, picture=copies(together, "person", 0), hand=(0.0, figure.hand[1]), meets=None)
     is_exact = alike >= _KNOWN
-    said = [*old, thing.noun if is_exact else called, thing.doing if meant else ""]
+    said = [*old, thing.noun if is_exact else called, thing.doing if act.meant else ""]
     caption = " ".join(dict.fromkeys(word for word in said if word))
-    return FoundPicture(thing, figure.picture, caption, None, is_exact, replace(figure, does=meant))
+    return FoundPicture(thing, figure.picture, caption, None, is_exact, replace(figure, does=act.meant))
+
+
+def _join(left: Figure, right: Figure | None = None) -> Tensor:
+    """Returns the picture [4, h, w] of two who meet, and look at each other; of one who is alone."""
+    if right is None:
+        return left.picture
+    high = max(one.picture.shape[1] for one in (left, right))
+    (edge, wide), (other, broad) = (((one.meets or 0.0) + 0.5, one.picture.shape[2]) for one in (left, right))
+    start = round(edge * wide - other * broad)
+    parts = [(one.picture, high - one.picture.shape[1], at) for one, at in ((left, -min(0, start)), (right, max(0, start)))]
+    return stack(parts, high, max(at + one.shape[2] for one, _, at in parts))
 
 
 def _old(name: str, sentences: SentenceEncoder) -> list[str]:
@@ -176,17 +221,22 @@ def _old(name: str, sentences: SentenceEncoder) -> list[str]:
     return [word for word, age in zip(words, ages.tolist(), strict=True) if age >= _AGED]
 
 
-def _pose_of(number: int, thing: Thing, reading: Reading, sentences: SentenceEncoder) -> tuple[Pose, str]:
-    """Returns the pose of a person's action, and the words of the table that mean it; "" for somebody who stands."""
+def _act_of(number: int, thing: Thing, reading: Reading, sentences: SentenceEncoder) -> Act:
+    """Returns the action of a person; that of somebody who stands means nothing."""
     said = []
     for one in reading.relations:
         if one.subject == number:
             between = "" if one.word == thing.doing else f" {one.word}"
             said.append(f"{thing.doing}{between} {reading.things[one.object].noun}".strip())
-    pose, meant, similarity = figures.nearest(said or [thing.name], figures.poses(), sentences)
+    rows: tuple[Pose | Tool, ...] = (*figures.tools(), *figures.poses())
+    row, meant, similarity = figures.nearest(said or [thing.name], rows, sentences)
     if " " not in meant or similarity < _WITH:  # flying a kite is not flying
         named = (thing.name, _DOER.sub("ing", thing.noun))
         alone = [*said, *([thing.doing] if thing.doing else named)]
-        pose, meant, similarity = figures.nearest(alone, figures.poses(), sentences)
+        row, meant, similarity = figures.nearest(alone, rows, sentences)
+        if isinstance(row, Tool) and similarity < _USES:
+            row, meant, similarity = figures.nearest(alone, figures.poses(), sentences)
     standing = figures.poses()[0]
-    return (standing, "") if similarity < (_DOES if thing.doing else _IS) or pose is standing else (pose, meant)
+    if similarity < (_DOES if thing.doing else _IS) or row is standing:
+        return Act(standing, "")
+    return Act(row.pose, meant, row) if isinstance(row, Tool) else Act(row, meant)

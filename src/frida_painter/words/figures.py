@@ -1,8 +1,9 @@
-"""Figures of people who do something: a drawn body in the pose of a verb, dressed as those who are called so."""
+"""Figures of people who do something: a drawn body in the pose of a verb, with its tool, dressed as those called so."""
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -22,20 +23,39 @@ from frida_painter.words.places import Color, color_of
 
 _Point = npt.NDArray[np.float64]
 
-# Poses and clothes, from tables.
+# Poses, clothes and tools, from tables.
+
+_Shapes = tuple[tuple[str, ...], ...]
 
 
 class Pose(NamedTuple):
-    """Pose: its words, angles of the body's parts in degrees, what carries it, and a tool, as `poses.txt` explains."""
+    """Pose: its words, angles of the body's parts in degrees, and what carries it, as `poses.txt` explains."""
 
     words: tuple[str, ...]
     angles: tuple[float, ...]
     carried: str
-    tool: str = ""
+
+
+class Tool(NamedTuple):
+    """Tool of an action: words of the action, names of the things it shows, a pose and shapes, as `tools.txt` explains.
+
+    color: of its main part, if the prompt does not give another
+    """
+
+    words: tuple[str, ...]
+    things: tuple[str, ...]
+    pose: Pose
+    color: Color
+    shapes: _Shapes
+
+    @property
+    def meets(self) -> bool:
+        """True if two who do it together touch, or share the tool."""
+        return any(shape[0] == "meet" for shape in self.shapes)
 
 
 class Clothes(NamedTuple):
-    """Clothes of people: names of those who wear them, colours, cut and a hat, as `clothes.txt` explains."""
+    """Clothes of people: names of those who wear them, colours, cut, a hat and shapes, as `clothes.txt` explains."""
 
     words: tuple[str, ...]
     top: Color
@@ -43,27 +63,43 @@ class Clothes(NamedTuple):
     cut: str
     hat: str = ""
     hat_color: str = "black"
+    shapes: _Shapes = ()
 
 
-def _rows(name: str) -> list[tuple[tuple[str, ...], list[str]]]:
+def _rows(name: str) -> list[tuple[str, list[str], _Shapes]]:
+    """Returns the rows of a table: what is before the colon, the words after it, and the shapes."""
     lines = (resources.files(__package__) / name).read_text("utf-8").splitlines()
-    split = [line.partition(": ") for line in lines if not line.startswith("#")]
-    return [(tuple(words.split(", ")), rest.split()) for words, _, rest in split]
+    split = [re.split(r": |; ", line) for line in lines if not line.startswith("#")]
+    return [(head, rest.split(), tuple(tuple(shape.split()) for shape in shapes)) for head, rest, *shapes in split]
 
 
 @cache
 def poses() -> tuple[Pose, ...]:
     """Returns the table of `poses.txt`."""
-    return tuple(Pose(words, tuple(map(float, rest[:10])), *rest[10:]) for words, rest in _rows("poses.txt"))
+    return tuple(
+        Pose(tuple(words.split(", ")), tuple(map(float, rest[:10])), *rest[10:]) for words, rest, _ in _rows("poses.txt")
+    )
+
+
+@cache
+def tools() -> tuple[Tool, ...]:
+    """Returns the table of `tools.txt`."""
+    found = {word: pose for pose in poses() for word in pose.words}
+    return tuple(
+        Tool(*(tuple(names.split(", ")) for names in head.split(" = ")), found[" ".join(pose)], color, shapes)
+        for head, (*pose, color), shapes in _rows("tools.txt")
+    )
 
 
 @cache
 def wardrobe() -> tuple[Clothes, ...]:
     """Returns the table of `clothes.txt`."""
-    return tuple(Clothes(words, *rest) for words, rest in _rows("clothes.txt"))
+    return tuple(
+        Clothes(tuple(words.split(", ")), *rest)._replace(shapes=shapes) for words, rest, shapes in _rows("clothes.txt")
+    )
 
 
-_Row = TypeVar("_Row", Pose, Clothes)
+_Row = TypeVar("_Row", bound=Pose | Clothes | Tool)
 
 
 def nearest(said: Sequence[str], rows: Sequence[_Row], sentences: SentenceEncoder) -> tuple[_Row, str, float]:
@@ -86,8 +122,9 @@ _SHADED = 0.72  # brightness of the far limbs
 _LIFTED = 0.16  # space below somebody in the air, as a share of the height
 _SKINS = ("burlywood", "peru", "tan", "sienna", "sandybrown")
 _HAIRS, _WHITE = ("saddlebrown", "black", "darkgoldenrod", "black", "sienna"), "silver"
-_PAGE = ((-0.3, 0.1), (0.1, -1.15), (1.1, -0.95), (0.7, 0.3))  # corners of a page, from the hand
-_WOOD, _IRON, _DARK = "peru", "dimgray", 0.3  # of tools, and brightness of shoes
+_DARK = 0.3  # brightness of shoes
+_ROUND = np.linspace(0, 2 * np.pi, 24)  # angles of the points of a ring
+_TONES = {"@": 1.0, "-": 0.75, "+": 1.25}
 _HATS = {  # strokes of two ends, each with its place above the middle of the head, before it, and half its width
     "cap": (((0.2, -0.05, 0.47), (0.3, 0.05, 0.42)), ((0.14, 0.3, 0.07), (0.1, 0.78, 0.05))),
     "brim": (((0.3, -0.85, 0.07), (0.3, 0.85, 0.07)), ((0.4, 0.0, 0.42), (0.55, 0.0, 0.34))),
@@ -108,7 +145,8 @@ class Figure:
     hand: place of the hand, or of the end of its tool, from the middle of the lower edge, in widths and heights
     seat: height of the hips of somebody who sits, as a share of the picture's height; 0 for others
     tall: height of the picture, by the height of the same figure upright
-    does: words of `poses.txt` that mean what it does, or ""
+    does: words of the tables that mean what it does, or ""
+    meets: place across at which it touches who does the same, in widths from the middle; None if it touches nobody
     """
 
     picture: Tensor
@@ -116,24 +154,42 @@ class Figure:
     seat: float
     tall: float
     does: str = ""
+    meets: float | None = None
 
     def mirror(self) -> Figure:
         """Returns the figure that looks to the left."""
-        return replace(self, picture=self.picture.flip(2), hand=(-self.hand[0], self.hand[1]))
+        meets = None if self.meets is None else -self.meets
+        return replace(self, picture=self.picture.flip(2), hand=(-self.hand[0], self.hand[1]), meets=meets)
 
 
-def draw_figure(pose: Pose, worn: Clothes, *, heads: float, is_old: bool, kind: int, has_seat: bool) -> Figure:
+def draw_figure(
+    pose: Pose,
+    worn: Clothes,
+    *,
+    heads: float,
+    is_old: bool,
+    kind: int,
+    has_seat: bool,
+    tool: Tool | None = None,
+    color: Color = "",
+) -> Figure:
     """Returns a figure that looks to the right.
 
     heads: height of the body upright, in heads: about 7, and 4 to 5 for a child
     is_old: True for white hair
     kind: number that chooses the colours of skin and hair
     has_seat: True if something in the scene carries somebody who sits; otherwise there is a stool
+    color: of the tool; "" for its own
     """
     body, sheet = _Body(pose, (heads - 1) / _ADULT), _Sheet()
     skin, hair = _SKINS[kind % len(_SKINS)], _WHITE if is_old else _HAIRS[kind % len(_HAIRS)]
     if pose.carried == "seat" and not has_seat:
         _draw_stool(sheet, body)
+    shapes, size = (tool.shapes if tool else ()), (1 + body.grown) / 2
+    kinds = [shape[0] for shape in shapes]
+    first, last = (kinds.index(part) if part in kinds else end for part, end in (("body", 0), ("arm", len(kinds))))
+    main = color or (tool.color if tool else "black")
+    _draw_shapes(sheet, body, shapes[:first], main, size)
     _draw_arm(sheet, body, 1, worn, skin)
     for number in (1, 0):
         _draw_leg(sheet, body, number, worn, skin)
@@ -145,9 +201,12 @@ def draw_figure(pose: Pose, worn: Clothes, *, heads: float, is_old: bool, kind: 
         sheet.fill(worn.bottom, [(body.hips, 0.4), *low])
     sheet.draw(worn.top, [(body.hips, 0.44), (body.chest, 0.52)])
     _draw_head(sheet, body, worn, skin, hair)
-    reached = _draw_tool(sheet, body, pose.tool)
+    _draw_shapes(sheet, body, worn.shapes, worn.top, 1.0)
+    _draw_shapes(sheet, body, shapes[first:last], main, size)
     _draw_arm(sheet, body, 0, worn, skin)
-    return _cut_out(sheet, body, pose, heads, reached)
+    _draw_shapes(sheet, body, shapes[last:], main, size)
+    ends = {shape[0]: body.find(shape[1], size) for shape in shapes if shape[0] in ("end", "meet")}
+    return _cut_out(sheet, body, pose, heads, ends.get("end", body.hands[0]), ends.get("meet"))
 
 
 def _beyond(start: _Point, angle: float, length: float) -> _Point:
@@ -164,7 +223,7 @@ class _Body:
 
     def __init__(self, pose: Pose, grown: float) -> None:
         lean, nod, near_arm, near_fore, far_arm, far_fore, *legs = pose.angles
-        self.hips, self._upward = np.zeros(2), 180 - lean - nod
+        self.hips, self._upward, self._spine, self.grown = np.zeros(2), 180 - lean - nod, 180 - lean, grown
         self.chest = _beyond(self.hips, 180 - lean, _TORSO * grown)
         self.skull = _beyond(self.chest, self._upward, _NECK)
         self.forearms, self.shins = (near_fore, far_fore), (legs[1], legs[3])
@@ -186,6 +245,19 @@ class _Body:
         return _beyond(_beyond(self.skull, self._upward, up), self._upward - 90, before)
 
 
+    def find(self, said: str, size: float) -> _Point:
+        """Returns the place of a point of a shape, as `tools.txt` explains, whose lengths have that size."""
+        across, up = (size * float(length) for length in said[1:].split(","))
+        if said[0] == "a":
+            return self.at(up, across)
+        if said[0] in "ck":
+            start = self.chest if said[0] == "c" else self.hips
+            return _beyond(_beyond(start, self._spine, up), self._spine - 90, across)
+        hand = self.hands[said[0] == "o"]
+        x, y = {"f": (hand[0], self.floor + 0.12), "g": (self.hips[0], self.floor + 0.12)}.get(said[0], hand)
+        return np.array([x + across, y - up])
+
+
 class _Sheet:
     """Sheet on which limbs are drawn: colour and opacity. Each joint of a limb has half a width."""
 
@@ -203,7 +275,7 @@ class _Sheet:
         circle = np.stack((np.cos(around), np.sin(around)), 1)
         edge = np.concatenate([middle + wide * circle for middle, wide in joints])
         pixels = np.round(16 * (edge * _UNIT + _SIDE / 2)).astype(np.int32)  # in sixteenths of a pixel
-        paint = (*(shade * color_of(color)).tolist(), 1.0)
+        paint = (*(shade * color_of(color)).clamp(max=1.0).tolist(), 1.0)
         cv2.fillConvexPoly(self.drawn, cv2.convexHull(pixels), paint, shift=4)
 
 
@@ -245,37 +317,30 @@ def _draw_stool(sheet: _Sheet, body: _Body) -> None:
         sheet.draw("saddlebrown", [(end, 0.1), (np.array([end[0], body.floor]), 0.1)])
 
 
-def _draw_tool(sheet: _Sheet, body: _Body, tool: str) -> _Point:
-    """Draws a tool, if there is one; returns the place of its end on the floor, or the hand."""
-    (x, y), along = body.hands[0], body.forearms[0]
-    if tool == "pole":
-        low = np.array([x + 1.3, body.floor + 0.1])
-        sheet.draw(_WOOD, [(low, 0.09), (np.array([x - 0.9, y - 1.6]), 0.09)])
-        sheet.draw(_IRON, [(_beyond(low, -90, 0.35), 0.16), (_beyond(low, 90, 0.45), 0.16)])
-        return low
-    if tool == "mallet":
-        top = _beyond(body.hands[0], along + 60, 1.3)
-        sheet.draw(_WOOD, [(body.hands[0], 0.09), (top, 0.09)])
-        sheet.draw(_IRON, [(_beyond(top, along - 30, 0.4), 0.22), (_beyond(top, along + 150, 0.4), 0.22)])
-        return np.array([x + 1.3, body.floor])
-    if tool == "foot":
-        return _beyond(body.ankles[0], body.shins[0] + 75, _FOOT)
-    if tool == "leash":
-        end = np.array([x + 1.2, body.hips[1] + 0.9])
-        sheet.draw(_IRON, [(body.hands[0], 0.05), (end, 0.05)])
-        return end
-    if tool == "page":
-        for wide, color in ((0.06, _IRON), (0.0, "ivory")):
-            sheet.fill(color, [(body.hands[0] + np.array(corner), 0.05 + wide) for corner in _PAGE])
-        for share in (0.3, 0.5, 0.7):  # its lines
-            (low, high, far, near), rest = np.array(_PAGE), 1 - share
-            left, right = rest * low + share * high, rest * near + share * far
-            inner = [body.hands[0] + 0.8 * one + 0.2 * other for one, other in ((left, right), (right, left))]
-            sheet.draw(_IRON, [(end, 0.04) for end in inner])
-    return body.hands[0]
+def _draw_shapes(sheet: _Sheet, body: _Body, shapes: _Shapes, main: Color, size: float) -> None:
+    """Draws shapes from back to front, as `tools.txt` explains."""
+    chance = np.random.default_rng(0)
+    for kind, *rest in shapes:
+        if kind not in ("area", "line", "ring", "dabs"):
+            continue
+        points = [body.find(one, size) for one in rest[1:] if one[0].isalpha()]
+        numbers = [size * float(one) for word in rest[1:] if not word[0].isalpha() for one in word.split(",")]
+        color, shade = (main, _TONES[rest[0]]) if rest[0] in _TONES else (rest[0], 1.0)
+        if kind == "ring":
+            points = [points[0] + numbers[1] * np.array([math.cos(turn), math.sin(turn)]) for turn in _ROUND]
+        if kind == "area":
+            sheet.fill(color, [(point, 0.03) for point in points], shade)
+        elif kind == "dabs":
+            for _ in range(round(numbers[0] / size)):
+                away = chance.uniform(-1, 1, 2) * numbers[2:]
+                sheet.fill(color, [(points[0] + away, numbers[1])], shade * chance.uniform(0.9, 1.1))
+        else:
+            sheet.draw(color, [(point, numbers[0] / 2) for point in points], shade)
 
 
-def _cut_out(sheet: _Sheet, body: _Body, pose: Pose, heads: float, reached: _Point) -> Figure:
+def _cut_out(
+    sheet: _Sheet, body: _Body, pose: Pose, heads: float, reached: _Point, meeting: _Point | None
+) -> Figure:
     """Returns the drawn figure without its empty margin."""
     drawn = torch.from_numpy(sheet.drawn).permute(2, 0, 1)
     left, top, width, height = cv2.boundingRect((drawn[3] > 0).byte().numpy())
@@ -287,4 +352,5 @@ def _cut_out(sheet: _Sheet, body: _Body, pose: Pose, heads: float, reached: _Poi
 
     seat = place(body.hips)[1] if pose.carried == "seat" else 0.0
     picture = resize(drawn[:, top : top + high, left : left + width], 0.5)
-    return Figure(picture, place(reached), seat, high / (heads * _UNIT))
+    meets = None if meeting is None else place(meeting)[0]
+    return Figure(picture, place(reached), seat, high / (heads * _UNIT), meets=meets)

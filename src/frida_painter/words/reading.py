@@ -365,7 +365,7 @@ class _Walk:
         self.relations: list[Relation] = []
         self.absent: list[str] = []
         self._numbers: dict[Token, int] = {}  # of the nouns that are things
-        for step in (self._add, self._color, self._relate, self._act, self._share):
+        for step in (self._add, self._relate, self._act, self._share):
             for word in parsed:
                 step(word)
 
@@ -431,18 +431,6 @@ class _Walk:
             alone = ("of", "with", self.things[last].doing)
             places = [one for one in self.relations if one.subject == last and one.word not in alone]
             self.relations += [replace(one, subject=self._numbers[noun]) for one in places]
-
-    def _color(self, noun: Token) -> None:
-        """Gives a noun the colour that is said of it later, before any other noun: a teapot, blue."""
-        number = self._numbers.get(noun)
-        if number is None or self.things[number].color:
-            return
-        owned = {at for one in self.things for at in one.at}
-        end = min((at for at in owned if at > noun.i and noun.doc[at].pos_ != "VERB"), default=len(noun.doc))
-        said = [word for word in noun.doc[noun.i + 1 : end] if word.lower_ in _BASIC and word.i not in owned]
-        if said:
-            one = self.things[number]
-            self.things[number] = replace(one, color=said[0].lower_, at=(*one.at, said[0].i))
 
     def _join(self, subjects: list[int], said: str, noun: Token, at: tuple[int, ...]) -> None:
         """Adds a relation of each subject to a noun, and to those joined to it."""
