@@ -108,12 +108,11 @@ def cast(
     acting = any(wanted[number].doing and act.meant for number, act in acts.items()) or any(
         one.subject in people and one.object in wanted and kind_of(one.word) in _HANDLES for one in reading.relations
     )
-    tools = {
-        one.object: one.subject
-        for one in reading.relations
-        if one.subject in people and one.object in {*wanted} - people
-        if acts[one.subject].shows(wanted[one.object].noun, sentences)
-    }
+    tools: dict[int, int] = {}  # things that the tool of somebody shows, such as soup, and the pot that it is in
+    for one in 2 * reading.relations:
+        user = one.subject if one.subject in people else tools.get(one.subject)
+        if user is not None and one.object in {*wanted} - people:
+            tools |= {one.object: user} if acts[user].shows(wanted[one.object].noun, sentences) else {}
     for number, thing in wanted.items():
         does_unseen = thing.noun == SOMEBODY and not (number in acts and acts[number].meant)  # learning to forgive
         if number in tools or does_unseen:
@@ -227,7 +226,8 @@ def _act_of(number: int, thing: Thing, reading: Reading, sentences: SentenceEnco
     for one in reading.relations:
         if one.subject == number:
             between = "" if one.word == thing.doing else f" {one.word}"
-            said.append(f"{thing.doing}{between} {reading.things[one.object].noun}".strip())
+            other = reading.things[one.object]
+            said.append(f"{thing.doing}{between} {other.plural or other.noun}".strip())
     rows: tuple[Pose | Tool, ...] = (*figures.tools(), *figures.poses())
     row, meant, similarity = figures.nearest(said or [thing.name], rows, sentences)
     if " " not in meant or similarity < _WITH:  # flying a kite is not flying
