@@ -36,7 +36,6 @@ _LEGS = 6  # place of the legs among the angles of a pose
 _HANDLES = ("on", "in", "with", "hold", "doing")  # kinds of relations of a body to a thing
 
 
-
 class Act(NamedTuple):
     """Action of a person: its pose, the words of the tables that mean it, or "", and its tool."""
 
@@ -128,9 +127,7 @@ def cast(
             mine = [wanted[tool] for tool, user in tools.items() if user == number]
             is_faced = number != min(people)  # people look at each other
             color = next((one.color for one in mine if one.color), "")
-            found = _draw_person(
-                thing, acts[number], sentences, carriers=carriers, is_faced=is_faced, color=color
-            )
+            found = _draw_person(thing, acts[number], sentences, carriers=carriers, is_faced=is_faced, color=color)
             shown = [found.caption, *(f"{one.color} {one.name}" for one in mine)]
             found = replace(found, caption=" ".join(" ".join(shown).split()))
         if found is None and number == min(wanted):  # its picture with a ground may be all
@@ -209,7 +206,9 @@ def _join(left: Figure, right: Figure | None = None) -> Tensor:
     high = max(one.picture.shape[1] for one in (left, right))
     (edge, wide), (other, broad) = (((one.meets or 0.0) + 0.5, one.picture.shape[2]) for one in (left, right))
     start = round(edge * wide - other * broad)
-    parts = [(one.picture, high - one.picture.shape[1], at) for one, at in ((left, -min(0, start)), (right, max(0, start)))]
+    parts = [
+        (one.picture, high - one.picture.shape[1], at) for one, at in ((left, -min(0, start)), (right, max(0, start)))
+    ]
     return stack(parts, high, max(at + one.shape[2] for one, _, at in parts))
 
 

@@ -77,7 +77,8 @@ def _rows(name: str) -> list[tuple[str, list[str], _Shapes]]:
 def poses() -> tuple[Pose, ...]:
     """Returns the table of `poses.txt`."""
     return tuple(
-        Pose(tuple(words.split(", ")), tuple(map(float, rest[:10])), *rest[10:]) for words, rest, _ in _rows("poses.txt")
+        Pose(tuple(words.split(", ")), tuple(map(float, rest[:10])), *rest[10:])
+        for words, rest, _ in _rows("poses.txt")
     )
 
 
@@ -244,7 +245,6 @@ class _Body:
         """Returns a place of the head: above its middle, and before it."""
         return _beyond(_beyond(self.skull, self._upward, up), self._upward - 90, before)
 
-
     def find(self, said: str, size: float) -> _Point:
         """Returns the place of a point of a shape, as `tools.txt` explains, whose lengths have that size."""
         across, up = (size * float(length) for length in said[1:].split(","))
@@ -338,9 +338,7 @@ def _draw_shapes(sheet: _Sheet, body: _Body, shapes: _Shapes, main: Color, size:
             sheet.draw(color, [(point, numbers[0] / 2) for point in points], shade)
 
 
-def _cut_out(
-    sheet: _Sheet, body: _Body, pose: Pose, heads: float, reached: _Point, meeting: _Point | None
-) -> Figure:
+def _cut_out(sheet: _Sheet, body: _Body, pose: Pose, heads: float, reached: _Point, meeting: _Point | None) -> Figure:
     """Returns the drawn figure without its empty margin."""
     drawn = torch.from_numpy(sheet.drawn).permute(2, 0, 1)
     left, top, width, height = cv2.boundingRect((drawn[3] > 0).byte().numpy())
