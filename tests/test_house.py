@@ -61,7 +61,7 @@ OWN_FILES = {
     "words/arrangement.py",
     "words/figures.py",
     "words/nouns.py",
-    "words/places.py",
+    "words/lights.py",
     "words/scenery.py",
 }
 READING = {"read_bytes", "read_text", "copyfile", "imread", "fromfile", "loadtxt", "genfromtxt", "safe_open", "memmap"}

@@ -5,7 +5,7 @@ import torch
 from torch import Tensor
 
 from frida_painter.words.appearance import change_looks, in_weather, looks_of
-from frida_painter.words.places import CLEAR, WEATHERS
+from frida_painter.words.lights import CLEAR, known_weathers
 from support.networks import WordBag
 
 
@@ -48,7 +48,7 @@ def test_a_crack_goes_from_top_to_foot() -> None:
 
 
 def test_wind_bends_plants_and_snow_lies_on_what_stands_outside() -> None:
-    named = {weather.name: weather for weather in WEATHERS}
+    named = {weather.name: weather for weather in known_weathers()}
     tree = box(60, 20)
     blown = in_weather(tree, named["wind"], "plant")
     left = [int((row > 0.5).nonzero().min()) for row in (blown[3, 0], blown[3, -1])]

@@ -7,7 +7,7 @@ import torch
 
 from frida_painter.frames import PixelGrid
 from frida_painter.words.brushwork import FORMS, paint_loosely, paint_mood
-from frida_painter.words.places import LIGHTS, WEATHERS
+from frida_painter.words.lights import find_light, known_lights, known_weathers
 from support.planning import CANVAS
 
 GRID = PixelGrid.of_height(CANVAS, 90)
@@ -31,7 +31,7 @@ def test_an_even_picture_keeps_its_colour_and_gets_strokes() -> None:
 
 @pytest.mark.parametrize("form", FORMS)
 def test_every_form_covers_the_paper_with_the_colours_of_its_light(form: str) -> None:
-    night, joy = LIGHTS[2], LIGHTS[7]
+    night, joy = find_light("night"), find_light("joy")
     dark = paint_mood(form, night.colors, night.colors, night.energy, GRID, 0)
     bright = paint_mood(form, joy.colors, joy.colors, joy.energy, GRID, 0)
     assert dark.shape == (3, GRID.rows, GRID.columns) and float(dark.mean()) + 0.2 < float(bright.mean())
@@ -40,7 +40,7 @@ def test_every_form_covers_the_paper_with_the_colours_of_its_light(form: str) ->
 
 
 def test_forms_differ_and_energy_makes_strokes_restless() -> None:
-    light = LIGHTS[0]
+    light = find_light("dawn")
     pictures = [paint_mood(form, light.colors, light.colors, 0.2, GRID, 0) for form in FORMS]
     for number, one in enumerate(pictures):
         assert all(float((one - other).abs().mean()) > 0.02 for other in pictures[:number])
@@ -49,4 +49,4 @@ def test_forms_differ_and_energy_makes_strokes_restless() -> None:
 
 
 def test_every_light_and_weather_has_a_known_form() -> None:
-    assert {light.form for light in (*LIGHTS, *(weather.light for weather in WEATHERS))} == set(FORMS)
+    assert {light.form for light in (*known_lights(), *(weather.light for weather in known_weathers()))} == set(FORMS)

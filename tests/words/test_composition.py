@@ -4,7 +4,8 @@ import torch
 from frida_painter.frames import PixelGrid
 from frida_painter.words.arrangement import Known, Placed
 from frida_painter.words.composition import compose_photograph, compose_scene
-from frida_painter.words.places import LIGHTS, Setting, find_place
+from frida_painter.words.lights import find_light
+from frida_painter.words.places import Setting, find_place
 from support.planning import CANVAS
 
 THING = Known("thing", 1.0, "ground")
@@ -14,7 +15,7 @@ GRID = PixelGrid.of_height(CANVAS, 60)
 
 @pytest.mark.parametrize(("rows", "columns"), [(90, 160), (160, 90), (300, 40), (40, 300), (7, 9)])
 def test_a_picture_with_a_ground_fills_the_canvas_in_the_light_that_is_named(rows: int, columns: int) -> None:
-    night = next(light for light in LIGHTS if light.name == "night")
+    night = find_light("night")
     picture = torch.rand(3, rows, columns, generator=torch.Generator().manual_seed(1))
     day, dark = (compose_photograph(picture, Setting(light=light), GRID, 0) for light in (Setting().light, night))
     assert day.picture.shape == (3, GRID.rows, GRID.columns) and not day.is_alone and float(day.where.min()) == 1

@@ -8,14 +8,15 @@ import torch
 from frida_painter.frames import PixelGrid
 from frida_painter.words.arrangement import Known, Placed
 from frida_painter.words.composition import compose_scene, falling
-from frida_painter.words.places import CLEAR, DAY, LIGHTS, WEATHERS, Setting, find_place
+from frida_painter.words.lights import CLEAR, DAY, find_light, find_weather
+from frida_painter.words.places import Setting, find_place
 from support.planning import CANVAS
 
 THING = Known("thing", 1.0, "ground")
 
 GRID = PixelGrid.of_height(CANVAS, 128)
-MEADOW, NIGHT = find_place("meadow"), LIGHTS[2]
-RAIN, _, SNOW, *_ = WEATHERS
+MEADOW, NIGHT = find_place("meadow"), find_light("night")
+RAIN, SNOW = find_weather("rain"), find_weather("snow")
 
 
 @pytest.mark.slow

@@ -9,8 +9,9 @@ from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.objectives.sketch import SketchTerm
 from frida_painter.objectives.style import StyleTerm
-from frida_painter.words import beginnings, places, scene
+from frida_painter.words import beginnings, scene
 from frida_painter.words.beginnings import initial_composition
+from frida_painter.words.lights import find_light, find_weather
 from frida_painter.words.places import NOWHERE, Place, Setting
 from frida_painter.words.reading import Reading, Relation, Thing
 from frida_painter.words.scene import scene_of
@@ -230,10 +231,10 @@ def test_in_a_style_the_light_and_the_weather_of_the_words_are_seen(
         assert found is not None
         return float(found.mean())
 
-    night = next(light for light in places.TIMES if light.name == "night")
+    night = find_light("night")
     day = mean_under(Setting(is_named=True))
     assert mean_under(Setting(light=night, is_named=True)) < 0.7 * day
-    assert mean_under(Setting(weather=next(one for one in places.WEATHERS if one.name == "fog"), is_named=True)) > day
+    assert mean_under(Setting(weather=find_weather("fog"), is_named=True)) > day
 
 
 @pytest.mark.slow

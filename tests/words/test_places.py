@@ -7,25 +7,17 @@ from frida_painter.frames import PixelGrid
 from frida_painter.palette import to_lab
 from frida_painter.words.arrangement import Known, Placed, known_like, known_things
 from frida_painter.words.composition import compose_scene
+from frida_painter.words.lights import CLEAR, DAY, find_light, find_weather, known_lights, known_weathers
 from frida_painter.words.places import (
-    CLEAR,
-    DAY,
-    GREY,
-    LIGHTS,
-    WEATHERS,
     Place,
     Setting,
-    color_of,
     find_part,
     find_place,
-    go_together,
     in_color,
     infer_place,
     is_idea,
     join,
     known_places,
-    mix_lights,
-    rank_lights,
     with_contrast,
 )
 from support.networks import WordBag
@@ -34,11 +26,12 @@ from support.planning import CANVAS
 THING = Known("thing", 1.0, "ground")
 
 GRID = PixelGrid.of_height(CANVAS, 48)
+NIGHT, DAWN, RAIN = find_light("night"), find_light("dawn"), find_weather("rain")
 PAINTED = [place for place in known_places() if place.kind != "paper"]
 
 
 @pytest.mark.parametrize("place", PAINTED, ids=lambda place: place.name)
-@pytest.mark.parametrize("light", [DAY, *LIGHTS], ids=lambda light: light.name)
+@pytest.mark.parametrize("light", [DAY, *known_lights()], ids=lambda light: light.name)
 def test_every_ground_has_a_sky_and_a_land(place, light) -> None:
     ground = Setting(place, light, is_named=True).ground(GRID, 0)
     assert ground.shape == (3, GRID.rows, GRID.columns) and 0 <= float(ground.min()) <= float(ground.max()) <= 1
@@ -47,9 +40,9 @@ def test_every_ground_has_a_sky_and_a_land(place, light) -> None:
 
 def test_night_is_dark_and_fog_is_seen() -> None:
     meadow = find_place("meadow")
-    day, night = (Setting(meadow, light, is_named=True).ground(GRID, 0).mean() for light in (DAY, LIGHTS[2]))
+    day, night = (Setting(meadow, light, is_named=True).ground(GRID, 0).mean() for light in (DAY, NIGHT))
     assert float(night) < 0.4 * float(day)
-    clear, foggy = (Setting(meadow, LIGHTS[2], weather, is_named=True) for weather in (CLEAR, WEATHERS[3]))
+    clear, foggy = (Setting(meadow, NIGHT, weather, is_named=True) for weather in (CLEAR, find_weather("fog")))
     ground = clear.ground(GRID, 0)
     assert torch.equal(clear.in_fog(ground), ground)
     assert float((foggy.in_fog(ground) - ground).abs().amax(0).gt(0.1).float().mean()) > 0.3
@@ -57,7 +50,7 @@ def test_night_is_dark_and_fog_is_seen() -> None:
 
 @pytest.mark.parametrize("place", PAINTED, ids=lambda place: place.name)
 def test_a_ground_has_depth_and_loose_strokes_and_no_white_paper(place: Place) -> None:
-    for light in (DAY, LIGHTS[1]):
+    for light in (DAY, find_light("dusk")):
         ground = Setting(place, light, is_named=True).ground(GRID, 0)
         assert float((ground.amin(0) > 0.93).float().mean()) < 0.1 or "snow" in place.name
         light_of = to_lab(ground.permute(1, 2, 0))[..., 0]
@@ -76,9 +69,12 @@ def test_words_name_places_lights_and_weathers_or_imply_them() -> None:
         and find_part("teapot", known_places(), bag) is None
     )
     assert find_part("the sea", known_places(), bag, 1.1) is None, "there is a picture that is called so"
-    assert find_part("dawn", LIGHTS, bag) is LIGHTS[0] and find_part("dog", LIGHTS, bag) is None
-    assert find_part("rain", WEATHERS, bag) is WEATHERS[0] and find_part("dog", WEATHERS, bag) is None
-    assert find_part("rain mobile", WEATHERS, bag) is None and find_part("dawn chorus", LIGHTS, bag) is LIGHTS[0]
+    assert find_part("dawn", known_lights(), bag) is DAWN and find_part("dog", known_lights(), bag) is None
+    assert find_part("rain", known_weathers(), bag) is RAIN and find_part("dog", known_weathers(), bag) is None
+    assert (
+        find_part("rain mobile", known_weathers(), bag) is None
+        and find_part("dawn chorus", known_lights(), bag) is DAWN
+    )
     assert infer_place(["a whale"], bag) is find_place("sea")
     assert infer_place(["a whale"], bag, afloat=False).kind != "water"
 
@@ -149,22 +145,6 @@ def test_a_feeling_is_an_idea_and_a_thing_is_none() -> None:
     assert is_idea("grief", [], bag, is_pictured=True) and not is_idea("grief", ["grief"], bag, is_pictured=True)
     assert is_idea("dance", [], bag, is_pictured=False) and not is_idea("dance", ["dance"], bag, is_pictured=False)
     assert not is_idea("teapot", [], bag, is_pictured=False) and not is_idea("violinist", [], bag, is_pictured=False)
-
-
-def test_lights_are_ranked_and_mixed() -> None:
-    bag = WordBag()
-    assert rank_lights("war and chaos", bag)[0].name in ("anger", "chaos")
-    mixed = mix_lights(LIGHTS[2], GREY)
-    assert mixed.name == "night, sadness" and mixed.stars == LIGHTS[2].stars
-    assert mixed.top == pytest.approx(((color_of(LIGHTS[2].top) + color_of(GREY.top)) / 2).tolist())
-
-
-def test_contrary_feelings_do_not_go_together_and_each_light_has_a_fellow() -> None:
-    lights = {light.name: light for light in LIGHTS}
-    assert not go_together(lights["calm"], lights["anger"]) and not go_together(lights["sadness"], lights["joy"])
-    assert go_together(lights["sadness"], lights["emptiness"])
-    for light in LIGHTS:
-        assert sum(go_together(light, other) for other in LIGHTS if other is not light) >= 3, light.name
 
 
 def test_hills_of_another_place_stand_behind_a_lake() -> None:

@@ -5,7 +5,8 @@ import torch
 
 from frida_painter.frames import PixelGrid
 from frida_painter.palette import to_lab
-from frida_painter.words.places import LIGHTS, WEATHERS, Place, Setting, find_place, join, known_places
+from frida_painter.words.lights import find_light, find_weather
+from frida_painter.words.places import Place, Setting, find_place, join, known_places
 from frida_painter.words.scenery import (
     DrawnScenery,
     Stand,
@@ -20,8 +21,8 @@ from support.planning import CANVAS
 
 GRID = PixelGrid.of_height(CANVAS, 96)
 DRAWN = [place for place in known_places() if place.layers]
-NIGHT, AUTUMN = (next(light for light in LIGHTS if light.name == name) for name in ("night", "autumn"))
-SNOW = next(weather for weather in WEATHERS if weather.flakes)
+NIGHT, AUTUMN = find_light("night"), find_light("autumn")
+SNOW = find_weather("snow")
 
 
 @pytest.mark.parametrize("place", DRAWN, ids=lambda place: place.name)
@@ -55,7 +56,9 @@ def test_what_must_not_be_seen_is_left_out() -> None:
 
 def test_windows_are_lit_at_night_and_leaves_change_with_the_season() -> None:
     house, tree = stands()["house"], stands()["tree"]
-    by_day, by_night = (draw_stand(house, Setting(find_place("village"), light), 1) for light in (LIGHTS[0], NIGHT))
+    by_day, by_night = (
+        draw_stand(house, Setting(find_place("village"), light), 1) for light in (find_light("dawn"), NIGHT)
+    )
     warm = [((one[0] > 0.97) & (one[1] > 0.8) & (one[2] < 0.6)).float().mean() for one in (by_day, by_night)]
     assert warm[0] < 0.001 < 0.01 < warm[1]
     green, autumn, bare = (

@@ -12,7 +12,7 @@ from torch.nn import functional
 
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.words.compositing import crop, resize, sample, soften, warp_rows
-from frida_painter.words.places import Color, Weather, color_of
+from frida_painter.words.lights import Color, Weather, color_of
 
 
 def _bend(picture: Tensor, lean: float = 0.6) -> Tensor:

@@ -19,7 +19,7 @@ from torch import Tensor
 
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.words.compositing import resize
-from frida_painter.words.places import Color, color_of
+from frida_painter.words.lights import Color, color_of
 
 _Point = npt.NDArray[np.float64]
 

@@ -1,13 +1,11 @@
-"""Settings of a scene: place, light and weather, chosen by the meaning of a prompt and painted as a ground.
+"""Settings of a scene: a place in a light and a weather, chosen by the meaning of a prompt and painted as a ground.
 
-A ground has depth: a sky or a wall with light on it, land or a table that is darker in front, in loose strokes. Moods
-are lights too. Colours are sRGB, as "#rrggbb" or in [0, 1].
+A ground has depth: a sky or a wall with light on it, land or a table that is darker in front, in loose strokes.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from importlib import resources
 from typing import NamedTuple, TypeVar
 
 import torch
@@ -18,9 +16,20 @@ from frida_painter.frames import PixelGrid
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.palette import from_lab, to_lab
 from frida_painter.words.brushwork import paint_loosely
+from frida_painter.words.lights import (
+    CLEAR,
+    DAY,
+    Color,
+    Light,
+    Weather,
+    color_of,
+    known_lights,
+    nearest_part,
+    read_rows,
+    split_words,
+)
 from frida_painter.words.nouns import kinds_of
 
-Color = str | tuple[float, float, float]
 HORIZON = 0.72
 """Usual share of the height above the horizon, or above the edge of a floor or a table."""
 _EDGE = 0.03  # share of the height over which two bands blend
@@ -32,7 +41,6 @@ SUMMIT = 0.6
 _VALLEY, _BROAD, _STEEP = 0.92, 0.75, 0.2  # foot of that hill; its half width; relief above which it is a cliff
 _BANK = 0.79  # share of the height above a bank
 _GLOW = 0.85  # least share of a sky's own colour that is left in a low light
-_GAMMA = 0.7  # exponent from the light of a sky, relative to a day's, to the shade of things in it
 
 
 class PlaceLayer(NamedTuple):
@@ -99,98 +107,21 @@ class Place:
         return max((layer.size for layer in self.layers if layer.kind in ("hills", "peaks")), default=0.0)
 
 
-@dataclass(frozen=True)
-class Light:
-    """Light of a scene: of an hour, a season, or a mood; without things it becomes a picture of its own.
-
-    words: words that name it, the first for messages
-    top, low: colours of the sky at its top and at the horizon
-    accent: colour of its brightest or strangest strokes
-    form: composition of the light as a picture, one of `FORMS`
-    energy: 0 for long calm strokes to 1 for short, restless ones
-    stars: number of stars
-    body: thing of `scenery.txt` that shines in its sky, or ""
-    """
-
-    words: tuple[str, ...]
-    top: Color
-    low: Color
-    accent: Color = "white"
-    form: str = "horizon"
-    energy: float = 0.2
-    stars: int = 0
-    body: str = ""
-
-    @property
-    def name(self) -> str:
-        """Name for messages."""
-        return self.words[0]
-
-    @property
-    def colors(self) -> Tensor:
-        """Colours [4, 3] of its picture: depth, top, low and accent."""
-        top, low, accent = map(color_of, (self.top, self.low, self.accent))
-        return torch.stack((0.45 * top * self.shade, top, low, accent)).clamp(0, 1)
-
-    @property
-    def shade(self) -> Tensor:
-        """Factors [3] for the colours of things and of the land: 1 by day."""
-        sky, day = (color_of(light.top) + color_of(light.low) for light in (self, DAY))
-        return (sky / day) ** (_GAMMA if self not in SEASONS else _GAMMA / 2)
-
-
-@dataclass(frozen=True)
-class Weather:
-    """Weather of a scene.
-
-    name: for messages
-    words: words that name it
-    color: of rain, flakes or fog
-    light: in it, if the words name no other
-    rain, flakes: number of marks
-    fog: opacity
-    wind: share of their height by which plants lean
-    wet: share of what is above it that wet ground reflects
-    clouds: number of clouds
-    """
-
-    name: str
-    words: tuple[str, ...]
-    color: Color
-    light: Light
-    rain: int = 0
-    flakes: int = 0
-    fog: float = 0.0
-    wind: float = 0.0
-    wet: float = 0.0
-    clouds: int = 0
-
-
-def color_of(color: Color) -> Tensor:
-    """Returns the sRGB [3] of a colour."""
-    from matplotlib.colors import to_rgb
-
-    return torch.tensor(to_rgb(color))
-
-
 @cache
 def known_places() -> tuple[Place, ...]:
     """Returns the table of `places.txt`."""
-    lines = (resources.files(__package__) / "places.txt").read_text("utf-8").splitlines()
     found = []
-    for line in lines:
-        if not line.startswith("#"):
-            words, things, land, scenery = (part.strip() for part in line.split("|"))
-            kind, below, above, bank, horizon = land.split()
-            split = [layer.split() for layer in scenery.split(";") if layer]
-            layers = tuple(
-                PlaceLayer(name, "" if what[0] == "#" else what.replace("-", " "), float(size),
-                           what if what[0] == "#" else "", *map(float, at))
-                for name, what, size, *at in split
-            )  # fmt: skip
-            usual = tuple(things.split(", ")) if things else ()
-            sky, shore = (None if one in ("sky", "-") else one for one in (above, bank))
-            found.append(Place(tuple(words.split(", ")), usual, below, kind, sky, shore, float(horizon), layers))
+    for words, things, land, scenery in read_rows("places.txt"):
+        kind, below, above, bank, horizon = land.split()
+        split = [layer.split() for layer in scenery.split(";") if layer]
+        layers = tuple(
+            PlaceLayer(name, "" if what[0] == "#" else what.replace("-", " "), float(size),
+                       what if what[0] == "#" else "", *map(float, at))
+            for name, what, size, *at in split
+        )  # fmt: skip
+        sky, shore = (None if one in ("sky", "-") else one for one in (above, bank))
+        some, names = split_words(things), split_words(words)
+        found.append(Place(names, some, below, kind, sky, shore, float(horizon), layers))
     return tuple(found)
 
 
@@ -202,70 +133,6 @@ def find_place(name: str) -> Place:
     return next(place for place in known_places() if place.name == name)
 
 
-DAY = Light(("day", "noon", "midday", "sunny", "daylight", "light", "sunlight"), "#a3cae9", "#e0f0f9")
-LIGHTS = (
-    Light(("dawn", "early morning", "morning"), "#9eb2db", "#fcd1ad", "#ffedb2"),
-    Light(("dusk", "evening", "twilight", "late afternoon"), "#6b5c94", "#fc9947", "#ffdb73"),
-    Light(("night", "midnight", "darkness", "starry night", "star"), "#0d1438", "#45598f", "#faeda8", stars=10),
-    Light(("sunrise", "rising sun", "sun coming up", "sun rising"), "#8fa8dc", "#ffc49a", "#ffedb2", body="sun"),
-    Light(("sunset", "golden hour", "setting sun", "sun going down", "sun setting", "low sun", "sun goes down"),
-          "#6b5c94", "#fc8f45", "#ffdb73", body="sun"),
-    Light(("moonlight", "full moon", "moon", "moonlit night", "crescent moon"),
-          "#101a44", "#4f66a0", "#faeda8", stars=7, body="moon"),
-    Light(("sun", "bright sun", "shining sun"), "#8fc4ee", "#e6f3f6", "#fff2b0", body="sun"),
-    Light(("northern lights", "northern light", "aurora", "polar lights"),
-          "#0a1030", "#1f5a63", "#4dfa9a", "waves", 0.5, stars=10),
-    Light(("autumn", "fall foliage", "october"), "#ccb894", "#e69433", "#b8331f", "fall", 0.5),
-    Light(("winter", "cold", "frost"), "#a8c2db", "#e0ebf5", "#fae6d6"),
-    Light(("summer", "warm", "june", "july", "holidays"), "#7fbdf0", "#fbf0c4", "#fff7cc", "burst", 0.3),
-    Light(("heat", "heat wave", "hot", "drought"), "#ed9e40", "#fcd15c", "#fff7cc", "burst", 0.3),
-    Light(("sadness", "grief", "loneliness", "melancholy", "gloomy", "a farewell", "remorse", "regret"),
-          "#576b8a", "#99a8b8", "#ccbd9e", "fall", 0.15),
-    Light(("joy", "happiness", "laughter", "celebration", "party", "amazement", "fun"),
-          "#fa995c", "#ffd65c", "#fff7cc", "burst", 0.8),
-    Light(("love", "tenderness", "passion", "romance", "friendship", "trust"),
-          "#c23d5c", "#f2998f", "#ffe0b8", "vortex", 0.25),
-    Light(("anger", "rage", "war", "hatred", "argument"), "#9e1a17", "#e0471a", "#fcbd38", "burst", 1.0),
-    Light(("jealousy", "envy", "greed", "betrayal", "disgust"), "#2f5a2b", "#a3b13a", "#b3262a", "vortex", 0.7),
-    Light(("fear", "anxiety", "nightmare", "danger", "pain"), "#29333d", "#668066", "#d9d175", "vortex", 0.9),
-    Light(("calm", "peace", "silence", "sleep", "boredom", "relief", "comfort"),
-          "#8fb8c2", "#d6e0d1", "#fcedcc", energy=0.0),
-    Light(("longing", "nostalgia", "memory", "childhood", "homesickness"), "#857070", "#dba86b", "#fae0a3"),
-    Light(("dream", "imagination", "mystery", "magic", "secret"), "#5c4794", "#5ca3ad", "#f7c7d6", "waves", 0.3),
-    Light(("hope", "spring", "birth", "growth", "beginning", "forgiveness", "optimism"),
-          "#70a870", "#ccdb85", "#fcdbdb", "field", 0.4),
-    Light(("freedom", "wind", "journey", "adventure"), "#478fcc", "#b2dbeb", "#fcf7e0", "waves", 0.6),
-    Light(("chaos", "confusion", "noise", "hurry", "madness"), "#4c4785", "#db5742", "#f2d657", "field", 1.0),
-    Light(("music", "song", "jazz", "rhythm", "dance", "sound"), "#2e428a", "#c2476b", "#f7c252", "waves", 0.7),
-    Light(("power", "victory", "justice", "glory", "courage"), "#612461", "#db9938", "#ffeb9e", "burst", 0.4),
-    Light(("emptiness", "death", "nothing", "loss", "end"), "#3d3d45", "#757373", "#c7c2b8", energy=0.0),
-    Light(("thought", "idea", "time", "eternity", "gravity", "knowledge", "truth"),
-          "#244270", "#578fad", "#fad67a", "vortex"),
-)  # fmt: skip
-GREY = LIGHTS[12]
-HOURS = LIGHTS[:8]
-"""Lights of an hour."""
-SEASONS = LIGHTS[8:12]
-"""Lights of a season, which leave things more of their colours."""
-TIMES = LIGHTS[:12]
-"""Lights of a time of day or year, in contrast to those of a mood."""
-CLEAR = Weather("clear", (), "white", DAY)
-WEATHERS = (
-    Weather("rain", ("rain", "rainy", "raining", "downpour", "drizzle"), "#dbe6f2", GREY, rain=16, wet=0.3),
-    Weather("a storm", ("storm", "stormy", "thunderstorm", "thunder", "lightning", "hurricane"), "#d1d6e0",
-            Light(("a storm",), "#384557", "#949e9e", "#ede6b8", "vortex", 0.8), rain=12, wind=0.7, wet=0.3),
-    Weather("snow", ("snowfall", "snowing", "snowy", "snow-covered", "blizzard", "snowstorm"), "white", LIGHTS[9],
-            flakes=18),
-    Weather("fog", ("fog", "foggy", "mist", "misty", "haze", "hazy", "smog"), "#e6e8eb",
-            Light(("pale light",), "#b8bfc7", "#e0e3e3", "#f7f2e6", energy=0.0), fog=0.6),
-    Weather("clouds", ("cloudy", "overcast", "grey sky", "grey day", "dull day"), "white",
-            Light(("a grey sky",), "#8d99a6", "#c6ccd0"), clouds=4),
-    Weather("storm clouds", ("storm clouds", "dark clouds", "black clouds", "before a storm", "approaching storm"),
-            "#565f6e", Light(("a dark sky",), "#5f6b7d", "#b3b8ae", "#ede6b8", "vortex", 0.8), wind=0.3, clouds=7),
-    Weather("after the rain", ("after the rain", "after rain", "wet", "puddles"), "white",
-            Light(("a clearing sky",), "#93a9bd", "#dfe3dd"), wet=0.6),
-    Weather("wind", ("wind", "windy", "gale", "breeze"), "white", LIGHTS[22], wind=0.45),
-)  # fmt: skip
 _Part = TypeVar("_Part", Place, Light, Weather)
 _ORDER = ("peaks", "hills", "far", "line", "walls", "band", "waves", "way", "road", "stream", "canal", "platform",
           "rails", "planks", "field", "grove", "strewn", "sides", "falls", "bridge", "hung", "near")  # of layers, from back to front  # fmt: skip
@@ -286,7 +153,6 @@ _ABSTRACT = 0.25  # margin of an abstract noun with a picture
 _MIDDLE = 55.0  # L*
 TOLD_APART = 40.0
 """Lab distance between things and the ground around them."""
-_CONTRARY = 50.0  # mean Lab distance between the colours of lights that do not go together
 
 
 @dataclass(frozen=True)
@@ -323,7 +189,7 @@ class Setting:
         if self.weather.flakes and place.kind in ("land", "hill"):  # snow also covers the land
             land = torch.lerp(land, color_of(self.weather.color) * shade, _COVERED)
         # Water reflects the top of the sky; the glow of a low sun, or of a season, would make it grey.
-        if place.kind == "water" and self.light not in SEASONS:
+        if place.kind == "water" and self.light.kind != "season":
             land = torch.lerp(land, high, 0.25)
         down, across = ((torch.arange(side) + 0.5) / side for side in (rows, columns))
         down, across = torch.meshgrid(down, across, indexing="ij")
@@ -334,7 +200,9 @@ class Setting:
         near = ((down - place.horizon) / (1 - place.horizon)).clamp(0, 1)
         far = torch.lerp(land, low, _FAR if place.is_open else 0.0)
         front = torch.lerp(far[:, None, None], (land * _DIM)[:, None, None], near)
-        if self.light.form == "waves" and self.light in TIMES and place.above is None:  # curtains of the polar lights
+        if (
+            self.light.form == "waves" and self.light.kind == "hour" and place.above is None
+        ):  # curtains of the polar lights
             for level, wave in ((0.42, 7.0), (0.58, 4.5)):
                 rise = level + 0.09 * torch.sin(wave * across + seed) - down
                 veil = torch.where(rise > 0, (-4 * rise).exp(), (30 * rise).exp()) * (
@@ -390,7 +258,7 @@ def find_part(name: str, parts: Sequence[_Part], sentences: SentenceEncoder, lea
     def words(part: _Part) -> Sequence[str]:
         return [word for word in part.words if " " in name or " " not in word or not isinstance(part, Place)]
 
-    part, similarity = _nearest([name], parts, sentences, words)
+    part, similarity = nearest_part([name], parts, sentences, words)
     usual = {Place: _CALLED, Light: _FELT, Weather: _FELT_WEATHER}[type(part)]
     return part if similarity >= max(least, usual) else None
 
@@ -404,35 +272,10 @@ def is_idea(noun: str, things: Sequence[str], sentences: SentenceEncoder, *, is_
     if "idea" not in kinds or (kinds == {"idea"} and not is_pictured):
         return "idea" in kinds
     around = [word for place in known_places() for word in (*place.words, *place.found)]
-    margin = _nearest([noun], LIGHTS, sentences)[1] - float(
+    margin = nearest_part([noun], known_lights(), sentences)[1] - float(
         (sentences.embed([*things, *around]) @ sentences.embed([noun])[0]).max()
     )
     return margin > (_ABSTRACT if is_pictured else 0.0)
-
-
-def rank_lights(words: str, sentences: SentenceEncoder) -> list[Light]:
-    """Returns the lights of hours, seasons and moods, from the most to the least similar to some words."""
-    return sorted(LIGHTS, key=lambda light: -_nearest([words], (light,), sentences)[1])
-
-
-def go_together(first: Light, second: Light) -> bool:
-    """Returns True if the colours of two lights are alike. Words of contrary meaning are similar: peace and war."""
-    return float((to_lab(first.colors) - to_lab(second.colors)).norm(dim=1).mean()) <= _CONTRARY
-
-
-def mix_lights(first: Light, second: Light) -> Light:
-    """Returns the light halfway between two, with the form of the second: grief at dawn."""
-    top, low, accent = ((first.colors + second.colors)[1:] / 2).tolist()
-    return replace(second, words=(f"{first.name}, {second.name}",), top=top, low=low, accent=accent, stars=first.stars)
-
-
-def dye(light: Light, colors: Sequence[Tensor]) -> Light:
-    """Returns the light in other colours, sRGB [3] each, at least one: anger in red and black."""
-    dark, *others = sorted(colors, key=lambda color: float(to_lab(color)[0]))
-    others = others[:2] or [torch.lerp(dark, torch.ones(3), 0.2)]
-    tints = [dark, *others, torch.lerp(others[-1], torch.ones(3), 0.4)]
-    top, low, accent = (tuple(tint.tolist()) for tint in tints[:3])
-    return replace(light, top=top, low=low, accent=accent)
 
 
 def infer_place(
@@ -444,7 +287,7 @@ def infer_place(
     """
     kinds = ("land", "hill", *(["water"] if afloat else []), *([] if outside else ["room"]))
     places = [place for place in known_places() if place.kind in kinds]
-    return _nearest(names, places, sentences, lambda one: (*one.found, *one.words))[0]
+    return nearest_part(names, places, sentences, lambda one: (*one.found, *one.words))[0]
 
 
 def in_color(place: Place, color: Color) -> Place:
@@ -506,16 +349,3 @@ def with_contrast(ground: Tensor, where: Tensor, thing: Tensor, least: float = T
         return ground
     lab[..., 0] = (lab[..., 0] + (-lack if float(color[0]) > _MIDDLE else lack)).clamp(5, 98)
     return from_lab(lab).permute(2, 0, 1).clamp(0, 1)
-
-
-def _nearest(
-    names: Sequence[str],
-    parts: Sequence[_Part],
-    sentences: SentenceEncoder,
-    words: Callable[[_Part], Sequence[str]] = lambda part: part.words,
-) -> tuple[_Part, float]:
-    """Returns the part with the word of most similar meaning to the names, in the mean, and that similarity."""
-    owners: list[tuple[_Part, str]] = [(part, word) for part in parts for word in words(part)]
-    meanings = sentences.embed([*names, *(word for _, word in owners)])
-    similarity, best = (meanings[len(names) :] @ meanings[: len(names)].T).mean(1).max(0)
-    return owners[int(best)][0], float(similarity)

@@ -8,7 +8,6 @@ from frida_painter.frames import PixelGrid
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.objectives.objective import Goal
-from frida_painter.words import places
 from frida_painter.words.account import Account, Mark
 from frida_painter.words.appearance import Appearance, change_looks, in_weather, looks_of
 from frida_painter.words.arrangement import (
@@ -26,7 +25,8 @@ from frida_painter.words.composition import (
     compose_photograph,
     compose_scene,
 )
-from frida_painter.words.places import DAY, NOWHERE, Light, Place, Setting
+from frida_painter.words.lights import CLEAR, DAY, Light, dye, find_weather, go_together, rank_lights
+from frida_painter.words.places import NOWHERE, Place, Setting
 from frida_painter.words.reading import Reading, Relation, SaidWord, Thing, prompt_reader, what_is_asked, word_meanings
 from frida_painter.words.retrieval import FoundPicture, PictureIndex, has_ground, picture_index
 from frida_painter.words.scenery import Stand
@@ -49,7 +49,9 @@ def scene_of(
     sentences, account = word_meanings(encoders), Account(reading)
     setting, settled, seen = setting_of(reading, index, encoders)
     named = [light for *_, light in seen if isinstance(light, Light) and light is not DAY]
-    feels = any(part in named and part not in places.TIMES and word == thing.noun for thing, word, part in seen)
+    feels = any(
+        part in named and getattr(part, "kind", "mood") == "mood" and word == thing.noun for thing, word, part in seen
+    )
     is_placed = any(isinstance(part, Place | Stand) for *_, part in seen)
     is_busy = any(isinstance(part, Place) and {*thing.name.split()} & {*_CROWDED} for thing, _, part in seen)
     if is_placed and len(settled) == len(reading.things) and (is_busy or not (feels or setting.place.layers)):
@@ -59,20 +61,20 @@ def scene_of(
     shown = [one for one in things if one is not None]
     whole = next((one for one in shown if has_ground(one.picture)), None)
     is_mood = not shown and setting.place is NOWHERE
-    lights = named + places.rank_lights(prompt, sentences)
+    lights = named + rank_lights(prompt, sentences)
     if whole is not None:
         things, setting, is_placed = [whole], replace(setting, is_named=False), False
         seen = [one for one in seen if not isinstance(one[2], Place)]
     elif is_mood:
         light, said = lights[0] if setting.light == DAY else setting.light, reading.colors
-        light = places.dye(light, [*said.values()]) if said else light
+        light = dye(light, [*said.values()]) if said else light
         setting = replace(setting, light=light, is_named=True)
         account.mark(said, Mark.SHOWN, light.name)
         seen += [(reading.things[number], reading.things[number].noun, setting.light) for number in settled]
     elif setting.place is NOWHERE:
         setting = replace(setting, place=usual_place(things, reading.relations, setting, sentences))
     others = [light for light in lights if light.name not in setting.light.name]
-    second = next(light for light in others if light in named or places.go_together(light, setting.light))
+    second = next(light for light in others if light in named or go_together(light, setting.light))
     second = setting.light if is_mood and reading.colors else second
     used = {setting.place.name, setting.weather.name if setting.place.is_open else "", *setting.light.name.split(", ")}
     used |= {part.name for *_, part in seen if isinstance(part, Stand) or (isinstance(part, Place) and part.layers)}
@@ -93,7 +95,7 @@ def scene_of(
     if is_mood:
         return compose_mood(setting.light, second, setting, grid, seed)
     if not setting.place.is_open:  # no rain falls indoors, and no wind blows
-        setting = replace(setting, weather=places.CLEAR)
+        setting = replace(setting, weather=CLEAR)
     parts = _parts_of(things, looks, reading, setting, seed, sentences)
     usual = {part.known.where for part in parts if part is not None}
     in_the_air = usual == {"air"}
@@ -108,7 +110,7 @@ def scene_of(
     place = setting.place
     if place.name == SKY and not in_the_air:  # cranes against an orange sky
         place = replace(
-            usual_place(things, reading.relations, replace(setting, weather=places.WEATHERS[-1]), sentences),
+            usual_place(things, reading.relations, replace(setting, weather=find_weather("wind")), sentences),
             above=place.above,
         )
         is_placed = False

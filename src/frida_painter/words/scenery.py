@@ -18,16 +18,8 @@ from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.objectives.picture_library import Captioned
 from frida_painter.words.appearance import in_weather
 from frida_painter.words.compositing import crop, resize
-from frida_painter.words.places import (
-    LIGHTS,
-    Color,
-    Place,
-    PlaceLayer,
-    Setting,
-    color_of,
-    known_places,
-    with_layers,
-)
+from frida_painter.words.lights import Color, color_of, known_lights
+from frida_painter.words.places import Place, PlaceLayer, Setting, known_places, with_layers
 
 _Points = Sequence[tuple[float, float]] | npt.NDArray[np.float64]
 
@@ -68,7 +60,7 @@ class Stand(NamedTuple):
     @property
     def shines(self) -> bool:
         """True if it has a light of its own: the sun, a planet."""
-        return any(light.body == self.name for light in LIGHTS) or "planet" in self.words
+        return any(light.body == self.name for light in known_lights()) or "planet" in self.words
 
     @property
     def usual(self) -> str:
@@ -345,7 +337,7 @@ class View:
         light = self._setting.light
         if not light.body:
             return
-        is_low = light not in (LIGHTS[5], LIGHTS[6])
+        is_low = light.name not in ("moonlight", "sun")
         radius = _BODY[light.body]
         up = self._horizon - (0.09 + max(0.55 * self._setting.place.relief, 0.0) if is_low else 0.8 * self._horizon)
         x, y = 0.5 + 0.2 * self._turn, max(1.1 * radius, up)

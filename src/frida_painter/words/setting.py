@@ -10,15 +10,15 @@ from frida_painter.words import places, scenery
 from frida_painter.words.appearance import looks_of
 from frida_painter.words.arrangement import is_part_of_body, is_person, kind_of, known_like, known_things
 from frida_painter.words.casting import CALLED, Cast
+from frida_painter.words.lights import CLEAR, DAY, Light, Weather, known_lights, known_weathers, mix_lights
 from frida_painter.words.nouns import kind_of_name
-from frida_painter.words.places import DAY, NOWHERE, Light, Place, Setting, Weather
+from frida_painter.words.places import NOWHERE, Place, Setting
 from frida_painter.words.reading import Reading, Relation, Thing, paint_of, word_meanings
 from frida_painter.words.retrieval import OWN, PictureIndex
 from frida_painter.words.scenery import Stand
 
 SKY = "sky"
 """Place without a land of its own."""
-_LIGHTS = (*places.LIGHTS, DAY)
 _BY_THINGS = ("under", "beside", "behind", "front", "with", "hold")  # kinds of relations to a thing, not to a place
 _AROUND = ("behind", "front", "near", "beside", "over")  # kinds of relations to things that are all around
 _PICTURED = 0.8  # similarity above which a picture probably shows the thing of a noun
@@ -43,8 +43,8 @@ def setting_of(
     owned = {at for thing in reading.things for at in thing.at}
     for word in reading.said:  # it is still dark
         if word.kind in ("quality", "action") and word.at not in owned:
-            weather = places.find_part(word.lemma, places.WEATHERS, sentences, _SURE)
-            if felt := weather or places.find_part(word.lemma, _LIGHTS, sentences, _FELT):
+            weather = places.find_part(word.lemma, known_weathers(), sentences, _SURE)
+            if felt := weather or _light_named(word.lemma, sentences, _FELT):
                 seen.append((Thing(word.text, word.lemma, at=(word.at,)), word.lemma, felt))
     light, weather = _mix([part for *_, part in seen])
     named = [part for *_, part in seen if isinstance(part, Place)]
@@ -83,22 +83,19 @@ def _parts_of(
     if nearest < OWN and not is_settled:
         before = [f"{one.word} {thing.noun}" for one in reading.relations if one.object == number]  # after the rain
         for said in (*before, _whole(thing)):
-            part = part or places.find_part(said, places.WEATHERS, sentences, _EXACTLY)
-        part = part or places.find_part(thing.noun, places.WEATHERS, sentences)
+            part = part or places.find_part(said, known_weathers(), sentences, _EXACTLY)
+        part = part or places.find_part(thing.noun, known_weathers(), sentences)
         around = [one.name for one in known_things()]
         is_idea = " " in thing.noun or places.is_idea(thing.name, around, sentences, is_pictured=nearest >= _PICTURED)
         least, whole = _FELT if is_idea else _EXACTLY, f"{thing.color} {thing.name}".strip()
-        light = places.find_part(thing.noun, _LIGHTS, sentences, least)
-        light = light or places.find_part(whole, _LIGHTS, sentences, least)
+        light = _light_named(thing.noun, sentences, least)
+        light = light or _light_named(whole, sentences, least)
         if part is None and is_idea and (light or not is_person(thing.noun, sentences)):
             part, is_settled = light, True
         elif light:  # a thing that comes with a light: the moon
             ends = max(thing.at)
             said = " ".join(word.text for word in reading.said if thing.at[0] <= word.at <= ends + 1)
-            light = (
-                places.find_part(f"{thing.noun} {said.partition(thing.noun)[2]}".strip(), _LIGHTS, sentences, _SURE)
-                or light
-            )
+            light = _light_named(f"{thing.noun} {said.partition(thing.noun)[2]}".strip(), sentences, _SURE) or light
             seen.append((thing, thing.noun, light))
             is_settled = is_settled or (bool(light.body) and len(reading.things) > 1)
     if part := part or _place_named(number, reading, nearest, sentences):
@@ -109,10 +106,14 @@ def _parts_of(
         if isinstance(part, Place) and not is_whole and (also := places.find_part(word, known, sentences, _EXACTLY)):
             seen.append((thing, word, also))  # a desert road, a forest path
     for word in thing.name.split()[:-1]:
-        weather = places.find_part(word, places.WEATHERS, sentences, _SURE)
-        if felt := weather or places.find_part(word, _LIGHTS, sentences, _FELT):
+        weather = places.find_part(word, known_weathers(), sentences, _SURE)
+        if felt := weather or _light_named(word, sentences, _FELT):
             seen.append((thing, word, felt))
     return is_settled or part is not None, seen
+
+
+def _light_named(word: str, sentences: SentenceEncoder, least: float) -> Light | None:
+    return places.find_part(word, (*known_lights(), DAY), sentences, least)
 
 
 def _whole(thing: Thing) -> str:
@@ -122,16 +123,16 @@ def _whole(thing: Thing) -> str:
 
 def _mix(parts: Sequence[Place | Light | Weather | Stand]) -> tuple[Light, Weather]:
     """Returns the light and the weather of all parts of a setting: those of a winter evening, or of grief at dawn."""
-    weather = next((part for part in parts if isinstance(part, Weather)), places.CLEAR)
+    weather = next((part for part in parts if isinstance(part, Weather)), CLEAR)
     lights = [part for part in parts if isinstance(part, Light) and part is not DAY]
-    hours = [light for light in lights if light in places.HOURS]
-    seasons = [light for light in lights if light in places.TIMES and light not in hours]
-    moods = [light for light in lights if light not in places.TIMES]
+    hours = [light for light in lights if light.kind == "hour"]
+    seasons = [light for light in lights if light.kind == "season"]
+    moods = [light for light in lights if light.kind == "mood"]
     if hours and seasons:
         hours = [replace(hours[0], words=(f"{hours[0].name}, {seasons[0].name}",))]
-    outside = [*hours, *seasons, *([] if weather is places.CLEAR else [weather.light])]
+    outside = [*hours, *seasons, *([] if weather is CLEAR else [weather.light])]
     light = next(iter((*outside, *moods)), DAY)
-    return (places.mix_lights(outside[0], moods[0]) if outside and moods else light), weather
+    return (mix_lights(outside[0], moods[0]) if outside and moods else light), weather
 
 
 def _stands_in(
@@ -196,7 +197,7 @@ def usual_place(things: Cast, relations: Sequence[Relation], setting: Setting, s
     carried = {one.subject for one in relations if kind_of(one.word) in ("on", "in") and things[one.object] is not None}
     shown = [one for number, one in enumerate(things) if one is not None and number not in carried]
     shown = shown or [one for one in things if one is not None]
-    outside = setting.weather != places.CLEAR or setting.light != DAY
+    outside = setting.weather != CLEAR or setting.light != DAY
     names = [name for one in shown for name in (one.thing.name, one.caption)]
     afloat = all(known_like(one.thing.name, sentences).where in ("water", "air") for one in shown)
     return places.infer_place(names, sentences, outside=outside, afloat=afloat)

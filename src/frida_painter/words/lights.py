@@ -1,0 +1,208 @@
+"""Lights and weathers: colours of hours, seasons and moods, chosen by the meaning of words. A mood is a light too.
+
+Colours are sRGB, as "#rrggbb" or in [0, 1].
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from importlib import resources
+from typing import Protocol, TypeVar
+
+import torch
+from torch import Tensor
+
+from frida_painter.objectives.encoders.sentence import SentenceEncoder
+from frida_painter.palette import to_lab
+
+Color = str | tuple[float, float, float]
+_GAMMA = 0.7  # exponent from the light of a sky, relative to a day's, to the shade of things in it
+_Part = TypeVar("_Part", bound="Named")
+_CONTRARY = 50.0  # mean Lab distance between the colours of lights that do not go together
+
+
+class Named(Protocol):
+    """Part of a setting that has words for it."""
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """Words that name it."""
+
+
+def color_of(color: Color) -> Tensor:
+    """Returns the sRGB [3] of a colour."""
+    from matplotlib.colors import to_rgb
+
+    return torch.tensor(to_rgb(color))
+
+
+@dataclass(frozen=True)
+class Light:
+    """Light of a scene: of an hour, a season, or a mood; without things it becomes a picture of its own.
+
+    kind: "hour", "season", "mood", or "sky" for that of a weather
+    words: words that name it, the first for messages
+    top, low: colours of the sky at its top and at the horizon
+    accent: colour of its brightest or strangest strokes
+    form: composition of the light as a picture, one of `FORMS`
+    energy: 0 for long calm strokes to 1 for short, restless ones
+    stars: number of stars
+    body: thing of `scenery.txt` that shines in its sky, or ""
+    felt: sentences that feel so
+    """
+
+    kind: str
+    words: tuple[str, ...]
+    top: Color
+    low: Color
+    accent: Color = "white"
+    form: str = "horizon"
+    energy: float = 0.2
+    stars: int = 0
+    body: str = ""
+    felt: tuple[str, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """Name for messages."""
+        return self.words[0]
+
+    @property
+    def colors(self) -> Tensor:
+        """Colours [4, 3] of its picture: depth, top, low and accent."""
+        top, low, accent = map(color_of, (self.top, self.low, self.accent))
+        return torch.stack((0.45 * top * self.shade, top, low, accent)).clamp(0, 1)
+
+    @property
+    def shade(self) -> Tensor:
+        """Factors [3] for the colours of things and of the land: 1 by day."""
+        sky, day = (color_of(light.top) + color_of(light.low) for light in (self, DAY))
+        return (sky / day) ** (_GAMMA if self.kind != "season" else _GAMMA / 2)
+
+
+@dataclass(frozen=True)
+class Weather:
+    """Weather of a scene.
+
+    name: for messages
+    words: words that name it
+    color: of rain, flakes or fog
+    light: in it, if the words name no other
+    rain, flakes: number of marks
+    fog: opacity
+    wind: share of their height by which plants lean
+    wet: share of what is above it that wet ground reflects
+    clouds: number of clouds
+    """
+
+    name: str
+    words: tuple[str, ...]
+    color: Color
+    light: Light
+    rain: int = 0
+    flakes: int = 0
+    fog: float = 0.0
+    wind: float = 0.0
+    wet: float = 0.0
+    clouds: int = 0
+
+
+DAY = Light("hour", ("day", "noon", "midday", "sunny", "daylight", "light", "sunlight"), "#a3cae9", "#e0f0f9")
+CLEAR = Weather("clear", (), "white", DAY)
+
+
+def read_rows(file: str) -> list[list[str]]:
+    """Returns the rows of a table of this package, without its comments, split at each "|"."""
+    lines = (resources.files(__package__) / file).read_text("utf-8").splitlines()
+    return [[part.strip() for part in line.split("|")] for line in lines if not line.startswith("#")]
+
+
+def split_words(said: str) -> tuple[str, ...]:
+    """Returns the words of a list with commas; none for an empty one."""
+    return tuple(said.split(", ")) if said else ()
+
+
+@cache
+def _all_lights() -> tuple[Light, ...]:
+    found = []
+    for kind, words, felt, look in read_rows("lights.txt"):
+        top, low, accent, form, energy, *more = look.split()
+        shown = dict(part.split("=") for part in more)
+        stars, body = int(shown.get("stars", 0)), shown.get("body", "")
+        named, some = split_words(words), split_words(felt)
+        found.append(Light(kind, named, top, low, accent, form, float(energy), stars, body, some))
+    return tuple(found)
+
+
+@cache
+def known_lights() -> tuple[Light, ...]:
+    """Returns the lights of `lights.txt` for hours, seasons and moods."""
+    return tuple(light for light in _all_lights() if light.kind != "sky")
+
+
+def find_light(name: str) -> Light:
+    """Returns the light of the table with that name."""
+    return next(light for light in _all_lights() if light.name == name)
+
+
+@cache
+def known_weathers() -> tuple[Weather, ...]:
+    """Returns the table of `weathers.txt`."""
+    found = []
+    for name, words, light, look in read_rows("weathers.txt"):
+        color, *more = look.split()
+        marks = dict(part.split("=") for part in more)
+        rain, flakes, clouds = (int(marks.get(key, 0)) for key in ("rain", "flakes", "clouds"))
+        fog, wind, wet = (float(marks.get(key, 0)) for key in ("fog", "wind", "wet"))
+        said, usual = split_words(words), find_light(light)
+        found.append(Weather(name, said, color, usual, rain, flakes, fog, wind, wet, clouds))
+    return tuple(found)
+
+
+def find_weather(name: str) -> Weather:
+    """Returns the weather of the table with that name."""
+    return next(weather for weather in known_weathers() if weather.name == name)
+
+
+def rank_lights(words: str, sentences: SentenceEncoder) -> list[Light]:
+    """Returns the lights of hours, seasons and moods, from the most to the least similar to some words."""
+
+    def feels(light: Light) -> Sequence[str]:
+        return (*light.words, *light.felt)
+
+    return sorted(known_lights(), key=lambda light: -nearest_part([words], (light,), sentences, feels)[1])
+
+
+def go_together(first: Light, second: Light) -> bool:
+    """Returns True if the colours of two lights are alike. Words of contrary meaning are similar: peace and war."""
+    return float((to_lab(first.colors) - to_lab(second.colors)).norm(dim=1).mean()) <= _CONTRARY
+
+
+def mix_lights(first: Light, second: Light) -> Light:
+    """Returns the light halfway between two, with the form of the second: grief at dawn."""
+    top, low, accent = ((first.colors + second.colors)[1:] / 2).tolist()
+    return replace(
+        second, kind="mood", words=(f"{first.name}, {second.name}",), top=top, low=low, accent=accent, stars=first.stars
+    )
+
+
+def dye(light: Light, colors: Sequence[Tensor]) -> Light:
+    """Returns the light in other colours, sRGB [3] each, at least one: anger in red and black."""
+    dark, *others = sorted(colors, key=lambda color: float(to_lab(color)[0]))
+    others = others[:2] or [torch.lerp(dark, torch.ones(3), 0.2)]
+    tints = [dark, *others, torch.lerp(others[-1], torch.ones(3), 0.4)]
+    top, low, accent = (tuple(tint.tolist()) for tint in tints[:3])
+    return replace(light, top=top, low=low, accent=accent)
+
+
+def nearest_part(
+    names: Sequence[str],
+    parts: Sequence[_Part],
+    sentences: SentenceEncoder,
+    words: Callable[[_Part], Sequence[str]] = lambda part: part.words,
+) -> tuple[_Part, float]:
+    """Returns the part with the word of most similar meaning to the names, in the mean, and that similarity."""
+    owners: list[tuple[_Part, str]] = [(part, word) for part in parts for word in words(part)]
+    meanings = sentences.embed([*names, *(word for _, word in owners)])
+    similarity, best = (meanings[len(names) :] @ meanings[: len(names)].T).mean(1).max(0)
+    return owners[int(best)][0], float(similarity)
