@@ -371,7 +371,7 @@ class _Walk:
 
     def _add(self, noun: Token) -> None:
         """Adds a noun to the things, if it is one."""
-        is_part = _is_in_a_name(noun) or noun.dep_ in ("det", "poss", "advmod")
+        is_part = _is_in_a_name(noun) or noun.dep_ in ("det", "poss", "advmod") or noun.lower_ == "o'clock"
         is_name = noun.dep_ == "appos" and noun.pos_ == "PROPN"  # my cat Tom
         is_nobody = noun.pos_ == "PRON" and noun.lower_ not in _PEOPLE
         if not _is_noun(noun) or is_part or is_name or is_nobody or _is_between(noun):

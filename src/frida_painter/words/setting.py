@@ -25,6 +25,7 @@ _PICTURED = 0.8  # similarity above which a picture probably shows the thing of 
 _ROUNDING = 1e-3
 _SURE = 0.8  # similarity above which a word of a name means a place: a watering can is not in water
 _EXACTLY = 0.95  # the same for a place that things are beside: a tent beside a lake
+_FEELINGS = ("feel", "feeling", "mood")  # first words of a prompt for a mood: the feeling when school is over
 _FELT = 0.75  # the same for an idea or an adjective and a light: a sad clown
 
 Seen = list[tuple[Thing, str, Place | Light | Weather | Stand]]
@@ -46,6 +47,9 @@ def setting_of(
             weather = places.find_part(word.lemma, known_weathers(), sentences, _SURE)
             if felt := weather or _light_named(word.lemma, sentences, _FELT):
                 seen.append((Thing(word.text, word.lemma, at=(word.at,)), word.lemma, felt))
+    if reading.said and reading.said[0].lemma in _FEELINGS:
+        settled = set(range(len(reading.things)))
+        seen = [one for one in seen if not isinstance(one[2], Place)]
     light, weather = _mix([part for *_, part in seen])
     named = [part for *_, part in seen if isinstance(part, Place)]
     named.sort(key=lambda one: (one.name == SKY, not one.is_open, one.is_way))
