@@ -12,9 +12,11 @@ from torch import Tensor
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.words import figures
+from frida_painter.words.appearance import looks_of
 from frida_painter.words.arrangement import copies, is_part_of_body, is_person, kind_of, known_like
 from frida_painter.words.compositing import stack
 from frida_painter.words.figures import Figure, Pose, Tool
+from frida_painter.words.nouns import kinds_of, senses_of
 from frida_painter.words.reading import GROUPS, SOMEBODY, Reading, Thing, paint_of, word_meanings
 from frida_painter.words.retrieval import FoundPicture, PictureIndex, is_upright
 
@@ -88,6 +90,8 @@ def cast(
             first = replace(first, name=name, noun=second.noun, color=second.color, at=at)
         elif one.word in ("in", "with", "wearing") and known_like(second.name, sentences).where == "worn":
             first = replace(first, color=second.color)
+        elif one.word == "with" and _is_look(second.noun, sentences):
+            pass  # a cup with steam, a cup with spots
         else:
             continue
         wanted |= {one.subject: first}
@@ -136,6 +140,12 @@ def cast(
         if found is not None and (found.exact or found.caption not in others):  # a king is no throne
             things[number] = replace(found, thing=thing)
     return things
+
+
+def _is_look(noun: str, sentences: SentenceEncoder) -> bool:
+    """Returns True if a noun is no thing that can be touched, and tells what another one looks like."""
+    is_thing = bool(senses_of(noun)) and kinds_of(noun) != {"idea"}
+    return not is_thing and bool(looks_of([noun], sentences, is_person=False))
 
 
 def _shows_person(

@@ -172,7 +172,11 @@ def _looks_of(
     own = {*thing.at, *(at for part in parts for at in reading.things[part].at)}
     ends = max(thing.at, default=0)
     after = min((at for at in owned if at > ends), default=math.inf)
-    said = {word: word.text.lower() for word in reading.said if word.kind in ("quality", "action")}
+    said = {
+        word: word.text.lower()
+        for word in reading.said
+        if word.kind in ("quality", "action") or word.at in own - {*thing.at}
+    }
     mine = {
         word: text for word, text in said.items() if not word.says(found.caption) and (word.at in own or (
             word.at not in owned and ends < word.at < after))

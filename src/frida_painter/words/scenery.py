@@ -554,6 +554,11 @@ def draw_scenery(ground: Tensor, setting: Setting, seed: int, absent: Sequence[s
     return view.picture
 
 
+def _is_row(stand: Stand) -> bool:
+    """Returns True if a stand is drawn for rows of it."""
+    return stand.usual == "plant" and stand.height < _LOW and stand.name in stands()
+
+
 class DrawnScenery:
     """Library of the drawn things outdoors, each by itself: for a prompt with one tree, or a church in a village."""
 
@@ -561,7 +566,12 @@ class DrawnScenery:
 
     def list_captioned(self) -> Sequence[Captioned]:
         """Returns the things of `scenery.txt` and `things.txt`, once for each of their words."""
-        drawn = [(stand, word) for stand in self._known().values() for word in stand.words if not stand.is_indoors]
+        drawn = [
+            (stand, word)
+            for stand in self._known().values()
+            for word in stand.words
+            if not stand.is_indoors and (stand.name in word or not _is_row(stand))  # a field of tulips is none of them
+        ]
         return [Captioned(stand.name, (word,), _WORTH) for stand, word in drawn]
 
     def pictures(self, file: str) -> list[Tensor]:
