@@ -90,7 +90,7 @@ def cast(
             first = replace(first, name=name, noun=second.noun, color=second.color, at=at)
         elif one.word in ("in", "with", "wearing") and known_like(second.name, sentences).where == "worn":
             first = replace(first, color=second.color)
-        elif one.word == "with" and _is_look(second.noun, sentences):
+        elif one.word == "with" and _is_look(second.plural or second.noun, sentences):
             pass  # a cup with steam, a cup with spots
         else:
             continue

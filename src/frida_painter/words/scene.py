@@ -28,6 +28,7 @@ from frida_painter.words.composition import (
 from frida_painter.words.lights import CLEAR, DAY, Light, dye, find_weather, go_together, rank_lights
 from frida_painter.words.places import NOWHERE, Place, Setting
 from frida_painter.words.reading import Reading, Relation, SaidWord, Thing, prompt_reader, what_is_asked, word_meanings
+from frida_painter.words.nouns import senses_of
 from frida_painter.words.retrieval import FoundPicture, PictureIndex, has_ground, picture_index
 from frida_painter.words.scenery import Stand
 from frida_painter.words.setting import SKY, Seen, setting_of, usual_place
@@ -154,7 +155,15 @@ def _as_meant(relation: Relation, things: Cast) -> Relation:
     figure = getattr(things[relation.subject], "figure", None)
     is_part = figure is not None and not figure.seat and f" {relation.word} " in figure.does
     is_part = is_part or (figure is not None and relation.word == "out of")  # to take bread out of an oven
+    if relation.word == "with" and _is_container(relation.subject, things) > _is_container(relation.object, things):
+        relation = Relation(relation.object, "in", relation.subject, relation.at)  # a vase with tulips
     return replace(relation, word="doing") if is_part else relation
+
+
+def _is_container(number: int, things: Cast) -> bool:
+    one = things[number]
+    kinds = [kind.words for sense in senses_of(one.thing.noun)[:1] for kind in sense.kinds] if one is not None else []
+    return any("container" in words for words in kinds)
 
 
 def _looks_of(
