@@ -59,6 +59,16 @@ def figure(color: int, height: float = 1.7) -> ScenePart:
     return replace(part, figure=Figure(part.picture, (0.5, 0.6), 0.4, 1.0))
 
 
+@pytest.mark.parametrize("word", ["hugging", "with", "kissing"])
+def test_two_who_meet_touch(word: str) -> None:
+    first, second = figure(0), figure(1)
+    assert first.figure is not None and second.figure is not None
+    first = replace(first, figure=replace(first.figure, meets=0.3))
+    second = replace(second, figure=replace(second.figure, meets=-0.2))
+    one, other = put(word, first, second)
+    assert one.x + 0.3 * one.width == pytest.approx(other.x - 0.2 * other.width) and one.y == other.y
+
+
 @pytest.mark.parametrize("word", ["holding", "reading"])
 def test_a_small_thing_is_in_the_hand_of_a_figure(word: str) -> None:
     book, reader = reversed(put(word, figure(0), thing(1, 0.2)))

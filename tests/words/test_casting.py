@@ -1,6 +1,7 @@
 """Casting of people: who does something is drawn, and who only is somebody has a picture, if there is one."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -8,9 +9,11 @@ import torch
 from torch import Tensor
 
 from frida_painter.objectives.picture_library import Captioned
+from frida_painter.words.account import Account
 from frida_painter.words.casting import cast
 from frida_painter.words.reading import Reading, Relation, SaidWord, Thing
 from frida_painter.words.retrieval import FoundPicture, PictureIndex
+from frida_painter.words.scene import account_for
 from support.networks import QuickEncoders, WordBag
 
 
@@ -111,9 +114,26 @@ def test_who_does_something_on_a_bench_sits(tmp_path: Path) -> None:
     assert sitting is not None and sitting.figure is not None and sitting.figure.seat > 0.2
 
 
-def test_a_page_in_the_hands_is_what_somebody_reads(tmp_path: Path) -> None:
-    reader, bread = found(acting("baker", "reading a book", Thing("bread", "bread")), tmp_path)
-    assert reader is not None and reader.caption.endswith("bread") and bread is None
+def test_the_tool_of_an_action_is_the_thing_that_the_prompt_names(tmp_path: Path) -> None:
+    reading = acting("baker", "kneading dough", Thing("bread", "bread", color="black", at=(2,)))
+    reading = replace(reading, said=(*reading.said, SaidWord(2, "bread", "bread", "thing")))
+    baker, bread = found(reading, tmp_path)
+    assert baker is not None and baker.caption.endswith("black bread") and bread is None
+    account = Account(reading)
+    account_for([baker, bread], reading, [], account)
+    assert account.shows((2,))
+    _, goat = found(acting("baker", "kneading dough", Thing("goat", "goat")), tmp_path)
+    assert goat is not None, "which the tool does not show"
+
+
+def test_who_is_hugged_hugs_too(tmp_path: Path) -> None:
+    first, second = found(acting("monk", "hugging", Thing("baker", "baker")), tmp_path)
+    assert first is not None and first.figure is not None and second is not None and second.figure is not None
+    assert first.figure.meets is not None and second.figure.meets is not None
+    (pair,) = found(Reading((Thing("monk", "monk", count=2, doing="hugging"),)), tmp_path)
+    assert pair is not None
+    shares = [one.picture.shape[2] / one.picture.shape[1] for one in (pair, first)]
+    assert shares[0] < 1.9 * shares[1], "they touch"
 
 
 def test_clothes_have_the_colour_and_not_the_skin(tmp_path: Path) -> None:

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-import torch
 from torch import Tensor
 
 from frida_painter.objectives.encoders.loading import EncoderRegistry
@@ -45,11 +44,12 @@ class Act(NamedTuple):
     meant: str
     tool: Tool | None = None
 
-    def shows(self, name: str, sentences: SentenceEncoder) -> bool:
-        """Returns True if the tool is a thing of that name."""
-        things = self.tool.things if self.tool else ()
-        near = sentences.embed(things) @ sentences.embed([name])[0] if things else torch.zeros(1)
-        return name in things or float(near.max()) >= CALLED
+    def shows(self, thing: Thing, sentences: SentenceEncoder) -> bool:
+        """Returns True if the tool is that thing."""
+        if self.tool is None:
+            return False
+        near = sentences.embed(self.tool.things) @ sentences.embed([thing.noun, thing.plural or thing.noun, thing.name]).T
+        return float(near.max()) >= CALLED
 
 
 Cast = list[FoundPicture | None]
@@ -98,16 +98,13 @@ def cast(
         del wanted[one.object]
     people = {number for number, thing in wanted.items() if is_person(thing.name, sentences)}
     alive = [one for one in wanted if one in people or known_like(wanted[one].name, sentences).where == "animal"]
-    for number in [*wanted]:  # somebody's head, or the ears of a dog, are not another thing
-        if alive and number > min(alive) and is_part_of_body(wanted[number].noun, sentences):
-            del wanted[number]
     groups = {number: GROUPS.get(wanted[number].noun) for number in people if wanted[number].count == 1}
     wanted |= {number: replace(wanted[number], count=count) for number, count in groups.items() if count}
     acts = {number: _act_of(number, wanted[number], reading, sentences) for number in people}
     for one in reading.relations:  # who is hugged hugs too
         if {one.subject, one.object} <= people and not wanted[one.object].doing:
             tool = acts[one.subject].tool
-            acts[one.object] = acts[one.subject] if tool and tool.meets else acts[one.object]
+            acts[one.object] = acts[one.subject] if tool and tool.meets else Act(figures.poses()[0], "")
     acting = any(wanted[number].doing and act.meant for number, act in acts.items()) or any(
         one.subject in people and one.object in wanted and kind_of(one.word) in _HANDLES for one in reading.relations
     )
@@ -115,10 +112,12 @@ def cast(
     for one in 2 * reading.relations:
         user = one.subject if one.subject in people else tools.get(one.subject)
         if user is not None and one.object in {*wanted} - people:
-            tools |= {one.object: user} if acts[user].shows(wanted[one.object].noun, sentences) else {}
+            tools |= {one.object: user} if acts[user].shows(wanted[one.object], sentences) else {}
+    later = [number for number in wanted if alive and number > min(alive)]  # the ears of a dog are no further thing
+    bodies = {number for number in later if is_part_of_body(wanted[number].noun, sentences)}
     for number, thing in wanted.items():
         does_unseen = thing.noun == SOMEBODY and not (number in acts and acts[number].meant)  # learning to forgive
-        if number in tools or does_unseen:
+        if number in {*tools} | bodies or does_unseen:
             continue
         among = len(wanted) > 1 or in_place or thing.shown > 1
         found = index.find(thing, prompt, cut_out=among, acts=bool(among or thing.doing))
@@ -236,14 +235,18 @@ def _act_of(number: int, thing: Thing, reading: Reading, sentences: SentenceEnco
         if one.subject == number:
             between = "" if one.word == thing.doing else f" {one.word}"
             other = reading.things[one.object]
-            said.append(f"{thing.doing}{between} {other.plural or other.noun}".strip())
+            called = dict.fromkeys((other.plural or other.noun, other.name))
+            said += [f"{thing.doing}{between} {name}".strip() for name in called]
     rows: tuple[Pose | Tool, ...] = (*figures.tools(), *figures.poses())
-    row, meant, similarity = figures.nearest(said or [thing.name], rows, sentences)
+    named = [thing.name, _DOER.sub("ing", thing.noun)]
+    row, meant, similarity = figures.nearest(said if thing.doing and said else [*said, *named], rows, sentences)
     if " " not in meant or similarity < _WITH:  # flying a kite is not flying
-        named = (thing.name, _DOER.sub("ing", thing.noun))
         alone = [*said, *([thing.doing] if thing.doing else named)]
         row, meant, similarity = figures.nearest(alone, rows, sentences)
-        if isinstance(row, Tool) and similarity < _USES:
+        trade = figures.nearest(named, rows, sentences)
+        if similarity < _USES and trade[2] >= _WITH:  # whatever a photographer does, there is a camera
+            row, meant, similarity = trade
+        elif isinstance(row, Tool) and similarity < _USES:
             row, meant, similarity = figures.nearest(alone, figures.poses(), sentences)
     standing = figures.poses()[0]
     if similarity < (_DOES if thing.doing else _IS) or row is standing:

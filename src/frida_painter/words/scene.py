@@ -26,9 +26,9 @@ from frida_painter.words.composition import (
     compose_scene,
 )
 from frida_painter.words.lights import CLEAR, DAY, Light, dye, find_weather, go_together, rank_lights
+from frida_painter.words.nouns import senses_of
 from frida_painter.words.places import NOWHERE, Place, Setting
 from frida_painter.words.reading import Reading, Relation, SaidWord, Thing, prompt_reader, what_is_asked, word_meanings
-from frida_painter.words.nouns import senses_of
 from frida_painter.words.retrieval import FoundPicture, PictureIndex, has_ground, picture_index
 from frida_painter.words.scenery import Stand
 from frida_painter.words.setting import SKY, Seen, setting_of, usual_place
