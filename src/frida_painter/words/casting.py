@@ -46,10 +46,9 @@ class Act(NamedTuple):
 
     def shows(self, thing: Thing, sentences: SentenceEncoder) -> bool:
         """Returns True if the tool is that thing."""
-        if self.tool is None:
-            return False
-        near = sentences.embed(self.tool.things) @ sentences.embed([thing.noun, thing.plural or thing.noun, thing.name]).T
-        return float(near.max()) >= CALLED
+        names = (thing.noun, thing.plural or thing.noun, thing.name)
+        shown = self.tool and figures.nearest(names, [self.tool._replace(words=self.tool.things)], sentences)
+        return shown is not None and shown[2] >= CALLED
 
 
 Cast = list[FoundPicture | None]
@@ -129,12 +128,24 @@ def cast(
             ]
             mine = [wanted[tool] for tool, user in tools.items() if user == number]
             is_faced = number != min(people)  # people look at each other
+<<<<<<< HEAD
             color = next((one.color for one in mine if one.color), "")
             found = _draw_person(thing, acts[number], sentences, carriers=carriers, is_faced=is_faced, color=color)
             shown = [found.caption, *(f"{one.color} {one.name}" for one in mine)]
             found = replace(found, caption=" ".join(" ".join(shown).split()))
         if found is None and number == min(wanted):  # its picture with a ground may be all
             found = index.find(thing, prompt, cut_out=thing.shown > 1, kin=True)
+=======
+            act, dyes = acts[number], [paint for one in mine if (paint := paint_of(one.color)) is not None]
+            if act.tool is not None and dyes:  # a red kite
+                act = act._replace(tool=act.tool._replace(color=tuple(dyes[0].tolist())))
+            found = _draw_person(thing, act, sentences, carriers=carriers, is_faced=is_faced)
+            known = act.tool.things if act.tool else ()
+            shown = [f"{one.color} {one.name if one.name in known else one.noun}".strip() for one in mine]
+            found = replace(found, caption=" ".join((found.caption, *shown)))
+        if found is None and number == min(wanted) and thing.shown == 1:  # its picture with a ground may be all
+            found = index.find(thing, prompt)
+>>>>>>> 83f1ba84 (Hats are shapes of the tables, and a tool shows only the words that it is)
         others = {one.caption for one in things if one is not None}
         if found is not None and (found.exact or found.caption not in others):  # a king is no throne
             things[number] = replace(found, thing=thing)
@@ -164,11 +175,10 @@ def _shows_person(
 
 
 def _draw_person(
-    thing: Thing, act: Act, sentences: SentenceEncoder, *, carriers: Sequence[str], is_faced: bool, color: str = ""
+    thing: Thing, act: Act, sentences: SentenceEncoder, *, carriers: Sequence[str], is_faced: bool
 ) -> FoundPicture:
     """Returns a drawn figure of a person who acts.
 
-    color: of the tool, or ""
     carriers: kinds of the things that the person is on or in, such as "seat"
     is_faced: True if somebody else acts on the person, who looks back
     """
@@ -183,7 +193,7 @@ def _draw_person(
     old = _old(thing.name, sentences)
     (least, small), (most, tall) = _CHILD, _GROWN
     grown = (known_like(thing.name, sentences).height - small) / (tall - small)
-    pose, hue = act.pose, paint_of(color)
+    pose = act.pose
     heads = least + (most - least) * min(1.0, max(0.0, grown))
     if pose.carried == "ground" and "seat" in carriers and abs(pose.angles[0]) < _UPRIGHT:  # to feed ducks on a bench
         sitting = next(one for one in figures.poses() if "sitting" in one.words)
@@ -193,9 +203,8 @@ def _draw_person(
         worn = family[copy % len(family)] if thing.noun in GROUPS else clothes  # a family is of all kinds
         kind = zlib.crc32(thing.name.encode()) + copy
         figure = figures.draw_figure(
-            pose, worn, heads=heads, is_old=bool(old), kind=kind, has_seat=bool(carriers), tool=act.tool,
-            color="" if hue is None else tuple(hue.tolist()),
-        )  # fmt: skip
+            pose, worn, heads=heads, is_old=bool(old), kind=kind, has_seat=bool(carriers), tool=act.tool
+        )
         drawn.append(figure.mirror() if is_faced or copy % 2 else figure)
     figure = drawn[0]
     if len(drawn) > 1:
@@ -237,18 +246,17 @@ def _act_of(number: int, thing: Thing, reading: Reading, sentences: SentenceEnco
             other = reading.things[one.object]
             called = dict.fromkeys((other.plural or other.noun, other.name))
             said += [f"{thing.doing}{between} {name}".strip() for name in called]
-    rows: tuple[Pose | Tool, ...] = (*figures.tools(), *figures.poses())
     named = [thing.name, _DOER.sub("ing", thing.noun)]
-    row, meant, similarity = figures.nearest(said if thing.doing and said else [*said, *named], rows, sentences)
-    if " " not in meant or similarity < _WITH:  # flying a kite is not flying
-        alone = [*said, *([thing.doing] if thing.doing else named)]
-        row, meant, similarity = figures.nearest(alone, rows, sentences)
-        trade = figures.nearest(named, rows, sentences)
-        if similarity < _USES and trade[2] >= _WITH:  # whatever a photographer does, there is a camera
-            row, meant, similarity = trade
-        elif isinstance(row, Tool) and similarity < _USES:
-            row, meant, similarity = figures.nearest(alone, figures.poses(), sentences)
+    alone = [*said, *([thing.doing] if thing.doing else named)]
+    rows: tuple[Pose | Tool, ...] = (*figures.tools(), *figures.poses())
     standing = figures.poses()[0]
-    if similarity < (_DOES if thing.doing else _IS) or row is standing:
-        return Act(standing, "")
-    return Act(row.pose, meant, row) if isinstance(row, Tool) else Act(row, meant)
+    for some, table, least in (
+        (said if said and thing.doing else alone, rows, _WITH),  # flying a kite is not flying
+        (alone, rows, _USES),
+        (named, rows, _WITH),  # whatever a photographer does, there is a camera
+        (alone, figures.poses(), _DOES if thing.doing else _IS),
+    ):
+        row, meant, similarity = figures.nearest(some, table, sentences)
+        if similarity >= least and row is not standing:
+            return Act(row.pose, meant, row) if isinstance(row, Tool) else Act(row, meant)
+    return Act(standing, "")

@@ -55,49 +55,46 @@ class Tool(NamedTuple):
 
 
 class Clothes(NamedTuple):
-    """Clothes of people: names of those who wear them, colours, cut, a hat and shapes, as `clothes.txt` explains."""
+    """Clothes of people: names of those who wear them, colours, cut, and shapes, as `clothes.txt` explains."""
 
     words: tuple[str, ...]
     top: Color
     bottom: Color
     cut: str
-    hat: str = ""
-    hat_color: str = "black"
     shapes: _Shapes = ()
 
 
-def _rows(name: str) -> list[tuple[str, list[str], _Shapes]]:
-    """Returns the rows of a table: what is before the colon, the words after it, and the shapes."""
+def _rows(name: str) -> list[tuple[list[tuple[str, ...]], list[str], _Shapes]]:
+    """Returns the rows of a table: lists of words, what is after their colon, and shapes."""
     lines = (resources.files(__package__) / name).read_text("utf-8").splitlines()
     split = [re.split(r": |; ", line) for line in lines if not line.startswith("#")]
-    return [(head, rest.split(), tuple(tuple(shape.split()) for shape in shapes)) for head, rest, *shapes in split]
+    return [
+        (
+            [tuple(words.split(", ")) for words in head.split(" = ")],
+            rest.split(),
+            tuple(tuple(one.split()) for one in some),
+        )
+        for head, rest, *some in split
+    ]
 
 
 @cache
 def poses() -> tuple[Pose, ...]:
     """Returns the table of `poses.txt`."""
-    return tuple(
-        Pose(tuple(words.split(", ")), tuple(map(float, rest[:10])), *rest[10:])
-        for words, rest, _ in _rows("poses.txt")
-    )
+    return tuple(Pose(words, tuple(map(float, angles)), held) for (words,), (*angles, held), _ in _rows("poses.txt"))
 
 
 @cache
 def tools() -> tuple[Tool, ...]:
     """Returns the table of `tools.txt`."""
-    found = {word: pose for pose in poses() for word in pose.words}
-    return tuple(
-        Tool(*(tuple(names.split(", ")) for names in head.split(" = ")), found[" ".join(pose)], color, shapes)
-        for head, (*pose, color), shapes in _rows("tools.txt")
-    )
+    found, rows = {word: pose for pose in poses() for word in pose.words}, _rows("tools.txt")
+    return tuple(Tool(*names, found[" ".join(pose)], color, some) for names, (*pose, color), some in rows)
 
 
 @cache
 def wardrobe() -> tuple[Clothes, ...]:
     """Returns the table of `clothes.txt`."""
-    return tuple(
-        Clothes(tuple(words.split(", ")), *rest)._replace(shapes=shapes) for words, rest, shapes in _rows("clothes.txt")
-    )
+    return tuple(Clothes(*names, *colors, cut, some) for names, (*colors, cut), some in _rows("clothes.txt"))
 
 
 _Row = TypeVar("_Row", bound=Pose | Clothes | Tool)
@@ -117,25 +114,19 @@ def nearest(said: Sequence[str], rows: Sequence[_Row], sentences: SentenceEncode
 
 _SIDE, _UNIT = 1024, 48  # pixels of the sheet, and of a head
 _NECK, _TORSO, _UPPER_ARM, _FOREARM, _THIGH, _SHIN = 1.05, 2.1, 1.25, 1.15, 1.7, 1.7  # lengths
-_FOOT, _HAND, _STOOL = 0.5, 0.2, 0.5  # length of a foot, radius of a hand, and depth of a stool below the hips
+_FOOT, _HAND = 0.5, 0.2  # length of a foot, and radius of a hand
 _ADULT = 6.0  # height of an adult's body below the head, to which the lengths apply
 _SHADED = 0.72  # brightness of the far limbs
 _LIFTED = 0.16  # space below somebody in the air, as a share of the height
 _SKINS = ("burlywood", "peru", "tan", "sienna", "sandybrown")
 _HAIRS, _WHITE = ("saddlebrown", "black", "darkgoldenrod", "black", "sienna"), "silver"
 _DARK = 0.3  # brightness of shoes
-_ROUND = np.linspace(0, 2 * np.pi, 24)  # angles of the points of a ring
+_SOLE, _EDGE = 0.12, 0.03  # depth of the floor below an ankle; half the width of the edge of an area
 _TONES = {"@": 1.0, "-": 0.75, "+": 1.25}
-_HATS = {  # strokes of two ends, each with its place above the middle of the head, before it, and half its width
-    "cap": (((0.2, -0.05, 0.47), (0.3, 0.05, 0.42)), ((0.14, 0.3, 0.07), (0.1, 0.78, 0.05))),
-    "brim": (((0.3, -0.85, 0.07), (0.3, 0.85, 0.07)), ((0.4, 0.0, 0.42), (0.55, 0.0, 0.34))),
-    "toque": (((0.35, 0.0, 0.42), (0.9, 0.0, 0.56)),),
-    "helmet": (((0.14, -0.06, 0.57), (0.2, 0.0, 0.55)), ((0.12, -0.55, 0.08), (0.16, 0.62, 0.08))),
-    "crown": tuple(((0.45, before, 0.2), (0.85, 1.3 * before, 0.07)) for before in (-0.32, 0.0, 0.32)),
-    "pointed": (((0.3, -0.6, 0.08), (0.3, 0.65, 0.08)), ((0.3, 0.0, 0.5), (1.5, -0.1, 0.05))),
-    "hood": (((0.1, -0.22, 0.55), (-1.3, -0.35, 0.6)), ((0.06, -0.08, 0.52), (0.06, -0.08, 0.52))),
-    "": (),
-}
+_STOOL = tuple(
+    tuple(f"line saddlebrown {line}".split())
+    for line in (".28 k-.35,-.5 k.55,-.5", ".2 k-.35,-.5 g-.35,.1", ".2 k.55,-.5 g.55,.1")
+)
 
 
 @dataclass(frozen=True)
@@ -164,15 +155,7 @@ class Figure:
 
 
 def draw_figure(
-    pose: Pose,
-    worn: Clothes,
-    *,
-    heads: float,
-    is_old: bool,
-    kind: int,
-    has_seat: bool,
-    tool: Tool | None = None,
-    color: Color = "",
+    pose: Pose, worn: Clothes, *, heads: float, is_old: bool, kind: int, has_seat: bool, tool: Tool | None = None
 ) -> Figure:
     """Returns a figure that looks to the right.
 
@@ -180,16 +163,13 @@ def draw_figure(
     is_old: True for white hair
     kind: number that chooses the colours of skin and hair
     has_seat: True if something in the scene carries somebody who sits; otherwise there is a stool
-    color: of the tool; "" for its own
     """
     body, sheet = _Body(pose, (heads - 1) / _ADULT), _Sheet()
     skin, hair = _SKINS[kind % len(_SKINS)], _WHITE if is_old else _HAIRS[kind % len(_HAIRS)]
-    if pose.carried == "seat" and not has_seat:
-        _draw_stool(sheet, body)
-    shapes, size = (tool.shapes if tool else ()), (1 + body.grown) / 2
+    _draw_shapes(sheet, body, _STOOL if pose.carried == "seat" and not has_seat else (), "", 1.0)
+    shapes, main, size = (tool.shapes, tool.color, (1 + body.grown) / 2) if tool else ((), "", 1.0)
     kinds = [shape[0] for shape in shapes]
     first, last = (kinds.index(part) if part in kinds else end for part, end in (("body", 0), ("arm", len(kinds))))
-    main = color or (tool.color if tool else "black")
     _draw_shapes(sheet, body, shapes[:first], main, size)
     _draw_arm(sheet, body, 1, worn, skin)
     for number in (1, 0):
@@ -202,11 +182,10 @@ def draw_figure(
         sheet.fill(worn.bottom, [(body.hips, 0.4), *low])
     sheet.draw(worn.top, [(body.hips, 0.44), (body.chest, 0.52)])
     _draw_head(sheet, body, worn, skin, hair)
-    _draw_shapes(sheet, body, worn.shapes, worn.top, 1.0)
     _draw_shapes(sheet, body, shapes[first:last], main, size)
     _draw_arm(sheet, body, 0, worn, skin)
     _draw_shapes(sheet, body, shapes[last:], main, size)
-    ends = {shape[0]: body.find(shape[1], size) for shape in shapes if shape[0] in ("end", "meet")}
+    ends = {shape[0]: body.find(shape[1], size)[0] for shape in shapes if shape[0] in ("end", "meet")}
     return _cut_out(sheet, body, pose, heads, ends.get("end", body.hands[0]), ends.get("meet"))
 
 
@@ -241,21 +220,14 @@ class _Body:
         """Height of the lower foot."""
         return float(max(ankle[1] for ankle in self.ankles))
 
-    def at(self, up: float, before: float) -> _Point:
-        """Returns a place of the head: above its middle, and before it."""
-        return _beyond(_beyond(self.skull, self._upward, up), self._upward - 90, before)
-
-    def find(self, said: str, size: float) -> _Point:
-        """Returns the place of a point of a shape, as `tools.txt` explains, whose lengths have that size."""
-        across, up = (size * float(length) for length in said[1:].split(","))
-        if said[0] == "a":
-            return self.at(up, across)
-        if said[0] in "ck":
-            start = self.chest if said[0] == "c" else self.hips
-            return _beyond(_beyond(start, self._spine, up), self._spine - 90, across)
+    def find(self, said: str, size: float) -> tuple[_Point, float]:
+        """Returns the place of a point of a shape, as `tools.txt` explains, and half a width, of that size."""
+        across, up, wide = (size * float(length) for length in f"{said[1:]},0".split(",")[:3])
         hand = self.hands[said[0] == "o"]
-        x, y = {"f": (hand[0], self.floor + 0.12), "g": (self.hips[0], self.floor + 0.12)}.get(said[0], hand)
-        return np.array([x + across, y - up])
+        x, y = {"f": (hand[0], self.floor + _SOLE), "g": (self.hips[0], self.floor + _SOLE)}.get(said[0], hand)
+        turned = {"a": (self.skull, self._upward), "c": (self.chest, self._spine), "k": (self.hips, self._spine)}
+        start, upward = turned.get(said[0], (np.array([x, y]), 180.0))
+        return _beyond(_beyond(start, upward, up), upward - 90, across), wide
 
 
 class _Sheet:
@@ -296,25 +268,15 @@ def _draw_leg(sheet: _Sheet, body: _Body, number: int, worn: Clothes, skin: str)
 
 
 def _draw_head(sheet: _Sheet, body: _Body, worn: Clothes, skin: str, hair: str) -> None:
-    hat = [[(body.at(up, before), wide) for up, before, wide in stroke] for stroke in _HATS[worn.hat]]
     sheet.draw(skin, [(body.chest, 0.2), (body.skull, 0.2)], 0.85)
     if worn.cut in ("skirt", "robe"):  # long hair
-        sheet.fill(hair, [(body.at(0.0, -0.2), 0.42), (body.at(-0.75, -0.3), 0.26)])
-    sheet.fill(hair, [(body.at(0.06, -0.08), 0.52)])
-    for stroke in hat if worn.hat == "hood" else ():  # it covers the hair, and not the face
-        sheet.draw(worn.hat_color, stroke)
-    sheet.fill(skin, [(body.at(-0.06, 0.1), 0.43)])
-    sheet.fill("black", [(body.at(0.0, 0.32), 0.055)])  # an eye
-    for stroke in hat if worn.hat != "hood" else ():
-        sheet.draw(worn.hat_color, stroke)
-
-
-def _draw_stool(sheet: _Sheet, body: _Body) -> None:
-    x, y = body.hips[0], body.hips[1] + _STOOL
-    ends = [np.array([x + side, y]) for side in (-0.35, 0.55)]
-    sheet.draw("saddlebrown", [(end, 0.14) for end in ends])
-    for end in ends:
-        sheet.draw("saddlebrown", [(end, 0.1), (np.array([end[0], body.floor]), 0.1)])
+        sheet.fill(hair, [body.find("a-0.2,0.0,0.42", 1.0), body.find("a-0.3,-0.75,0.26", 1.0)])
+    sheet.fill(hair, [body.find("a-0.08,0.06,0.52", 1.0)])
+    hood = tuple(("area", *rest) for name, *rest in worn.shapes if name == "hood")
+    _draw_shapes(sheet, body, hood, worn.top, 1.0)  # it covers the hair, and not the face
+    sheet.fill(skin, [body.find("a0.1,-0.06,0.43", 1.0)])
+    sheet.fill("black", [body.find("a0.32,0.0,0.055", 1.0)])  # an eye
+    _draw_shapes(sheet, body, worn.shapes, worn.top, 1.0)
 
 
 def _draw_shapes(sheet: _Sheet, body: _Body, shapes: _Shapes, main: Color, size: float) -> None:
@@ -323,19 +285,19 @@ def _draw_shapes(sheet: _Sheet, body: _Body, shapes: _Shapes, main: Color, size:
     for kind, *rest in shapes:
         if kind not in ("area", "line", "ring", "dabs"):
             continue
-        points = [body.find(one, size) for one in rest[1:] if one[0].isalpha()]
+        joints = [body.find(one, size) for one in rest[1:] if one[0].isalpha()]
         numbers = [size * float(one) for word in rest[1:] if not word[0].isalpha() for one in word.split(",")]
         color, shade = (main, _TONES[rest[0]]) if rest[0] in _TONES else (rest[0], 1.0)
         if kind == "ring":
-            points = [points[0] + numbers[1] * np.array([math.cos(turn), math.sin(turn)]) for turn in _ROUND]
+            joints = [(_beyond(joints[0][0], turn, numbers[1]), 0.0) for turn in range(0, 375, 15)]
         if kind == "area":
-            sheet.fill(color, [(point, 0.03) for point in points], shade)
+            sheet.fill(color, [(point, wide or _EDGE) for point, wide in joints], shade)
         elif kind == "dabs":
             for _ in range(round(numbers[0] / size)):
                 away = chance.uniform(-1, 1, 2) * numbers[2:]
-                sheet.fill(color, [(points[0] + away, numbers[1])], shade * chance.uniform(0.9, 1.1))
+                sheet.fill(color, [(joints[0][0] + away, numbers[1])], shade * chance.uniform(0.9, 1.1))
         else:
-            sheet.draw(color, [(point, numbers[0] / 2) for point in points], shade)
+            sheet.draw(color, [(point, numbers[0] / 2) for point, _ in joints], shade)
 
 
 def _cut_out(sheet: _Sheet, body: _Body, pose: Pose, heads: float, reached: _Point, meeting: _Point | None) -> Figure:

@@ -248,13 +248,15 @@ def account_for(things: Sequence[FoundPicture | None], reading: Reading, seen: S
     shown = [one for one in things if one is not None]
     for one in shown:
         account.mark_picture(one.thing, one.caption, exact=one.exact, several=one.several)
-    for relation in reading.relations:
+    carried = {one.thing.at: one.caption for one in shown}
+    for relation in sorted(reading.relations, key=lambda one: one.word == "of"):  # tea, after the cup of it
         first, second = reading.things[relation.subject], reading.things[relation.object]
         nouns = [word for word in reading.said if word.at in second.at and word.lemma == second.noun.lower()]
-        for one in shown:  # one picture may show both and their relation
-            if one.thing.at == first.at and any(word.says(one.caption) for word in nouns):
-                account.mark_picture(second, one.caption, exact=True, several=False)
-                account.mark(relation.at, Mark.SHOWN, one.caption)
+        caption = carried.get(first.at, "")
+        if any(word.says(caption) for word in nouns):  # one picture may show both and their relation
+            account.mark_picture(second, caption, exact=True, several=False)
+            account.mark(relation.at, Mark.SHOWN, caption)
+            carried[second.at] = caption
         if account.shows(first.at) and account.shows(second.at):
             is_placed = kind_of(relation.word) not in ("", "doing")
             settles = any(second is thing or first is thing for thing, _, _ in seen)
