@@ -128,14 +128,6 @@ def cast(
             ]
             mine = [wanted[tool] for tool, user in tools.items() if user == number]
             is_faced = number != min(people)  # people look at each other
-<<<<<<< HEAD
-            color = next((one.color for one in mine if one.color), "")
-            found = _draw_person(thing, acts[number], sentences, carriers=carriers, is_faced=is_faced, color=color)
-            shown = [found.caption, *(f"{one.color} {one.name}" for one in mine)]
-            found = replace(found, caption=" ".join(" ".join(shown).split()))
-        if found is None and number == min(wanted):  # its picture with a ground may be all
-            found = index.find(thing, prompt, cut_out=thing.shown > 1, kin=True)
-=======
             act, dyes = acts[number], [paint for one in mine if (paint := paint_of(one.color)) is not None]
             if act.tool is not None and dyes:  # a red kite
                 act = act._replace(tool=act.tool._replace(color=tuple(dyes[0].tolist())))
@@ -143,9 +135,8 @@ def cast(
             known = act.tool.things if act.tool else ()
             shown = [f"{one.color} {one.name if one.name in known else one.noun}".strip() for one in mine]
             found = replace(found, caption=" ".join((found.caption, *shown)))
-        if found is None and number == min(wanted) and thing.shown == 1:  # its picture with a ground may be all
-            found = index.find(thing, prompt)
->>>>>>> 83f1ba84 (Hats are shapes of the tables, and a tool shows only the words that it is)
+        if found is None and number == min(wanted):  # its picture with a ground may be all
+            found = index.find(thing, prompt, cut_out=thing.shown > 1, kin=True)
         others = {one.caption for one in things if one is not None}
         if found is not None and (found.exact or found.caption not in others):  # a king is no throne
             things[number] = replace(found, thing=thing)
