@@ -139,6 +139,7 @@ class Figure:
     tall: height of the picture, by the height of the same figure upright
     does: words of the tables that mean what it does, or ""
     meets: place across at which it touches who does the same, in widths from the middle; None if it touches nobody
+    afloat: True for a swimmer, whose lower half the water hides
     """
 
     picture: Tensor
@@ -147,6 +148,7 @@ class Figure:
     tall: float
     does: str = ""
     meets: float | None = None
+    afloat: bool = False
 
     def mirror(self) -> Figure:
         """Returns the figure that looks to the left."""
@@ -303,6 +305,9 @@ def _draw_shapes(sheet: _Sheet, body: _Body, shapes: _Shapes, main: Color, size:
 def _cut_out(sheet: _Sheet, body: _Body, pose: Pose, heads: float, reached: _Point, meeting: _Point | None) -> Figure:
     """Returns the drawn figure without its empty margin."""
     drawn = torch.from_numpy(sheet.drawn).permute(2, 0, 1)
+    afloat = pose.carried == "water"
+    if afloat:
+        drawn[3, round(body.hips[1] * _UNIT + _SIDE / 2) :] = 0
     left, top, width, height = cv2.boundingRect((drawn[3] > 0).byte().numpy())
     high = round(height + (pose.carried == "air") * _LIFTED * heads * _UNIT)
 
@@ -313,4 +318,4 @@ def _cut_out(sheet: _Sheet, body: _Body, pose: Pose, heads: float, reached: _Poi
     seat = place(body.hips)[1] if pose.carried == "seat" else 0.0
     picture = resize(drawn[:, top : top + high, left : left + width], 0.5)
     meets = None if meeting is None else place(meeting)[0]
-    return Figure(picture, place(reached), seat, high / (heads * _UNIT), meets=meets)
+    return Figure(picture, place(reached), seat, high / (heads * _UNIT), meets=meets, afloat=afloat)

@@ -141,6 +141,8 @@ def _parts_of(
         known = known_like(name, sentences)  # a small house is no small bird
         if one.thing.doing == "flying" and not is_flown:
             known = known._replace(where="air")
+        if one.figure is not None and one.figure.afloat:
+            known = known._replace(where="water")
         colored = one.colored if one.figure is None else one.picture  # the clothes have the colour
         picture, size = change_looks(colored, mine)
         picture = in_weather(picture, setting.weather, known.where, mine)

@@ -202,6 +202,10 @@ def usual_place(things: Cast, relations: Sequence[Relation], setting: Setting, s
     shown = [one for number, one in enumerate(things) if one is not None and number not in carried]
     shown = shown or [one for one in things if one is not None]
     outside = setting.weather != CLEAR or setting.light != DAY
-    names = [name for one in shown for name in (one.thing.name, one.caption)]
-    afloat = all(known_like(one.thing.name, sentences).where in ("water", "air") for one in shown)
+    names = [name for one in shown for name in (one.thing.name, one.caption, one.thing.doing) if name]
+    afloat = all(
+        (one.figure is not None and one.figure.afloat)
+        or known_like(one.thing.name, sentences).where in ("water", "air")
+        for one in shown
+    )
     return places.infer_place(names, sentences, outside=outside, afloat=afloat)
