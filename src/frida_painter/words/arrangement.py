@@ -97,8 +97,8 @@ _MOUTH = 0.5  # the same share of the uppermost rows of a vase, or another conta
 _FITS = 0.85  # greatest width of a thing inside another, relative to that
 _CROWDED = 0.6  # least share of its size that a thing keeps among others on the same thing
 _TALLER = 1.45  # least height of a tree, relative to those under it
-_DISH, _FLAT = 0.12, 1.4  # height in the world, and width by height, of what things lie amid: a plate
-_AMID, _WITHIN = 0.4, 0.75  # place in its height, and the width by its own, of those things
+_DISH, _FLAT = 0.12, 1.4  # greatest height in the world and least width by height of a plate
+_AMID, _WITHIN = 0.4, 0.75  # place in its height, and greatest width by its own, of the things on it
 _SEAT = 0.5  # share of the height of a seat's picture at which somebody sits
 
 _HAND = (0.12, 0.45)  # of a person's picture: place of the hand

@@ -82,6 +82,7 @@ _ICON = 0.4  # penalty of an icon, which everything with colours goes before
 _RATHER = 0.4  # similarity that another word for a thing needs
 _KINDS = 4  # number of kinds of an animal or a plant that may stand for it: a bird for a robin, but no animal
 _DEEP = 8  # number of kinds above one that is not too general: a bird, but no animal
+
 _BROAD = 5  # the same for a thing that has no picture of its own: a tool, but no object
 _OCCASION = 0.15  # penalty for keywords of an idea that the prompt does not have: a pumpkin of Halloween
 _MORE = 0.3  # penalty for a picture of several, if a number of them is wanted
