@@ -4,7 +4,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from frida_painter.words.appearance import change_looks, in_weather, looks_of
+from frida_painter.words.appearance import change_looks, in_weather, known_looks, looks_of
 from frida_painter.words.lights import CLEAR, known_weathers
 from support.networks import WordBag
 
@@ -31,7 +31,7 @@ def test_a_shape_stretches_a_thing_or_changes_its_size(word: str, factor: float,
     assert picture.shape[1] / picture.shape[2] == pytest.approx(proportion, rel=0.05)
 
 
-@pytest.mark.parametrize("word", ["fat", "bent", "cracked", "rusty", "buried", "melting", "striped"])
+@pytest.mark.parametrize("word", [look.words[0] for look in known_looks() if look.change])
 @pytest.mark.parametrize("shape", [(40, 40), (90, 7), (5, 200), (1, 1)])
 def test_a_state_is_seen_in_any_picture(word: str, shape: tuple[int, int]) -> None:
     plain, _ = change_looks(box(*shape), [])
@@ -45,6 +45,16 @@ def test_a_crack_goes_from_top_to_foot() -> None:
     picture, _ = change_looks(box(), [*looks_of(["cracked"], WordBag(), is_person=False).values()])
     middle = picture[3, 10:-20, picture.shape[2] // 4 : -picture.shape[2] // 4]
     assert bool((middle.amin(1) < 0.1).all()) and bool((middle.amax(1) > 0.9).all())
+
+
+def test_what_lies_upside_down_is_turned_and_what_is_made_of_gold_is_yellow() -> None:
+    picture = box()
+    picture[:3, :20] = 0.9
+    turned, _ = change_looks(picture, [*looks_of(["upside"], WordBag(), is_person=False).values()])
+    assert float(turned[:3, 20:60].mean()) < float(turned[:3, -60:-20].mean())
+    gold, _ = change_looks(picture, [*looks_of(["golden"], WordBag(), is_person=False).values()])
+    red, green, blue = gold[:3, gold[3] > 0.5].mean(1).tolist()
+    assert red > green > 2 * blue
 
 
 def test_wind_bends_plants_and_snow_lies_on_what_stands_outside() -> None:

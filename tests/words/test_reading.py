@@ -249,3 +249,10 @@ def test_of_a_pile_there_are_several_and_what_is_joined_to_it_is_read(reader: Pr
 def test_what_has_no_plural_form_is_one_thing(reader: PromptReader) -> None:
     for prompt, count in (("hedgehogs", None), ("three sheep", 3), ("scissors", None)):
         assert [thing.count for thing in reader.read(prompt).things] == [count], prompt
+
+
+def test_a_colour_may_follow_and_a_request_is_no_thing(reader: PromptReader) -> None:
+    (teapot, *_) = reader.read("teapot, blue, with a chipped spout").things
+    assert (teapot.noun, teapot.color, teapot.doing) == ("teapot", "blue", "")
+    assert reader.read("my dog, he is brown and has floppy ears").things[0].color == "brown"
+    assert [thing.noun for thing in reader.read("please can you paint me a tiger").things] == ["tiger"]

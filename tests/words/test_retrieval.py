@@ -308,3 +308,19 @@ def test_the_name_of_somebody_without_a_picture_is_about_a_thing(tmp_path: Path)
     assert index.tool_of(Thing("violinist", "violinist")) == "violin"
     assert index.tool_of(Thing("nurse", "nurse")) == "", "there is a picture of her"
     assert index.tool_of(Thing("plumber", "plumber")) == "", "nothing is near"
+
+
+def test_a_picture_has_the_asked_colour_and_one_piece(tmp_path: Path) -> None:
+    class Halves(Library):
+        def pictures(self, file: str) -> list[Tensor]:
+            (whole,) = super().pictures(file)
+            whole[3, 22:26] *= file != "halves"
+            return [whole]
+
+    sea = (0.1, 0.3, 0.8)
+    index = PictureIndex(
+        [Halves("fruit", {"halves": (("lemon",), 0.8, RED), "whole": (("lemon",), 0.6, sea)})], WordBag(), tmp_path
+    )
+    for color, count, taken in (("", 1, sea), ("", None, RED), ("red", None, RED), ("blue", None, sea)):
+        found = index.find(Thing("lemon", "lemon", color, count), "lemon")
+        assert found is not None and torch.allclose(found.picture[:3, -1, -1], torch.tensor(taken)), (color, count)

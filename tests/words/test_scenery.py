@@ -35,7 +35,7 @@ def test_every_scenery_is_seen_and_repeats_to_the_byte(place: Place) -> None:
     assert torch.equal(seen, draw_scenery(ground, setting, 3))
 
 
-@pytest.mark.parametrize("stand", stands().values(), ids=lambda stand: stand.name)
+@pytest.mark.parametrize("stand", [*stands().values(), *stands("things.txt").values()], ids=lambda stand: stand.name)
 def test_every_stand_is_drawn_whole(stand: Stand) -> None:
     drawn = draw_stand(stand, Setting(), 0)
     assert drawn.shape[0] == 4 and 0 <= float(drawn.min()) <= float(drawn.max()) <= 1

@@ -248,6 +248,7 @@ def _act_of(number: int, thing: Thing, reading: Reading, sentences: SentenceEnco
         (alone, figures.poses(), _DOES if thing.doing else _IS),
     ):
         row, meant, similarity = figures.nearest(some, table, sentences)
-        if similarity >= least and row is not standing:
+        stands = row is standing and not (thing.doing and similarity >= _WITH)  # to wait is to stand
+        if similarity >= least and not stands:
             return Act(row.pose, meant, row) if isinstance(row, Tool) else Act(row, meant)
     return Act(standing, "")

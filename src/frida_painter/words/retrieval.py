@@ -34,7 +34,7 @@ _SKETCHY = 0.25  # share of its box below which a thing consists of lines only
 _FILLED = 0.95  # share of its box above which a picture is a rectangle
 _COARSE, _FEW = 0.2, 56  # penalty for few pixels, and those of the longer side that are enough
 _PARTED = 0.5  # penalty by the share of a picture that is not its largest piece: a lemon and a half
-_HAS_COLOR, _NEAR_COLOR = 0.5, 35.0  # bonus by the share of a wanted colour, and the Lab distance within which it is
+_HAS_COLOR, _NEAR_COLOR = 0.5, 45.0  # bonus by the share of a wanted colour, and the Lab distance within which it is
 
 
 def worth_of(picture: Tensor, realism: float) -> float:
