@@ -110,8 +110,9 @@ def cast(
     tools: dict[int, int] = {}  # things that the tool of somebody shows, such as soup, and the pot that it is in
     for one in 2 * reading.relations:
         user = one.subject if one.subject in people else tools.get(one.subject)
-        if user is not None and one.object in {*wanted} - people:
-            tools |= {one.object: user} if acts[user].shows(wanted[one.object], sentences) else {}
+        named = wanted.get(one.object, reading.things[one.object])
+        if user is not None and one.object not in people and acts[user].shows(named, sentences):
+            tools[one.object] = user
     later = [number for number in wanted if alive and number > min(alive)]  # the ears of a dog are no further thing
     bodies = {number for number in later if is_part_of_body(wanted[number].noun, sentences)}
     for number, thing in wanted.items():
@@ -126,7 +127,7 @@ def cast(
                 for one in reading.relations
                 if one.subject == number and one.object in {*wanted} - {*tools} and kind_of(one.word) in ("on", "in")
             ]
-            mine = [wanted[tool] for tool, user in tools.items() if user == number]
+            mine = [wanted.get(tool, reading.things[tool]) for tool, user in tools.items() if user == number]
             is_faced = number != min(people)  # people look at each other
             act, dyes = acts[number], [paint for one in mine if (paint := paint_of(one.color)) is not None]
             if act.tool is not None and dyes:  # a red kite
@@ -199,7 +200,7 @@ def _draw_person(
         drawn.append(figure.mirror() if is_faced or copy % 2 else figure)
     figure = drawn[0]
     if len(drawn) > 1:
-        pairs = [_join(*drawn[at : at + 2]) for at in range(0, len(drawn), 2)]
+        pairs = [_join(drawn[at : at + 2]) for at in range(0, len(drawn), 2)]
         together = pairs if figure.meets is not None else [one.picture for one in drawn]
         figure = replace(figure, picture=copies(together, "person", 0), hand=(0.0, figure.hand[1]), meets=None)
     is_exact = alike >= _KNOWN
@@ -208,17 +209,12 @@ def _draw_person(
     return FoundPicture(thing, figure.picture, caption, None, is_exact, replace(figure, does=act.meant))
 
 
-def _join(left: Figure, right: Figure | None = None) -> Tensor:
-    """Returns the picture [4, h, w] of two who meet, and look at each other; of one who is alone."""
-    if right is None:
-        return left.picture
-    high = max(one.picture.shape[1] for one in (left, right))
-    (edge, wide), (other, broad) = (((one.meets or 0.0) + 0.5, one.picture.shape[2]) for one in (left, right))
-    start = round(edge * wide - other * broad)
-    parts = [
-        (one.picture, high - one.picture.shape[1], at) for one, at in ((left, -min(0, start)), (right, max(0, start)))
-    ]
-    return stack(parts, high, max(at + one.shape[2] for one, _, at in parts))
+def _join(some: Sequence[Figure]) -> Tensor:
+    """Returns the picture [4, h, w] of two who meet, and look at each other, or of one who is alone."""
+    starts = [-round((0.5 + (one.meets or 0.0)) * one.picture.shape[2]) for one in some]
+    high, left = max(one.picture.shape[1] for one in some), min(starts)
+    parts = [(one.picture, high - one.picture.shape[1], at - left) for one, at in zip(some, starts, strict=True)]
+    return stack(parts, high, max(at + picture.shape[2] for picture, _, at in parts))
 
 
 def _old(name: str, sentences: SentenceEncoder) -> list[str]:

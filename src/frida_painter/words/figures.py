@@ -88,13 +88,15 @@ def poses() -> tuple[Pose, ...]:
 def tools() -> tuple[Tool, ...]:
     """Returns the table of `tools.txt`."""
     found, rows = {word: pose for pose in poses() for word in pose.words}, _rows("tools.txt")
-    return tuple(Tool(*names, found[" ".join(pose)], color, some) for names, (*pose, color), some in rows)
+    return tuple(
+        Tool(acts, things, found[" ".join(pose)], color, some) for (acts, things), (*pose, color), some in rows
+    )
 
 
 @cache
 def wardrobe() -> tuple[Clothes, ...]:
     """Returns the table of `clothes.txt`."""
-    return tuple(Clothes(*names, *colors, cut, some) for names, (*colors, cut), some in _rows("clothes.txt"))
+    return tuple(Clothes(words, top, bottom, cut, some) for (words,), (top, bottom, cut), some in _rows("clothes.txt"))
 
 
 _Row = TypeVar("_Row", bound=Pose | Clothes | Tool)
