@@ -139,7 +139,7 @@ def cast(
         if found is None and number == min(wanted):  # its picture with a ground may be all
             found = index.find(thing, prompt, cut_out=thing.shown > 1, kin=True)
         others = {one.caption for one in things if one is not None}
-        if found is not None and (found.exact or found.caption not in others):  # a king is no throne
+        if found is not None and (found.exact or found.figure or found.caption not in others):  # a king is no throne
             things[number] = replace(found, thing=thing)
     return things
 
