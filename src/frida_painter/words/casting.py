@@ -135,7 +135,7 @@ def cast(
             found = _draw_person(thing, act, sentences, carriers=carriers, is_faced=is_faced)
             known = act.tool.things if act.tool else ()
             shown = [f"{one.color} {one.name if one.name in known else one.noun}".strip() for one in mine]
-            found = replace(found, caption=" ".join((found.caption, *shown)))
+            found = replace(found, caption=" ".join(dict.fromkeys(" ".join((found.caption, *shown)).split())))
         if found is None and number == min(wanted):  # its picture with a ground may be all
             found = index.find(thing, prompt, cut_out=thing.shown > 1, kin=True)
         others = {one.caption for one in things if one is not None}
