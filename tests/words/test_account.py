@@ -175,7 +175,9 @@ def test_the_account_of_160_sentences_of_a_grammar_has_every_word_once_and_shows
     chance, incomplete, untrue = random.Random(33), [], []
     here = {word for caption in HERE for word in caption.split()}
     places = {"city", "canal", "orchard", "glacier", "noon", "sorrow"}  # of the setting, if any: a feeling is a light
-    people = {noun for noun in _NOUNS if kinds_of(noun) == {"person"}} | {"mirror"}  # who are drawn, and a tool of theirs
+    people = {noun for noun in _NOUNS if kinds_of(noun) == {"person"}} | {
+        "mirror"
+    }  # who are drawn, and a tool of theirs
     for prompt, said in [make_sentence(chance) for _ in range(160)]:
         found = words_of(account_of(prompt, reader, tmp_path))
         if sorted(word for words in found.values() for word in words) != sorted(said):
