@@ -1,5 +1,7 @@
 """Stars, rain and flakes."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -55,7 +57,7 @@ def test_where_things_fill_the_picture_nothing_falls() -> None:
 def test_what_falls_matters_as_things_do() -> None:
     drawing = torch.zeros(4, 40, 40)
     drawing[3] = drawing[0] = 1
-    setting = Setting(MEADOW, DAY, RAIN, is_named=True)
+    setting = Setting(MEADOW, DAY, replace(RAIN, wet=0.0), is_named=True)
     scene = compose_scene([Placed(drawing, THING)], setting, GRID, 0, in_the_air=False)
     dry = compose_scene([Placed(drawing, THING)], Setting(MEADOW, DAY, is_named=True), GRID, 0, in_the_air=False)
     rain = (scene.picture - dry.picture).abs().amax(0) > 0.1

@@ -39,14 +39,14 @@ def test_every_scenery_is_seen_and_repeats_to_the_byte(place: Place) -> None:
 def test_every_stand_is_drawn_whole(stand: Stand) -> None:
     drawn = draw_stand(stand, Setting(), 0)
     assert drawn.shape[0] == 4 and 0 <= float(drawn.min()) <= float(drawn.max()) <= 1
-    assert float(drawn[3].mean()) > 0.08 and min(drawn.shape[1:]) > 8
+    assert float(drawn[3].mean()) > 0.01 and min(drawn.shape[1:]) > 8
     assert len({*stand.words}) == len(stand.words) and 0 < stand.height < 3
     for part in drawn[3, -1], drawn[3, 0], drawn[3, :, 0], drawn[3, :, -1]:  # trimmed on all sides
         assert float(part.max()) > 0
 
 
 def test_what_must_not_be_seen_is_left_out() -> None:
-    setting = Setting(find_place("lake"), is_named=True)
+    setting = Setting(find_place("meadow"), is_named=True)
     ground = setting.ground(GRID, 0)
     with_trees, without = (draw_scenery(ground, setting, 0, absent) for absent in ((), ("tree",)))
     changed = (with_trees - without).abs().mean((0, 2))
@@ -83,7 +83,7 @@ def test_things_of_the_prompt_replace_those_of_the_place() -> None:
     street, meadow, room, sea = map(find_place, ("street", "meadow", "room", "sea"))
     for place, stand, kind in (
         (find_place("river"), palm, "sides"), (street, stands()["shop"], "walls"), (meadow, palm, "grove"),
-        (meadow, stands()["flower"], "field"), (meadow, stands()["house"], "line"), (sea, palm, "line"),
+        (meadow, stands()["flower"], "strewn"), (meadow, stands()["house"], "line"), (sea, palm, "line"),
         (room, window, "hung"),
     ):  # fmt: skip
         changed = line_with(place, stand)

@@ -40,14 +40,14 @@ def color_of(color: Color) -> Tensor:
 class Light:
     """Light of a scene: of an hour, a season, or a mood; without things it becomes a picture of its own.
 
-    kind: "hour", "season", "mood", or "sky" for that of a weather
+    kind: "hour", "season", "mood", or "weather" for that in a weather
     words: words that name it, the first for messages
     top, low: colours of the sky at its top and at the horizon
     accent: colour of its brightest or strangest strokes
     form: composition of the light as a picture, one of `FORMS`
     energy: 0 for long calm strokes to 1 for short, restless ones
     stars: number of stars
-    body: thing of `scenery.txt` that shines in its sky, or ""
+    body: "low" or "high", the place of the sun or the moon in its sky; "" for none
     felt: sentences that feel so
     """
 
@@ -84,18 +84,16 @@ class Light:
 class Weather:
     """Weather of a scene.
 
-    name: for messages
-    words: words that name it
+    words: words that name it, the first for messages
     color: of rain, flakes or fog
     light: in it, if the words name no other
     rain, flakes: number of marks
     fog: opacity
     wind: share of their height by which plants lean
-    wet: share of what is above it that wet ground reflects
+    wet: strength of the reflections in wet ground
     clouds: number of clouds
     """
 
-    name: str
     words: tuple[str, ...]
     color: Color
     light: Light
@@ -106,9 +104,14 @@ class Weather:
     wet: float = 0.0
     clouds: int = 0
 
+    @property
+    def name(self) -> str:
+        """Name for messages."""
+        return self.words[0]
+
 
 DAY = Light("hour", ("day", "noon", "midday", "sunny", "daylight", "light", "sunlight"), "#a3cae9", "#e0f0f9")
-CLEAR = Weather("clear", (), "white", DAY)
+CLEAR = Weather(("clear",), "white", DAY)
 
 
 def read_rows(file: str) -> list[list[str]]:
@@ -123,40 +126,35 @@ def split_words(said: str) -> tuple[str, ...]:
 
 
 @cache
-def _all_lights() -> tuple[Light, ...]:
+def _read_table() -> tuple[tuple[Light, Weather], ...]:
+    """Returns the lights of `lights.txt`, each with the weather of its words."""
     found = []
-    for kind, words, felt, look in read_rows("lights.txt"):
-        top, low, accent, form, energy, *more = look.split()
-        shown = dict(part.split("=") for part in more)
-        stars, body = int(shown.get("stars", 0)), shown.get("body", "")
-        named, some = split_words(words), split_words(felt)
-        found.append(Light(kind, named, top, low, accent, form, float(energy), stars, body, some))
+    for kind, words, felt, colors, more in read_rows("lights.txt"):
+        said, (top, low, accent) = dict(one.split() for one in more.split("; ") if one), colors.split()
+        form, energy, named = said.get("form", "horizon"), float(said.get("energy", 0.2)), split_words(words)
+        stars, body = int(said.get("stars", 0)), said.get("body", "")
+        light = Light(kind, named, top, low, accent, form, energy, stars, body, split_words(felt))
+        rain, flakes, clouds = (int(said.get(word, 0)) for word in ("rain", "flakes", "clouds"))
+        fog, wind, wet = (float(said.get(word, 0)) for word in ("fog", "wind", "wet"))
+        found.append((light, Weather(named, said.get("color", "white"), light, rain, flakes, fog, wind, wet, clouds)))
     return tuple(found)
 
 
 @cache
 def known_lights() -> tuple[Light, ...]:
     """Returns the lights of `lights.txt` for hours, seasons and moods."""
-    return tuple(light for light in _all_lights() if light.kind != "sky")
-
-
-def find_light(name: str) -> Light:
-    """Returns the light of the table with that name."""
-    return next(light for light in _all_lights() if light.name == name)
+    return tuple(light for light, _ in _read_table() if light.kind != "weather")
 
 
 @cache
 def known_weathers() -> tuple[Weather, ...]:
-    """Returns the table of `weathers.txt`."""
-    found = []
-    for name, words, light, look in read_rows("weathers.txt"):
-        color, *more = look.split()
-        marks = dict(part.split("=") for part in more)
-        rain, flakes, clouds = (int(marks.get(key, 0)) for key in ("rain", "flakes", "clouds"))
-        fog, wind, wet = (float(marks.get(key, 0)) for key in ("fog", "wind", "wet"))
-        said, usual = split_words(words), find_light(light)
-        found.append(Weather(name, said, color, usual, rain, flakes, fog, wind, wet, clouds))
-    return tuple(found)
+    """Returns the weathers of `lights.txt`."""
+    return tuple(weather for light, weather in _read_table() if light.kind == "weather")
+
+
+def find_light(name: str) -> Light:
+    """Returns the light of the table with that name."""
+    return next(light for light in known_lights() if light.name == name)
 
 
 def find_weather(name: str) -> Weather:
@@ -181,9 +179,9 @@ def go_together(first: Light, second: Light) -> bool:
 def mix_lights(first: Light, second: Light) -> Light:
     """Returns the light halfway between two, with the form of the second: grief at dawn."""
     top, low, accent = ((first.colors + second.colors)[1:] / 2).tolist()
-    return replace(
-        second, kind="mood", words=(f"{first.name}, {second.name}",), top=top, low=low, accent=accent, stars=first.stars
-    )
+    words = (f"{first.name}, {second.name}",)
+    mixed = replace(second, kind="mood", words=words, top=top, low=low, accent=accent)
+    return replace(mixed, stars=first.stars, body=first.body)
 
 
 def dye(light: Light, colors: Sequence[Tensor]) -> Light:

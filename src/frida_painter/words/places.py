@@ -33,7 +33,7 @@ from frida_painter.words.nouns import kinds_of
 HORIZON = 0.72
 """Usual share of the height above the horizon, or above the edge of a floor or a table."""
 _EDGE = 0.03  # share of the height over which two bands blend
-_COVERED = 0.75  # share of the land that falling snow covers
+_COVERED = 0.88  # share of the land that falling snow covers
 _DIM, _FAR = 0.78, 0.30  # factor of a colour away from the light; share of the light at the horizon in far land
 _SLANT, _QUIET = 0.35, 0.75  # radians of the strokes of a sky, and their liveliness
 SUMMIT = 0.6
@@ -135,7 +135,8 @@ def find_place(name: str) -> Place:
 
 _Part = TypeVar("_Part", Place, Light, Weather)
 _ORDER = ("peaks", "hills", "far", "line", "walls", "band", "waves", "way", "road", "stream", "canal", "platform",
-          "rails", "planks", "field", "grove", "strewn", "sides", "falls", "bridge", "hung", "near")  # of layers, from back to front  # fmt: skip
+          "rails", "planks", "field", "grove", "strewn", "sides", "falls", "bridge", "hung",
+          "near")  # of layers, from back to front  # fmt: skip
 _SEA = 0.25  # share of the land that is the sea behind it
 _WAYS = ("way", "road", "rails", "platform", "planks", "bridge")
 _KIN = {
@@ -304,9 +305,8 @@ def in_color(place: Place, color: Color) -> Place:
 def in_size(place: Place, wide: float) -> Place:
     """Returns the place with its ways and waves by a factor as wide or high: a narrow street, big waves."""
     sized = (*_WAYS, "stream", "canal", "waves")
-    return with_layers(
-        place, [one._replace(size=one.size * wide) if one.kind in sized else one for one in place.layers]
-    )
+    layers = (one._replace(size=one.size * wide) if one.kind in sized else one for one in place.layers)
+    return replace(place, layers=tuple(layers))
 
 
 def join(place: Place, others: Sequence[Place]) -> Place:

@@ -400,7 +400,7 @@ class _Walk:
     def _act(self, verb: Token) -> None:
         """Gives the actors of a verb their action, and adds its relations to its objects."""
         is_state = verb.pos_ == "ADJ" and (verb.i > verb.head.i or bool(_children(verb, "nsubj")))  # asleep in a chair
-        if is_state and verb.dep_ == "conj":
+        if is_state and verb.dep_ == "conj" and verb.head.pos_ == "ADJ":
             return
         if not is_state and (verb.pos_ not in ("VERB", "AUX") or _is_in_a_name(verb)):
             return

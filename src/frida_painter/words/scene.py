@@ -55,7 +55,8 @@ def scene_of(
     )
     is_placed = any(isinstance(part, Place | Stand) for *_, part in seen)
     is_busy = any(isinstance(part, Place) and {*thing.name.split()} & {*_CROWDED} for thing, _, part in seen)
-    if is_placed and len(settled) == len(reading.things) and (is_busy or not (feels or setting.place.layers)):
+    is_full = any(layer.what for layer in setting.place.layers)
+    if is_placed and len(settled) == len(reading.things) and (is_busy or not (feels or is_full)):
         reading = _people_place(reading, setting.place, is_busy=is_busy)
     reading = _equip_people(_fill_fields(reading, seen), index, sentences)
     things = cast(reading, settled, prompt, index, encoders, in_place=setting.place is not NOWHERE)

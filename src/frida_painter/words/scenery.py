@@ -18,8 +18,8 @@ from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.objectives.picture_library import Captioned
 from frida_painter.words.appearance import in_weather
 from frida_painter.words.compositing import crop, resize
-from frida_painter.words.lights import Color, color_of, known_lights
-from frida_painter.words.places import Place, PlaceLayer, Setting, known_places, with_layers
+from frida_painter.words.lights import Color, color_of
+from frida_painter.words.places import NOWHERE, Place, PlaceLayer, Setting, known_places, with_layers
 
 _Points = Sequence[tuple[float, float]] | npt.NDArray[np.float64]
 
@@ -59,8 +59,8 @@ class Stand(NamedTuple):
 
     @property
     def shines(self) -> bool:
-        """True if it has a light of its own: the sun, a planet."""
-        return any(light.body == self.name for light in known_lights()) or "planet" in self.words
+        """True if it is in space, in the light of the sun at any hour."""
+        return "planet" in self.name
 
     @property
     def usual(self) -> str:
@@ -82,22 +82,17 @@ def stands(table: str = "scenery.txt") -> dict[str, Stand]:
     return found
 
 
-@cache
-def named_things() -> frozenset[str]:
-    """Returns all words of the table."""
-    return frozenset(word for stand in stands().values() for word in stand.words)
-
-
 _CALLED = 0.8  # similarity above which a name means a stand
 _WORTH = 0.7  # realism of a drawing, between those of photographs and of other drawings
 
 
-def find_stand(name: str, sentences: SentenceEncoder) -> Stand | None:
+def find_stand(name: str, sentences: SentenceEncoder, place: Place = NOWHERE) -> Stand | None:
     """Returns the stand of most similar meaning to a name, with as many of its words as possible; None for none.
 
-    Lit shop windows are shop windows.
+    Lit shop windows are shop windows. Of equal ones that of the place counts: chimneys of a factory, or of roofs.
     """
-    owners = [(stand, word) for stand in stands().values() if not stand.is_furniture for word in stand.words]
+    known = sorted(stands().values(), key=lambda stand: stand.name not in [layer.what for layer in place.layers])
+    owners = [(stand, word) for stand in known if not stand.is_furniture for word in stand.words]
     words = name.split()
     anchors = sentences.embed([word for _, word in owners])
     for first in range(len(words)):
@@ -113,19 +108,26 @@ _FREE = (0.5, 0.2, 0.8)  # places on a wall
 
 def line_with(place: Place, stand: Stand, color: Color = "") -> Place:
     """Returns the place with another thing beside its way, on its wall, or all over its land, in that colour."""
-    if stand.is_indoors and place.is_open:  # the houses have windows
+    if stand.is_indoors == place.is_open:  # the houses have windows, and the stairs are in a house
         return place
     same = [layer for layer in place.layers if layer.what == stand.name]
     kinds = ("sides", "walls", "grove", "field", "strewn")
     old = next((layer for layer in (*same, *place.layers) if layer in same or layer.kind in kinds), None)
     taken = [layer.x for layer in place.layers if layer.kind == "hung"]
-    if old is not None and (place.is_open or same):
+    has_fronts = (
+        not same and old is not None and old.kind == "walls" and "panes" not in {one[0] for one in stand.shapes}
+    )
+    if has_fronts:  # lamps in front of the houses
+        old, new = None, PlaceLayer("sides", stand.name, 0.7)
+    elif old is not None and (place.is_open or same):
         new = old._replace(what=stand.name)
     elif not place.is_open:
         x = max(_FREE, key=lambda x: min((abs(x - one) for one in taken), default=1))
         new = PlaceLayer("hung", stand.name, 0.44, x=x, y=0.5 * place.horizon + 0.22)
     elif stand.usual == "plant" and place.kind != "water":
-        new = PlaceLayer("strewn" if stand.height < _LOW else "grove", stand.name, 1.0)
+        new = PlaceLayer(*("strewn", stand.name, 1.0) if stand.height < _LOW else ("grove", stand.name, 0.6))
+    elif stand.height < _LOW:
+        new = PlaceLayer("sides", stand.name, 1.0)
     else:
         new = PlaceLayer("line", stand.name, 0.25 * max(1.0, stand.height))
     layers = [layer for layer in place.layers if layer != old and (layer not in same or not color)]
@@ -211,16 +213,16 @@ _FINE = 2  # the scenery is drawn that much larger, for smooth edges
 _FARTHEST = 14.0  # distance of the end of a way; 1 at the lower edge of the canvas
 _HAZE = 0.42  # share of the horizon's light in far things
 _ALONG = (6.2, 4.3, 3.1, 2.2, 1.6, 1.18)  # distances of the things along a way
-_FRONTS = (5.6, 4.0, 2.9, 2.1, 1.5, 1.08, 0.78)  # distances of the edges of house fronts
+_FRONTS = (5.6, 4.0, 2.9, 2.1, 1.5, 1.08, 0.78, 0.5, 0.3)  # distances of the edges of house fronts
 _ROWS = (6.4, 4.9, 3.8, 3.0, 2.4, 1.9, 1.5, 1.2, 0.98)  # of the rows of a field
 _VERGE = 0.35  # space between a way and the things along it
-_STEP, _ASIDE = 0.09, 0.55  # height of a platform; distance of a jetty from the middle
 _KINDS = 3  # number of different drawings of a stand
 _WINDING = {"way": 0.3, "stream": 0.45}  # greatest shift of the middle of a way, which a road has not
-_SHINY, _ROUGH = 0.5, 0.012  # share of what is above water that it reflects; shift by its ripples, of the width
-_GLOWING, _BEAM = 0.9, 0.4  # opacity of the glow around the sun or the moon, and of light that comes in by a window
+
+_SHINY, _ROUGH = 0.5, 0.012  # strength of reflections in water; their shift by ripples, of the width
+_BEAM = 0.45  # opacity of light that comes in by a window
 _ABOVE = ("planks", "field", "grove", "strewn", "sides", "falls", "bridge", "near")  # kinds that no water mirrors
-_BODY = {"sun": 0.13, "moon": 0.11}  # radii of bodies in the sky
+_BODY, _LOWEST, _HIGHEST = 0.12, 0.09, 0.14  # radius of the sun and the moon; height when low, and depth when high
 
 
 class View:
@@ -239,9 +241,9 @@ class View:
         widths = [layer.size for layer in setting.place.layers if layer.kind in ("way", "road", "rails", "stream")]
         self._edge = max(widths, default=0.65) + _VERGE
         self._low = color_of(setting.light.low).numpy()
-        self._wet = np.zeros(self._sheet.shape[:2], np.float32)  # share of what is above that the ground reflects
+        self._wet = np.zeros(self._sheet.shape[:2], np.float32)  # strength of the reflections
         if setting.place.kind == "water" and not setting.place.has("stream", "canal"):
-            self._wet[round(self._horizon * self._rows) :] = _SHINY
+            self._wet[round(self._horizon * self._rows) :] = _SHINY * (0.3 if setting.place.has("waves") else 1)
 
     @property
     def picture(self) -> Tensor:
@@ -252,15 +254,14 @@ class View:
     def draw(self, layer: PlaceLayer) -> None:
         """Draws a layer of a place."""
         drawers: dict[str, Callable[[PlaceLayer], None]] = {
-            "hills": self._draw_hills, "peaks": self._draw_peaks, "band": self._draw_band, "way": self._draw_way,
+            "hills": self._draw_hills, "band": self._draw_band, "way": self._draw_way,
             "road": self._draw_way, "stream": self._draw_way, "canal": self._draw_way, "waves": self._draw_waves,
             "rails": self._draw_rails,
-            "platform": self._draw_platform, "planks": self._draw_planks,
         }  # fmt: skip
         if layer.kind in drawers:
             drawers[layer.kind](layer)
         else:
-            stand = stands()[layer.what]
+            stand = stands()[layer.what or "peak"]
             stand = stand._replace(color=layer.color) if layer.color else stand
             drawn = [draw_stand(stand, self._setting, number) for number in range(_KINDS)]
             for number, (x, y, height, far) in enumerate(self._spots(layer, stand, drawn[0])):
@@ -279,6 +280,10 @@ class View:
                 size = layer.size * self._chance.uniform(0.75, 1.1)
                 yield x, max(layer.y, self._horizon + 0.01), size, far
                 x += slim * size * self._chance.uniform(0.72, 1.05)
+        elif layer.kind == "peaks":
+            for number in self._chance.permutation(5):
+                x = (number + 0.5 + self._chance.uniform(-0.25, 0.25)) / 5
+                yield x, self._horizon + 0.02, layer.size * self._chance.uniform(0.6, 1.0), 5
         elif layer.kind == "sides":
             for far in _ALONG:
                 for side in (-1, 1):
@@ -291,7 +296,7 @@ class View:
                     x, y = self._at((number + 0.5) * step, far)
                     yield x, y, tall / far, far
         elif layer.kind == "strewn":
-            for far in np.geomspace(7.0, 0.95, 90):
+            for far in np.geomspace(7.0, 0.95, 130):
                 x, y = self._at(far * self._chance.uniform(-1.1, 1.1), far)
                 yield x, y, tall / far * self._chance.uniform(0.8, 1.2), far
         elif layer.kind == "grove":
@@ -328,49 +333,46 @@ class View:
         cv2.fillPoly(mask, [pixels], 1)
         return np.asarray(mask > 0)
 
-    def _shine(self, color: Color, opacity: npt.NDArray[np.float32]) -> None:
+    def _shine(self, color: Color, opacity: npt.NDArray[np.floating]) -> None:
         """Lays a light of a colour over the picture, with an opacity [H, W]."""
-        self._sheet += opacity[..., None] * (color_of(color).numpy() - self._sheet)
+        self._sheet += np.float32(opacity[..., None]) * (color_of(color).numpy() - self._sheet)
 
-    def draw_body(self) -> None:
-        """Draws the sun or the moon of the setting's light in the sky, with its glow."""
-        light = self._setting.light
-        if not light.body:
-            return
-        is_low = light.name not in ("moonlight", "sun")
-        radius = _BODY[light.body]
-        up = self._horizon - (0.09 + max(0.55 * self._setting.place.relief, 0.0) if is_low else 0.8 * self._horizon)
-        x, y = 0.5 + 0.2 * self._turn, max(1.1 * radius, up)
-        down, across = np.indices(self._wet.shape, np.float32)
-        away = np.hypot(down - y * self._rows, across - x * self._columns) / (radius * self._rows)
-        self._shine(light.accent, _GLOWING * np.exp(-((away / 2.2) ** 2)).astype(np.float32) * 0.8)
-        self._shine("#fffbe6", np.clip(8 * (1 - away), 0, 1).astype(np.float32))
-
-    def draw_clouds(self) -> None:
-        """Draws the clouds of the weather."""
-        drawn = [draw_stand(stands()["cloud"], self._setting, number) for number in range(_KINDS)]
-        for number in range(self._setting.weather.clouds):
-            size = self._chance.uniform(0.16, 0.3)
-            x = (number + self._chance.uniform(0.1, 0.9)) / self._setting.weather.clouds
-            self._lay(drawn[number % _KINDS], x, self._chance.uniform(0.22, 0.8 * self._horizon), size, 1.0)
+    def draw_sky(self) -> None:
+        """Draws the sun or the moon of the setting's light with its glow, and the clouds of its weather."""
+        light, weather = self._setting.light, self._setting.weather
+        if light.body:
+            low = self._horizon - _LOWEST - 0.55 * self._setting.place.relief
+            up, sides = low if light.body == "low" else _HIGHEST, np.indices(self._wet.shape, np.float32)
+            down, across = sides[0] - up * self._rows, sides[1] - (0.5 + 0.12 * self._turn) * self._columns
+            away = np.hypot(down, across) / (_BODY * self._rows)
+            self._shine(light.accent, 0.7 * np.exp(-((away / 2.2) ** 2)))
+            self._shine("#fffbe6", np.clip(8 * (1 - away), 0, 1))
+        gray = (color_of(light.top) + color_of(light.low)).tolist()
+        cloud = stands()["cloud"]._replace(color=(gray[0] / 2, gray[1] / 2, gray[2] / 2))
+        for number in range(weather.clouds):
+            x, y = (number + self._chance.uniform(0.1, 0.9)) / weather.clouds, self._chance.uniform(0.2, 0.65)
+            self._lay(
+                draw_stand(cloud, self._setting, number), x, y * self._horizon, self._chance.uniform(0.16, 0.3), 1
+            )
 
     def wet_ground(self) -> None:
         """Mirrors what is above water and wet ground in them, with ripples; rain has left puddles."""
-        for far in (
-            np.geomspace(4.5, 1.15, 7) if self._setting.weather.wet and self._setting.place.kind == "land" else ()
-        ):
-            around, (x, y) = np.linspace(0, 2 * np.pi, 30), self._at(self._chance.uniform(-0.8, 0.8) * far, far)
+        is_wet = self._setting.weather.wet and self._setting.place.kind == "land"
+        for far in np.geomspace(4.5, 1.15, 7) if is_wet else ():
+            around, (x, y) = np.linspace(0, 2 * np.pi, 30), self._at(self._chance.uniform(-0.5, 0.5) * self._edge, far)
             ring = [(x + 0.17 / far * math.cos(turn), y + 0.06 / far * math.sin(turn)) for turn in around]
             self._wet[self._mask(ring)] = 0.8
         if not self._wet.any():
             return
         down, across = np.indices(self._wet.shape, np.float32)
+        shore = np.argmax(self._wet > 0, 0)[None].astype(np.float32)  # first row of water in each column
         ripple = _ROUGH * self._columns * np.sin(down * (90 / self._rows) + 3 * np.sin(down * (31 / self._rows)))
         mirrored = cv2.remap(
-            self._sheet, (across + ripple).astype(np.float32), 2 * self._horizon * self._rows - down,
+            self._sheet, (across + ripple).astype(np.float32), 2 * shore - down,
             cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT,
         )  # fmt: skip
-        self._sheet += self._wet[..., None] * (mirrored - self._sheet)
+        mirrored = mirrored + 0.4 * (color_of(self._setting.light.top).numpy() - mirrored)  # and of the sky above
+        self._sheet = np.asarray(self._sheet + self._wet[..., None] * (mirrored - self._sheet), np.float32)
 
     def _draw_waves(self, layer: PlaceLayer) -> None:
         high = layer.size * (1 + 1.5 * self._setting.weather.wind)
@@ -378,23 +380,24 @@ class View:
             along, y = np.linspace(0, 1, 160), self._at(0, far)[1] + 0.3 * high / far
             peak = 1 - np.abs(np.sin(np.pi * (1.6 * far**0.8 * along + self._chance.uniform(0, 1))))
             top = y - high / far * peak
-            foam = top + 0.3 * high / far * np.clip(2.4 * peak - 0.8, 0.06, 1)
+            foam = top + 0.3 * high / far * np.clip(2.4 * peak - 0.8, 0.08, 1.3)
             for color, edge in (("#f2f8fb", top), (layer.color, foam)):
                 self._fill(color, [*zip(along, edge, strict=True), (1, 1.1), (0, 1.1)], far, 1.05 - 0.25 / far)
 
     def light_up(self) -> None:
         """Draws the light that comes in by the windows of a room: a beam to the floor and a bright spot on it."""
-        windows = [layer for layer in self._setting.place.layers if layer.what == "window" and layer.kind == "hung"]
-        for layer in windows if float(self._setting.light.shade.mean()) > _DUSK else ():
-            x, top, low = 0.5 + self._turn * (layer.x - 0.5), layer.y - layer.size, layer.y - 0.1 * layer.size
-            wide, way = 0.3 * layer.size, 0.3 * (1 if x < 0.5 else -1)
-            floor = [(x + way + side * wide * grown, y) for side, grown, y in (
-                (-1, 1, self._horizon + 0.06), (1, 1, self._horizon + 0.06), (1, 1.5, 0.94), (-1, 1.5, 0.94))]  # fmt: skip
-            beam = [(x - wide, top), (x + wide, top), floor[1], floor[2], floor[3], (x - wide, low)]
-            for points, share in ((beam, 0.5 * _BEAM), (floor, 1.3 * _BEAM)):
-                soft = cv2.GaussianBlur(self._mask(points).astype(np.float32), (0, 0), 0.01 * self._rows)
-                self._shine(self._setting.light.accent if self._setting.light.accent != "white" else "#fff3c4",
-                            share * soft)  # fmt: skip
+        light, top = self._setting.light, self._horizon + 0.06
+        color = "#fff3c4" if light.accent == "white" else light.accent
+        windows = [one for one in self._setting.place.layers if one.what == "window" and one.kind == "hung"]
+        for one in windows if float(light.shade.mean()) > _DUSK else ():
+            x, wide = 0.5 + self._turn * (one.x - 0.5), 0.3 * one.size
+            at = x + (0.3 if x < 0.5 else -0.3)
+            floor = [(at - wide, top), (at + wide, top), (at + 1.5 * wide, 0.94), (at - 1.5 * wide, 0.94)]
+            beam = [(x - wide, one.y - one.size), (x + wide, one.y - one.size), *floor[1:], (x - wide, one.y)]
+            for points, share in ((beam, 0.5 * _BEAM), (floor, _BEAM)):
+                self._shine(
+                    color, share * cv2.GaussianBlur(self._mask(points).astype(np.float32), (0, 0), 0.01 * self._rows)
+                )
 
     def _lay(self, picture: Tensor, x: float, y: float, height: float, far: float) -> None:
         """Lays a picture [4, h, w] on its place, hazy in the distance; parts outside the canvas are cut off."""
@@ -443,27 +446,13 @@ class View:
             foot = self._horizon + 0.02
             self._fill(layer.color, [*zip(along, top, strict=True), (1, foot), (0, foot)], 9 * back, 0.92 + 0.14 * back)
 
-    def _draw_peaks(self, layer: PlaceLayer) -> None:
-        count, foot = 5, self._horizon + 0.02
-        for number in self._chance.permutation(count):
-            x = (number + 0.5 + self._chance.uniform(-0.25, 0.25)) / count
-            high, bent = layer.size * self._chance.uniform(0.6, 1.0), self._chance.uniform(-0.15, 0.15)
-
-            def place(across: float, down: float, x: float = x, high: float = high) -> tuple[float, float]:
-                return x + 0.75 * high * across, foot - high * (1 - down)
-
-            ridge = [place(0, 0), place(0.3 * bent + 0.06, 0.35), place(bent, 1)]
-            self._fill(layer.color, [*ridge, place(-1, 1), place(-0.45, 0.5)], 5, 1.2)
-            self._fill(layer.color, [*ridge, place(1, 1), place(0.55, 0.48)], 5, 0.8)
-            edge = [(0, 0), (0.25, 0.34), (0.1, 0.26), (0.0, 0.4), (-0.1, 0.27), (-0.23, 0.36)]
-            self._fill("#f4f7fb", [place(*point) for point in edge], 3)
-
     def _draw_band(self, layer: PlaceLayer) -> None:
         top, low = self._horizon - 0.02, self._horizon + layer.size * (1 - self._horizon)
         along = np.linspace(1, 0, 60)
         shore = low + 0.012 * np.sin(9 * along + self._chance.uniform(0, 6))
         for color, drop in (("white", 0.02), (layer.color, 0.0)):
             self._fill(color, [(0, top), (1, top), *zip(along, shore + drop, strict=True)], 1.6)
+        self._wet[round(self._horizon * self._rows) : round(low * self._rows)] = _SHINY
         self._draw_ripples(lambda _: (0.0, 1.0), self._horizon, low)
 
     def _draw_ripples(self, extent: Callable[[float], tuple[float, float]], top: float, low: float) -> None:
@@ -485,7 +474,7 @@ class View:
             left, right = ([edge(far, side * wide) for far in fars] for side in (-1, 1))
             self._fill(layer.color, [*left, *right[::-1]], 1.6, tone)
         if layer.kind in ("way", "road"):
-            self._wet[self._mask([*left, *right[::-1]])] = self._setting.weather.wet
+            self._wet[self._mask([*left, *right[::-1]])] = 0.6 * self._setting.weather.wet
         for far in np.geomspace(1, 8, 9) if layer.kind == "road" else ():
             self._lay_flat("#f2eee2", (-0.025, 0.025), (far, 1.12 * far))
         if layer.kind in ("stream", "canal"):
@@ -504,32 +493,6 @@ class View:
         for x in (-0.55 * layer.size, 0.55 * layer.size):
             self._lay_flat("#d6dade", (x - 0.025, x + 0.025), (1, _FARTHEST))
 
-    def _draw_platform(self, layer: PlaceLayer) -> None:
-        fars = (0.9, _FARTHEST)
-
-        def edge(across: float, up: float) -> list[tuple[float, float]]:
-            return [(x, y - up / far) for far in fars for x, y in [self._at(across, far)]]
-
-        for side in (-1, 1):
-            top = edge(side * layer.size, _STEP)
-            self._fill(layer.color, [*edge(side * layer.size, 0), *top[::-1]], 2, 0.55)
-            self._fill(layer.color, [*top, *edge(side * 40, _STEP)[::-1]], 1.4)
-            self._fill("#f0d060", [*top, *edge(side * (layer.size + 0.08), _STEP)[::-1]], 1.2)
-
-    def _draw_planks(self, layer: PlaceLayer) -> None:
-        middle = 0.0 if self._setting.is_raised else _ASIDE * self._turn
-        left, right, end = middle - layer.size, middle + layer.size, 4.5
-        for far in (end, 2.9, 2.0, 1.45):
-            for x, y in (self._at(left, far), self._at(right, far)):
-                wide, rise, sink = 0.015 / far, 0.06 / far, 0.14 / far
-                self._fill(
-                    layer.color,
-                    [(x - wide, y - rise), (x + wide, y - rise), (x + wide, y + sink), (x - wide, y + sink)], far, 0.6,
-                )  # fmt: skip
-        self._lay_flat(layer.color, (left, right), (0.9, end))
-        for far in np.geomspace(0.95, end, 12):
-            self._lay_flat(layer.color, (left, right), (far, 1.02 * far), 0.7)
-
 
 def draw_scenery(ground: Tensor, setting: Setting, seed: int, absent: Sequence[str] = ()) -> Tensor:
     """Returns a ground [3, H, W] with the scenery of its place.
@@ -541,9 +504,9 @@ def draw_scenery(ground: Tensor, setting: Setting, seed: int, absent: Sequence[s
         return ground
     view = View(ground, setting, seed)
     if setting.place.is_open:
-        view.draw_body()
-        view.draw_clouds()
-    layers = [one for one in setting.place.layers if not {one.what, one.what.rpartition(" ")[2]} & {*absent}]
+        view.draw_sky()
+    hidden = {stand.name for stand in stands().values() if {*stand.words} & {*absent}}
+    layers = [one for one in setting.place.layers if one.what not in hidden]
     for is_above in (False, True):
         for layer in layers:
             if (layer.kind in _ABOVE) == is_above:

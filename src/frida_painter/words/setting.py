@@ -91,9 +91,10 @@ def _parts_of(
         part = part or places.find_part(thing.noun, known_weathers(), sentences)
         around = [one.name for one in known_things()]
         is_idea = " " in thing.noun or places.is_idea(thing.name, around, sentences, is_pictured=nearest >= _PICTURED)
-        least, whole = _FELT if is_idea else _EXACTLY, f"{thing.color} {thing.name}".strip()
-        light = _light_named(thing.noun, sentences, least)
-        light = light or _light_named(whole, sentences, least)
+        least = _FELT if is_idea else _EXACTLY
+        light = _light_named(_whole(thing), sentences, _EXACTLY)  # northern lights
+        for said in (thing.noun, _whole(thing)):
+            light = light or _light_named(said, sentences, least)
         if part is None and is_idea and (light or not is_person(thing.noun, sentences)):
             part, is_settled = light, True
         elif light:  # a thing that comes with a light: the moon
@@ -121,8 +122,8 @@ def _light_named(word: str, sentences: SentenceEncoder, least: float) -> Light |
 
 
 def _whole(thing: Thing) -> str:
-    """Returns the name of a thing with its noun as written."""
-    return f"{thing.name.removesuffix(thing.noun)}{thing.plural or thing.noun}"
+    """Returns the name of a thing with its colour and its noun as written."""
+    return f"{thing.color} {thing.name.removesuffix(thing.noun)}{thing.plural or thing.noun}".strip()
 
 
 def _mix(parts: Sequence[Place | Light | Weather | Stand]) -> tuple[Light, Weather]:
@@ -151,10 +152,12 @@ def _stands_in(
         is_own = index is not None and index.nearest(thing) >= OWN
         is_mass = thing.uncounted and any(one.object == number for one in reading.relations)  # in blossom
         is_other = is_own or is_person(thing.name, sentences)
-        stand = None if is_other else scenery.find_stand(_whole(thing), sentences)
+        stand = None if is_other else scenery.find_stand(_whole(thing), sentences, place)
         if stand is not None and stand.is_indoors:
             is_inside = not place.is_open or (place is NOWHERE and len(left) > 1)
             found |= {number: stand} if is_inside or has_glass else {}
+        elif stand is not None and not place.is_open and any(one.object == number for one in reading.relations):
+            found |= {number: stand}  # stairs in a house
         elif stand is not None and place.is_open and (thing.count is None or is_mass):
             is_around = any(one.object == number and kind_of(one.word) in _AROUND for one in reading.relations)
             found |= {number: stand} if place.layers or place.name == SKY or (is_around and place is NOWHERE) else {}
@@ -171,8 +174,11 @@ def _place_named(number: int, reading: Reading, nearest: float, sentences: Sente
         open_places = [place for place in places.known_places() if place.is_open]
         found = places.find_part(named, open_places, sentences)
         return found or places.infer_place([thing.name], sentences, outside=True)
-    is_exact = places.find_part(thing.noun, places.known_places(), sentences, _EXACTLY) is not None  # a moor
-    is_one = thing.noun in scenery.named_things() and not thing.plural  # a tree is no forest
+    is_exact = any(
+        places.find_part(name, places.known_places(), sentences, _EXACTLY) for name in (thing.noun, thing.name)
+    )  # a moor, a haunted house
+    drawn = {word for stand in scenery.stands().values() for word in stand.words}
+    is_one = thing.noun in drawn and not thing.plural  # a tree is no forest
     if not is_exact and (is_one or is_person(thing.noun, sentences)):
         return None
     kinds = {kind_of(one.word) for one in reading.relations if one.object == number}
