@@ -412,7 +412,7 @@ class _Walk:
             subjects += [self._numbers[one] for one in beside if one in self._numbers]
         has = verb.lemma_ == "have"
         doing = "" if verb.pos_ == "AUX" or has else _gerund(verb)
-        last = max((one.i for one in verb.conjuncts), default=verb.i)
+        last = max((verb, *verb.conjuncts), key=lambda one: one.i).i
         painted, run = (
             _color([*verb.doc[verb.left_edge.i : last + 1]], verb.head) if is_state else ("", [])
         )  # a teapot, blue
