@@ -58,11 +58,7 @@ OWN_FILES = {
     "weights/archive.py",
     "weights/cache.py",
     "weights/sources.py",
-    "words/arrangement.py",
-    "words/figures.py",
-    "words/nouns.py",
-    "words/lights.py",
-    "words/scenery.py",
+    "words/tables.py",
 }
 READING = {"read_bytes", "read_text", "copyfile", "imread", "fromfile", "loadtxt", "genfromtxt", "safe_open", "memmap"}
 

@@ -174,7 +174,15 @@ def test_the_account_of_160_sentences_of_a_grammar_has_every_word_once_and_shows
 ) -> None:
     chance, incomplete, untrue = random.Random(33), [], []
     here = {word for caption in HERE for word in caption.split()}
-    places = {"city", "canal", "orchard", "glacier", "chimney", "noon", "sorrow"}  # of the setting, if any: a feeling is a light
+    places = {
+        "city",
+        "canal",
+        "orchard",
+        "glacier",
+        "chimney",
+        "noon",
+        "sorrow",
+    }
     people = {noun for noun in _NOUNS if kinds_of(noun) == {"person"}} | {
         "mirror"
     }  # who are drawn, and a tool of theirs

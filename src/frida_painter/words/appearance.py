@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Sequence
 from functools import cache
-from importlib import resources
 from typing import Any, NamedTuple
 
 import torch
@@ -13,6 +12,7 @@ from torch.nn import functional
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.words.compositing import crop, resize, sample, soften, warp_rows
 from frida_painter.words.lights import Color, Weather, color_of
+from frida_painter.words.tables import read_lines
 
 
 def _bend(picture: Tensor, lean: float = 0.6) -> Tensor:
@@ -170,9 +170,8 @@ def _given(change: Callable[..., Tensor], given: Sequence[float | str]) -> Calla
 @cache
 def known_looks() -> tuple[Appearance, ...]:
     """Returns the table of `looks.txt`."""
-    lines = (resources.files(__package__) / "looks.txt").read_text("utf-8").splitlines()
     found = []
-    for words, _, said in (line.partition(": ") for line in lines if not line.startswith("#")):
+    for words, _, said in (line.partition(": ") for line in read_lines("looks.txt")):
         kind, *rest = said.split()
         given = [float(one) if one[0] in "-.0123456789" else one for one in rest]
         changed: dict[str, Any] = {kind: given[0] if given else 1.0}

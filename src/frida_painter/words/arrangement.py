@@ -7,7 +7,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from importlib import resources
 from typing import NamedTuple
 
 import torch
@@ -18,6 +17,7 @@ from frida_painter.words.compositing import resize, stack
 from frida_painter.words.figures import Figure, wardrobe
 from frida_painter.words.nouns import kinds_of
 from frida_painter.words.reading import Relation
+from frida_painter.words.tables import read_lines
 
 # Sizes and usual places of things, from known things of similar meaning.
 
@@ -36,8 +36,7 @@ class Known(NamedTuple):
 @cache
 def known_things() -> tuple[Known, ...]:
     """Returns the table of `world.txt`."""
-    lines = (resources.files(__package__) / "world.txt").read_text("utf-8").splitlines()
-    rows = [line.rsplit(" ", 2) for line in lines if line and not line.startswith("#")]
+    rows = [line.rsplit(" ", 2) for line in read_lines("world.txt")]
     return tuple(Known(name, float(height), where) for name, height, where in rows)
 
 

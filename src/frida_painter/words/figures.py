@@ -7,7 +7,6 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from importlib import resources
 from itertools import pairwise
 from typing import NamedTuple, TypeVar
 
@@ -20,6 +19,7 @@ from torch import Tensor
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.words.compositing import resize
 from frida_painter.words.lights import Color, color_of
+from frida_painter.words.tables import read_lines
 
 _Point = npt.NDArray[np.float64]
 
@@ -66,8 +66,7 @@ class Clothes(NamedTuple):
 
 def _rows(name: str) -> list[tuple[list[tuple[str, ...]], list[str], _Shapes]]:
     """Returns the rows of a table: lists of words, what is after their colon, and shapes."""
-    lines = (resources.files(__package__) / name).read_text("utf-8").splitlines()
-    split = [re.split(r": |; ", line) for line in lines if not line.startswith("#")]
+    split = [re.split(r": |; ", line) for line in read_lines(name)]
     return [
         (
             [tuple(words.split(", ")) for words in head.split(" = ")],

@@ -6,7 +6,6 @@ Colours are sRGB, as "#rrggbb" or in [0, 1].
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from importlib import resources
 from typing import Protocol, TypeVar
 
 import torch
@@ -14,6 +13,7 @@ from torch import Tensor
 
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.palette import to_lab
+from frida_painter.words.tables import read_rows, split_words
 
 Color = str | tuple[float, float, float]
 _GAMMA = 0.7  # exponent from the light of a sky, relative to a day's, to the shade of things in it
@@ -112,17 +112,6 @@ class Weather:
 
 DAY = Light("hour", ("day", "noon", "midday", "sunny", "daylight", "light", "sunlight"), "#a3cae9", "#e0f0f9")
 CLEAR = Weather(("clear",), "white", DAY)
-
-
-def read_rows(file: str) -> list[list[str]]:
-    """Returns the rows of a table of this package, without its comments, split at each "|"."""
-    lines = (resources.files(__package__) / file).read_text("utf-8").splitlines()
-    return [[part.strip() for part in line.split("|")] for line in lines if not line.startswith("#")]
-
-
-def split_words(said: str) -> tuple[str, ...]:
-    """Returns the words of a list with commas; none for an empty one."""
-    return tuple(said.split(", ")) if said else ()
 
 
 @cache

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections import defaultdict
 from functools import cache
-from importlib import resources
 from typing import NamedTuple
+
+from frida_painter.words.tables import read_lines
 
 
 class Sense(NamedTuple):
@@ -28,21 +29,16 @@ class Sense(NamedTuple):
         return other in (self, *self.kinds)
 
 
-def _read_lines(file: str) -> list[str]:
-    lines = (resources.files(__package__) / file).read_text("utf-8").splitlines()
-    return [line for line in lines if not line.startswith("#")]
-
-
 @cache
 def _kinds() -> dict[str, frozenset[str]]:
-    rows = [line.partition(": ") for line in _read_lines("nouns.txt")]
+    rows = [line.partition(": ") for line in read_lines("nouns.txt")]
     return {noun: frozenset(kinds.split()) for kinds, _, nouns in rows for noun in nouns.split()}
 
 
 @cache
 def _senses() -> dict[str, list[Sense]]:
     known, path = defaultdict[str, list[Sense]](list), list[Sense]()
-    for line in _read_lines("senses.txt"):
+    for line in read_lines("senses.txt"):
         depth, _, words = line.partition(" ")
         del path[int(depth) :]
         path.append(Sense(tuple(words.split(", ")), path[-1] if path else None))
@@ -53,12 +49,12 @@ def _senses() -> dict[str, list[Sense]]:
 
 @cache
 def _names() -> dict[str, str]:
-    rows = [line.partition(": ") for line in _read_lines("names.txt")]
+    rows = [line.partition(": ") for line in read_lines("names.txt")]
     return {name: kind for kind, _, names in rows for name in names.split(", ")}
 
 
 def kind_of_name(name: str) -> str:
-    """Returns the noun for what a place with a name of its own is, such as "river"; "" for other names."""
+    """Returns the kind of a place with a name of its own, such as "river"; "" for other names."""
     return _names().get(name.lower(), "")
 
 

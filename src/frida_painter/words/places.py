@@ -25,10 +25,9 @@ from frida_painter.words.lights import (
     color_of,
     known_lights,
     nearest_part,
-    read_rows,
-    split_words,
 )
 from frida_painter.words.nouns import kinds_of
+from frida_painter.words.tables import read_rows, split_words
 
 HORIZON = 0.72
 """Usual share of the height above the horizon, or above the edge of a floor or a table."""

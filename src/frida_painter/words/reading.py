@@ -41,7 +41,7 @@ _DEPICTIONS = ("painting", "picture", "drawing", "sketch", "photo", "photograph"
                 "watercolour", "life")  # fmt: skip
 _IN_A_NAME = ("amod", "compound", "nmod", "nummod", "npadvmod", "quantmod")  # kinds of dependents
 SOMEBODY = "somebody"
-"""Who does what a prompt without an actor asks for: dancing in the rain."""
+"""Actor of a prompt without one: dancing in the rain."""
 _PEOPLE = (SOMEBODY, "someone", "everybody", "everyone")  # pronouns of people; "it" and "something" are no things
 _TOLD_OF = ("it", "he", "she", "they")  # pronouns for the first thing: my dog, he is brown
 _NEVER = ("come", "arrive", "return", "exist", "answer")  # somebody who doesn't come is not seen
@@ -184,7 +184,7 @@ def prompt_reader(encoders: EncoderRegistry) -> PromptReader:
     return encoders.keep("prompt reader", make)
 
 
-def what_is_asked(prompt: str) -> str:
+def strip_request(prompt: str) -> str:
     """Returns a prompt without the words of a request: "please paint me a fox" is a fox."""
     prompt = prompt.strip()
     while (request := _ASKED.match(prompt)) and request.end() < len(prompt):
@@ -221,7 +221,7 @@ class PromptReader:
 
         Raises ConfigError if it only names things that must not be seen.
         """
-        text = what_is_asked(prompt[:_LONGEST]).rstrip(".!?")
+        text = strip_request(prompt[:_LONGEST]).rstrip(".!?")
         first, _, rest = text.partition(" ")
         if text.isupper():
             text = text.lower()

@@ -28,7 +28,7 @@ from frida_painter.words.composition import (
 from frida_painter.words.lights import CLEAR, DAY, Light, dye, find_weather, go_together, rank_lights
 from frida_painter.words.nouns import senses_of
 from frida_painter.words.places import NOWHERE, Place, Setting
-from frida_painter.words.reading import Reading, Relation, SaidWord, Thing, prompt_reader, what_is_asked, word_meanings
+from frida_painter.words.reading import Reading, Relation, SaidWord, Thing, prompt_reader, strip_request, word_meanings
 from frida_painter.words.retrieval import FoundPicture, PictureIndex, has_ground, picture_index
 from frida_painter.words.scenery import Stand
 from frida_painter.words.setting import SKY, Seen, setting_of, usual_place
@@ -45,7 +45,7 @@ def scene_of(
 
     use: use of the scene by the painting, for the remarks
     """
-    prompt = what_is_asked(prompt)
+    prompt = strip_request(prompt)
     reading, index = prompt_reader(encoders).read(prompt), picture_index(encoders)
     sentences, account = word_meanings(encoders), Account(reading)
     setting, settled, seen = setting_of(reading, index, encoders)

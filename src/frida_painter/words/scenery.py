@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache
-from importlib import resources
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -20,6 +19,7 @@ from frida_painter.words.appearance import in_weather
 from frida_painter.words.compositing import crop, resize
 from frida_painter.words.lights import Color, color_of
 from frida_painter.words.places import NOWHERE, Place, PlaceLayer, Setting, known_places, with_layers
+from frida_painter.words.tables import read_lines
 
 _Points = Sequence[tuple[float, float]] | npt.NDArray[np.float64]
 
@@ -71,10 +71,8 @@ class Stand(NamedTuple):
 @cache
 def stands(table: str = "scenery.txt") -> dict[str, Stand]:
     """Returns a table of drawn things, by their names."""
-    lines = (resources.files(__package__) / table).read_text("utf-8").splitlines()
-    rows = [line.partition(": ") for line in lines if not line.startswith("#")]
     found = {}
-    for head, _, shapes in rows:
+    for head, _, shapes in (line.partition(": ") for line in read_lines(table)):
         words, color, height = head.rsplit(" ", 2)
         drawn = tuple(tuple(shape.split()) for shape in shapes.split(";"))
         stand = Stand(tuple(words.split(", ")), color, float(height), drawn)
