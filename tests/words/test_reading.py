@@ -199,6 +199,11 @@ def test_those_who_do_something_are_counted(reader: PromptReader, prompt: str, c
         ("can you show me the sea?", ["sea"], []),
         ("I'd like to see a house, it has a red door", ["house", "door"], [(0, "with", 1)]),
         ("paint on a wall", ["paint", "wall"], [(0, "on", 1)]),
+        ("a cake with strawberries on top", ["cake", "strawberry"], [(1, "on", 0)]),
+        ("a village with hills in the background", ["village", "hill"], [(1, "behind", 0)]),
+        ("a girl in a red top", ["girl", "top"], [(0, "in", 1)]),
+        ("the kitchen of my grandparents", ["kitchen"], []),
+        ("a T-Rex", ["T-Rex"], []),
         ("a boy in the snow, it is raining", ["boy", "snow"], [(0, "in", 1)]),
     ],
 )

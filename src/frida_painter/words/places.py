@@ -316,7 +316,8 @@ def join(place: Place, others: Sequence[Place]) -> Place:
         for layer in (*water, *(other.layers if other.is_open else ())):
             same = [one for one in layers if _kin(one) == _kin(layer)]
             is_higher = _kin(layer) == "hills" and all(layer.size > one.size for one in same)
-            if is_higher or not same:
+            is_sunk = place.kind == "water" and layer.kind in ("way", "road", "rails")
+            if is_higher or not (same or is_sunk):
                 layers = [*(one for one in layers if one not in same), layer]
     above = next((one.above for one in others if one.is_open and one.above is not None), place.above)
     return replace(with_layers(place, layers), above=above if place.is_open else place.above)

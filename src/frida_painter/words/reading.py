@@ -44,6 +44,9 @@ SOMEBODY = "somebody"
 """Actor of a prompt without one: dancing in the rain."""
 _PEOPLE = (SOMEBODY, "someone", "everybody", "everyone")  # pronouns of people; "it" and "something" are no things
 _TOLD_OF = ("it", "he", "she", "they")  # pronouns for the first thing: my dog, he is brown
+_SIDES = {"front": "in front of", "foreground": "in front of", "top": "on", "middle": "in", "side": "beside",
+          **dict.fromkeys(("back", "background", "distance"), "behind")}  # fmt: skip
+"""Nouns for the place of a thing by another one: a cake with strawberries on top."""
 _NEVER = ("come", "arrive", "return", "exist", "answer")  # somebody who doesn't come is not seen
 _ASKED = re.compile(
     r"(please|(can|could|would|will) you|i (want|wish|need)( you)?( to)?|i('d| would) (like|love)( you)?( to)?|see|"
@@ -372,6 +375,7 @@ class _Walk:
     def _add(self, noun: Token) -> None:
         """Adds a noun to the things, if it is one."""
         is_part = _is_in_a_name(noun) or noun.dep_ in ("det", "poss", "advmod") or noun.lower_ == "o'clock"
+        is_part = is_part or _is_side(noun) or _is_owner(noun)
         is_name = noun.dep_ == "appos" and noun.pos_ == "PROPN"  # my cat Tom
         is_nobody = noun.pos_ == "PRON" and noun.lower_ not in _PEOPLE
         if not _is_noun(noun) or is_part or is_name or is_nobody or _is_between(noun):
@@ -395,7 +399,16 @@ class _Walk:
         ):
             words.insert(0, words[0].head)
         subjects = [] if words[0].head == words[0] else self._subjects(words[0].head)
-        self._join(subjects, " ".join(word.lower_ for word in words), noun, tuple(word.i for word in words))
+        at = tuple(word.i for word in words)
+        if _is_side(noun):
+            self._turn(subjects, _SIDES[noun.lower_], (*at, noun.i))
+        self._join(subjects, " ".join(word.lower_ for word in words), noun, at)
+
+    def _turn(self, subjects: list[int], said: str, at: tuple[int, ...]) -> None:
+        """Says where a thing is that another one is "with"."""
+        for number, one in enumerate(self.relations):
+            if one.word == "with" and {one.subject, one.object} & {*subjects}:
+                self.relations[number] = Relation(one.object, said, one.subject, (*one.at, *at))
 
     def _act(self, verb: Token) -> None:
         """Gives the actors of a verb their action, and adds its relations to its objects."""
@@ -476,6 +489,16 @@ def _gerund(verb: Token) -> str:
     return f"{base}ing"
 
 
+def _is_side(noun: Token) -> bool:
+    """Returns True for the place of another thing: strawberries on top, hills in the background, but no red top."""
+    return noun.lower_ in _SIDES and noun.dep_ == "pobj" and all(word.lower_ == "the" for word in noun.lefts)
+
+
+def _is_owner(noun: Token) -> bool:
+    """Returns True for the owner of a thing: the kitchen of my grandparents."""
+    return noun.dep_ == "pobj" and noun.head.lower_ == "of" and bool(_children(noun, "poss"))
+
+
 def _is_between(noun: Token) -> bool:
     """Returns True if a noun is part of a preposition, as in "in front of"."""
     is_bare = noun.dep_ == "pobj" and noun.tag_ == "NN" and noun.n_lefts == 0
@@ -488,6 +511,8 @@ def _describe_noun(noun: Token) -> Thing:
     color, colored = _color(before, noun)
     lemma = noun.text if noun.pos_ == "PROPN" else noun.lemma_
     name = " ".join([*(word.text for word in before if word not in colored and not _is_number(word)), lemma])
+    if noun.i > 1 and noun.nbor(-1).text == "-" and len(noun.nbor(-2)) == 1:  # a T-Rex
+        name = lemma = f"{noun.nbor(-2).text}-{noun.text}"
     numbers = [word for word in noun.lefts if _is_number(word)]
     single = any(word.dep_ == "det" and word.lower_ in ("a", "an") for word in noun.lefts)
     plural = noun.tag_ in ("NNS", "NNPS") and not single
