@@ -63,6 +63,24 @@ def test_a_stop_that_is_released_while_it_is_read_does_not_hold(
     assert latch.read() is None
 
 
+def test_a_stop_that_is_stored_while_it_is_looked_for_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    latch = Latch(latch_path(tmp_path, "xarm"), "xarm")
+    latch.engage("the first")
+    read = storage.read_json
+
+    def read_between(path: Path, what: str) -> Any:
+        monkeypatch.setattr(storage, "read_json", read)
+        latch.release()
+        try:
+            return read(path, what)  # is not there
+        finally:
+            latch.engage("it fell silent")
+
+    monkeypatch.setattr(storage, "read_json", read_between)
+    stop = latch.read()
+    assert stop is not None and not stop.damaged and stop.reason == "it fell silent"
+
+
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
 def test_a_disk_that_cannot_be_written_is_told_of(tmp_path: Path) -> None:
     (tmp_path / "stopped").mkdir(mode=0o500)

@@ -98,17 +98,29 @@ class Unlatched:
 
 
 def _read(path: Path, easel: str) -> StopRecord | None:
-    """Reads the stop in a file, None if there is no file; `easel` is the name to use if the record is damaged."""
-    try:
-        record = storage.read_json(path, "the record of a stop")
-        machines = frozenset(map(str, record.get("machines", ())))
-        return StopRecord(str(record["easel"]), str(record["reason"]), float(record["at"]), machines)
-    except (StorageError, KeyError, TypeError, ValueError) as damage:
-        why = f"the record of the stop is damaged ({damage})"
+    """Reads the stop in a file, None if there is no file; `easel` is the name to use if the record is damaged.
+
+    A file that changes while it is read, because a stop is stored or released in that moment, is read again.
+    """
+    while (seen := _state_of(path)) is not None:
         try:
-            return StopRecord(easel, why, path.stat().st_mtime, damaged=True)
-        except (FileNotFoundError, NotADirectoryError):  # there is none, or it was released meanwhile
-            return None
+            record = storage.read_json(path, "the record of a stop")
+            machines = frozenset(map(str, record.get("machines", ())))
+            return StopRecord(str(record["easel"]), str(record["reason"]), float(record["at"]), machines)
+        except (StorageError, KeyError, TypeError, ValueError) as damage:
+            if seen == _state_of(path):
+                why = f"the record of the stop is damaged ({damage})"
+                return StopRecord(easel, why, seen[0] / 1e9, damaged=True)
+    return None
+
+
+def _state_of(path: Path) -> tuple[int, int, int] | None:
+    """Returns what differs when a file is written anew, its time in nanoseconds first; None without a file."""
+    try:
+        state = path.stat()
+        return state.st_mtime_ns, state.st_ino, state.st_size
+    except (FileNotFoundError, NotADirectoryError):
+        return None
 
 
 def latch_path(state: Path, easel: str) -> Path:
