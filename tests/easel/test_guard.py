@@ -359,7 +359,7 @@ def test_a_slow_robot_is_waited_for(tmp_path: Path) -> None:
 def test_whenever_and_however_often_it_is_stopped_nothing_moves_afterwards(tmp_path: Path) -> None:
     """Fault F10: stops at any moment, twice, and while stopping.
 
-    1000 stops at random moments of a motion that would take 0.3 s, half of them twice or once more afterwards.
+    1000 stops at random moments of a motion that would take 3 s, however late a busy computer stops it, half of them twice or once more afterwards.
     """
     chance = random.Random(7)
     studio = open_studio(CanvasSize(0.12, 0.09), "fine", settings=StudioSettings(pace=0.1))
@@ -390,8 +390,8 @@ def test_whenever_and_however_often_it_is_stopped_nothing_moves_afterwards(tmp_p
         done = len(walked)
         began = time.monotonic()
         try:
-            guard.follow(Waypoints("stroke 1", path, 0.1))
-            pytest.fail("3 s of motion passed in no time")
+            guard.follow(Waypoints("stroke 1", path, 0.01))
+            pytest.fail("30 s of motion passed in no time")
         except RobotStopped:
             ended = time.monotonic()
         if trial % 4 == 0:  # and once more from where a stop is dealt with
@@ -399,7 +399,7 @@ def test_whenever_and_however_often_it_is_stopped_nothing_moves_afterwards(tmp_p
         for timer in timers:
             timer.join()
         with pytest.raises(RobotStopped):
-            guard.follow(Waypoints("stroke 2", path, 0.1))
+            guard.follow(Waypoints("stroke 2", path, 0.01))
         assert len(walked) - done <= 1
         steps = np.diff(np.array(walked[-1]["path"]), axis=0) if walked[done:] else np.zeros((1, 3))
         ways.append(float(np.linalg.norm(steps, axis=1).sum()))
@@ -408,7 +408,7 @@ def test_whenever_and_however_often_it_is_stopped_nothing_moves_afterwards(tmp_p
         latch.release()
     # A busy computer holds one or the other up; whatever queued would hold up all.
     assert np.quantile(latencies, 0.9) <= 0.1
-    assert np.quantile(ways, 0.9) < 0.15, "of 0.3 m"
+    assert np.quantile(ways, 0.9) < 0.015, "of 0.3 m"
 
 
 @pytest.mark.parametrize(
