@@ -16,7 +16,7 @@ from frida_painter.words.arrangement import copies, is_part_of_body, is_person, 
 from frida_painter.words.compositing import stack
 from frida_painter.words.figures import Figure, Pose, Tool
 from frida_painter.words.nouns import kinds_of, senses_of
-from frida_painter.words.reading import GROUPS, SOMEBODY, Reading, Thing, paint_of, word_meanings
+from frida_painter.words.reading import GROUPS, PEOPLE, Reading, Thing, paint_of, word_meanings
 from frida_painter.words.retrieval import FoundPicture, PictureIndex, is_upright
 
 CALLED = 0.9
@@ -116,7 +116,7 @@ def cast(
     later = [number for number in wanted if alive and number > min(alive)]  # the ears of a dog are no further thing
     bodies = {number for number in later if is_part_of_body(wanted[number].noun, sentences)}
     for number, thing in wanted.items():
-        does_unseen = thing.noun == SOMEBODY and not (number in acts and acts[number].meant)  # learning to forgive
+        does_unseen = thing.noun in PEOPLE and not (number in acts and acts[number].meant)  # learning to forgive
         if number in {*tools} | bodies or does_unseen:
             continue
         among = len(wanted) > 1 or in_place or thing.shown > 1

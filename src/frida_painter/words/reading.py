@@ -42,7 +42,8 @@ _DEPICTIONS = ("painting", "picture", "drawing", "sketch", "photo", "photograph"
 _IN_A_NAME = ("amod", "compound", "nmod", "nummod", "npadvmod", "quantmod")  # kinds of dependents
 SOMEBODY = "somebody"
 """Actor of a prompt without one: dancing in the rain."""
-_PEOPLE = (SOMEBODY, "someone", "everybody", "everyone")  # pronouns of people; "it" and "something" are no things
+PEOPLE = (SOMEBODY, "someone", "everybody", "everyone")
+"""Pronouns of people; "it" and "something" are no things."""
 _TOLD_OF = ("it", "he", "she", "they")  # pronouns for the first thing: my dog, he is brown
 _SIDES = {"front": "in front of", "foreground": "in front of", "top": "on", "middle": "in", "side": "beside",
           **dict.fromkeys(("back", "background", "distance"), "behind")}  # fmt: skip
@@ -268,6 +269,9 @@ class PromptReader:
             if word.tag_ == "VBZ" and (base := word.lower_.removesuffix("s")) in self._verbs:
                 word.lemma_ = base  # rides come from ride, not rid
             before = word.nbor(-1) if word.i else word
+            if word.tag_ == "VBD" and before.lower_ in _BASIC and before.dep_ == "nsubj":  # a red rose
+                _put_in_place(word, before, "amod", before.lefts)
+                word.pos_, word.tag_, word.lemma_, before.pos_ = "NOUN", "NN", word.lower_, "ADJ"
             is_last = word.i + 1 == len(parsed) and _is_noun(before) and word.pos_ in ("AUX", "ADJ")
             is_after = word.i > word.head.i and word.pos_ in ("ADJ", "ADV", "X", "INTJ")
             if word.tag_ in ("VB", "VBP") and word.dep_ == "ROOT" and before.tag_ in ("NN", "NNP"):
@@ -377,7 +381,7 @@ class _Walk:
         is_part = _is_in_a_name(noun) or noun.dep_ in ("det", "poss", "advmod") or noun.lower_ == "o'clock"
         is_part = is_part or _is_side(noun) or _is_owner(noun)
         is_name = noun.dep_ == "appos" and noun.pos_ == "PROPN"  # my cat Tom
-        is_nobody = noun.pos_ == "PRON" and noun.lower_ not in _PEOPLE
+        is_nobody = noun.pos_ == "PRON" and noun.lower_ not in PEOPLE
         if not _is_noun(noun) or is_part or is_name or is_nobody or _is_between(noun):
             return
         first = next(word for word in (noun, *noun.ancestors) if word.dep_ not in ("conj", "appos"))

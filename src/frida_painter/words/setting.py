@@ -25,6 +25,7 @@ _PICTURED = 0.8  # similarity above which a picture probably shows the thing of 
 _ROUNDING = 1e-3
 _SURE = 0.8  # similarity above which a word of a name means a place: a watering can is not in water
 _EXACTLY = 0.95  # the same for a place that things are beside: a tent beside a lake
+_BUILDING = 4.0  # metres
 _FEELINGS = ("feel", "feeling", "mood")  # first words of a prompt for a mood: the feeling when school is over
 _FELT = 0.75  # the same for an idea or an adjective and a light: a sad clown
 
@@ -154,7 +155,8 @@ def _stands_in(
         is_other = is_own or is_person(thing.name, sentences)
         stand = None if is_other else scenery.find_stand(_whole(thing), sentences, place)
         if stand is not None and stand.is_indoors:
-            is_inside = not place.is_open or (place is NOWHERE and len(left) > 1)
+            alone = all(known_like(reading.things[one].name, sentences).height < _BUILDING for one in left)
+            is_inside = not place.is_open or (place is NOWHERE and len(left) > 1 and alone)  # a church has its own
             found |= {number: stand} if is_inside or has_glass else {}
         elif stand is not None and not place.is_open and any(one.object == number for one in reading.relations):
             found |= {number: stand}  # stairs in a house
