@@ -42,7 +42,7 @@ GROUPS = (
     ("planning",),
     ("runs", "report", "export", "tools"),
     ("sawyer", "hardware"),
-    ("words", "objectives", "weights"),
+    ("words", "drawing", "objectives", "weights"),
     ("render", "brush", "perception", "virtual"),
 )
 PARTS = {"session": 6, "web": 2, "lab": 14}  # rooms that are more than one group

@@ -8,10 +8,11 @@ import pytest
 import torch
 from torch import Tensor
 
+from frida_painter.drawing.arrangement import Relation
 from frida_painter.objectives.picture_library import Captioned
 from frida_painter.words.account import Account
 from frida_painter.words.casting import cast
-from frida_painter.words.reading import Reading, Relation, SaidWord, Thing
+from frida_painter.words.reading import Reading, SaidWord, Thing
 from frida_painter.words.retrieval import FoundPicture, PictureIndex
 from frida_painter.words.scene import account_for
 from support.networks import QuickEncoders, WordBag

@@ -4,6 +4,9 @@ from types import SimpleNamespace
 import pytest
 import torch
 
+from frida_painter.drawing.arrangement import Relation
+from frida_painter.drawing.lights import find_light, find_weather
+from frida_painter.drawing.places import NOWHERE, Place, Setting
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
@@ -11,9 +14,7 @@ from frida_painter.objectives.sketch import SketchTerm
 from frida_painter.objectives.style import StyleTerm
 from frida_painter.words import beginnings, scene
 from frida_painter.words.beginnings import initial_composition
-from frida_painter.words.lights import find_light, find_weather
-from frida_painter.words.places import NOWHERE, Place, Setting
-from frida_painter.words.reading import Reading, Relation, Thing
+from frida_painter.words.reading import Reading, Thing
 from frida_painter.words.scene import scene_of
 from frida_painter.words.text import TextTerm
 from support.networks import NoEncoderRegistry, QuickEncoders, index_of
@@ -82,7 +83,7 @@ def test_what_is_carried_says_nothing_of_the_place(
         asked.extend(names)
         return NOWHERE
 
-    monkeypatch.setattr("frida_painter.words.places.infer_place", implied)
+    monkeypatch.setattr("frida_painter.drawing.places.infer_place", implied)
     initial_composition(Goal((TextTerm(f"a strawberry {word} an umbrella"),)), GRID, encoders, 0)
     assert set(asked) == standing
 

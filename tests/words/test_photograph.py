@@ -7,13 +7,14 @@ import pytest
 import torch
 
 from frida_painter.canvas_size import CanvasSize
+from frida_painter.drawing.arrangement import Relation
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.encoders.classifiers import EfficientNetLite
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal, ObjectiveContext
 from frida_painter.objectives.semantic import SemanticTerm
 from frida_painter.objectives.sketch import SketchTerm
-from frida_painter.words.reading import Reading, Relation, SaidWord, Thing
+from frida_painter.words.reading import Reading, SaidWord, Thing
 from frida_painter.words.text import TextTerm
 from support.networks import QuickEncoders, index_of, random_lite_tensors
 

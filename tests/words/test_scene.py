@@ -9,10 +9,11 @@ import pytest
 import torch
 from torch import Tensor
 
+from frida_painter.drawing.arrangement import Relation
+from frida_painter.drawing.composition import ComposedScene
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.picture_library import Captioned
-from frida_painter.words.composition import ComposedScene
-from frida_painter.words.reading import Reading, Relation, SaidWord, Thing
+from frida_painter.words.reading import Reading, SaidWord, Thing
 from frida_painter.words.retrieval import FoundPicture, PictureIndex
 from frida_painter.words.scene import scene_of
 from support.networks import QuickEncoders, WordBag

@@ -9,6 +9,8 @@ import torch
 from torch import Tensor
 
 from frida_painter import images
+from frida_painter.drawing.composition import lay_setting
+from frida_painter.drawing.places import Setting
 from frida_painter.errors import ConfigError
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.encoders.loading import EncoderRegistry
@@ -21,9 +23,7 @@ from frida_painter.objectives.text_loss import Text, wish
 from frida_painter.objectives.word_settings import WordSettings
 from frida_painter.words.account import Account
 from frida_painter.words.casting import cast
-from frida_painter.words.composition import lay_setting
 from frida_painter.words.photograph import put_into_photograph, puts_into_photograph
-from frida_painter.words.places import Setting
 from frida_painter.words.pyramid import color_in
 from frida_painter.words.reading import prompt_reader
 from frida_painter.words.retrieval import picture_index

@@ -8,16 +8,17 @@ from typing import NamedTuple
 
 from torch import Tensor
 
+from frida_painter.drawing import figures
+from frida_painter.drawing.appearance import looks_of
+from frida_painter.drawing.arrangement import copies, kind_of
+from frida_painter.drawing.compositing import stack
+from frida_painter.drawing.figures import Figure, Pose, Tool
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
-from frida_painter.words import figures
-from frida_painter.words.appearance import looks_of
-from frida_painter.words.arrangement import copies, is_part_of_body, is_person, kind_of, known_like
-from frida_painter.words.compositing import stack
-from frida_painter.words.figures import Figure, Pose, Tool
 from frida_painter.words.nouns import kinds_of, senses_of
 from frida_painter.words.reading import GROUPS, PEOPLE, Reading, Thing, paint_of, word_meanings
 from frida_painter.words.retrieval import FoundPicture, PictureIndex, is_upright
+from frida_painter.words.world import is_part_of_body, is_person, known_like
 
 CALLED = 0.9
 """Similarity above which a picture is of the thing itself."""

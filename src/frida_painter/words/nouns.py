@@ -6,7 +6,7 @@ from collections import defaultdict
 from functools import cache
 from typing import NamedTuple
 
-from frida_painter.words.tables import read_lines
+from frida_painter.drawing.tables import read_lines
 
 
 class Sense(NamedTuple):
@@ -31,14 +31,14 @@ class Sense(NamedTuple):
 
 @cache
 def _kinds() -> dict[str, frozenset[str]]:
-    rows = [line.partition(": ") for line in read_lines("nouns.txt")]
+    rows = [line.partition(": ") for line in read_lines("words/nouns.txt")]
     return {noun: frozenset(kinds.split()) for kinds, _, nouns in rows for noun in nouns.split()}
 
 
 @cache
 def _senses() -> dict[str, list[Sense]]:
     known, path = defaultdict[str, list[Sense]](list), list[Sense]()
-    for line in read_lines("senses.txt"):
+    for line in read_lines("words/senses.txt"):
         depth, _, words = line.partition(" ")
         del path[int(depth) :]
         path.append(Sense(tuple(words.split(", ")), path[-1] if path else None))
@@ -49,7 +49,7 @@ def _senses() -> dict[str, list[Sense]]:
 
 @cache
 def _names() -> dict[str, str]:
-    rows = [line.partition(": ") for line in read_lines("names.txt")]
+    rows = [line.partition(": ") for line in read_lines("words/names.txt")]
     return {name: kind for kind, _, names in rows for name in names.split(", ")}
 
 

@@ -11,6 +11,8 @@ import torch
 from torch import Tensor
 
 from frida_painter import images
+from frida_painter.drawing.composition import lay_setting
+from frida_painter.drawing.places import Setting
 from frida_painter.objectives.encoders.base import Seer
 from frida_painter.objectives.encoders.classifiers import EfficientNetLite, class_names
 from frida_painter.objectives.encoders.loading import EncoderRegistry
@@ -18,15 +20,13 @@ from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.objectives.pixel_loss import rise, spread
 from frida_painter.words.account import Account, Mark
-from frida_painter.words.arrangement import known_like
 from frida_painter.words.casting import cast
-from frida_painter.words.composition import lay_setting
-from frida_painter.words.places import Setting
 from frida_painter.words.reading import prompt_reader, word_meanings
 from frida_painter.words.retrieval import has_ground, picture_index
 from frida_painter.words.scene import account_for, tell_thing, words_of
 from frida_painter.words.setting import setting_of
 from frida_painter.words.style_scene import composite_into_style
+from frida_painter.words.world import known_like
 
 _SIZES = (0.6, 0.5, 0.4)  # longer side of the thing, relative to the photograph's shorter one
 _OWN = 0.5  # share of its own colours that it keeps

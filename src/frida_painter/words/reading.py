@@ -15,6 +15,7 @@ import torch
 from torch import Tensor
 
 from frida_painter import registry, weights
+from frida_painter.drawing.arrangement import Relation
 from frida_painter.errors import WeightsError
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
@@ -88,19 +89,6 @@ class Thing:
     def shown(self) -> int:
         """Number of painted copies: 1 to 12."""
         return _PLURAL if self.count is None else max(1, min(self.count, _MAX))
-
-
-@dataclass(frozen=True)
-class Relation:
-    """Relation of two things: their positions in `Reading.things`, and a preposition or verb between them.
-
-    at: positions of its words in the prompt
-    """
-
-    subject: int
-    word: str
-    object: int
-    at: tuple[int, ...] = field(default=(), compare=False)
 
 
 @dataclass(frozen=True)

@@ -10,18 +10,18 @@ import cv2
 import torch
 from torch import Tensor
 
+from frida_painter.drawing.compositing import recolor
+from frida_painter.drawing.figures import Figure
+from frida_painter.drawing.scenery import DrawnScenery
 from frida_painter.errors import ImageError
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.objectives.picture_library import PictureLibrary
 from frida_painter.palette import to_lab
-from frida_painter.words.arrangement import is_person
-from frida_painter.words.compositing import recolor
-from frida_painter.words.figures import Figure
 from frida_painter.words.libraries import PictureFolder, libraries_at_hand
 from frida_painter.words.nouns import Sense, kinds_of, noun_of, senses_of
 from frida_painter.words.reading import Thing, paint_of, word_meanings
-from frida_painter.words.scenery import DrawnScenery
+from frida_painter.words.world import is_person
 
 # Worth of a picture, independent of its thing.
 

@@ -4,34 +4,28 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from frida_painter.frames import PixelGrid
-from frida_painter.objectives.encoders.loading import EncoderRegistry
-from frida_painter.objectives.encoders.sentence import SentenceEncoder
-from frida_painter.objectives.objective import Goal
-from frida_painter.words.account import Account, Mark
-from frida_painter.words.appearance import Appearance, change_looks, in_weather, looks_of
-from frida_painter.words.arrangement import (
-    ScenePart,
-    arrange_parts,
-    copies,
-    is_person,
-    kind_of,
-    known_like,
-)
-from frida_painter.words.casting import Cast, cast
-from frida_painter.words.composition import (
+from frida_painter.drawing.appearance import Appearance, change_looks, in_weather, looks_of
+from frida_painter.drawing.arrangement import Relation, ScenePart, arrange_parts, copies, kind_of
+from frida_painter.drawing.composition import (
     ComposedScene,
     compose_mood,
     compose_photograph,
     compose_scene,
 )
-from frida_painter.words.lights import CLEAR, DAY, Light, dye, find_weather, go_together, rank_lights
+from frida_painter.drawing.lights import CLEAR, DAY, Light, dye, find_weather, go_together, rank_lights
+from frida_painter.drawing.places import NOWHERE, Place, Setting
+from frida_painter.drawing.scenery import Stand
+from frida_painter.frames import PixelGrid
+from frida_painter.objectives.encoders.loading import EncoderRegistry
+from frida_painter.objectives.encoders.sentence import SentenceEncoder
+from frida_painter.objectives.objective import Goal
+from frida_painter.words.account import Account, Mark
+from frida_painter.words.casting import Cast, cast
 from frida_painter.words.nouns import senses_of
-from frida_painter.words.places import NOWHERE, Place, Setting
-from frida_painter.words.reading import Reading, Relation, SaidWord, Thing, prompt_reader, strip_request, word_meanings
+from frida_painter.words.reading import Reading, SaidWord, Thing, prompt_reader, strip_request, word_meanings
 from frida_painter.words.retrieval import FoundPicture, PictureIndex, has_ground, picture_index
-from frida_painter.words.scenery import Stand
 from frida_painter.words.setting import SKY, Seen, setting_of, usual_place
+from frida_painter.words.world import is_person, known_like
 
 _CROWDED = ("busy", "crowded", "bustling", "packed", "lively")
 _HAS = ("with", "having", "on")  # words between a whole and its part

@@ -4,18 +4,28 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+from frida_painter.drawing import places, scenery
+from frida_painter.drawing.appearance import looks_of
+from frida_painter.drawing.arrangement import Relation, kind_of
+from frida_painter.drawing.lights import (
+    CLEAR,
+    DAY,
+    Light,
+    Weather,
+    known_lights,
+    known_weathers,
+    mix_lights,
+    nearest_part,
+)
+from frida_painter.drawing.places import NOWHERE, Place, Setting
+from frida_painter.drawing.scenery import Stand
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
-from frida_painter.words import places, scenery
-from frida_painter.words.appearance import looks_of
-from frida_painter.words.arrangement import is_part_of_body, is_person, kind_of, known_like, known_things
 from frida_painter.words.casting import CALLED, Cast
-from frida_painter.words.lights import CLEAR, DAY, Light, Weather, known_lights, known_weathers, mix_lights
-from frida_painter.words.nouns import kind_of_name
-from frida_painter.words.places import NOWHERE, Place, Setting
-from frida_painter.words.reading import Reading, Relation, Thing, paint_of, word_meanings
+from frida_painter.words.nouns import kind_of_name, kinds_of
+from frida_painter.words.reading import Reading, Thing, paint_of, word_meanings
 from frida_painter.words.retrieval import OWN, PictureIndex
-from frida_painter.words.scenery import Stand
+from frida_painter.words.world import is_part_of_body, is_person, known_like, known_things
 
 SKY = "sky"
 """Place without a land of its own."""
@@ -76,6 +86,24 @@ def setting_of(
     return Setting(place, light, weather, is_named=bool(seen), is_raised=bool(related & raising)), settled, seen
 
 
+_ABSTRACT = 0.25  # margin of an abstract noun with a picture
+
+
+def is_idea(noun: str, things: Sequence[str], sentences: SentenceEncoder, *, is_pictured: bool) -> bool:
+    """Returns True for an abstract noun: a feeling, a time, a sound. Nouns with other senses are nearer to a light.
+
+    is_pictured: True if there is a picture of that name, so that it must be much nearer
+    """
+    kinds = kinds_of(noun)
+    if "idea" not in kinds or (kinds == {"idea"} and not is_pictured):
+        return "idea" in kinds
+    around = [word for place in places.known_places() for word in (*place.words, *place.found)]
+    margin = nearest_part([noun], known_lights(), sentences)[1] - float(
+        (sentences.embed([*things, *around]) @ sentences.embed([noun])[0]).max()
+    )
+    return margin > (_ABSTRACT if is_pictured else 0.0)
+
+
 def _parts_of(
     number: int, reading: Reading, index: PictureIndex | None, sentences: SentenceEncoder
 ) -> tuple[bool, Seen]:
@@ -91,12 +119,12 @@ def _parts_of(
             part = part or places.find_part(said, known_weathers(), sentences, _EXACTLY)
         part = part or places.find_part(thing.noun, known_weathers(), sentences)
         around = [one.name for one in known_things()]
-        is_idea = " " in thing.noun or places.is_idea(thing.name, around, sentences, is_pictured=nearest >= _PICTURED)
-        least = _FELT if is_idea else _EXACTLY
+        is_abstract = " " in thing.noun or is_idea(thing.name, around, sentences, is_pictured=nearest >= _PICTURED)
+        least = _FELT if is_abstract else _EXACTLY
         light = _light_named(_whole(thing), sentences, _EXACTLY)  # northern lights
         for said in (thing.noun, _whole(thing)):
             light = light or _light_named(said, sentences, least)
-        if part is None and is_idea and (light or not is_person(thing.noun, sentences)):
+        if part is None and is_abstract and (light or not is_person(thing.noun, sentences)):
             part, is_settled = light, True
         elif light:  # a thing that comes with a light: the moon
             ends = max(thing.at)

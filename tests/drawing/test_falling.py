@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 import torch
 
+from frida_painter.drawing.arrangement import Known, Placed
+from frida_painter.drawing.composition import compose_scene, falling
+from frida_painter.drawing.lights import CLEAR, DAY, find_light, find_weather
+from frida_painter.drawing.places import Setting, find_place
 from frida_painter.frames import PixelGrid
-from frida_painter.words.arrangement import Known, Placed
-from frida_painter.words.composition import compose_scene, falling
-from frida_painter.words.lights import CLEAR, DAY, find_light, find_weather
-from frida_painter.words.places import Setting, find_place
 from support.planning import CANVAS
 
 THING = Known("thing", 1.0, "ground")

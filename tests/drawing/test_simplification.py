@@ -1,7 +1,7 @@
 import torch
 from torch import Tensor
 
-from frida_painter.words.composition import simplify
+from frida_painter.drawing.composition import simplify
 
 
 def roughness(picture: Tensor) -> float:

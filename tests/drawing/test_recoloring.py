@@ -1,6 +1,6 @@
 import torch
 
-from frida_painter.words.compositing import recolor
+from frida_painter.drawing.compositing import recolor
 
 BLUE = torch.tensor([0.16, 0.36, 0.75])
 

@@ -9,10 +9,10 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from frida_painter.drawing.compositing import crop, resize, sample, soften, warp_rows
+from frida_painter.drawing.lights import Color, Weather, color_of
+from frida_painter.drawing.tables import read_lines
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
-from frida_painter.words.compositing import crop, resize, sample, soften, warp_rows
-from frida_painter.words.lights import Color, Weather, color_of
-from frida_painter.words.tables import read_lines
 
 
 def _bend(picture: Tensor, lean: float = 0.6) -> Tensor:
@@ -171,7 +171,7 @@ def _given(change: Callable[..., Tensor], given: Sequence[float | str]) -> Calla
 def known_looks() -> tuple[Appearance, ...]:
     """Returns the table of `looks.txt`."""
     found = []
-    for words, _, said in (line.partition(": ") for line in read_lines("looks.txt")):
+    for words, _, said in (line.partition(": ") for line in read_lines("drawing/looks.txt")):
         kind, *rest = said.split()
         given = [float(one) if one[0] in "-.0123456789" else one for one in rest]
         changed: dict[str, Any] = {kind: given[0] if given else 1.0}

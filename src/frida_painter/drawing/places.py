@@ -12,22 +12,20 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from frida_painter.frames import PixelGrid
-from frida_painter.objectives.encoders.sentence import SentenceEncoder
-from frida_painter.palette import from_lab, to_lab
-from frida_painter.words.brushwork import paint_loosely
-from frida_painter.words.lights import (
+from frida_painter.drawing.brushwork import paint_loosely
+from frida_painter.drawing.lights import (
     CLEAR,
     DAY,
     Color,
     Light,
     Weather,
     color_of,
-    known_lights,
     nearest_part,
 )
-from frida_painter.words.nouns import kinds_of
-from frida_painter.words.tables import read_rows, split_words
+from frida_painter.drawing.tables import read_rows, split_words
+from frida_painter.frames import PixelGrid
+from frida_painter.objectives.encoders.sentence import SentenceEncoder
+from frida_painter.palette import from_lab, to_lab
 
 HORIZON = 0.72
 """Usual share of the height above the horizon, or above the edge of a floor or a table."""
@@ -110,7 +108,7 @@ class Place:
 def known_places() -> tuple[Place, ...]:
     """Returns the table of `places.txt`."""
     found = []
-    for words, things, land, scenery in read_rows("places.txt"):
+    for words, things, land, scenery in read_rows("drawing/places.txt"):
         kind, below, above, bank, horizon = land.split()
         split = [layer.split() for layer in scenery.split(";") if layer]
         layers = tuple(
@@ -149,7 +147,6 @@ _KIN = {
 }  # other kinds for the same
 _CALLED = 0.72  # similarity to a place's words above which words name it
 _FELT, _FELT_WEATHER = 0.62, 0.7  # to the words of a light, and of a weather: a snowmobile (0.67) is a thing
-_ABSTRACT = 0.25  # margin of an abstract noun with a picture
 _MIDDLE = 55.0  # L*
 TOLD_APART = 40.0
 """Lab distance between things and the ground around them."""
@@ -261,21 +258,6 @@ def find_part(name: str, parts: Sequence[_Part], sentences: SentenceEncoder, lea
     part, similarity = nearest_part([name], parts, sentences, words)
     usual = {Place: _CALLED, Light: _FELT, Weather: _FELT_WEATHER}[type(part)]
     return part if similarity >= max(least, usual) else None
-
-
-def is_idea(noun: str, things: Sequence[str], sentences: SentenceEncoder, *, is_pictured: bool) -> bool:
-    """Returns True for an abstract noun: a feeling, a time, a sound. Nouns with other senses are nearer to a light.
-
-    is_pictured: True if there is a picture of that name, so that it must be much nearer
-    """
-    kinds = kinds_of(noun)
-    if "idea" not in kinds or (kinds == {"idea"} and not is_pictured):
-        return "idea" in kinds
-    around = [word for place in known_places() for word in (*place.words, *place.found)]
-    margin = nearest_part([noun], known_lights(), sentences)[1] - float(
-        (sentences.embed([*things, *around]) @ sentences.embed([noun])[0]).max()
-    )
-    return margin > (_ABSTRACT if is_pictured else 0.0)
 
 
 def infer_place(

@@ -13,13 +13,13 @@ import torch
 from torch import Tensor
 
 from frida_painter import images
+from frida_painter.drawing.appearance import in_weather
+from frida_painter.drawing.compositing import crop, resize
+from frida_painter.drawing.lights import Color, color_of
+from frida_painter.drawing.places import NOWHERE, Place, PlaceLayer, Setting, known_places, with_layers
+from frida_painter.drawing.tables import read_lines
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.objectives.picture_library import Captioned
-from frida_painter.words.appearance import in_weather
-from frida_painter.words.compositing import crop, resize
-from frida_painter.words.lights import Color, color_of
-from frida_painter.words.places import NOWHERE, Place, PlaceLayer, Setting, known_places, with_layers
-from frida_painter.words.tables import read_lines
 
 _Points = Sequence[tuple[float, float]] | npt.NDArray[np.float64]
 
@@ -72,7 +72,7 @@ class Stand(NamedTuple):
 def stands(table: str = "scenery.txt") -> dict[str, Stand]:
     """Returns a table of drawn things, by their names."""
     found = {}
-    for head, _, shapes in (line.partition(": ") for line in read_lines(table)):
+    for head, _, shapes in (line.partition(": ") for line in read_lines(f"drawing/{table}")):
         words, color, height = head.rsplit(" ", 2)
         drawn = tuple(tuple(shape.split()) for shape in shapes.split(";"))
         stand = Stand(tuple(words.split(", ")), color, float(height), drawn)

@@ -6,8 +6,8 @@ import pytest
 import torch
 
 from downloads import fetched
+from frida_painter.drawing.figures import Clothes, Figure, Pose, Tool, draw_figure, nearest, poses, tools, wardrobe
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
-from frida_painter.words.figures import Clothes, Figure, Pose, Tool, draw_figure, nearest, poses, tools, wardrobe
 from frida_painter.words.reading import WordMeanings
 from support.networks import WordBag
 

@@ -16,10 +16,10 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
+from frida_painter.drawing.compositing import resize
+from frida_painter.drawing.lights import Color, color_of
+from frida_painter.drawing.tables import read_lines
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
-from frida_painter.words.compositing import resize
-from frida_painter.words.lights import Color, color_of
-from frida_painter.words.tables import read_lines
 
 _Point = npt.NDArray[np.float64]
 
@@ -66,7 +66,7 @@ class Clothes(NamedTuple):
 
 def _rows(name: str) -> list[tuple[list[tuple[str, ...]], list[str], _Shapes]]:
     """Returns the rows of a table: lists of words, what is after their colon, and shapes."""
-    split = [re.split(r": |; ", line) for line in read_lines(name)]
+    split = [re.split(r": |; ", line) for line in read_lines(f"drawing/{name}")]
     return [
         (
             [tuple(words.split(", ")) for words in head.split(" = ")],

@@ -4,8 +4,8 @@ import pytest
 import torch
 from torch import Tensor
 
-from frida_painter.words.appearance import change_looks, in_weather, known_looks, looks_of
-from frida_painter.words.lights import CLEAR, known_weathers
+from frida_painter.drawing.appearance import change_looks, in_weather, known_looks, looks_of
+from frida_painter.drawing.lights import CLEAR, known_weathers
 from support.networks import WordBag
 
 

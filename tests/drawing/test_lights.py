@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from frida_painter.words.lights import (
+from frida_painter.drawing.lights import (
     color_of,
     dye,
     find_light,

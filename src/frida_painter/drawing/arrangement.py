@@ -5,80 +5,14 @@ Lengths are relative: x points right, y up from the floor. The composition scale
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cache
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
-from frida_painter.objectives.encoders.sentence import SentenceEncoder
-from frida_painter.words.compositing import resize, stack
-from frida_painter.words.figures import Figure, wardrobe
-from frida_painter.words.nouns import kinds_of
-from frida_painter.words.reading import Relation
-from frida_painter.words.tables import read_lines
-
-# Sizes and usual places of things, from known things of similar meaning.
-
-_NEIGHBOURS = 3
-_SHARPNESS = 0.05  # difference of similarity at which a neighbour's weight falls to 1/e
-
-
-class Known(NamedTuple):
-    """Known thing: its name, its height in metres in the real world, and its usual place, as `world.txt` explains."""
-
-    name: str
-    height: float
-    where: str
-
-
-@cache
-def known_things() -> tuple[Known, ...]:
-    """Returns the table of `world.txt`."""
-    rows = [line.rsplit(" ", 2) for line in read_lines("world.txt")]
-    return tuple(Known(name, float(height), where) for name, height, where in rows)
-
-
-def known_like(name: str, sentences: SentenceEncoder) -> Known:
-    """Returns an estimate for a named thing, from the known things of most similar meaning.
-
-    The height is a weighted mean of theirs; the usual place is that of the most similar one. A person is like people,
-    and a thing like things. A compound is not what it begins with: a horseshoe is no horse.
-    """
-    kinds, things = kinds_of(name), known_things()
-    if "person" not in kinds or kinds == {"person"}:
-        things = tuple(thing for thing in things if (thing.where == "person") == ("person" in kinds))
-    things = tuple(thing for thing in things if name == thing.name or not name.startswith(thing.name))
-    meanings = sentences.embed([name, *(thing.name for thing in things)])
-    similarity, nearest = (meanings[1:] @ meanings[0]).topk(_NEIGHBOURS)
-    share = (similarity / _SHARPNESS).softmax(0)
-    heights = torch.tensor([things[at].height for at in nearest.tolist()])
-    return Known(name, float((share * heights.log()).sum().exp()), things[int(nearest[0])].where)
-
-
-_PERSON = 0.48  # least similarity of a word with other senses to a word for a person
-
-
-def is_person(name: str, sentences: SentenceEncoder) -> bool:
-    """Returns True if a name means a person.
-
-    If its noun has other senses too, it means one if it is rather near to the people among the known things or to those
-    who have clothes of their own, and nearer than to any other known thing: a conductor, but no fox and no reed.
-    """
-    kinds = kinds_of(name)
-    if "person" not in kinds or kinds == {"person"}:
-        return "person" in kinds
-    known = {one.name: one.where == "person" for one in known_things()}
-    known |= {word: True for clothes in wardrobe() for word in clothes.words}
-    similarity, nearest = (sentences.embed([*known]) @ sentences.embed([name])[0]).max(0)
-    return float(similarity) >= _PERSON and [*known.values()][int(nearest)]
-
-
-def is_part_of_body(noun: str, sentences: SentenceEncoder) -> bool:
-    """Returns True if a noun means a part of a body, such as a beard."""
-    return "body" in kinds_of(noun) and known_like(noun, sentences).where == "body"
-
+from frida_painter.drawing.compositing import resize, stack
+from frida_painter.drawing.figures import Figure
 
 _GROWTH = 0.6  # exponent from the height in the world to the height in a picture
 _MIN = 0.3  # least height of a thing, relative to the tallest
@@ -133,6 +67,27 @@ def kind_of(word: str) -> str:
     """
     named = next((kind for kind, words in _KINDS.items() if word in words), "")
     return named or ("doing" if word.endswith("ing") else "")
+
+
+class Known(NamedTuple):
+    """Known thing: its name, its height in metres in the real world, and its usual place, as `world.txt` explains."""
+
+    name: str
+    height: float
+    where: str
+
+
+@dataclass(frozen=True)
+class Relation:
+    """Relation of two things: their positions among the things, and a preposition or verb between them.
+
+    at: positions of its words in the prompt
+    """
+
+    subject: int
+    word: str
+    object: int
+    at: tuple[int, ...] = field(default=(), compare=False)
 
 
 @dataclass(frozen=True)

@@ -3,11 +3,9 @@
 import pytest
 import torch
 
-from frida_painter.frames import PixelGrid
-from frida_painter.palette import to_lab
-from frida_painter.words.lights import find_light, find_weather
-from frida_painter.words.places import Place, Setting, find_place, join, known_places
-from frida_painter.words.scenery import (
+from frida_painter.drawing.lights import find_light, find_weather
+from frida_painter.drawing.places import Place, Setting, find_place, join, known_places
+from frida_painter.drawing.scenery import (
     DrawnScenery,
     Stand,
     draw_scenery,
@@ -16,6 +14,8 @@ from frida_painter.words.scenery import (
     line_with,
     stands,
 )
+from frida_painter.frames import PixelGrid
+from frida_painter.palette import to_lab
 from support.networks import WordBag
 from support.planning import CANVAS
 

@@ -3,23 +3,22 @@
 import pytest
 import torch
 
-from frida_painter.frames import PixelGrid
-from frida_painter.palette import to_lab
-from frida_painter.words.arrangement import Known, Placed, known_like, known_things
-from frida_painter.words.composition import compose_scene
-from frida_painter.words.lights import CLEAR, DAY, find_light, find_weather, known_lights, known_weathers
-from frida_painter.words.places import (
+from frida_painter.drawing.arrangement import Known, Placed
+from frida_painter.drawing.composition import compose_scene
+from frida_painter.drawing.lights import CLEAR, DAY, find_light, find_weather, known_lights, known_weathers
+from frida_painter.drawing.places import (
     Place,
     Setting,
     find_part,
     find_place,
     in_color,
     infer_place,
-    is_idea,
     join,
     known_places,
     with_contrast,
 )
+from frida_painter.frames import PixelGrid
+from frida_painter.palette import to_lab
 from support.networks import WordBag
 from support.planning import CANVAS
 
@@ -79,17 +78,6 @@ def test_words_name_places_lights_and_weathers_or_imply_them() -> None:
     assert infer_place(["a whale"], bag, afloat=False).kind != "water"
 
 
-def test_sizes_come_from_what_is_similar() -> None:
-    bag = WordBag()
-    assert known_like("elephant", bag).height == pytest.approx(3.2, rel=0.2)
-    assert known_like("moon", bag).where == "air" and known_like("dress", bag).where == "worn"
-    places = ("ground", "person", "animal", "air", "water", "worn", "held", "head", "top", "seat", "body",
-              "plant", "wall")  # fmt: skip
-    assert all(thing.height > 0 and thing.where in places for thing in known_things())
-    assert known_like("plate", bag).where == "seat", "what is on it lies in it"
-    assert known_like("spider web", bag).where == "seat" and known_like("umbrella", bag).where == "held"
-
-
 @pytest.mark.parametrize("shade", [0.0, 0.5, 1.0])
 def test_things_are_told_from_their_ground(shade: float) -> None:
     thing, where = torch.full((3, 60, 80), shade), torch.zeros(60, 80)
@@ -137,14 +125,6 @@ def test_paper_stays_bare_if_words_ask_for_it() -> None:
     assert find_part("blank page", known_places(), WordBag()) is paper
     blue = Setting(in_color(paper, (0.2, 0.3, 0.9))).ground(GRID, 0)
     assert float(blue[2].min()) == pytest.approx(0.9) and float(blue.std((1, 2)).max()) < 1e-6
-
-
-def test_a_feeling_is_an_idea_and_a_thing_is_none() -> None:
-    bag = WordBag()
-    assert is_idea("grief", ["grief"], bag, is_pictured=False), "it has no other sense"
-    assert is_idea("grief", [], bag, is_pictured=True) and not is_idea("grief", ["grief"], bag, is_pictured=True)
-    assert is_idea("dance", [], bag, is_pictured=False) and not is_idea("dance", ["dance"], bag, is_pictured=False)
-    assert not is_idea("teapot", [], bag, is_pictured=False) and not is_idea("violinist", [], bag, is_pictured=False)
 
 
 def test_hills_of_another_place_stand_behind_a_lake() -> None:

@@ -5,9 +5,9 @@ import math
 import pytest
 import torch
 
+from frida_painter.drawing.brushwork import FORMS, paint_loosely, paint_mood
+from frida_painter.drawing.lights import find_light, known_lights, known_weathers
 from frida_painter.frames import PixelGrid
-from frida_painter.words.brushwork import FORMS, paint_loosely, paint_mood
-from frida_painter.words.lights import find_light, known_lights, known_weathers
 from support.planning import CANVAS
 
 GRID = PixelGrid.of_height(CANVAS, 90)

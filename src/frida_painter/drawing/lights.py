@@ -11,9 +11,9 @@ from typing import Protocol, TypeVar
 import torch
 from torch import Tensor
 
+from frida_painter.drawing.tables import read_rows, split_words
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.palette import to_lab
-from frida_painter.words.tables import read_rows, split_words
 
 Color = str | tuple[float, float, float]
 _GAMMA = 0.7  # exponent from the light of a sky, relative to a day's, to the shade of things in it
@@ -118,7 +118,7 @@ CLEAR = Weather(("clear",), "white", DAY)
 def _read_table() -> tuple[tuple[Light, Weather], ...]:
     """Returns the lights of `lights.txt`, each with the weather of its words."""
     found = []
-    for kind, words, felt, colors, more in read_rows("lights.txt"):
+    for kind, words, felt, colors, more in read_rows("drawing/lights.txt"):
         said, (top, low, accent) = dict(one.split() for one in more.split("; ") if one), colors.split()
         form, energy, named = said.get("form", "horizon"), float(said.get("energy", 0.2)), split_words(words)
         stars, body = int(said.get("stars", 0)), said.get("body", "")

@@ -1,11 +1,11 @@
-"""Tables: text files of this package with one fact a line."""
+"""Tables: text files with one fact a line, each in the room that uses it."""
 
 from importlib import resources
 
 
 def read_lines(file: str) -> list[str]:
-    """Returns the lines of a table, without empty ones and comments."""
-    lines = (resources.files(__package__) / file).read_text("utf-8").splitlines()
+    """Returns the lines of a table such as "words/world.txt", without empty ones and comments."""
+    lines = (resources.files("frida_painter") / file).read_text("utf-8").splitlines()
     return [line for line in lines if line and not line.startswith("#")]
 
 

@@ -10,13 +10,13 @@ from torch import Tensor
 from torch.nn import functional
 
 from frida_painter import images
+from frida_painter.drawing.arrangement import Placed
+from frida_painter.drawing.brushwork import paint_mood
+from frida_painter.drawing.compositing import paste, resize, soften, stack
+from frida_painter.drawing.lights import Light, color_of
+from frida_painter.drawing.places import SUMMIT, TOLD_APART, Setting, with_contrast
+from frida_painter.drawing.scenery import draw_scenery
 from frida_painter.frames import PixelGrid
-from frida_painter.words.arrangement import Placed
-from frida_painter.words.brushwork import paint_mood
-from frida_painter.words.compositing import paste, resize, soften, stack
-from frida_painter.words.lights import Light, color_of
-from frida_painter.words.places import SUMMIT, TOLD_APART, Setting, with_contrast
-from frida_painter.words.scenery import draw_scenery
 
 # Simplification for few strokes: areas of one colour, without texture.
 

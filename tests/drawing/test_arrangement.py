@@ -9,11 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as some
 from torch import Tensor
 
-from downloads import fetched
-from frida_painter.objectives.encoders.sentence import SentenceEncoder
-from frida_painter.words.arrangement import Known, Placed, ScenePart, arrange_parts, copies, is_person
-from frida_painter.words.figures import Figure
-from frida_painter.words.reading import Relation
+from frida_painter.drawing.arrangement import Known, Placed, Relation, ScenePart, arrange_parts, copies
+from frida_painter.drawing.figures import Figure
 
 
 def thing(color: int, height: float, where: str = "ground", shape: tuple[int, int] = (40, 40)) -> ScenePart:
@@ -284,15 +281,6 @@ def test_copies_are_all_there(count: int, where: str) -> None:
 
 def _area(drawing: Tensor) -> float:
     return float(drawing[3].sum())
-
-
-@pytest.mark.slow
-def test_people_are_told_from_things_by_their_meaning() -> None:
-    fetched("minilm")
-    sentences = SentenceEncoder.load()
-    people = ("baker", "violinist", "old man", "nurse", "children", "thief", "ballet dancer", "soldier", "bride")
-    things = ("farmhouse", "cello", "toothbrush", "statue", "horse", "crown", "bakery", "ambulance", "rocking chair")
-    assert [is_person(name, sentences) for name in (*people, *things)] == [True] * len(people) + [False] * len(things)
 
 
 def test_what_is_on_a_seat_sits_in_it_and_small_things_are_in_the_hands() -> None:
