@@ -359,7 +359,7 @@ def test_a_slow_robot_is_waited_for(tmp_path: Path) -> None:
 def test_whenever_and_however_often_it_is_stopped_nothing_moves_afterwards(tmp_path: Path) -> None:
     """Fault F10: stops at any moment, twice, and while stopping.
 
-    1000 stops at random moments of a motion that would take 3 s, however late a busy computer stops it, half of them twice or once more afterwards.
+    1000 stops at random moments of a motion that would take 3 s, half of them twice or once more afterwards.
     """
     chance = random.Random(7)
     studio = open_studio(CanvasSize(0.12, 0.09), "fine", settings=StudioSettings(pace=0.1))
