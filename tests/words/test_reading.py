@@ -204,6 +204,8 @@ def test_those_who_do_something_are_counted(reader: PromptReader, prompt: str, c
         ("a girl in a red top", ["girl", "top"], [(0, "in", 1)]),
         ("the kitchen of my grandparents", ["kitchen"], []),
         ("a T-Rex", ["T-Rex"], []),
+        ("a red rose in a vase", ["rose", "vase"], [(0, "in", 1)]),
+        ("red rose", ["rose"], []),
         ("a boy in the snow, it is raining", ["boy", "snow"], [(0, "in", 1)]),
     ],
 )

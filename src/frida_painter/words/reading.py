@@ -257,7 +257,7 @@ class PromptReader:
             if word.tag_ == "VBZ" and (base := word.lower_.removesuffix("s")) in self._verbs:
                 word.lemma_ = base  # rides come from ride, not rid
             before = word.nbor(-1) if word.i else word
-            if word.tag_ == "VBD" and before.lower_ in _BASIC and before.dep_ == "nsubj":  # a red rose
+            if word.tag_ == "VBD" and before.lower_ in _BASIC and before.head == word:  # a red rose
                 _put_in_place(word, before, "amod", before.lefts)
                 word.pos_, word.tag_, word.lemma_, before.pos_ = "NOUN", "NN", word.lower_, "ADJ"
             is_last = word.i + 1 == len(parsed) and _is_noun(before) and word.pos_ in ("AUX", "ADJ")
