@@ -49,8 +49,7 @@ def test_the_tip_of_a_guided_franka_is_recorded_and_nothing_moves_it(
         )
         assert arm.moves() == 0 and arm.recoveries() == 0
         away = np.linalg.norm(np.array(tips)[:, None] - truth[None], axis=2)
-        # A busy computer lets the simulated arm leap; where it is led all the time, it is on its way.
-        assert np.quantile(away.min(1), 0.8) < 5e-4 and len(set(away.argmin(1).tolist())) > 20
+        assert away.min(1).max() < 5e-4 and len(set(away.argmin(1).tolist())) > 20
         assert away.min(1)[-1] < 1e-3 and away[-1].argmin() > 780
         (latch,) = latches(tmp_path / "state")
         latch.release()

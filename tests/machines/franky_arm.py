@@ -229,7 +229,7 @@ def _serve(
             nonlocal step
             step += 1
             if led:  # a hand is stronger than the arm's own hold
-                simulation.data.qpos[robot._qpos_addrs] = led.popleft()
+                simulation.data.qpos[robot._qpos_addrs] = led.popleft() if len(led) > 1 else led[0]  # and stays there
                 simulation.data.qvel[robot._dof_addrs] = 0.0
             sink.write(np.array(robot.inner_state.q).tobytes())
             model, data, total, one = simulation.model, simulation.data, np.zeros(3), np.zeros(6)

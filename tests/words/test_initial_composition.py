@@ -242,9 +242,9 @@ def test_in_a_style_the_light_and_the_weather_of_the_words_are_seen(
 def test_beside_a_style_or_a_sketch_the_scene_leaves_them_a_say(encoders: QuickEncoders) -> None:
     words, drawing = TextTerm("a strawberry", 2.0), torch.ones(3, 60, 80)
     drawing[:, 15:45, 20:60] = 0
-    goals = [(words,), (words, StyleTerm(picture())), (words, SketchTerm(drawing))]
+    goals = [(words,), (words, TextTerm("grief")), (words, StyleTerm(picture())), (words, SketchTerm(drawing))]
     weights = [initial_composition(Goal(terms), GRID, encoders, 0).terms[-1].weight for terms in goals]
-    assert weights[0] >= 10 * weights[1] and weights[1] == weights[2] == 6
+    assert weights[1] == 10 * weights[0] > 100 * weights[2] and weights[2] == weights[3] == 6
 
 
 def test_the_scene_of_a_place_counts_more_than_that_of_a_thing(encoders: QuickEncoders) -> None:

@@ -188,10 +188,10 @@ _SIDE = 320  # pixels of a picture that is changed
 
 def looks_of(words: Sequence[str], sentences: SentenceEncoder, *, is_person: bool) -> dict[str, Appearance]:
     """Returns the words that ask for an appearance, each with it. People change in their figure only."""
-    owners = [look for look in known_looks()[: _FIGURES if is_person else None] for _ in look.words]
-    anchors = sentences.embed([word for look in dict.fromkeys(owners) for word in look.words])
+    owners = [(look, word) for look in known_looks()[: _FIGURES if is_person else None] for word in look.words]
+    anchors = sentences.embed([word for _, word in owners])
     nearest = {word: (anchors @ sentences.embed([word])[0]).max(0) for word in words}
-    return {word: owners[int(at)] for word, (similarity, at) in nearest.items() if float(similarity) >= _MEANS}
+    return {word: owners[int(at)][0] for word, (similarity, at) in nearest.items() if float(similarity) >= _MEANS}
 
 
 def change_looks(picture: Tensor, looks: Sequence[Appearance]) -> tuple[Tensor, float]:

@@ -45,7 +45,7 @@ SOMEBODY = "somebody"
 """Actor of a prompt without one: dancing in the rain."""
 PEOPLE = (SOMEBODY, "someone", "everybody", "everyone")
 """Pronouns of people; "it" and "something" are no things."""
-_TOLD_OF = ("it", "he", "she", "they")  # pronouns for the first thing: my dog, he is brown
+_TOLD_OF = ("he", "she", "they")  # pronouns for the first thing: my dog, he is brown
 _SIDES = {"front": "in front of", "foreground": "in front of", "top": "on", "middle": "in", "side": "beside",
           **dict.fromkeys(("back", "background", "distance"), "behind")}  # fmt: skip
 """Nouns for the place of a thing by another one: a cake with strawberries on top."""
@@ -451,10 +451,9 @@ class _Walk:
         if head in self._numbers:
             return [self._numbers[head]]
         if head.pos_ in ("VERB", "AUX", "ADJ") and (actors := [word for word in head.lefts if _is_noun(word)]):
-            is_told_of = actors[-1].lower_ in _TOLD_OF[head.lemma_ not in ("be", "have") :] and bool(
-                self.things
-            )  # it rains
-            return [0] if is_told_of else self._joined(actors[-1])
+            said = actors[-1].lower_
+            is_told = said in _TOLD_OF or (said == "it" and head.lemma_ in ("be", "have"))  # but it rains
+            return [0] if is_told and self.things else self._joined(actors[-1])
         above = head.head
         owners = self._subjects(above.head) if head.dep_ == "acl" and above.dep_ == "pobj" else []
         people = [one for one in owners if "person" in kinds_of(self.things[one].noun)]

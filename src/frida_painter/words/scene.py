@@ -44,9 +44,7 @@ def scene_of(
     sentences, account = word_meanings(encoders), Account(reading)
     setting, settled, seen = setting_of(reading, index, encoders)
     named = [light for *_, light in seen if isinstance(light, Light) and light is not DAY]
-    feels = any(
-        part in named and getattr(part, "kind", "mood") == "mood" and word == thing.noun for thing, word, part in seen
-    )
+    feels = any(isinstance(part, Light) and part.kind == "mood" and word == thing.noun for thing, word, part in seen)
     is_placed = any(isinstance(part, Place | Stand) for *_, part in seen)
     is_busy = any(isinstance(part, Place) and {*thing.name.split()} & {*_CROWDED} for thing, _, part in seen)
     is_full = any(layer.what for layer in setting.place.layers)
@@ -78,9 +76,9 @@ def scene_of(
     used |= {second.name} if is_mood else {SKY} if setting.place.is_open else set()
     account_for(things, reading, [one for one in seen if one[2].name in used], account)
     looks: dict[int, dict[SaidWord, Appearance]] = {}
+    missing = {number for number, one in enumerate(things) if one is None} - settled
     for number, one in enumerate(things if whole is None else ()):
         if one is not None:
-            missing = {at for at, other in enumerate(things) if other is None} - settled
             looks[number] = _looks_of(number, reading, one, missing, sentences)
             account.mark([word.at for word in looks[number]], Mark.SHOWN, one.caption)
     _tell([one for one in things if one is not None], setting, encoders, use, index, account)

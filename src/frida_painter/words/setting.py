@@ -35,9 +35,10 @@ _PICTURED = 0.8  # similarity above which a picture probably shows the thing of 
 _ROUNDING = 1e-3
 _SURE = 0.8  # similarity above which a word of a name means a place: a watering can is not in water
 _EXACTLY = 0.95  # the same for a place that things are beside: a tent beside a lake
-_BUILDING = 4.0  # metres
-_FEELINGS = ("feel", "feeling", "mood")  # first words of a prompt for a mood: the feeling when school is over
 _FELT = 0.75  # the same for an idea or an adjective and a light: a sad clown
+_ABSTRACT = 0.25  # margin of an abstract noun with a picture
+_BUILDING = 4.0  # least height of what has windows of its own, in metres
+_FEELINGS = ("feel", "feeling", "mood")  # first words of a prompt for a mood: the feeling when school is over
 
 Seen = list[tuple[Thing, str, Place | Light | Weather | Stand]]
 """Words of a setting, each with the thing that it belongs to and the part of the setting that it means."""
@@ -84,9 +85,6 @@ def setting_of(
         {"on", "over", "behind"} if is_atop else {"beside", "near", "front", "with", "hold"} if is_ashore else set()
     )
     return Setting(place, light, weather, is_named=bool(seen), is_raised=bool(related & raising)), settled, seen
-
-
-_ABSTRACT = 0.25  # margin of an abstract noun with a picture
 
 
 def is_idea(noun: str, things: Sequence[str], sentences: SentenceEncoder, *, is_pictured: bool) -> bool:
