@@ -37,7 +37,7 @@ _SURE = 0.8  # similarity above which a word of a name means a place: a watering
 _EXACTLY = 0.95  # the same for a place that things are beside: a tent beside a lake
 _FELT = 0.75  # the same for an idea or an adjective and a light: a sad clown
 _ABSTRACT = 0.25  # margin of an abstract noun with a picture
-_BUILDING = 4.0  # least height of what has windows of its own, in metres
+_BUILDING = 4.0  # least height of a building, in metres
 _FEELINGS = ("feel", "feeling", "mood")  # first words of a prompt for a mood: the feeling when school is over
 
 Seen = list[tuple[Thing, str, Place | Light | Weather | Stand]]
