@@ -174,6 +174,17 @@ def test_those_who_do_something_are_counted(reader: PromptReader, prompt: str, c
 @pytest.mark.parametrize(
     ("prompt", "things", "relations"),
     [
+        ("a teddy bear with one ear missing", ["teddy bear", "ear"], [(0, "with", 1)]),
+        (
+            "a dad teaching his daughter to ride a bike",
+            ["dad", "daughter", "bike"],
+            [(0, "teaching", 1), (1, "riding", 2)],
+        ),
+        ("a girl helping her grandma bake cookies", ["girl", "grandma", "cookie"], [(1, "baking", 2)]),
+        ("a cowboy riding off into the sunset", ["cowboy", "sunset"], [(0, "into", 1)]),
+        ("a nurse holding an old man's hand", ["nurse", "old man"], [(0, "holding", 1)]),
+        ("lots of butterflies around a bush", ["butterfly", "bush"], [(0, "around", 1)]),
+        ("tea on mars", ["tea", "mars"], [(0, "on", 1)]),
         ("a fire hydrant", ["fire hydrant"], []),
         ("a fire hydrant beside a dog", ["fire hydrant", "dog"], [(0, "beside", 1)]),
         ("a cup of tea and a croissant", ["cup", "tea", "croissant"], [(0, "of", 1)]),

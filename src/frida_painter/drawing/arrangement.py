@@ -286,8 +286,14 @@ def _anchor(mine: Placed, other: Placed, kind: str) -> _Anchor | None:
         most = min(0.8, _FITS * other.width * shape / other.height)
         return _Anchor(up=rim - max(_SINKS, _ABOVE * deep), sinks=hidden, least=min(hidden, most), most=most)
     if kind == "with" and where == "head":
-        crown = other.picture[3, : max(1, round(_CROWN * other.picture.shape[1]))].gt(0.5).any(0).nonzero()
-        middle, wide = float(crown.float().mean()), float(crown.max() - crown.min() + 1)
+        seen = other.picture[3] > 0.5
+        top = seen[: max(1, round(_CROWN * other.picture.shape[1]))].any(0)
+        start = int(seen.float().argmax(0).where(top, seen.shape[0]).argmin())  # the head, not a tail of that height
+        first, last = (
+            int((~side).float().argmax()) if not bool(side.all()) else len(side)
+            for side in (top[: start + 1].flip(0), top[start:])
+        )
+        middle, wide = start + (last - first) / 2, float(first + last - 1)
         columns = other.picture.shape[2]
         size = min(_HAT * wide / columns * other.width * shape / other.height, _LARGEST_HAT)
         return _Anchor(middle / columns - 0.5, 1 - _PULLED_DOWN * size, least=size, most=size)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 import torch
 from torch import Tensor
 from torch.nn import functional
@@ -13,7 +14,7 @@ from frida_painter import images
 from frida_painter.drawing.arrangement import Placed
 from frida_painter.drawing.brushwork import paint_mood
 from frida_painter.drawing.compositing import paste, resize, soften, stack
-from frida_painter.drawing.lights import Light, color_of
+from frida_painter.drawing.lights import Light, Weather, color_of
 from frida_painter.drawing.places import SUMMIT, TOLD_APART, Setting, with_contrast
 from frida_painter.drawing.scenery import draw_scenery
 from frida_painter.frames import PixelGrid
@@ -39,31 +40,42 @@ def simplify(picture: Tensor) -> Tensor:
 _DAB = 0.031  # diameter of a star or a flake, as a share of the height: a dab of the fine brush
 _RAIN_LENGTH, _RAIN_WIDTH = 0.15, 0.018  # of the height: about a stroke of the fine brush
 _SLOPE = 0.28  # of rain: columns per row
+_GUSTS, _GUST_LENGTH, _GUST_WIDTH, _WAVE = 7, 0.34, 0.012, 0.016  # number of a wind's marks, and their size
 _STARLIGHT = (1.0, 0.96, 0.78)
 _TRIES = 30  # random places that are tried for each mark
 _APART = 16  # a height divided by this is the distance of marks
 
 
+def _mark_of(weather: Weather) -> tuple[npt.NDArray[np.float64], float]:
+    """Returns the line of one mark of a weather, [n, 2] x and y, and its width, in heights of the canvas."""
+    if weather.rain:
+        return _RAIN_LENGTH * np.array([(0.0, 0.0), (-_SLOPE * (1 + 2 * weather.wind), 1.0)]), _RAIN_WIDTH
+    if weather.flakes or not weather.wind:
+        return np.zeros((1, 2)), _DAB
+    along = np.linspace(0, 1, 12)[:, None]
+    return np.hstack((_GUST_LENGTH * along, _WAVE * np.sin(2 * np.pi * along))), _GUST_WIDTH
+
+
 def falling(setting: Setting, where: Tensor, seed: int) -> tuple[Tensor, Tensor]:
-    """Returns the rain, flakes or stars of a setting: opacity [H, W] in [0, 1], and sRGB [3]. Their sizes vary.
+    """Returns the rain, flakes, gusts or stars of a setting: opacity [H, W] in [0, 1], and sRGB [3]. Their sizes vary.
 
     where: [H, W] opacity of the scene's things
     """
-    weather, (rows, columns) = setting.weather, where.shape
-    falls = (weather.rain or weather.flakes) if setting.place.is_open else 0
-    count = falls or (setting.light.stars if setting.place.is_open else 0)
-    length, width = (_RAIN_LENGTH, _RAIN_WIDTH) if weather.rain else (0.0, _DAB)
+    weather, (rows, columns), (line, width) = setting.weather, where.shape, _mark_of(setting.weather)
+    falls = weather.rain or weather.flakes
+    blows = falls or (_GUSTS if weather.wind else 0)
+    count = (blows or setting.light.stars) if setting.place.is_open else 0
     space = (1.0 if falls else SUMMIT if setting.on_hill else setting.place.horizon) * rows, columns
     chance, around = np.random.default_rng(seed), np.ones((2 * (rows // _APART) + 1,) * 2, np.uint8)
     over, taken = np.zeros((rows, columns), np.uint8), np.asarray(where > 0.3, np.uint8)
     for _ in range(_TRIES * count):
         (y, x), size, mark = chance.random(2) * space, 0.75 + 0.5 * chance.random(), np.zeros_like(over)
-        end = round(x - _SLOPE * (1 + 2 * weather.wind) * size * length * rows), round(y + size * length * rows)
-        cv2.line(mark, (round(x), round(y)), end, 255, max(1, round(size * width * rows)), cv2.LINE_AA)
+        points = np.round((x, y) + size * rows * line).astype(np.int32)
+        cv2.polylines(mark, [points], False, 255, max(1, round(size * width * rows)), cv2.LINE_AA)
         if count and not (mark[taken > 0] > 0).any():
             over, count = np.maximum(over, mark), count - 1
             taken = np.maximum(taken, np.asarray(cv2.dilate(mark, around), np.uint8))
-    return torch.from_numpy(over).float() / 255, color_of(weather.color if falls else _STARLIGHT)
+    return torch.from_numpy(over).float() / 255, color_of(weather.color if blows else _STARLIGHT)
 
 
 _WIDE, _HIGH = 0.86, 0.80  # of the canvas: greatest extent of the things

@@ -110,7 +110,7 @@ class Weather:
         return self.words[0]
 
 
-DAY = Light("hour", ("day", "noon", "midday", "sunny", "daylight", "light", "sunlight"), "#a3cae9", "#e0f0f9")
+DAY = Light("hour", ("day", "noon", "midday", "sunny", "daylight", "light"), "#a3cae9", "#e0f0f9")
 CLEAR = Weather(("clear",), "white", DAY)
 
 

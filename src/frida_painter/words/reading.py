@@ -34,8 +34,9 @@ MAX_THINGS = 12
 """Greatest number of a prompt's things that are painted, the first ones."""
 _NUMBERS = ["zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve"]
 _MANY = ("many", "several", "some", "few", "both")
-GROUPS = {"pair": 2, "couple": 2, "trio": 3, "dozen": 12, "family": 4, "group": 4, "row": 4, "line": 4,
-           **dict.fromkeys(("pile", "stack", "heap", "bunch", "bouquet"))}  # fmt: skip
+GROUPS = {"pair": 2, "couple": 2, "trio": 3, "dozen": 12, "family": 4, "group": 4, "row": 4, "line": 4, "herd": 5,
+           "fleet": 5, "flock": 7, "pack": 5, "school": 7, "shoal": 7, "swarm": 9, "crowd": 9,
+           **dict.fromkeys(("pile", "stack", "heap", "bunch", "bouquet", "lot", "plenty", "handful"))}  # fmt: skip
 """Nouns of several things, and their number."""
 _COUNTS = {**GROUPS, **{word: number for number, word in enumerate(_NUMBERS)}}
 _DEPICTIONS = ("painting", "picture", "drawing", "sketch", "photo", "photograph", "image", "portrait", "watercolor",
@@ -256,6 +257,8 @@ class PromptReader:
         for word in parsed:
             if word.tag_ == "VBZ" and (base := word.lower_.removesuffix("s")) in self._verbs:
                 word.lemma_ = base  # rides come from ride, not rid
+            if word.tag_ == "NNS" and word.lower_.endswith("ies") and word.lower_[:-1] in self._nouns:
+                word.lemma_ = word.lower_[:-1]  # a cookie, not a cooky
             before = word.nbor(-1) if word.i else word
             if word.tag_ == "VBD" and before.lower_ in _BASIC and before.head == word:  # a red rose
                 _put_in_place(word, before, "amod", before.lefts)
@@ -283,7 +286,7 @@ class PromptReader:
         also take the last word of a name for a further noun: "a fire hydrant".
         """
         shown = {word.lower_: one for word in _children(noun, "prep") for one in _children(word, "pobj")}
-        last = next((word for word in _children(noun, "appos", "amod", "advmod") if word.i == noun.i + 1), None)
+        last = next((word for word in _children(noun, "appos", "amod", "advmod", "acl") if word.i == noun.i + 1), None)
         before = [word for word in noun.lefts if word.dep_ in ("compound", "amod")]
         stem = noun.text.removesuffix("ing")
         is_verb = stem != noun.text and bool(self._verbs & {stem, f"{stem}e", stem[:-1]})
@@ -292,13 +295,19 @@ class PromptReader:
         is_doing = is_verb and kinds[-1] == {"idea"} and kinds[0] != {"idea"}  # but a stone building, a winter evening
         if noun.lemma_.lower() in _DEPICTIONS and (inner := shown.get("of", shown.get("with"))):
             _put_in_place(inner, noun, "det", [word for word in noun.rights if word.i > inner.i])
-        elif noun.dep_ == "pobj" and "body" in kinds_of(noun.lemma_) and (owners := _children(noun, "poss")):
+        elif noun.dep_ in ("pobj", "dobj") and "body" in kinds_of(noun.lemma_) and (owners := _children(noun, "poss")):
             if "person" in kinds_of(owners[0].lower_) and _is_noun(owners[0]):  # asleep on his father's chest
                 _put_in_place(owners[0], noun, "det", [])
         elif noun.lemma_ in GROUPS and (inner := shown.get("of")):
             _put_in_place(inner, noun, "nummod", [word for word in noun.rights if word.i > inner.i])
         elif _is_noun(noun) and last is not None and last.pos_ == "NOUN":
-            _put_in_place(last, noun, "compound", [word for word in noun.children if word != last])
+            if last.dep_ == "acl" and last.lower_.endswith("ing"):  # a cowboy riding off
+                last.pos_ = "VERB"
+            else:
+                _put_in_place(last, noun, "compound", [word for word in noun.children if word != last])
+        elif noun.dep_ == "compound" and noun.lemma_ in self._verbs and _children(noun, "nsubj"):
+            bakes, noun.head = noun.head, noun.head.head  # her grandma bake cookies
+            noun.pos_, noun.tag_, noun.dep_, bakes.head, bakes.dep_ = "VERB", "VB", "ccomp", noun, "dobj"
         elif before and before[-1].lower_.endswith("ing") and before[-1].i:
             verb, actor = before[-1], before[-1].nbor(-1)
             if "person" in kinds_of(actor.lower_):
@@ -409,9 +418,11 @@ class _Walk:
             return
         if not is_state and (verb.pos_ not in ("VERB", "AUX") or _is_in_a_name(verb)):
             return
-        if any(word.pos_ == "VERB" for word in _children(verb, "xcomp")):  # he used to hum, or she learns to ride
+        told = _children(verb, "dobj")
+        if not told and any(word.pos_ == "VERB" for word in _children(verb, "xcomp")):  # she learns to ride
             return
-        subjects = self._subjects(verb)
+        taught = _children(verb.head, "dobj") if verb.dep_ == "xcomp" else []  # she teaches her son to ride
+        subjects = [number for one in taught for number in self._joined(one)] or self._subjects(verb)
         if verb.dep_ == "acl":  # mother and child, walking
             beside = [one for one in verb.head.conjuncts if one.i < verb.i and "person" in kinds_of(one.lower_)]
             subjects += [self._numbers[one] for one in beside if one in self._numbers]
@@ -426,7 +437,7 @@ class _Walk:
             at = (*thing.at, *(word.i for word in run or (verb,)))
             does = thing.doing or ("" if painted else doing)
             self.things[number] = replace(thing, at=at, color=thing.color or painted, doing=does)
-        for noun in _children(verb, "dobj", "attr"):
+        for noun in (*told, *_children(verb, "attr", "dative")):
             self._join(subjects, "with" if has else doing or verb.lower_, noun, (verb.i,))
 
     def _share(self, noun: Token) -> None:
@@ -500,13 +511,14 @@ def _describe_noun(noun: Token) -> Thing:
     """Returns the thing of a noun, from the words before it."""
     before = [word for word in noun.subtree if word.i < noun.i and _belongs(word, noun)]
     color, colored = _color(before, noun)
-    lemma = noun.text if noun.pos_ == "PROPN" else noun.lemma_
+    is_name = noun.pos_ == "PROPN" or (noun.tag_ == "NNS" and bool(kind_of_name(noun.text)))  # Mars
+    lemma = noun.text if is_name else noun.lemma_
     name = " ".join([*(word.text for word in before if word not in colored and not _is_number(word)), lemma])
     if noun.i > 1 and noun.nbor(-1).text == "-" and len(noun.nbor(-2)) == 1:  # a T-Rex
         name = lemma = f"{noun.nbor(-2).text}-{noun.text}"
     numbers = [word for word in noun.lefts if _is_number(word)]
     single = any(word.dep_ == "det" and word.lower_ in ("a", "an") for word in noun.lefts)
-    plural = noun.tag_ in ("NNS", "NNPS") and not single
+    plural = noun.tag_ in ("NNS", "NNPS") and not single and not (is_name and noun.tag_ == "NNS")
     count = _number(numbers[0].lower_) if numbers else None
     count = 1 if count is None and not plural else count
     said = noun.lower_ if plural and noun.lower_ != lemma.lower() else ""

@@ -63,7 +63,8 @@ def setting_of(
         settled = set(range(len(reading.things)))
         seen = [one for one in seen if not isinstance(one[2], Place)]
     light, weather = _mix([part for *_, part in seen])
-    named = [part for *_, part in seen if isinstance(part, Place)]
+    named = [part for thing, _, part in seen if isinstance(part, Place) and not kind_of_name(thing.name)]
+    named = named or [part for *_, part in seen if isinstance(part, Place)]  # rooftops of Paris are rooftops
     named.sort(key=lambda one: (one.name == SKY, not one.is_open, one.is_way))
     place = places.join(named[0], named[1:]) if named else NOWHERE
     here = [thing for thing, _, part in seen if part in named]
@@ -129,7 +130,8 @@ def _parts_of(
             said = " ".join(word.text for word in reading.said if thing.at[0] <= word.at <= ends + 1)
             light = _light_named(f"{thing.noun} {said.partition(thing.noun)[2]}".strip(), sentences, _SURE) or light
             seen.append((thing, thing.noun, light))
-            is_settled = is_settled or (bool(light.body) and len(reading.things) > 1)
+            comes = bool(light.body) or (light.stars > 0 and bool(thing.plural))
+            is_settled = is_settled or (comes and len(reading.things) > 1)
     if part := part or _place_named(number, reading, nearest, sentences):
         named = thing.name.lower().split() if kind_of_name(thing.name) else [thing.noun]
         seen += [(thing, word, part) for word in named]
