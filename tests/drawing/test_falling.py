@@ -18,21 +18,25 @@ THING = Known("thing", 1.0, "ground")
 
 GRID = PixelGrid.of_height(CANVAS, 128)
 MEADOW, NIGHT = find_place("meadow"), find_light("night")
-RAIN, SNOW = find_weather("rain"), find_weather("snow")
+RAIN, SNOW, WIND = find_weather("rain"), find_weather("snow"), find_weather("wind")
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "setting",
-    [Setting(MEADOW, DAY, RAIN), Setting(MEADOW, DAY, SNOW), Setting(MEADOW, NIGHT)],
-    ids=lambda one: one.words,
+    ("setting", "wanted"),
+    [
+        (Setting(MEADOW, DAY, RAIN), RAIN.rain),
+        (Setting(MEADOW, DAY, SNOW), SNOW.flakes),
+        (Setting(MEADOW, DAY, WIND), 7),
+        (Setting(MEADOW, NIGHT), NIGHT.stars),
+    ],
+    ids=lambda one: getattr(one, "words", ""),
 )
-def test_marks_are_apart_and_hide_no_thing(setting: Setting) -> None:
+def test_marks_are_apart_and_hide_no_thing(setting: Setting, wanted: int) -> None:
     where = torch.zeros(GRID.rows, GRID.columns)
     where[30:110, 20:70] = 1
     opacity, color = falling(setting, where, 0)
     assert opacity.shape == where.shape and 0 <= float(opacity.min()) <= float(opacity.max()) <= 1
-    wanted = setting.weather.rain or setting.weather.flakes or setting.light.stars
     marks = cv2.connectedComponents(np.asarray(opacity > 0.5, np.uint8))[0] - 1
     assert 0.7 * wanted <= marks <= wanted
     assert float((opacity * where).sum()) < 0.05 * float(opacity.sum())

@@ -51,7 +51,7 @@ def _mark_of(weather: Weather) -> tuple[npt.NDArray[np.float64], float]:
     if weather.rain:
         return _RAIN_LENGTH * np.array([(0.0, 0.0), (-_SLOPE * (1 + 2 * weather.wind), 1.0)]), _RAIN_WIDTH
     if weather.flakes or not weather.wind:
-        return np.zeros((1, 2)), _DAB
+        return np.zeros((2, 2)), _DAB
     along = np.linspace(0, 1, 12)[:, None]
     return np.hstack((_GUST_LENGTH * along, _WAVE * np.sin(2 * np.pi * along))), _GUST_WIDTH
 

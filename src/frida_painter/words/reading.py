@@ -295,6 +295,15 @@ class PromptReader:
         is_doing = is_verb and kinds[-1] == {"idea"} and kinds[0] != {"idea"}  # but a stone building, a winter evening
         if noun.lemma_.lower() in _DEPICTIONS and (inner := shown.get("of", shown.get("with"))):
             _put_in_place(inner, noun, "det", [word for word in noun.rights if word.i > inner.i])
+        elif (
+            is_verb
+            and "idea" in kinds[-1]
+            and _children(noun, "prep")
+            and (inner := shown.get("of"))
+            and (kinds_of(inner.lower_) != {"idea"} and not any(word.lower_ in ("a", "an") for word in noun.lefts))
+        ):  # the ticking of a clock
+            _put_in_place(inner, noun, "acl", [word for word in noun.rights if word.i > inner.i])
+            noun.pos_ = "VERB"
         elif noun.dep_ in ("pobj", "dobj") and "body" in kinds_of(noun.lemma_) and (owners := _children(noun, "poss")):
             if "person" in kinds_of(owners[0].lower_) and _is_noun(owners[0]):  # asleep on his father's chest
                 _put_in_place(owners[0], noun, "det", [])
@@ -427,7 +436,8 @@ class _Walk:
             beside = [one for one in verb.head.conjuncts if one.i < verb.i and "person" in kinds_of(one.lower_)]
             subjects += [self._numbers[one] for one in beside if one in self._numbers]
         has = verb.lemma_ == "have"
-        doing = "" if verb.pos_ == "AUX" or has else _gerund(verb)
+        part = next((one.lower_ for noun in told for one in _children(noun, "det") if _is_noun(one)), "")
+        doing = "" if verb.pos_ == "AUX" or has else f"{_gerund(verb)} {part}".strip()  # brushing her daughter's hair
         last = max((verb, *verb.conjuncts), key=lambda one: one.i).i
         painted, run = (
             _color([*verb.doc[verb.left_edge.i : last + 1]], verb.head) if is_state else ("", [])
