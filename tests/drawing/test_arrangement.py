@@ -138,12 +138,22 @@ def test_a_hat_is_on_the_head_which_is_the_highest_part(word: str) -> None:
     parts = [thing(0, 0.6, shape=(40, 80)), thing(1, 0.2, "head", shape=(20, 40))]
     dog = parts[0].picture
     dog[3, :20], dog[3, :20, 60:72] = 0, 1  # a head at the right
+    dog[3, 2:20, 4:10] = 1  # a tail that is almost as high
     placed = arrange_parts(parts, [Relation(0, word, 1)])
     below, hat = (next(one for one in placed if one.picture is part.picture) for part in parts)
     head = below.x + (66 / 80 - 0.5) * below.width
     assert abs(hat.x - head) < 0.03 * below.width and hat.depth > below.depth
     assert below.y + 0.8 * below.height < hat.y < below.y + below.height < hat.y + hat.height
     assert 0.15 * below.width < hat.width < 0.3 * below.width
+
+
+def test_glasses_are_on_the_face_and_a_bow_tie_is_on_the_neck() -> None:
+    up = {}
+    for where in ("head", "face", "neck"):
+        below, worn = put("wearing", thing(0, 0.6, shape=(60, 20)), thing(1, 0.1, where, shape=(10, 20)))
+        assert abs(worn.x - below.x) < 0.02 * below.width and worn.depth > below.depth
+        up[where] = (worn.y + 0.5 * worn.height - below.y) / below.height
+    assert up["head"] > up["face"] + 0.1 > up["neck"] + 0.2 > 0.5
 
 
 def test_an_umbrella_is_over_who_is_under_it_and_the_moon_is_high_that_is_howled_at() -> None:

@@ -40,7 +40,9 @@ _INTO, _INSIDE, _SILL = 0.4, 0.75, 0.42  # the same for things to be in, and for
 _LENGTHY = 1.5  # height by width of a broom, which may reach the floor
 _LIGHT = 0.8  # share of its size that a thing keeps in the hands
 _CROWN = 0.1  # share of a picture's height at its top that counts as the head
+_EARS = 0.2  # of a picture's width, within which two ears belong to one head
 _HAT, _LARGEST_HAT, _PULLED_DOWN = 1.25, 0.35, 0.3  # of the head's width, of the wearer's height, of its own height
+_WORN = {"head": 0.0, "face": 0.55, "neck": 1.2}  # of the head's width: depth of what is worn there, below the top
 _SIDE = 256  # pixels of one of several copies
 _KINDS = {
     "on": ("on", "on top of", "upon", "onto", "riding", "crossing"),
@@ -188,7 +190,7 @@ def _turn(relation: Relation, shown: Mapping[int, ScenePart]) -> Relation:
         return replace(relation, word="in")
     if subject.where == "person" and kind_of(relation.word) == "in" and other.height < _INTO * subject.height:
         return relation if other.where in ("water", "seat") else replace(relation, word="doing")  # into a microscope
-    return replace(relation, word="with") if other.where == "head" and relation.word == "in" else relation
+    return replace(relation, word="with") if other.where in _WORN and relation.word == "in" else relation
 
 
 def _scale(shown: Mapping[int, ScenePart]) -> dict[int, Placed]:
@@ -285,18 +287,11 @@ def _anchor(mine: Placed, other: Placed, kind: str) -> _Anchor | None:
         hidden, (rim, deep) = _HIDDEN if mine.figure is None else _TO_THE_HIPS, _rim(other.picture)
         most = min(0.8, _FITS * other.width * shape / other.height)
         return _Anchor(up=rim - max(_SINKS, _ABOVE * deep), sinks=hidden, least=min(hidden, most), most=most)
-    if kind == "with" and where == "head":
-        seen = other.picture[3] > 0.5
-        top = seen[: max(1, round(_CROWN * other.picture.shape[1]))].any(0)
-        start = int(seen.float().argmax(0).where(top, seen.shape[0]).argmin())  # the head, not a tail of that height
-        first, last = (
-            int((~side).float().argmax()) if not bool(side.all()) else len(side)
-            for side in (top[: start + 1].flip(0), top[start:])
-        )
-        middle, wide = start + (last - first) / 2, float(first + last - 1)
-        columns = other.picture.shape[2]
-        size = min(_HAT * wide / columns * other.width * shape / other.height, _LARGEST_HAT)
-        return _Anchor(middle / columns - 0.5, 1 - _PULLED_DOWN * size, least=size, most=size)
+    if kind == "with" and where in _WORN:
+        middle, wide = _find_head(other.picture)
+        size = min(_HAT * wide * other.width * shape / other.height, _LARGEST_HAT)
+        up = 1 - _WORN[where] * wide * other.width / other.height - (_PULLED_DOWN if where == "head" else 0.5) * size
+        return _Anchor(middle, up, least=size, most=size)
     if kind in ("with", "hold", "doing") and other.known.where == "person" and where not in ("air", "wall"):
         return _in_hand(mine, other, kind)
     if kind == "with" and mine.height <= 0.6 * other.height and where != "held":
@@ -344,6 +339,21 @@ def _beside(others: Sequence[Placed], mine: Placed) -> Placed:
     """Returns a thing on the same floor, to the right of all others."""
     edge = max(one.x + one.width / 2 for one in others)
     return replace(mine, x=edge + 0.53 * mine.width, y=min(0.0, *(one.y for one in others)))
+
+
+def _find_head(picture: Tensor) -> tuple[float, float]:
+    """Returns the middle of the head in a picture [4, h, w], from its middle, and the head's width, in widths.
+
+    The head is what reaches highest, with both ears, and no tail that is almost as high.
+    """
+    seen, columns = picture[3] > 0.5, picture.shape[2]
+    reach = max(1, round(_EARS * columns))
+    top = seen[: max(1, round(_CROWN * picture.shape[1]))].any(0)
+    highest = int(seen.float().argmax(0).where(top, seen.shape[0]).argmin())
+    at = top.nonzero().flatten()
+    parts = at.tensor_split((at.diff() > reach).nonzero().flatten() + 1)
+    head = next(part for part in parts if highest in part)
+    return float(head.float().mean()) / columns - 0.5, len(range(int(head[0]), int(head[-1]) + 1)) / columns
 
 
 def _top(picture: Tensor, share: float) -> float:

@@ -261,15 +261,12 @@ class PictureIndex:
         kin: True to take the nearest thing of the same kind if there is no picture: a flute for an oboe
         """
         thing = _in_small_letters(thing)
-        if (
-            thing.plural
-            and f"pair of {thing.plural}" in prompt.lower()
-            and senses_of(thing.plural) != senses_of(thing.noun)
-        ):
+        one, several = senses_of(thing.noun), senses_of(thing.plural)
+        if several != one and thing.plural and self._meant([*several, *one], f"{prompt}, {thing.plural}")[0] in several:
             thing = replace(thing, name=thing.plural, noun=thing.plural)  # spectacles, not two glasses
         figure, similarity = is_person(thing.name, self._sentences), self._similarity(thing)
         least = _MIN_PERSON if figure else _MIN
-        meant = self._meant(thing.name, clean_caption(prompt), _UNSURE)
+        meant = self._meant(senses_of(thing.name), clean_caption(prompt), _UNSURE)
         sure = meant if len(meant) == 1 else []
         synonyms = _words_of(sure) - {thing.noun}
         similarity = _raise(similarity, [entry.noun for entry in self._entries], synonyms, _SAME)
@@ -356,7 +353,7 @@ class PictureIndex:
                 return True
             if senses_of(kind[0]) and alike < _COMPOUND:
                 return False  # a box is no lunch box
-        shown = self._meant(" ".join(entry.names), entry.title)
+        shown = self._meant(senses_of(" ".join(entry.names)), entry.title)
         if meant and shown:
             is_same = like >= _NAMED and any(thing.noun in one.words for one in shown)  # a couch is a sofa
             is_special = like >= _ABOUT and any(one.is_kind_of(other) for one in shown for other in meant)
@@ -364,12 +361,11 @@ class PictureIndex:
         is_head = thing.noun.endswith(entry.title)  # a campfire is a fire
         return is_called or is_head or (like >= _ABOUT and thing.name in entry.captions)
 
-    def _meant(self, name: str, text: str, unsure: float = 0.0) -> list[Sense]:
-        """Returns the senses of a name that a text probably means: a board with bread on it is no game.
+    def _meant(self, senses: list[Sense], text: str, unsure: float = 0.0) -> list[Sense]:
+        """Returns those of some senses that a text probably means: a board with bread on it is no game.
 
         unsure: difference of similarity to the text, within which several are meant
         """
-        senses = senses_of(name)
         if len(senses) < 2 or text in senses[0].words:
             return senses
         said = [", ".join((*one.words, *(one.above.words[:2] if one.above else ()))) for one in senses]

@@ -130,7 +130,9 @@ def _parts_of(
         if one is None:
             continue
         called, mine = [word.text.lower() for word in looks[number]], [*looks[number].values()]
-        name = " ".join(word for word in reading.things[number].name.split() if word.lower() not in called)
+        thing = reading.things[number]
+        said = thing.plural if thing.plural == one.caption else thing.name  # glasses on a nose are no glass
+        name = " ".join(word for word in said.split() if word.lower() not in called)
         known = known_like(name, sentences)  # a small house is no small bird
         if one.thing.doing == "flying" and not is_flown:
             known = known._replace(where="air")
