@@ -353,7 +353,8 @@ def _find_head(picture: Tensor) -> tuple[float, float]:
     at = top.nonzero().flatten()
     parts = at.tensor_split((at.diff() > reach).nonzero().flatten() + 1)
     head = next(part for part in parts if highest in part)
-    return float(head.float().mean()) / columns - 0.5, len(range(int(head[0]), int(head[-1]) + 1)) / columns
+    middle, wide = (head[0] + head[-1] + 1) / 2, head[-1] + 1 - head[0]
+    return float(middle) / columns - 0.5, float(wide) / columns
 
 
 def _top(picture: Tensor, share: float) -> float:
