@@ -208,14 +208,23 @@ def _people_place(reading: Reading, place: Place, *, is_busy: bool) -> Reading:
 
 
 def _fill_fields(reading: Reading, seen: Seen) -> Reading:
-    """Returns the reading with many of the things that a place is said to be full of: a field of tulips."""
+    """Returns the reading with many of the things that a place is full of: a field of tulips, a pumpkin patch."""
     fields = [thing.at for thing, _, part in seen if isinstance(part, Place)]
     full = {one.object for one in reading.relations if one.word == "of" and reading.things[one.subject].at in fields}
     things = tuple(
         replace(thing, count=_IN_A_FIELD) if number in full and thing.count is None else thing
         for number, thing in enumerate(reading.things)
     )
-    return replace(reading, things=things)
+    grown, relations = list[Thing](), list[Relation]()
+    for number, thing in enumerate(things):
+        named = next((part.words for one, _, part in seen if isinstance(part, Place) and one.at == thing.at), None)
+        for word in reading.said if named is not None else ():
+            crop = word.lemma if word.at in thing.at and word.kind == "quality" else ""
+            is_plant = any("plant" in kind.words for sense in senses_of(crop)[:1] for kind in sense.kinds)
+            if is_plant and not any(crop in name for name in named or ()):
+                relations.append(Relation(len(things) + len(grown), "in", number))
+                grown.append(Thing(crop, crop, count=_IN_A_FIELD, at=(word.at,)))
+    return replace(reading, things=(*things, *grown), relations=(*reading.relations, *relations))
 
 
 def account_for(things: Sequence[FoundPicture | None], reading: Reading, seen: Seen, account: Account) -> None:

@@ -116,7 +116,8 @@ def _parts_of(
         before = [f"{one.word} {thing.noun}" for one in reading.relations if one.object == number]  # after the rain
         for said in (*before, _whole(thing)):
             part = part or places.find_part(said, known_weathers(), sentences, _EXACTLY)
-        part = part or places.find_part(thing.noun, known_weathers(), sentences)
+        if places.find_part(thing.noun, known, sentences, _EXACTLY) is None:  # water is not wet weather
+            part = part or places.find_part(thing.noun, known_weathers(), sentences)
         around = [one.name for one in known_things()]
         is_abstract = " " in thing.noun or is_idea(thing.name, around, sentences, is_pictured=nearest >= _PICTURED)
         least = _FELT if is_abstract else _EXACTLY
