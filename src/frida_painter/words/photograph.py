@@ -31,6 +31,7 @@ from frida_painter.words.world import known_like
 _SIZES = (0.6, 0.5, 0.4)  # longer side of the thing, relative to the photograph's shorter one
 _OWN = 0.5  # share of its own colours that it keeps
 _STANDS, _FLIES = (0.65, 1.0), (0.0, 0.4)  # positions of its picture in the free space, down
+_TALL, _TOWERS = 4.0, (0.3, 0.55)  # height in metres of what stands far away, and its position
 _MATTERS = 8.0  # importance of the thing, relative to the rest
 _HELD = 20.0  # weight of a photograph that is only begun with, relative to that of the words
 _SEEN, _ALIKE = 3, 0.55  # classes that a photograph shows; similarity of the thing to the name of one of them
@@ -104,7 +105,8 @@ def _lay(
     found = cast(reading, settled, words, index, encoders, in_place=True)
     usable = [one for one in found if one is not None and not has_ground(one.picture) and one.thing not in there]
     for one in usable[:1]:
-        rows = _FLIES if known_like(one.thing.name, meanings).where == "air" else _STANDS
+        known = known_like(one.thing.name, meanings)
+        rows = _FLIES if known.where == "air" else _TOWERS if known.height > _TALL else _STANDS
         shown, where = composite_into_style(one.colored, photograph, own=_OWN, sizes=_SIZES, rows=rows)
         encoders.remark(f"Laid into the photograph: {tell_thing(one, reading, account)}.")
     # Faces matter much more than other places.
