@@ -16,7 +16,7 @@ from frida_painter.drawing.figures import Figure, Pose, Tool
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.words.nouns import kinds_of, senses_of
-from frida_painter.words.reading import GROUPS, PEOPLE, Reading, Thing, paint_of, word_meanings
+from frida_painter.words.reading import COLORS, GROUPS, PEOPLE, Reading, Thing, paint_of, word_meanings
 from frida_painter.words.retrieval import FoundPicture, PictureIndex, is_upright
 from frida_painter.words.world import is_part_of_body, is_person, known_like
 
@@ -79,6 +79,7 @@ def cast(
         number: thing
         for number, thing in enumerate(reading.things)
         if number not in settled
+        and thing.noun not in COLORS
         and (" " not in thing.noun or index.nearest(thing) >= CALLED or is_person(thing.name, sentences))
     }
     for one in reading.relations:
@@ -116,9 +117,10 @@ def cast(
             tools[one.object] = user
     later = [number for number in wanted if alive and number > min(alive)]  # the ears of a dog are no further thing
     bodies = {number for number in later if is_part_of_body(wanted[number].noun, sentences)}
+    unseen = {number for number in people if wanted[number].noun in PEOPLE and not acts[number].meant}
+    unseen |= {one.object for one in reading.relations if one.subject in unseen} & people  # losing a friend
     for number, thing in wanted.items():
-        does_unseen = thing.noun in PEOPLE and not (number in acts and acts[number].meant)  # learning to forgive
-        if number in {*tools} | bodies or does_unseen:
+        if number in {*tools} | bodies | unseen:
             continue
         among = len(wanted) > 1 or in_place or thing.shown > 1
         found = index.find(thing, prompt, cut_out=among, acts=bool(among or thing.doing))
@@ -242,7 +244,7 @@ def _act_of(number: int, thing: Thing, reading: Reading, sentences: SentenceEnco
         (said if said and thing.doing else alone, rows, _WITH),  # flying a kite is not flying
         (alone, rows, _USES),
         (named, rows, _WITH),  # whatever a photographer does, there is a camera
-        (alone, figures.poses(), _DOES if thing.doing else _IS),
+        (alone, figures.poses(), _USES if thing.noun in PEOPLE else _DOES if thing.doing else _IS),
     ):
         row, meant, similarity = figures.nearest(some, table, sentences)
         stands = row is standing and not (thing.doing and similarity >= _WITH)  # to wait is to stand

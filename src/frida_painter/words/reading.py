@@ -56,7 +56,8 @@ _ASKED = re.compile(
     r"have|(paint|draw|sketch|show|make|give|create)( (me|us)|(?= (an?|the|my|our|some|what|how|something)\b)))[, ]+",
     re.I,
 )  # fmt: skip
-_BASIC = ("black", "white", "red", "green", "yellow", "blue", "brown", "purple", "pink", "orange", "gray", "grey")
+COLORS = ("black", "white", "red", "green", "yellow", "blue", "brown", "purple", "pink", "orange", "gray", "grey")
+"""Common names of colours; as nouns they are no things."""
 _VIVID = 72.0  # chroma
 _LABEL = 60
 _STEM, _ENDING = 4, 3  # least letters of a word with other forms and compounds, and greatest number of an ending's
@@ -138,7 +139,7 @@ class Reading:
         said = {
             word.at: paint_of(word.lemma)
             for word in self.said
-            if word.lemma in _BASIC and word.kind in ("quality", "thing")
+            if word.lemma in COLORS and word.kind in ("quality", "thing")
         }
         return {at: paint for at, paint in said.items() if paint is not None}
 
@@ -260,7 +261,7 @@ class PromptReader:
             if word.tag_ == "NNS" and word.lower_.endswith("ies") and word.lower_[:-1] in self._nouns:
                 word.lemma_ = word.lower_[:-1]  # a cookie, not a cooky
             before = word.nbor(-1) if word.i else word
-            if word.tag_ == "VBD" and before.lower_ in _BASIC and before.head == word:  # a red rose
+            if word.tag_ == "VBD" and before.lower_ in COLORS and before.head == word:  # a red rose
                 _put_in_place(word, before, "amod", before.lefts)
                 word.pos_, word.tag_, word.lemma_, before.pos_ = "NOUN", "NN", word.lower_, "ADJ"
             is_last = word.i + 1 == len(parsed) and _is_noun(before) and word.pos_ in ("AUX", "ADJ")
@@ -569,7 +570,7 @@ def _color(words: list[Token], noun: Token) -> tuple[str, list[Token]]:
     for run in sorted(runs, key=len, reverse=True):
         said = " ".join(word.lower_ for word in run)
         whole = f"{said} {noun.lower_}"  # an apple tree and a pine cone are no colours
-        is_named = run[-1].lower_ in _BASIC or (
+        is_named = run[-1].lower_ in COLORS or (
             run[-1].pos_ == "ADJ" and senses_of(whole) == senses_of(whole.rpartition(" ")[2])
         )
         if is_named and all(paint_of(part) is not None for part in said.split(" and ")):

@@ -337,7 +337,7 @@ class PictureIndex:
         is_called = _is_called(entry.title, thing)
         if entry.realism == 0:
             kinds, is_alone = kinds_of(entry.title), prompt.lower().endswith(thing.name)
-            is_plain = kinds == {"thing"} or (is_alone and "thing" in kinds)
+            is_plain = bool(senses_of(entry.title)) and (kinds == {"thing"} or (is_alone and "thing" in kinds))
             return is_plain and entry.title in (thing.name, thing.noun, thing.plural, *synonyms)
         if entry.noun in synonyms:
             return True

@@ -1,6 +1,7 @@
 """From a prompt to a scene: reads the prompt, finds pictures of its things, and composes them in a setting."""
 
 import math
+import zlib
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -87,7 +88,7 @@ def scene_of(
             encoders.remark("The picture has a ground of its own and fills the canvas; nothing else is added.")
         return compose_photograph(whole.colored[:3], setting, grid, seed)
     if is_mood:
-        return compose_mood(setting.light, second, setting, grid, seed)
+        return compose_mood(setting.light, second, setting, grid, zlib.crc32(f"{seed} {prompt}".encode()))
     if not setting.place.is_open:  # no rain falls indoors, and no wind blows
         setting = replace(setting, weather=CLEAR)
     parts = _parts_of(things, looks, reading, setting, seed, sentences)

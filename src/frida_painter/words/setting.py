@@ -132,7 +132,9 @@ def _parts_of(
             light = _light_named(f"{thing.noun} {said.partition(thing.noun)[2]}".strip(), sentences, _SURE) or light
             seen.append((thing, thing.noun, light))
             comes = bool(light.body) or (light.stars > 0 and bool(thing.plural))
-            is_settled = is_settled or (comes and len(reading.things) > 1)
+            of = [one.object for one in reading.relations if one.subject == number and one.word == "of"]
+            shines = any(_light_named(reading.things[one].noun, sentences, _EXACTLY) for one in of)  # the light of dawn
+            is_settled = is_settled or (comes and len(reading.things) > 1) or shines
     if part := part or _place_named(number, reading, nearest, sentences):
         named = thing.name.lower().split() if kind_of_name(thing.name) else [thing.noun]
         seen += [(thing, word, part) for word in named]
