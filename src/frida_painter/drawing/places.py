@@ -150,6 +150,7 @@ _FELT, _FELT_WEATHER = 0.62, 0.7  # to the words of a light, and of a weather: a
 _MIDDLE = 55.0  # L*
 TOLD_APART = 40.0
 """Lab distance between things and the ground around them."""
+_CHANGE = 20.0  # greatest change of the ground's L* for that: sand stays sand
 
 
 @dataclass(frozen=True)
@@ -326,7 +327,7 @@ def with_contrast(ground: Tensor, where: Tensor, thing: Tensor, least: float = T
     if not bool(seen.any()) or not bool(around.any()):
         return ground
     lab, color = to_lab(ground.permute(1, 2, 0)), to_lab(thing[:, seen].T).mean(0)
-    lack = least - float((color - lab[around].mean(0)).norm())
+    lack = min(_CHANGE, least - float((color - lab[around].mean(0)).norm()))
     if lack <= 0:
         return ground
     lab[..., 0] = (lab[..., 0] + (-lack if float(color[0]) > _MIDDLE else lack)).clamp(5, 98)
