@@ -54,10 +54,13 @@ _KINDS = {
     "front": ("in front of", "before", "against", "between"),
     "with": ("with", "playing", "wearing"),
     "hold": ("holding", "carrying", "hugging"),
+    "lap": ("on lap", "in lap", "on knee"),
+    "shoulder": ("on shoulder", "on back"),
 }
 _OPPOSITE = {"on": "beneath", "in": "around", "under": "shelter", "behind": "front"}
 _OPPOSITE |= {other: kind for kind, other in _OPPOSITE.items()} | {"over": "under"}
-_STOOD_BY = ("on", "in", "under", "over", "behind")  # the objects of these relations are placed first
+RIDES = {"lap": (0.45, 0.35), "shoulder": (0.6, 0.22)}  # heights of people and of animals there, by who carries them
+_STOOD_BY = ("on", "in", "under", "over", "behind", *RIDES)  # the objects of these relations are placed first
 
 
 def kind_of(word: str) -> str:
@@ -65,7 +68,8 @@ def kind_of(word: str) -> str:
 
     All verbs that have no kind of their own are "doing".
     """
-    named = next((kind for kind, words in _KINDS.items() if word in words), "")
+    said = (word, word.rpartition(" ")[0])  # asleep on a chest
+    named = next((kind for one in said for kind, words in _KINDS.items() if one in words), "")
     return named or ("doing" if word.endswith("ing") else "")
 
 
@@ -269,6 +273,10 @@ def _anchor(mine: Placed, other: Placed, kind: str) -> _Anchor | None:
     meeting = [one.figure.meets for one in (other, mine) if one.figure is not None and one.figure.meets is not None]
     if len(meeting) == 2:
         return _Anchor(meeting[0], aside=meeting[1])
+    if kind in RIDES:
+        across, up = (0.1, 0.5) if other.figure is None else other.figure.holds[kind]
+        most = RIDES[kind][mine.figure is None]
+        return _Anchor(across, up, sinks=mine.figure.seat if mine.figure else 0.0, most=most)
     if kind == "on":
         is_small = mine.figure is not None or mine.height <= 0.9 * other.height or other.width >= 1.5 * mine.width
         most = math.inf if is_small else max(0.62, 0.6 * mine.height / other.height)

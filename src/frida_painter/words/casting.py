@@ -10,7 +10,7 @@ from torch import Tensor
 
 from frida_painter.drawing import figures
 from frida_painter.drawing.appearance import looks_of
-from frida_painter.drawing.arrangement import copies, kind_of
+from frida_painter.drawing.arrangement import RIDES, copies, kind_of
 from frida_painter.drawing.compositing import stack
 from frida_painter.drawing.figures import Figure, Pose, Tool
 from frida_painter.objectives.encoders.loading import EncoderRegistry
@@ -81,22 +81,30 @@ def cast(
         if number not in settled
         and (" " not in thing.noun or index.nearest(thing) >= CALLED or is_person(thing.name, sentences))
     }
+    dressed: dict[int, list[Thing]] = {}  # clothes of people
     for one in reading.relations:
         if not {one.subject, one.object} <= {*wanted}:
             continue
         first, second = wanted[one.subject], wanted[one.object]
+        called = second.plural or second.name
         if one.word == "of" and second.uncounted:
             name, at = f"{first.name} of {second.name}", (*first.at, *second.at)
             first = replace(first, name=name, noun=second.noun, color=second.color, at=at)
-        elif one.word in ("in", "with", "wearing") and known_like(second.name, sentences).where == "worn":
-            first = replace(first, color=second.color)
-        elif one.word == "with" and _is_look(second.plural or second.noun, sentences):
+        elif one.word in ("in", "with") and known_like(called, sentences).where in ("worn", "head"):
+            if is_person(first.name, sentences):
+                dressed[one.subject] = [*dressed.get(one.subject, ()), second]
+            elif known_like(called, sentences).where == "worn":
+                first = replace(first, color=second.color)
+            else:
+                continue
+        elif one.word == "with" and _is_look(called, sentences):
             pass  # a cup with steam, a cup with spots
         else:
             continue
         wanted |= {one.subject: first}
         del wanted[one.object]
     people = {number for number, thing in wanted.items() if is_person(thing.name, sentences)}
+    ridden = {end for one in reading.relations if kind_of(one.word) in RIDES for end in (one.subject, one.object)}
     alive = [one for one in wanted if one in people or known_like(wanted[one].name, sentences).where == "animal"]
     groups = {number: GROUPS.get(wanted[number].noun) for number in people if wanted[number].count == 1}
     wanted |= {number: replace(wanted[number], count=count) for number, count in groups.items() if count}
@@ -122,20 +130,27 @@ def cast(
             continue
         among = len(wanted) > 1 or in_place or thing.shown > 1
         found = index.find(thing, prompt, cut_out=among, acts=bool(among or thing.doing))
-        if number in people and not _shows_person(found, reading, sentences, acting=acting, among=among):
+        is_posed = number in ridden or number in dressed
+        if number in people and (
+            is_posed or not _shows_person(found, reading, sentences, acting=acting, among=among)
+        ):
             carriers = [
                 known_like(wanted[one.object].name, sentences).where
                 for one in reading.relations
                 if one.subject == number and one.object in {*wanted} - {*tools} and kind_of(one.word) in ("on", "in")
             ]
+            held = {kind_of(one.word): one for one in reading.relations if number in (one.subject, one.object)}
+            rides = {kind for kind in RIDES if kind in held}
+            carriers += ["seat" if held[kind].subject == number else kind for kind in rides]
             mine = [wanted.get(tool, reading.things[tool]) for tool, user in tools.items() if user == number]
-            is_faced = number != min(people)  # people look at each other
-            act, dyes = acts[number], [paint for one in mine if (paint := paint_of(one.color)) is not None]
+            is_faced = number != min(people) and not rides  # people look at each other
+            act, dyes = acts[number], [paint for one in mine if (paint := _dye_of(one))]
             if act.tool is not None and dyes:  # a red kite
-                act = act._replace(tool=act.tool._replace(color=tuple(dyes[0].tolist())))
-            found = _draw_person(thing, act, sentences, carriers=carriers, is_faced=is_faced)
+                act = act._replace(tool=act.tool._replace(color=dyes[0]))
+            worn = dressed.get(number, ())
+            found = _draw_person(thing, act, sentences, carriers=carriers, is_faced=is_faced, dressed=worn)
             known = act.tool.things if act.tool else ()
-            shown = [f"{one.color} {one.name if one.name in known else one.noun}".strip() for one in mine]
+            shown = [f"{one.color} {one.name if one.name in known else one.noun}".strip() for one in (*mine, *worn)]
             found = replace(found, caption=" ".join(dict.fromkeys(" ".join((found.caption, *shown)).split())))
         if found is None and number == min(wanted):  # its picture with a ground may be all
             found = index.find(thing, prompt, cut_out=thing.shown > 1, kin=True)
@@ -168,27 +183,36 @@ def _shows_person(
 
 
 def _draw_person(
-    thing: Thing, act: Act, sentences: SentenceEncoder, *, carriers: Sequence[str], is_faced: bool
+    thing: Thing,
+    act: Act,
+    sentences: SentenceEncoder,
+    *,
+    carriers: Sequence[str],
+    is_faced: bool,
+    dressed: Sequence[Thing] = (),
 ) -> FoundPicture:
     """Returns a drawn figure of a person who acts.
 
-    carriers: kinds of the things that the person is on or in, such as "seat"
+    carriers: kinds of the things that the person is on or in, such as "seat"; "lap" for somebody with one on the lap
+    dressed: named clothes
     is_faced: True if somebody else acts on the person, who looks back
     """
     clothes, called, alike = figures.nearest([thing.name], figures.wardrobe(), sentences)
     family = figures.wardrobe()[:_FAMILY]
     if alike < _DRESSED:
         clothes, called, _ = figures.nearest([thing.noun], family[:_ANYBODY], sentences)
-    paint = paint_of(thing.color)
-    if paint is not None:
-        dyed = tuple(paint.tolist())
+    if (dyed := _dye_of(thing)) is not None:
         clothes = clothes._replace(top=dyed, bottom=dyed if clothes.cut in _LONG else clothes.bottom)
+    for one in dressed:
+        garment, _, like = figures.nearest([one.plural or one.name], figures.garments(), sentences)
+        clothes = clothes.put_on(garment if like >= _DRESSED else figures.garments()[0], _dye_of(one) or garment.color)
     old = _old(thing.name, sentences)
     (least, small), (most, tall) = _CHILD, _GROWN
     grown = (known_like(thing.name, sentences).height - small) / (tall - small)
     pose = act.pose
     heads = least + (most - least) * min(1.0, max(0.0, grown))
-    if pose.carried == "ground" and "seat" in carriers and abs(pose.angles[0]) < _UPRIGHT:  # to feed ducks on a bench
+    sits = "lap" in carriers or "seat" in carriers
+    if pose.carried == "ground" and sits and abs(pose.angles[0]) < _UPRIGHT:  # to feed ducks on a bench
         sitting = next(one for one in figures.poses() if "sitting" in one.words)
         pose = pose._replace(angles=(*pose.angles[:_LEGS], *sitting.angles[_LEGS:]), carried="seat")
     drawn = []
@@ -196,7 +220,7 @@ def _draw_person(
         worn = family[copy % len(family)] if thing.noun in GROUPS else clothes  # a family is of all kinds
         kind = zlib.crc32(thing.name.encode()) + copy
         figure = figures.draw_figure(
-            pose, worn, heads=heads, is_old=bool(old), kind=kind, has_seat=bool(carriers), tool=act.tool
+            pose, worn, heads=heads, is_old=bool(old), kind=kind, has_seat=bool({*carriers} - {"lap"}), tool=act.tool
         )
         drawn.append(figure.mirror() if is_faced or copy % 2 else figure)
     figure = drawn[0]
@@ -208,6 +232,12 @@ def _draw_person(
     said = [*old, thing.noun if is_exact else called, thing.doing if act.meant else ""]
     caption = " ".join(dict.fromkeys(word for word in said if word))
     return FoundPicture(thing, figure.picture, caption, None, is_exact, replace(figure, does=act.meant))
+
+
+def _dye_of(thing: Thing) -> tuple[float, ...] | None:
+    """Returns the colour of a thing that its words say."""
+    paint = paint_of(thing.color)
+    return None if paint is None else tuple(paint.tolist())
 
 
 def _join(some: Sequence[Figure]) -> Tensor:

@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 
 from frida_painter import registry, weights
-from frida_painter.drawing.arrangement import Relation
+from frida_painter.drawing.arrangement import Relation, kind_of
 from frida_painter.errors import WeightsError
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
@@ -45,6 +45,7 @@ SOMEBODY = "somebody"
 """Actor of a prompt without one: dancing in the rain."""
 PEOPLE = (SOMEBODY, "someone", "everybody", "everyone")
 """Pronouns of people; "it" and "something" are no things."""
+_TOGETHER = {"twin": 2, "parent": 2, "grandparent": 2, "newlywed": 2, "triplet": 3}  # numbers of people in a plural
 _TOLD_OF = ("he", "she", "they")  # pronouns for the first thing: my dog, he is brown
 _SIDES = {"front": "in front of", "foreground": "in front of", "top": "on", "middle": "in", "side": "beside",
           **dict.fromkeys(("back", "background", "distance"), "behind")}  # fmt: skip
@@ -257,6 +258,10 @@ class PromptReader:
             if word.tag_ == "VBZ" and (base := word.lower_.removesuffix("s")) in self._verbs:
                 word.lemma_ = base  # rides come from ride, not rid
             before = word.nbor(-1) if word.i else word
+            one = word.lower_.removesuffix("s")
+            if word.text == f"{one}s" and word.pos_ in ("NOUN", "PROPN") and one in self._nouns:  # kids
+                if word.tag_ == "NNP" or one.endswith("ie"):  # cookies are no cooks
+                    word.pos_, word.tag_, word.lemma_ = "NOUN", "NNS", one
             if word.tag_ == "VBD" and before.lower_ in _BASIC and before.head == word:  # a red rose
                 _put_in_place(word, before, "amod", before.lefts)
                 word.pos_, word.tag_, word.lemma_, before.pos_ = "NOUN", "NN", word.lower_, "ADJ"
@@ -292,7 +297,7 @@ class PromptReader:
         is_doing = is_verb and kinds[-1] == {"idea"} and kinds[0] != {"idea"}  # but a stone building, a winter evening
         if noun.lemma_.lower() in _DEPICTIONS and (inner := shown.get("of", shown.get("with"))):
             _put_in_place(inner, noun, "det", [word for word in noun.rights if word.i > inner.i])
-        elif noun.dep_ == "pobj" and "body" in kinds_of(noun.lemma_) and (owners := _children(noun, "poss")):
+        elif noun.dep_ in ("pobj", "dobj") and "body" in kinds_of(noun.lemma_) and (owners := _children(noun, "poss")):
             if "person" in kinds_of(owners[0].lower_) and _is_noun(owners[0]):  # asleep on his father's chest
                 _put_in_place(owners[0], noun, "det", [])
         elif noun.lemma_ in GROUPS and (inner := shown.get("of")):
@@ -311,6 +316,12 @@ class PromptReader:
         elif actors and is_doing and noun.dep_ in ("ROOT", "pobj", "dobj"):
             _put_in_place(actors[-1], noun, "acl", [word for word in noun.lefts if word != actors[-1]])
             noun.pos_ = "VERB"
+            self._correct(actors[-1])
+        for verb in _children(noun, "acl") if before else ():  # kids ice skating
+            is_one = {"person"} == kinds_of(before[-1].lemma_) and "person" not in kinds_of(noun.lemma_)
+            if verb.i == noun.i + 1 and (before[-1].tag_ == "NNS" or is_one):
+                _put_in_place(before[-1], noun, "dobj", [word for word in noun.children if word != before[-1]])
+                noun.head = verb
 
     def _is_finite(self, noun: Token) -> bool:
         """Returns True if what looks like a plural at the end is what somebody does: a woman dances."""
@@ -360,7 +371,7 @@ class _Walk:
         self.relations: list[Relation] = []
         self.absent: list[str] = []
         self._numbers: dict[Token, int] = {}  # of the nouns that are things
-        for step in (self._add, self._relate, self._act, self._share):
+        for step in (self._add, self._relate, self._act, self._share, self._carry):
             for word in parsed:
                 step(word)
 
@@ -391,10 +402,16 @@ class _Walk:
         ):
             words.insert(0, words[0].head)
         subjects = [] if words[0].head == words[0] else self._subjects(words[0].head)
+        told = [word for word in _children(words[0].head, "dative", "prep") if word.lower_ == "to" and word.i < words[0].i]
+        heard = [one for word in told for other in _children(word, "pobj") for one in self._joined(other)]
+        if heard and "person" in kinds_of(self.things[heard[0]].noun):  # in bed are those to whom somebody reads
+            subjects = heard
         at = tuple(word.i for word in words)
         if _is_side(noun):
             self._turn(subjects, _SIDES[noun.lower_], (*at, noun.i))
-        self._join(subjects, " ".join(word.lower_ for word in words), noun, at)
+        parts = [word for word in _children(noun, "det") if "body" in kinds_of(word.lemma_)]
+        said = " ".join((*(word.lower_ for word in words), *(word.lemma_ for word in parts)))
+        self._join(subjects, said, noun, (*at, *(word.i for word in parts)))
 
     def _turn(self, subjects: list[int], said: str, at: tuple[int, ...]) -> None:
         """Says where a thing is that another one is "with"."""
@@ -415,7 +432,7 @@ class _Walk:
         if verb.dep_ == "acl":  # mother and child, walking
             beside = [one for one in verb.head.conjuncts if one.i < verb.i and "person" in kinds_of(one.lower_)]
             subjects += [self._numbers[one] for one in beside if one in self._numbers]
-        has = verb.lemma_ == "have"
+        has = verb.lemma_ in ("have", "wear")
         doing = "" if verb.pos_ == "AUX" or has else _gerund(verb)
         last = max((verb, *verb.conjuncts), key=lambda one: one.i).i
         painted, run = (
@@ -437,6 +454,21 @@ class _Walk:
             places = [one for one in self.relations if one.subject == last and one.word not in alone]
             self.relations += [replace(one, subject=self._numbers[noun]) for one in places]
 
+    def _carry(self, noun: Token) -> None:
+        """Puts what somebody has or carries on the part of the body that is said: a woman with a baby on her lap."""
+        own = [one for one in self.relations if one.object == self._numbers.get(noun) and _children(noun, "poss")]
+        for where in own:
+            said = f"{where.word} {noun.lemma_}"
+            had = [
+                one
+                for one in self.relations
+                if where.subject in (one.subject, one.object) and kind_of(one.word) in ("with", "hold")
+            ]
+            if kind_of(said) in ("lap", "shoulder") and had:
+                self.relations = [one for one in self.relations if one not in (where, had[-1])]
+                at = (*had[-1].at, *where.at, noun.i)
+                self.relations.append(Relation(had[-1].object, said, had[-1].subject, at))
+
     def _join(self, subjects: list[int], said: str, noun: Token, at: tuple[int, ...]) -> None:
         """Adds a relation of each subject to a noun, and to those joined to it."""
         self.relations += [Relation(one, said, other, at) for one in subjects for other in self._joined(noun)]
@@ -450,11 +482,15 @@ class _Walk:
         """Returns the things that a preposition or a verb below `head` belongs to, the nearest ones."""
         if head in self._numbers:
             return [self._numbers[head]]
-        if head.pos_ in ("VERB", "AUX", "ADJ") and (actors := [word for word in head.lefts if _is_noun(word)]):
+        if head.pos_ in ("VERB", "AUX", "ADJ") and (
+            actors := [word for word in head.lefts if _is_noun(word) and word.dep_ != "dobj"]
+        ):
             said = actors[-1].lower_
             is_told = said in _TOLD_OF or (said == "it" and head.lemma_ in ("be", "have"))  # but it rains
             return [0] if is_told and self.things else self._joined(actors[-1])
         above = head.head
+        if head.dep_ == "xcomp" and (taught := [one for word in _children(above, "dobj") for one in self._joined(word)]):
+            return taught  # a father teaching his son to ride
         owners = self._subjects(above.head) if head.dep_ == "acl" and above.dep_ == "pobj" else []
         people = [one for one in owners if "person" in kinds_of(self.things[one].noun)]
         if people and kinds_of(above.lower_) != {"person"}:  # a man in a suit, running
@@ -508,7 +544,7 @@ def _describe_noun(noun: Token) -> Thing:
     single = any(word.dep_ == "det" and word.lower_ in ("a", "an") for word in noun.lefts)
     plural = noun.tag_ in ("NNS", "NNPS") and not single
     count = _number(numbers[0].lower_) if numbers else None
-    count = 1 if count is None and not plural else count
+    count = (_TOGETHER.get(noun.lemma_) if plural else 1) if count is None else count
     said = noun.lower_ if plural and noun.lower_ != lemma.lower() else ""
     uncounted = not plural and not numbers and not _children(noun, "det", "poss")
     at = tuple(sorted({noun.i, *(word.i for word in (*before, *numbers))}))
