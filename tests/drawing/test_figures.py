@@ -93,7 +93,7 @@ SHAPES = {"hood": 2, "area": 2, "line": 2, "ring": 1, "dabs": 1, "end": 1, "meet
 def test_every_shape_can_be_drawn_at_a_part_of_the_body(row: Tool | Clothes) -> None:
     for kind, *rest in row.shapes:
         points = [one for one in rest if "," in one and one[0].isalpha()]
-        assert len(points) >= SHAPES[kind] and all(one[0] in "hoackfg" for one in points)
+        assert len(points) >= SHAPES[kind] and all(one[0] in "hoackfglm" for one in points)
         numbers = [one for word in rest[1:] if not word[0].isalpha() for one in word.split(",")]
         assert len(numbers) == {"line": 1, "ring": 2, "dabs": 4}.get(kind, 0) and [float(one) for one in numbers] != [0]
 

@@ -55,11 +55,13 @@ _KINDS = {
     "with": ("with", "playing", "wearing"),
     "hold": ("holding", "carrying", "hugging"),
     "lap": ("on lap", "in lap", "on knee"),
-    "shoulder": ("on shoulder", "on back"),
+    "shoulder": ("on shoulder",),
+    "back": ("on back",),
 }
+_MEANT = {("water", "on"): "in", ("seat", "in"): "on"}  # where people are who are on a boat, or in a chair
 _OPPOSITE = {"on": "beneath", "in": "around", "under": "shelter", "behind": "front"}
 _OPPOSITE |= {other: kind for kind, other in _OPPOSITE.items()} | {"over": "under"}
-RIDES = {"lap": (0.45, 0.35), "shoulder": (0.6, 0.22)}  # heights of people and of animals there, by who carries them
+RIDES = {"lap": (0.45, 0.35), "shoulder": (0.6, 0.22), "back": (0.45, 0.22)}  # heights of people and of animals there, by who carries them
 _STOOD_BY = ("on", "in", "under", "over", "behind", *RIDES)  # the objects of these relations are placed first
 
 
@@ -188,10 +190,10 @@ def _turn(relation: Relation, shown: Mapping[int, ScenePart]) -> Relation:
     top = next((number for number in tops if shown[number].known.where == "top"), relation.object)
     if relation.word == "with" and top != relation.object and other.height < shown[top].known.height:
         return Relation(relation.object, "on", top)
-    if other.where == "water" and subject.where == "person" and relation.word == "on":
-        return replace(relation, word="in")
+    if subject.where == "person" and (other.where, relation.word) in _MEANT:
+        return replace(relation, word=_MEANT[other.where, relation.word])
     if subject.where == "person" and kind_of(relation.word) == "in" and other.height < _INTO * subject.height:
-        return relation if other.where in ("water", "seat") else replace(relation, word="doing")  # into a microscope
+        return relation if other.where == "water" else replace(relation, word="doing")  # into a microscope
     return replace(relation, word="with") if other.where == "head" and relation.word == "in" else relation
 
 
@@ -275,7 +277,7 @@ def _anchor(mine: Placed, other: Placed, kind: str) -> _Anchor | None:
         return _Anchor(meeting[0], aside=meeting[1])
     if kind in RIDES:
         across, up = (0.1, 0.5) if other.figure is None else other.figure.holds[kind]
-        most = RIDES[kind][mine.figure is None]
+        most = RIDES[kind][mine.figure is None] * min(1.0, 1.3 * shape if mine.figure is None else 1.0)
         return _Anchor(across, up, sinks=mine.figure.seat if mine.figure else 0.0, most=most)
     if kind == "on":
         is_small = mine.figure is not None or mine.height <= 0.9 * other.height or other.width >= 1.5 * mine.width

@@ -154,7 +154,7 @@ _SKINS = ("burlywood", "peru", "tan", "sienna", "sandybrown")
 _HAIRS, _WHITE = ("saddlebrown", "black", "darkgoldenrod", "black", "sienna"), "silver"
 _DARK = 0.3  # brightness of shoes
 _SOLE, _EDGE = 0.12, 0.03  # depth of the floor below an ankle; half the width of the edge of an area
-_HOLDS = {"lap": "k.7,.3", "shoulder": "c-.4,.3"}  # places of what sits on somebody
+_HOLDS = {"lap": "k.7,.3", "shoulder": "c-.4,.3", "back": "c-.75,-1.2"}  # places of who sits there
 _TONES = {"@": 1.0, "-": 0.75, "+": 1.25}
 _STOOL = tuple(
     tuple(f"line saddlebrown {line}".split())
@@ -168,7 +168,7 @@ class Figure:
 
     picture: colour and opacity [4, h, w]
     hand: place of the hand, or of the end of its tool, from the middle of the lower edge, in widths and heights
-    holds: places of what sits on the "lap" or the "shoulder", likewise
+    holds: places of what sits on the "lap", "shoulder" or "back", likewise
     seat: height of the hips of somebody who sits, as a share of the picture's height; 0 for others
     tall: height of the picture, by the height of the same figure upright
     does: words of the tables that mean what it does, or ""

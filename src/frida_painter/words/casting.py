@@ -120,7 +120,7 @@ def cast(
     for one in 2 * reading.relations:
         user = one.subject if one.subject in people else tools.get(one.subject)
         named = wanted.get(one.object, reading.things[one.object])
-        if user is not None and one.object not in people and acts[user].shows(named, sentences):
+        if user is not None and not named.doing and acts[user].shows(named, sentences):
             tools[one.object] = user
     later = [number for number in wanted if alive and number > min(alive)]  # the ears of a dog are no further thing
     bodies = {number for number in later if is_part_of_body(wanted[number].noun, sentences)}
@@ -257,18 +257,20 @@ def _old(name: str, sentences: SentenceEncoder) -> list[str]:
 
 def _act_of(number: int, thing: Thing, reading: Reading, sentences: SentenceEncoder) -> Act:
     """Returns the action of a person; that of somebody who stands means nothing."""
-    said = []
+    said, climbed = [], []
     for one in reading.relations:
         if one.subject == number:
             between = "" if one.word == thing.doing else f" {one.word}"
             other = reading.things[one.object]
             called = dict.fromkeys((other.plural or other.noun, other.name))
             said += [f"{thing.doing}{between} {name}".strip() for name in called]
+            climbed += [f"climbing {name}" for name in called if one.word in ("up", "down")]
     named = [thing.name, _DOER.sub("ing", thing.noun)]
     alone = [*said, *([thing.doing] if thing.doing else named)]
     rows: tuple[Pose | Tool, ...] = (*figures.tools(), *figures.poses())
     standing = figures.poses()[0]
     for some, table, least in (
+        (climbed or ["climbing"], figures.tools(), CALLED),
         (said if said and thing.doing else alone, rows, _WITH),  # flying a kite is not flying
         (alone, rows, _USES),
         (named, rows, _WITH),  # whatever a photographer does, there is a camera

@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 
 from frida_painter import registry, weights
-from frida_painter.drawing.arrangement import Relation, kind_of
+from frida_painter.drawing.arrangement import RIDES, Relation, kind_of
 from frida_painter.errors import WeightsError
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
@@ -300,6 +300,9 @@ class PromptReader:
         elif noun.dep_ in ("pobj", "dobj") and "body" in kinds_of(noun.lemma_) and (owners := _children(noun, "poss")):
             if "person" in kinds_of(owners[0].lower_) and _is_noun(owners[0]):  # asleep on his father's chest
                 _put_in_place(owners[0], noun, "det", [])
+        elif noun.dep_ == "conj" and "person" in kinds_of(noun.head.lemma_) and not kinds_of(noun.lemma_) & {"person"}:
+            has = [one for word in _children(noun.head, "prep") for one in _children(word, "pobj")]
+            noun.head = has[-1] if has and has[-1].i < noun.i else noun.head  # a man with a beard and a scarf
         elif noun.lemma_ in GROUPS and (inner := shown.get("of")):
             _put_in_place(inner, noun, "nummod", [word for word in noun.rights if word.i > inner.i])
         elif _is_noun(noun) and last is not None and last.pos_ == "NOUN":
@@ -464,7 +467,7 @@ class _Walk:
                 for one in self.relations
                 if where.subject in (one.subject, one.object) and kind_of(one.word) in ("with", "hold")
             ]
-            if kind_of(said) in ("lap", "shoulder") and had:
+            if kind_of(said) in RIDES and had:
                 self.relations = [one for one in self.relations if one not in (where, had[-1])]
                 at = (*had[-1].at, *where.at, noun.i)
                 self.relations.append(Relation(had[-1].object, said, had[-1].subject, at))

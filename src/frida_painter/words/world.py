@@ -49,7 +49,7 @@ def is_person(name: str, sentences: SentenceEncoder) -> bool:
     """
     kinds = kinds_of(name)
     if "person" not in kinds or kinds == {"person"}:
-        return "person" in kinds
+        return "person" in kinds or any(name == word for clothes in wardrobe() for word in clothes.words)  # a gamer
     known = {one.name: one.where == "person" for one in known_things()}
     known |= {word: True for clothes in wardrobe() for word in clothes.words}
     similarity, nearest = (sentences.embed([*known]) @ sentences.embed([name])[0]).max(0)
