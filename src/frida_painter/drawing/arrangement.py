@@ -240,7 +240,7 @@ _ANCHORS = (  # kinds of relations, and usual places of a thing; "" for all
     ("with hold doing beside near shelter", "air", _Anchor(0.5, 0.78, aside=-0.5)),
     ("with hold doing beside near front shelter", "wall", _Anchor(0.2, 0.6, depth=-2)),
     ("with hold", "held", _Anchor(0.4, _HAND[1], depth=-1, most=0.8)),
-    ("under", "", _Anchor(most=0.5)),
+    ("under", "", _Anchor(0.3, depth=-1, most=0.5)),
     ("over", "", _Anchor(0.0, 1.04, depth=-1)),
     ("behind", "", _Anchor(0.45, 0.08, depth=-1, least=0.85)),
     ("front", "", _Anchor(-0.3, -0.06)),
@@ -255,7 +255,8 @@ def _put(mine: Placed, other: Placed, kind: str) -> tuple[Placed, Placed] | None
         put = _put(other, mine, "shelter" if hangs else _OPPOSITE[kind])
         return put and put[::-1]
     if kind == "on" and other_where == "seat":  # long enough for somebody who lies
-        other = replace(other, height=other.height * max(1.0, mine.width / other.width))
+        seat = mine.figure.seat / _SEAT if mine.figure else 0.0  # as high as the legs of somebody who sits are long
+        other = replace(other, height=max(other.height * max(1.0, mine.width / other.width), seat * mine.height))
     anchor = _anchor(mine, other, kind)
     if anchor is None:
         return None
@@ -382,7 +383,7 @@ def copies(pictures: Sequence[Tensor], where: str, seed: int, *, leans: bool = F
     """Returns several pictures of a thing as one picture [4, h, w].
 
     leans: True if none may be mirrored, because all lean in the wind
-    where: "air" to scatter them; otherwise they form rows on a floor, the rear ones smaller
+    where: "air" to scatter them, "seat" for one row; otherwise they form rows on a floor, the rear ones smaller
     seed: of the random positions and sizes
     """
     count = len(pictures)
@@ -392,7 +393,7 @@ def copies(pictures: Sequence[Tensor], where: str, seed: int, *, leans: bool = F
     pictures, air = [resize(one, _SIDE / max(one.shape[1:])) for one in pictures], where == "air"
     _, high, wide = pictures[0].shape
     spots: list[tuple[Tensor, float, float]] = []  # drawing, bottom, left
-    rows = 1 if count <= 3 else 2 if count <= 7 else 3
+    rows = 1 if count <= 3 or where == "seat" else 2 if count <= 7 else 3
     for row in range(rows):
         here = count // rows + (row < count % rows)
         for number in range(here):
@@ -400,7 +401,7 @@ def copies(pictures: Sequence[Tensor], where: str, seed: int, *, leans: bool = F
             copy = resize(pictures[len(spots)], 0.8**row * (0.86 + 0.14 * shake[1]))
             middle = (number - (here - 1) / 2 + 0.5 * (row % 2)) * 0.8**row * wide * (1.15 if air else 0.98)
             rise = row * (0.95 if air else 0.42) + (0.5 if air else 0.06) * shake[0]
-            if number % 2 and count > 2 and where != "person" and not leans:  # mirror images look like a sign
+            if number % 2 and count > 2 and where not in ("person", "seat") and not leans:  # mirror images look like a sign
                 copy = copy.flip(2)
             spots.append((copy, rise * high, middle - copy.shape[2] / 2))
     left = min(start for *_, start in spots)

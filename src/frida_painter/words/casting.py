@@ -112,7 +112,10 @@ def cast(
     for one in reading.relations:  # who is hugged hugs too
         if {one.subject, one.object} <= people and not wanted[one.object].doing:
             tool = acts[one.subject].tool
-            acts[one.object] = acts[one.subject] if tool and tool.meets else Act(figures.poses()[0], "")
+            if tool and tool.meets:
+                acts[one.object] = acts[one.subject]
+            elif one.object not in {each.subject for each in reading.relations}:
+                acts[one.object] = Act(figures.poses()[0], "")
     acting = any(wanted[number].doing and act.meant for number, act in acts.items()) or any(
         one.subject in people and one.object in wanted and kind_of(one.word) in _HANDLES for one in reading.relations
     )
@@ -227,7 +230,7 @@ def _draw_person(
     if len(drawn) > 1:
         pairs = [_join(drawn[at : at + 2]) for at in range(0, len(drawn), 2)]
         together = pairs if figure.meets is not None else [one.picture for one in drawn]
-        figure = replace(figure, picture=copies(together, "person", 0), hand=(0.0, figure.hand[1]), meets=None)
+        figure = replace(figure, picture=copies(together, "seat" if sits else "person", 0), hand=(0.0, figure.hand[1]), meets=None)
     is_exact = alike >= _KNOWN
     said = [*old, thing.noun if is_exact else called, thing.doing if act.meant else ""]
     caption = " ".join(dict.fromkeys(word for word in said if word))
@@ -260,10 +263,11 @@ def _act_of(number: int, thing: Thing, reading: Reading, sentences: SentenceEnco
     said, climbed = [], []
     for one in reading.relations:
         if one.subject == number:
-            between = "" if one.word == thing.doing else f" {one.word}"
+            verb = one.word if one.word.startswith(thing.doing) else f"{thing.doing} {one.word}"
             other = reading.things[one.object]
             called = dict.fromkeys((other.plural or other.noun, other.name))
-            said += [f"{thing.doing}{between} {name}".strip() for name in called]
+            said += [f"{verb} {name}" for name in called]
+            said += [verb] if " " in verb == one.word and thing.doing else []  # holding a hand
             climbed += [f"climbing {name}" for name in called if one.word in ("up", "down")]
     named = [thing.name, _DOER.sub("ing", thing.noun)]
     alone = [*said, *([thing.doing] if thing.doing else named)]

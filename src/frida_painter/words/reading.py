@@ -412,7 +412,7 @@ class _Walk:
         at = tuple(word.i for word in words)
         if _is_side(noun):
             self._turn(subjects, _SIDES[noun.lower_], (*at, noun.i))
-        parts = [word for word in _children(noun, "det") if "body" in kinds_of(word.lemma_)]
+        parts = _body_parts(noun)
         said = " ".join((*(word.lower_ for word in words), *(word.lemma_ for word in parts)))
         self._join(subjects, said, noun, (*at, *(word.i for word in parts)))
 
@@ -447,7 +447,9 @@ class _Walk:
             does = thing.doing or ("" if painted else doing)
             self.things[number] = replace(thing, at=at, color=thing.color or painted, doing=does)
         for noun in _children(verb, "dobj", "attr"):
-            self._join(subjects, "with" if has else doing or verb.lower_, noun, (verb.i,))
+            parts = _body_parts(noun)
+            said = " ".join((doing or verb.lower_, *(word.lemma_ for word in parts)))
+            self._join(subjects, "with" if has else said, noun, (verb.i, *(word.i for word in parts)))
 
     def _share(self, noun: Token) -> None:
         """Gives a noun the place of the last one joined to it: a teapot and three cups on a table."""
@@ -499,6 +501,11 @@ class _Walk:
         if people and kinds_of(above.lower_) != {"person"}:  # a man in a suit, running
             return people
         return [] if above == head else self._subjects(above)
+
+
+def _body_parts(noun: Token) -> list[Token]:
+    """Returns the parts of somebody's body that are said: the shoulders of a father."""
+    return [word for word in _children(noun, "det") if "body" in kinds_of(word.lemma_)]
 
 
 def _is_in_a_name(word: Token) -> bool:
