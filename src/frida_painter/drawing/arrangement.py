@@ -34,7 +34,7 @@ _DISH, _FLAT = 0.12, 1.4  # greatest height in the world and least width by heig
 _AMID, _WITHIN = 0.4, 0.75  # place in its height, and greatest width by its own, of the things on it
 _SEAT = 0.5  # share of the height of a seat's picture at which somebody sits
 
-_HAND = (0.12, 0.45)  # of a person's picture: place of the hand
+_HAND, _LAP = (0.12, 0.45), (0.1, 0.5)  # of a person's picture: places of the hand and the lap
 _CARRIED, _HANDLED = 0.62, 0.3  # height in the world, by a person's, of a thing in the hands, and of one under work
 _INTO, _INSIDE, _SILL = 0.4, 0.75, 0.42  # the same for things to be in, and for cars; height of a car's window
 _LENGTHY = 1.5  # height by width of a broom, which may reach the floor
@@ -61,7 +61,8 @@ _KINDS = {
 _MEANT = {("water", "on"): "in", ("seat", "in"): "on"}  # where people are who are on a boat, or in a chair
 _OPPOSITE = {"on": "beneath", "in": "around", "under": "shelter", "behind": "front"}
 _OPPOSITE |= {other: kind for kind, other in _OPPOSITE.items()} | {"over": "under"}
-RIDES = {"lap": (0.45, 0.35), "shoulder": (0.6, 0.22), "back": (0.45, 0.22)}  # heights of people and of animals there, by who carries them
+RIDES = {"lap": (0.45, 0.35), "shoulder": (0.6, 0.22), "back": (0.45, 0.22)}
+"""Greatest heights of people and of animals on somebody, by whose body they are on."""
 _STOOD_BY = ("on", "in", "under", "over", "behind", *RIDES)  # the objects of these relations are placed first
 
 
@@ -240,7 +241,7 @@ _ANCHORS = (  # kinds of relations, and usual places of a thing; "" for all
     ("with hold doing beside near shelter", "air", _Anchor(0.5, 0.78, aside=-0.5)),
     ("with hold doing beside near front shelter", "wall", _Anchor(0.2, 0.6, depth=-2)),
     ("with hold", "held", _Anchor(0.4, _HAND[1], depth=-1, most=0.8)),
-    ("under", "", _Anchor(0.3, depth=-1, most=0.5)),
+    ("under", "", _Anchor(most=0.5)),
     ("over", "", _Anchor(0.0, 1.04, depth=-1)),
     ("behind", "", _Anchor(0.45, 0.08, depth=-1, least=0.85)),
     ("front", "", _Anchor(-0.3, -0.06)),
@@ -276,8 +277,10 @@ def _anchor(mine: Placed, other: Placed, kind: str) -> _Anchor | None:
     meeting = [one.figure.meets for one in (other, mine) if one.figure is not None and one.figure.meets is not None]
     if len(meeting) == 2:
         return _Anchor(meeting[0], aside=meeting[1])
+    if kind == "under" and mine.figure and shape < 1:  # a mechanic
+        return _Anchor(0.45, depth=-1)
     if kind in RIDES:
-        across, up = (0.1, 0.5) if other.figure is None else other.figure.holds[kind]
+        across, up = other.figure.holds.get(kind, _LAP) if other.figure else _LAP
         most = RIDES[kind][mine.figure is None] * min(1.0, 1.3 * shape if mine.figure is None else 1.0)
         return _Anchor(across, up, sinks=mine.figure.seat if mine.figure else 0.0, most=most)
     if kind == "on":
@@ -286,7 +289,8 @@ def _anchor(mine: Placed, other: Placed, kind: str) -> _Anchor | None:
         if other.known.height < _DISH and other.width > _FLAT * other.height and where not in ("person", "animal"):
             return _Anchor(up=_AMID, most=_WITHIN * other.width * shape / other.height)
         up = _SEAT if other.known.where == "seat" else _top(other.picture, mine.width / max(other.width, 1e-6))
-        return _Anchor(up=up, sinks=(mine.figure.seat if mine.figure else 0.0) or _SINKS, most=most)
+        hips = mine.figure.holds.get("hips", (0.0, 0.0)) if mine.figure else (0.0, 0.0)
+        return _Anchor(up=up, aside=hips[0], sinks=(mine.figure.seat if mine.figure else 0.0) or _SINKS, most=most)
     if kind == "in" and mine.figure is not None and other.known.where == "ground":
         if other.height > mine.height:
             return _Anchor(-0.2, -0.06)  # in a house, so in front of it
@@ -401,7 +405,7 @@ def copies(pictures: Sequence[Tensor], where: str, seed: int, *, leans: bool = F
             copy = resize(pictures[len(spots)], 0.8**row * (0.86 + 0.14 * shake[1]))
             middle = (number - (here - 1) / 2 + 0.5 * (row % 2)) * 0.8**row * wide * (1.15 if air else 0.98)
             rise = row * (0.95 if air else 0.42) + (0.5 if air else 0.06) * shake[0]
-            if number % 2 and count > 2 and where not in ("person", "seat") and not leans:  # mirror images look like a sign
+            if number % 2 and count > 2 and where not in ("person", "seat") and not leans:  # no sign of mirror images
                 copy = copy.flip(2)
             spots.append((copy, rise * high, middle - copy.shape[2] / 2))
     left = min(start for *_, start in spots)

@@ -57,8 +57,7 @@ class Tool(NamedTuple):
 class Clothes(NamedTuple):
     """Clothes of people: names of those who wear them, colours, cut, and shapes, as `clothes.txt` explains.
 
-    over: what else is worn: its colour and shapes
-    is_long_haired: True for long hair
+    A garment has its own names and colour, what it dyes, and a cut or "-", as `garments.txt` explains.
     """
 
     words: tuple[str, ...]
@@ -66,24 +65,14 @@ class Clothes(NamedTuple):
     bottom: Color
     cut: str
     shapes: _Shapes = ()
-    over: tuple[tuple[Color, _Shapes], ...] = ()
-    is_long_haired: bool = False
 
-    def put_on(self, garment: Garment, color: Color) -> Clothes:
+    def put_on(self, garment: Clothes, color: str) -> Clothes:
         """Returns the clothes with a garment of that colour over them or instead of them."""
-        covered = {part: () if part == "shapes" else color for part in garment.covers.split("+") if part != "-"}
-        cut = garment.cut if garment.cut != "-" else self.cut
-        return self._replace(over=(*self.over, (color, garment.shapes)), cut=cut, **covered)
-
-
-class Garment(NamedTuple):
-    """Garment: its names, colour, what it covers, the cut that it gives the clothes, as `garments.txt` explains."""
-
-    words: tuple[str, ...]
-    color: Color
-    covers: str
-    cut: str
-    shapes: _Shapes
+        is_top, is_bottom = (garment.bottom in (part, "all") for part in ("top", "bottom"))
+        top, bottom = color if is_top else self.top, color if is_bottom else self.bottom
+        over = tuple(tuple(color if word == "@" else word for word in shape) for shape in garment.shapes)
+        cut = self.cut if garment.cut == "-" else garment.cut
+        return Clothes(self.words, top, bottom, cut, over if is_top else (*self.shapes, *over))
 
 
 def _rows(name: str) -> list[tuple[list[tuple[str, ...]], list[str], _Shapes]]:
@@ -115,21 +104,12 @@ def tools() -> tuple[Tool, ...]:
 
 
 @cache
-def wardrobe() -> tuple[Clothes, ...]:
-    """Returns the table of `clothes.txt`."""
-    return tuple(
-        Clothes(words, top, bottom, cut, some, is_long_haired=cut in ("skirt", "robe"))
-        for (words,), (top, bottom, cut), some in _rows("clothes.txt")
-    )
+def wardrobe(file: str = "clothes.txt") -> tuple[Clothes, ...]:
+    """Returns a table of clothes: of people, or "garments.txt"."""
+    return tuple(Clothes(words, top, bottom, cut, some) for (words,), (top, bottom, cut), some in _rows(file))
 
 
-@cache
-def garments() -> tuple[Garment, ...]:
-    """Returns the table of `garments.txt`."""
-    return tuple(Garment(words, *rest, some) for (words,), rest, some in _rows("garments.txt"))
-
-
-_Row = TypeVar("_Row", bound=Pose | Clothes | Garment | Tool)
+_Row = TypeVar("_Row", bound=Pose | Clothes | Tool)
 
 
 def nearest(said: Sequence[str], rows: Sequence[_Row], sentences: SentenceEncoder) -> tuple[_Row, str, float]:
@@ -154,7 +134,7 @@ _SKINS = ("burlywood", "peru", "tan", "sienna", "sandybrown")
 _HAIRS, _WHITE = ("saddlebrown", "black", "darkgoldenrod", "black", "sienna"), "silver"
 _DARK = 0.3  # brightness of shoes
 _SOLE, _EDGE = 0.12, 0.03  # depth of the floor below an ankle; half the width of the edge of an area
-_HOLDS = {"lap": "k.7,.3", "shoulder": "c-.4,.3", "back": "c-.75,-1.2"}  # places of who sits there
+_HOLDS = {"hips": "k0,0", "lap": "k.7,.3", "shoulder": "c-.4,.3", "back": "c-.75,-1.2"}  # places of who sits there
 _TONES = {"@": 1.0, "-": 0.75, "+": 1.25}
 _STOOL = tuple(
     tuple(f"line saddlebrown {line}".split())
@@ -168,7 +148,7 @@ class Figure:
 
     picture: colour and opacity [4, h, w]
     hand: place of the hand, or of the end of its tool, from the middle of the lower edge, in widths and heights
-    holds: places of what sits on the "lap", "shoulder" or "back", likewise
+    holds: places of the "hips", and of what sits on the "lap", "shoulder" or "back", likewise
     seat: height of the hips of somebody who sits, as a share of the picture's height; 0 for others
     tall: height of the picture, by the height of the same figure upright
     does: words of the tables that mean what it does, or ""
@@ -189,9 +169,7 @@ class Figure:
         """Returns the figure that looks to the left."""
         meets = None if self.meets is None else -self.meets
         holds = {name: (-across, up) for name, (across, up) in self.holds.items()}
-        return replace(
-            self, picture=self.picture.flip(2), hand=(-self.hand[0], self.hand[1]), meets=meets, holds=holds
-        )
+        return replace(self, picture=self.picture.flip(2), hand=(-self.hand[0], self.hand[1]), meets=meets, holds=holds)
 
 
 def draw_figure(
@@ -215,9 +193,9 @@ def draw_figure(
     for number in (1, 0):
         _draw_leg(sheet, body, number, worn, skin)
     if worn.cut in ("skirt", "robe", "coat"):
-        ends, wide = (body.ankles, 0.4) if worn.cut == "robe" else (body.knees, 0.36)
+        hem, wide = (body.ankles, 0.4) if worn.cut == "robe" else (body.knees, 0.36)
         color = worn.top if worn.cut == "coat" else worn.bottom
-        sheet.fill(color, [(body.hips, 0.4), *((end, wide) for end in ends)])
+        sheet.fill(color, [(body.hips, 0.4), *((end, wide) for end in hem)])
     sheet.draw(worn.top, [(body.hips, 0.44), (body.chest, 0.52)])
     _draw_head(sheet, body, worn, skin, hair)
     _draw_shapes(sheet, body, shapes[first:last], main, size)
@@ -308,16 +286,14 @@ def _draw_leg(sheet: _Sheet, body: _Body, number: int, worn: Clothes, skin: str)
 
 def _draw_head(sheet: _Sheet, body: _Body, worn: Clothes, skin: str, hair: str) -> None:
     sheet.draw(skin, [(body.chest, 0.2), (body.skull, 0.2)], 0.85)
-    layers = ((worn.top, worn.shapes), *worn.over)
-    if worn.is_long_haired:
+    if any(one.cut in ("skirt", "robe") for one in (worn, *wardrobe()) if one.words == worn.words):  # long hair
         sheet.fill(hair, [body.find("a-0.2,0.0,0.42", 1.0), body.find("a-0.3,-0.75,0.26", 1.0)])
     sheet.fill(hair, [body.find("a-0.08,0.06,0.52", 1.0)])
-    for color, shapes in layers:  # a hood covers the hair, and not the face
-        _draw_shapes(sheet, body, tuple(("area", *rest) for name, *rest in shapes if name == "hood"), color, 1.0)
+    hood = tuple(("area", *rest) for name, *rest in worn.shapes if name == "hood")
+    _draw_shapes(sheet, body, hood, worn.top, 1.0)  # it covers the hair, and not the face
     sheet.fill(skin, [body.find("a0.1,-0.06,0.43", 1.0)])
     sheet.fill("black", [body.find("a0.32,0.0,0.055", 1.0)])  # an eye
-    for color, shapes in layers:
-        _draw_shapes(sheet, body, shapes, color, 1.0)
+    _draw_shapes(sheet, body, worn.shapes, worn.top, 1.0)
 
 
 def _draw_shapes(sheet: _Sheet, body: _Body, shapes: _Shapes, main: Color, size: float) -> None:

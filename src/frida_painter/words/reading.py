@@ -258,10 +258,9 @@ class PromptReader:
             if word.tag_ == "VBZ" and (base := word.lower_.removesuffix("s")) in self._verbs:
                 word.lemma_ = base  # rides come from ride, not rid
             before = word.nbor(-1) if word.i else word
-            one = word.lower_.removesuffix("s")
-            if word.text == f"{one}s" and word.pos_ in ("NOUN", "PROPN") and one in self._nouns:  # kids
-                if word.tag_ == "NNP" or one.endswith("ie"):  # cookies are no cooks
-                    word.pos_, word.tag_, word.lemma_ = "NOUN", "NNS", one
+            one, kind = word.text.removesuffix("s"), word.tag_
+            if one != word.text and one in self._nouns and (kind == "NNP" or (kind == "NNS" and one[-2:] == "ie")):
+                word.pos_, word.tag_, word.lemma_ = "NOUN", "NNS", one  # kids, and cookies, which are no cooks
             if word.tag_ == "VBD" and before.lower_ in _BASIC and before.head == word:  # a red rose
                 _put_in_place(word, before, "amod", before.lefts)
                 word.pos_, word.tag_, word.lemma_, before.pos_ = "NOUN", "NN", word.lower_, "ADJ"
@@ -300,9 +299,9 @@ class PromptReader:
         elif noun.dep_ in ("pobj", "dobj") and "body" in kinds_of(noun.lemma_) and (owners := _children(noun, "poss")):
             if "person" in kinds_of(owners[0].lower_) and _is_noun(owners[0]):  # asleep on his father's chest
                 _put_in_place(owners[0], noun, "det", [])
-        elif noun.dep_ == "conj" and "person" in kinds_of(noun.head.lemma_) and not kinds_of(noun.lemma_) & {"person"}:
-            has = [one for word in _children(noun.head, "prep") for one in _children(word, "pobj")]
-            noun.head = has[-1] if has and has[-1].i < noun.i else noun.head  # a man with a beard and a scarf
+        elif noun.dep_ == "conj" and "person" in kinds_of(noun.head.lemma_) - kinds_of(noun.lemma_):
+            has = [one for word in _children(noun.head, "prep") for one in _children(word, "pobj") if one.i < noun.i]
+            noun.head = (noun.head, *has)[-1]  # a man with a beard and a scarf
         elif noun.lemma_ in GROUPS and (inner := shown.get("of")):
             _put_in_place(inner, noun, "nummod", [word for word in noun.rights if word.i > inner.i])
         elif _is_noun(noun) and last is not None and last.pos_ == "NOUN":
@@ -405,16 +404,13 @@ class _Walk:
         ):
             words.insert(0, words[0].head)
         subjects = [] if words[0].head == words[0] else self._subjects(words[0].head)
-        told = [word for word in _children(words[0].head, "dative", "prep") if word.lower_ == "to" and word.i < words[0].i]
-        heard = [one for word in told for other in _children(word, "pobj") for one in self._joined(other)]
-        if heard and "person" in kinds_of(self.things[heard[0]].noun):  # in bed are those to whom somebody reads
-            subjects = heard
+        told = [one for one in _children(words[0].head, "dative", "prep") if one.lower_ == "to" and one.i < words[0].i]
+        heard = [one for word in told for one in _children(word, "pobj") if "person" in kinds_of(one.lemma_)]
+        subjects = self._joined(heard[-1]) if heard else subjects  # in bed are those to whom somebody reads
         at = tuple(word.i for word in words)
         if _is_side(noun):
             self._turn(subjects, _SIDES[noun.lower_], (*at, noun.i))
-        parts = _body_parts(noun)
-        said = " ".join((*(word.lower_ for word in words), *(word.lemma_ for word in parts)))
-        self._join(subjects, said, noun, (*at, *(word.i for word in parts)))
+        self._join(subjects, " ".join(word.lower_ for word in words), noun, at)
 
     def _turn(self, subjects: list[int], said: str, at: tuple[int, ...]) -> None:
         """Says where a thing is that another one is "with"."""
@@ -447,9 +443,7 @@ class _Walk:
             does = thing.doing or ("" if painted else doing)
             self.things[number] = replace(thing, at=at, color=thing.color or painted, doing=does)
         for noun in _children(verb, "dobj", "attr"):
-            parts = _body_parts(noun)
-            said = " ".join((doing or verb.lower_, *(word.lemma_ for word in parts)))
-            self._join(subjects, "with" if has else said, noun, (verb.i, *(word.i for word in parts)))
+            self._join(subjects, "with" if has else doing or verb.lower_, noun, (verb.i,))
 
     def _share(self, noun: Token) -> None:
         """Gives a noun the place of the last one joined to it: a teapot and three cups on a table."""
@@ -461,21 +455,19 @@ class _Walk:
 
     def _carry(self, noun: Token) -> None:
         """Puts what somebody has or carries on the part of the body that is said: a woman with a baby on her lap."""
-        own = [one for one in self.relations if one.object == self._numbers.get(noun) and _children(noun, "poss")]
-        for where in own:
+        for where in self.relations if _children(noun, "poss") else ():
             said = f"{where.word} {noun.lemma_}"
-            had = [
-                one
-                for one in self.relations
-                if where.subject in (one.subject, one.object) and kind_of(one.word) in ("with", "hold")
-            ]
-            if kind_of(said) in RIDES and had:
-                self.relations = [one for one in self.relations if one not in (where, had[-1])]
-                at = (*had[-1].at, *where.at, noun.i)
-                self.relations.append(Relation(had[-1].object, said, had[-1].subject, at))
+            if where.object != self._numbers.get(noun) or kind_of(said) not in RIDES:
+                continue
+            for one in self.relations:
+                if where.subject in (one.subject, one.object) and kind_of(one.word) in ("with", "hold"):
+                    ridden = Relation(one.object, said, one.subject, (*one.at, *where.at, noun.i))
+                    self.relations = [*(each for each in self.relations if each not in (where, one)), ridden]
 
     def _join(self, subjects: list[int], said: str, noun: Token, at: tuple[int, ...]) -> None:
-        """Adds a relation of each subject to a noun, and to those joined to it."""
+        """Adds a relation of each subject to a noun, or a part of its body, and to those joined to it."""
+        for part in _children(noun, "det"):
+            said, at = (f"{said} {part.lemma_}", (*at, part.i)) if "body" in kinds_of(part.lemma_) else (said, at)
         self.relations += [Relation(one, said, other, at) for one in subjects for other in self._joined(noun)]
 
     def _joined(self, noun: Token) -> list[int]:
@@ -487,25 +479,18 @@ class _Walk:
         """Returns the things that a preposition or a verb below `head` belongs to, the nearest ones."""
         if head in self._numbers:
             return [self._numbers[head]]
-        if head.pos_ in ("VERB", "AUX", "ADJ") and (
-            actors := [word for word in head.lefts if _is_noun(word) and word.dep_ != "dobj"]
-        ):
+        actors = [word for word in head.lefts if _is_noun(word) and word.dep_ != "dobj"]
+        if head.pos_ in ("VERB", "AUX", "ADJ") and actors:
             said = actors[-1].lower_
             is_told = said in _TOLD_OF or (said == "it" and head.lemma_ in ("be", "have"))  # but it rains
             return [0] if is_told and self.things else self._joined(actors[-1])
         above = head.head
-        if head.dep_ == "xcomp" and (taught := [one for word in _children(above, "dobj") for one in self._joined(word)]):
-            return taught  # a father teaching his son to ride
+        taught = _children(above, "dobj") if head.dep_ == "xcomp" else []  # a father teaching his son to ride
         owners = self._subjects(above.head) if head.dep_ == "acl" and above.dep_ == "pobj" else []
         people = [one for one in owners if "person" in kinds_of(self.things[one].noun)]
         if people and kinds_of(above.lower_) != {"person"}:  # a man in a suit, running
             return people
-        return [] if above == head else self._subjects(above)
-
-
-def _body_parts(noun: Token) -> list[Token]:
-    """Returns the parts of somebody's body that are said: the shoulders of a father."""
-    return [word for word in _children(noun, "det") if "body" in kinds_of(word.lemma_)]
+        return [] if above == head else self._joined(taught[0]) if taught else self._subjects(above)
 
 
 def _is_in_a_name(word: Token) -> bool:

@@ -390,17 +390,6 @@ class PictureIndex:
         """Returns the similarity of the most similar caption to a thing; at least `OWN` for a picture of the user's."""
         return float(self._similarity(_in_small_letters(thing)).max())
 
-    def tool_of(self, person: Thing) -> str:
-        """Returns the title of the thing that the name of a person is about; "" if there is a picture of the person."""
-        similarity = self._similarity(_in_small_letters(person))
-        for at in similarity.topk(min(_LOOKED_AT_FOR_KIND, len(similarity))).indices.tolist():
-            title, is_near = self._entries[at].title, float(similarity[at]) >= _ABOUT
-            if not is_near or is_person(title, self._sentences):
-                return ""
-            if not _is_modified(title, person):
-                return title
-        return ""
-
     def _similarity(self, thing: Thing) -> Tensor:
         """Returns the similarity of each picture's title to a thing [n], and more for the user's own pictures of it.
 

@@ -50,7 +50,7 @@ def scene_of(
     is_full = any(layer.what for layer in setting.place.layers)
     if is_placed and len(settled) == len(reading.things) and (is_busy or not (feels or is_full)):
         reading = _people_place(reading, setting.place, is_busy=is_busy)
-    reading = _equip_people(_fill_fields(reading, seen), index, sentences)
+    reading = _fill_fields(reading, seen)
     things = cast(reading, settled, prompt, index, encoders, in_place=setting.place is not NOWHERE)
     shown = [one for one in things if one is not None]
     whole = next((one for one in shown if has_ground(one.picture)), None)
@@ -214,19 +214,6 @@ def _fill_fields(reading: Reading, seen: Seen) -> Reading:
         for number, thing in enumerate(reading.things)
     )
     return replace(reading, things=things)
-
-
-def _equip_people(reading: Reading, index: PictureIndex | None, sentences: SentenceEncoder) -> Reading:
-    """Adds to people without pictures what their names are about: a violin to a violinist, bees to a beekeeper."""
-    for number, thing in enumerate(reading.things):
-        if index is None or not is_person(thing.name, sentences):
-            continue
-        tool = index.tool_of(thing)
-        if tool and thing.noun not in tool and not any(tool.endswith(one.noun) for one in reading.things):
-            relation = Relation(number, "holding", len(reading.things))
-            things = (*reading.things, Thing(tool, tool.rpartition(" ")[2]))
-            reading = replace(reading, things=things, relations=(*reading.relations, relation))
-    return reading
 
 
 def account_for(things: Sequence[FoundPicture | None], reading: Reading, seen: Seen, account: Account) -> None:
