@@ -298,18 +298,6 @@ def test_pictures_with_a_ground_do_not_hide_the_cut_outs(tmp_path: Path) -> None
     assert found is not None and found.caption == "orange goldfish"
 
 
-def test_the_name_of_somebody_without_a_picture_is_about_a_thing(tmp_path: Path) -> None:
-    class Strings(WordBag):
-        def embed(self, sentences: Sequence[str]) -> Tensor:
-            return super().embed([sentence.replace("violinist", "violin") for sentence in sentences])
-
-    known = {"1": (("violin",), 0.8, RED), "2": (("nurse",), 0.8, BLUE), "3": (("sea",), 0.8, RED)}
-    index = PictureIndex([Library("a", known)], Strings(), tmp_path)
-    assert index.tool_of(Thing("violinist", "violinist")) == "violin"
-    assert index.tool_of(Thing("nurse", "nurse")) == "", "there is a picture of her"
-    assert index.tool_of(Thing("plumber", "plumber")) == "", "nothing is near"
-
-
 def test_a_picture_has_the_asked_colour_and_one_piece(tmp_path: Path) -> None:
     class Halves(Library):
         def pictures(self, file: str) -> list[Tensor]:

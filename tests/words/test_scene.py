@@ -206,15 +206,6 @@ def test_what_words_show(reading: Reading, begun: str, tmp_path: Path) -> None:
         assert "shown: 'lake', 'mountain'" in seen.remarks[1]
 
 
-def test_somebody_without_a_picture_gets_what_the_name_is_about(tmp_path: Path) -> None:
-    seen = encoders(tmp_path, Reading((Thing("violinist", "violinist"),)))
-    index = seen.own["picture index"]
-    assert isinstance(index, PictureIndex)
-    index.tool_of = lambda person: "goat"  # type: ignore[method-assign]
-    scene_of("a violinist", GRID, seen, 0)
-    assert seen.remarks[0].startswith("Begun with 'violinist' (drawn) and 'goat' (pictures)")
-
-
 def test_several_trees_line_a_place_and_a_window_is_in_a_wall(tmp_path: Path) -> None:
     trees, window = Thing("leafless tree", "tree", count=None, plural="trees"), Thing("window", "window")
     street, market = Thing("street", "street"), Thing("market", "market")

@@ -76,11 +76,13 @@ def cast(
     things: Cast = [None] * len(reading.things)
     if index is None:
         return things
-    sentences = word_meanings(encoders)
+    sentences, rows = word_meanings(encoders), figures.wardrobe("garments.txt")
+    like = [figures.nearest((thing.plural or thing.noun, thing.name), rows, sentences) for thing in reading.things]
+    garments = {number: row for number, (row, _, similarity) in enumerate(like) if similarity >= _KNOWN}
     wanted = {
         number: thing
         for number, thing in enumerate(reading.things)
-        if number not in settled
+        if (number not in settled or number in garments)
         and (" " not in thing.noun or index.nearest(thing) >= CALLED or is_person(thing.name, sentences))
     }
     dressed: defaultdict[int, list[_Worn]] = defaultdict(list)
@@ -88,14 +90,11 @@ def cast(
         if not {one.subject, one.object} <= {*wanted}:
             continue
         first, second = wanted[one.subject], wanted[one.object]
-        garment = figures.nearest(
-            (second.plural or second.noun, second.name), figures.wardrobe("garments.txt"), sentences
-        )
         if one.word == "of" and second.uncounted:
             name, at = f"{first.name} of {second.name}", (*first.at, *second.at)
             first = replace(first, name=name, noun=second.noun, color=second.color, at=at)
-        elif one.word in ("in", "with") and is_person(first.name, sentences) and garment[2] >= _KNOWN:
-            dressed[one.subject].append((second, garment[0]))
+        elif one.word in ("in", "with") and one.object in garments and is_person(first.name, sentences):
+            dressed[one.subject].append((second, garments[one.object]))
         elif one.word in ("in", "with") and known_like(second.name, sentences).where == "worn":
             first = replace(first, color=second.color)
         elif one.word == "with" and _is_look(second.plural or second.noun, sentences):
