@@ -132,7 +132,7 @@ def cast(
         if number in {*tools} | bodies or does_unseen:
             continue
         among = len(wanted) > 1 or in_place or thing.shown > 1
-        is_posed = number in people & ({*ridden} | {*dressed})
+        is_posed = number in people & {*ridden, *dressed, *tools.values()}
         found = None if is_posed else index.find(thing, prompt, cut_out=among, acts=bool(among or thing.doing))
         if number in people and not _shows_person(found, reading, sentences, acting=acting, among=among):
             carriers = [
@@ -253,18 +253,19 @@ def _act_of(number: int, thing: Thing, reading: Reading, sentences: SentenceEnco
     said, climbed = [], []
     for one in reading.relations:
         if one.subject == number:
-            verb = one.word if one.word.startswith(thing.doing) else f"{thing.doing} {one.word}"
+            is_verb = one.word.startswith(thing.doing) or one.word.endswith("ing")
+            verb = one.word if is_verb else f"{thing.doing} {one.word}"
             other = reading.things[one.object]
             called = dict.fromkeys((other.plural or other.noun, other.name))
             said += [f"{verb} {name}" for name in called]
             said += [verb] if " " in verb == one.word and thing.doing else []  # holding a hand
-            climbed += [f"climbing {name}" for name in called if one.word in ("up", "down")]
+            climbed += [f"on {name}" for name in called if one.word in ("up", "down")]
     named = [thing.name, _DOER.sub("ing", thing.noun)]
     alone = [*said, *([thing.doing] if thing.doing else named)]
     rows: tuple[Pose | Tool, ...] = (*figures.tools(), *figures.poses())
     standing = figures.poses()[0]
     for some, table, least in (
-        (climbed or ["climbing"], figures.tools(), CALLED),
+        (climbed or ["on"], figures.tools(), CALLED),
         (said if said and thing.doing else alone, rows, _WITH),  # flying a kite is not flying
         (alone, rows, _USES),
         (named, rows, _WITH),  # whatever a photographer does, there is a camera

@@ -16,6 +16,7 @@ from torch import Tensor
 
 from frida_painter import registry, weights
 from frida_painter.drawing.arrangement import RIDES, Relation, kind_of
+from frida_painter.drawing.figures import wardrobe
 from frida_painter.errors import WeightsError
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
@@ -204,6 +205,8 @@ class PromptReader:
             self._language = spacy.load(folder, exclude=["ner", "senter"])
         except (OSError, ValueError) as cause:
             raise WeightsError(f"{folder} does not hold the English grammar; fetch english again.") from cause
+        names = "|".join(word for garment in wardrobe("garments.txt") for word in garment.words)
+        self._dressed = re.compile(rf"\b({names})(?= \w+ing\b)")  # in a hat watering roses: who does is before the hat
         lemmas: Any = self._language.get_pipe("lemmatizer")
         index = lemmas.lookups.get_table("lemma_index")
         self._verbs, self._nouns = frozenset(index["verb"]), frozenset(index["noun"])
@@ -238,7 +241,7 @@ class PromptReader:
         """Returns the parsed text, with mistakes of the parser corrected; empty without the model."""
         if self._language is None:
             return ()
-        parsed = self._language(text)
+        parsed = self._language(text := self._dressed.sub(r"\1,", text))
         first = parsed[0] if len(parsed) else None
         if first is not None and (
             first.tag_ in ("VBZ", "VB") or (first.pos_ == "VERB" and kinds_of(first.lower_) == {"person"})
