@@ -148,7 +148,7 @@ class Figure:
 
     picture: colour and opacity [4, h, w]
     hand: place of the hand, or of the end of its tool, from the middle of the lower edge, in widths and heights
-    holds: places of the "hips", and of what sits on the "lap", "shoulder" or "back", likewise
+    holds: places of the hips, the lap, the shoulder and the back, likewise
     seat: height of the hips of somebody who sits, as a share of the picture's height; 0 for others
     tall: height of the picture, by the height of the same figure upright
     does: words of the tables that mean what it does, or ""

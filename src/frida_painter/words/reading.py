@@ -409,7 +409,7 @@ class _Walk:
         subjects = [] if words[0].head == words[0] else self._subjects(words[0].head)
         told = [one for one in _children(words[0].head, "dative", "prep") if one.lower_ == "to" and one.i < words[0].i]
         heard = [one for word in told for one in _children(word, "pobj") if "person" in kinds_of(one.lemma_)]
-        subjects = self._joined(heard[-1]) if heard else subjects  # in bed are those to whom somebody reads
+        subjects = self._joined(heard[-1]) if heard else subjects  # the listeners are in bed
         at = tuple(word.i for word in words)
         if _is_side(noun):
             self._turn(subjects, _SIDES[noun.lower_], (*at, noun.i))
