@@ -54,10 +54,8 @@ _KINDS = {
     "front": ("in front of", "before", "against", "between"),
     "with": ("with", "playing", "wearing"),
     "hold": ("holding", "carrying", "hugging"),
-    "lap": ("on lap", "in lap", "on knee"),
-    "shoulder": ("on shoulder",),
-    "back": ("on back",),
 }
+_KINDS |= {"lap": ("on lap", "in lap", "on knee"), "shoulder": ("on shoulder",), "back": ("on back",)}
 _MEANT = {("water", "on"): "in", ("seat", "in"): "on"}  # where people are who are on a boat, or in a chair
 _OPPOSITE = {"on": "beneath", "in": "around", "under": "shelter", "behind": "front"}
 _OPPOSITE |= {other: kind for kind, other in _OPPOSITE.items()} | {"over": "under"}

@@ -460,9 +460,8 @@ class _Walk:
         """Puts what somebody has or carries on the part of the body that is said: a woman with a baby on her lap."""
         for where in self.relations if _children(noun, "poss") else ():
             said = f"{where.word} {noun.lemma_}"
-            if where.object != self._numbers.get(noun) or kind_of(said) not in RIDES:
-                continue
-            for one in self.relations:
+            is_on = where.object == self._numbers.get(noun) and kind_of(said) in RIDES
+            for one in self.relations if is_on else ():
                 if where.subject in (one.subject, one.object) and kind_of(one.word) in ("with", "hold"):
                     ridden = Relation(one.object, said, one.subject, (*one.at, *where.at, noun.i))
                     self.relations = [*(each for each in self.relations if each not in (where, one)), ridden]
