@@ -10,7 +10,7 @@ from hypothesis import strategies as some
 from torch import Tensor
 
 from frida_painter.drawing.arrangement import Known, Placed, Relation, ScenePart, arrange_parts, copies
-from frida_painter.drawing.figures import Figure
+from frida_painter.drawing.figures import Figure, draw_figure, poses, wardrobe
 
 
 def thing(color: int, height: float, where: str = "ground", shape: tuple[int, int] = (40, 40)) -> ScenePart:
@@ -291,6 +291,25 @@ def test_copies_are_all_there(count: int, where: str) -> None:
 
 def _area(drawing: Tensor) -> float:
     return float(drawing[3].sum())
+
+
+@pytest.mark.parametrize(
+    ("word", "low", "high"), [("on lap", 0.15, 0.5), ("on shoulder", 0.6, 0.9), ("on back", 0.3, 0.8)]
+)
+def test_a_small_one_is_on_the_body_of_whoever_carries_it(word: str, low: float, high: float) -> None:
+    person = Known("man", 1.75, "person")
+    figure = draw_figure(
+        next(one for one in poses() if "sitting" in one.words),
+        wardrobe()[0],
+        heads=7,
+        is_old=False,
+        kind=0,
+        has_seat=True,
+    )
+    man, cat = ScenePart(figure.picture, person, figure), ScenePart(torch.ones(4, 20, 20), Known("cat", 0.3, "animal"))
+    placed = {one.known.name: one for one in arrange_parts([cat, man], [Relation(0, word, 1)])}
+    assert low < (placed["cat"].y - placed["man"].y) / placed["man"].height < high
+    assert placed["cat"].height < 0.4 * placed["man"].height and placed["cat"].depth > placed["man"].depth
 
 
 def test_what_is_on_a_seat_sits_in_it_and_small_things_are_in_the_hands() -> None:

@@ -50,6 +50,22 @@ def test_all_clothes_can_be_drawn(worn: Clothes) -> None:
     assert float(draw("standing", worn).picture[3].mean()) > 0.2
 
 
+@pytest.mark.parametrize("garment", wardrobe("garments.txt"), ids=lambda one: one.words[0])
+def test_a_garment_is_seen_over_the_clothes_in_its_colour(garment: Clothes) -> None:
+    plain = Clothes(("somebody",), "white", "white", "trousers")
+    worn = plain.put_on(garment, "magenta")
+    assert not torch.equal(draw("standing", worn).picture, draw("standing", plain).picture)
+    assert (worn.top == "magenta") == (garment.bottom in ("top", "all"))
+    assert (worn.bottom == "magenta") == (garment.bottom in ("bottom", "all"))
+    assert garment.bottom in ("top", "bottom", "all", "-") and worn.cut in (
+        "trousers",
+        "shorts",
+        "skirt",
+        "robe",
+        "coat",
+    )
+
+
 def test_poses_differ_as_their_words_do() -> None:
     upright, lying, bent = draw("standing"), draw("lying"), draw("bending")
     assert (
@@ -78,6 +94,7 @@ def test_the_old_have_white_hair_and_children_large_heads() -> None:
 def test_a_mirrored_figure_has_its_hand_on_the_other_side() -> None:
     figure = draw("climbing")
     turned = figure.mirror()
+    assert turned.holds["lap"] == (-figure.holds["lap"][0], figure.holds["lap"][1])
     assert turned.hand == (-figure.hand[0], figure.hand[1]) and torch.equal(turned.picture.flip(2), figure.picture)
 
 
@@ -89,11 +106,11 @@ def test_the_nearest_row_is_that_with_the_word() -> None:
 SHAPES = {"hood": 2, "area": 2, "line": 2, "ring": 1, "dabs": 1, "end": 1, "meet": 1, "body": 0, "arm": 0}
 
 
-@pytest.mark.parametrize("row", [*tools(), *wardrobe()], ids=lambda one: one.words[0])
+@pytest.mark.parametrize("row", [*tools(), *wardrobe(), *wardrobe("garments.txt")], ids=lambda one: one.words[0])
 def test_every_shape_can_be_drawn_at_a_part_of_the_body(row: Tool | Clothes) -> None:
     for kind, *rest in row.shapes:
         points = [one for one in rest if "," in one and one[0].isalpha()]
-        assert len(points) >= SHAPES[kind] and all(one[0] in "hoackfg" for one in points)
+        assert len(points) >= SHAPES[kind] and all(one[0] in "hoackfglm" for one in points)
         numbers = [one for word in rest[1:] if not word[0].isalpha() for one in word.split(",")]
         assert len(numbers) == {"line": 1, "ring": 2, "dabs": 4}.get(kind, 0) and [float(one) for one in numbers] != [0]
 

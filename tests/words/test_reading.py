@@ -244,6 +244,27 @@ def test_what_is_said_after_a_thing_belongs_to_it(reader: PromptReader, prompt: 
     assert (thing.color, thing.doing) == (color, doing)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("prompt", "right"),
+    [
+        ("kids ice skating on a pond", "* kid:skating, ice, pond | kid on pond, kid skating ice"),
+        ("a woman with a baby on her lap", "woman, baby, lap | baby on lap woman"),
+        ("a man with a parrot on his shoulder", "man, parrot, shoulder | parrot on shoulder man"),
+        ("a boy on his father's shoulders", "boy, father | boy on shoulder father"),
+        ("a boy holding his grandmother's hand", "boy:holding, grandmother | boy holding hand grandmother"),
+        ("a boy in a hat building a snowman", "boy:building, hat, snowman | boy in hat, boy building snowman"),
+        ("a man with a beard and a scarf", "man, beard, scarf | man with beard, man with scarf"),
+        ("a mother reading to her twins in bed", "mother:reading, 2 twin, bed | mother to twin, twin in bed"),
+        ("a father teaching his son to ride a bicycle", "father, son:riding, bicycle | son riding bicycle"),
+        ("a grandmother baking cookies", "grandmother:baking, * cookie | grandmother baking cookie"),
+        ("a man wearing glasses reading a map", "man:reading, * glass, map | man with glass, man reading map"),
+    ],
+)
+def test_who_does_what_and_where_people_carry_and_wear_it(reader: PromptReader, prompt: str, right: str) -> None:
+    assert got(reader.read(prompt)) == wanted(right)
+
+
 def test_who_does_not_come_is_not_there(reader: PromptReader) -> None:
     reading = reader.read("a boy waiting for a father who never comes")
     assert [thing.noun for thing in reading.things] == ["boy"] and reading.absent == ("father",)

@@ -34,7 +34,7 @@ _DISH, _FLAT = 0.12, 1.4  # greatest height in the world and least width by heig
 _AMID, _WITHIN = 0.4, 0.75  # place in its height, and greatest width by its own, of the things on it
 _SEAT = 0.5  # share of the height of a seat's picture at which somebody sits
 
-_HAND = (0.12, 0.45)  # of a person's picture: place of the hand
+_HAND, _LAP = (0.12, 0.45), (0.1, 0.5)  # of a person's picture: places of the hand and the lap
 _CARRIED, _HANDLED = 0.62, 0.3  # height in the world, by a person's, of a thing in the hands, and of one under work
 _INTO, _INSIDE, _SILL = 0.4, 0.75, 0.42  # the same for things to be in, and for cars; height of a car's window
 _LENGTHY = 1.5  # height by width of a broom, which may reach the floor
@@ -57,9 +57,13 @@ _KINDS = {
     "with": ("with", "playing", "wearing"),
     "hold": ("holding", "carrying", "hugging"),
 }
+_KINDS |= {"lap": ("on lap", "in lap", "on knee"), "shoulder": ("on shoulder",), "back": ("on back",)}
+_MEANT = {("water", "on"): "in", ("seat", "in"): "on"}  # where people are who are on a boat, or in a chair
 _OPPOSITE = {"on": "beneath", "in": "around", "under": "shelter", "behind": "front"}
 _OPPOSITE |= {other: kind for kind, other in _OPPOSITE.items()} | {"over": "under"}
-_STOOD_BY = ("on", "in", "under", "over", "behind")  # the objects of these relations are placed first
+RIDES = {"lap": (0.45, 0.35), "shoulder": (0.6, 0.22), "back": (0.45, 0.22)}
+"""Greatest heights of people and of animals on somebody, by whose body they are on."""
+_STOOD_BY = ("on", "in", "under", "over", "behind", *RIDES)  # the objects of these relations are placed first
 
 
 def kind_of(word: str) -> str:
@@ -67,7 +71,8 @@ def kind_of(word: str) -> str:
 
     All verbs that have no kind of their own are "doing".
     """
-    named = next((kind for kind, words in _KINDS.items() if word in words), "")
+    said = (word, word.rpartition(" ")[0])  # asleep on a chest
+    named = next((kind for one in said for kind, words in _KINDS.items() if one in words), "")
     return named or ("doing" if word.endswith("ing") else "")
 
 
@@ -186,10 +191,10 @@ def _turn(relation: Relation, shown: Mapping[int, ScenePart]) -> Relation:
     top = next((number for number in tops if shown[number].known.where == "top"), relation.object)
     if relation.word == "with" and top != relation.object and other.height < shown[top].known.height:
         return Relation(relation.object, "on", top)
-    if other.where == "water" and subject.where == "person" and relation.word == "on":
-        return replace(relation, word="in")
+    if subject.where == "person" and (other.where, relation.word) in _MEANT:
+        return replace(relation, word=_MEANT[other.where, relation.word])
     if subject.where == "person" and kind_of(relation.word) == "in" and other.height < _INTO * subject.height:
-        return relation if other.where in ("water", "seat") else replace(relation, word="doing")  # into a microscope
+        return relation if other.where == "water" else replace(relation, word="doing")  # into a microscope
     return replace(relation, word="with") if other.where in _WORN and relation.word == "in" else relation
 
 
@@ -251,7 +256,8 @@ def _put(mine: Placed, other: Placed, kind: str) -> tuple[Placed, Placed] | None
         put = _put(other, mine, "shelter" if hangs else _OPPOSITE[kind])
         return put and put[::-1]
     if kind == "on" and other_where == "seat":  # long enough for somebody who lies
-        other = replace(other, height=other.height * max(1.0, mine.width / other.width))
+        seat = mine.figure.seat / _SEAT if mine.figure else 0.0  # as high as the legs of somebody who sits are long
+        other = replace(other, height=max(other.height * max(1.0, mine.width / other.width), seat * mine.height))
     anchor = _anchor(mine, other, kind)
     if anchor is None:
         return None
@@ -271,13 +277,20 @@ def _anchor(mine: Placed, other: Placed, kind: str) -> _Anchor | None:
     meeting = [one.figure.meets for one in (other, mine) if one.figure is not None and one.figure.meets is not None]
     if len(meeting) == 2:
         return _Anchor(meeting[0], aside=meeting[1])
+    if kind == "under" and mine.figure and shape < 1:  # a mechanic
+        return _Anchor(0.45, depth=-1)
+    if kind in RIDES:
+        across, up = other.figure.holds.get(kind, _LAP) if other.figure else _LAP
+        most = RIDES[kind][mine.figure is None] * min(1.0, 1.3 * shape if mine.figure is None else 1.0)
+        return _Anchor(across, up, sinks=mine.figure.seat if mine.figure else 0.0, most=most)
     if kind == "on":
         is_small = mine.figure is not None or mine.height <= 0.9 * other.height or other.width >= 1.5 * mine.width
         most = math.inf if is_small else max(0.62, 0.6 * mine.height / other.height)
         if other.known.height < _DISH and other.width > _FLAT * other.height and where not in ("person", "animal"):
             return _Anchor(up=_AMID, most=_WITHIN * other.width * shape / other.height)
         up = _SEAT if other.known.where == "seat" else _top(other.picture, mine.width / max(other.width, 1e-6))
-        return _Anchor(up=up, sinks=(mine.figure.seat if mine.figure else 0.0) or _SINKS, most=most)
+        hips = mine.figure.holds.get("hips", (0.0, 0.0)) if mine.figure else (0.0, 0.0)
+        return _Anchor(up=up, aside=hips[0], sinks=(mine.figure.seat if mine.figure else 0.0) or _SINKS, most=most)
     if kind == "in" and mine.figure is not None and other.known.where == "ground":
         if other.height > mine.height:
             return _Anchor(-0.2, -0.06)  # in a house, so in front of it
@@ -389,7 +402,7 @@ def copies(pictures: Sequence[Tensor], where: str, seed: int, *, leans: bool = F
     """Returns several pictures of a thing as one picture [4, h, w].
 
     leans: True if none may be mirrored, because all lean in the wind
-    where: "air" to scatter them; otherwise they form rows on a floor, the rear ones smaller
+    where: "air" to scatter them, "seat" for one row; otherwise they form rows on a floor, the rear ones smaller
     seed: of the random positions and sizes
     """
     count = len(pictures)
@@ -399,7 +412,7 @@ def copies(pictures: Sequence[Tensor], where: str, seed: int, *, leans: bool = F
     pictures, air = [resize(one, _SIDE / max(one.shape[1:])) for one in pictures], where == "air"
     _, high, wide = pictures[0].shape
     spots: list[tuple[Tensor, float, float]] = []  # drawing, bottom, left
-    rows = 1 if count <= 3 else 2 if count <= 7 else 3
+    rows = 1 if count <= 3 or where == "seat" else 2 if count <= 7 else 3
     for row in range(rows):
         here = count // rows + (row < count % rows)
         for number in range(here):
@@ -407,7 +420,7 @@ def copies(pictures: Sequence[Tensor], where: str, seed: int, *, leans: bool = F
             copy = resize(pictures[len(spots)], 0.8**row * (0.86 + 0.14 * shake[1]))
             middle = (number - (here - 1) / 2 + 0.5 * (row % 2)) * 0.8**row * wide * (1.15 if air else 0.98)
             rise = row * (0.95 if air else 0.42) + (0.5 if air else 0.06) * shake[0]
-            if number % 2 and count > 2 and where != "person" and not leans:  # mirror images look like a sign
+            if number % 2 and count > 2 and where not in ("person", "seat") and not leans:  # no sign of mirror images
                 copy = copy.flip(2)
             spots.append((copy, rise * high, middle - copy.shape[2] / 2))
     left = min(start for *_, start in spots)

@@ -246,7 +246,7 @@ def _fit(
     longest = max(things, key=lambda one: one.width)
     if not is_far and longest.x + longest.width / 2 == right > longest.x - longest.width / 2 > left:
         least = _LONG * (high - low) * wide * columns / (tall * rows)  # a train beside somebody leaves the picture
-        right -= min(_CUT * longest.width, max(0.0, right - left - least))
+        right -= min(_CUT * longest.width, max(0.0, right - left - least)) if longest.figure is None else 0.0
     is_cut = right < longest.x + longest.width / 2
     scale = min(wide * columns / (right - left), tall * rows / (high - low)) * min(1, max(one.size for one in things))
     width, height = scale * (right - left), scale * (high - low)

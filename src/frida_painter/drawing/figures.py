@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cache
 from itertools import pairwise
 from typing import NamedTuple, TypeVar
@@ -55,13 +55,24 @@ class Tool(NamedTuple):
 
 
 class Clothes(NamedTuple):
-    """Clothes of people: names of those who wear them, colours, cut, and shapes, as `clothes.txt` explains."""
+    """Clothes of people: names of those who wear them, colours, cut, and shapes, as `clothes.txt` explains.
+
+    A garment has its own names and colour, what it dyes, and a cut or "-", as `garments.txt` explains.
+    """
 
     words: tuple[str, ...]
     top: Color
     bottom: Color
     cut: str
     shapes: _Shapes = ()
+
+    def put_on(self, garment: Clothes, color: str) -> Clothes:
+        """Returns the clothes with a garment of that colour over them or instead of them."""
+        is_top, is_bottom = (garment.bottom in (part, "all") for part in ("top", "bottom"))
+        top, bottom = color if is_top else self.top, color if is_bottom else self.bottom
+        over = tuple(tuple(color if word == "@" else word for word in shape) for shape in garment.shapes)
+        cut = self.cut if garment.cut == "-" else garment.cut
+        return Clothes(self.words, top, bottom, cut, over if is_top else (*self.shapes, *over))
 
 
 def _rows(name: str) -> list[tuple[list[tuple[str, ...]], list[str], _Shapes]]:
@@ -93,9 +104,9 @@ def tools() -> tuple[Tool, ...]:
 
 
 @cache
-def wardrobe() -> tuple[Clothes, ...]:
-    """Returns the table of `clothes.txt`."""
-    return tuple(Clothes(words, top, bottom, cut, some) for (words,), (top, bottom, cut), some in _rows("clothes.txt"))
+def wardrobe(file: str = "clothes.txt") -> tuple[Clothes, ...]:
+    """Returns a table of clothes: of people, or "garments.txt"."""
+    return tuple(Clothes(words, top, bottom, cut, some) for (words,), (top, bottom, cut), some in _rows(file))
 
 
 _Row = TypeVar("_Row", bound=Pose | Clothes | Tool)
@@ -123,6 +134,7 @@ _SKINS = ("burlywood", "peru", "tan", "sienna", "sandybrown")
 _HAIRS, _WHITE = ("saddlebrown", "black", "darkgoldenrod", "black", "sienna"), "silver"
 _DARK = 0.3  # brightness of shoes
 _SOLE, _EDGE = 0.12, 0.03  # depth of the floor below an ankle; half the width of the edge of an area
+_HOLDS = {"hips": "k0,0", "lap": "k.7,.3", "shoulder": "c-.4,.3", "back": "c-.75,-1.2"}  # places of who sits there
 _TONES = {"@": 1.0, "-": 0.75, "+": 1.25}
 _STOOL = tuple(
     tuple(f"line saddlebrown {line}".split())
@@ -136,6 +148,7 @@ class Figure:
 
     picture: colour and opacity [4, h, w]
     hand: place of the hand, or of the end of its tool, from the middle of the lower edge, in widths and heights
+    holds: places of the hips, the lap, the shoulder and the back, likewise
     seat: height of the hips of somebody who sits, as a share of the picture's height; 0 for others
     tall: height of the picture, by the height of the same figure upright
     does: words of the tables that mean what it does, or ""
@@ -150,11 +163,13 @@ class Figure:
     does: str = ""
     meets: float | None = None
     afloat: bool = False
+    holds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def mirror(self) -> Figure:
         """Returns the figure that looks to the left."""
         meets = None if self.meets is None else -self.meets
-        return replace(self, picture=self.picture.flip(2), hand=(-self.hand[0], self.hand[1]), meets=meets)
+        holds = {name: (-across, up) for name, (across, up) in self.holds.items()}
+        return replace(self, picture=self.picture.flip(2), hand=(-self.hand[0], self.hand[1]), meets=meets, holds=holds)
 
 
 def draw_figure(
@@ -177,12 +192,10 @@ def draw_figure(
     _draw_arm(sheet, body, 1, worn, skin)
     for number in (1, 0):
         _draw_leg(sheet, body, number, worn, skin)
-    if worn.cut in ("skirt", "robe"):
-        low = [
-            ((knee, 0.36) if worn.cut == "skirt" else (ankle, 0.4))
-            for knee, ankle in zip(body.knees, body.ankles, strict=True)
-        ]
-        sheet.fill(worn.bottom, [(body.hips, 0.4), *low])
+    if worn.cut in ("skirt", "robe", "coat"):
+        hem, wide = (body.ankles, 0.4) if worn.cut == "robe" else (body.knees, 0.36)
+        color = worn.top if worn.cut == "coat" else worn.bottom
+        sheet.fill(color, [(body.hips, 0.4), *((end, wide) for end in hem)])
     sheet.draw(worn.top, [(body.hips, 0.44), (body.chest, 0.52)])
     _draw_head(sheet, body, worn, skin, hair)
     _draw_shapes(sheet, body, shapes[first:last], main, size)
@@ -229,6 +242,7 @@ class _Body:
         hand = self.hands[said[0] == "o"]
         x, y = {"f": (hand[0], self.floor + _SOLE), "g": (self.hips[0], self.floor + _SOLE)}.get(said[0], hand)
         turned = {"a": (self.skull, self._upward), "c": (self.chest, self._spine), "k": (self.hips, self._spine)}
+        turned |= {name: (self.ankles[at], self.shins[at] + 180) for at, name in enumerate("lm")}
         start, upward = turned.get(said[0], (np.array([x, y]), 180.0))
         return _beyond(_beyond(start, upward, up), upward - 90, across), wide
 
@@ -272,7 +286,7 @@ def _draw_leg(sheet: _Sheet, body: _Body, number: int, worn: Clothes, skin: str)
 
 def _draw_head(sheet: _Sheet, body: _Body, worn: Clothes, skin: str, hair: str) -> None:
     sheet.draw(skin, [(body.chest, 0.2), (body.skull, 0.2)], 0.85)
-    if worn.cut in ("skirt", "robe"):  # long hair
+    if any(one.cut in ("skirt", "robe") for one in (worn, *wardrobe()) if one.words == worn.words):  # long hair
         sheet.fill(hair, [body.find("a-0.2,0.0,0.42", 1.0), body.find("a-0.3,-0.75,0.26", 1.0)])
     sheet.fill(hair, [body.find("a-0.08,0.06,0.52", 1.0)])
     hood = tuple(("area", *rest) for name, *rest in worn.shapes if name == "hood")
@@ -319,4 +333,5 @@ def _cut_out(sheet: _Sheet, body: _Body, pose: Pose, heads: float, reached: _Poi
     seat = place(body.hips)[1] if pose.carried == "seat" else 0.0
     picture = resize(drawn[:, top : top + high, left : left + width], 0.5)
     meets = None if meeting is None else place(meeting)[0]
-    return Figure(picture, place(reached), seat, high / (heads * _UNIT), meets=meets, afloat=afloat)
+    holds = {name: place(body.find(point, 1.0)[0]) for name, point in _HOLDS.items()}
+    return Figure(picture, place(reached), seat, high / (heads * _UNIT), meets=meets, afloat=afloat, holds=holds)

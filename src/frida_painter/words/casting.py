@@ -2,6 +2,7 @@
 
 import re
 import zlib
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -10,9 +11,9 @@ from torch import Tensor
 
 from frida_painter.drawing import figures
 from frida_painter.drawing.appearance import looks_of
-from frida_painter.drawing.arrangement import copies, kind_of
+from frida_painter.drawing.arrangement import RIDES, copies, kind_of
 from frida_painter.drawing.compositing import stack
-from frida_painter.drawing.figures import Figure, Pose, Tool
+from frida_painter.drawing.figures import Clothes, Figure, Pose, Tool
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.words.nouns import kinds_of, senses_of
@@ -53,6 +54,7 @@ class Act(NamedTuple):
 
 
 Cast = list[FoundPicture | None]
+_Worn = tuple[Thing, Clothes]
 
 
 def cast(
@@ -74,14 +76,17 @@ def cast(
     things: Cast = [None] * len(reading.things)
     if index is None:
         return things
-    sentences = word_meanings(encoders)
+    sentences, rows = word_meanings(encoders), figures.wardrobe("garments.txt")
+    like = [figures.nearest((thing.plural or thing.noun, thing.name), rows, sentences) for thing in reading.things]
+    garments = {number: row for number, (row, _, similarity) in enumerate(like) if similarity >= _KNOWN}
     wanted = {
         number: thing
         for number, thing in enumerate(reading.things)
-        if number not in settled
+        if (number not in settled or number in garments)
         and thing.noun not in COLORS
         and (" " not in thing.noun or index.nearest(thing) >= CALLED or is_person(thing.name, sentences))
     }
+    dressed: defaultdict[int, list[_Worn]] = defaultdict(list)
     for one in reading.relations:
         if not {one.subject, one.object} <= {*wanted}:
             continue
@@ -89,7 +94,9 @@ def cast(
         if one.word == "of" and second.uncounted:
             name, at = f"{first.name} of {second.name}", (*first.at, *second.at)
             first = replace(first, name=name, noun=second.noun, color=second.color, at=at)
-        elif one.word in ("in", "with", "wearing") and known_like(second.name, sentences).where == "worn":
+        elif one.word in ("in", "with") and one.object in garments and is_person(first.name, sentences):
+            dressed[one.subject].append((second, garments[one.object]))
+        elif one.word in ("in", "with") and known_like(second.name, sentences).where == "worn":
             first = replace(first, color=second.color)
         elif one.word == "with" and _is_look(second.plural or second.noun, sentences):
             pass  # a cup with steam, a cup with spots
@@ -98,6 +105,8 @@ def cast(
         wanted |= {one.subject: first}
         del wanted[one.object]
     people = {number for number, thing in wanted.items() if is_person(thing.name, sentences)}
+    ridden = {one.object: kind_of(one.word) for one in reading.relations if kind_of(one.word) in RIDES}
+    ridden |= {one.subject: "seat" for one in reading.relations if kind_of(one.word) in RIDES}
     alive = [one for one in wanted if one in people or known_like(wanted[one].name, sentences).where == "animal"]
     groups = {number: GROUPS.get(wanted[number].noun) for number in people if wanted[number].count == 1}
     wanted |= {number: replace(wanted[number], count=count) for number, count in groups.items() if count}
@@ -105,7 +114,9 @@ def cast(
     for one in reading.relations:  # who is hugged hugs too
         if {one.subject, one.object} <= people and not wanted[one.object].doing:
             tool = acts[one.subject].tool
-            acts[one.object] = acts[one.subject] if tool and tool.meets else Act(figures.poses()[0], "")
+            is_idle = one.object not in {each.subject for each in reading.relations}
+            still = Act(figures.poses()[0], "") if is_idle else acts[one.object]
+            acts[one.object] = acts[one.subject] if tool and tool.meets else still
     acting = any(wanted[number].doing and act.meant for number, act in acts.items()) or any(
         one.subject in people and one.object in wanted and kind_of(one.word) in _HANDLES for one in reading.relations
     )
@@ -113,7 +124,7 @@ def cast(
     for one in 2 * reading.relations:
         user = one.subject if one.subject in people else tools.get(one.subject)
         named = wanted.get(one.object, reading.things[one.object])
-        if user is not None and one.object not in people and acts[user].shows(named, sentences):
+        if user is not None and not named.doing and acts[user].shows(named, sentences):
             tools[one.object] = user
     later = [number for number in wanted if alive and number > min(alive)]  # the ears of a dog are no further thing
     bodies = {number for number in later if is_part_of_body(wanted[number].noun, sentences)}
@@ -123,19 +134,22 @@ def cast(
         if number in {*tools} | bodies | unseen:
             continue
         among = len(wanted) > 1 or in_place or thing.shown > 1
-        found = index.find(thing, prompt, cut_out=among, acts=bool(among or thing.doing))
+        is_posed = number in people & {*ridden, *dressed, *tools.values()}
+        found = None if is_posed else index.find(thing, prompt, cut_out=among, acts=bool(among or thing.doing))
         if number in people and not _shows_person(found, reading, sentences, acting=acting, among=among):
             carriers = [
                 known_like(wanted[one.object].name, sentences).where
                 for one in reading.relations
                 if one.subject == number and one.object in {*wanted} - {*tools} and kind_of(one.word) in ("on", "in")
             ]
+            carriers += [ridden[number]] if number in ridden else []
             mine = [wanted.get(tool, reading.things[tool]) for tool, user in tools.items() if user == number]
-            is_faced = number != min(people)  # people look at each other
-            act, dyes = acts[number], [paint for one in mine if (paint := paint_of(one.color)) is not None]
+            is_faced = number != min(people) and number not in ridden  # people look at each other
+            act, dyes, worn = acts[number], [dye for one in mine if (dye := _dye_of(one))], dressed[number]
             if act.tool is not None and dyes:  # a red kite
-                act = act._replace(tool=act.tool._replace(color=tuple(dyes[0].tolist())))
-            found = _draw_person(thing, act, sentences, carriers=carriers, is_faced=is_faced)
+                act = act._replace(tool=act.tool._replace(color=dyes[0]))
+            found = _draw_person(thing, act, sentences, carriers, worn, is_faced=is_faced)
+            mine += [one for one, _ in worn]
             known = act.tool.things if act.tool else ()
             shown = [f"{one.color} {one.name if one.name in known else one.noun}".strip() for one in mine]
             found = replace(found, caption=" ".join(dict.fromkeys(" ".join((found.caption, *shown)).split())))
@@ -170,46 +184,55 @@ def _shows_person(
 
 
 def _draw_person(
-    thing: Thing, act: Act, sentences: SentenceEncoder, *, carriers: Sequence[str], is_faced: bool
+    thing: Thing, act: Act, sentences: SentenceEncoder, carriers: list[str], worn: list[_Worn], *, is_faced: bool
 ) -> FoundPicture:
     """Returns a drawn figure of a person who acts.
 
-    carriers: kinds of the things that the person is on or in, such as "seat"
+    carriers: kinds of the things that the person is on or in, such as "seat"; "lap" for somebody with one on the lap
+    worn: named clothes
     is_faced: True if somebody else acts on the person, who looks back
     """
     clothes, called, alike = figures.nearest([thing.name], figures.wardrobe(), sentences)
     family = figures.wardrobe()[:_FAMILY]
     if alike < _DRESSED:
         clothes, called, _ = figures.nearest([thing.noun], family[:_ANYBODY], sentences)
-    paint = paint_of(thing.color)
-    if paint is not None:
-        dyed = tuple(paint.tolist())
+    if dyed := _dye_of(thing):
         clothes = clothes._replace(top=dyed, bottom=dyed if clothes.cut in _LONG else clothes.bottom)
+    for one, garment in worn:
+        clothes = clothes.put_on(garment, _dye_of(one) or str(garment.top))
     old = _old(thing.name, sentences)
     (least, small), (most, tall) = _CHILD, _GROWN
     grown = (known_like(thing.name, sentences).height - small) / (tall - small)
     pose = act.pose
     heads = least + (most - least) * min(1.0, max(0.0, grown))
-    if pose.carried == "ground" and "seat" in carriers and abs(pose.angles[0]) < _UPRIGHT:  # to feed ducks on a bench
+    sits = {"lap", "seat"} & {*carriers}
+    if pose.carried == "ground" and sits and abs(pose.angles[0]) < _UPRIGHT:  # to feed ducks on a bench
         sitting = next(one for one in figures.poses() if "sitting" in one.words)
         pose = pose._replace(angles=(*pose.angles[:_LEGS], *sitting.angles[_LEGS:]), carried="seat")
     drawn = []
     for copy in range(thing.shown):
-        worn = family[copy % len(family)] if thing.noun in GROUPS else clothes  # a family is of all kinds
+        dress = family[copy % len(family)] if thing.noun in GROUPS else clothes  # a family is of all kinds
         kind = zlib.crc32(thing.name.encode()) + copy
         figure = figures.draw_figure(
-            pose, worn, heads=heads, is_old=bool(old), kind=kind, has_seat=bool(carriers), tool=act.tool
+            pose, dress, heads=heads, is_old=bool(old), kind=kind, has_seat=bool({*carriers} - {"lap"}), tool=act.tool
         )
         drawn.append(figure.mirror() if is_faced or copy % 2 else figure)
     figure = drawn[0]
     if len(drawn) > 1:
         pairs = [_join(drawn[at : at + 2]) for at in range(0, len(drawn), 2)]
         together = pairs if figure.meets is not None else [one.picture for one in drawn]
-        figure = replace(figure, picture=copies(together, "person", 0), hand=(0.0, figure.hand[1]), meets=None)
+        picture = copies(together, "seat" if sits else "person", 0)
+        figure = replace(figure, picture=picture, hand=(0.0, figure.hand[1]), meets=None, holds={})
     is_exact = alike >= _KNOWN
     said = [*old, thing.noun if is_exact else called, thing.doing if act.meant else ""]
     caption = " ".join(dict.fromkeys(word for word in said if word))
     return FoundPicture(thing, figure.picture, caption, None, is_exact, replace(figure, does=act.meant))
+
+
+def _dye_of(thing: Thing) -> str:
+    """Returns the colour of a thing that its words say, as in `#a0b0c0`; "" for none."""
+    paint = paint_of(thing.color)
+    return "" if paint is None else "#" + "".join(f"{round(255 * part):02x}" for part in paint.tolist())
 
 
 def _join(some: Sequence[Figure]) -> Tensor:
@@ -229,18 +252,22 @@ def _old(name: str, sentences: SentenceEncoder) -> list[str]:
 
 def _act_of(number: int, thing: Thing, reading: Reading, sentences: SentenceEncoder) -> Act:
     """Returns the action of a person; that of somebody who stands means nothing."""
-    said = []
+    said, climbed = [], []
     for one in reading.relations:
         if one.subject == number:
-            between = "" if one.word == thing.doing else f" {one.word}"
+            is_verb = one.word.startswith(thing.doing) or one.word.endswith("ing")
+            verb = one.word if is_verb else f"{thing.doing} {one.word}"
             other = reading.things[one.object]
             called = dict.fromkeys((other.plural or other.noun, other.name))
-            said += [f"{thing.doing}{between} {name}".strip() for name in called]
+            said += [f"{verb} {name}" for name in called]
+            said += [verb] if " " in verb == one.word and thing.doing else []  # holding a hand
+            climbed += [f"on {name}" for name in called if one.word in ("up", "down")]
     named = [thing.name, _DOER.sub("ing", thing.noun)]
     alone = [*said, *([thing.doing] if thing.doing else named)]
     rows: tuple[Pose | Tool, ...] = (*figures.tools(), *figures.poses())
     standing = figures.poses()[0]
     for some, table, least in (
+        (climbed or ["on"], figures.tools(), CALLED),
         (said if said and thing.doing else alone, rows, _WITH),  # flying a kite is not flying
         (alone, rows, _USES),
         (named, rows, _WITH),  # whatever a photographer does, there is a camera

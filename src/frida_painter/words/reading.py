@@ -15,7 +15,8 @@ import torch
 from torch import Tensor
 
 from frida_painter import registry, weights
-from frida_painter.drawing.arrangement import Relation
+from frida_painter.drawing.arrangement import RIDES, Relation, kind_of
+from frida_painter.drawing.figures import wardrobe
 from frida_painter.errors import WeightsError
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
@@ -46,6 +47,7 @@ SOMEBODY = "somebody"
 """Actor of a prompt without one: dancing in the rain."""
 PEOPLE = (SOMEBODY, "someone", "everybody", "everyone")
 """Pronouns of people; "it" and "something" are no things."""
+_TOGETHER = {"twin": 2, "parent": 2, "grandparent": 2, "newlywed": 2, "triplet": 3}  # numbers of people in a plural
 _TOLD_OF = ("he", "she", "they")  # pronouns for the first thing: my dog, he is brown
 _SIDES = {"front": "in front of", "foreground": "in front of", "top": "on", "middle": "in", "side": "beside",
           **dict.fromkeys(("back", "background", "distance"), "behind")}  # fmt: skip
@@ -205,6 +207,8 @@ class PromptReader:
             self._language = spacy.load(folder, exclude=["ner", "senter"])
         except (OSError, ValueError) as cause:
             raise WeightsError(f"{folder} does not hold the English grammar; fetch english again.") from cause
+        names = "|".join(word for garment in wardrobe("garments.txt") for word in garment.words)
+        self._dressed = re.compile(rf"\b({names})(?= \w+ing\b)")  # in a hat watering roses: who does is before the hat
         lemmas: Any = self._language.get_pipe("lemmatizer")
         index = lemmas.lookups.get_table("lemma_index")
         self._verbs, self._nouns = frozenset(index["verb"]), frozenset(index["noun"])
@@ -239,7 +243,7 @@ class PromptReader:
         """Returns the parsed text, with mistakes of the parser corrected; empty without the model."""
         if self._language is None:
             return ()
-        parsed = self._language(text)
+        parsed = self._language(text := self._dressed.sub(r"\1,", text))
         first = parsed[0] if len(parsed) else None
         if first is not None and (
             first.tag_ in ("VBZ", "VB") or (first.pos_ == "VERB" and kinds_of(first.lower_) == {"person"})
@@ -258,9 +262,10 @@ class PromptReader:
         for word in parsed:
             if word.tag_ == "VBZ" and (base := word.lower_.removesuffix("s")) in self._verbs:
                 word.lemma_ = base  # rides come from ride, not rid
-            if word.tag_ == "NNS" and word.lower_.endswith("ies") and word.lower_[:-1] in self._nouns:
-                word.lemma_ = word.lower_[:-1]  # a cookie, not a cooky
             before = word.nbor(-1) if word.i else word
+            one, kind = word.text.removesuffix("s"), word.tag_
+            if one != word.text and one in self._nouns and (kind == "NNP" or (kind == "NNS" and one[-2:] == "ie")):
+                word.pos_, word.tag_, word.lemma_ = "NOUN", "NNS", one  # kids, and cookies, which are no cooks
             if word.tag_ == "VBD" and before.lower_ in COLORS and before.head == word:  # a red rose
                 _put_in_place(word, before, "amod", before.lefts)
                 word.pos_, word.tag_, word.lemma_, before.pos_ = "NOUN", "NN", word.lower_, "ADJ"
@@ -308,6 +313,9 @@ class PromptReader:
         elif noun.dep_ in ("pobj", "dobj") and "body" in kinds_of(noun.lemma_) and (owners := _children(noun, "poss")):
             if "person" in kinds_of(owners[0].lower_) and _is_noun(owners[0]):  # asleep on his father's chest
                 _put_in_place(owners[0], noun, "det", [])
+        elif noun.dep_ == "conj" and "person" in kinds_of(noun.head.lemma_) - kinds_of(noun.lemma_):
+            has = [one for word in _children(noun.head, "prep") for one in _children(word, "pobj") if one.i < noun.i]
+            noun.head = (noun.head, *has)[-1]  # a man with a beard and a scarf
         elif noun.lemma_ in GROUPS and (inner := shown.get("of")):
             _put_in_place(inner, noun, "nummod", [word for word in noun.rights if word.i > inner.i])
         elif _is_noun(noun) and last is not None and last.pos_ == "NOUN":
@@ -330,6 +338,12 @@ class PromptReader:
         elif actors and is_doing and noun.dep_ in ("ROOT", "pobj", "dobj"):
             _put_in_place(actors[-1], noun, "acl", [word for word in noun.lefts if word != actors[-1]])
             noun.pos_ = "VERB"
+            self._correct(actors[-1])
+        for verb in _children(noun, "acl") if before else ():  # kids ice skating
+            is_one = {"person"} == kinds_of(before[-1].lemma_) and "person" not in kinds_of(noun.lemma_)
+            if verb.i == noun.i + 1 and (before[-1].tag_ == "NNS" or is_one):
+                _put_in_place(before[-1], noun, "dobj", [word for word in noun.children if word != before[-1]])
+                noun.head = verb
 
     def _is_finite(self, noun: Token) -> bool:
         """Returns True if what looks like a plural at the end is what somebody does: a woman dances."""
@@ -379,7 +393,7 @@ class _Walk:
         self.relations: list[Relation] = []
         self.absent: list[str] = []
         self._numbers: dict[Token, int] = {}  # of the nouns that are things
-        for step in (self._add, self._relate, self._act, self._share):
+        for step in (self._add, self._relate, self._act, self._share, self._carry):
             for word in parsed:
                 step(word)
 
@@ -410,6 +424,9 @@ class _Walk:
         ):
             words.insert(0, words[0].head)
         subjects = [] if words[0].head == words[0] else self._subjects(words[0].head)
+        told = [one for one in _children(words[0].head, "dative", "prep") if one.lower_ == "to" and one.i < words[0].i]
+        heard = [one for word in told for one in _children(word, "pobj") if "person" in kinds_of(one.lemma_)]
+        subjects = self._joined(heard[-1]) if heard else subjects  # the listeners are in bed
         at = tuple(word.i for word in words)
         if _is_side(noun):
             self._turn(subjects, _SIDES[noun.lower_], (*at, noun.i))
@@ -436,7 +453,7 @@ class _Walk:
         if verb.dep_ == "acl":  # mother and child, walking
             beside = [one for one in verb.head.conjuncts if one.i < verb.i and "person" in kinds_of(one.lower_)]
             subjects += [self._numbers[one] for one in beside if one in self._numbers]
-        has = verb.lemma_ == "have"
+        has = verb.lemma_ in ("have", "wear")
         part = next((one.lower_ for noun in told for one in _children(noun, "det") if _is_noun(one)), "")
         doing = "" if verb.pos_ == "AUX" or has else f"{_gerund(verb)} {part}".strip()  # brushing her daughter's hair
         last = max((verb, *verb.conjuncts), key=lambda one: one.i).i
@@ -459,8 +476,20 @@ class _Walk:
             places = [one for one in self.relations if one.subject == last and one.word not in alone]
             self.relations += [replace(one, subject=self._numbers[noun]) for one in places]
 
+    def _carry(self, noun: Token) -> None:
+        """Puts what somebody has or carries on the part of the body that is said: a woman with a baby on her lap."""
+        for where in self.relations if _children(noun, "poss") else ():
+            said = f"{where.word} {noun.lemma_}"
+            is_on = where.object == self._numbers.get(noun) and kind_of(said) in RIDES
+            for one in self.relations if is_on else ():
+                if where.subject in (one.subject, one.object) and kind_of(one.word) in ("with", "hold"):
+                    ridden = Relation(one.object, said, one.subject, (*one.at, *where.at, noun.i))
+                    self.relations = [*(each for each in self.relations if each not in (where, one)), ridden]
+
     def _join(self, subjects: list[int], said: str, noun: Token, at: tuple[int, ...]) -> None:
-        """Adds a relation of each subject to a noun, and to those joined to it."""
+        """Adds a relation of each subject to a noun, or a part of its body, and to those joined to it."""
+        for part in _children(noun, "det"):
+            said, at = (f"{said} {part.lemma_}", (*at, part.i)) if "body" in kinds_of(part.lemma_) else (said, at)
         self.relations += [Relation(one, said, other, at) for one in subjects for other in self._joined(noun)]
 
     def _joined(self, noun: Token) -> list[int]:
@@ -472,16 +501,18 @@ class _Walk:
         """Returns the things that a preposition or a verb below `head` belongs to, the nearest ones."""
         if head in self._numbers:
             return [self._numbers[head]]
-        if head.pos_ in ("VERB", "AUX", "ADJ") and (actors := [word for word in head.lefts if _is_noun(word)]):
+        actors = [word for word in head.lefts if _is_noun(word) and word.dep_ != "dobj"]
+        if head.pos_ in ("VERB", "AUX", "ADJ") and actors:
             said = actors[-1].lower_
             is_told = said in _TOLD_OF or (said == "it" and head.lemma_ in ("be", "have"))  # but it rains
             return [0] if is_told and self.things else self._joined(actors[-1])
         above = head.head
+        taught = _children(above, "dobj") if head.dep_ == "xcomp" else []  # a father teaching his son to ride
         owners = self._subjects(above.head) if head.dep_ == "acl" and above.dep_ == "pobj" else []
         people = [one for one in owners if "person" in kinds_of(self.things[one].noun)]
         if people and kinds_of(above.lower_) != {"person"}:  # a man in a suit, running
             return people
-        return [] if above == head else self._subjects(above)
+        return [] if above == head else self._joined(taught[0]) if taught else self._subjects(above)
 
 
 def _is_in_a_name(word: Token) -> bool:
@@ -531,7 +562,7 @@ def _describe_noun(noun: Token) -> Thing:
     single = any(word.dep_ == "det" and word.lower_ in ("a", "an") for word in noun.lefts)
     plural = noun.tag_ in ("NNS", "NNPS") and not single and not (is_name and noun.tag_ == "NNS")
     count = _number(numbers[0].lower_) if numbers else None
-    count = 1 if count is None and not plural else count
+    count = (_TOGETHER.get(noun.lemma_) if plural else 1) if count is None else count
     said = noun.lower_ if plural and noun.lower_ != lemma.lower() else ""
     uncounted = not plural and not numbers and not _children(noun, "det", "poss")
     at = tuple(sorted({noun.i, *(word.i for word in (*before, *numbers))}))

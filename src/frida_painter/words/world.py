@@ -49,11 +49,13 @@ def is_person(name: str, sentences: SentenceEncoder) -> bool:
     """
     kinds = kinds_of(name)
     if "person" not in kinds or kinds == {"person"}:
-        return "person" in kinds
-    known = {one.name: one.where == "person" for one in known_things()}
-    known |= {word: True for clothes in wardrobe() for word in clothes.words}
+        return "person" in kinds or any(name == word for clothes in wardrobe() for word in clothes.words)  # a gamer
+    known = {one.name: one.where for one in known_things()}
+    known |= {word: "person" for clothes in wardrobe() for word in clothes.words}
     similarity, nearest = (sentences.embed([*known]) @ sentences.embed([name])[0]).max(0)
-    return float(similarity) >= _PERSON and [*known.values()][int(nearest)]
+    where, (_, *rest) = [*known.values()][int(nearest)], name.split()
+    is_bodied = where == "body" and bool(rest) and is_person(rest[-1], sentences)  # a bearded man
+    return float(similarity) >= _PERSON and (where == "person" or is_bodied)
 
 
 def is_part_of_body(noun: str, sentences: SentenceEncoder) -> bool:
