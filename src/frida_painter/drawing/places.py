@@ -31,6 +31,7 @@ HORIZON = 0.72
 """Usual share of the height above the horizon, or above the edge of a floor or a table."""
 _EDGE = 0.03  # share of the height over which two bands blend
 _COVERED = 0.88  # share of the land that falling snow covers
+_GLEAM = 0.6  # exponent of the shade on snow
 _DIM, _FAR = 0.78, 0.30  # factor of a colour away from the light; share of the light at the horizon in far land
 _SLANT, _QUIET = 0.35, 0.75  # radians of the strokes of a sky, and their liveliness
 SUMMIT = 0.6
@@ -41,7 +42,7 @@ _GLOW = 0.85  # least share of a sky's own colour that is left in a low light
 
 
 class PlaceLayer(NamedTuple):
-    """Layer of the scenery of a place: its kind, the name of the thing that stands there or "", its size and colour.
+    """Layer of the scenery of a place: its kind, the names of the things that stand there, with "+", or "", its size and colour.
 
     `places.txt` explains the kinds. The colour is "" for a thing in its own. x and y: place of the foot of a single
     thing, in the canvas's width and height, or 0.
@@ -110,16 +111,45 @@ def known_places() -> tuple[Place, ...]:
     found = []
     for words, things, land, scenery in read_rows("drawing/places.txt"):
         kind, below, above, bank, horizon = land.split()
-        split = [layer.split() for layer in scenery.split(";") if layer]
-        layers = tuple(
-            PlaceLayer(name, "" if what[0] == "#" else what.replace("-", " "), float(size),
-                       what if what[0] == "#" else "", *map(float, at))
-            for name, what, size, *at in split
-        )  # fmt: skip
         sky, shore = (None if one in ("sky", "-") else one for one in (above, bank))
         some, names = split_words(things), split_words(words)
-        found.append(Place(names, some, below, kind, sky, shore, float(horizon), layers))
+        found.append(Place(names, some, below, kind, sky, shore, float(horizon), _read_layers(scenery)))
     return tuple(found)
+
+
+def _read_layers(scenery: str) -> tuple[PlaceLayer, ...]:
+    split = [layer.split() for layer in scenery.split(";") if layer]
+    return tuple(
+        PlaceLayer(name, "" if what[0] == "#" else what.replace("-", " "), float(size),
+                   what if what[0] == "#" else "", *map(float, at))
+        for name, what, size, *at in split
+    )  # fmt: skip
+
+
+class Dressing(NamedTuple):
+    """What an occasion or a state adds to a place, outdoors and in rooms: Christmas, a party, a mess, a rainbow."""
+
+    words: tuple[str, ...]
+    outdoors: tuple[PlaceLayer, ...]
+    indoors: tuple[PlaceLayer, ...]
+
+    @property
+    def name(self) -> str:
+        """Name for messages."""
+        return self.words[0]
+
+
+@cache
+def known_dressings() -> tuple[Dressing, ...]:
+    """Returns the table of `dressings.txt`."""
+    return tuple(Dressing(split_words(words), *map(_read_layers, layers))
+                 for words, *layers in read_rows("drawing/dressings.txt"))  # fmt: skip
+
+
+def dress(place: Place, dressing: Dressing) -> Place:
+    """Returns the place with what a dressing adds to it."""
+    added = dressing.outdoors if place.is_open else dressing.indoors
+    return with_layers(place, [*place.layers, *(one for one in added if one not in place.layers)])
 
 
 NOWHERE = Place(("",), (), "white")
@@ -130,9 +160,9 @@ def find_place(name: str) -> Place:
     return next(place for place in known_places() if place.name == name)
 
 
-_Part = TypeVar("_Part", Place, Light, Weather)
+_Part = TypeVar("_Part", Place, Light, Weather, Dressing)
 _ORDER = ("peaks", "hills", "far", "line", "walls", "band", "waves", "way", "road", "stream", "canal", "platform",
-          "rails", "planks", "field", "grove", "strewn", "sides", "falls", "bridge", "hung",
+          "rails", "planks", "field", "grove", "strewn", "sides", "litter", "falls", "bridge", "hung",
           "near")  # of layers, from back to front  # fmt: skip
 _SEA = 0.25  # share of the land that is the sea behind it
 _WAYS = ("way", "road", "rails", "platform", "planks", "bridge")
@@ -146,6 +176,7 @@ _KIN = {
     "canal": "stream",
 }  # other kinds for the same
 _CALLED = 0.72  # similarity to a place's words above which words name it
+_DRESSED = 0.9  # to those of a dressing: a toy is not yet toys all around
 _FELT, _FELT_WEATHER = 0.62, 0.7  # to the words of a light, and of a weather: a snowmobile (0.67) is a thing
 _MIDDLE = 55.0  # L*
 TOLD_APART = 40.0
@@ -183,8 +214,8 @@ class Setting:
         if place.above is not None:
             low = color_of(place.above) * (shade.clamp(min=_GLOW) if place.is_open else shade)
             high = torch.lerp(high, low, 0.6) if place.is_open and self.light != DAY else low * _DIM
-        if self.weather.flakes and place.kind in ("land", "hill"):  # snow also covers the land
-            land = torch.lerp(land, color_of(self.weather.color) * shade, _COVERED)
+        if self.weather.flakes and place.kind in ("land", "hill"):  # snow also covers the land, and is light at night
+            land = torch.lerp(land, color_of(self.weather.color) * shade**_GLEAM, _COVERED)
         # Water reflects the top of the sky; the glow of a low sun, or of a season, would make it grey.
         if place.kind == "water" and self.light.kind != "season":
             land = torch.lerp(land, high, 0.25)
@@ -256,7 +287,7 @@ def find_part(name: str, parts: Sequence[_Part], sentences: SentenceEncoder, lea
         return [word for word in part.words if " " in name or " " not in word or not isinstance(part, Place)]
 
     part, similarity = nearest_part([name], parts, sentences, words)
-    usual = {Place: _CALLED, Light: _FELT, Weather: _FELT_WEATHER}[type(part)]
+    usual = {Place: _CALLED, Light: _FELT, Weather: _FELT_WEATHER, Dressing: _DRESSED}[type(part)]
     return part if similarity >= max(least, usual) else None
 
 

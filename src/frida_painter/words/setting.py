@@ -17,12 +17,12 @@ from frida_painter.drawing.lights import (
     mix_lights,
     nearest_part,
 )
-from frida_painter.drawing.places import NOWHERE, Place, Setting
+from frida_painter.drawing.places import NOWHERE, Dressing, Place, PlaceLayer, Setting
 from frida_painter.drawing.scenery import Stand
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.words.casting import CALLED, Cast
-from frida_painter.words.nouns import kind_of_name, kinds_of
+from frida_painter.words.nouns import kind_of_name, kinds_of, senses_of
 from frida_painter.words.reading import Reading, Thing, paint_of, word_meanings
 from frida_painter.words.retrieval import OWN, PictureIndex
 from frida_painter.words.world import is_part_of_body, is_person, known_like, known_things
@@ -37,10 +37,12 @@ _SURE = 0.8  # similarity above which a word of a name means a place: a watering
 _EXACTLY = 0.95  # the same for a place that things are beside: a tent beside a lake
 _FELT = 0.75  # the same for an idea or an adjective and a light: a sad clown
 _ABSTRACT = 0.25  # margin of an abstract noun with a picture
+_FRONT = (0.56, "", 0.74, 0.86)  # size, colour and place of the front of a shop in a street
 _BUILDING = 4.0  # least height of a building, in metres
 _FEELINGS = ("feel", "feeling", "mood")  # first words of a prompt for a mood: the feeling when school is over
 
-Seen = list[tuple[Thing, str, Place | Light | Weather | Stand]]
+Part = Place | Light | Weather | Dressing
+Seen = list[tuple[Thing, str, Part | Stand]]
 """Words of a setting, each with the thing that it belongs to and the part of the setting that it means."""
 
 
@@ -63,9 +65,19 @@ def setting_of(
         settled = set(range(len(reading.things)))
         seen = [one for one in seen if not isinstance(one[2], Place)]
     light, weather = _mix([part for *_, part in seen])
-    named = [part for *_, part in seen if isinstance(part, Place)]
-    named.sort(key=lambda one: (one.name == SKY, not one.is_open, one.is_way))
+    where = [(thing, part) for thing, _, part in seen if isinstance(part, Place)]
+    where = [one for one in where if not kind_of_name(one[0].name)] or where  # the roofs of Paris
+    where.sort(key=lambda one: (one[1].name == SKY, not one[1].is_open, one[1].is_way, not _is_compound(*one)))
+    named = [part for _, part in where]
     place = places.join(named[0], named[1:]) if named else NOWHERE
+    if place.is_open:  # a shop in a street
+        shops = [thing for thing, part in where if not part.is_open and _is_shop(thing, sentences)]
+        settled -= {number for number, thing in enumerate(reading.things) if thing in shops}
+        seen = [one for one in seen if one[0] not in shops]
+    seen = [one for one in seen if not isinstance(one[2], Place) or one[2] in named]
+    for number, stand in _parts_of_buildings(reading, settled, sentences).items():
+        seen.append((reading.things[number], reading.things[number].noun, stand))
+        settled.add(number)
     here = [thing for thing, _, part in seen if part in named]
     for number, stand in _stands_in(place, reading, settled, index, sentences).items():
         words = reading.things[number].name.split()[:-1] if stand.is_indoors else ()  # a kitchen window
@@ -75,9 +87,19 @@ def setting_of(
         if place is NOWHERE or place.name == SKY:
             place = replace(usual, above=place.above)
         paint = paint_of(reading.things[number].color)
-        place = scenery.line_with(place, stand, "" if paint is None else tuple(paint.tolist()))
+        if place.is_open and reading.things[number].count == 1 and _is_shop(reading.things[number], sentences):
+            place = places.with_layers(place, [*place.layers, PlaceLayer("near", stand.name, *_FRONT)])
+        else:
+            place = scenery.line_with(place, stand, "" if paint is None else tuple(paint.tolist()))
         seen.append((reading.things[number], reading.things[number].noun, stand))
         settled.add(number)
+    for dressing in [part for *_, part in seen if isinstance(part, Dressing)]:
+        if place is NOWHERE and dressing.outdoors:
+            place = places.find_place("living room" if dressing.indoors else "meadow")
+        place = places.dress(place, dressing)
+    for number, thing in enumerate(reading.things):  # lace curtains
+        if any(thing.at[-1] + 1 == other.at[0] for other, *_ in seen if thing.at and other.at):
+            settled.add(number)
     related = {kind_of(one.word) for one in reading.relations if reading.things[one.object] in here}
     is_atop = place.kind == "hill" or place.has("bridge", "planks")
     is_ashore = place.bank is not None and not related & {"on", "over", "in"}
@@ -108,12 +130,13 @@ def _parts_of(
     """Returns the parts of the setting that the words of a thing mean; and True if the thing is nothing else."""
     thing, seen, known = reading.things[number], Seen(), places.known_places()
     nearest = 0.0 if index is None else index.nearest(thing)
-    part: Place | Light | Weather | None = None
+    part: Part | None = None
     is_object = any(one.object == number for one in reading.relations)
     is_settled = is_object and nearest < OWN and is_part_of_body(thing.noun, sentences)  # somebody's beard
     if nearest < OWN and not is_settled:
         before = [f"{one.word} {thing.noun}" for one in reading.relations if one.object == number]  # after the rain
-        for said in (*before, _whole(thing)):
+        for said in (*before, _whole(thing), thing.noun):
+            part = part or places.find_part(said, places.known_dressings(), sentences)
             part = part or places.find_part(said, known_weathers(), sentences, _EXACTLY)
         part = part or places.find_part(thing.noun, known_weathers(), sentences)
         around = [one.name for one in known_things()]
@@ -138,8 +161,9 @@ def _parts_of(
         if isinstance(part, Place) and not is_whole and (also := places.find_part(word, known, sentences, _EXACTLY)):
             seen.append((thing, word, also))  # a desert road, a forest path
     for word in thing.name.split()[:-1]:
+        dressing = places.find_part(word, places.known_dressings(), sentences) if seen else None
         weather = places.find_part(word, known_weathers(), sentences, _SURE)
-        if felt := weather or _light_named(word, sentences, _FELT):
+        if felt := dressing or weather or _light_named(word, sentences, _FELT):
             seen.append((thing, word, felt))
     return is_settled or part is not None, seen
 
@@ -153,7 +177,7 @@ def _whole(thing: Thing) -> str:
     return f"{thing.color} {thing.name.removesuffix(thing.noun)}{thing.plural or thing.noun}".strip()
 
 
-def _mix(parts: Sequence[Place | Light | Weather | Stand]) -> tuple[Light, Weather]:
+def _mix(parts: Sequence[Part | Stand]) -> tuple[Light, Weather]:
     """Returns the light and the weather of all parts of a setting: those of a winter evening, or of grief at dawn."""
     weather = next((part for part in parts if isinstance(part, Weather)), CLEAR)
     lights = [part for part in parts if isinstance(part, Light) and part is not DAY]
@@ -172,7 +196,7 @@ def _stands_in(
 ) -> dict[int, Stand]:
     """Returns the things that are scenery of a place, by their numbers: several trees, or the window of a room."""
     left = [number for number in range(len(reading.things)) if number not in settled]
-    has_glass = any(scenery.stands()[layer.what].has_glass for layer in place.layers if layer.what)
+    has_glass = any(scenery.stands()[what].has_glass for one in place.layers for what in one.what.split("+") if what)
     found: dict[int, Stand] = {}
     for number in left:
         thing = reading.things[number]
@@ -184,12 +208,33 @@ def _stands_in(
             alone = all(known_like(reading.things[one].name, sentences).height < _BUILDING for one in left)
             is_inside = not place.is_open or (place is NOWHERE and len(left) > 1 and alone)  # a church has its own
             found |= {number: stand} if is_inside or has_glass else {}
-        elif stand is not None and not place.is_open and any(one.object == number for one in reading.relations):
-            found |= {number: stand}  # stairs in a house
-        elif stand is not None and place.is_open and (thing.count is None or is_mass):
+        elif stand is not None and place.is_open and (thing.count is None or is_mass or _is_shop(thing, sentences)):
             is_around = any(one.object == number and kind_of(one.word) in _AROUND for one in reading.relations)
             found |= {number: stand} if place.layers or place.name == SKY or (is_around and place is NOWHERE) else {}
     return found
+
+
+def _is_compound(thing: Thing, place: Place) -> bool:
+    """Returns True if the whole name of a thing with several words names the place: an Italian town."""
+    return " " in thing.name and thing.name.lower() in [word.lower() for word in place.words]
+
+
+def _is_shop(thing: Thing, sentences: SentenceEncoder) -> bool:
+    """Returns True if a place with walls, such as a cafe, has a front that is drawn in a street."""
+    place = places.find_part(thing.noun, places.known_places(), sentences)
+    stand = scenery.find_stand(_whole(thing), sentences)
+    return place is not None and not place.is_open and stand is not None and not stand.is_indoors
+
+
+def _parts_of_buildings(reading: Reading, settled: set[int], sentences: SentenceEncoder) -> dict[int, Stand]:
+    """Returns the chimneys, doors and roofs that drawn buildings of the prompt have, by their numbers."""
+    left = [number for number in range(len(reading.things)) if number not in settled]
+    kinds = {one: [kind.words for sense in senses_of(reading.things[one].noun)[:1] for kind in sense.kinds]
+             for one in left}  # fmt: skip
+    drawn = {number: scenery.find_stand(_whole(reading.things[number]), sentences) for number in left}
+    parts = {number: stand for number, stand in drawn.items() if stand is not None and stand.is_of_building}
+    buildings = [one for one in left if one not in parts and any("structure" in words for words in kinds[one])]
+    return parts if buildings else {}
 
 
 def _place_named(number: int, reading: Reading, nearest: float, sentences: SentenceEncoder) -> Place | None:
