@@ -14,7 +14,7 @@ from torch import Tensor
 
 from frida_painter import images
 from frida_painter.drawing.appearance import in_weather
-from frida_painter.drawing.compositing import crop, resize
+from frida_painter.drawing.compositing import crop, resize, stack
 from frida_painter.drawing.lights import Color, color_of
 from frida_painter.drawing.places import NOWHERE, Place, PlaceLayer, Setting, known_dressings, known_places, with_layers
 from frida_painter.drawing.tables import read_lines
@@ -206,6 +206,17 @@ def draw_stand(stand: Stand, setting: Setting, seed: int) -> Tensor:
     return in_weather(drawn, setting.weather, stand.usual)
 
 
+def add_smoke(picture: Tensor) -> Tensor:
+    """Returns a building [4, h, w] with smoke that rises from the top of it."""
+    plume = draw_stand(stands()["smoke"], Setting(), 0)
+    plume = resize(plume, 0.6 * picture.shape[1] / plume.shape[1])
+    (_, high, wide), top = plume.shape, picture[3, : max(1, picture.shape[1] // 50)].sum(0)
+    left = round(float((top * torch.arange(len(top))).sum() / top.sum().clamp(min=1e-6)) - 0.2 * wide)
+    start = max(0, -left)
+    columns = max(start + picture.shape[2], start + left + wide)
+    return stack([(plume, 0, start + left), (picture, round(0.95 * high), start)], round(0.95 * high) + picture.shape[1], columns)
+
+
 def _in_season(stand: Stand, setting: Setting) -> Stand:
     """Returns the stand in the season of a setting: without leaves in winter, and in their colours in autumn."""
     if stand.name == "tree" and (setting.weather.flakes or "winter" in setting.light.name):
@@ -224,7 +235,8 @@ _HAZE = 0.42  # share of the horizon's light in far things
 _ALONG = (6.2, 4.3, 3.1, 2.2, 1.6, 1.18)  # distances of the things along a way
 _FRONTS = (5.6, 4.0, 2.9, 2.1, 1.5, 1.08, 0.78, 0.5, 0.3)  # distances of the edges of house fronts
 _ROWS = (6.4, 4.9, 3.8, 3.0, 2.4, 1.9, 1.5, 1.2, 0.98)  # of the rows of a field
-_VERGE, _PAVED = 0.35, 1.4  # space between a way and the things along it; width of a street with its pavements
+_VERGE = 0.35  # space between a way and the things along it
+_PAVED, _NARROWEST = 1.4, 0.55  # width of a street with its pavements, by that of its road; and the least
 _KINDS = 3  # number of different drawings of a stand
 _WINDING = {"way": 0.3, "stream": 0.45}  # greatest shift of the middle of a way, which a road has not
 
@@ -249,7 +261,7 @@ class View:
         self._horizon, self._turn = setting.place.horizon, 1 if seed % 2 else -1
         widths = [layer.size for layer in setting.place.layers if layer.kind in ("way", "road", "rails", "stream")]
         is_street = bool(widths) and setting.place.has("walls")
-        self._edge = _PAVED * widths[0] if is_street else max(widths, default=0.65) + _VERGE
+        self._edge = max(_PAVED * widths[0], _NARROWEST) if is_street else max(widths, default=0.65) + _VERGE
         self._low = color_of(setting.light.low).numpy()
         self._wet = np.zeros(self._sheet.shape[:2], np.float32)  # strength of the reflections
         if setting.place.kind == "water" and not setting.place.has("stream", "canal"):

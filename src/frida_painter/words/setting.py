@@ -35,6 +35,7 @@ _PICTURED = 0.8  # similarity above which a picture probably shows the thing of 
 _ROUNDING = 1e-3
 _SURE = 0.8  # similarity above which a word of a name means a place: a watering can is not in water
 _EXACTLY = 0.95  # the same for a place that things are beside: a tent beside a lake
+_SEEN = 0.86  # similarity of a name, with all words that belong to no thing, to a place
 _FELT = 0.75  # the same for an idea or an adjective and a light: a sad clown
 _ABSTRACT = 0.25  # margin of an abstract noun with a picture
 _FRONT = (0.56, "", 0.74, 0.86)  # size, colour and place of the front of a shop in a street
@@ -59,7 +60,8 @@ def setting_of(
     for word in reading.said:  # it is still dark
         if word.kind in ("quality", "action") and word.at not in owned:
             weather = places.find_part(word.lemma, known_weathers(), sentences, _SURE)
-            if felt := weather or _light_named(word.lemma, sentences, _FELT):
+            dressing = places.find_part(word.lemma, places.known_dressings(), sentences)
+            if felt := dressing or weather or _light_named(word.lemma, sentences, _FELT):
                 seen.append((Thing(word.text, word.lemma, at=(word.at,)), word.lemma, felt))
     if reading.said and reading.said[0].lemma in _FEELINGS:
         settled = set(range(len(reading.things)))
@@ -93,13 +95,24 @@ def setting_of(
             place = scenery.line_with(place, stand, "" if paint is None else tuple(paint.tolist()))
         seen.append((reading.things[number], reading.things[number].noun, stand))
         settled.add(number)
-    for dressing in [part for *_, part in seen if isinstance(part, Dressing)]:
-        if place is NOWHERE and dressing.outdoors:
-            place = places.find_place("living room" if dressing.indoors else "meadow")
+    if place.name == "room" and len(settled) == len(reading.things):  # somebody's room
+        place = replace(place, layers=places.find_place("bedroom").layers)
+    for dressing in [part for *_, part in seen if isinstance(part, Dressing) and part.outdoors]:
+        if place is NOWHERE:
+            is_outside = not dressing.indoors or any(is_building(thing.noun) for thing in reading.things)
+            place = places.find_place("meadow" if is_outside else "living room")
         place = places.dress(place, dressing)
-    for number, thing in enumerate(reading.things):  # lace curtains
-        if any(thing.at[-1] + 1 == other.at[0] for other, *_ in seen if thing.at and other.at):
+        for number, thing in enumerate(reading.things):  # the tree of Christmas
+            if any(thing.noun in one.what.split()[1:] for one in (*dressing.outdoors, *dressing.indoors)):
+                settled.add(number)
+                seen.append((thing, thing.noun, dressing))
+    for number, thing in enumerate(reading.things):
+        if any(_precedes(thing, other) for other, *_ in seen):
             settled.add(number)
+            seen.append((thing, thing.noun, next(part for other, _, part in seen if _precedes(thing, other))))
+    if not place.is_open:  # the house that a room is in
+        around = {one.object for one in reading.relations if one.word in ("in", "at", "of")}
+        settled |= {number for number in around if is_building(reading.things[number].noun)}
     related = {kind_of(one.word) for one in reading.relations if reading.things[one.object] in here}
     is_atop = place.kind == "hill" or place.has("bridge", "planks")
     is_ashore = place.bank is not None and not related & {"on", "over", "in"}
@@ -134,7 +147,8 @@ def _parts_of(
     is_object = any(one.object == number for one in reading.relations)
     is_settled = is_object and nearest < OWN and is_part_of_body(thing.noun, sentences)  # somebody's beard
     if nearest < OWN and not is_settled:
-        before = [f"{one.word} {thing.noun}" for one in reading.relations if one.object == number]  # after the rain
+        names = dict.fromkeys((_whole(thing), thing.noun))  # after the rain
+        before = [f"{one.word} {name}" for name in names for one in reading.relations if one.object == number]
         for said in (*before, _whole(thing), thing.noun):
             part = part or places.find_part(said, places.known_dressings(), sentences)
             part = part or places.find_part(said, known_weathers(), sentences, _EXACTLY)
@@ -147,7 +161,7 @@ def _parts_of(
             light = light or _light_named(said, sentences, least)
         if part is None and is_abstract and (light or not is_person(thing.noun, sentences)):
             part, is_settled = light, True
-        elif light:  # a thing that comes with a light: the moon
+        elif light and not (isinstance(part, Dressing) and light.kind == "mood"):  # a thing that comes with a light: the moon
             ends = max(thing.at)
             said = " ".join(word.text for word in reading.said if thing.at[0] <= word.at <= ends + 1)
             light = _light_named(f"{thing.noun} {said.partition(thing.noun)[2]}".strip(), sentences, _SURE) or light
@@ -203,7 +217,8 @@ def _stands_in(
         is_own = index is not None and index.nearest(thing) >= OWN
         is_mass = thing.uncounted and any(one.object == number for one in reading.relations)  # in blossom
         is_other = is_own or is_person(thing.name, sentences)
-        stand = None if is_other else scenery.find_stand(_whole(thing), sentences, place)
+        before = next((one.name for one in reading.things if _precedes(one, thing)), "")
+        stand = None if is_other else scenery.find_stand(f"{before} {_whole(thing)}".strip(), sentences, place)
         if stand is not None and stand.is_indoors:
             alone = all(known_like(reading.things[one].name, sentences).height < _BUILDING for one in left)
             is_inside = not place.is_open or (place is NOWHERE and len(left) > 1 and alone)  # a church has its own
@@ -219,6 +234,16 @@ def _is_compound(thing: Thing, place: Place) -> bool:
     return " " in thing.name and thing.name.lower() in [word.lower() for word in place.words]
 
 
+def _precedes(thing: Thing, other: Thing) -> bool:
+    """Returns True if two things are one in two words: lace curtains."""
+    return bool(thing.at and other.at) and thing.at[-1] + 1 == other.at[0]
+
+
+def is_building(noun: str) -> bool:
+    """Returns True for a noun that means a building."""
+    return any("structure" in kind.words for sense in senses_of(noun)[:1] for kind in sense.kinds)
+
+
 def _is_shop(thing: Thing, sentences: SentenceEncoder) -> bool:
     """Returns True if a place with walls, such as a cafe, has a front that is drawn in a street."""
     place = places.find_part(thing.noun, places.known_places(), sentences)
@@ -229,12 +254,9 @@ def _is_shop(thing: Thing, sentences: SentenceEncoder) -> bool:
 def _parts_of_buildings(reading: Reading, settled: set[int], sentences: SentenceEncoder) -> dict[int, Stand]:
     """Returns the chimneys, doors and roofs that drawn buildings of the prompt have, by their numbers."""
     left = [number for number in range(len(reading.things)) if number not in settled]
-    kinds = {one: [kind.words for sense in senses_of(reading.things[one].noun)[:1] for kind in sense.kinds]
-             for one in left}  # fmt: skip
     drawn = {number: scenery.find_stand(_whole(reading.things[number]), sentences) for number in left}
     parts = {number: stand for number, stand in drawn.items() if stand is not None and stand.is_of_building}
-    buildings = [one for one in left if one not in parts and any("structure" in words for words in kinds[one])]
-    return parts if buildings else {}
+    return parts if any(is_building(reading.things[one].noun) for one in left if one not in parts) else {}
 
 
 def _place_named(number: int, reading: Reading, nearest: float, sentences: SentenceEncoder) -> Place | None:
@@ -265,6 +287,9 @@ def _place_named(number: int, reading: Reading, nearest: float, sentences: Sente
     full = f"{thing.name.removesuffix(thing.noun)}{several}"
     place = places.find_part(full, places.known_places(), sentences, least)
     place = place or places.find_part(several, places.known_places(), sentences, least)
+    owned = {at for one in reading.things for at in one.at}
+    said = " ".join(word.text for word in reading.said if word.at not in owned)
+    place = places.find_part(f"{several} {said}", places.known_places(), sentences, _SEEN) or place  # seen from above
     if place is not None and (looks := looks_of(thing.name.split()[:-1], sentences, is_person=False)):
         place = places.in_size(place, math.prod(look.wide * look.size for look in looks.values()))  # a narrow street
     if place is not None and next_to and not place.is_open:
