@@ -167,13 +167,14 @@ def draw_stand(stand: Stand, setting: Setting, seed: int) -> Tensor:
         return np.array([((x + _WIDE / 2) * _UNIT * 16, (1.06 - y) * _UNIT * 16) for x, y in points]).astype(np.int32)
 
     def paint(color: str, tone: float = 1.0) -> tuple[float, ...]:
+        shines, color = stand.shines or color[0] == "!", color.lstrip("!")
         if color in ("*", "sky"):
             sky = color_of(setting.light.low).numpy() if color == "sky" else color_of(_GLASS).numpy() * shade
             glass = color_of(_LIT_GLASS).numpy() if color == "*" and is_lit and chance.random() < 0.7 else sky
             return (*glass.tolist(), 1.0)
         plain = main * _TONES[color] if color in _TONES else color_of(color).numpy()
         opacity = int(color[7:9] or "ff", 16) / 255
-        return (*np.clip(plain * (1 if stand.shines else shade) * tone, 0, 1).tolist(), opacity)
+        return (*np.clip(plain * (1 if shines else shade) * tone, 0, 1).tolist(), opacity)
 
     for kind, color, *rest in stand.shapes:
         points = [(float(x), float(y)) for x, y in (one.split(",") for one in rest if "," in one)]
@@ -209,7 +210,7 @@ def draw_stand(stand: Stand, setting: Setting, seed: int) -> Tensor:
 def add_smoke(picture: Tensor) -> Tensor:
     """Returns a building [4, h, w] with smoke that rises from the top of it."""
     plume = draw_stand(stands()["smoke"], Setting(), 0)
-    plume = resize(plume, 0.6 * picture.shape[1] / plume.shape[1])
+    plume = resize(plume, 0.5 * picture.shape[1] / plume.shape[1])
     (_, high, wide), top = plume.shape, picture[3, : max(1, picture.shape[1] // 50)].sum(0)
     left = round(float((top * torch.arange(len(top))).sum() / top.sum().clamp(min=1e-6)) - 0.2 * wide)
     start = max(0, -left)
