@@ -125,7 +125,8 @@ def line_with(place: Place, stand: Stand, color: Color = "") -> Place:
     if has_fronts:  # lamps in front of the houses
         old, new = None, PlaceLayer("sides", stand.name, 0.7)
     elif old is not None and (place.is_open or same):
-        new = old._replace(what=stand.name)
+        is_mixed = old.kind == "sides" and not same and "plant" not in (stand.usual, stands()[old.what].usual)
+        new = old._replace(what=f"{old.what}+{stand.name}" if is_mixed else stand.name)
     elif window is not None and "curtain" in stand.name:
         new = window._replace(what=stand.name, size=1.1 * window.size)
     elif not place.is_open:

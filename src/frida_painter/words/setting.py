@@ -35,6 +35,7 @@ _PICTURED = 0.8  # similarity above which a picture probably shows the thing of 
 _ROUNDING = 1e-3
 _SURE = 0.8  # similarity above which a word of a name means a place: a watering can is not in water
 _EXACTLY = 0.95  # the same for a place that things are beside: a tent beside a lake
+_ROW = 4  # least number of houses that are a row
 _SEEN = 0.86  # similarity of a name, with all words that belong to no thing, to a place
 _FELT = 0.75  # the same for an idea or an adjective and a light: a sad clown
 _ABSTRACT = 0.25  # margin of an abstract noun with a picture
@@ -61,7 +62,8 @@ def setting_of(
         if word.kind in ("quality", "action") and word.at not in owned:
             weather = places.find_part(word.lemma, known_weathers(), sentences, _SURE)
             dressing = places.find_part(word.lemma, places.known_dressings(), sentences)
-            if felt := dressing or weather or _light_named(word.lemma, sentences, _FELT):
+            felt = dressing or weather or _light_named(word.lemma, sentences, _FELT)
+            if felt := felt or places.find_part(word.lemma, places.known_places(), sentences, _EXACTLY):  # a stable
                 seen.append((Thing(word.text, word.lemma, at=(word.at,)), word.lemma, felt))
     if reading.said and reading.said[0].lemma in _FEELINGS:
         settled = set(range(len(reading.things)))
@@ -103,7 +105,7 @@ def setting_of(
             place = places.find_place("meadow" if is_outside else "living room")
         place = places.dress(place, dressing)
         for number, thing in enumerate(reading.things):  # the tree of Christmas
-            if any(thing.noun in one.what.split()[1:] for one in (*dressing.outdoors, *dressing.indoors)):
+            if any({thing.noun, thing.plural} & {*one.what.split()[1:]} for one in (*dressing.outdoors, *dressing.indoors)):
                 settled.add(number)
                 seen.append((thing, thing.noun, dressing))
     for number, thing in enumerate(reading.things):
@@ -166,18 +168,21 @@ def _parts_of(
             said = " ".join(word.text for word in reading.said if thing.at[0] <= word.at <= ends + 1)
             light = _light_named(f"{thing.noun} {said.partition(thing.noun)[2]}".strip(), sentences, _SURE) or light
             seen.append((thing, thing.noun, light))
-            is_settled = is_settled or (bool(light.body) and len(reading.things) > 1)
+            is_sky = light.body or (light.stars and thing.plural)
+            is_settled = is_settled or (bool(is_sky) and len(reading.things) > 1)
     if part := part or _place_named(number, reading, nearest, sentences):
         named = thing.name.lower().split() if kind_of_name(thing.name) else [thing.noun]
         seen += [(thing, word, part) for word in named]
     is_whole = places.find_part(thing.name, known, sentences, _EXACTLY) is not None  # a city skyline
     for word in thing.name.split():
-        if isinstance(part, Place) and not is_whole and (also := places.find_part(word, known, sentences, _EXACTLY)):
+        is_around = isinstance(part, Place) or is_building(thing.noun)  # a mountain hut
+        if is_around and not is_whole and (also := places.find_part(word, known, sentences, _EXACTLY)):
             seen.append((thing, word, also))  # a desert road, a forest path
     for word in thing.name.split()[:-1]:
         dressing = places.find_part(word, places.known_dressings(), sentences) if seen else None
         weather = places.find_part(word, known_weathers(), sentences, _SURE)
-        if felt := dressing or weather or _light_named(word, sentences, _FELT):
+        felt = dressing or weather or _light_named(word, sentences, _FELT)
+        if felt and nearest < _EXACTLY:  # a hot air balloon tells of no heat
             seen.append((thing, word, felt))
     return is_settled or part is not None, seen
 
@@ -223,7 +228,9 @@ def _stands_in(
             alone = all(known_like(reading.things[one].name, sentences).height < _BUILDING for one in left)
             is_inside = not place.is_open or (place is NOWHERE and len(left) > 1 and alone)  # a church has its own
             found |= {number: stand} if is_inside or has_glass else {}
-        elif stand is not None and place.is_open and (thing.count is None or is_mass or _is_shop(thing, sentences)):
+        elif stand is not None and place.is_open and (
+            thing.count is None or is_mass or _is_shop(thing, sentences) or (thing.count >= _ROW and stand.has_glass)
+        ):
             is_around = any(one.object == number and kind_of(one.word) in _AROUND for one in reading.relations)
             found |= {number: stand} if place.layers or place.name == SKY or (is_around and place is NOWHERE) else {}
     return found
@@ -289,7 +296,9 @@ def _place_named(number: int, reading: Reading, nearest: float, sentences: Sente
     place = place or places.find_part(several, places.known_places(), sentences, least)
     owned = {at for one in reading.things for at in one.at}
     said = " ".join(word.text for word in reading.said if word.at not in owned)
-    place = places.find_part(f"{several} {said}", places.known_places(), sentences, _SEEN) or place  # seen from above
+    above = places.find_part(f"{several} {said}", places.known_places(), sentences, _SEEN) if place else None
+    if above is not None and {*said.split()} & {*" ".join(above.words).split()}:  # seen from above
+        place = above
     if place is not None and (looks := looks_of(thing.name.split()[:-1], sentences, is_person=False)):
         place = places.in_size(place, math.prod(look.wide * look.size for look in looks.values()))  # a narrow street
     if place is not None and next_to and not place.is_open:
@@ -305,7 +314,7 @@ def usual_place(things: Cast, relations: Sequence[Relation], setting: Setting, s
     carried = {one.subject for one in relations if kind_of(one.word) in ("on", "in") and things[one.object] is not None}
     shown = [one for number, one in enumerate(things) if one is not None and number not in carried]
     shown = shown or [one for one in things if one is not None]
-    outside = setting.weather != CLEAR or setting.light != DAY
+    outside = setting.weather != CLEAR or setting.light != DAY or any(is_building(one.thing.noun) for one in shown)
     names = [name for one in shown for name in (one.thing.name, one.caption, one.thing.doing) if name]
     afloat = all(
         (one.figure is not None and one.figure.afloat)
