@@ -71,7 +71,8 @@ def setting_of(
     light, weather = _mix([part for *_, part in seen])
     where = [(thing, part) for thing, _, part in seen if isinstance(part, Place)]
     where = [one for one in where if not kind_of_name(one[0].name)] or where  # the roofs of Paris
-    where.sort(key=lambda one: (one[1].name == SKY, not one[1].is_open, one[1].is_way, not _is_compound(*one)))
+    is_view = bool(where) and any(part.name == "view" for *_, part in seen) and not where[0][1].is_open  # an office with a view
+    where.sort(key=lambda one: (one[1].name == SKY, one[1].is_open == is_view, one[1].is_way, not _is_compound(*one)))
     named = [part for _, part in where]
     place = places.join(named[0], named[1:]) if named else NOWHERE
     if place.is_open:  # a shop in a street
@@ -91,7 +92,7 @@ def setting_of(
         if place is NOWHERE or place.name == SKY:
             place = replace(usual, above=place.above)
         paint = paint_of(reading.things[number].color)
-        if place.is_open and reading.things[number].count == 1 and _is_shop(reading.things[number], sentences):
+        if _is_at_side(reading.things[number], stand, place, sentences):
             place = places.with_layers(place, [*place.layers, PlaceLayer("near", stand.name, *_FRONT)])
         else:
             place = scenery.line_with(place, stand, "" if paint is None else tuple(paint.tolist()))
@@ -108,20 +109,22 @@ def setting_of(
             if any({thing.noun, thing.plural} & {*one.what.split()[1:]} for one in (*dressing.outdoors, *dressing.indoors)):
                 settled.add(number)
                 seen.append((thing, thing.noun, dressing))
+    related = {frozenset((one.subject, one.object)) for one in reading.relations}
     for number, thing in enumerate(reading.things):
-        if any(_precedes(thing, other) for other, *_ in seen):
-            settled.add(number)
-            seen.append((thing, thing.noun, next(part for other, _, part in seen if _precedes(thing, other))))
+        for other, _, part in [one for one in seen if isinstance(one[2], Stand) and _precedes(thing, one[0])]:
+            if frozenset((number, reading.things.index(other))) not in related:
+                settled.add(number)
+                seen.append((thing, thing.noun, part))
     if not place.is_open:  # the house that a room is in
         around = {one.object for one in reading.relations if one.word in ("in", "at", "of")}
         settled |= {number for number in around if is_building(reading.things[number].noun)}
-    related = {kind_of(one.word) for one in reading.relations if reading.things[one.object] in here}
+    relating = {kind_of(one.word) for one in reading.relations if reading.things[one.object] in here}
     is_atop = place.kind == "hill" or place.has("bridge", "planks")
-    is_ashore = place.bank is not None and not related & {"on", "over", "in"}
+    is_ashore = place.bank is not None and not relating & {"on", "over", "in"}
     raising = (
         {"on", "over", "behind"} if is_atop else {"beside", "near", "front", "with", "hold"} if is_ashore else set()
     )
-    return Setting(place, light, weather, is_named=bool(seen), is_raised=bool(related & raising)), settled, seen
+    return Setting(place, light, weather, is_named=bool(seen), is_raised=bool(relating & raising)), settled, seen
 
 
 def is_idea(noun: str, things: Sequence[str], sentences: SentenceEncoder, *, is_pictured: bool) -> bool:
@@ -173,10 +176,13 @@ def _parts_of(
     if part := part or _place_named(number, reading, nearest, sentences):
         named = thing.name.lower().split() if kind_of_name(thing.name) else [thing.noun]
         seen += [(thing, word, part) for word in named]
-    is_whole = places.find_part(thing.name, known, sentences, _EXACTLY) is not None  # a city skyline
-    for word in thing.name.split():
+    names = thing.name.split()
+    ends = (" ".join(names[first:]) for first in range(max(1, len(names) - 1)))
+    is_whole = any(places.find_part(one, known, sentences, _EXACTLY) for one in ends)  # an old city skyline
+    least = _EXACTLY if isinstance(part, Place) else _SEEN
+    for word in names:
         is_around = isinstance(part, Place) or is_building(thing.noun)  # a mountain hut
-        if is_around and not is_whole and (also := places.find_part(word, known, sentences, _EXACTLY)):
+        if is_around and not is_whole and (also := places.find_part(word, known, sentences, least)):
             seen.append((thing, word, also))  # a desert road, a forest path
     for word in thing.name.split()[:-1]:
         dressing = places.find_part(word, places.known_dressings(), sentences) if seen else None
@@ -229,8 +235,11 @@ def _stands_in(
             is_inside = not place.is_open or (place is NOWHERE and len(left) > 1 and alone)  # a church has its own
             found |= {number: stand} if is_inside or has_glass else {}
         elif stand is not None and place.is_open and (
-            thing.count is None or is_mass or _is_shop(thing, sentences) or (thing.count >= _ROW and stand.has_glass)
-        ):
+            thing.count is None or is_mass or (thing.count >= _ROW and stand.has_glass)
+            or (_is_at_side(thing, stand, place, sentences) and not any(
+                one.object == number and is_person(reading.things[one.subject].name, sentences)
+                for one in reading.relations))
+        ):  # fmt: skip
             is_around = any(one.object == number and kind_of(one.word) in _AROUND for one in reading.relations)
             found |= {number: stand} if place.layers or place.name == SKY or (is_around and place is NOWHERE) else {}
     return found
@@ -256,6 +265,12 @@ def _is_shop(thing: Thing, sentences: SentenceEncoder) -> bool:
     place = places.find_part(thing.noun, places.known_places(), sentences)
     stand = scenery.find_stand(_whole(thing), sentences)
     return place is not None and not place.is_open and stand is not None and not stand.is_indoors
+
+
+def _is_at_side(thing: Thing, stand: Stand, place: Place, sentences: SentenceEncoder) -> bool:
+    """Returns True for one shop, or one house or lamp in a street."""
+    is_front = (place.has("walls") and stand.has_glass) or _is_shop(thing, sentences)
+    return place.is_open and thing.count == 1 and is_front
 
 
 def _parts_of_buildings(reading: Reading, settled: set[int], sentences: SentenceEncoder) -> dict[int, Stand]:
