@@ -3,7 +3,7 @@
 A ground has depth: a sky or a wall with light on it, land or a table that is darker in front, in loose strokes.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import NamedTuple, TypeVar
@@ -42,7 +42,7 @@ _GLOW = 0.85  # least share of a sky's own colour that is left in a low light
 
 
 class PlaceLayer(NamedTuple):
-    """Layer of the scenery of a place: its kind, the names of the things that stand there, with "+", or "", its size and colour.
+    """Layer of the scenery of a place: its kind, the names of what stands there, or "", its size and colour.
 
     `places.txt` explains the kinds. The colour is "" for a thing in its own. x and y: place of the foot of a single
     thing, in the canvas's width and height, or 0.
@@ -146,12 +146,6 @@ def known_dressings() -> tuple[Dressing, ...]:
                  for words, *layers in read_rows("drawing/dressings.txt"))  # fmt: skip
 
 
-def dress(place: Place, dressing: Dressing) -> Place:
-    """Returns the place with what a dressing adds to it."""
-    added = dressing.outdoors if place.is_open else dressing.indoors
-    return with_layers(place, [*place.layers, *(one for one in added if one not in place.layers)])
-
-
 NOWHERE = Place(("",), (), "white")
 
 
@@ -228,17 +222,6 @@ class Setting:
         near = ((down - place.horizon) / (1 - place.horizon)).clamp(0, 1)
         far = torch.lerp(land, low, _FAR if place.is_open else 0.0)
         front = torch.lerp(far[:, None, None], (land * _DIM)[:, None, None], near)
-        if (
-            self.light.form == "waves" and self.light.kind == "hour" and place.above is None
-        ):  # curtains of the polar lights
-            for level, wave in ((0.42, 7.0), (0.58, 4.5)):
-                rise = level + 0.09 * torch.sin(wave * across + seed) - down
-                veil = torch.where(rise > 0, (-4 * rise).exp(), (30 * rise).exp()) * (
-                    0.55 + 0.45 * torch.sin(40 * across)
-                )
-                picture = torch.lerp(
-                    picture, color_of(self.light.accent)[:, None, None], 0.75 * veil.expand_as(picture)
-                )
         below = ((down - place.horizon) / _EDGE + 0.5).clamp(0, 1)
         picture = torch.lerp(picture, front, below.expand_as(picture)).clamp(0, 1)
         slant = _SLANT * (1 if seed % 2 else -1) * (1 - below)
@@ -340,7 +323,7 @@ def _kin(layer: PlaceLayer) -> str:
     return _KIN.get(layer.kind, layer.kind)
 
 
-def with_layers(place: Place, layers: Sequence[PlaceLayer]) -> Place:
+def with_layers(place: Place, layers: Iterable[PlaceLayer]) -> Place:
     """Returns the place with these layers, in their order from back to front."""
     return replace(place, layers=tuple(sorted(layers, key=lambda layer: _ORDER.index(layer.kind))))
 

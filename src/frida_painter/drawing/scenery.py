@@ -14,7 +14,7 @@ from torch import Tensor
 
 from frida_painter import images
 from frida_painter.drawing.appearance import in_weather
-from frida_painter.drawing.compositing import crop, resize, stack
+from frida_painter.drawing.compositing import crop, resize
 from frida_painter.drawing.lights import Color, color_of
 from frida_painter.drawing.places import NOWHERE, Place, PlaceLayer, Setting, known_dressings, known_places, with_layers
 from frida_painter.drawing.tables import read_lines
@@ -54,19 +54,9 @@ class Stand(NamedTuple):
         return any(self.name in layer.what.split("+") and layer.kind in kinds for room in rooms for layer in room)
 
     @property
-    def is_of_building(self) -> bool:
-        """True if a building has it."""
-        return self.name in ("roof", "smoke", "door", "window")
-
-    @property
     def has_glass(self) -> bool:
         """True if it has windows."""
         return any("*" in shape for shape in self.shapes)
-
-    @property
-    def shines(self) -> bool:
-        """True if it is in space, in the light of the sun at any hour."""
-        return "planet" in self.name
 
     @property
     def usual(self) -> str:
@@ -168,7 +158,7 @@ def draw_stand(stand: Stand, setting: Setting, seed: int) -> Tensor:
         return np.array([((x + _WIDE / 2) * _UNIT * 16, (1.06 - y) * _UNIT * 16) for x, y in points]).astype(np.int32)
 
     def paint(color: str, tone: float = 1.0) -> tuple[float, ...]:
-        shines, color = stand.shines or color[0] == "!", color.lstrip("!")
+        shines, color = color[0] == "!", color.lstrip("!")
         if color in ("*", "sky"):
             sky = color_of(setting.light.low).numpy() if color == "sky" else color_of(_GLASS).numpy() * shade
             glass = color_of(_LIT_GLASS).numpy() if color == "*" and is_lit and chance.random() < 0.7 else sky
@@ -206,17 +196,6 @@ def draw_stand(stand: Stand, setting: Setting, seed: int) -> Tensor:
                 cv2.fillPoly(sheet, [pixels(corners)], paint(one), shift=4)
     drawn = crop(resize(torch.from_numpy(sheet).permute(2, 0, 1), 0.5))
     return in_weather(drawn, setting.weather, stand.usual)
-
-
-def add_smoke(picture: Tensor) -> Tensor:
-    """Returns a building [4, h, w] with smoke that rises from the top of it."""
-    plume = draw_stand(stands()["smoke"], Setting(), 0)
-    plume = resize(plume, 0.5 * picture.shape[1] / plume.shape[1])
-    (_, high, wide), top = plume.shape, picture[3, : max(1, picture.shape[1] // 50)].sum(0)
-    left = round(float((top * torch.arange(len(top))).sum() / top.sum().clamp(min=1e-6)) - 0.2 * wide)
-    start = max(0, -left)
-    columns = max(start + picture.shape[2], start + left + wide)
-    return stack([(plume, 0, start + left), (picture, round(0.95 * high), start)], round(0.95 * high) + picture.shape[1], columns)
 
 
 def _in_season(stand: Stand, setting: Setting) -> Stand:
@@ -280,7 +259,6 @@ class View:
         drawers: dict[str, Callable[[PlaceLayer], None]] = {
             "hills": self._draw_hills, "band": self._draw_band, "way": self._draw_way,
             "road": self._draw_way, "stream": self._draw_way, "canal": self._draw_way, "waves": self._draw_waves,
-            "rails": self._draw_rails,
         }  # fmt: skip
         if layer.kind in drawers:
             drawers[layer.kind](layer)
@@ -335,7 +313,8 @@ class View:
                 yield x, y, tall / far * self._chance.uniform(0.8, 1.15), far
         else:
             far = _FARTHEST / 4 if layer.kind == "far" else 1.0
-            yield 0.5 + self._turn * (layer.x - 0.5), layer.y, layer.size, far
+            high = layer.y - self._horizon if layer.kind in ("planks", "rails") else layer.size
+            yield 0.5 + self._turn * (layer.x - 0.5), layer.y, high, far
 
     def _at(self, across: float, far: float) -> tuple[float, float]:
         """Returns the place on the canvas, in its width and height, of a point of the land."""
@@ -514,13 +493,6 @@ class View:
                 return edge(far, -0.9)[0], edge(far, 0.9)[0]
 
             self._draw_ripples(extent, self._horizon + 0.04, 1.0)
-
-    def _draw_rails(self, layer: PlaceLayer) -> None:
-        self._draw_way(layer)
-        for far in np.geomspace(8, 1, 18):
-            self._lay_flat("#5f4a3a", (-0.8 * layer.size, 0.8 * layer.size), (far, 1.05 * far))
-        for x in (-0.55 * layer.size, 0.55 * layer.size):
-            self._lay_flat("#d6dade", (x - 0.025, x + 0.025), (1, _FARTHEST))
 
 
 def draw_scenery(ground: Tensor, setting: Setting, seed: int, absent: Sequence[str] = ()) -> Tensor:

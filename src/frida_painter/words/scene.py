@@ -14,7 +14,7 @@ from frida_painter.drawing.composition import (
 )
 from frida_painter.drawing.lights import CLEAR, DAY, Light, dye, find_weather, go_together, rank_lights
 from frida_painter.drawing.places import NOWHERE, Dressing, Place, Setting
-from frida_painter.drawing.scenery import Stand, add_smoke
+from frida_painter.drawing.scenery import Stand
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
@@ -24,7 +24,7 @@ from frida_painter.words.casting import Cast, cast
 from frida_painter.words.nouns import senses_of
 from frida_painter.words.reading import Reading, SaidWord, Thing, prompt_reader, strip_request, word_meanings
 from frida_painter.words.retrieval import FoundPicture, PictureIndex, has_ground, picture_index
-from frida_painter.words.setting import SKY, Seen, is_building, setting_of, usual_place
+from frida_painter.words.setting import SKY, Seen, setting_of, usual_place
 from frida_painter.words.world import is_person, known_like
 
 _CROWDED = ("busy", "crowded", "bustling", "packed", "lively")
@@ -71,7 +71,11 @@ def scene_of(
     second = next(light for light in others if light in named or go_together(light, setting.light))
     second = setting.light if is_mood and reading.colors else second
     used = {setting.place.name, setting.weather.name if setting.place.is_open else "", *setting.light.name.split(", ")}
-    used |= {part.name for *_, part in seen if isinstance(part, Stand | Dressing) or (isinstance(part, Place) and part.layers)}
+    used |= {
+        part.name
+        for *_, part in seen
+        if isinstance(part, Stand | Dressing) or (isinstance(part, Place) and part.layers)
+    }
     used |= set() if setting.light.stars else {DAY.name}
     used |= {second.name} if is_mood else {SKY} if setting.place.is_open else set()
     account_for(things, reading, [one for one in seen if one[2].name in used], account)
@@ -124,7 +128,6 @@ def _parts_of(
     sentences: SentenceEncoder,
 ) -> list[ScenePart | None]:
     """Returns the things with their looks, in the weather, and all their copies, ready to be placed."""
-    smokes = any(word.lemma == "smoke" for word in reading.said)
     is_flown = any(relation.word == "flying" for relation in reading.relations)  # a kite of somebody on the ground
     parts: list[ScenePart | None] = [None] * len(things)
     for number, one in enumerate(things):
@@ -142,8 +145,6 @@ def _parts_of(
         picture = in_weather(picture, setting.weather, known.where, mine)
         leans = picture.shape != colored.shape
         picture = copies([picture] * one.shown, known.where, seed + number, leans=leans)
-        if smokes and is_building(one.thing.noun):
-            picture = add_smoke(picture)
         parts[number] = ScenePart(picture, known, one.figure, size)
     return parts
 

@@ -35,11 +35,11 @@ _PICTURED = 0.8  # similarity above which a picture probably shows the thing of 
 _ROUNDING = 1e-3
 _SURE = 0.8  # similarity above which a word of a name means a place: a watering can is not in water
 _EXACTLY = 0.95  # the same for a place that things are beside: a tent beside a lake
-_ROW = 4  # least number of houses that are a row
-_SEEN = 0.86  # similarity of a name, with all words that belong to no thing, to a place
 _FELT = 0.75  # the same for an idea or an adjective and a light: a sad clown
 _ABSTRACT = 0.25  # margin of an abstract noun with a picture
 _FRONT = (0.56, "", 0.74, 0.86)  # size, colour and place of the front of a shop in a street
+_SEEN, _ROW = 0.86, 4  # similarity of a name and words of no thing to a place; least number of houses in a row
+_OF_BUILDINGS = ("roof", "door", "window")  # what drawn buildings have
 _BUILDING = 4.0  # least height of a building, in metres
 _FEELINGS = ("feel", "feeling", "mood")  # first words of a prompt for a mood: the feeling when school is over
 
@@ -60,29 +60,21 @@ def setting_of(
     owned = {at for thing in reading.things for at in thing.at}
     for word in reading.said:  # it is still dark
         if word.kind in ("quality", "action") and word.at not in owned:
-            weather = places.find_part(word.lemma, known_weathers(), sentences, _SURE)
-            dressing = places.find_part(word.lemma, places.known_dressings(), sentences)
-            felt = dressing or weather or _light_named(word.lemma, sentences, _FELT)
+            felt = _felt(word.lemma, sentences)
             if felt := felt or places.find_part(word.lemma, places.known_places(), sentences, _EXACTLY):  # a stable
                 seen.append((Thing(word.text, word.lemma, at=(word.at,)), word.lemma, felt))
     if reading.said and reading.said[0].lemma in _FEELINGS:
         settled = set(range(len(reading.things)))
         seen = [one for one in seen if not isinstance(one[2], Place)]
     light, weather = _mix([part for *_, part in seen])
-    where = [(thing, part) for thing, _, part in seen if isinstance(part, Place)]
+    where = [one for one in seen if isinstance(one[2], Place)]
+    is_view = any(isinstance(part, Dressing) and part.name == "view" for *_, part in seen)  # from an office
     where = [one for one in where if not kind_of_name(one[0].name)] or where  # the roofs of Paris
-    is_view = bool(where) and any(part.name == "view" for *_, part in seen) and not where[0][1].is_open  # an office with a view
-    where.sort(key=lambda one: (one[1].name == SKY, one[1].is_open == is_view, one[1].is_way, not _is_compound(*one)))
-    named = [part for _, part in where]
+    where.sort(key=lambda one: " " not in one[0].name or one[0].name not in one[2].words)  # an Italian town
+    named = sorted((part for *_, part in where if isinstance(part, Place)),
+                   key=lambda one: (one.name == SKY, one.is_open == is_view, one.is_way))  # fmt: skip
     place = places.join(named[0], named[1:]) if named else NOWHERE
-    if place.is_open:  # a shop in a street
-        shops = [thing for thing, part in where if not part.is_open and _is_shop(thing, sentences)]
-        settled -= {number for number, thing in enumerate(reading.things) if thing in shops}
-        seen = [one for one in seen if one[0] not in shops]
-    seen = [one for one in seen if not isinstance(one[2], Place) or one[2] in named]
-    for number, stand in _parts_of_buildings(reading, settled, sentences).items():
-        seen.append((reading.things[number], reading.things[number].noun, stand))
-        settled.add(number)
+    seen = [one for one in seen if one in where or not isinstance(one[2], Place)]
     here = [thing for thing, _, part in seen if part in named]
     for number, stand in _stands_in(place, reading, settled, index, sentences).items():
         words = reading.things[number].name.split()[:-1] if stand.is_indoors else ()  # a kitchen window
@@ -92,39 +84,29 @@ def setting_of(
         if place is NOWHERE or place.name == SKY:
             place = replace(usual, above=place.above)
         paint = paint_of(reading.things[number].color)
-        if _is_at_side(reading.things[number], stand, place, sentences):
+        if _is_front(reading.things[number], stand, place):
             place = places.with_layers(place, [*place.layers, PlaceLayer("near", stand.name, *_FRONT)])
         else:
             place = scenery.line_with(place, stand, "" if paint is None else tuple(paint.tolist()))
         seen.append((reading.things[number], reading.things[number].noun, stand))
         settled.add(number)
-    if place.name == "room" and len(settled) == len(reading.things):  # somebody's room
-        place = replace(place, layers=places.find_place("bedroom").layers)
-    for dressing in [part for *_, part in seen if isinstance(part, Dressing) and part.outdoors]:
-        if place is NOWHERE:
-            is_outside = not dressing.indoors or any(is_building(thing.noun) for thing in reading.things)
-            place = places.find_place("meadow" if is_outside else "living room")
-        place = places.dress(place, dressing)
-        for number, thing in enumerate(reading.things):  # the tree of Christmas
-            if any({thing.noun, thing.plural} & {*one.what.split()[1:]} for one in (*dressing.outdoors, *dressing.indoors)):
-                settled.add(number)
-                seen.append((thing, thing.noun, dressing))
-    related = {frozenset((one.subject, one.object)) for one in reading.relations}
-    for number, thing in enumerate(reading.things):
-        for other, _, part in [one for one in seen if isinstance(one[2], Stand) and _precedes(thing, one[0])]:
-            if frozenset((number, reading.things.index(other))) not in related:
-                settled.add(number)
-                seen.append((thing, thing.noun, part))
     if not place.is_open:  # the house that a room is in
         around = {one.object for one in reading.relations if one.word in ("in", "at", "of")}
         settled |= {number for number in around if is_building(reading.things[number].noun)}
-    relating = {kind_of(one.word) for one in reading.relations if reading.things[one.object] in here}
+    if place.name == "room" and len(settled) == len(reading.things):  # somebody's room
+        place = replace(place, layers=places.find_place("bedroom").layers)
+    for dressing in [part for *_, part in seen if isinstance(part, Dressing) and part.outdoors]:
+        is_inside = dressing.indoors and not any(is_building(thing.noun) for thing in reading.things)
+        usual = places.find_place("living room" if is_inside else "meadow") if place is NOWHERE else place
+        added = dressing.outdoors if usual.is_open else dressing.indoors
+        place = places.with_layers(usual, dict.fromkeys((*usual.layers, *added)))
+    related = {kind_of(one.word) for one in reading.relations if reading.things[one.object] in here}
     is_atop = place.kind == "hill" or place.has("bridge", "planks")
-    is_ashore = place.bank is not None and not relating & {"on", "over", "in"}
+    is_ashore = place.bank is not None and not related & {"on", "over", "in"}
     raising = (
         {"on", "over", "behind"} if is_atop else {"beside", "near", "front", "with", "hold"} if is_ashore else set()
     )
-    return Setting(place, light, weather, is_named=bool(seen), is_raised=bool(relating & raising)), settled, seen
+    return Setting(place, light, weather, is_named=bool(seen), is_raised=bool(related & raising)), settled, seen
 
 
 def is_idea(noun: str, things: Sequence[str], sentences: SentenceEncoder, *, is_pictured: bool) -> bool:
@@ -149,6 +131,16 @@ def _parts_of(
     thing, seen, known = reading.things[number], Seen(), places.known_places()
     nearest = 0.0 if index is None else index.nearest(thing)
     part: Part | None = None
+    stand = scenery.find_stand(_whole(thing), sentences)
+    if stand is not None and stand.name in _OF_BUILDINGS and any(
+        is_building(one.noun) and known_like(one.name, sentences).height >= _BUILDING
+        for one in reading.things if one is not thing and not places.find_part(one.noun, known, sentences, _EXACTLY)
+    ):  # fmt: skip
+        return True, [(thing, thing.noun, stand)]
+    rest = _rest(thing, reading)
+    stand = scenery.find_stand(f"{thing.noun} {rest}", sentences) if rest else None
+    if stand is not None and thing.noun in stand.name.split():  # lace curtains
+        return True, [(thing, thing.noun, stand)]
     is_object = any(one.object == number for one in reading.relations)
     is_settled = is_object and nearest < OWN and is_part_of_body(thing.noun, sentences)  # somebody's beard
     if nearest < OWN and not is_settled:
@@ -166,31 +158,34 @@ def _parts_of(
             light = light or _light_named(said, sentences, least)
         if part is None and is_abstract and (light or not is_person(thing.noun, sentences)):
             part, is_settled = light, True
-        elif light and not (isinstance(part, Dressing) and light.kind == "mood"):  # a thing that comes with a light: the moon
+        elif light and not (
+            isinstance(part, Dressing) and light.kind == "mood"
+        ):  # a thing of the sky: a light: the moon
             ends = max(thing.at)
             said = " ".join(word.text for word in reading.said if thing.at[0] <= word.at <= ends + 1)
             light = _light_named(f"{thing.noun} {said.partition(thing.noun)[2]}".strip(), sentences, _SURE) or light
             seen.append((thing, thing.noun, light))
-            is_sky = light.body or (light.stars and thing.plural)
-            is_settled = is_settled or (bool(is_sky) and len(reading.things) > 1)
+            is_settled = is_settled or (bool(light.body or thing.plural) and len(reading.things) > 1)
     if part := part or _place_named(number, reading, nearest, sentences):
         named = thing.name.lower().split() if kind_of_name(thing.name) else [thing.noun]
         seen += [(thing, word, part) for word in named]
-    names = thing.name.split()
-    ends = (" ".join(names[first:]) for first in range(max(1, len(names) - 1)))
-    is_whole = any(places.find_part(one, known, sentences, _EXACTLY) for one in ends)  # an old city skyline
-    least = _EXACTLY if isinstance(part, Place) else _SEEN
-    for word in names:
-        is_around = isinstance(part, Place) or is_building(thing.noun)  # a mountain hut
-        if is_around and not is_whole and (also := places.find_part(word, known, sentences, least)):
+    words = thing.name.split()
+    tails = (" ".join(words[first:]) for first in range(max(1, len(words) - 1)))
+    is_whole = any(places.find_part(one, known, sentences, _EXACTLY) for one in tails)  # an old city skyline
+    like = _EXACTLY if isinstance(part, Place) else _SEEN if is_building(thing.noun) else 1.1  # a mountain hut
+    for word in words:
+        if not is_whole and (also := places.find_part(word, known, sentences, like)):
             seen.append((thing, word, also))  # a desert road, a forest path
     for word in thing.name.split()[:-1]:
-        dressing = places.find_part(word, places.known_dressings(), sentences) if seen else None
-        weather = places.find_part(word, known_weathers(), sentences, _SURE)
-        felt = dressing or weather or _light_named(word, sentences, _FELT)
-        if felt and nearest < _EXACTLY:  # a hot air balloon tells of no heat
+        if nearest < _EXACTLY and (felt := _felt(word, sentences)):  # a hot air balloon tells of no heat
             seen.append((thing, word, felt))
     return is_settled or part is not None, seen
+
+
+def _felt(word: str, sentences: SentenceEncoder) -> Part | None:
+    dressing = places.find_part(word, places.known_dressings(), sentences)
+    weather = places.find_part(word, known_weathers(), sentences, _SURE)
+    return dressing or weather or _light_named(word, sentences, _FELT)
 
 
 def _light_named(word: str, sentences: SentenceEncoder, least: float) -> Light | None:
@@ -228,31 +223,30 @@ def _stands_in(
         is_own = index is not None and index.nearest(thing) >= OWN
         is_mass = thing.uncounted and any(one.object == number for one in reading.relations)  # in blossom
         is_other = is_own or is_person(thing.name, sentences)
-        before = next((one.name for one in reading.things if _precedes(one, thing)), "")
+        before = next((one.noun for one in reading.things if one.at and _rest(one, reading) == _whole(thing)), "")
         stand = None if is_other else scenery.find_stand(f"{before} {_whole(thing)}".strip(), sentences, place)
         if stand is not None and stand.is_indoors:
             alone = all(known_like(reading.things[one].name, sentences).height < _BUILDING for one in left)
             is_inside = not place.is_open or (place is NOWHERE and len(left) > 1 and alone)  # a church has its own
             found |= {number: stand} if is_inside or has_glass else {}
-        elif stand is not None and place.is_open and (
-            thing.count is None or is_mass or (thing.count >= _ROW and stand.has_glass)
-            or (_is_at_side(thing, stand, place, sentences) and not any(
-                one.object == number and is_person(reading.things[one.subject].name, sentences)
-                for one in reading.relations))
-        ):  # fmt: skip
+        elif (
+            stand is not None
+            and place.is_open
+            and (
+                thing.count is None
+                or is_mass
+                or _is_front(thing, stand, place)
+                or (thing.count >= _ROW and stand.has_glass)
+            )
+        ):
             is_around = any(one.object == number and kind_of(one.word) in _AROUND for one in reading.relations)
             found |= {number: stand} if place.layers or place.name == SKY or (is_around and place is NOWHERE) else {}
     return found
 
 
-def _is_compound(thing: Thing, place: Place) -> bool:
-    """Returns True if the whole name of a thing with several words names the place: an Italian town."""
-    return " " in thing.name and thing.name.lower() in [word.lower() for word in place.words]
-
-
-def _precedes(thing: Thing, other: Thing) -> bool:
-    """Returns True if two things are one in two words: lace curtains."""
-    return bool(thing.at and other.at) and thing.at[-1] + 1 == other.at[0]
+def _rest(thing: Thing, reading: Reading) -> str:
+    """Returns the name of the thing in the word after a thing, or ""."""
+    return next((_whole(one) for one in reading.things if thing.at and one.at and one.at[0] == thing.at[-1] + 1), "")
 
 
 def is_building(noun: str) -> bool:
@@ -260,25 +254,14 @@ def is_building(noun: str) -> bool:
     return any("structure" in kind.words for sense in senses_of(noun)[:1] for kind in sense.kinds)
 
 
-def _is_shop(thing: Thing, sentences: SentenceEncoder) -> bool:
-    """Returns True if a place with walls, such as a cafe, has a front that is drawn in a street."""
-    place = places.find_part(thing.noun, places.known_places(), sentences)
-    stand = scenery.find_stand(_whole(thing), sentences)
-    return place is not None and not place.is_open and stand is not None and not stand.is_indoors
-
-
-def _is_at_side(thing: Thing, stand: Stand, place: Place, sentences: SentenceEncoder) -> bool:
-    """Returns True for one shop, or one house or lamp in a street."""
-    is_front = (place.has("walls") and stand.has_glass) or _is_shop(thing, sentences)
-    return place.is_open and thing.count == 1 and is_front
-
-
-def _parts_of_buildings(reading: Reading, settled: set[int], sentences: SentenceEncoder) -> dict[int, Stand]:
-    """Returns the chimneys, doors and roofs that drawn buildings of the prompt have, by their numbers."""
-    left = [number for number in range(len(reading.things)) if number not in settled]
-    drawn = {number: scenery.find_stand(_whole(reading.things[number]), sentences) for number in left}
-    parts = {number: stand for number, stand in drawn.items() if stand is not None and stand.is_of_building}
-    return parts if any(is_building(reading.things[one].noun) for one in left if one not in parts) else {}
+def _is_front(thing: Thing, stand: Stand, place: Place) -> bool:
+    """Returns True for one house or shop in a street."""
+    return (
+        place.has("walls", "sides")
+        and place.is_open
+        and thing.count == 1
+        and "panes" in {one[0] for one in stand.shapes}
+    )
 
 
 def _place_named(number: int, reading: Reading, nearest: float, sentences: SentenceEncoder) -> Place | None:
@@ -310,14 +293,19 @@ def _place_named(number: int, reading: Reading, nearest: float, sentences: Sente
     place = places.find_part(full, places.known_places(), sentences, least)
     place = place or places.find_part(several, places.known_places(), sentences, least)
     owned = {at for one in reading.things for at in one.at}
-    said = " ".join(word.text for word in reading.said if word.at not in owned)
-    above = places.find_part(f"{several} {said}", places.known_places(), sentences, _SEEN) if place else None
-    if above is not None and {*said.split()} & {*" ".join(above.words).split()}:  # seen from above
+    said = [word.text for word in reading.said if word.at not in owned]
+    above = places.find_part(" ".join((several, *said)), places.known_places(), sentences, _SEEN) if place else None
+    if above is not None and {*said} & {*" ".join(above.words).split()}:  # seen from above
         place = above
     if place is not None and (looks := looks_of(thing.name.split()[:-1], sentences, is_person=False)):
         place = places.in_size(place, math.prod(look.wide * look.size for look in looks.values()))  # a narrow street
-    if place is not None and next_to and not place.is_open:
-        place = None
+    if place is not None and not place.is_open:
+        others = (places.find_part(one.noun, places.known_places(), sentences) for one in reading.things)
+        stand = scenery.find_stand(_whole(thing), sentences)
+        is_shop = (
+            stand is not None and not stand.is_indoors and any(one and one.has("walls", "sides") for one in others)
+        )
+        place = None if next_to or is_shop else place
     if place is None and "on" in kinds and usual is not None and not usual.is_open:
         place = usual  # a table that carries things is shown by its top
     paint = paint_of(thing.color)
