@@ -131,11 +131,10 @@ def _parts_of(
     thing, seen, known = reading.things[number], Seen(), places.known_places()
     nearest = 0.0 if index is None else index.nearest(thing)
     part: Part | None = None
+    others = [one.noun for one in reading.things if one is not thing and one.noun not in _OF_BUILDINGS]
+    has_building = any(is_building(one) and not places.find_part(one, known, sentences, _EXACTLY) for one in others)
     stand = scenery.find_stand(_whole(thing), sentences)
-    if stand is not None and stand.name in _OF_BUILDINGS and any(
-        is_building(one.noun) and known_like(one.name, sentences).height >= _BUILDING
-        for one in reading.things if one is not thing and not places.find_part(one.noun, known, sentences, _EXACTLY)
-    ):  # fmt: skip
+    if has_building and stand is not None and stand.name in _OF_BUILDINGS:
         return True, [(thing, thing.noun, stand)]
     rest = _rest(thing, reading)
     stand = scenery.find_stand(f"{thing.noun} {rest}", sentences) if rest else None
@@ -176,7 +175,7 @@ def _parts_of(
     for word in words:
         if not is_whole and (also := places.find_part(word, known, sentences, like)):
             seen.append((thing, word, also))  # a desert road, a forest path
-    for word in thing.name.split()[:-1]:
+    for word in (*words[:-1], *(thing.doing.split() if part else ())):
         if nearest < _EXACTLY and (felt := _felt(word, sentences)):  # a hot air balloon tells of no heat
             seen.append((thing, word, felt))
     return is_settled or part is not None, seen
