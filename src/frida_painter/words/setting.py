@@ -67,14 +67,13 @@ def setting_of(
         settled = set(range(len(reading.things)))
         seen = [one for one in seen if not isinstance(one[2], Place)]
     light, weather = _mix([part for *_, part in seen])
-    where = [one for one in seen if isinstance(one[2], Place)]
-    is_view = any(isinstance(part, Dressing) and part.name == "view" for *_, part in seen)  # from an office
-    where = [one for one in where if not kind_of_name(one[0].name)] or where  # the roofs of Paris
-    where.sort(key=lambda one: " " not in one[0].name or one[0].name not in one[2].words)  # an Italian town
-    named = sorted((part for *_, part in where if isinstance(part, Place)),
-                   key=lambda one: (one.name == SKY, one.is_open == is_view, one.is_way))  # fmt: skip
+    where = [(part, thing.name) for thing, _, part in seen if isinstance(part, Place)]
+    where = [one for one in where if not kind_of_name(one[1])] or where  # the roofs of Paris
+    where.sort(key=lambda one: " " not in one[1] or one[1] not in one[0].words)  # an Italian town
+    named, is_view = [part for part, _ in where], any(part.name == "view" for *_, part in seen)  # from an office
+    named.sort(key=lambda one: (one.name == SKY, one.is_open == is_view, one.is_way))
     place = places.join(named[0], named[1:]) if named else NOWHERE
-    seen = [one for one in seen if one in where or not isinstance(one[2], Place)]
+    seen = [one for one in seen if one[2] in named or not isinstance(one[2], Place)]
     here = [thing for thing, _, part in seen if part in named]
     for number, stand in _stands_in(place, reading, settled, index, sentences).items():
         words = reading.things[number].name.split()[:-1] if stand.is_indoors else ()  # a kitchen window
@@ -134,8 +133,8 @@ def _parts_of(
     others = [one.noun for one in reading.things if one is not thing and one.noun not in _OF_BUILDINGS]
     has_building = any(is_building(one) and not places.find_part(one, known, sentences, _EXACTLY) for one in others)
     stand = scenery.find_stand(_whole(thing), sentences)
-    if has_building and stand is not None and stand.name in _OF_BUILDINGS:
-        return True, [(thing, thing.noun, stand)]
+    if has_building and stand is not None and stand.name in _OF_BUILDINGS:  # it has them already
+        return True, [(thing, thing.noun, Dressing((thing.noun,), (), ()))]
     rest = _rest(thing, reading)
     stand = scenery.find_stand(f"{thing.noun} {rest}", sentences) if rest else None
     if stand is not None and thing.noun in stand.name.split():  # lace curtains
@@ -157,9 +156,7 @@ def _parts_of(
             light = light or _light_named(said, sentences, least)
         if part is None and is_abstract and (light or not is_person(thing.noun, sentences)):
             part, is_settled = light, True
-        elif light and not (
-            isinstance(part, Dressing) and light.kind == "mood"
-        ):  # a thing of the sky: a light: the moon
+        elif light and (light.kind == "hour" or not isinstance(part, Dressing)):  # a thing with a light: the moon
             ends = max(thing.at)
             said = " ".join(word.text for word in reading.said if thing.at[0] <= word.at <= ends + 1)
             light = _light_named(f"{thing.noun} {said.partition(thing.noun)[2]}".strip(), sentences, _SURE) or light
@@ -224,20 +221,13 @@ def _stands_in(
         is_other = is_own or is_person(thing.name, sentences)
         before = next((one.noun for one in reading.things if one.at and _rest(one, reading) == _whole(thing)), "")
         stand = None if is_other else scenery.find_stand(f"{before} {_whole(thing)}".strip(), sentences, place)
+        is_row = stand is not None and stand.has_glass and (thing.count or 0) >= _ROW
+        is_some = thing.count is None or is_mass or is_row
         if stand is not None and stand.is_indoors:
             alone = all(known_like(reading.things[one].name, sentences).height < _BUILDING for one in left)
             is_inside = not place.is_open or (place is NOWHERE and len(left) > 1 and alone)  # a church has its own
             found |= {number: stand} if is_inside or has_glass else {}
-        elif (
-            stand is not None
-            and place.is_open
-            and (
-                thing.count is None
-                or is_mass
-                or _is_front(thing, stand, place)
-                or (thing.count >= _ROW and stand.has_glass)
-            )
-        ):
+        elif stand is not None and place.is_open and (is_some or _is_front(thing, stand, place)):
             is_around = any(one.object == number and kind_of(one.word) in _AROUND for one in reading.relations)
             found |= {number: stand} if place.layers or place.name == SKY or (is_around and place is NOWHERE) else {}
     return found
@@ -255,12 +245,8 @@ def is_building(noun: str) -> bool:
 
 def _is_front(thing: Thing, stand: Stand, place: Place) -> bool:
     """Returns True for one house or shop in a street."""
-    return (
-        place.has("walls", "sides")
-        and place.is_open
-        and thing.count == 1
-        and "panes" in {one[0] for one in stand.shapes}
-    )
+    has_windows = any(shape[0] == "panes" for shape in stand.shapes)
+    return has_windows and thing.count == 1 and place.is_open and place.has("walls", "sides")
 
 
 def _place_named(number: int, reading: Reading, nearest: float, sentences: SentenceEncoder) -> Place | None:
@@ -291,8 +277,7 @@ def _place_named(number: int, reading: Reading, nearest: float, sentences: Sente
     full = f"{thing.name.removesuffix(thing.noun)}{several}"
     place = places.find_part(full, places.known_places(), sentences, least)
     place = place or places.find_part(several, places.known_places(), sentences, least)
-    owned = {at for one in reading.things for at in one.at}
-    said = [word.text for word in reading.said if word.at not in owned]
+    said = [word.text for word in reading.said if not any(word.at in one.at for one in reading.things)]
     above = places.find_part(" ".join((several, *said)), places.known_places(), sentences, _SEEN) if place else None
     if above is not None and {*said} & {*" ".join(above.words).split()}:  # seen from above
         place = above
@@ -300,11 +285,8 @@ def _place_named(number: int, reading: Reading, nearest: float, sentences: Sente
         place = places.in_size(place, math.prod(look.wide * look.size for look in looks.values()))  # a narrow street
     if place is not None and not place.is_open:
         others = (places.find_part(one.noun, places.known_places(), sentences) for one in reading.things)
-        stand = scenery.find_stand(_whole(thing), sentences)
-        is_shop = (
-            stand is not None and not stand.is_indoors and any(one and one.has("walls", "sides") for one in others)
-        )
-        place = None if next_to or is_shop else place
+        is_town, stand = any(one and one.has("walls", "sides") for one in others), scenery.find_stand(full, sentences)
+        place = None if next_to or (is_town and stand is not None and not stand.is_indoors) else place
     if place is None and "on" in kinds and usual is not None and not usual.is_open:
         place = usual  # a table that carries things is shown by its top
     paint = paint_of(thing.color)
