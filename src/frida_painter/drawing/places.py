@@ -3,7 +3,7 @@
 A ground has depth: a sky or a wall with light on it, land or a table that is darker in front, in loose strokes.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import NamedTuple, TypeVar
@@ -31,6 +31,7 @@ HORIZON = 0.72
 """Usual share of the height above the horizon, or above the edge of a floor or a table."""
 _EDGE = 0.03  # share of the height over which two bands blend
 _COVERED = 0.88  # share of the land that falling snow covers
+_GLEAM = 0.6  # exponent of the shade on snow
 _DIM, _FAR = 0.78, 0.30  # factor of a colour away from the light; share of the light at the horizon in far land
 _SLANT, _QUIET = 0.35, 0.75  # radians of the strokes of a sky, and their liveliness
 SUMMIT = 0.6
@@ -41,7 +42,7 @@ _GLOW = 0.85  # least share of a sky's own colour that is left in a low light
 
 
 class PlaceLayer(NamedTuple):
-    """Layer of the scenery of a place: its kind, the name of the thing that stands there or "", its size and colour.
+    """Layer of the scenery of a place: its kind, the names of what stands there, or "", its size and colour.
 
     `places.txt` explains the kinds. The colour is "" for a thing in its own. x and y: place of the foot of a single
     thing, in the canvas's width and height, or 0.
@@ -110,16 +111,39 @@ def known_places() -> tuple[Place, ...]:
     found = []
     for words, things, land, scenery in read_rows("drawing/places.txt"):
         kind, below, above, bank, horizon = land.split()
-        split = [layer.split() for layer in scenery.split(";") if layer]
-        layers = tuple(
-            PlaceLayer(name, "" if what[0] == "#" else what.replace("-", " "), float(size),
-                       what if what[0] == "#" else "", *map(float, at))
-            for name, what, size, *at in split
-        )  # fmt: skip
         sky, shore = (None if one in ("sky", "-") else one for one in (above, bank))
         some, names = split_words(things), split_words(words)
-        found.append(Place(names, some, below, kind, sky, shore, float(horizon), layers))
+        found.append(Place(names, some, below, kind, sky, shore, float(horizon), _read_layers(scenery)))
     return tuple(found)
+
+
+def _read_layers(scenery: str) -> tuple[PlaceLayer, ...]:
+    split = [layer.split() for layer in scenery.split(";") if layer]
+    return tuple(
+        PlaceLayer(name, "" if what[0] == "#" else what.replace("-", " "), float(size),
+                   what if what[0] == "#" else "", *map(float, at))
+        for name, what, size, *at in split
+    )  # fmt: skip
+
+
+class Dressing(NamedTuple):
+    """What an occasion or a state adds to a place, outdoors and in rooms: Christmas, a party, a mess, a rainbow."""
+
+    words: tuple[str, ...]
+    outdoors: tuple[PlaceLayer, ...]
+    indoors: tuple[PlaceLayer, ...]
+
+    @property
+    def name(self) -> str:
+        """Name for messages."""
+        return self.words[0]
+
+
+@cache
+def known_dressings() -> tuple[Dressing, ...]:
+    """Returns the table of `dressings.txt`."""
+    return tuple(Dressing(split_words(words), *map(_read_layers, layers))
+                 for words, *layers in read_rows("drawing/dressings.txt"))  # fmt: skip
 
 
 NOWHERE = Place(("",), (), "white")
@@ -130,9 +154,9 @@ def find_place(name: str) -> Place:
     return next(place for place in known_places() if place.name == name)
 
 
-_Part = TypeVar("_Part", Place, Light, Weather)
+_Part = TypeVar("_Part", Place, Light, Weather, Dressing)
 _ORDER = ("peaks", "hills", "far", "line", "walls", "band", "waves", "way", "road", "stream", "canal", "platform",
-          "rails", "planks", "field", "grove", "strewn", "sides", "falls", "bridge", "hung",
+          "rails", "planks", "field", "grove", "strewn", "sides", "litter", "falls", "bridge", "hung",
           "near")  # of layers, from back to front  # fmt: skip
 _SEA = 0.25  # share of the land that is the sea behind it
 _WAYS = ("way", "road", "rails", "platform", "planks", "bridge")
@@ -146,6 +170,7 @@ _KIN = {
     "canal": "stream",
 }  # other kinds for the same
 _CALLED = 0.72  # similarity to a place's words above which words name it
+_DRESSED = 0.9  # to those of a dressing: a toy is not yet toys all around
 _FELT, _FELT_WEATHER = 0.62, 0.7  # to the words of a light, and of a weather: a snowmobile (0.67) is a thing
 _MIDDLE = 55.0  # L*
 TOLD_APART = 40.0
@@ -184,8 +209,8 @@ class Setting:
         if place.above is not None:
             low = color_of(place.above) * (shade.clamp(min=_GLOW) if place.is_open else shade)
             high = torch.lerp(high, low, 0.6) if place.is_open and self.light != DAY else low * _DIM
-        if self.weather.flakes and place.kind in ("land", "hill"):  # snow also covers the land
-            land = torch.lerp(land, color_of(self.weather.color) * shade, _COVERED)
+        if self.weather.flakes and place.kind in ("land", "hill"):  # snow also covers the land, and is light at night
+            land = torch.lerp(land, color_of(self.weather.color) * shade**_GLEAM, _COVERED)
         # Water reflects the top of the sky; the glow of a low sun, or of a season, would make it grey.
         if place.kind == "water" and self.light.kind != "season":
             land = torch.lerp(land, high, 0.25)
@@ -198,17 +223,6 @@ class Setting:
         near = ((down - place.horizon) / (1 - place.horizon)).clamp(0, 1)
         far = torch.lerp(land, low, _FAR if place.is_open else 0.0)
         front = torch.lerp(far[:, None, None], (land * _DIM)[:, None, None], near)
-        if (
-            self.light.form == "waves" and self.light.kind == "hour" and place.above is None
-        ):  # curtains of the polar lights
-            for level, wave in ((0.42, 7.0), (0.58, 4.5)):
-                rise = level + 0.09 * torch.sin(wave * across + seed) - down
-                veil = torch.where(rise > 0, (-4 * rise).exp(), (30 * rise).exp()) * (
-                    0.55 + 0.45 * torch.sin(40 * across)
-                )
-                picture = torch.lerp(
-                    picture, color_of(self.light.accent)[:, None, None], 0.75 * veil.expand_as(picture)
-                )
         below = ((down - place.horizon) / _EDGE + 0.5).clamp(0, 1)
         picture = torch.lerp(picture, front, below.expand_as(picture)).clamp(0, 1)
         slant = _SLANT * (1 if seed % 2 else -1) * (1 - below)
@@ -257,7 +271,7 @@ def find_part(name: str, parts: Sequence[_Part], sentences: SentenceEncoder, lea
         return [word for word in part.words if " " in name or " " not in word or not isinstance(part, Place)]
 
     part, similarity = nearest_part([name], parts, sentences, words)
-    usual = {Place: _CALLED, Light: _FELT, Weather: _FELT_WEATHER}[type(part)]
+    usual = {Place: _CALLED, Light: _FELT, Weather: _FELT_WEATHER, Dressing: _DRESSED}[type(part)]
     return part if similarity >= max(least, usual) else None
 
 
@@ -310,7 +324,7 @@ def _kin(layer: PlaceLayer) -> str:
     return _KIN.get(layer.kind, layer.kind)
 
 
-def with_layers(place: Place, layers: Sequence[PlaceLayer]) -> Place:
+def with_layers(place: Place, layers: Iterable[PlaceLayer]) -> Place:
     """Returns the place with these layers, in their order from back to front."""
     return replace(place, layers=tuple(sorted(layers, key=lambda layer: _ORDER.index(layer.kind))))
 

@@ -16,7 +16,7 @@ from frida_painter import images
 from frida_painter.drawing.appearance import in_weather
 from frida_painter.drawing.compositing import crop, resize
 from frida_painter.drawing.lights import Color, color_of
-from frida_painter.drawing.places import NOWHERE, Place, PlaceLayer, Setting, known_places, with_layers
+from frida_painter.drawing.places import NOWHERE, Place, PlaceLayer, Setting, known_dressings, known_places, with_layers
 from frida_painter.drawing.tables import read_lines
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.objectives.picture_library import Captioned
@@ -40,27 +40,23 @@ class Stand(NamedTuple):
     @property
     def is_indoors(self) -> bool:
         """True if rooms have such a thing."""
-        return self.is_in("hung", "line", "walls", "near")
+        return self.is_in("hung", "line", "walls", "near", "litter")
 
     @property
     def is_furniture(self) -> bool:
         """True if it only stands about in rooms, as one thing of many kinds."""
-        return self.is_in("near") and not self.is_in("hung", "line", "walls")
+        return self.is_in("near", "litter") and not self.is_in("hung", "line", "walls")
 
     def is_in(self, *kinds: str) -> bool:
         """Returns True if a room has it in a layer of these kinds."""
-        rooms = (place for place in known_places() if not place.is_open)
-        return any(layer.what == self.name and layer.kind in kinds for place in rooms for layer in place.layers)
+        rooms = [place.layers for place in known_places() if not place.is_open]
+        rooms += [dressing.indoors for dressing in known_dressings()]
+        return any(self.name in layer.what.split("+") and layer.kind in kinds for room in rooms for layer in room)
 
     @property
     def has_glass(self) -> bool:
         """True if it has windows."""
         return any("*" in shape for shape in self.shapes)
-
-    @property
-    def shines(self) -> bool:
-        """True if it is in space, in the light of the sun at any hour."""
-        return "planet" in self.name
 
     @property
     def usual(self) -> str:
@@ -110,6 +106,7 @@ def line_with(place: Place, stand: Stand, color: Color = "") -> Place:
         return place
     same = [layer for layer in place.layers if layer.what == stand.name]
     kinds = ("sides", "walls", "grove", "field", "strewn")
+    window = next((one for one in place.layers if one.what == "window"), None)
     old = next((layer for layer in (*same, *place.layers) if layer in same or layer.kind in kinds), None)
     taken = [layer.x for layer in place.layers if layer.kind == "hung"]
     has_fronts = (
@@ -118,7 +115,10 @@ def line_with(place: Place, stand: Stand, color: Color = "") -> Place:
     if has_fronts:  # lamps in front of the houses
         old, new = None, PlaceLayer("sides", stand.name, 0.7)
     elif old is not None and (place.is_open or same):
-        new = old._replace(what=stand.name)
+        is_mixed = old.kind == "sides" and not same and "plant" not in (stand.usual, stands()[old.what].usual)
+        new = old._replace(what=f"{old.what}+{stand.name}" if is_mixed else stand.name)
+    elif window is not None and "curtain" in stand.name:
+        new = window._replace(what=stand.name, size=1.1 * window.size)
     elif not place.is_open:
         x = max(_FREE, key=lambda x: min((abs(x - one) for one in taken), default=1))
         new = PlaceLayer("hung", stand.name, 0.44, x=x, y=0.5 * place.horizon + 0.22)
@@ -146,7 +146,8 @@ _AUTUMN = ("#d9772b", "#e0a02f", "#b8502a", "#c9912f")
 
 def draw_stand(stand: Stand, setting: Setting, seed: int) -> Tensor:
     """Returns a drawn stand in the light, season and weather of a setting, as colour and opacity [4, h, w]."""
-    stand = _in_season(stand, setting)
+    colors = stand.color.split("/") if isinstance(stand.color, str) else [stand.color]
+    stand = _in_season(stand._replace(color=colors[seed % len(colors)]), setting)
     chance = np.random.default_rng(seed)
     shade = setting.light.shade.clamp(max=1.0).numpy()
     is_lit = float(shade.mean()) < _DUSK
@@ -157,12 +158,14 @@ def draw_stand(stand: Stand, setting: Setting, seed: int) -> Tensor:
         return np.array([((x + _WIDE / 2) * _UNIT * 16, (1.06 - y) * _UNIT * 16) for x, y in points]).astype(np.int32)
 
     def paint(color: str, tone: float = 1.0) -> tuple[float, ...]:
+        shines, color = color[0] == "!", color.lstrip("!")
         if color in ("*", "sky"):
             sky = color_of(setting.light.low).numpy() if color == "sky" else color_of(_GLASS).numpy() * shade
             glass = color_of(_LIT_GLASS).numpy() if color == "*" and is_lit and chance.random() < 0.7 else sky
             return (*glass.tolist(), 1.0)
         plain = main * _TONES[color] if color in _TONES else color_of(color).numpy()
-        return (*np.clip(plain * (1 if stand.shines else shade) * tone, 0, 1).tolist(), 1.0)
+        opacity = int(color[7:9] or "ff", 16) / 255
+        return (*np.clip(plain * (1 if shines else shade) * tone, 0, 1).tolist(), opacity)
 
     for kind, color, *rest in stand.shapes:
         points = [(float(x), float(y)) for x, y in (one.split(",") for one in rest if "," in one)]
@@ -214,6 +217,7 @@ _ALONG = (6.2, 4.3, 3.1, 2.2, 1.6, 1.18)  # distances of the things along a way
 _FRONTS = (5.6, 4.0, 2.9, 2.1, 1.5, 1.08, 0.78, 0.5, 0.3)  # distances of the edges of house fronts
 _ROWS = (6.4, 4.9, 3.8, 3.0, 2.4, 1.9, 1.5, 1.2, 0.98)  # of the rows of a field
 _VERGE = 0.35  # space between a way and the things along it
+_PAVED, _NARROWEST = 1.4, 0.55  # width of a street with its pavements, by that of its road; and the least
 _KINDS = 3  # number of different drawings of a stand
 _WINDING = {"way": 0.3, "stream": 0.45}  # greatest shift of the middle of a way, which a road has not
 
@@ -237,7 +241,8 @@ class View:
         self._sheet: npt.NDArray[np.float32] = np.ascontiguousarray(fine.permute(1, 2, 0).numpy(), np.float32)
         self._horizon, self._turn = setting.place.horizon, 1 if seed % 2 else -1
         widths = [layer.size for layer in setting.place.layers if layer.kind in ("way", "road", "rails", "stream")]
-        self._edge = max(widths, default=0.65) + _VERGE
+        is_street = bool(widths) and setting.place.has("walls")
+        self._edge = max(_PAVED * widths[0], _NARROWEST) if is_street else max(widths, default=0.65) + _VERGE
         self._low = color_of(setting.light.low).numpy()
         self._wet = np.zeros(self._sheet.shape[:2], np.float32)  # strength of the reflections
         if setting.place.kind == "water" and not setting.place.has("stream", "canal"):
@@ -254,20 +259,21 @@ class View:
         drawers: dict[str, Callable[[PlaceLayer], None]] = {
             "hills": self._draw_hills, "band": self._draw_band, "way": self._draw_way,
             "road": self._draw_way, "stream": self._draw_way, "canal": self._draw_way, "waves": self._draw_waves,
-            "rails": self._draw_rails,
         }  # fmt: skip
         if layer.kind in drawers:
             drawers[layer.kind](layer)
         else:
-            stand = stands()[layer.what or "peak"]
-            stand = stand._replace(color=layer.color) if layer.color else stand
-            drawn = [draw_stand(stand, self._setting, number) for number in range(_KINDS)]
+            several = [stands()[what] for what in (layer.what or "peak").split("+")]
+            several = [one._replace(color=layer.color) for one in several] if layer.color else several
+            stand, kinds = several[0], _KINDS * len(several)
+            drawn = [draw_stand(several[number % len(several)], self._setting, number) for number in range(kinds)]
             for number, (x, y, height, far) in enumerate(self._spots(layer, stand, drawn[0])):
-                picture = drawn[number % _KINDS]
+                picture = drawn[number % kinds]
+                height *= several[number % len(several)].height / stand.height
                 self._lay(picture.flip(2) if number % 2 and layer.kind != "hung" else picture, x, y, height, far)
             for far, near in pairwise(_FRONTS) if layer.kind == "walls" else ():
                 for side in (-1, 1):
-                    self._raise_front(drawn[self._chance.integers(_KINDS)], side, near, far, layer.size * stand.height)
+                    self._raise_front(drawn[self._chance.integers(kinds)], side, near, far, layer.size * stand.height)
 
     def _spots(self, layer: PlaceLayer, stand: Stand, drawn: Tensor) -> Iterator[tuple[float, float, float, float]]:
         """Yields the places of stands in a layer, from back to front: foot, height, and distance."""
@@ -297,6 +303,9 @@ class View:
             for far in np.geomspace(7.0, 0.95, 130):
                 x, y = self._at(far * self._chance.uniform(-1.1, 1.1), far)
                 yield x, y, tall / far * self._chance.uniform(0.8, 1.2), far
+        elif layer.kind == "litter":
+            for far, x in zip(np.geomspace(3.2, 1.06, 22), self._chance.permutation(22), strict=True):
+                yield (x + 0.5) / 22, self._at(0, far)[1], tall / far, far
         elif layer.kind == "grove":
             for far in np.geomspace(5.5, 1.05, 18):
                 side = self._chance.choice((-1, 1)) * self._chance.uniform(0.4 if far < 3 else 0, 1.15)
@@ -304,7 +313,8 @@ class View:
                 yield x, y, tall / far * self._chance.uniform(0.8, 1.15), far
         else:
             far = _FARTHEST / 4 if layer.kind == "far" else 1.0
-            yield 0.5 + self._turn * (layer.x - 0.5), layer.y, layer.size, far
+            high = layer.y - self._horizon if layer.kind in ("planks", "rails") else layer.size
+            yield 0.5 + self._turn * (layer.x - 0.5), layer.y, high, far
 
     def _at(self, across: float, far: float) -> tuple[float, float]:
         """Returns the place on the canvas, in its width and height, of a point of the land."""
@@ -484,13 +494,6 @@ class View:
 
             self._draw_ripples(extent, self._horizon + 0.04, 1.0)
 
-    def _draw_rails(self, layer: PlaceLayer) -> None:
-        self._draw_way(layer)
-        for far in np.geomspace(8, 1, 18):
-            self._lay_flat("#5f4a3a", (-0.8 * layer.size, 0.8 * layer.size), (far, 1.05 * far))
-        for x in (-0.55 * layer.size, 0.55 * layer.size):
-            self._lay_flat("#d6dade", (x - 0.025, x + 0.025), (1, _FARTHEST))
-
 
 def draw_scenery(ground: Tensor, setting: Setting, seed: int, absent: Sequence[str] = ()) -> Tensor:
     """Returns a ground [3, H, W] with the scenery of its place.
@@ -504,7 +507,7 @@ def draw_scenery(ground: Tensor, setting: Setting, seed: int, absent: Sequence[s
     if setting.place.is_open:
         view.draw_sky()
     hidden = {stand.name for stand in stands().values() if {*stand.words} & {*absent}}
-    layers = [one for one in setting.place.layers if one.what not in hidden]
+    layers = [one for one in setting.place.layers if not {*one.what.split("+")} & hidden]
     for is_above in (False, True):
         for layer in layers:
             if (layer.kind in _ABOVE) == is_above:

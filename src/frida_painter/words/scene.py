@@ -14,7 +14,7 @@ from frida_painter.drawing.composition import (
     compose_scene,
 )
 from frida_painter.drawing.lights import CLEAR, DAY, Light, dye, find_weather, go_together, rank_lights
-from frida_painter.drawing.places import NOWHERE, Place, Setting
+from frida_painter.drawing.places import NOWHERE, Dressing, Place, Setting
 from frida_painter.drawing.scenery import Stand
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.encoders.loading import EncoderRegistry
@@ -46,7 +46,7 @@ def scene_of(
     setting, settled, seen = setting_of(reading, index, encoders)
     named = [light for *_, light in seen if isinstance(light, Light) and light is not DAY]
     feels = any(isinstance(part, Light) and part.kind == "mood" and word == thing.noun for thing, word, part in seen)
-    is_placed = any(isinstance(part, Place | Stand) for *_, part in seen)
+    is_placed = any(isinstance(part, Place | Stand) or getattr(part, "outdoors", None) for *_, part in seen)
     is_busy = any(isinstance(part, Place) and {*thing.name.split()} & {*_CROWDED} for thing, _, part in seen)
     is_full = any(layer.what for layer in setting.place.layers)
     if is_placed and len(settled) == len(reading.things) and (is_busy or not (feels or is_full)):
@@ -72,7 +72,7 @@ def scene_of(
     second = next(light for light in others if light in named or go_together(light, setting.light))
     second = setting.light if is_mood and reading.colors else second
     used = {setting.place.name, setting.weather.name if setting.place.is_open else "", *setting.light.name.split(", ")}
-    used |= {part.name for *_, part in seen if isinstance(part, Stand) or (isinstance(part, Place) and part.layers)}
+    used |= {part.name for *_, part in seen if isinstance(part, Stand | Dressing) or getattr(part, "layers", None)}
     used |= set() if setting.light.stars else {DAY.name}
     used |= {second.name} if is_mood else {SKY} if setting.place.is_open else set()
     account_for(things, reading, [one for one in seen if one[2].name in used], account)

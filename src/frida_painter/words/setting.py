@@ -17,12 +17,12 @@ from frida_painter.drawing.lights import (
     mix_lights,
     nearest_part,
 )
-from frida_painter.drawing.places import NOWHERE, Place, Setting
+from frida_painter.drawing.places import NOWHERE, Dressing, Place, PlaceLayer, Setting
 from frida_painter.drawing.scenery import Stand
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.words.casting import CALLED, Cast
-from frida_painter.words.nouns import kind_of_name, kinds_of
+from frida_painter.words.nouns import kind_of_name, kinds_of, senses_of
 from frida_painter.words.reading import Reading, Thing, paint_of, word_meanings
 from frida_painter.words.retrieval import OWN, PictureIndex
 from frida_painter.words.world import is_part_of_body, is_person, known_like, known_things
@@ -37,10 +37,14 @@ _SURE = 0.8  # similarity above which a word of a name means a place: a watering
 _EXACTLY = 0.95  # the same for a place that things are beside: a tent beside a lake
 _FELT = 0.75  # the same for an idea or an adjective and a light: a sad clown
 _ABSTRACT = 0.25  # margin of an abstract noun with a picture
+_FRONT = (0.56, "", 0.74, 0.86)  # size, colour and place of the front of a shop in a street
+_SEEN, _ROW = 0.86, 4  # similarity of a name and words of no thing to a place; least number of houses in a row
+_OF_BUILDINGS = ("roof", "door", "window")  # what drawn buildings have
 _BUILDING = 4.0  # least height of a building, in metres
 _FEELINGS = ("feel", "feeling", "mood")  # first words of a prompt for a mood: the feeling when school is over
 
-Seen = list[tuple[Thing, str, Place | Light | Weather | Stand]]
+Part = Place | Light | Weather | Dressing
+Seen = list[tuple[Thing, str, Part | Stand]]
 """Words of a setting, each with the thing that it belongs to and the part of the setting that it means."""
 
 
@@ -56,17 +60,20 @@ def setting_of(
     owned = {at for thing in reading.things for at in thing.at}
     for word in reading.said:  # it is still dark
         if word.kind in ("quality", "action") and word.at not in owned:
-            weather = places.find_part(word.lemma, known_weathers(), sentences, _SURE)
-            if felt := weather or _light_named(word.lemma, sentences, _FELT):
+            felt = _felt(word.lemma, sentences)
+            if felt := felt or places.find_part(word.lemma, places.known_places(), sentences, _EXACTLY):  # a stable
                 seen.append((Thing(word.text, word.lemma, at=(word.at,)), word.lemma, felt))
     if reading.said and reading.said[0].lemma in _FEELINGS:
         settled = set(range(len(reading.things)))
         seen = [one for one in seen if not isinstance(one[2], Place)]
     light, weather = _mix([part for *_, part in seen])
-    named = [part for thing, _, part in seen if isinstance(part, Place) and not kind_of_name(thing.name)]
-    named = named or [part for *_, part in seen if isinstance(part, Place)]  # rooftops of Paris are rooftops
-    named.sort(key=lambda one: (one.name == SKY, not one.is_open, one.is_way))
+    where = [(part, thing.name) for thing, _, part in seen if isinstance(part, Place)]
+    where = [one for one in where if not kind_of_name(one[1])] or where  # the roofs of Paris
+    where.sort(key=lambda one: " " not in one[1] or one[1] not in one[0].words)  # an Italian town
+    named, is_view = [part for part, _ in where], any(part.name == "view" for *_, part in seen)  # from an office
+    named.sort(key=lambda one: (one.name == SKY, one.is_open == is_view, one.is_way))
     place = places.join(named[0], named[1:]) if named else NOWHERE
+    seen = [one for one in seen if one[2] in named or not isinstance(one[2], Place)]
     here = [thing for thing, _, part in seen if part in named]
     for number, stand in _stands_in(place, reading, settled, index, sentences).items():
         words = reading.things[number].name.split()[:-1] if stand.is_indoors else ()  # a kitchen window
@@ -76,9 +83,22 @@ def setting_of(
         if place is NOWHERE or place.name == SKY:
             place = replace(usual, above=place.above)
         paint = paint_of(reading.things[number].color)
-        place = scenery.line_with(place, stand, "" if paint is None else tuple(paint.tolist()))
+        if _is_front(reading.things[number], stand, place):
+            place = places.with_layers(place, [*place.layers, PlaceLayer("near", stand.name, *_FRONT)])
+        else:
+            place = scenery.line_with(place, stand, "" if paint is None else tuple(paint.tolist()))
         seen.append((reading.things[number], reading.things[number].noun, stand))
         settled.add(number)
+    if not place.is_open:  # the house that a room is in
+        around = {one.object for one in reading.relations if one.word in ("in", "at", "of")}
+        settled |= {number for number in around if is_building(reading.things[number].noun)}
+    if place.name == "room" and len(settled) == len(reading.things):  # somebody's room
+        place = replace(place, layers=places.find_place("bedroom").layers)
+    for dressing in [part for *_, part in seen if isinstance(part, Dressing) and part.outdoors]:
+        is_inside = dressing.indoors and not any(is_building(thing.noun) for thing in reading.things)
+        usual = places.find_place("living room" if is_inside else "meadow") if place is NOWHERE else place
+        added = dressing.outdoors if usual.is_open else dressing.indoors
+        place = places.with_layers(usual, dict.fromkeys((*usual.layers, *added)))
     related = {kind_of(one.word) for one in reading.relations if reading.things[one.object] in here}
     is_atop = place.kind == "hill" or place.has("bridge", "planks")
     is_ashore = place.bank is not None and not related & {"on", "over", "in"}
@@ -109,12 +129,23 @@ def _parts_of(
     """Returns the parts of the setting that the words of a thing mean; and True if the thing is nothing else."""
     thing, seen, known = reading.things[number], Seen(), places.known_places()
     nearest = 0.0 if index is None else index.nearest(thing)
-    part: Place | Light | Weather | None = None
+    part: Part | None = None
+    others = [one.noun for one in reading.things if one is not thing and one.noun not in _OF_BUILDINGS]
+    has_building = any(is_building(one) and not places.find_part(one, known, sentences, _EXACTLY) for one in others)
+    stand = scenery.find_stand(_whole(thing), sentences)
+    if has_building and stand is not None and stand.name in _OF_BUILDINGS:  # it has them already
+        return True, [(thing, thing.noun, Dressing((thing.noun,), (), ()))]
+    rest = _rest(thing, reading)
+    stand = scenery.find_stand(f"{thing.noun} {rest}", sentences) if rest else None
+    if stand is not None and thing.noun in stand.name.split():  # lace curtains
+        return True, [(thing, thing.noun, stand)]
     is_object = any(one.object == number for one in reading.relations)
     is_settled = is_object and nearest < OWN and is_part_of_body(thing.noun, sentences)  # somebody's beard
     if nearest < OWN and not is_settled:
-        before = [f"{one.word} {thing.noun}" for one in reading.relations if one.object == number]  # after the rain
-        for said in (*before, _whole(thing)):
+        names = dict.fromkeys((_whole(thing), thing.noun))  # after the rain
+        before = [f"{one.word} {name}" for name in names for one in reading.relations if one.object == number]
+        for said in (*before, _whole(thing), thing.noun):
+            part = part or places.find_part(said, places.known_dressings(), sentences)
             part = part or places.find_part(said, known_weathers(), sentences, _EXACTLY)
         if places.find_part(thing.noun, known, sentences, _EXACTLY) is None:  # water is not wet weather
             part = part or places.find_part(thing.noun, known_weathers(), sentences)
@@ -126,27 +157,35 @@ def _parts_of(
             light = light or _light_named(said, sentences, least)
         if part is None and is_abstract and (light or not is_person(thing.noun, sentences)):
             part, is_settled = light, True
-        elif light:  # a thing that comes with a light: the moon
+        elif light and (light.kind == "hour" or not isinstance(part, Dressing)):  # a thing with a light: the moon
             ends = max(thing.at)
             said = " ".join(word.text for word in reading.said if thing.at[0] <= word.at <= ends + 1)
             light = _light_named(f"{thing.noun} {said.partition(thing.noun)[2]}".strip(), sentences, _SURE) or light
             seen.append((thing, thing.noun, light))
-            comes = bool(light.body) or (light.stars > 0 and bool(thing.plural))
+            comes = bool(light.body or thing.plural)
             of = [one.object for one in reading.relations if one.subject == number and one.word == "of"]
             shines = any(_light_named(reading.things[one].noun, sentences, _EXACTLY) for one in of)  # the light of dawn
             is_settled = is_settled or (comes and len(reading.things) > 1) or shines
     if part := part or _place_named(number, reading, nearest, sentences):
         named = thing.name.lower().split() if kind_of_name(thing.name) else [thing.noun]
         seen += [(thing, word, part) for word in named]
-    is_whole = places.find_part(thing.name, known, sentences, _EXACTLY) is not None  # a city skyline
-    for word in thing.name.split():
-        if isinstance(part, Place) and not is_whole and (also := places.find_part(word, known, sentences, _EXACTLY)):
+    words = thing.name.split()
+    tails = (" ".join(words[first:]) for first in range(max(1, len(words) - 1)))
+    is_whole = any(places.find_part(one, known, sentences, _EXACTLY) for one in tails)  # an old city skyline
+    like = _EXACTLY if isinstance(part, Place) else _SEEN if is_building(thing.noun) else 1.1  # a mountain hut
+    for word in words:
+        if not is_whole and (also := places.find_part(word, known, sentences, like)):
             seen.append((thing, word, also))  # a desert road, a forest path
-    for word in thing.name.split()[:-1]:
-        weather = places.find_part(word, known_weathers(), sentences, _SURE)
-        if felt := weather or _light_named(word, sentences, _FELT):
+    for word in (*words[:-1], *(thing.doing.split() if part else ())):
+        if nearest < _EXACTLY and (felt := _felt(word, sentences)):  # a hot air balloon tells of no heat
             seen.append((thing, word, felt))
     return is_settled or part is not None, seen
+
+
+def _felt(word: str, sentences: SentenceEncoder) -> Part | None:
+    dressing = places.find_part(word, places.known_dressings(), sentences)
+    weather = places.find_part(word, known_weathers(), sentences, _SURE)
+    return dressing or weather or _light_named(word, sentences, _FELT)
 
 
 def _light_named(word: str, sentences: SentenceEncoder, least: float) -> Light | None:
@@ -158,7 +197,7 @@ def _whole(thing: Thing) -> str:
     return f"{thing.color} {thing.name.removesuffix(thing.noun)}{thing.plural or thing.noun}".strip()
 
 
-def _mix(parts: Sequence[Place | Light | Weather | Stand]) -> tuple[Light, Weather]:
+def _mix(parts: Sequence[Part | Stand]) -> tuple[Light, Weather]:
     """Returns the light and the weather of all parts of a setting: those of a winter evening, or of grief at dawn."""
     weather = next((part for part in parts if isinstance(part, Weather)), CLEAR)
     lights = [part for part in parts if isinstance(part, Light) and part is not DAY]
@@ -177,24 +216,41 @@ def _stands_in(
 ) -> dict[int, Stand]:
     """Returns the things that are scenery of a place, by their numbers: several trees, or the window of a room."""
     left = [number for number in range(len(reading.things)) if number not in settled]
-    has_glass = any(scenery.stands()[layer.what].has_glass for layer in place.layers if layer.what)
+    has_glass = any(scenery.stands()[what].has_glass for one in place.layers for what in one.what.split("+") if what)
     found: dict[int, Stand] = {}
     for number in left:
         thing = reading.things[number]
         is_own = index is not None and index.nearest(thing) >= OWN
         is_mass = thing.uncounted and any(one.object == number for one in reading.relations)  # in blossom
         is_other = is_own or is_person(thing.name, sentences)
-        stand = None if is_other else scenery.find_stand(_whole(thing), sentences, place)
+        before = next((one.noun for one in reading.things if one.at and _rest(one, reading) == _whole(thing)), "")
+        stand = None if is_other else scenery.find_stand(f"{before} {_whole(thing)}".strip(), sentences, place)
+        is_row = stand is not None and stand.has_glass and (thing.count or 0) >= _ROW
+        is_some = thing.count is None or is_mass or is_row
         if stand is not None and stand.is_indoors:
             alone = all(known_like(reading.things[one].name, sentences).height < _BUILDING for one in left)
             is_inside = not place.is_open or (place is NOWHERE and len(left) > 1 and alone)  # a church has its own
             found |= {number: stand} if is_inside or has_glass else {}
-        elif stand is not None and not place.is_open and any(one.object == number for one in reading.relations):
-            found |= {number: stand}  # stairs in a house
-        elif stand is not None and place.is_open and (thing.count is None or is_mass):
+        elif stand is not None and place.is_open and (is_some or _is_front(thing, stand, place)):
             is_around = any(one.object == number and kind_of(one.word) in _AROUND for one in reading.relations)
             found |= {number: stand} if place.layers or place.name == SKY or (is_around and place is NOWHERE) else {}
     return found
+
+
+def _rest(thing: Thing, reading: Reading) -> str:
+    """Returns the name of the thing in the word after a thing, or ""."""
+    return next((_whole(one) for one in reading.things if thing.at and one.at and one.at[0] == thing.at[-1] + 1), "")
+
+
+def is_building(noun: str) -> bool:
+    """Returns True for a noun that means a building."""
+    return any("structure" in kind.words for sense in senses_of(noun)[:1] for kind in sense.kinds)
+
+
+def _is_front(thing: Thing, stand: Stand, place: Place) -> bool:
+    """Returns True for one house or shop in a street."""
+    has_windows = any(shape[0] == "panes" for shape in stand.shapes)
+    return has_windows and thing.count == 1 and place.is_open and place.has("walls", "sides")
 
 
 def _place_named(number: int, reading: Reading, nearest: float, sentences: SentenceEncoder) -> Place | None:
@@ -225,10 +281,16 @@ def _place_named(number: int, reading: Reading, nearest: float, sentences: Sente
     full = f"{thing.name.removesuffix(thing.noun)}{several}"
     place = places.find_part(full, places.known_places(), sentences, least)
     place = place or places.find_part(several, places.known_places(), sentences, least)
+    said = [word.text for word in reading.said if not any(word.at in one.at for one in reading.things)]
+    above = places.find_part(" ".join((several, *said)), places.known_places(), sentences, _SEEN) if place else None
+    if above is not None and {*said} & {*" ".join(above.words).split()}:  # seen from above
+        place = above
     if place is not None and (looks := looks_of(thing.name.split()[:-1], sentences, is_person=False)):
         place = places.in_size(place, math.prod(look.wide * look.size for look in looks.values()))  # a narrow street
-    if place is not None and next_to and not place.is_open:
-        place = None
+    if place is not None and not place.is_open:
+        others = (places.find_part(one.noun, places.known_places(), sentences) for one in reading.things)
+        is_town, stand = any(one and one.has("walls", "sides") for one in others), scenery.find_stand(full, sentences)
+        place = None if next_to or (is_town and stand is not None and not stand.is_indoors) else place
     if place is None and "on" in kinds and usual is not None and not usual.is_open:
         place = usual  # a table that carries things is shown by its top
     paint = paint_of(thing.color)
@@ -240,7 +302,7 @@ def usual_place(things: Cast, relations: Sequence[Relation], setting: Setting, s
     carried = {one.subject for one in relations if kind_of(one.word) in ("on", "in") and things[one.object] is not None}
     shown = [one for number, one in enumerate(things) if one is not None and number not in carried]
     shown = shown or [one for one in things if one is not None]
-    outside = setting.weather != CLEAR or setting.light != DAY
+    outside = setting.weather != CLEAR or setting.light != DAY or any(is_building(one.thing.noun) for one in shown)
     names = [name for one in shown for name in (one.thing.name, one.caption, one.thing.doing) if name]
     afloat = all(
         (one.figure is not None and one.figure.afloat)
