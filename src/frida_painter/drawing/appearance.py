@@ -102,7 +102,7 @@ def _bite(picture: Tensor) -> Tensor:
     return torch.cat((picture[:3], picture[3:] * ~torch.stack(bites).any(0)))
 
 
-def _turn(picture: Tensor, degrees: float) -> Tensor:
+def turn(picture: Tensor, degrees: float) -> Tensor:
     """Returns a picture turned to the right."""
     _, rows, columns = picture.shape
     around = math.ceil((math.hypot(rows, columns) - min(rows, columns)) / 2) + 1
@@ -111,6 +111,11 @@ def _turn(picture: Tensor, degrees: float) -> Tensor:
     y, x = torch.meshgrid(*(torch.linspace(-side / 2, side / 2, side) for side in wide.shape[1:]), indexing="ij")
     across, down = x * math.cos(turn) + y * math.sin(turn), y * math.cos(turn) - x * math.sin(turn)
     return sample(wide, torch.stack((2 * across / width, 2 * down / height), 2))
+
+
+def _lean(picture: Tensor, degrees: float) -> Tensor:
+    """Returns a picture turned to the right if it is tall; what is wide stands on its wheels and leans away from us."""
+    return turn(picture, degrees) if picture.shape[1] > picture.shape[2] else picture
 
 
 def _lay_snow(picture: Tensor, depth: float = 0.06) -> Tensor:
@@ -140,6 +145,7 @@ def _pattern(picture: Tensor, kind: str) -> Tensor:
     pattern = {
         "stripes": (12 * (x + 0.25 * y)) % 1 < 0.45,
         "dots": ((9 * x + 0.5 * ((9 * y) // 1 % 2)) % 1 - 0.5) ** 2 + ((9 * y) % 1 - 0.5) ** 2 < 0.09,
+        "spots": _noise(picture, 11) + 0.3 * _noise(picture, 23) > 0.82,
         "checks": ((8 * x) % 1 < 0.5) ^ ((8 * y) % 1 < 0.5),
         "stitches": (26 * (y + 0.04 * ((13 * x) % 1 - 0.5).abs() * 2)) % 1 < 0.3,
     }[kind]
@@ -159,7 +165,7 @@ class Appearance(NamedTuple):
 
 _CHANGES: dict[str, Callable[..., Tensor]] = {
     "bulge": _bulge, "bend": _bend, "crack": _crack, "blotch": _blotch, "bury": _bury, "melt": _melt,
-    "pattern": _pattern, "make": _make_of, "steam": _steam, "bite": _bite, "turn": _turn,
+    "pattern": _pattern, "make": _make_of, "steam": _steam, "bite": _bite, "turn": turn, "lean": _lean,
 }  # fmt: skip
 
 

@@ -10,8 +10,10 @@ from typing import NamedTuple
 
 import torch
 from torch import Tensor
+from torch.nn import functional
 
-from frida_painter.drawing.compositing import resize, stack
+from frida_painter.drawing.appearance import turn
+from frida_painter.drawing.compositing import crop, resize, stack
 from frida_painter.drawing.figures import Figure
 
 _GROWTH = 0.6  # exponent from the height in the world to the height in a picture
@@ -41,6 +43,9 @@ _LENGTHY = 1.5  # height by width of a broom, which may reach the floor
 _LIGHT = 0.8  # share of its size that a thing keeps in the hands
 _CROWN = 0.1  # share of a picture's height at its top that counts as the head
 _HAT, _LARGEST_HAT, _PULLED_DOWN = 1.25, 0.35, 0.3  # of the head's width, of the wearer's height, of its own height
+_HEAD, _BITE = 0.22, 0.4  # of an animal's height: its head, and the most of what it has in its mouth
+_BOUQUET, _FAN = 1.3, 60  # greatest height and width of flowers, by those of their vase, and the angle of a bunch
+_BOTTOM, _CLEAR = 0.15, 0.65  # of something clear: its bottom, and its share for what is in it
 _SIDE = 256  # pixels of one of several copies
 _KINDS = {
     "on": ("on", "on top of", "upon", "onto", "riding", "crossing"),
@@ -53,9 +58,13 @@ _KINDS = {
     "behind": ("behind", "among", "amid"),
     "front": ("in front of", "before", "against", "between"),
     "with": ("with", "playing", "wearing"),
-    "hold": ("holding", "carrying", "hugging"),
+    "hold": ("holding", "carrying", "hugging", "eating", "biting"),
+    "hang": ("hanging from",),
+    "atop": ("on the head of",),
+    "taller": ("taller than", "bigger than", "larger than", "higher than"),
+    "shorter": ("shorter than", "smaller than", "lower than"),
 }
-_OPPOSITE = {"on": "beneath", "in": "around", "under": "shelter", "behind": "front"}
+_OPPOSITE = {"on": "beneath", "in": "around", "under": "shelter", "behind": "front", "taller": "shorter"}
 _OPPOSITE |= {other: kind for kind, other in _OPPOSITE.items()} | {"over": "under"}
 _STOOD_BY = ("on", "in", "under", "over", "behind")  # the objects of these relations are placed first
 
@@ -181,7 +190,8 @@ def _turn(relation: Relation, shown: Mapping[int, ScenePart]) -> Relation:
     on a boat sits in it, and a hat is not around its wearer."""
     subject, other = shown[relation.subject].known, shown[relation.object].known
     tops = [relation.subject, *shown] if subject.where not in ("person", "animal") else []
-    top = next((number for number in tops if shown[number].known.where == "top"), relation.object)
+    carriers = {relation.subject: ("top", "seat")}
+    top = next((one for one in tops if shown[one].known.where in carriers.get(one, ("top",))), relation.object)
     if relation.word == "with" and top != relation.object and other.height < shown[top].known.height:
         return Relation(relation.object, "on", top)
     if other.where == "water" and subject.where == "person" and relation.word == "on":
@@ -234,6 +244,8 @@ _ANCHORS = (  # kinds of relations, and usual places of a thing; "" for all
     ("with hold doing beside near shelter", "air", _Anchor(0.5, 0.78, aside=-0.5)),
     ("with hold doing beside near front shelter", "wall", _Anchor(0.2, 0.6, depth=-2)),
     ("with hold", "held", _Anchor(0.4, _HAND[1], depth=-1, most=0.8)),
+    ("taller", "", _Anchor(0.5, aside=-0.55, depth=0, least=1.3)),
+    ("shorter", "", _Anchor(0.5, aside=-0.55, depth=0, most=0.75)),
     ("under", "", _Anchor(most=0.5)),
     ("over", "", _Anchor(0.0, 1.04, depth=-1)),
     ("behind", "", _Anchor(0.45, 0.08, depth=-1, least=0.85)),
@@ -281,11 +293,19 @@ def _anchor(mine: Placed, other: Placed, kind: str) -> _Anchor | None:
             return _Anchor(-0.2, -0.06)  # in a house, so in front of it
         if other.known.height > _INSIDE * mine.known.height:  # in a car, at its window
             return _Anchor(up=_SILL, sinks=_TO_THE_HIPS, least=1.0, most=1.0)
+    if kind == "in" and other.known.where == "clear":
+        return _Anchor(up=_BOTTOM, most=min(_CLEAR, _CLEAR * other.width * shape / other.height))
+    if kind == "hang":
+        under = 1 - _top(other.picture.flip(1), 0.2)
+        return _Anchor(up=max(under, _AMID) if other.known.where == "plant" else under, sinks=1 - _SINKS / 2)
     if kind == "in":
         hidden, (rim, deep) = _HIDDEN if mine.figure is None else _TO_THE_HIPS, _rim(other.picture)
-        most = min(0.8, _FITS * other.width * shape / other.height)
+        most, wide = (_BOUQUET, _BOUQUET) if where == "plant" else (0.8, _FITS)
+        most = min(most, wide * other.width * shape / other.height)
         return _Anchor(up=rim - max(_SINKS, _ABOVE * deep), sinks=hidden, least=min(hidden, most), most=most)
-    if kind == "with" and where == "head":
+    if kind == "hold" and other.known.where != "person" and other.figure is None:
+        return _at_mouth(mine, other)
+    if kind == "atop" or (kind == "with" and where == "head"):
         crown = other.picture[3, : max(1, round(_CROWN * other.picture.shape[1]))].gt(0.5).any(0).nonzero()
         middle, wide = float(crown.float().mean()), float(crown.max() - crown.min() + 1)
         columns = other.picture.shape[2]
@@ -301,6 +321,14 @@ def _anchor(mine: Placed, other: Placed, kind: str) -> _Anchor | None:
         aloft = max(0.0, other.y) / other.height
         return _Anchor(up=-aloft, depth=-2, least=_TALLER * (1 + aloft))
     return next((anchor for kinds, only, anchor in _ANCHORS if kind in kinds.split() and only in ("", where)), None)
+
+
+def _at_mouth(mine: Placed, other: Placed) -> _Anchor:
+    """Returns where a thing is that an animal has in its mouth: at the outer edge of its head."""
+    head = other.picture[3, : max(1, round(_HEAD * other.picture.shape[1]))].gt(0.5)
+    columns = head.any(0).nonzero().float() / head.shape[1] - 0.5
+    edge = columns.max() if columns.mean() > 0 else columns.min()
+    return _Anchor(float(edge), 1 - _HEAD, sinks=0.5, most=_BITE * min(1.0, mine.height / mine.width))
 
 
 def _in_hand(mine: Placed, other: Placed, kind: str) -> _Anchor:
@@ -366,6 +394,14 @@ def _rim(picture: Tensor) -> tuple[float, float]:
     rim = int(narrow.float().argmax()) if bool(narrow.any()) else len(full)
     arc = (full[rim:] > _ARC * full.max()).float().cumprod(0).sum() / (1 - _ARC**2) ** 0.5 / (1 - _ABOVE)
     return rim / len(full), min(float(arc), _DEEPEST * rim) / len(full)
+
+
+def bunch(pictures: Sequence[Tensor]) -> Tensor:
+    """Returns several pictures as one picture [4, h, w], spread like a fan from their common foot."""
+    spread = [_FAN * (number / (len(pictures) - 1) - 0.5) for number in range(len(pictures))]
+    feet = [functional.pad(one, (0, 0, 0, one.shape[1])) for one in pictures]
+    turned = [turn(one, degrees) for one, degrees in zip(feet, spread, strict=True)]
+    return crop(stack([(one, 0, 0) for one in turned], *turned[0].shape[1:]))
 
 
 def copies(pictures: Sequence[Tensor], where: str, seed: int, *, leans: bool = False) -> Tensor:

@@ -20,6 +20,7 @@ from frida_painter.words.reading import GROUPS, PEOPLE, Reading, Thing, paint_of
 from frida_painter.words.retrieval import FoundPicture, PictureIndex, is_upright
 from frida_painter.words.world import is_part_of_body, is_person, known_like
 
+_EXACT = 0.98  # similarity above which one picture shows a measure with its content
 CALLED = 0.9
 """Similarity above which a picture is of the thing itself."""
 
@@ -85,8 +86,9 @@ def cast(
         if not {one.subject, one.object} <= {*wanted}:
             continue
         first, second = wanted[one.subject], wanted[one.object]
-        if one.word == "of" and second.uncounted:
-            name, at = f"{first.name} of {second.name}", (*first.at, *second.at)
+        whole, at = Thing(f"{first.name} of {second.plural or second.name}", second.noun), (*first.at, *second.at)
+        if one.word == "of" and (second.uncounted or index.nearest(whole) >= _EXACT):
+            name = f"{first.name} of {second.name}" if second.uncounted else whole.name
             first = replace(first, name=name, noun=second.noun, color=second.color, at=at)
         elif one.word in ("in", "with", "wearing") and known_like(second.name, sentences).where == "worn":
             first = replace(first, color=second.color)

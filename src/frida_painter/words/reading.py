@@ -47,6 +47,7 @@ PEOPLE = (SOMEBODY, "someone", "everybody", "everyone")
 """Pronouns of people; "it" and "something" are no things."""
 _TOLD_OF = ("he", "she", "they")  # pronouns for the first thing: my dog, he is brown
 _SIDES = {"front": "in front of", "foreground": "in front of", "top": "on", "middle": "in", "side": "beside",
+          "inside": "in", "it": "in", "them": "in",
           **dict.fromkeys(("back", "background", "distance"), "behind")}  # fmt: skip
 """Nouns for the place of a thing by another one: a cake with strawberries on top."""
 _NEVER = ("come", "arrive", "return", "exist", "answer")  # somebody who doesn't come is not seen
@@ -285,6 +286,8 @@ class PromptReader:
         shown = {word.lower_: one for word in _children(noun, "prep") for one in _children(word, "pobj")}
         last = next((word for word in _children(noun, "appos", "amod", "advmod") if word.i == noun.i + 1), None)
         before = [word for word in noun.lefts if word.dep_ in ("compound", "amod")]
+        if noun.tag_ == "JJR" and before and noun.i + 1 < len(noun.doc) and noun.nbor().lower_ == "than":
+            _put_in_place(before[-1], noun, "amod", [word for word in noun.lefts if word != before[-1]])
         stem = noun.text.removesuffix("ing")
         is_verb = stem != noun.text and bool(self._verbs & {stem, f"{stem}e", stem[:-1]})
         actors = before or _children(noun, "nsubj")
@@ -382,12 +385,14 @@ class _Walk:
             self.things.append(_describe_noun(noun))
 
     def _relate(self, noun: Token) -> None:
-        """Adds the relations of the object of a preposition. "In front of" and "next to" count as one word."""
+        """Adds the relations of the object of a preposition. "In front of" and "taller than" count as one word."""
+        if noun.dep_ == "advmod" and noun.lower_ == "inside":
+            self._turn(self._subjects(noun.head), _SIDES[noun.lower_], (noun.i,))
         if noun.dep_ != "pobj":
             return
         words = [noun.head]
         while words[0].dep_ not in ("conj", "ROOT") and (
-            words[0].head.pos_ in ("ADP", "ADV") or _is_between(words[0].head)
+            words[0].head.pos_ in ("ADP", "ADV") or words[0].head.tag_ == "JJR" or _is_between(words[0].head)
         ):
             words.insert(0, words[0].head)
         subjects = [] if words[0].head == words[0] else self._subjects(words[0].head)
@@ -404,7 +409,9 @@ class _Walk:
 
     def _act(self, verb: Token) -> None:
         """Gives the actors of a verb their action, and adds its relations to its objects."""
-        is_state = verb.pos_ == "ADJ" and (verb.i > verb.head.i or bool(_children(verb, "nsubj")))  # asleep in a chair
+        is_state = (
+            verb.pos_ == "ADJ" and verb.tag_ != "JJR" and (verb.i > verb.head.i or bool(_children(verb, "nsubj")))
+        )  # asleep in a chair
         if is_state and verb.dep_ == "conj" and verb.head.pos_ == "ADJ":
             return
         if not is_state and (verb.pos_ not in ("VERB", "AUX") or _is_in_a_name(verb)):
