@@ -115,7 +115,7 @@ def turn(picture: Tensor, degrees: float) -> Tensor:
 
 def _lean(picture: Tensor, degrees: float) -> Tensor:
     """Returns a picture turned to the right if it is tall; what is wide stands on its wheels and leans away from us."""
-    return turn(picture, degrees) if picture.shape[1] > picture.shape[2] else picture
+    return turn(picture, degrees) if picture.shape[1] > 1.3 * picture.shape[2] else picture
 
 
 def _lay_snow(picture: Tensor, depth: float = 0.06) -> Tensor:

@@ -6,6 +6,7 @@ Lengths are relative: x points right, y up from the floor. The composition scale
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import NamedTuple
 
 import torch
@@ -15,6 +16,7 @@ from torch.nn import functional
 from frida_painter.drawing.appearance import turn
 from frida_painter.drawing.compositing import crop, resize, stack
 from frida_painter.drawing.figures import Figure
+from frida_painter.drawing.tables import read_lines
 
 _GROWTH = 0.6  # exponent from the height in the world to the height in a picture
 _MIN = 0.3  # least height of a thing, relative to the tallest
@@ -43,38 +45,24 @@ _LENGTHY = 1.5  # height by width of a broom, which may reach the floor
 _LIGHT = 0.8  # share of its size that a thing keeps in the hands
 _CROWN = 0.1  # share of a picture's height at its top that counts as the head
 _HAT, _LARGEST_HAT, _PULLED_DOWN = 1.25, 0.35, 0.3  # of the head's width, of the wearer's height, of its own height
-_HEAD, _BITE = 0.22, 0.4  # of an animal's height: its head, and the most of what it has in its mouth
+_HEAD, _BITE = 0.4, 0.4  # of an animal's height: its head, and the most of what it has in its mouth
 _BOUQUET, _FAN = 1.3, 60  # greatest height and width of flowers, by those of their vase, and the angle of a bunch
 _BOTTOM, _CLEAR = 0.15, 0.65  # of something clear: its bottom, and its share for what is in it
 _SIDE = 256  # pixels of one of several copies
-_KINDS = {
-    "on": ("on", "on top of", "upon", "onto", "riding", "crossing"),
-    "in": ("in", "inside", "into", "within", "out of", "rowing", "driving", "paddling", "sailing"),
-    "around": ("of",),
-    "under": ("under", "below", "beneath", "underneath"),
-    "over": ("over", "above", "across"),
-    "beside": ("beside", "next to"),
-    "near": ("near", "by", "along", "around", "at"),
-    "behind": ("behind", "among", "amid"),
-    "front": ("in front of", "before", "against", "between"),
-    "with": ("with", "playing", "wearing"),
-    "hold": ("holding", "carrying", "hugging", "eating", "biting"),
-    "hang": ("hanging from",),
-    "atop": ("on the head of",),
-    "taller": ("taller than", "bigger than", "larger than", "higher than"),
-    "shorter": ("shorter than", "smaller than", "lower than"),
-}
 _OPPOSITE = {"on": "beneath", "in": "around", "under": "shelter", "behind": "front", "taller": "shorter"}
 _OPPOSITE |= {other: kind for kind, other in _OPPOSITE.items()} | {"over": "under"}
-_STOOD_BY = ("on", "in", "under", "over", "behind")  # the objects of these relations are placed first
+_STOOD_BY = ("on", "in", "under", "over", "behind", "hang")  # the objects of these relations are placed first
+
+
+@cache
+def _known_kinds() -> dict[str, list[str]]:
+    lines = (line.partition(": ") for line in read_lines("drawing/relations.txt"))
+    return {kind: words.split(", ") for kind, _, words in lines}
 
 
 def kind_of(word: str) -> str:
-    """Returns the kind of arrangement of a preposition or a verb, such as "on"; "" puts things side by side.
-
-    All verbs that have no kind of their own are "doing".
-    """
-    named = next((kind for kind, words in _KINDS.items() if word in words), "")
+    """Returns the kind of arrangement of a preposition or a verb in `relations.txt`; "" puts things side by side."""
+    named = next((kind for kind, words in _known_kinds().items() if word in words), "")
     return named or ("doing" if word.endswith("ing") else "")
 
 
@@ -151,8 +139,13 @@ def arrange_parts(parts: Sequence[ScenePart | None], relations: Sequence[Relatio
     usable = [
         _turn(one, shown) for one in relations if one.subject != one.object and {one.subject, one.object} <= {*shown}
     ]
+    inside = {one.subject: one.object for one in usable if kind_of(one.word) == "in"}
+    for number, one in enumerate(usable):  # what is in a pot on a table is in the pot, which is on the table
+        if kind_of(one.word) == "on" and inside.get(one.subject, one.object) != one.object:
+            usable[number] = replace(one, subject=inside[one.subject])
     floor = [number for number in shown if known[number] != "air"] or list(shown)
-    first = next((one.object for one in usable if kind_of(one.word) in _STOOD_BY), floor[0])
+    stands = {one.subject: one.object for one in usable if kind_of(one.word) in _STOOD_BY}
+    first = next((below for below in stands.values() if below not in stands), floor[0])
     top = next((number for number in shown if known[number] == "top"), None)
     related = {first, *(number for one in usable for number in (one.subject, one.object))}
     for number in sorted({*shown} - related):  # a lamp beside a table is on it, a clock on the wall, and a bird above
@@ -286,6 +279,8 @@ def _anchor(mine: Placed, other: Placed, kind: str) -> _Anchor | None:
         most = math.inf if is_small else max(0.62, 0.6 * mine.height / other.height)
         if other.known.height < _DISH and other.width > _FLAT * other.height and where not in ("person", "animal"):
             return _Anchor(up=_AMID, most=_WITHIN * other.width * shape / other.height)
+        if other.known.where == "seat" and where not in ("person", "animal"):
+            most = min(most, _WITHIN * other.width * shape / other.height)
         up = _SEAT if other.known.where == "seat" else _top(other.picture, mine.width / max(other.width, 1e-6))
         return _Anchor(up=up, sinks=(mine.figure.seat if mine.figure else 0.0) or _SINKS, most=most)
     if kind == "in" and mine.figure is not None and other.known.where == "ground":
@@ -293,7 +288,7 @@ def _anchor(mine: Placed, other: Placed, kind: str) -> _Anchor | None:
             return _Anchor(-0.2, -0.06)  # in a house, so in front of it
         if other.known.height > _INSIDE * mine.known.height:  # in a car, at its window
             return _Anchor(up=_SILL, sinks=_TO_THE_HIPS, least=1.0, most=1.0)
-    if kind == "in" and other.known.where == "clear":
+    if kind == "in" and other.known.where == "clear" and where != "plant":
         return _Anchor(up=_BOTTOM, most=min(_CLEAR, _CLEAR * other.width * shape / other.height))
     if kind == "hang":
         under = 1 - _top(other.picture.flip(1), 0.2)
@@ -314,7 +309,7 @@ def _anchor(mine: Placed, other: Placed, kind: str) -> _Anchor | None:
     if kind in ("with", "hold", "doing") and other.known.where == "person" and where not in ("air", "wall"):
         return _in_hand(mine, other, kind)
     if kind == "with" and mine.height <= 0.6 * other.height and where != "held":
-        return _Anchor(across=0.4)
+        return _Anchor(across=0.5, aside=-0.3)
     if kind == "shelter" and where == "held":  # an umbrella over somebody
         return _Anchor(up=0.85, depth=-1, least=max(1.25 * other.width, 0.7 * other.height) * shape / other.height)
     if kind == "shelter" and where not in ("air", "wall"):  # a tree stands behind those under it
@@ -325,10 +320,12 @@ def _anchor(mine: Placed, other: Placed, kind: str) -> _Anchor | None:
 
 def _at_mouth(mine: Placed, other: Placed) -> _Anchor:
     """Returns where a thing is that an animal has in its mouth: at the outer edge of its head."""
-    head = other.picture[3, : max(1, round(_HEAD * other.picture.shape[1]))].gt(0.5)
-    columns = head.any(0).nonzero().float() / head.shape[1] - 0.5
-    edge = columns.max() if columns.mean() > 0 else columns.min()
-    return _Anchor(float(edge), 1 - _HEAD, sinks=0.5, most=_BITE * min(1.0, mine.height / mine.width))
+    seen = other.picture[3] > 0.5
+    crown, head = (seen[: max(1, round(share * len(seen)))].nonzero() for share in (_CROWN, _HEAD))
+    is_right = 2 * float(crown[:, 1].float().mean()) > seen.shape[1]
+    edge = head[int(head[:, 1].argmax() if is_right else head[:, 1].argmin())].tolist()
+    most = _BITE * min(1.0, mine.height / mine.width)
+    return _Anchor(edge[1] / seen.shape[1] - 0.5, 1 - edge[0] / len(seen), sinks=0.5, most=most)
 
 
 def _in_hand(mine: Placed, other: Placed, kind: str) -> _Anchor:

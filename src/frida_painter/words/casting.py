@@ -86,10 +86,11 @@ def cast(
         if not {one.subject, one.object} <= {*wanted}:
             continue
         first, second = wanted[one.subject], wanted[one.object]
-        whole, at = Thing(f"{first.name} of {second.plural or second.name}", second.noun), (*first.at, *second.at)
-        if one.word == "of" and (second.uncounted or index.nearest(whole) >= _EXACT):
-            name = f"{first.name} of {second.name}" if second.uncounted else whole.name
-            first = replace(first, name=name, noun=second.noun, color=second.color, at=at)
+        at, name = (*first.at, *second.at), f"{first.name} {one.word} {second.plural or second.name}"
+        is_one = one.word in ("of", "with", "in") and index.nearest(Thing(name, name)) >= _EXACT
+        if is_one or (one.word == "of" and second.uncounted):
+            noun, color = (first.noun, first.color or second.color) if is_one else (second.noun, second.color)
+            first = replace(first, name=name, noun=noun, color=color, at=at)
         elif one.word in ("in", "with", "wearing") and known_like(second.name, sentences).where == "worn":
             first = replace(first, color=second.color)
         elif one.word == "with" and _is_look(second.plural or second.noun, sentences):

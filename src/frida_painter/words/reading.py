@@ -457,7 +457,9 @@ class _Walk:
         """Returns the things that a preposition or a verb below `head` belongs to, the nearest ones."""
         if head in self._numbers:
             return [self._numbers[head]]
-        if head.pos_ in ("VERB", "AUX", "ADJ") and (actors := [word for word in head.lefts if _is_noun(word)]):
+        if head.pos_ in ("VERB", "AUX", "ADJ") and (
+            actors := [word for word in head.lefts if _is_noun(word) and word.tag_ not in ("WDT", "WP")]
+        ):
             said = actors[-1].lower_
             is_told = said in _TOLD_OF or (said == "it" and head.lemma_ in ("be", "have"))  # but it rains
             return [0] if is_told and self.things else self._joined(actors[-1])

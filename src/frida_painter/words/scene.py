@@ -186,7 +186,7 @@ def _is_container(number: int, things: Cast) -> bool:
 
 
 def _contains(thing: Thing) -> bool:
-    return any("container" in kind.words for sense in senses_of(thing.noun)[:1] for kind in sense.kinds)
+    return any("container" in kind.words for sense in senses_of(thing.noun)[:3] for kind in sense.kinds)
 
 
 def _looks_of(

@@ -175,6 +175,8 @@ def _stands_in(
     has_glass = any(scenery.stands()[layer.what].has_glass for layer in place.layers if layer.what)
     found: dict[int, Stand] = {}
     for number in left:
+        if any(one.subject == number and kind_of(one.word) == "in" and one.object in left for one in reading.relations):
+            continue  # fish in a bowl are none of a room
         thing = reading.things[number]
         is_own = index is not None and index.nearest(thing) >= OWN
         is_mass = thing.uncounted and any(one.object == number for one in reading.relations)  # in blossom
