@@ -29,7 +29,7 @@ from frida_painter.words.world import is_part_of_body, is_person, known_like
 
 _CROWDED = ("busy", "crowded", "bustling", "packed", "lively")
 _HAS = ("with", "having", "on")  # words between a whole and its part
-_IN_A_FIELD = 7  # number of things that a place or a bowl is full of
+_IN_A_FIELD = 8  # number of things that a place or a bowl is full of
 _HUNG = ("on", "from", "in", "by")  # words between what hangs and what it hangs from
 _STANDING = ("on", "in", "near", "behind")  # kinds of relations that have nothing to do with a body
 
@@ -186,7 +186,9 @@ def _is_container(number: int, things: Cast) -> bool:
 
 
 def _contains(thing: Thing) -> bool:
-    return any("container" in kind.words for sense in senses_of(thing.noun)[:3] for kind in sense.kinds)
+    return " of " not in thing.name and any(
+        "container" in kind.words for sense in senses_of(thing.noun)[:3] for kind in sense.kinds
+    )
 
 
 def _looks_of(
@@ -242,7 +244,7 @@ def _fill_fields(reading: Reading, seen: Seen) -> Reading:
         if by.at in fields or _contains(by)
     }
     things = tuple(
-        replace(thing, count=_IN_A_FIELD) if number in full and thing.count is None else thing
+        replace(thing, count=_IN_A_FIELD) if number in full and (thing.count is None or thing.uncounted) else thing
         for number, thing in enumerate(reading.things)
     )
     return replace(reading, things=things)

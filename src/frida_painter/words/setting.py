@@ -175,7 +175,9 @@ def _stands_in(
     has_glass = any(scenery.stands()[layer.what].has_glass for layer in place.layers if layer.what)
     found: dict[int, Stand] = {}
     for number in left:
-        if any(one.subject == number and kind_of(one.word) == "in" and one.object in left for one in reading.relations):
+        inside = [(one.object, one.subject) if one.word == "of" else (one.subject, one.object)
+                  for one in reading.relations if one.word in ("of", "in", "inside")]  # fmt: skip
+        if any(inner == number and outer in left for inner, outer in inside):
             continue  # fish in a bowl are none of a room
         thing = reading.things[number]
         is_own = index is not None and index.nearest(thing) >= OWN
