@@ -113,11 +113,6 @@ def turn(picture: Tensor, degrees: float) -> Tensor:
     return sample(wide, torch.stack((2 * across / width, 2 * down / height), 2))
 
 
-def _lean(picture: Tensor, degrees: float) -> Tensor:
-    """Returns a picture turned to the right if it is tall; what is wide stands on its wheels and leans away from us."""
-    return turn(picture, degrees) if picture.shape[1] > 1.3 * picture.shape[2] else picture
-
-
 def _lay_snow(picture: Tensor, depth: float = 0.06) -> Tensor:
     """Returns a picture with snow on its upper edges, of a depth that is a share of its height."""
     deep = max(1, round(depth * picture.shape[1]))
@@ -165,7 +160,8 @@ class Appearance(NamedTuple):
 
 _CHANGES: dict[str, Callable[..., Tensor]] = {
     "bulge": _bulge, "bend": _bend, "crack": _crack, "blotch": _blotch, "bury": _bury, "melt": _melt,
-    "pattern": _pattern, "make": _make_of, "steam": _steam, "bite": _bite, "turn": turn, "lean": _lean,
+    "pattern": _pattern, "make": _make_of, "steam": _steam, "bite": _bite, "turn": turn, 
+    "lean": lambda picture, by: turn(picture, by if picture.shape[1] > 1.3 * picture.shape[2] else 0),
 }  # fmt: skip
 
 

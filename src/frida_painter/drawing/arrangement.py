@@ -16,7 +16,7 @@ from torch.nn import functional
 from frida_painter.drawing.appearance import turn
 from frida_painter.drawing.compositing import crop, resize, stack
 from frida_painter.drawing.figures import Figure
-from frida_painter.drawing.tables import read_lines
+from frida_painter.drawing.tables import read_rows
 
 _GROWTH = 0.6  # exponent from the height in the world to the height in a picture
 _MIN = 0.3  # least height of a thing, relative to the tallest
@@ -55,15 +55,13 @@ _STOOD_BY = ("on", "in", "under", "over", "behind", "hang")  # the objects of th
 
 
 @cache
-def _known_kinds() -> dict[str, list[str]]:
-    lines = (line.partition(": ") for line in read_lines("drawing/relations.txt"))
-    return {kind: words.split(", ") for kind, _, words in lines}
+def _known_kinds() -> dict[str, str]:
+    return {word: kind for kind, words in read_rows("drawing/relations.txt") for word in words.split(", ")}
 
 
 def kind_of(word: str) -> str:
     """Returns the kind of arrangement of a preposition or a verb in `relations.txt`; "" puts things side by side."""
-    named = next((kind for kind, words in _known_kinds().items() if word in words), "")
-    return named or ("doing" if word.endswith("ing") else "")
+    return _known_kinds().get(word, "doing" if word.endswith("ing") else "")
 
 
 class Known(NamedTuple):
@@ -115,7 +113,7 @@ class Placed(ScenePart):
     x: float = 0.0
     y: float = 0.0
     height: float = 1.0
-    depth: int = 0
+    depth: float = 0
     hidden: float = 0.0
     dip: float = 0.0
 
@@ -227,23 +225,15 @@ class _Anchor(NamedTuple):
     up: float = 0.0
     aside: float = 0.0
     sinks: float = 0.0
-    depth: int = 1
+    depth: float = 1
     least: float = 0.0
     most: float = math.inf
 
 
-_ANCHORS = (  # kinds of relations, and usual places of a thing; "" for all
-    ("over", "air", _Anchor(0.3, 1.04, depth=-1)),
-    ("with hold doing beside near shelter", "air", _Anchor(0.5, 0.78, aside=-0.5)),
-    ("with hold doing beside near front shelter", "wall", _Anchor(0.2, 0.6, depth=-2)),
-    ("with hold", "held", _Anchor(0.4, _HAND[1], depth=-1, most=0.8)),
-    ("taller", "", _Anchor(0.5, aside=-0.55, depth=0, least=1.3)),
-    ("shorter", "", _Anchor(0.5, aside=-0.55, depth=0, most=0.75)),
-    ("under", "", _Anchor(most=0.5)),
-    ("over", "", _Anchor(0.0, 1.04, depth=-1)),
-    ("behind", "", _Anchor(0.45, 0.08, depth=-1, least=0.85)),
-    ("front", "", _Anchor(-0.3, -0.06)),
-)
+@cache
+def _anchors() -> list[tuple[list[str], str, _Anchor]]:
+    rows = read_rows("drawing/anchors.txt")
+    return [(kinds.split(), where, _Anchor(*map(float, at.split()))) for kinds, where, at in rows]
 
 
 def _put(mine: Placed, other: Placed, kind: str) -> tuple[Placed, Placed] | None:
@@ -290,7 +280,7 @@ def _anchor(mine: Placed, other: Placed, kind: str) -> _Anchor | None:
             return _Anchor(up=_SILL, sinks=_TO_THE_HIPS, least=1.0, most=1.0)
     if kind == "in" and other.known.where == "clear" and where != "plant":
         return _Anchor(up=_BOTTOM, most=min(_CLEAR, _CLEAR * other.width * shape / other.height))
-    if kind == "hang":
+    if kind == "hang" and mine.figure is None:
         under = 1 - _top(other.picture.flip(1), 0.2)
         return _Anchor(up=max(under, _AMID) if other.known.where == "plant" else under, sinks=1 - _SINKS / 2)
     if kind == "in":
@@ -315,7 +305,7 @@ def _anchor(mine: Placed, other: Placed, kind: str) -> _Anchor | None:
     if kind == "shelter" and where not in ("air", "wall"):  # a tree stands behind those under it
         aloft = max(0.0, other.y) / other.height
         return _Anchor(up=-aloft, depth=-2, least=_TALLER * (1 + aloft))
-    return next((anchor for kinds, only, anchor in _ANCHORS if kind in kinds.split() and only in ("", where)), None)
+    return next((anchor for kinds, only, anchor in _anchors() if kind in kinds and only in ("", where)), None)
 
 
 def _at_mouth(mine: Placed, other: Placed) -> _Anchor:
@@ -393,24 +383,21 @@ def _rim(picture: Tensor) -> tuple[float, float]:
     return rim / len(full), min(float(arc), _DEEPEST * rim) / len(full)
 
 
-def bunch(pictures: Sequence[Tensor]) -> Tensor:
-    """Returns several pictures as one picture [4, h, w], spread like a fan from their common foot."""
-    spread = [_FAN * (number / (len(pictures) - 1) - 0.5) for number in range(len(pictures))]
-    feet = [functional.pad(one, (0, 0, 0, one.shape[1])) for one in pictures]
-    turned = [turn(one, degrees) for one, degrees in zip(feet, spread, strict=True)]
-    return crop(stack([(one, 0, 0) for one in turned], *turned[0].shape[1:]))
-
-
 def copies(pictures: Sequence[Tensor], where: str, seed: int, *, leans: bool = False) -> Tensor:
     """Returns several pictures of a thing as one picture [4, h, w].
 
     leans: True if none may be mirrored, because all lean in the wind
-    where: "air" to scatter them; otherwise they form rows on a floor, the rear ones smaller
+    where: "air" to scatter them, "bunch" for a fan; otherwise they form rows on a floor, the rear ones smaller
     seed: of the random positions and sizes
     """
     count = len(pictures)
     if count == 1:
         return pictures[0]
+    if where == "bunch":
+        spread = [_FAN * (number / (count - 1) - 0.5) for number in range(count)]
+        feet = [functional.pad(one, (0, 0, 0, one.shape[1])) for one in pictures]
+        turned = [(turn(one, degrees), 0, 0) for one, degrees in zip(feet, spread, strict=True)]
+        return crop(stack(turned, *turned[0][0].shape[1:]))
     generator = torch.Generator().manual_seed(seed)
     pictures, air = [resize(one, _SIDE / max(one.shape[1:])) for one in pictures], where == "air"
     _, high, wide = pictures[0].shape

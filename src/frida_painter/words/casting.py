@@ -88,7 +88,8 @@ def cast(
         first, second = wanted[one.subject], wanted[one.object]
         at, name = (*first.at, *second.at), f"{first.name} {one.word} {second.plural or second.name}"
         is_one = one.word in ("of", "with", "in") and index.nearest(Thing(name, name)) >= _EXACT
-        if is_one or (one.word == "of" and second.uncounted and kinds_of(second.noun) != {"animal"}):
+        lives = any(sense.is_kind_of(senses_of("animal")[0]) for sense in senses_of(second.noun)[:1])
+        if is_one or (one.word == "of" and second.uncounted and not lives):
             noun, color = (first.noun, first.color or second.color) if is_one else (second.noun, second.color)
             first = replace(first, name=name, noun=noun, color=color, at=at)
         elif one.word in ("in", "with", "wearing") and known_like(second.name, sentences).where == "worn":

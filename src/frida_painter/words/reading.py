@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 
 from frida_painter import registry, weights
-from frida_painter.drawing.arrangement import Relation
+from frida_painter.drawing.arrangement import Relation, kind_of
 from frida_painter.errors import WeightsError
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
@@ -47,7 +47,9 @@ PEOPLE = (SOMEBODY, "someone", "everybody", "everyone")
 """Pronouns of people; "it" and "something" are no things."""
 _TOLD_OF = ("he", "she", "they")  # pronouns for the first thing: my dog, he is brown
 _SIDES = {"front": "in front of", "foreground": "in front of", "top": "on", "middle": "in", "side": "beside",
-          "inside": "in", "it": "in", "them": "in",
+          "inside": "in", "it": "", "them": "",
+          **dict.fromkeys(("mouth", "beak", "paws", "trunk"), "in the mouth of"),
+          **dict.fromkeys(("head", "nose", "hair"), "on the head of"),
           **dict.fromkeys(("back", "background", "distance"), "behind")}  # fmt: skip
 """Nouns for the place of a thing by another one: a cake with strawberries on top."""
 _NEVER = ("come", "arrive", "return", "exist", "answer")  # somebody who doesn't come is not seen
@@ -392,13 +394,16 @@ class _Walk:
             return
         words = [noun.head]
         while words[0].dep_ not in ("conj", "ROOT") and (
-            words[0].head.pos_ in ("ADP", "ADV") or words[0].head.tag_ == "JJR" or _is_between(words[0].head)
+            words[0].head.pos_ in ("ADP", "ADV")
+            or words[0].head.tag_ == "JJR"
+            or _is_between(words[0].head)
+            or (kind_of(f"{words[0].head.lower_} {words[0].lower_}") == "hang" and not _children(words[0].head, "dobj"))
         ):
             words.insert(0, words[0].head)
-        subjects = [] if words[0].head == words[0] else self._subjects(words[0].head)
+        subjects = self._subjects(words[0] if words[0].pos_ == "VERB" else words[0].head)
         at = tuple(word.i for word in words)
         if _is_side(noun):
-            self._turn(subjects, _SIDES[noun.lower_], (*at, noun.i))
+            self._turn(subjects, _SIDES[noun.lower_] or words[0].lower_, (*at, noun.i))
         self._join(subjects, " ".join(word.lower_ for word in words), noun, at)
 
     def _turn(self, subjects: list[int], said: str, at: tuple[int, ...]) -> None:
@@ -409,10 +414,8 @@ class _Walk:
 
     def _act(self, verb: Token) -> None:
         """Gives the actors of a verb their action, and adds its relations to its objects."""
-        is_state = (
-            verb.pos_ == "ADJ" and verb.tag_ != "JJR" and (verb.i > verb.head.i or bool(_children(verb, "nsubj")))
-        )  # asleep in a chair
-        if is_state and verb.dep_ == "conj" and verb.head.pos_ == "ADJ":
+        is_state = verb.pos_ == "ADJ" and (verb.i > verb.head.i or bool(_children(verb, "nsubj")))  # asleep in a chair
+        if is_state and (verb.tag_ == "JJR" or (verb.dep_ == "conj" and verb.head.pos_ == "ADJ")):
             return
         if not is_state and (verb.pos_ not in ("VERB", "AUX") or _is_in_a_name(verb)):
             return
@@ -457,9 +460,7 @@ class _Walk:
         """Returns the things that a preposition or a verb below `head` belongs to, the nearest ones."""
         if head in self._numbers:
             return [self._numbers[head]]
-        if head.pos_ in ("VERB", "AUX", "ADJ") and (
-            actors := [word for word in head.lefts if _is_noun(word) and word.tag_ not in ("WDT", "WP")]
-        ):
+        if head.pos_ in ("VERB", "AUX", "ADJ") and (actors := [word for word in head.lefts if _is_noun(word)]):
             said = actors[-1].lower_
             is_told = said in _TOLD_OF or (said == "it" and head.lemma_ in ("be", "have"))  # but it rains
             return [0] if is_told and self.things else self._joined(actors[-1])
@@ -491,7 +492,9 @@ def _gerund(verb: Token) -> str:
 
 def _is_side(noun: Token) -> bool:
     """Returns True for the place of another thing: strawberries on top, hills in the background, but no red top."""
-    return noun.lower_ in _SIDES and noun.dep_ == "pobj" and all(word.lower_ == "the" for word in noun.lefts)
+    is_body = _SIDES.get(noun.lower_, "").endswith(" of")
+    is_side = all(word.tag_ == "PRP$" if is_body else word.lower_ == "the" for word in noun.lefts)
+    return noun.lower_ in _SIDES and noun.dep_ == "pobj" and is_side
 
 
 def _is_owner(noun: Token) -> bool:
@@ -547,7 +550,7 @@ def _children(word: Token, *kinds: str) -> list[Token]:
 
 
 def _is_noun(word: Token) -> bool:
-    return word.pos_ in ("NOUN", "PROPN", "PRON")
+    return word.pos_ in ("NOUN", "PROPN", "PRON") and word.tag_ not in ("WDT", "WP")  # a dog that sits
 
 
 def _color(words: list[Token], noun: Token) -> tuple[str, list[Token]]:

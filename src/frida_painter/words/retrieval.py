@@ -263,11 +263,8 @@ class PictureIndex:
         kin: True to take the nearest thing of the same kind if there is no picture: a flute for an oboe
         """
         thing = _in_small_letters(thing)
-        if (
-            thing.plural
-            and f"pair of {thing.plural}" in prompt.lower()
-            and senses_of(thing.plural) != senses_of(thing.noun)
-        ):
+        is_other = bool(thing.plural) and senses_of(thing.plural) != senses_of(thing.noun)
+        if is_other and f"pair of {thing.plural}" in prompt.lower():
             thing = replace(thing, name=thing.plural, noun=thing.plural)  # spectacles, not two glasses
         figure, similarity = is_person(thing.name, self._sentences), self._similarity(thing)
         least = _MIN_PERSON if figure else _MIN

@@ -5,13 +5,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from frida_painter.drawing.appearance import Appearance, change_looks, in_weather, looks_of
-from frida_painter.drawing.arrangement import Relation, ScenePart, arrange_parts, bunch, copies, kind_of
-from frida_painter.drawing.composition import (
-    ComposedScene,
-    compose_mood,
-    compose_photograph,
-    compose_scene,
-)
+from frida_painter.drawing.arrangement import Relation, ScenePart, arrange_parts, copies, kind_of
+from frida_painter.drawing.composition import ComposedScene, compose_mood, compose_photograph, compose_scene
 from frida_painter.drawing.lights import CLEAR, DAY, Light, dye, find_weather, go_together, rank_lights
 from frida_painter.drawing.places import NOWHERE, Place, Setting
 from frida_painter.drawing.scenery import Stand
@@ -25,13 +20,11 @@ from frida_painter.words.nouns import senses_of
 from frida_painter.words.reading import Reading, SaidWord, Thing, prompt_reader, strip_request, word_meanings
 from frida_painter.words.retrieval import FoundPicture, PictureIndex, has_ground, picture_index
 from frida_painter.words.setting import SKY, Seen, setting_of, usual_place
-from frida_painter.words.world import is_part_of_body, is_person, known_like
+from frida_painter.words.world import is_person, known_like
 
 _CROWDED = ("busy", "crowded", "bustling", "packed", "lively")
 _HAS = ("with", "having", "on")  # words between a whole and its part
 _IN_A_FIELD = 8  # number of things that a place or a bowl is full of
-_HUNG = ("on", "from", "in", "by")  # words between what hangs and what it hangs from
-_STANDING = ("on", "in", "near", "behind")  # kinds of relations that have nothing to do with a body
 
 
 def scene_of(
@@ -83,7 +76,6 @@ def scene_of(
         if one is not None:
             looks[number] = _looks_of(number, reading, one, missing, sentences)
             account.mark([word.at for word in looks[number]], Mark.SHOWN, one.caption)
-    relations = () if whole is not None else _relations_of(reading, things, account, sentences)
     _tell([one for one in things if one is not None], setting, encoders, use, index, account)
     if whole is not None:
         if len(shown) > 1:
@@ -93,12 +85,13 @@ def scene_of(
         return compose_mood(setting.light, second, setting, grid, seed)
     if not setting.place.is_open:  # no rain falls indoors, and no wind blows
         setting = replace(setting, weather=CLEAR)
-    parts = _parts_of(things, looks, reading, relations, setting, seed, sentences)
+    parts = _parts_of(things, looks, reading, setting, seed, sentences)
     usual = {part.known.where for part in parts if part is not None}
     in_the_air = usual == {"air"}
     is_ashore = setting.place.bank is not None and usual == {"ground"}  # a lighthouse does not float
     setting = replace(setting, is_raised=(setting.is_raised or is_ashore) and not in_the_air and "water" not in usual)
     beyond = {one.subject for one in reading.relations if kind_of(one.word) == "behind" and one.object in settled}
+    relations = [_as_meant(one, things) for one in reading.relations]
     near, far = (
         arrange_parts([part if (number in beyond) == is_far else None for number, part in enumerate(parts)], relations)
         for is_far in (False, True)
@@ -121,13 +114,12 @@ def _parts_of(
     things: Cast,
     looks: dict[int, dict[SaidWord, Appearance]],
     reading: Reading,
-    relations: Sequence[Relation],
     setting: Setting,
     seed: int,
     sentences: SentenceEncoder,
 ) -> list[ScenePart | None]:
     """Returns the things with their looks, in the weather, and all their copies, ready to be placed."""
-    held = {one.subject for one in relations if kind_of(one.word) == "in"}
+    held = {one.subject for one in (_as_meant(one, things) for one in reading.relations) if kind_of(one.word) == "in"}
     is_flown = any(relation.word == "flying" for relation in reading.relations)  # a kite of somebody on the ground
     parts: list[ScenePart | None] = [None] * len(things)
     for number, one in enumerate(things):
@@ -144,28 +136,10 @@ def _parts_of(
         picture, size = change_looks(colored, mine)
         picture = in_weather(picture, setting.weather, known.where, mine)
         leans = picture.shape != colored.shape
-        if number in held and known.where == "plant" and one.shown > 1:
-            picture = bunch([picture] * one.shown)
-        else:
-            picture = copies([picture] * one.shown, known.where, seed + number, leans=leans)
+        where = "bunch" if number in held and known.where == "plant" else known.where
+        picture = copies([picture] * one.shown, where, seed + number, leans=leans)
         parts[number] = ScenePart(picture, known, one.figure, size)
     return parts
-
-
-def _relations_of(reading: Reading, things: Cast, account: Account, sentences: SentenceEncoder) -> list[Relation]:
-    """Returns the relations as they are meant; a thing on a part of an animal's body is there: on its head."""
-    found = [*reading.relations]
-    for part in reading.relations:
-        noun = reading.things[part.object].noun
-        if things[part.object] is None and is_part_of_body(noun, sentences):
-            word = "holding" if part.word == "in" else "on" if noun in ("back", "shoulder") else "on the head of"
-            for number, one in enumerate(found):
-                owner = things[one.subject]
-                is_there = part.subject in (one.subject, one.object) and things[one.object] is not None
-                if owner is not None and owner.figure is None and is_there and kind_of(one.word) not in _STANDING:
-                    found[number] = Relation(one.object, word, one.subject)
-                    account.mark((*part.at, *one.at, *reading.things[part.object].at), Mark.SHOWN, owner.caption)
-    return [_as_meant(one, things) for one in found]
 
 
 def _as_meant(relation: Relation, things: Cast) -> Relation:
@@ -173,22 +147,16 @@ def _as_meant(relation: Relation, things: Cast) -> Relation:
     figure = getattr(things[relation.subject], "figure", None)
     is_part = figure is not None and not figure.seat and f" {relation.word} " in figure.does
     is_part = is_part or (figure is not None and relation.word == "out of")  # to take bread out of an oven
-    subject = things[relation.subject]
-    if subject is not None and subject.thing.doing == "hanging" and figure is None and relation.word in _HUNG:
-        relation = replace(relation, word="hanging from")
-    if relation.word == "with" and _is_container(relation.subject, things) > _is_container(relation.object, things):
+    if relation.word == "with" and _contains(things[relation.subject]) > _contains(things[relation.object]):
         relation = Relation(relation.object, "in", relation.subject, relation.at)  # a vase with tulips
     return replace(relation, word="doing") if is_part else relation
 
 
-def _is_container(number: int, things: Cast) -> bool:
-    return (one := things[number]) is not None and _contains(one.thing)
-
-
-def _contains(thing: Thing) -> bool:
-    return " of " not in thing.name and any(
-        "container" in kind.words for sense in senses_of(thing.noun)[:3] for kind in sense.kinds
-    )
+def _contains(one: FoundPicture | Thing | None) -> bool:
+    """Returns True for a container that its picture does not show with what is in it."""
+    thing = one.thing if isinstance(one, FoundPicture) else one
+    kinds = [kind.words for sense in senses_of(thing.noun)[:3] for kind in sense.kinds] if thing is not None else []
+    return thing is not None and " of " not in thing.name and any("container" in words for words in kinds)
 
 
 def _looks_of(
@@ -238,11 +206,8 @@ def _people_place(reading: Reading, place: Place, *, is_busy: bool) -> Reading:
 def _fill_fields(reading: Reading, seen: Seen) -> Reading:
     """Returns the reading with many of the things that something is full of: a field of tulips, a bowl of lemons."""
     fields = [thing.at for thing, _, part in seen if isinstance(part, Place)]
-    full = {
-        one.object
-        for one, by in ((one, reading.things[one.subject]) for one in reading.relations if one.word == "of")
-        if by.at in fields or _contains(by)
-    }
+    wholes = {number for number, thing in enumerate(reading.things) if thing.at in fields or _contains(thing)}
+    full = {one.object for one in reading.relations if one.word == "of" and one.subject in wholes}
     things = tuple(
         replace(thing, count=_IN_A_FIELD) if number in full and (thing.count is None or thing.uncounted) else thing
         for number, thing in enumerate(reading.things)
