@@ -43,11 +43,10 @@ _CARRIED, _HANDLED = 0.62, 0.3  # height in the world, by a person's, of a thing
 _INTO, _INSIDE, _SILL = 0.4, 0.75, 0.42  # the same for things to be in, and for cars; height of a car's window
 _LENGTHY = 1.5  # height by width of a broom, which may reach the floor
 _LIGHT = 0.8  # share of its size that a thing keeps in the hands
-_CROWN = 0.1  # share of a picture's height at its top that counts as the head
+_CROWN, _HEAD = 0.1, 0.45  # shares of a picture's height at its top: the crown, and an animal's head with its mouth
 _HAT, _LARGEST_HAT, _PULLED_DOWN = 1.25, 0.35, 0.3  # of the head's width, of the wearer's height, of its own height
-_HEAD, _BITE = 0.45, 0.4  # of an animal's height: its head, and the most of what it has in its mouth
 _BOUQUET, _FAN = 1.3, 60  # greatest height and width of flowers, by those of their vase, and the angle of a bunch
-_BOTTOM, _CLEAR = 0.15, 0.65  # of something clear: its bottom, and its share for what is in it
+_BOTTOM, _CLEAR, _BITE = 0.15, 0.65, 0.4  # of something clear: its bottom, its share for what is in it; of a mouth
 _SIDE = 256  # pixels of one of several copies
 _OPPOSITE = {"on": "beneath", "in": "around", "under": "shelter", "behind": "front", "taller": "shorter"}
 _OPPOSITE |= {other: kind for kind, other in _OPPOSITE.items()} | {"over": "under"}
@@ -55,13 +54,10 @@ _STOOD_BY = ("on", "in", "under", "over", "behind", "hang")  # the objects of th
 
 
 @cache
-def _known_kinds() -> dict[str, str]:
-    return {word: kind for kind, words in read_rows("drawing/relations.txt") for word in words.split(", ")}
-
-
 def kind_of(word: str) -> str:
     """Returns the kind of arrangement of a preposition or a verb in `relations.txt`; "" puts things side by side."""
-    return _known_kinds().get(word, "doing" if word.endswith("ing") else "")
+    kinds = {one: kind for kind, words in read_rows("drawing/relations.txt") for one in words.split(", ")}
+    return kinds.get(word, "doing" if word.endswith("ing") else "")
 
 
 class Known(NamedTuple):
@@ -288,7 +284,7 @@ def _anchor(mine: Placed, other: Placed, kind: str) -> _Anchor | None:
         most, wide = (_BOUQUET, _BOUQUET) if where == "plant" else (0.8, _FITS)
         most = min(most, wide * other.width * shape / other.height)
         return _Anchor(up=rim - max(_SINKS, _ABOVE * deep), sinks=hidden, least=min(hidden, most), most=most)
-    if kind == "hold" and other.known.where != "person" and other.figure is None:
+    if kind == "hold" and other.known.where in ("animal", "air") and where != "person":
         return _at_mouth(mine, other)
     if kind == "atop" or (kind == "with" and where == "head"):
         crown = other.picture[3, : max(1, round(_CROWN * other.picture.shape[1]))].gt(0.5).any(0).nonzero()

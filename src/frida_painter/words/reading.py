@@ -47,10 +47,9 @@ PEOPLE = (SOMEBODY, "someone", "everybody", "everyone")
 """Pronouns of people; "it" and "something" are no things."""
 _TOLD_OF = ("he", "she", "they")  # pronouns for the first thing: my dog, he is brown
 _SIDES = {"front": "in front of", "foreground": "in front of", "top": "on", "middle": "in", "side": "beside",
-          "inside": "in", "it": "", "them": "",
-          **dict.fromkeys(("mouth", "beak", "paws", "trunk"), "in the mouth of"),
-          **dict.fromkeys(("head", "nose", "hair"), "on the head of"),
-          **dict.fromkeys(("back", "background", "distance"), "behind")}  # fmt: skip
+          "inside": "in", "it": "", "them": "",  # in it
+          **dict.fromkeys(("mouth", "beak", "paws", "trunk"), "in the mouth of"), "head": "on the head of",
+          "nose": "on the head of", **dict.fromkeys(("back", "background", "distance"), "behind")}  # fmt: skip
 """Nouns for the place of a thing by another one: a cake with strawberries on top."""
 _NEVER = ("come", "arrive", "return", "exist", "answer")  # somebody who doesn't come is not seen
 _ASKED = re.compile(
@@ -260,8 +259,8 @@ class PromptReader:
             if word.tag_ == "VBZ" and (base := word.lower_.removesuffix("s")) in self._verbs:
                 word.lemma_ = base  # rides come from ride, not rid
             before = word.nbor(-1) if word.i else word
-            if word.tag_ == "VBD" and before.lower_ in _BASIC and before.head == word:  # a red rose
-                _put_in_place(word, before, "amod", before.lefts)
+            if word.tag_ == "VBD" and before.head == word and (before.lower_ in _BASIC or before.dep_ == "det"):
+                _put_in_place(word, before, before.dep_ if before.dep_ == "det" else "amod", before.lefts)  # a red rose
                 word.pos_, word.tag_, word.lemma_, before.pos_ = "NOUN", "NN", word.lower_, "ADJ"
             is_last = word.i + 1 == len(parsed) and _is_noun(before) and word.pos_ in ("AUX", "ADJ")
             is_after = word.i > word.head.i and word.pos_ in ("ADJ", "ADV", "X", "INTJ")
@@ -513,6 +512,7 @@ def _describe_noun(noun: Token) -> Thing:
     before = [word for word in noun.subtree if word.i < noun.i and _belongs(word, noun)]
     color, colored = _color(before, noun)
     lemma = noun.text if noun.pos_ == "PROPN" else noun.lemma_
+    lemma = noun.lower_[:-1] if lemma.endswith("y") and senses_of(noun.lower_[:-1]) else lemma  # cookies
     name = " ".join([*(word.text for word in before if word not in colored and not _is_number(word)), lemma])
     if noun.i > 1 and noun.nbor(-1).text == "-" and len(noun.nbor(-2)) == 1:  # a T-Rex
         name = lemma = f"{noun.nbor(-2).text}-{noun.text}"
