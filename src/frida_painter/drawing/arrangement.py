@@ -138,8 +138,8 @@ def arrange_parts(parts: Sequence[ScenePart | None], relations: Sequence[Relatio
         if kind_of(one.word) == "on" and inside.get(one.subject, one.object) != one.object:
             usable[number] = replace(one, subject=inside[one.subject])
     floor = [number for number in shown if known[number] != "air"] or list(shown)
-    stands = {one.subject: one.object for one in usable if kind_of(one.word) in _STOOD_BY}
-    first = next((below for below in stands.values() if below not in stands), floor[0])
+    standing = [one for one in usable if kind_of(one.word) in _STOOD_BY]
+    first = next((one.object for one in standing if one.object not in {one.subject for one in standing}), floor[0])
     top = next((number for number in shown if known[number] == "top"), None)
     related = {first, *(number for one in usable for number in (one.subject, one.object))}
     for number in sorted({*shown} - related):  # a lamp beside a table is on it, a clock on the wall, and a bird above
