@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import torch
 from torch import Tensor
-from torch.nn import functional
 
 from frida_painter.drawing.appearance import turn
 from frida_painter.drawing.compositing import crop, resize, stack
@@ -50,7 +49,16 @@ _BOTTOM, _CLEAR, _BITE = 0.15, 0.65, 0.4  # of something clear: its bottom, its 
 _SIDE = 256  # pixels of one of several copies
 _OPPOSITE = {"on": "beneath", "in": "around", "under": "shelter", "behind": "front", "taller": "shorter"}
 _OPPOSITE |= {other: kind for kind, other in _OPPOSITE.items()} | {"over": "under"}
-_STOOD_BY = ("on", "in", "under", "over", "behind", "hang")  # the objects of these relations are placed first
+_STOOD_BY = (
+    "on",
+    "in",
+    "under",
+    "over",
+    "behind",
+    "hang",
+    "atop",
+    "mouth",
+)  # the objects of these relations are placed first
 
 
 @cache
@@ -228,8 +236,9 @@ class _Anchor(NamedTuple):
 
 @cache
 def _anchors() -> list[tuple[list[str], str, _Anchor]]:
-    rows = read_rows("drawing/anchors.txt")
-    return [(kinds.split(), where, _Anchor(*map(float, at.split()))) for kinds, where, at in rows]
+    return [
+        (one.split(), where, _Anchor(*map(float, at.split()))) for one, where, at in read_rows("drawing/anchors.txt")
+    ]
 
 
 def _put(mine: Placed, other: Placed, kind: str) -> tuple[Placed, Placed] | None:
@@ -284,8 +293,8 @@ def _anchor(mine: Placed, other: Placed, kind: str) -> _Anchor | None:
         most, wide = (_BOUQUET, _BOUQUET) if where == "plant" else (0.8, _FITS)
         most = min(most, wide * other.width * shape / other.height)
         return _Anchor(up=rim - max(_SINKS, _ABOVE * deep), sinks=hidden, least=min(hidden, most), most=most)
-    if kind == "hold" and other.known.where in ("animal", "air") and where != "person":
-        return _at_mouth(mine, other)
+    if kind in ("hold", "mouth") and other.known.where in ("animal", "air") and where != "person":
+        return _at_mouth(other, shape)
     if kind == "atop" or (kind == "with" and where == "head"):
         crown = other.picture[3, : max(1, round(_CROWN * other.picture.shape[1]))].gt(0.5).any(0).nonzero()
         middle, wide = float(crown.float().mean()), float(crown.max() - crown.min() + 1)
@@ -304,14 +313,13 @@ def _anchor(mine: Placed, other: Placed, kind: str) -> _Anchor | None:
     return next((anchor for kinds, only, anchor in _anchors() if kind in kinds and only in ("", where)), None)
 
 
-def _at_mouth(mine: Placed, other: Placed) -> _Anchor:
-    """Returns where a thing is that an animal has in its mouth: at the outer edge of its head."""
+def _at_mouth(other: Placed, shape: float) -> _Anchor:
+    """Returns where a thing of a shape is that an animal has in its mouth: at the outer edge of its head."""
     seen = other.picture[3] > 0.5
     crown, head = (seen[: max(1, round(share * len(seen)))].nonzero() for share in (_CROWN, _HEAD))
     is_right = 2 * float(crown[:, 1].float().mean()) > seen.shape[1]
     edge = head[int(head[:, 1].argmax() if is_right else head[:, 1].argmin())].tolist()
-    most = _BITE * min(1.0, mine.height / mine.width)
-    return _Anchor(edge[1] / seen.shape[1] - 0.5, 1 - edge[0] / len(seen), sinks=0.5, most=most)
+    return _Anchor(edge[1] / seen.shape[1] - 0.5, 1 - edge[0] / len(seen), sinks=0.5, most=_BITE * min(1.0, shape))
 
 
 def _in_hand(mine: Placed, other: Placed, kind: str) -> _Anchor:
@@ -391,7 +399,7 @@ def copies(pictures: Sequence[Tensor], where: str, seed: int, *, leans: bool = F
         return pictures[0]
     if where == "bunch":
         spread = [_FAN * (number / (count - 1) - 0.5) for number in range(count)]
-        feet = [functional.pad(one, (0, 0, 0, one.shape[1])) for one in pictures]
+        feet = [stack([(one, 0, 0)], 2 * one.shape[1], one.shape[2]) for one in pictures]
         turned = [(turn(one, degrees), 0, 0) for one, degrees in zip(feet, spread, strict=True)]
         return crop(stack(turned, *turned[0][0].shape[1:]))
     generator = torch.Generator().manual_seed(seed)

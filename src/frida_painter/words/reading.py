@@ -512,7 +512,6 @@ def _describe_noun(noun: Token) -> Thing:
     before = [word for word in noun.subtree if word.i < noun.i and _belongs(word, noun)]
     color, colored = _color(before, noun)
     lemma = noun.text if noun.pos_ == "PROPN" else noun.lemma_
-    lemma = noun.lower_[:-1] if noun.lower_.endswith("ies") and senses_of(noun.lower_[:-1]) else lemma  # cookies
     name = " ".join([*(word.text for word in before if word not in colored and not _is_number(word)), lemma])
     if noun.i > 1 and noun.nbor(-1).text == "-" and len(noun.nbor(-2)) == 1:  # a T-Rex
         name = lemma = f"{noun.nbor(-2).text}-{noun.text}"
