@@ -42,10 +42,11 @@ _CARRIED, _HANDLED = 0.62, 0.3  # height in the world, by a person's, of a thing
 _INTO, _INSIDE, _SILL = 0.4, 0.75, 0.42  # the same for things to be in, and for cars; height of a car's window
 _LENGTHY = 1.5  # height by width of a broom, which may reach the floor
 _LIGHT = 0.8  # share of its size that a thing keeps in the hands
-_CROWN, _HEAD = 0.1, 0.45  # shares of a picture's height at its top: the crown, and an animal's head with its mouth
+_CROWN, _HEAD = 0.1, 0.45  # shares of a picture's height at its top: the crown, and an animal's head
 _HAT, _LARGEST_HAT, _PULLED_DOWN = 1.25, 0.35, 0.3  # of the head's width, of the wearer's height, of its own height
 _BOUQUET, _FAN = 1.3, 60  # greatest height and width of flowers, by those of their vase, and the angle of a bunch
-_BOTTOM, _CLEAR, _BITE = 0.15, 0.65, 0.4  # of something clear: its bottom, its share for what is in it; of a mouth
+_BOTTOM, _CLEAR, _BITE = 0.15, 0.65, 0.4  # bottom of clear things; sizes of things in them, and in a mouth
+
 _SIDE = 256  # pixels of one of several copies
 _OPPOSITE = {"on": "beneath", "in": "around", "under": "shelter", "behind": "front", "taller": "shorter"}
 _OPPOSITE |= {other: kind for kind, other in _OPPOSITE.items()} | {"over": "under"}
@@ -316,8 +317,8 @@ def _anchor(mine: Placed, other: Placed, kind: str) -> _Anchor | None:
 def _at_mouth(other: Placed, shape: float) -> _Anchor:
     """Returns where a thing of a shape is that an animal has in its mouth: at the outer edge of its head."""
     seen = other.picture[3] > 0.5
-    crown, head = (seen[: max(1, round(share * len(seen)))].nonzero() for share in (_CROWN, _HEAD))
-    is_right = 2 * float(crown[:, 1].float().mean()) > seen.shape[1]
+    head = seen[: max(1, round(_HEAD * len(seen)))].nonzero()
+    is_right = 2 * int(head[0, 1]) > seen.shape[1]  # where the highest part is
     edge = head[int(head[:, 1].argmax() if is_right else head[:, 1].argmin())].tolist()
     return _Anchor(edge[1] / seen.shape[1] - 0.5, 1 - edge[0] / len(seen), sinks=0.5, most=_BITE * min(1.0, shape))
 

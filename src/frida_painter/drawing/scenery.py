@@ -82,7 +82,7 @@ def stands(table: str = "scenery.txt") -> dict[str, Stand]:
 
 _CALLED = 0.8  # similarity above which a name means a stand
 _WORTH = 0.7  # realism of a drawing, between those of photographs and of other drawings
-_BETTER = 1.5  # the same for what is drawn because no library has a good picture
+_BETTER = 1.5  # the same for drawings of things without a good picture
 
 
 def find_stand(name: str, sentences: SentenceEncoder, place: Place = NOWHERE) -> Stand | None:

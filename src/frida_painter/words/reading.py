@@ -260,8 +260,9 @@ class PromptReader:
                 word.lemma_ = base  # rides come from ride, not rid
             before = word.nbor(-1) if word.i else word
             if word.tag_ == "VBD" and before.head == word and (before.lower_ in _BASIC or before.dep_ == "det"):
-                _put_in_place(word, before, before.dep_ if before.dep_ == "det" else "amod", before.lefts)  # a red rose
-                word.pos_, word.tag_, word.lemma_, before.pos_ = "NOUN", "NN", word.lower_, "ADJ"
+                kind = ("amod", "ADJ") if before.lower_ in _BASIC else ("det", "DET")
+                _put_in_place(word, before, kind[0], before.lefts)  # a red rose
+                word.pos_, word.tag_, word.lemma_, before.pos_ = "NOUN", "NN", word.lower_, kind[1]
             is_last = word.i + 1 == len(parsed) and _is_noun(before) and word.pos_ in ("AUX", "ADJ")
             is_after = word.i > word.head.i and word.pos_ in ("ADJ", "ADV", "X", "INTJ")
             if word.tag_ in ("VB", "VBP") and word.dep_ == "ROOT" and before.tag_ in ("NN", "NNP"):

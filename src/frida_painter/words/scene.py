@@ -153,7 +153,7 @@ def _as_meant(relation: Relation, things: Cast) -> Relation:
 
 
 def _contains(one: FoundPicture | Thing | None) -> bool:
-    """Returns True for a container that its picture does not show with what is in it."""
+    """Returns True for a container; a cup of tea is shown with its tea, so it is none."""
     thing = one.thing if isinstance(one, FoundPicture) else one
     kinds = [kind.words for sense in senses_of(thing.noun)[:3] for kind in sense.kinds] if thing is not None else []
     return thing is not None and " of " not in thing.name and any("container" in words for words in kinds)
