@@ -50,16 +50,7 @@ _BOTTOM, _CLEAR, _BITE = 0.15, 0.65, 0.4  # bottom of clear things; sizes of thi
 _SIDE = 256  # pixels of one of several copies
 _OPPOSITE = {"on": "beneath", "in": "around", "under": "shelter", "behind": "front", "taller": "shorter"}
 _OPPOSITE |= {other: kind for kind, other in _OPPOSITE.items()} | {"over": "under"}
-_STOOD_BY = (
-    "on",
-    "in",
-    "under",
-    "over",
-    "behind",
-    "hang",
-    "atop",
-    "mouth",
-)  # the objects of these relations are placed first
+_STOOD_BY = "on in under over behind hang atop mouth".split()  # kinds of relations whose objects are placed first
 
 
 @cache
@@ -237,9 +228,7 @@ class _Anchor(NamedTuple):
 
 @cache
 def _anchors() -> list[tuple[list[str], str, _Anchor]]:
-    return [
-        (one.split(), where, _Anchor(*map(float, at.split()))) for one, where, at in read_rows("drawing/anchors.txt")
-    ]
+    return [(one.split(), only, _Anchor(*map(float, at.split()))) for one, only, at in read_rows("drawing/anchors.txt")]
 
 
 def _put(mine: Placed, other: Placed, kind: str) -> tuple[Placed, Placed] | None:
