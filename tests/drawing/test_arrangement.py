@@ -319,3 +319,43 @@ def test_what_is_on_a_seat_sits_in_it_and_small_things_are_in_the_hands() -> Non
     assert woman.y + 0.2 * woman.height < book.y < woman.y + 0.6 * woman.height and book.depth > woman.depth
     man, dog = put("with", thing(0, 1.7, "person", shape=(60, 24)), thing(1, 0.6, "animal"))
     assert dog.y == man.y
+
+
+@pytest.mark.parametrize(("word", "least", "most"), [("taller than", 1.3, 9), ("smaller than", 0, 0.77)])
+def test_what_is_taller_than_another_thing_stands_beside_it_in_that_order(word: str, least: float, most: float) -> None:
+    one, other = put(word, thing(0, 1.0), thing(1, 1.2))
+    assert one.y == other.y and least <= one.height / other.height <= most
+    assert abs(one.x - other.x) >= 0.5 * (one.width + other.width)
+
+
+def test_what_hangs_is_below_what_it_hangs_from() -> None:
+    sock, line = put("hanging on", thing(0, 0.3), table())
+    assert line.y + 0.7 * line.height < sock.y + sock.height < line.y + line.height
+    assert sock.y < line.y + 0.7 * line.height and abs(sock.x - line.x) < 1e-6
+
+
+def test_what_is_in_something_clear_is_seen_whole_and_flowers_stand_out_of_it() -> None:
+    bird, cage = put("in", thing(0, 0.15), thing(1, 0.5, "clear"))
+    assert bird.hidden == 0 and cage.y < bird.y and bird.y + bird.height < cage.y + cage.height
+    rose, jar = put("in", thing(0, 0.4, "plant", (60, 20)), thing(1, 0.2, "clear"))
+    assert rose.hidden > 0 and rose.y + rose.height > jar.y + 1.3 * jar.height
+
+
+def test_an_animal_holds_a_thing_in_its_mouth_and_what_is_in_a_pot_on_a_sill_is_in_it() -> None:
+    dog = thing(0, 0.6, "animal", (40, 80))
+    dog.picture[3, :20], dog.picture[3, :12, 60:] = 0, 1  # a head at the right
+    stick, below = put("in the mouth of", thing(1, 0.4, shape=(10, 40)), dog)
+    assert abs(stick.x - below.x - 0.5 * below.width) < 0.05 * below.width and stick.depth > below.depth
+    assert below.y + 0.7 * below.height < stick.y + stick.height / 2 < below.y + below.height
+    parts = [thing(0, 0.3), thing(1, 0.5), thing(2, 1.6, "seat")]
+    placed = arrange_parts(parts, [Relation(0, "in", 1), Relation(0, "on", 2)])
+    cactus, pot, sill = (next(one for one in placed if one.picture is part.picture) for part in parts)
+    assert sill.y < pot.y < cactus.y < pot.y + pot.height and cactus.x == pot.x
+
+
+def test_a_bunch_is_spread_from_one_foot() -> None:
+    stem = torch.zeros(4, 60, 20)
+    stem[3, :, 8:12] = 1
+    seen = copies([stem] * 3, "bunch", 0)[3] > 0.5
+    top, foot = (rows.any(0).nonzero().flatten() for rows in (seen[:20], seen[-6:]))
+    assert int(top[-1] - top[0]) > 2 * int(foot[-1] - foot[0])

@@ -1,6 +1,7 @@
 import torch
 
 from frida_painter.drawing.compositing import recolor
+from frida_painter.palette import to_lab
 
 BLUE = torch.tensor([0.16, 0.36, 0.75])
 
@@ -31,3 +32,10 @@ def test_white_things_and_black_ones_can_be_coloured_and_nothing_stays_nothing()
         assert torch.allclose(recolor(drawing((gray,) * 3), BLUE)[:3, 5, 5], BLUE, atol=0.02)
     nothing = drawing((0.5, 0.5, 0.5), opacity=0.0)
     assert torch.equal(recolor(nothing, BLUE), nothing)
+
+
+def test_a_toy_of_many_colours_becomes_one_of_a_colour() -> None:
+    toy = drawing((0.8, 0.1, 0.1), (0.1, 0.6, 0.2), (0.9, 0.8, 0.1), (0.6, 0.2, 0.7), (0.02, 0.02, 0.02))
+    changed = to_lab(recolor(toy, BLUE)[:3, 5, [5, 15, 25, 35]].T)
+    assert bool((changed[:, 2] < -10).all())
+    assert torch.allclose(recolor(toy, BLUE)[:3, 5, 45], toy[:3, 5, 45], atol=0.02), "an outline"

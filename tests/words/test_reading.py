@@ -164,6 +164,25 @@ def test_where_the_last_of_several_is_all_are(reader: PromptReader, prompt: str,
 
 
 @pytest.mark.parametrize(
+    ("prompt", "relation"),
+    [
+        ("a sunflower taller than the fence", "sunflower taller than fence"),
+        ("a turtle with a flower on its head", "flower on the head of turtle"),
+        ("a dog with a stick in its mouth", "stick in the mouth of dog"),
+        ("a jar with a firefly in it", "firefly in jar"),
+        ("a carved pumpkin with a candle inside", "candle in pumpkin"),
+        ("a sock hanging on a line", "sock hanging on line"),
+        ("a dog that sits on a mat", "dog on mat"),
+        ("a rose in a blue vase", "rose in vase"),
+    ],
+)
+def test_where_things_are_is_read_rightly(reader: PromptReader, prompt: str, relation: str) -> None:
+    reading = reader.read(prompt)
+    nouns = [thing.noun for thing in reading.things]
+    assert [f"{nouns[one.subject]} {one.word} {nouns[one.object]}" for one in reading.relations] == [relation]
+
+
+@pytest.mark.parametrize(
     ("prompt", "count"), [("five boys walking", 5), ("a family of ducks", 4), ("a boy running", 1)]
 )
 def test_those_who_do_something_are_counted(reader: PromptReader, prompt: str, count: int) -> None:

@@ -186,7 +186,7 @@ GOATS = Thing("goat", "goat", count=None, plural="goats")
         (Reading((GOAT, BEARD), (Relation(0, "with", 1),)), "Begun with 'goat' (pictures)."),
         (
             Reading((MEADOW, GOATS), (Relation(0, "of", 1),)),
-            "Begun with 'goat' (pictures, 7 times), on meadow.",
+            "Begun with 'goat' (pictures, 8 times), on meadow.",
         ),
         (
             Reading((SOUND, GOATS), (Relation(0, "of", 1),)),

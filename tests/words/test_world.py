@@ -13,7 +13,7 @@ def test_sizes_come_from_what_is_similar() -> None:
     assert known_like("elephant", bag).height == pytest.approx(3.2, rel=0.2)
     assert known_like("moon", bag).where == "air" and known_like("dress", bag).where == "worn"
     places = ("ground", "person", "animal", "air", "water", "worn", "held", "head", "face", "neck", "top", "seat",
-              "body", "plant", "wall")  # fmt: skip
+              "body", "plant", "wall", "clear")  # fmt: skip
     assert all(thing.height > 0 and thing.where in places for thing in known_things())
     assert known_like("plate", bag).where == "seat", "what is on it lies in it"
     assert known_like("spider web", bag).where == "seat" and known_like("umbrella", bag).where == "held"

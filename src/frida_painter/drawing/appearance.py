@@ -102,7 +102,7 @@ def _bite(picture: Tensor) -> Tensor:
     return torch.cat((picture[:3], picture[3:] * ~torch.stack(bites).any(0)))
 
 
-def _turn(picture: Tensor, degrees: float) -> Tensor:
+def turn(picture: Tensor, degrees: float) -> Tensor:
     """Returns a picture turned to the right."""
     _, rows, columns = picture.shape
     around = math.ceil((math.hypot(rows, columns) - min(rows, columns)) / 2) + 1
@@ -140,6 +140,7 @@ def _pattern(picture: Tensor, kind: str) -> Tensor:
     pattern = {
         "stripes": (12 * (x + 0.25 * y)) % 1 < 0.45,
         "dots": ((9 * x + 0.5 * ((9 * y) // 1 % 2)) % 1 - 0.5) ** 2 + ((9 * y) % 1 - 0.5) ** 2 < 0.09,
+        "spots": _noise(picture, 11) + 0.3 * _noise(picture, 23) > 0.82,
         "checks": ((8 * x) % 1 < 0.5) ^ ((8 * y) % 1 < 0.5),
         "stitches": (26 * (y + 0.04 * ((13 * x) % 1 - 0.5).abs() * 2)) % 1 < 0.3,
     }[kind]
@@ -159,7 +160,8 @@ class Appearance(NamedTuple):
 
 _CHANGES: dict[str, Callable[..., Tensor]] = {
     "bulge": _bulge, "bend": _bend, "crack": _crack, "blotch": _blotch, "bury": _bury, "melt": _melt,
-    "pattern": _pattern, "make": _make_of, "steam": _steam, "bite": _bite, "turn": _turn,
+    "pattern": _pattern, "make": _make_of, "steam": _steam, "bite": _bite, "turn": turn, 
+    "lean": lambda picture, by: turn(picture, by if picture.shape[1] > 1.3 * picture.shape[2] else 0),
 }  # fmt: skip
 
 

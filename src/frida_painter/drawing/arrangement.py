@@ -6,13 +6,16 @@ Lengths are relative: x points right, y up from the floor. The composition scale
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
-from frida_painter.drawing.compositing import resize, stack
+from frida_painter.drawing.appearance import turn
+from frida_painter.drawing.compositing import crop, resize, stack
 from frida_painter.drawing.figures import Figure
+from frida_painter.drawing.tables import read_rows
 
 _GROWTH = 0.6  # exponent from the height in the world to the height in a picture
 _MIN = 0.3  # least height of a thing, relative to the tallest
@@ -39,41 +42,27 @@ _CARRIED, _HANDLED = 0.62, 0.3  # height in the world, by a person's, of a thing
 _INTO, _INSIDE, _SILL = 0.4, 0.75, 0.42  # the same for things to be in, and for cars; height of a car's window
 _LENGTHY = 1.5  # height by width of a broom, which may reach the floor
 _LIGHT = 0.8  # share of its size that a thing keeps in the hands
-_CROWN = 0.1  # share of a picture's height at its top that counts as the head
+_CROWN, _HEAD = 0.1, 0.45  # shares of a picture's height at its top: the crown, and an animal's head
 _EARS = 0.2  # of a picture's width, within which two ears belong to one head
 _HAT, _LARGEST_HAT, _PULLED_DOWN = 1.25, 0.35, 0.3  # of the head's width, of the wearer's height, of its own height
 _WORN = {"head": 0.0, "face": 0.55, "neck": 1.2}  # of the head's width: depth of what is worn there, below the top
+_BOUQUET, _FAN = 1.3, 60  # greatest height and width of flowers, by those of their vase, and the angle of a bunch
+_BOTTOM, _CLEAR, _BITE = 0.15, 0.65, 0.4  # bottom of clear things; sizes of things in them, and in a mouth
 _SIDE = 256  # pixels of one of several copies
-_KINDS = {
-    "on": ("on", "on top of", "upon", "onto", "riding", "crossing"),
-    "in": ("in", "inside", "into", "within", "out of", "rowing", "driving", "paddling", "sailing"),
-    "around": ("of",),
-    "under": ("under", "below", "beneath", "underneath"),
-    "over": ("over", "above", "across"),
-    "beside": ("beside", "next to"),
-    "near": ("near", "by", "along", "around", "at"),
-    "behind": ("behind", "among", "amid"),
-    "front": ("in front of", "before", "against", "between"),
-    "with": ("with", "playing", "wearing"),
-    "hold": ("holding", "carrying", "hugging"),
-}
-_KINDS |= {"lap": ("on lap", "in lap", "on knee"), "shoulder": ("on shoulder",), "back": ("on back",)}
 _MEANT = {("water", "on"): "in", ("seat", "in"): "on"}  # where people are who are on a boat, or in a chair
-_OPPOSITE = {"on": "beneath", "in": "around", "under": "shelter", "behind": "front"}
+_OPPOSITE = {"on": "beneath", "in": "around", "under": "shelter", "behind": "front", "taller": "shorter"}
 _OPPOSITE |= {other: kind for kind, other in _OPPOSITE.items()} | {"over": "under"}
 RIDES = {"lap": (0.45, 0.35), "shoulder": (0.6, 0.22), "back": (0.45, 0.22)}
 """Greatest heights of people and of animals on somebody, by whose body they are on."""
-_STOOD_BY = ("on", "in", "under", "over", "behind", *RIDES)  # the objects of these relations are placed first
+_STOOD_BY = (*"on in under over behind hang atop mouth".split(), *RIDES)  # the objects of these are placed first
 
 
+@cache
 def kind_of(word: str) -> str:
-    """Returns the kind of arrangement of a preposition or a verb, such as "on"; "" puts things side by side.
-
-    All verbs that have no kind of their own are "doing".
-    """
-    said = (word, word.rpartition(" ")[0])  # asleep on a chest
-    named = next((kind for one in said for kind, words in _KINDS.items() if one in words), "")
-    return named or ("doing" if word.endswith("ing") else "")
+    """Returns the kind of arrangement of a preposition or a verb in `relations.txt`; "" puts things side by side."""
+    kinds = {one: kind for kind, words in read_rows("drawing/relations.txt") for one in words.split(", ")}
+    said = next((one for one in (word, word.rpartition(" ")[0]) if one in kinds), "")  # asleep on a chest
+    return kinds.get(said, "doing" if word.endswith("ing") else "")
 
 
 class Known(NamedTuple):
@@ -125,7 +114,7 @@ class Placed(ScenePart):
     x: float = 0.0
     y: float = 0.0
     height: float = 1.0
-    depth: int = 0
+    depth: float = 0
     hidden: float = 0.0
     dip: float = 0.0
 
@@ -149,8 +138,13 @@ def arrange_parts(parts: Sequence[ScenePart | None], relations: Sequence[Relatio
     usable = [
         _turn(one, shown) for one in relations if one.subject != one.object and {one.subject, one.object} <= {*shown}
     ]
+    inside = {one.subject: one.object for one in usable if kind_of(one.word) == "in"}
+    for number, one in enumerate(usable):  # what is in a pot on a table is in the pot, which is on the table
+        if kind_of(one.word) == "on" and inside.get(one.subject, one.object) != one.object:
+            usable[number] = replace(one, subject=inside[one.subject])
     floor = [number for number in shown if known[number] != "air"] or list(shown)
-    first = next((one.object for one in usable if kind_of(one.word) in _STOOD_BY), floor[0])
+    standing = [one for one in usable if kind_of(one.word) in _STOOD_BY]
+    first = next((one.object for one in standing if one.object not in {one.subject for one in standing}), floor[0])
     top = next((number for number in shown if known[number] == "top"), None)
     related = {first, *(number for one in usable for number in (one.subject, one.object))}
     for number in sorted({*shown} - related):  # a lamp beside a table is on it, a clock on the wall, and a bird above
@@ -188,7 +182,8 @@ def _turn(relation: Relation, shown: Mapping[int, ScenePart]) -> Relation:
     on a boat sits in it, and a hat is not around its wearer."""
     subject, other = shown[relation.subject].known, shown[relation.object].known
     tops = [relation.subject, *shown] if subject.where not in ("person", "animal") else []
-    top = next((number for number in tops if shown[number].known.where == "top"), relation.object)
+    carriers = {relation.subject: ("top", "seat")}
+    top = next((one for one in tops if shown[one].known.where in carriers.get(one, ("top",))), relation.object)
     if relation.word == "with" and top != relation.object and other.height < shown[top].known.height:
         return Relation(relation.object, "on", top)
     if subject.where == "person" and (other.where, relation.word) in _MEANT:
@@ -231,21 +226,14 @@ class _Anchor(NamedTuple):
     up: float = 0.0
     aside: float = 0.0
     sinks: float = 0.0
-    depth: int = 1
+    depth: float = 1
     least: float = 0.0
     most: float = math.inf
 
 
-_ANCHORS = (  # kinds of relations, and usual places of a thing; "" for all
-    ("over", "air", _Anchor(0.3, 1.04, depth=-1)),
-    ("with hold doing beside near shelter", "air", _Anchor(0.5, 0.78, aside=-0.5)),
-    ("with hold doing beside near front shelter", "wall", _Anchor(0.2, 0.6, depth=-2)),
-    ("with hold", "held", _Anchor(0.4, _HAND[1], depth=-1, most=0.8)),
-    ("under", "", _Anchor(most=0.5)),
-    ("over", "", _Anchor(0.0, 1.04, depth=-1)),
-    ("behind", "", _Anchor(0.45, 0.08, depth=-1, least=0.85)),
-    ("front", "", _Anchor(-0.3, -0.06)),
-)
+@cache
+def _anchors() -> list[tuple[list[str], str, _Anchor]]:
+    return [(one.split(), only, _Anchor(*map(float, at.split()))) for one, only, at in read_rows("drawing/anchors.txt")]
 
 
 def _put(mine: Placed, other: Placed, kind: str) -> tuple[Placed, Placed] | None:
@@ -288,6 +276,8 @@ def _anchor(mine: Placed, other: Placed, kind: str) -> _Anchor | None:
         most = math.inf if is_small else max(0.62, 0.6 * mine.height / other.height)
         if other.known.height < _DISH and other.width > _FLAT * other.height and where not in ("person", "animal"):
             return _Anchor(up=_AMID, most=_WITHIN * other.width * shape / other.height)
+        if other.known.where == "seat" and where not in ("person", "animal"):
+            most = min(most, _WITHIN * other.width * shape / other.height)
         up = _SEAT if other.known.where == "seat" else _top(other.picture, mine.width / max(other.width, 1e-6))
         hips = mine.figure.holds.get("hips", (0.0, 0.0)) if mine.figure else (0.0, 0.0)
         return _Anchor(up=up, aside=hips[0], sinks=(mine.figure.seat if mine.figure else 0.0) or _SINKS, most=most)
@@ -296,25 +286,42 @@ def _anchor(mine: Placed, other: Placed, kind: str) -> _Anchor | None:
             return _Anchor(-0.2, -0.06)  # in a house, so in front of it
         if other.known.height > _INSIDE * mine.known.height:  # in a car, at its window
             return _Anchor(up=_SILL, sinks=_TO_THE_HIPS, least=1.0, most=1.0)
+    if kind == "in" and other.known.where == "clear" and where != "plant":
+        return _Anchor(up=_BOTTOM, most=min(_CLEAR, _CLEAR * other.width * shape / other.height))
+    if kind == "hang" and mine.figure is None:
+        under = 1 - _top(other.picture.flip(1), 0.2)
+        return _Anchor(up=max(under, _AMID) if other.known.where == "plant" else under, sinks=1 - _SINKS / 2)
     if kind == "in":
         hidden, (rim, deep) = _HIDDEN if mine.figure is None else _TO_THE_HIPS, _rim(other.picture)
-        most = min(0.8, _FITS * other.width * shape / other.height)
+        most, wide = (_BOUQUET, _BOUQUET) if where == "plant" else (0.8, _FITS)
+        most = min(most, wide * other.width * shape / other.height)
         return _Anchor(up=rim - max(_SINKS, _ABOVE * deep), sinks=hidden, least=min(hidden, most), most=most)
-    if kind == "with" and where in _WORN:
+    if kind in ("hold", "mouth") and other.known.where in ("animal", "air") and where != "person":
+        return _at_mouth(other, shape)
+    if kind == "atop" or (kind == "with" and where in _WORN):
         middle, wide = _find_head(other.picture)
         size = min(_HAT * wide * other.width * shape / other.height, _LARGEST_HAT)
-        up = 1 - _WORN[where] * wide * other.width / other.height - (_PULLED_DOWN if where == "head" else 0.5) * size
-        return _Anchor(middle, up, least=size, most=size)
+        deep, sinks = (_WORN[where], 0.5) if where in ("face", "neck") else (0.0, _PULLED_DOWN)
+        return _Anchor(middle, 1 - deep * wide * other.width / other.height - sinks * size, least=size, most=size)
     if kind in ("with", "hold", "doing") and other.known.where == "person" and where not in ("air", "wall"):
         return _in_hand(mine, other, kind)
     if kind == "with" and mine.height <= 0.6 * other.height and where != "held":
-        return _Anchor(across=0.4)
+        return _Anchor(across=0.5, aside=-0.3)
     if kind == "shelter" and where == "held":  # an umbrella over somebody
         return _Anchor(up=0.85, depth=-1, least=max(1.25 * other.width, 0.7 * other.height) * shape / other.height)
     if kind == "shelter" and where not in ("air", "wall"):  # a tree stands behind those under it
         aloft = max(0.0, other.y) / other.height
         return _Anchor(up=-aloft, depth=-2, least=_TALLER * (1 + aloft))
-    return next((anchor for kinds, only, anchor in _ANCHORS if kind in kinds.split() and only in ("", where)), None)
+    return next((anchor for kinds, only, anchor in _anchors() if kind in kinds and only in ("", where)), None)
+
+
+def _at_mouth(other: Placed, shape: float) -> _Anchor:
+    """Returns where a thing of a shape is that an animal has in its mouth: at the outer edge of its head."""
+    seen = other.picture[3] > 0.5
+    head = seen[: max(1, round(_HEAD * len(seen)))].nonzero()
+    is_right = 2 * int(head[0, 1]) > seen.shape[1]  # where the highest part is
+    edge = head[int(head[:, 1].argmax() if is_right else head[:, 1].argmin())].tolist()
+    return _Anchor(edge[1] / seen.shape[1] - 0.5, 1 - edge[0] / len(seen), sinks=0.5, most=_BITE * min(1.0, shape))
 
 
 def _in_hand(mine: Placed, other: Placed, kind: str) -> _Anchor:
@@ -402,12 +409,18 @@ def copies(pictures: Sequence[Tensor], where: str, seed: int, *, leans: bool = F
     """Returns several pictures of a thing as one picture [4, h, w].
 
     leans: True if none may be mirrored, because all lean in the wind
-    where: "air" to scatter them, "seat" for one row; otherwise they form rows on a floor, the rear ones smaller
+    where: "air" to scatter them, "seat" for one row, "bunch" for a fan; otherwise they form rows on a floor, the rear
+        ones smaller
     seed: of the random positions and sizes
     """
     count = len(pictures)
     if count == 1:
         return pictures[0]
+    if where == "bunch":
+        spread = [_FAN * (number / (count - 1) - 0.5) for number in range(count)]
+        feet = [stack([(one, 0, 0)], 2 * one.shape[1], one.shape[2]) for one in pictures]
+        turned = [(turn(one, degrees), 0, 0) for one, degrees in zip(feet, spread, strict=True)]
+        return crop(stack(turned, *turned[0][0].shape[1:]))
     generator = torch.Generator().manual_seed(seed)
     pictures, air = [resize(one, _SIDE / max(one.shape[1:])) for one in pictures], where == "air"
     _, high, wide = pictures[0].shape

@@ -44,6 +44,8 @@ def recolor(drawing: Tensor, color: Tensor) -> Tensor:
     contrast = _CONTRAST
     if float(alike[seen].float().mean()) < _PATCH:  # a brown dog has no black and white patches
         patches = lab[:, 1:].norm(dim=1) <= _COLORLESS
+        is_gray = float(patches[seen].float().mean()) > 1 - _PATCH
+        patches = patches & (lab[:, 0] > _DARKEST) if is_gray else ~patches  # a toy in all colours
         alike, contrast = patches if passes else alike | patches, 0.5 * _CONTRAST
     elif passes:
         return drawing

@@ -78,6 +78,7 @@ def stands(table: str = "scenery.txt") -> dict[str, Stand]:
 
 _CALLED = 0.8  # similarity above which a name means a stand
 _WORTH = 0.7  # realism of a drawing, between those of photographs and of other drawings
+_BETTER = 1.5  # the same for drawings of things without a good picture
 
 
 def find_stand(name: str, sentences: SentenceEncoder, place: Place = NOWHERE) -> Stand | None:
@@ -536,7 +537,7 @@ class DrawnScenery:
             for word in stand.words
             if not stand.is_indoors and (stand.name in word or not _is_row(stand))  # a field of tulips is none of them
         ]
-        return [Captioned(stand.name, (word,), _WORTH) for stand, word in drawn]
+        return [Captioned(stand.name, (word,), _WORTH if stand.name in stands() else _BETTER) for stand, word in drawn]
 
     def pictures(self, file: str) -> list[Tensor]:
         """Returns the drawing of a thing in daylight."""

@@ -21,6 +21,7 @@ from frida_painter.words.reading import COLORS, GROUPS, PEOPLE, Reading, Thing, 
 from frida_painter.words.retrieval import FoundPicture, PictureIndex, is_upright
 from frida_painter.words.world import is_part_of_body, is_person, known_like
 
+_EXACT = 0.98  # similarity above which one picture shows a measure with its content
 CALLED = 0.9
 """Similarity above which a picture is of the thing itself."""
 
@@ -91,9 +92,12 @@ def cast(
         if not {one.subject, one.object} <= {*wanted}:
             continue
         first, second = wanted[one.subject], wanted[one.object]
-        if one.word == "of" and second.uncounted:
-            name, at = f"{first.name} of {second.name}", (*first.at, *second.at)
-            first = replace(first, name=name, noun=second.noun, color=second.color, at=at)
+        at, name = (*first.at, *second.at), f"{first.name} {one.word} {second.plural or second.name}"
+        is_one = one.word in ("of", "with", "in") and index.nearest(Thing(name, name)) >= _EXACT
+        lives = any(sense.is_kind_of(senses_of("animal")[0]) for sense in senses_of(second.noun)[:1])
+        if is_one or (one.word == "of" and second.uncounted and not lives):
+            noun, color = (first.noun, first.color or second.color) if is_one else (second.noun, second.color)
+            first = replace(first, name=name, noun=noun, color=color, at=at)
         elif one.word in ("in", "with") and one.object in garments and is_person(first.name, sentences):
             dressed[one.subject].append((second, garments[one.object]))
         elif one.word in ("in", "with") and known_like(second.name, sentences).where == "worn":

@@ -50,7 +50,9 @@ PEOPLE = (SOMEBODY, "someone", "everybody", "everyone")
 _TOGETHER = {"twin": 2, "parent": 2, "grandparent": 2, "newlywed": 2, "triplet": 3}  # numbers of people in a plural
 _TOLD_OF = ("he", "she", "they")  # pronouns for the first thing: my dog, he is brown
 _SIDES = {"front": "in front of", "foreground": "in front of", "top": "on", "middle": "in", "side": "beside",
-          **dict.fromkeys(("back", "background", "distance"), "behind")}  # fmt: skip
+          "inside": "in", "it": "", "them": "",  # in it
+          **dict.fromkeys(("mouth", "beak", "paws", "trunk"), "in the mouth of"), "head": "on the head of",
+          "nose": "on the head of", **dict.fromkeys(("back", "background", "distance"), "behind")}  # fmt: skip
 """Nouns for the place of a thing by another one: a cake with strawberries on top."""
 _NEVER = ("come", "arrive", "return", "exist", "answer")  # somebody who doesn't come is not seen
 _ASKED = re.compile(
@@ -266,9 +268,10 @@ class PromptReader:
             one, kind = word.text.removesuffix("s"), word.tag_
             if one != word.text and one in self._nouns and (kind == "NNP" or (kind == "NNS" and one[-2:] == "ie")):
                 word.pos_, word.tag_, word.lemma_ = "NOUN", "NNS", one  # kids, and cookies, which are no cooks
-            if word.tag_ == "VBD" and before.lower_ in COLORS and before.head == word:  # a red rose
-                _put_in_place(word, before, "amod", before.lefts)
-                word.pos_, word.tag_, word.lemma_, before.pos_ = "NOUN", "NN", word.lower_, "ADJ"
+            if word.tag_ == "VBD" and before.head == word and (before.lower_ in COLORS or before.dep_ == "det"):
+                role = ("amod", "ADJ") if before.lower_ in COLORS else ("det", "DET")
+                _put_in_place(word, before, role[0], before.lefts)  # a red rose
+                word.pos_, word.tag_, word.lemma_, before.pos_ = "NOUN", "NN", word.lower_, role[1]
             is_last = word.i + 1 == len(parsed) and _is_noun(before) and word.pos_ in ("AUX", "ADJ")
             is_after = word.i > word.head.i and word.pos_ in ("ADJ", "ADV", "X", "INTJ")
             if word.tag_ in ("VB", "VBP") and word.dep_ == "ROOT" and before.tag_ in ("NN", "NNP"):
@@ -294,6 +297,8 @@ class PromptReader:
         shown = {word.lower_: one for word in _children(noun, "prep") for one in _children(word, "pobj")}
         last = next((word for word in _children(noun, "appos", "amod", "advmod", "acl") if word.i == noun.i + 1), None)
         before = [word for word in noun.lefts if word.dep_ in ("compound", "amod")]
+        if noun.tag_ == "JJR" and before and noun.i + 1 < len(noun.doc) and noun.nbor().lower_ == "than":
+            _put_in_place(before[-1], noun, "amod", [word for word in noun.lefts if word != before[-1]])
         stem = noun.text.removesuffix("ing")
         is_verb = stem != noun.text and bool(self._verbs & {stem, f"{stem}e", stem[:-1]})
         actors = before or _children(noun, "nsubj")
@@ -415,21 +420,26 @@ class _Walk:
             self.things.append(_describe_noun(noun))
 
     def _relate(self, noun: Token) -> None:
-        """Adds the relations of the object of a preposition. "In front of" and "next to" count as one word."""
+        """Adds the relations of the object of a preposition. "In front of" and "taller than" count as one word."""
+        if noun.dep_ == "advmod" and noun.lower_ == "inside":
+            self._turn(self._subjects(noun.head), _SIDES[noun.lower_], (noun.i,))
         if noun.dep_ != "pobj":
             return
         words = [noun.head]
         while words[0].dep_ not in ("conj", "ROOT") and (
-            words[0].head.pos_ in ("ADP", "ADV") or _is_between(words[0].head)
+            words[0].head.pos_ in ("ADP", "ADV")
+            or words[0].head.tag_ == "JJR"
+            or _is_between(words[0].head)
+            or (kind_of(f"{words[0].head.lower_} {words[0].lower_}") == "hang" and not _children(words[0].head, "dobj"))
         ):
             words.insert(0, words[0].head)
-        subjects = [] if words[0].head == words[0] else self._subjects(words[0].head)
+        subjects = self._subjects(words[0] if words[0].pos_ == "VERB" else words[0].head)
         told = [one for one in _children(words[0].head, "dative", "prep") if one.lower_ == "to" and one.i < words[0].i]
         heard = [one for word in told for one in _children(word, "pobj") if "person" in kinds_of(one.lemma_)]
         subjects = self._joined(heard[-1]) if heard else subjects  # the listeners are in bed
         at = tuple(word.i for word in words)
         if _is_side(noun):
-            self._turn(subjects, _SIDES[noun.lower_], (*at, noun.i))
+            self._turn(subjects, _SIDES[noun.lower_] or words[0].lower_, (*at, noun.i))
         self._join(subjects, " ".join(word.lower_ for word in words), noun, at)
 
     def _turn(self, subjects: list[int], said: str, at: tuple[int, ...]) -> None:
@@ -441,7 +451,7 @@ class _Walk:
     def _act(self, verb: Token) -> None:
         """Gives the actors of a verb their action, and adds its relations to its objects."""
         is_state = verb.pos_ == "ADJ" and (verb.i > verb.head.i or bool(_children(verb, "nsubj")))  # asleep in a chair
-        if is_state and verb.dep_ == "conj" and verb.head.pos_ == "ADJ":
+        if is_state and (verb.tag_ == "JJR" or (verb.dep_ == "conj" and verb.head.pos_ == "ADJ")):
             return
         if not is_state and (verb.pos_ not in ("VERB", "AUX") or _is_in_a_name(verb)):
             return
@@ -535,7 +545,9 @@ def _gerund(verb: Token) -> str:
 
 def _is_side(noun: Token) -> bool:
     """Returns True for the place of another thing: strawberries on top, hills in the background, but no red top."""
-    return noun.lower_ in _SIDES and noun.dep_ == "pobj" and all(word.lower_ == "the" for word in noun.lefts)
+    is_body = _SIDES.get(noun.lower_, "").endswith(" of")
+    is_side = all(word.tag_ == "PRP$" if is_body else word.lower_ == "the" for word in noun.lefts)
+    return noun.lower_ in _SIDES and noun.dep_ == "pobj" and is_side
 
 
 def _is_owner(noun: Token) -> bool:
@@ -592,7 +604,7 @@ def _children(word: Token, *kinds: str) -> list[Token]:
 
 
 def _is_noun(word: Token) -> bool:
-    return word.pos_ in ("NOUN", "PROPN", "PRON")
+    return word.pos_ in ("NOUN", "PROPN", "PRON") and word.tag_ not in ("WDT", "WP")  # a dog that sits
 
 
 def _color(words: list[Token], noun: Token) -> tuple[str, list[Token]]:

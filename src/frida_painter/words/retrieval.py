@@ -60,8 +60,9 @@ def _fit_to(thing: Thing, picture: Tensor) -> float:
         sizes = cv2.connectedComponentsWithStats(seen.byte().numpy())[2][1:, cv2.CC_STAT_AREA]
         score -= _PARTED * (1 - float(sizes.max(initial=1)) / max(1, int(sizes.sum())))
     if paint is not None and bool(seen.any()):
-        away = (to_lab(picture[:3, seen].T) - to_lab(paint)).norm(dim=1)
-        score += _HAS_COLOR * float((away < _NEAR_COLOR).float().mean())
+        for one in (picture, recolor(picture, paint)):  # a bicycle whose frame cannot be red is none to be painted so
+            away = (to_lab(one[:3, seen].T) - to_lab(paint)).norm(dim=1)
+            score += _HAS_COLOR / 2 * float((away < _NEAR_COLOR).float().mean())
     return score
 
 
@@ -108,6 +109,7 @@ def _spoken(title: str, thing: Thing) -> float:
     words = set(title.split())
     wanted = {*thing.name.split(), *thing.color.split(), thing.doing, thing.plural} - {""}
     said = sum(any(word.startswith(one) and len(word) <= len(one) + _ENDING for one in wanted) for word in words)
+    said += 2 * any(word in words for word in thing.doing.split())  # who sleeps is not awake
     is_more = thing.count not in (None, 2) and "".join(_names(title)[-1:]) in (f"{thing.noun}s", thing.plural)
     return _SAYS * said - _ADDS * (len(words) - said) - _MORE * is_more
 

@@ -7,12 +7,7 @@ from dataclasses import replace
 
 from frida_painter.drawing.appearance import Appearance, change_looks, in_weather, looks_of
 from frida_painter.drawing.arrangement import Relation, ScenePart, arrange_parts, copies, kind_of
-from frida_painter.drawing.composition import (
-    ComposedScene,
-    compose_mood,
-    compose_photograph,
-    compose_scene,
-)
+from frida_painter.drawing.composition import ComposedScene, compose_mood, compose_photograph, compose_scene
 from frida_painter.drawing.lights import CLEAR, DAY, Light, dye, find_weather, go_together, rank_lights
 from frida_painter.drawing.places import NOWHERE, Dressing, Place, Setting
 from frida_painter.drawing.scenery import Stand
@@ -30,7 +25,7 @@ from frida_painter.words.world import is_person, known_like
 
 _CROWDED = ("busy", "crowded", "bustling", "packed", "lively")
 _HAS = ("with", "having", "on")  # words between a whole and its part
-_IN_A_FIELD = 7  # number of things that a place is full of
+_IN_A_FIELD = 8  # number of things that a place or a bowl is full of
 
 
 def scene_of(
@@ -125,6 +120,7 @@ def _parts_of(
     sentences: SentenceEncoder,
 ) -> list[ScenePart | None]:
     """Returns the things with their looks, in the weather, and all their copies, ready to be placed."""
+    held = {one.subject for one in (_as_meant(one, things) for one in reading.relations) if kind_of(one.word) == "in"}
     is_flown = any(relation.word == "flying" for relation in reading.relations)  # a kite of somebody on the ground
     parts: list[ScenePart | None] = [None] * len(things)
     for number, one in enumerate(things):
@@ -143,7 +139,8 @@ def _parts_of(
         picture, size = change_looks(colored, mine)
         picture = in_weather(picture, setting.weather, known.where, mine)
         leans = picture.shape != colored.shape
-        picture = copies([picture] * one.shown, known.where, seed + number, leans=leans)
+        where = "bunch" if number in held and known.where == "plant" else known.where
+        picture = copies([picture] * one.shown, where, seed + number, leans=leans)
         parts[number] = ScenePart(picture, known, one.figure, size)
     return parts
 
@@ -153,15 +150,16 @@ def _as_meant(relation: Relation, things: Cast) -> Relation:
     figure = getattr(things[relation.subject], "figure", None)
     is_part = figure is not None and not figure.seat and f" {relation.word} " in figure.does
     is_part = is_part or (figure is not None and relation.word == "out of")  # to take bread out of an oven
-    if relation.word == "with" and _is_container(relation.subject, things) > _is_container(relation.object, things):
+    if relation.word == "with" and _contains(things[relation.subject]) > _contains(things[relation.object]):
         relation = Relation(relation.object, "in", relation.subject, relation.at)  # a vase with tulips
     return replace(relation, word="doing") if is_part else relation
 
 
-def _is_container(number: int, things: Cast) -> bool:
-    one = things[number]
-    kinds = [kind.words for sense in senses_of(one.thing.noun)[:1] for kind in sense.kinds] if one is not None else []
-    return any("container" in words for words in kinds)
+def _contains(one: FoundPicture | Thing | None) -> bool:
+    """Returns True for a container; a cup of tea is shown with its tea, so it is none."""
+    thing = one.thing if isinstance(one, FoundPicture) else one
+    kinds = [kind.words for sense in senses_of(thing.noun)[:3] for kind in sense.kinds] if thing is not None else []
+    return thing is not None and " of " not in thing.name and any("container" in words for words in kinds)
 
 
 def _looks_of(
@@ -209,11 +207,12 @@ def _people_place(reading: Reading, place: Place, *, is_busy: bool) -> Reading:
 
 
 def _fill_fields(reading: Reading, seen: Seen) -> Reading:
-    """Returns the reading with many of the things that a place is full of: a field of tulips, a pumpkin patch."""
+    """Returns the reading with many of what something is full of: a field of tulips, a pumpkin patch, a bowl of lemons."""
     fields = [thing.at for thing, _, part in seen if isinstance(part, Place)]
-    full = {one.object for one in reading.relations if one.word == "of" and reading.things[one.subject].at in fields}
+    wholes = {number for number, thing in enumerate(reading.things) if thing.at in fields or _contains(thing)}
+    full = {one.object for one in reading.relations if one.word == "of" and one.subject in wholes}
     things = tuple(
-        replace(thing, count=_IN_A_FIELD) if number in full and thing.count is None else thing
+        replace(thing, count=_IN_A_FIELD) if number in full and (thing.count is None or thing.uncounted) else thing
         for number, thing in enumerate(reading.things)
     )
     grown, relations = list[Thing](), list[Relation]()

@@ -218,7 +218,9 @@ def _stands_in(
     left = [number for number in range(len(reading.things)) if number not in settled]
     has_glass = any(scenery.stands()[what].has_glass for one in place.layers for what in one.what.split("+") if what)
     found: dict[int, Stand] = {}
-    for number in left:
+    held = [one for one in reading.relations if one.word in ("of", "in") and {one.subject, one.object} <= {*left}]
+    inner = {one.object if one.word == "of" else one.subject for one in held}  # fish in a bowl are none of a room
+    for number in sorted({*left} - inner):
         thing = reading.things[number]
         is_own = index is not None and index.nearest(thing) >= OWN
         is_mass = thing.uncounted and any(one.object == number for one in reading.relations)  # in blossom
