@@ -54,7 +54,7 @@ _OPPOSITE = {"on": "beneath", "in": "around", "under": "shelter", "behind": "fro
 _OPPOSITE |= {other: kind for kind, other in _OPPOSITE.items()} | {"over": "under"}
 RIDES = {"lap": (0.45, 0.35), "shoulder": (0.6, 0.22), "back": (0.45, 0.22)}
 """Greatest heights of people and of animals on somebody, by whose body they are on."""
-_STOOD_BY = (*"on in under over behind hang atop mouth".split(), *RIDES)  # the objects of these are placed first
+_STOOD_BY = ("on", "in", "under", "over", "behind", "hang", "atop", "mouth", *RIDES)  # their objects are placed first
 
 
 @cache
