@@ -15,7 +15,7 @@ def test_a_feeling_is_an_idea_and_a_thing_is_none() -> None:
 
 
 def layers_of(*things: Thing, relations: tuple[Relation, ...] = ()) -> tuple[set[str], set[int]]:
-    """What the layers of the setting of some things are of, and the numbers of the things that are only part of it."""
+    """Returns the things in the layers of a setting, and the numbers of the things that are only part of it."""
     said = tuple(SaidWord(at, word, word, "thing") for thing in things for at, word in zip(
         thing.at, thing.name.split(), strict=True))  # fmt: skip
     setting, settled, _ = setting_of(Reading(things, relations, said=said), None, QuickEncoders())
