@@ -1,10 +1,21 @@
 """Scenery of places in perspective, and the things that stand in it."""
 
+from dataclasses import replace
+
 import pytest
 import torch
 
 from frida_painter.drawing.lights import find_light, find_weather
-from frida_painter.drawing.places import Place, Setting, find_place, join, known_places
+from frida_painter.drawing.places import (
+    Dressing,
+    Place,
+    Setting,
+    find_place,
+    join,
+    known_dressings,
+    known_places,
+    with_layers,
+)
 from frida_painter.drawing.scenery import (
     DrawnScenery,
     Stand,
@@ -44,6 +55,29 @@ def test_every_stand_is_drawn_whole(stand: Stand) -> None:
     assert len({*stand.words}) == len(stand.words) and 0 < stand.height < 3
     for part in drawn[3, -1], drawn[3, 0], drawn[3, :, 0], drawn[3, :, -1]:  # trimmed on all sides
         assert float(part.max()) > 0
+
+
+@pytest.mark.parametrize("dressing", known_dressings(), ids=lambda dressing: dressing.name)
+def test_a_dressing_is_seen_in_the_places_that_it_is_for(dressing: Dressing) -> None:
+    for name, layers in (("meadow", dressing.outdoors), ("room", dressing.indoors)):
+        setting = Setting(with_layers(replace(find_place(name), layers=()), layers), is_named=True)
+        ground = setting.ground(GRID, 0)
+        changed = (draw_scenery(ground, setting, 0) - ground).abs().amax(0).gt(0.05).float().mean()
+        assert (float(changed) > 0.005) == bool(layers)
+
+
+def test_colors_take_turns_shine_or_let_light_through() -> None:
+    night = Setting(light=NIGHT)
+    plain, shining = Stand(("lamp",), "red/blue", 1, ()), Stand(("lamp",), "white", 1, ())
+    square = ["-.4,0", ".4,0", ".4,1", "-.4,1"]
+    by_turns = [draw_stand(plain._replace(shapes=(("area", "@", *square),)), Setting(), number) for number in (0, 1)]
+    assert [int(one[:3, 40, 40].argmax()) for one in by_turns] == [0, 2]
+    dark, light, thin = (
+        draw_stand(shining._replace(shapes=(("area", color, *square),)), night, 0)
+        for color in ("#ffffff", "!#ffffff", "#ffffff80")
+    )
+    assert float(dark[:3, 40, 40].max()) < 0.6 < 0.95 < float(light[:3, 40, 40].min())
+    assert float(thin[3, 40, 40]) == pytest.approx(0.5, abs=0.01)
 
 
 def test_what_must_not_be_seen_is_left_out() -> None:

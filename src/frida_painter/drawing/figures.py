@@ -58,6 +58,7 @@ class Clothes(NamedTuple):
     """Clothes of people: names of those who wear them, colours, cut, and shapes, as `clothes.txt` explains.
 
     A garment has its own names and colour, what it dyes, and a cut or "-", as `garments.txt` explains.
+    kinds: first words of the clothes that several people have in turn: boys' and girls' of children
     """
 
     words: tuple[str, ...]
@@ -65,6 +66,7 @@ class Clothes(NamedTuple):
     bottom: Color
     cut: str
     shapes: _Shapes = ()
+    kinds: tuple[str, ...] = ()
 
     def put_on(self, garment: Clothes, color: str) -> Clothes:
         """Returns the clothes with a garment of that colour over them or instead of them."""
@@ -106,7 +108,9 @@ def tools() -> tuple[Tool, ...]:
 @cache
 def wardrobe(file: str = "clothes.txt") -> tuple[Clothes, ...]:
     """Returns a table of clothes: of people, or "garments.txt"."""
-    return tuple(Clothes(words, top, bottom, cut, some) for (words,), (top, bottom, cut), some in _rows(file))
+    return tuple(
+        Clothes(words, top, bottom, cut, some, *kinds) for (words, *kinds), (top, bottom, cut), some in _rows(file)
+    )
 
 
 _Row = TypeVar("_Row", bound=Pose | Clothes | Tool)

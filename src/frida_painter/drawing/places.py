@@ -42,7 +42,7 @@ _GLOW = 0.85  # least share of a sky's own colour that is left in a low light
 
 
 class PlaceLayer(NamedTuple):
-    """Layer of the scenery of a place: its kind, the names of what stands there, or "", its size and colour.
+    """Layer of the scenery of a place: its kind, its things with "+" between them, or "", size and colour.
 
     `places.txt` explains the kinds. The colour is "" for a thing in its own. x and y: place of the foot of a single
     thing, in the canvas's width and height, or 0.
@@ -127,7 +127,7 @@ def _read_layers(scenery: str) -> tuple[PlaceLayer, ...]:
 
 
 class Dressing(NamedTuple):
-    """What an occasion or a state adds to a place, outdoors and in rooms: Christmas, a party, a mess, a rainbow."""
+    """Layers that an occasion or a state adds to a place, outdoors and in rooms: Christmas, a party, a mess."""
 
     words: tuple[str, ...]
     outdoors: tuple[PlaceLayer, ...]

@@ -184,7 +184,8 @@ def _shows_person(
     actions = [word for word in reading.said if word.kind == "action" and word.at in found.thing.at]
     does = any(word.says(found.caption) for word in actions)
     is_as_old = {*_old(found.thing.name, sentences)} <= {*found.caption.split()}
-    return found.exact and is_as_old and (does or not acting) and not (among and not is_upright(found.picture))
+    is_whole = not among or is_upright(found.picture)
+    return found.exact and is_as_old and is_whole and (does or not acting) and found.shown == 1  # people differ
 
 
 def _draw_person(
@@ -200,10 +201,8 @@ def _draw_person(
     family = figures.wardrobe()[:_FAMILY]
     if alike < _DRESSED:
         clothes, called, _ = figures.nearest([thing.noun], family[:_ANYBODY], sentences)
-    if dyed := _dye_of(thing):
-        clothes = clothes._replace(top=dyed, bottom=dyed if clothes.cut in _LONG else clothes.bottom)
-    for one, garment in worn:
-        clothes = clothes.put_on(garment, _dye_of(one) or str(garment.top))
+    rows = family if thing.noun in GROUPS else [row for row in family if row.words[0] in clothes.kinds] or [clothes]
+    dressed = [_dress(row, thing, worn) for row in rows]
     old = _old(thing.name, sentences)
     (least, small), (most, tall) = _CHILD, _GROWN
     grown = (known_like(thing.name, sentences).height - small) / (tall - small)
@@ -215,11 +214,11 @@ def _draw_person(
         pose = pose._replace(angles=(*pose.angles[:_LEGS], *sitting.angles[_LEGS:]), carried="seat")
     drawn = []
     for copy in range(thing.shown):
-        dress = family[copy % len(family)] if thing.noun in GROUPS else clothes  # a family is of all kinds
         kind = zlib.crc32(thing.name.encode()) + copy
         figure = figures.draw_figure(
-            pose, dress, heads=heads, is_old=bool(old), kind=kind, has_seat=bool({*carriers} - {"lap"}), tool=act.tool
-        )
+            pose, dressed[copy % len(dressed)], heads=heads, is_old=bool(old), kind=kind,
+            has_seat=bool({*carriers} - {"lap"}), tool=act.tool,
+        )  # fmt: skip
         drawn.append(figure.mirror() if is_faced or copy % 2 else figure)
     figure = drawn[0]
     if len(drawn) > 1:
@@ -231,6 +230,15 @@ def _draw_person(
     said = [*old, thing.noun if is_exact else called, thing.doing if act.meant else ""]
     caption = " ".join(dict.fromkeys(word for word in said if word))
     return FoundPicture(thing, figure.picture, caption, None, is_exact, replace(figure, does=act.meant))
+
+
+def _dress(clothes: Clothes, thing: Thing, worn: list[_Worn]) -> Clothes:
+    """Returns the clothes in the colour that is said of somebody, with the named ones over them."""
+    if dyed := _dye_of(thing):
+        clothes = clothes._replace(top=dyed, bottom=dyed if clothes.cut in _LONG else clothes.bottom)
+    for one, garment in worn:
+        clothes = clothes.put_on(garment, _dye_of(one) or str(garment.top))
+    return clothes
 
 
 def _dye_of(thing: Thing) -> str:

@@ -144,6 +144,10 @@ def _parts_of(
     if nearest < OWN and not is_settled:
         names = dict.fromkeys((_whole(thing), thing.noun))  # after the rain
         before = [f"{one.word} {name}" for name in names for one in reading.relations if one.object == number]
+        before += [  # leaves on the ground
+            f"{_whole(thing)} {one.word} {reading.things[one.object].noun}"
+            for one in reading.relations if one.subject == number
+        ]  # fmt: skip
         for said in (*before, _whole(thing), thing.noun):
             part = part or places.find_part(said, places.known_dressings(), sentences)
             part = part or places.find_part(said, known_weathers(), sentences, _EXACTLY)
