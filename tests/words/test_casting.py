@@ -137,6 +137,16 @@ def test_who_is_hugged_hugs_too(tmp_path: Path) -> None:
     assert shares[0] < 1.9 * shares[1], "they touch"
 
 
+def test_named_clothes_are_worn_and_a_persons_own_picture_stays(tmp_path: Path) -> None:
+    reading = acting("baker", "climbing", Thing("apron", "apron", "red", at=(2,)), by="in")
+    (plain,) = found(acting("baker", "climbing"), tmp_path)
+    worn, apron = found(reading, tmp_path)
+    assert plain is not None and worn is not None and worn.figure is not None and apron is None
+    assert worn.caption == "baker climbing red apron" and not torch.equal(worn.picture, plain.picture)
+    own, _ = found(reading, tmp_path, OwnPeople())
+    assert own is not None and own.library is not None and own.library.is_own
+
+
 def test_clothes_have_the_colour_and_not_the_skin(tmp_path: Path) -> None:
     plain, red = (found(Reading((Thing("monk", "monk", color=color),)), tmp_path)[0] for color in ("", "red"))
     assert plain is not None and red is not None

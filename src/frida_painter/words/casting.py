@@ -138,8 +138,9 @@ def cast(
         if number in {*tools} | bodies | unseen:
             continue
         among = len(wanted) > 1 or in_place or thing.shown > 1
-        is_posed = number in people & {*ridden, *dressed, *tools.values()}
-        found = None if is_posed else index.find(thing, prompt, cut_out=among, acts=bool(among or thing.doing))
+        found = index.find(thing, prompt, cut_out=among, acts=bool(among or thing.doing))
+        is_own = found is not None and found.library is not None and found.library.is_own
+        found = found if is_own or number not in people & {*ridden, *dressed, *tools.values()} else None
         if number in people and not _shows_person(found, reading, sentences, acting=acting, among=among):
             carriers = [
                 known_like(wanted[one.object].name, sentences).where
