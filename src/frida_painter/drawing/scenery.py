@@ -224,7 +224,17 @@ _WINDING = {"way": 0.3, "stream": 0.45}  # greatest shift of the middle of a way
 
 _SHINY, _ROUGH = 0.5, 0.012  # strength of reflections in water; their shift by ripples, of the width
 _BEAM = 0.45  # opacity of light that comes in by a window
-_ABOVE = ("planks", "field", "grove", "strewn", "sides", "falls", "bridge", "near")  # kinds that no water mirrors
+_ABOVE = (
+    "planks",
+    "field",
+    "grove",
+    "strewn",
+    "sides",
+    "litter",
+    "falls",
+    "bridge",
+    "near",
+)  # kinds that no water mirrors
 _BODY, _LOWEST, _HIGHEST = 0.12, 0.09, 0.14  # radius of the sun and the moon; height when low, and depth when high
 
 
