@@ -50,7 +50,7 @@ _BOTTOM, _CLEAR, _BITE = 0.15, 0.65, 0.4  # bottom of clear things; sizes of thi
 _SIDE = 256  # pixels of one of several copies
 _OPPOSITE = {"on": "beneath", "in": "around", "under": "shelter", "behind": "front", "taller": "shorter"}
 _OPPOSITE |= {other: kind for kind, other in _OPPOSITE.items()} | {"over": "under"}
-_STOOD_BY = "on in under over behind hang atop mouth".split()  # kinds of relations whose objects are placed first
+_STOOD_BY = ("on", "in", "under", "over", "behind", "hang", "atop", "mouth")  # their objects are placed first
 
 
 @cache
