@@ -175,7 +175,7 @@ _FELT, _FELT_WEATHER = 0.62, 0.7  # to the words of a light, and of a weather: a
 _MIDDLE = 55.0  # L*
 TOLD_APART = 40.0
 """Lab distance between things and the ground around them."""
-_CHANGE = 20.0  # greatest change of the ground's L* for that: sand stays sand
+_CHANGE = 22.0  # greatest change of the ground's L* for that: sand stays sand
 
 
 @dataclass(frozen=True)

@@ -455,8 +455,7 @@ class _Walk:
             return
         if not is_state and (verb.pos_ not in ("VERB", "AUX") or _is_in_a_name(verb)):
             return
-        told = _children(verb, "dobj")
-        if not told and any(word.pos_ == "VERB" for word in _children(verb, "xcomp")):  # she learns to ride
+        if any(word.pos_ == "VERB" for word in _children(verb, "xcomp")):  # he used to hum, or she learns to ride
             return
         taught = _children(verb.head, "dobj") if verb.dep_ == "xcomp" else []  # she teaches her son to ride
         subjects = [number for one in taught for number in self._joined(one)] or self._subjects(verb)
@@ -464,8 +463,7 @@ class _Walk:
             beside = [one for one in verb.head.conjuncts if one.i < verb.i and "person" in kinds_of(one.lower_)]
             subjects += [self._numbers[one] for one in beside if one in self._numbers]
         has = verb.lemma_ in ("have", "wear")
-        part = next((one.lower_ for noun in told for one in _children(noun, "det") if _is_noun(one)), "")
-        doing = "" if verb.pos_ == "AUX" or has else f"{_gerund(verb)} {part}".strip()  # brushing her daughter's hair
+        doing = "" if verb.pos_ == "AUX" or has else _gerund(verb)
         last = max((verb, *verb.conjuncts), key=lambda one: one.i).i
         painted, run = (
             _color([*verb.doc[verb.left_edge.i : last + 1]], verb.head) if is_state else ("", [])
@@ -475,7 +473,7 @@ class _Walk:
             at = (*thing.at, *(word.i for word in run or (verb,)))
             does = thing.doing or ("" if painted else doing)
             self.things[number] = replace(thing, at=at, color=thing.color or painted, doing=does)
-        for noun in (*told, *_children(verb, "attr", "dative")):
+        for noun in _children(verb, "dobj", "attr", "dative"):
             self._join(subjects, "with" if has else doing or verb.lower_, noun, (verb.i,))
 
     def _share(self, noun: Token) -> None:
