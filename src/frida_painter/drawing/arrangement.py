@@ -42,10 +42,11 @@ _CARRIED, _HANDLED = 0.62, 0.3  # height in the world, by a person's, of a thing
 _INTO, _INSIDE, _SILL = 0.4, 0.75, 0.42  # the same for things to be in, and for cars; height of a car's window
 _LENGTHY = 1.5  # height by width of a broom, which may reach the floor
 _LIGHT = 0.8  # share of its size that a thing keeps in the hands
+
 _CROWN, _HEAD = 0.1, 0.45  # shares of a picture's height at its top: the crown, and an animal's head
 _EARS = 0.2  # of a picture's width, within which two ears belong to one head
 _HAT, _LARGEST_HAT, _PULLED_DOWN = 1.25, 0.35, 0.3  # of the head's width, of the wearer's height, of its own height
-_WORN = {"head": 0.0, "face": 0.55, "neck": 1.2}  # of the head's width: depth of what is worn there, below the top
+_WORN = {"head": 0.0, "face": 0.55, "neck": 1.2}  # of the head's width: depth of things that are worn there
 _BOUQUET, _FAN = 1.3, 60  # greatest height and width of flowers, by those of their vase, and the angle of a bunch
 _BOTTOM, _CLEAR, _BITE = 0.15, 0.65, 0.4  # bottom of clear things; sizes of things in them, and in a mouth
 _SIDE = 256  # pixels of one of several copies

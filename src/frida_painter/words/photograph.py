@@ -31,7 +31,7 @@ from frida_painter.words.world import known_like
 _SIZES = (0.6, 0.5, 0.4)  # longer side of the thing, relative to the photograph's shorter one
 _OWN = 0.5  # share of its own colours that it keeps
 _STANDS, _FLIES = (0.65, 1.0), (0.0, 0.4)  # positions of its picture in the free space, down
-_TALL, _TOWERS = 4.0, (0.3, 0.55)  # height in metres of what stands far away, and its position
+_TALL, _TOWERS = 4.0, (0.3, 0.55)  # height in metres of distant things, and their position
 _MATTERS = 8.0  # importance of the thing, relative to the rest
 _HELD = 20.0  # weight of a photograph that is only begun with, relative to that of the words
 _SEEN, _ALIKE = 3, 0.55  # classes that a photograph shows; similarity of the thing to the name of one of them

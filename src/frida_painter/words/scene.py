@@ -207,7 +207,7 @@ def _people_place(reading: Reading, place: Place, *, is_busy: bool) -> Reading:
 
 
 def _fill_fields(reading: Reading, seen: Seen) -> Reading:
-    """Returns the reading with many of what fills something: a field of tulips, a pumpkin patch, a bowl of lemons."""
+    """Returns the reading with many things in a full place or vessel: a field of tulips, a bowl of lemons."""
     fields = [thing.at for thing, _, part in seen if isinstance(part, Place)]
     wholes = {number for number, thing in enumerate(reading.things) if thing.at in fields or _contains(thing)}
     full = {one.object for one in reading.relations if one.word == "of" and one.subject in wholes}
