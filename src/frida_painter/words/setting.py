@@ -67,26 +67,12 @@ def setting_of(
         settled = set(range(len(reading.things)))
         seen = [one for one in seen if not isinstance(one[2], Place)]
     light, weather = _mix([part for *_, part in seen])
-    where = [(part, thing.name) for thing, _, part in seen if isinstance(part, Place)]
-    where = [one for one in where if not kind_of_name(one[1])] or where  # the roofs of Paris
-    where.sort(key=lambda one: " " not in one[1] or one[1] not in one[0].words)  # an Italian town
-    named, is_view = [part for part, _ in where], any(part.name == "view" for *_, part in seen)  # from an office
-    named.sort(key=lambda one: (one.name == SKY, one.is_open == is_view, one.is_way))
+    named = _order_places(seen)
     place = places.join(named[0], named[1:]) if named else NOWHERE
     seen = [one for one in seen if one[2] in named or not isinstance(one[2], Place)]
     here = [thing for thing, _, part in seen if part in named]
     for number, stand in _stands_in(place, reading, settled, index, sentences).items():
-        words = reading.things[number].name.split()[:-1] if stand.is_indoors else ()  # a kitchen window
-        rooms = [places.find_part(word, places.known_places(), sentences, _EXACTLY) for word in words]
-        usual = next((one for one in rooms if one is not None and not one.is_open), None)
-        usual = usual or places.find_place("room" if stand.is_indoors else "meadow")
-        if place is NOWHERE or place.name == SKY:
-            place = replace(usual, above=place.above)
-        paint = paint_of(reading.things[number].color)
-        if _is_front(reading.things[number], stand, place):
-            place = places.with_layers(place, [*place.layers, PlaceLayer("near", stand.name, *_FRONT)])
-        else:
-            place = scenery.line_with(place, stand, "" if paint is None else tuple(paint.tolist()))
+        place = _put_into(place, stand, reading.things[number], sentences)
         seen.append((reading.things[number], reading.things[number].noun, stand))
         settled.add(number)
     if not place.is_open:  # the house that a room is in
@@ -94,11 +80,9 @@ def setting_of(
         settled |= {number for number in around if is_building(reading.things[number].noun)}
     if place.name == "room" and len(settled) == len(reading.things):  # somebody's room
         place = replace(place, layers=places.find_place("bedroom").layers)
-    for dressing in [part for *_, part in seen if isinstance(part, Dressing) and part.outdoors]:
-        is_inside = dressing.indoors and not any(is_building(thing.noun) for thing in reading.things)
-        usual = places.find_place("living room" if is_inside else "meadow") if place is NOWHERE else place
-        added = dressing.outdoors if usual.is_open else dressing.indoors
-        place = places.with_layers(usual, dict.fromkeys((*usual.layers, *added)))
+    has_building = any(is_building(thing.noun) for thing in reading.things)
+    for _, _, part in seen:
+        place = _dress(place, part, has_building=has_building) if isinstance(part, Dressing) else place
     related = {kind_of(one.word) for one in reading.relations if reading.things[one.object] in here}
     is_atop = place.kind == "hill" or place.has("bridge", "planks")
     is_ashore = place.bank is not None and not related & {"on", "over", "in"}
@@ -106,6 +90,42 @@ def setting_of(
         {"on", "over", "behind"} if is_atop else {"beside", "near", "front", "with", "hold"} if is_ashore else set()
     )
     return Setting(place, light, weather, is_named=bool(seen), is_raised=bool(related & raising)), settled, seen
+
+
+def _order_places(seen: Seen) -> list[Place]:
+    """Returns the named places; the first one counts most."""
+    where = [(part, thing.name) for thing, _, part in seen if isinstance(part, Place)]
+    where = [one for one in where if not kind_of_name(one[1])] or where  # the roofs of Paris
+    where.sort(key=lambda one: " " not in one[1] or one[1] not in one[0].words)  # an Italian town
+    is_view = any(part.name == "view" for *_, part in seen)  # from an office
+    return sorted((part for part, _ in where), key=lambda one: (one.name == SKY, one.is_open == is_view, one.is_way))
+
+
+def _put_into(place: Place, stand: Stand, thing: Thing, sentences: SentenceEncoder) -> Place:
+    """Returns a place with a drawn thing of the prompt in it; a place that is not named is the usual one."""
+    words = thing.name.split()[:-1] if stand.is_indoors else ()  # a kitchen window
+    rooms = [places.find_part(word, places.known_places(), sentences, _EXACTLY) for word in words]
+    usual = next((one for one in rooms if one is not None and not one.is_open), None)
+    usual = usual or places.find_place("room" if stand.is_indoors else "meadow")
+    if place is NOWHERE or place.name == SKY:
+        place = replace(usual, above=place.above)
+    if _is_front(thing, stand, place):
+        return places.with_layers(place, [*place.layers, PlaceLayer("near", stand.name, *_FRONT)])
+    paint = paint_of(thing.color)
+    return scenery.line_with(place, stand, "" if paint is None else tuple(paint.tolist()))
+
+
+def _dress(place: Place, dressing: Dressing, *, has_building: bool) -> Place:
+    """Returns a place with what an occasion or a state adds to it.
+
+    has_building: True if the prompt names a building, which is seen from outside
+    """
+    if not dressing.outdoors:
+        return place
+    is_inside = dressing.indoors and not has_building
+    usual = places.find_place("living room" if is_inside else "meadow") if place is NOWHERE else place
+    added = dressing.outdoors if usual.is_open else dressing.indoors
+    return places.with_layers(usual, dict.fromkeys((*usual.layers, *added)))
 
 
 def is_idea(noun: str, things: Sequence[str], sentences: SentenceEncoder, *, is_pictured: bool) -> bool:
