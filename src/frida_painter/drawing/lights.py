@@ -18,7 +18,7 @@ from frida_painter.palette import to_lab
 Color = str | tuple[float, float, float]
 _GAMMA = 0.7  # exponent from the light of a sky, relative to a day's, to the shade of things in it
 _Part = TypeVar("_Part", bound="Named")
-_CONTRARY = 50.0  # mean Lab distance between the colours of lights that do not go together
+_CONTRARY = 33.0  # mean Lab distance between the colours of lights that do not go together
 
 
 class Named(Protocol):

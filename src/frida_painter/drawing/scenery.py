@@ -492,6 +492,8 @@ class View:
         for wide, tone in ((1.12, 0.8), (1.0, 1.0)):
             left, right = ([edge(far, side * wide) for far in fars] for side in (-1, 1))
             self._fill(layer.color, [*left, *right[::-1]], 1.6, tone)
+        if self._setting.weather.flakes and layer.kind in ("way", "road"):  # trodden snow
+            self._fill(self._setting.weather.color, [*left, *right[::-1]], 1.6, 0.9)
         if layer.kind in ("way", "road"):
             self._wet[self._mask([*left, *right[::-1]])] = 0.6 * self._setting.weather.wet
         for far in np.geomspace(1, 8, 9) if layer.kind == "road" else ():

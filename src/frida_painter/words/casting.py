@@ -282,8 +282,9 @@ def _act_of(number: int, thing: Thing, reading: Reading, sentences: SentenceEnco
     for some, table, least in (
         (climbed or ["on"], figures.tools(), CALLED),
         (said if said and thing.doing else alone, rows, _WITH),  # flying a kite is not flying
-        (alone, rows, _USES),
+        (alone, rows, _WITH),
         (named, rows, _WITH),  # whatever a photographer does, there is a camera
+        (alone, rows, _USES),
         (alone, figures.poses(), _USES if thing.noun in PEOPLE else _DOES if thing.doing else _IS),
     ):
         row, meant, similarity = figures.nearest(some, table, sentences)

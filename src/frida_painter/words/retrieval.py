@@ -32,6 +32,7 @@ _COLORFUL = 8.0  # chroma
 _MOSTLY = 0.5  # share of equal neighbouring pixels above which a picture is drawn
 _SKETCHY = 0.25  # share of its box below which a thing consists of lines only
 _FILLED = 0.95  # share of its box above which a picture is a rectangle
+_REAL = 0.5  # realism above which a picture is a photograph
 _COARSE, _FEW = 0.2, 56  # penalty for few pixels, and those of the longer side that are enough
 _PARTED = 0.5  # penalty by the share of a picture that is not its largest piece: a lemon and a half
 _HAS_COLOR, _NEAR_COLOR = 0.5, 45.0  # bonus by the share of a wanted colour, and the Lab distance within which it is
@@ -285,7 +286,7 @@ class PictureIndex:
         highest, found, best, seen = -float("inf"), None, 0.0, 0
         for at, picture in self._show(near[: 4 * _LOOKED_AT]):
             entry, like = self._entries[at], float(similarity[at])
-            if cut_out and like < OWN and has_ground(picture):
+            if like < OWN and has_ground(picture) and (cut_out or entry.realism < _REAL):  # a drawn one is a sign
                 continue
             best, seen = (like, 1) if found is None else (best, seen + 1)
             if like < best - _BAND or seen > _LOOKED_AT:

@@ -64,7 +64,8 @@ def scene_of(
     elif setting.place is NOWHERE:
         setting = replace(setting, place=usual_place(things, reading.relations, setting, sentences))
     others = [light for light in lights if light.name not in setting.light.name]
-    second = next(light for light in others if light in named or go_together(light, setting.light))
+    alike = (light for light in others if light in named or go_together(light, setting.light))
+    second = next(alike, setting.light)
     second = setting.light if is_mood and reading.colors else second
     used = {setting.place.name, setting.weather.name if setting.place.is_open else "", *setting.light.name.split(", ")}
     used |= {part.name for *_, part in seen if isinstance(part, Stand | Dressing) or getattr(part, "layers", None)}

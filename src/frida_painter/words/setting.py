@@ -198,8 +198,8 @@ def _parts_of(
     is_whole = any(places.find_part(one, known, sentences, _EXACTLY) for one in tails)  # an old city skyline
     like = _EXACTLY if isinstance(part, Place) else _SEEN if is_building(thing.noun) else 1.1  # a mountain hut
     for word in words:
-        if not is_whole and (also := places.find_part(word, known, sentences, like)):
-            seen.append((thing, word, also))  # a desert road, a forest path
+        also = [places.find_part(one, known, sentences, like) for one in (word, f"{word}s") if not is_whole]
+        seen += [(thing, word, one) for one in also if one is not None][:1]  # a forest path, a mountain lake
     for word in (*words[:-1], *(thing.doing.split() if part else ())):
         if nearest < _EXACTLY and (felt := _felt(word, sentences)):  # a hot air balloon tells of no heat
             seen.append((thing, word, felt))
@@ -305,7 +305,8 @@ def _place_named(number: int, reading: Reading, nearest: float, sentences: Sente
     least = max(nearest - _ROUNDING, _EXACTLY if next_to else CALLED if beside else 0.0)
     several = thing.plural if thing.count is None and thing.plural else thing.noun  # mountains, but not one mountain
     full = f"{thing.name.removesuffix(thing.noun)}{several}"
-    place = places.find_part(full, places.known_places(), sentences, least)
+    colored = places.find_part(f"{thing.color} {full}".strip(), places.known_places(), sentences, _EXACTLY)
+    place = colored or places.find_part(full, places.known_places(), sentences, least)
     place = place or places.find_part(several, places.known_places(), sentences, least)
     said = [word.text for word in reading.said if not any(word.at in one.at for one in reading.things)]
     above = places.find_part(" ".join((several, *said)), places.known_places(), sentences, _SEEN) if place else None
@@ -319,7 +320,7 @@ def _place_named(number: int, reading: Reading, nearest: float, sentences: Sente
         place = None if next_to or (is_town and stand is not None and not stand.is_indoors) else place
     if place is None and "on" in kinds and usual is not None and not usual.is_open:
         place = usual  # a table that carries things is shown by its top
-    paint = paint_of(thing.color)
+    paint = paint_of(thing.color) if colored is None else None  # a lavender field has its own
     return place if place is None or paint is None else places.in_color(place, tuple(paint.tolist()))
 
 
