@@ -439,7 +439,12 @@ class _Walk:
         subjects = self._joined(heard[-1]) if heard else subjects  # the listeners are in bed
         at = tuple(word.i for word in words)
         if _is_side(noun):
-            self._turn(subjects, _SIDES[noun.lower_] or words[0].lower_, (*at, noun.i))
+            side, above = _SIDES[noun.lower_] or words[0].lower_, words[0].head
+            self._turn(subjects, side, (*at, noun.i))
+            verb = above.head if above.dep_ == "dobj" else above
+            held = [one for word in _children(verb, "dobj") for one in self._joined(word) if side.endswith(" of")]
+            pairs = [(one, other) for one in held for other in self._subjects(verb)]  # a basket on her head
+            self.relations += [Relation(one, side, other, (*at, noun.i)) for one, other in pairs if one != other]
         self._join(subjects, " ".join(word.lower_ for word in words), noun, at)
 
     def _turn(self, subjects: list[int], said: str, at: tuple[int, ...]) -> None:

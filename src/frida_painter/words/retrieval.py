@@ -111,6 +111,7 @@ def _spoken(title: str, thing: Thing) -> float:
     wanted = {*thing.name.split(), *thing.color.split(), thing.doing, thing.plural} - {""}
     said = sum(any(word.startswith(one) and len(word) <= len(one) + _ENDING for one in wanted) for word in words)
     said += 2 * any(word in words for word in thing.doing.split())  # who sleeps is not awake
+    said -= 2 * any(word.endswith("ing") for word in words - wanted)  # nor who is awake asleep
     is_more = thing.count not in (None, 2) and "".join(_names(title)[-1:]) in (f"{thing.noun}s", thing.plural)
     return _SAYS * said - _ADDS * (len(words) - said) - _MORE * is_more
 
