@@ -18,7 +18,7 @@ from frida_painter.palette import to_lab
 Color = str | tuple[float, float, float]
 _GAMMA = 0.7  # exponent from the light of a sky, relative to a day's, to the shade of things in it
 _Part = TypeVar("_Part", bound="Named")
-_CONTRARY = 33.0  # mean Lab distance between the colours of lights that do not go together
+_CONTRARY = 50.0  # mean Lab distance between the colours of lights that do not go together
 
 
 class Named(Protocol):
@@ -162,7 +162,12 @@ def rank_lights(words: str, sentences: SentenceEncoder) -> list[Light]:
 
 def go_together(first: Light, second: Light) -> bool:
     """Returns True if the colours of two lights are alike. Words of contrary meaning are similar: peace and war."""
-    return float((to_lab(first.colors) - to_lab(second.colors)).norm(dim=1).mean()) <= _CONTRARY
+    return distance(first, second) <= _CONTRARY
+
+
+def distance(first: Light, second: Light) -> float:
+    """Returns the mean Lab distance between the colours of two lights."""
+    return float((to_lab(first.colors) - to_lab(second.colors)).norm(dim=1).mean())
 
 
 def mix_lights(first: Light, second: Light) -> Light:

@@ -8,7 +8,7 @@ from dataclasses import replace
 from frida_painter.drawing.appearance import Appearance, change_looks, in_weather, looks_of
 from frida_painter.drawing.arrangement import Relation, ScenePart, arrange_parts, copies, kind_of
 from frida_painter.drawing.composition import ComposedScene, compose_mood, compose_photograph, compose_scene
-from frida_painter.drawing.lights import CLEAR, DAY, Light, dye, find_weather, go_together, rank_lights
+from frida_painter.drawing.lights import CLEAR, DAY, Light, distance, dye, find_weather, go_together, rank_lights
 from frida_painter.drawing.places import NOWHERE, Dressing, Place, Setting
 from frida_painter.drawing.scenery import Stand
 from frida_painter.frames import PixelGrid
@@ -25,6 +25,7 @@ from frida_painter.words.world import is_person, known_like
 
 _CROWDED = ("busy", "crowded", "bustling", "packed", "lively")
 _HAS = ("with", "having", "on")  # words between a whole and its part
+_NEAR_MOODS = 4  # nearest lights, of which a mood has the colours of the most similar one too
 _IN_A_FIELD = 8  # number of things that a place or a bowl is full of
 
 
@@ -64,8 +65,9 @@ def scene_of(
     elif setting.place is NOWHERE:
         setting = replace(setting, place=usual_place(things, reading.relations, setting, sentences))
     others = [light for light in lights if light.name not in setting.light.name]
-    alike = (light for light in others if light in named or go_together(light, setting.light))
-    second = next(alike, setting.light)
+    alike = [light for light in others if go_together(light, setting.light)][:_NEAR_MOODS]
+    also = [light for light in others if light in named] or sorted(alike, key=lambda one: distance(one, setting.light))
+    second = next(iter(also), setting.light)
     second = setting.light if is_mood and reading.colors else second
     used = {setting.place.name, setting.weather.name if setting.place.is_open else "", *setting.light.name.split(", ")}
     used |= {part.name for *_, part in seen if isinstance(part, Stand | Dressing) or getattr(part, "layers", None)}

@@ -197,8 +197,9 @@ def _parts_of(
     tails = (" ".join(words[first:]) for first in range(max(1, len(words) - 1)))
     is_whole = any(places.find_part(one, known, sentences, _EXACTLY) for one in tails)  # an old city skyline
     like = _EXACTLY if isinstance(part, Place) else _SEEN if is_building(thing.noun) else 1.1  # a mountain hut
-    for word in words:
-        also = [places.find_part(one, known, sentences, like) for one in (word, f"{word}s") if not is_whole]
+    for at, word in enumerate(words):
+        forms = () if is_whole else (word, f"{word}s")[: 2 if words[at + 1 :] else 1]
+        also = [places.find_part(one, known, sentences, like) for one in forms]
         seen += [(thing, word, one) for one in also if one is not None][:1]  # a forest path, a mountain lake
     for word in (*words[:-1], *(thing.doing.split() if part else ())):
         if nearest < _EXACTLY and (felt := _felt(word, sentences)):  # a hot air balloon tells of no heat
