@@ -32,7 +32,6 @@ _COLORFUL = 8.0  # chroma
 _MOSTLY = 0.5  # share of equal neighbouring pixels above which a picture is drawn
 _SKETCHY = 0.25  # share of its box below which a thing consists of lines only
 _FILLED = 0.95  # share of its box above which a picture is a rectangle
-_REAL = 0.5  # realism above which a picture is a photograph
 _COARSE, _FEW = 0.2, 56  # penalty for few pixels, and those of the longer side that are enough
 _PARTED = 0.5  # penalty by the share of a picture that is not its largest piece: a lemon and a half
 _HAS_COLOR, _NEAR_COLOR = 0.5, 45.0  # bonus by the share of a wanted colour, and the Lab distance within which it is
@@ -80,6 +79,7 @@ def is_upright(picture: Tensor) -> bool:
 # Comparison of a picture's title with a thing of a prompt.
 
 _SAYS, _ADDS = 0.2, 0.2  # bonus for each word of the prompt, and penalty for each other word
+_REAL = 0.5  # realism above which a picture is a photograph
 _ICON = 0.4  # penalty of an icon, which everything with colours goes before
 _RATHER = 0.4  # similarity that another word for a thing needs
 _KINDS = 4  # number of kinds of an animal or a plant that may stand for it: a bird for a robin, but no animal

@@ -116,7 +116,7 @@ def _put_into(place: Place, stand: Stand, thing: Thing, sentences: SentenceEncod
 
 
 def _dress(place: Place, dressing: Dressing, *, has_building: bool) -> Place:
-    """Returns a place with what an occasion or a state adds to it.
+    """Returns a place with the things of an occasion or a state.
 
     has_building: True if the prompt names a building, which is seen from outside
     """
