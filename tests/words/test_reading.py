@@ -251,6 +251,8 @@ def test_what_the_parser_mistakes_is_read_by_the_lexicon(
     ("prompt", "color", "doing"),
     [
         ("my dog, he is brown", "brown", ""),
+        ("a jellyfish glowing pink", "pink", "glowing"),
+        ("a fox curled up asleep", "", "asleep"),
         ("anger, red and black", "red and black", ""),
         ("the house is dark red", "dark red", ""),
         ("a woman asleep", "", "asleep"),

@@ -299,6 +299,9 @@ class PromptReader:
         before = [word for word in noun.lefts if word.dep_ in ("compound", "amod")]
         if noun.tag_ == "JJR" and before and noun.i + 1 < len(noun.doc) and noun.nbor().lower_ == "than":
             _put_in_place(before[-1], noun, "amod", [word for word in noun.lefts if word != before[-1]])
+        if noun.lower_ in COLORS and before and before[-1].i + 1 < noun.i and noun.i + 1 == len(noun.doc):
+            _put_in_place(before[-1], noun, "amod", [word for word in noun.lefts if word != before[-1]])
+            noun.pos_ = "ADJ"  # a jellyfish glowing pink
         stem = noun.text.removesuffix("ing")
         is_verb = stem != noun.text and bool(self._verbs & {stem, f"{stem}e", stem[:-1]})
         actors = before or _children(noun, "nsubj")
@@ -476,7 +479,8 @@ class _Walk:
         for number in subjects:
             thing = self.things[number]
             at = (*thing.at, *(word.i for word in run or (verb,)))
-            does = thing.doing or ("" if painted else doing)
+            does = thing.doing if verb.dep_ != "advmod" or not is_state else ""  # a fox curled up asleep
+            does = does or ("" if painted else doing)
             self.things[number] = replace(thing, at=at, color=thing.color or painted, doing=does)
         for noun in _children(verb, "dobj", "attr", "dative"):
             self._join(subjects, "with" if has else doing or verb.lower_, noun, (verb.i,))
