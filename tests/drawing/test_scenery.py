@@ -135,3 +135,16 @@ def test_names_mean_stands_and_rooms_have_their_own() -> None:
     captioned = library.list_captioned()
     assert {"tree", "house"} < {one.file for one in captioned} and "window" not in {one.file for one in captioned}
     assert all(len(library.pictures(one.file)) == 1 for one in captioned)
+
+
+def test_several_named_things_stand_along_one_way() -> None:
+    for name in ("village", "market", "park"):
+        place = find_place(name)
+        for other in ("stall", "tent", "street lamp", "tent"):
+            place = line_with(place, stands()[other])
+        (along,) = [layer for layer in place.layers if layer.kind == "sides"]
+        assert {"stall", "tent", "street lamp"} <= {*along.names} and len({*along.names}) == len(along.names)
+        setting = Setting(place)
+        assert draw_scenery(setting.ground(GRID, 0), setting, 0).isfinite().all()
+        red = line_with(place, stands()["tent"], (1.0, 0.0, 0.0))
+        assert [layer.names for layer in red.layers if layer.color == (1.0, 0.0, 0.0)] == [["tent"]]

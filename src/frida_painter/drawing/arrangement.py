@@ -15,7 +15,7 @@ from torch import Tensor
 from frida_painter.drawing.appearance import turn
 from frida_painter.drawing.compositing import crop, resize, stack
 from frida_painter.drawing.figures import Figure
-from frida_painter.drawing.tables import read_rows
+from frida_painter.drawing.tables import read_rows, split_words
 
 _GROWTH = 0.6  # exponent from the height in the world to the height in a picture
 _MIN = 0.3  # least height of a thing, relative to the tallest
@@ -59,9 +59,13 @@ _STOOD_BY = ("on", "in", "under", "over", "behind", "hang", "atop", "mouth", *RI
 
 
 @cache
+def _kinds() -> dict[str, str]:
+    return {one: kind for kind, words in read_rows("drawing/relations.txt") for one in split_words(words)}
+
+
 def kind_of(word: str) -> str:
     """Returns the kind of arrangement of a preposition or a verb in `relations.txt`; "" puts things side by side."""
-    kinds = {one: kind for kind, words in read_rows("drawing/relations.txt") for one in words.split(", ")}
+    kinds = _kinds()
     said = next((one for one in (word, word.rpartition(" ")[0]) if one in kinds), "")  # asleep on a chest
     return kinds.get(said, "doing" if word.endswith("ing") else "")
 

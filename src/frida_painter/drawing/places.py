@@ -55,6 +55,11 @@ class PlaceLayer(NamedTuple):
     x: float = 0.0
     y: float = 0.0
 
+    @property
+    def names(self) -> list[str]:
+        """Names of its things."""
+        return self.what.split("+") if self.what else []
+
 
 @dataclass(frozen=True)
 class Place:

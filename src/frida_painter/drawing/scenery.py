@@ -51,7 +51,7 @@ class Stand(NamedTuple):
         """Returns True if a room has it in a layer of these kinds."""
         rooms = [place.layers for place in known_places() if not place.is_open]
         rooms += [dressing.indoors for dressing in known_dressings()]
-        return any(self.name in layer.what.split("+") and layer.kind in kinds for room in rooms for layer in room)
+        return any(self.name in layer.names and layer.kind in kinds for room in rooms for layer in room)
 
     @property
     def has_glass(self) -> bool:
@@ -86,7 +86,9 @@ def find_stand(name: str, sentences: SentenceEncoder, place: Place = NOWHERE) ->
 
     Lit shop windows are shop windows. Of equal ones that of the place counts: chimneys of a factory, or of roofs.
     """
-    known = sorted(stands().values(), key=lambda stand: stand.name not in [layer.what for layer in place.layers])
+    known = sorted(
+        stands().values(), key=lambda stand: stand.name not in [name for layer in place.layers for name in layer.names]
+    )
     owners = [(stand, word) for stand in known if not stand.is_furniture for word in stand.words]
     words = name.split()
     anchors = sentences.embed([word for _, word in owners])
@@ -105,7 +107,7 @@ def line_with(place: Place, stand: Stand, color: Color = "") -> Place:
     """Returns the place with another thing beside its way, on its wall, or all over its land, in that colour."""
     if stand.is_indoors == place.is_open:  # the houses have windows, and the stairs are in a house
         return place
-    same = [layer for layer in place.layers if layer.what == stand.name]
+    same = [layer for layer in place.layers if stand.name in layer.names]
     kinds = ("sides", "walls", "grove", "field", "strewn")
     window = next((one for one in place.layers if one.what == "window"), None)
     old = next((layer for layer in (*same, *place.layers) if layer in same or layer.kind in kinds), None)
@@ -116,8 +118,10 @@ def line_with(place: Place, stand: Stand, color: Color = "") -> Place:
     if has_fronts:  # lamps in front of the houses
         old, new = None, PlaceLayer("sides", stand.name, 0.7)
     elif old is not None and (place.is_open or same):
-        is_mixed = old.kind == "sides" and not same and "plant" not in (stand.usual, stands()[old.what].usual)
-        new = old._replace(what=f"{old.what}+{stand.name}" if is_mixed else stand.name)
+        usual = {stand.usual, *(stands()[name].usual for name in old.names)}
+        is_mixed = old.kind == "sides" and "plant" not in usual and not color
+        what = old.what if same else f"{old.what}+{stand.name}"
+        new = old._replace(what=what if is_mixed else stand.name)
     elif window is not None and "curtain" in stand.name:
         new = window._replace(what=stand.name, size=1.1 * window.size)
     elif not place.is_open:
@@ -224,17 +228,8 @@ _WINDING = {"way": 0.3, "stream": 0.45}  # greatest shift of the middle of a way
 
 _SHINY, _ROUGH = 0.5, 0.012  # strength of reflections in water; their shift by ripples, of the width
 _BEAM = 0.45  # opacity of light that comes in by a window
-_ABOVE = (
-    "planks",
-    "field",
-    "grove",
-    "strewn",
-    "sides",
-    "litter",
-    "falls",
-    "bridge",
-    "near",
-)  # kinds that no water mirrors
+_ABOVE = ("planks", "field", "grove", "strewn", "sides", "litter", "falls", "bridge",
+          "near")  # kinds that no water mirrors  # fmt: skip
 _BODY, _LOWEST, _HIGHEST = 0.12, 0.09, 0.14  # radius of the sun and the moon; height when low, and depth when high
 
 
@@ -274,7 +269,7 @@ class View:
         if layer.kind in drawers:
             drawers[layer.kind](layer)
         else:
-            several = [stands()[what] for what in (layer.what or "peak").split("+")]
+            several = [stands()[name] for name in layer.names or ["peak"]]
             several = [one._replace(color=layer.color) for one in several] if layer.color else several
             stand, kinds = several[0], _KINDS * len(several)
             drawn = [draw_stand(several[number % len(several)], self._setting, number) for number in range(kinds)]
@@ -520,7 +515,7 @@ def draw_scenery(ground: Tensor, setting: Setting, seed: int, absent: Sequence[s
     if setting.place.is_open:
         view.draw_sky()
     hidden = {stand.name for stand in stands().values() if {*stand.words} & {*absent}}
-    layers = [one for one in setting.place.layers if not {*one.what.split("+")} & hidden]
+    layers = [one for one in setting.place.layers if not {*one.names} & hidden]
     for is_above in (False, True):
         for layer in layers:
             if (layer.kind in _ABOVE) == is_above:

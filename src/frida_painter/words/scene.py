@@ -25,7 +25,7 @@ from frida_painter.words.world import is_person, known_like
 
 _CROWDED = ("busy", "crowded", "bustling", "packed", "lively")
 _HAS = ("with", "having", "on")  # words between a whole and its part
-_NEAR_MOODS = 4  # nearest lights, of which a mood has the colours of the most similar one too
+_NEAR_MOODS = 4  # number of lights from which the second colours of a mood are chosen
 _IN_A_FIELD = 8  # number of things that a place or a bowl is full of
 
 
@@ -42,12 +42,12 @@ def scene_of(
     setting, settled, seen = setting_of(reading, index, encoders)
     named = [light for *_, light in seen if isinstance(light, Light) and light is not DAY]
     feels = any(isinstance(part, Light) and part.kind == "mood" and word == thing.noun for thing, word, part in seen)
-    is_placed = any(isinstance(part, Place | Stand) or getattr(part, "outdoors", None) for *_, part in seen)
+    is_placed = any(isinstance(part, Place | Stand) or _dresses(part) for *_, part in seen)
     is_busy = any(isinstance(part, Place) and {*thing.name.split()} & {*_CROWDED} for thing, _, part in seen)
     is_full = any(layer.what for layer in setting.place.layers)
     if is_placed and len(settled) == len(reading.things) and (is_busy or not (feels or is_full)):
         reading = _people_place(reading, setting.place, is_busy=is_busy)
-    reading = _fill_fields(reading, seen)
+    reading = _grow_crops(_fill_fields(reading, seen), seen)
     things = cast(reading, settled, prompt, index, encoders, in_place=setting.place is not NOWHERE)
     shown = [one for one in things if one is not None]
     whole = next((one for one in shown if has_ground(one.picture)), None)
@@ -70,7 +70,11 @@ def scene_of(
     second = next(iter(also), setting.light)
     second = setting.light if is_mood and reading.colors else second
     used = {setting.place.name, setting.weather.name if setting.place.is_open else "", *setting.light.name.split(", ")}
-    used |= {part.name for *_, part in seen if isinstance(part, Stand | Dressing) or getattr(part, "layers", None)}
+    used |= {
+        part.name
+        for *_, part in seen
+        if isinstance(part, Stand | Dressing) or (isinstance(part, Place) and part.layers)
+    }
     used |= set() if setting.light.stars else {DAY.name}
     used |= {second.name} if is_mood else {SKY} if setting.place.is_open else set()
     account_for(things, reading, [one for one in seen if one[2].name in used], account)
@@ -158,6 +162,11 @@ def _as_meant(relation: Relation, things: Cast) -> Relation:
     return replace(relation, word="doing") if is_part else relation
 
 
+def _dresses(part: object) -> bool:
+    """Returns True for an occasion or a state that adds things to a place."""
+    return isinstance(part, Dressing) and bool(part.outdoors)
+
+
 def _contains(one: FoundPicture | Thing | None) -> bool:
     """Returns True for a container; a cup of tea is shown with its tea, so it is none."""
     thing = one.thing if isinstance(one, FoundPicture) else one
@@ -218,16 +227,21 @@ def _fill_fields(reading: Reading, seen: Seen) -> Reading:
         replace(thing, count=_IN_A_FIELD) if number in full and (thing.count is None or thing.uncounted) else thing
         for number, thing in enumerate(reading.things)
     )
+    return replace(reading, things=things)
+
+
+def _grow_crops(reading: Reading, seen: Seen) -> Reading:
+    """Returns the reading with the plants that the name of a place says: a pumpkin patch."""
     grown, relations = list[Thing](), list[Relation]()
-    for number, thing in enumerate(things):
+    for number, thing in enumerate(reading.things):
         named = next((part.words for one, _, part in seen if isinstance(part, Place) and one.at == thing.at), None)
         for word in reading.said if named is not None else ():
             crop = word.lemma if word.at in thing.at and word.kind == "quality" else ""
             is_plant = any("plant" in kind.words for sense in senses_of(crop)[:1] for kind in sense.kinds)
             if is_plant and not any(crop in name for name in named or ()):
-                relations.append(Relation(len(things) + len(grown), "in", number))
+                relations.append(Relation(len(reading.things) + len(grown), "in", number))
                 grown.append(Thing(crop, crop, count=_IN_A_FIELD, at=(word.at,)))
-    return replace(reading, things=(*things, *grown), relations=(*reading.relations, *relations))
+    return replace(reading, things=(*reading.things, *grown), relations=(*reading.relations, *relations))
 
 
 def account_for(things: Sequence[FoundPicture | None], reading: Reading, seen: Seen, account: Account) -> None:

@@ -241,7 +241,7 @@ def _stands_in(
 ) -> dict[int, Stand]:
     """Returns the things that are scenery of a place, by their numbers: several trees, or the window of a room."""
     left = [number for number in range(len(reading.things)) if number not in settled]
-    has_glass = any(scenery.stands()[what].has_glass for one in place.layers for what in one.what.split("+") if what)
+    has_glass = any(scenery.stands()[name].has_glass for layer in place.layers for name in layer.names)
     found: dict[int, Stand] = {}
     held = [one for one in reading.relations if one.word in ("of", "in") and {one.subject, one.object} <= {*left}]
     inner = {one.object if one.word == "of" else one.subject for one in held}  # fish in a bowl are none of a room
