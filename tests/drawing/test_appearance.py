@@ -23,7 +23,7 @@ def test_words_ask_for_an_appearance_and_others_for_none() -> None:
 
 
 @pytest.mark.parametrize(
-    ("word", "factor", "proportion"), [("tall", 1.5, 1.5), ("long", 1.0, 1 / 1.6), ("tiny", 0.7, 1)]
+    ("word", "factor", "proportion"), [("tall", 1.5, 1.5), ("long", 1.0, 1 / 1.6), ("tiny", 0.5, 1)]
 )
 def test_a_shape_stretches_a_thing_or_changes_its_size(word: str, factor: float, proportion: float) -> None:
     picture, size = change_looks(box(), [*looks_of([word], WordBag(), is_person=False).values()])

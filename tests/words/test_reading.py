@@ -252,7 +252,7 @@ def test_what_the_parser_mistakes_is_read_by_the_lexicon(
     [
         ("my dog, he is brown", "brown", ""),
         ("a jellyfish glowing pink", "pink", "glowing"),
-        ("a fox curled up asleep", "", "asleep"),
+        ("a cat curled up asleep in a basket", "", "asleep"),
         ("anger, red and black", "red and black", ""),
         ("the house is dark red", "dark red", ""),
         ("a woman asleep", "", "asleep"),

@@ -184,7 +184,7 @@ def known_looks() -> tuple[Appearance, ...]:
 
 
 _MEANS = 0.72  # similarity above which a word asks for an appearance
-_FIGURES = 8  # of the first ones, which people can have too
+_FIGURES = 10  # of the first ones, which people can have too
 _SIDE = 320  # pixels of a picture that is changed
 
 

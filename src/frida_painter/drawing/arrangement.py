@@ -18,6 +18,7 @@ from frida_painter.drawing.figures import Figure
 from frida_painter.drawing.tables import read_rows, split_words
 
 _GROWTH = 0.6  # exponent from the height in the world to the height in a picture
+_SAID = 4  # exponent from a said size, such as tiny, to the height in the world
 _MIN = 0.3  # least height of a thing, relative to the tallest
 _SUBJECT = 0.5  # least height of the first thing of a prompt, relative to the tallest
 _TOWERS = 1.7  # height in the world, by that of the tallest person, above which things are equally tall
@@ -203,18 +204,19 @@ def _scale(shown: Mapping[int, ScenePart]) -> dict[int, Placed]:
 
     Wide things get less height, so that the area counts: a spoon is long but not large.
     """
-    tallest = max([part.known.height for part in shown.values() if part.known.where != "air"], default=0.0)
-    people = [part.known.height for part in shown.values() if part.known.where == "person"]
+    said = {number: part.known.height * part.size**_SAID for number, part in shown.items()}
+    tallest = max([said[number] for number, part in shown.items() if part.known.where != "air"], default=0.0)
+    people = [said[number] for number, part in shown.items() if part.known.where == "person"]
     tallest = min(tallest, _TOWERS * max(people, default=math.inf))
     alone = {}
     for number, part in shown.items():
         size = _IN_THE_AIR
         if part.known.where != "air" or not tallest:
-            least = _SUBJECT if number == min(shown) else _MIN
-            size = max(least, min(1.0, (part.known.height / tallest) ** _GROWTH if tallest else 1.0))
+            least = (_SUBJECT if number == min(shown) else _MIN) * min(1.0, part.size)
+            size = max(least, min(1.0, (said[number] / tallest) ** _GROWTH if tallest else 1.0))
         _, rows, columns = part.picture.shape
         shape = min(1.0, (rows / columns) ** 0.5) if part.figure is None else part.figure.tall
-        alone[number] = Placed(part.picture, part.known, part.figure, part.size, height=part.size * size * shape)
+        alone[number] = Placed(part.picture, part.known, part.figure, part.size, height=size * shape)
     return alone
 
 

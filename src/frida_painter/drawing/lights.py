@@ -178,6 +178,18 @@ def mix_lights(first: Light, second: Light) -> Light:
     return replace(mixed, stars=first.stars, body=first.body)
 
 
+def mix_weathers(weathers: Sequence[Weather]) -> Weather:
+    """Returns the weather of several, the first of which counts most: snow in a gale; `CLEAR` for none."""
+    first, *others = weathers or [CLEAR]
+    for other in others:
+        falls = first if first.rain or first.flakes or first.fog else other
+        first = replace(
+            falls, words=(f"{first.name}, {other.name}",), light=first.light, fog=max(first.fog, other.fog),
+            wind=max(first.wind, other.wind), wet=max(first.wet, other.wet), clouds=max(first.clouds, other.clouds),
+        )  # fmt: skip
+    return first
+
+
 def dye(light: Light, colors: Sequence[Tensor]) -> Light:
     """Returns the light in other colours, sRGB [3] each, at least one: anger in red and black."""
     dark, *others = sorted(colors, key=lambda color: float(to_lab(color)[0]))

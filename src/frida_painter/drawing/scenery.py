@@ -103,10 +103,38 @@ _LOW = 0.65  # height below which stands cover a land
 _FREE = (0.5, 0.2, 0.8)  # places on a wall
 
 
+def is_tree(name: str) -> bool:
+    """Returns True if a drawn thing is a tree."""
+    return stands()[name].usual == "plant" and stands()[name].height >= _LOW
+
+
+def trees_of(place: Place) -> list[str]:
+    """Returns the names of the trees that grow in a place."""
+    names = (name for layer in place.layers if layer.kind not in ("falls", "far", "near") for name in layer.names)
+    return list(dict.fromkeys(name for name in names if is_tree(name)))
+
+
+def is_wood(place: Place) -> bool:
+    """Returns True if trees grow all over a place."""
+    return any(layer.kind in ("grove", "field") and any(map(is_tree, layer.names)) for layer in place.layers)
+
+
+def plant(place: Place, trees: Sequence[str], color: Color = "") -> Place:
+    """Returns the place with other trees for all of its own: a birch forest, a lake in the jungle."""
+
+    def planted(layer: PlaceLayer, number: int) -> PlaceLayer:
+        is_planted = layer.kind in ("line", "sides", "grove", "field") and all(is_tree(name) for name in layer.names)
+        return layer._replace(what=trees[number % len(trees)], color=color) if is_planted else layer
+
+    return with_layers(place, [planted(layer, number) for number, layer in enumerate(place.layers)])
+
+
 def line_with(place: Place, stand: Stand, color: Color = "") -> Place:
     """Returns the place with another thing beside its way, on its wall, or all over its land, in that colour."""
     if stand.is_indoors == place.is_open:  # the houses have windows, and the stairs are in a house
         return place
+    if stand.name in stands() and is_tree(stand.name) and is_wood(place):
+        return plant(place, [stand.name], color)
     same = [layer for layer in place.layers if stand.name in layer.names]
     kinds = ("sides", "walls", "grove", "field", "strewn")
     window = next((one for one in place.layers if one.what == "window"), None)

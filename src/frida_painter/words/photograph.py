@@ -98,7 +98,7 @@ def _lay(
         account.mark(thing.at, Mark.SIMILAR, "what the photograph shows")
     setting, _, named = setting_of(reading, index, encoders)
     setting = Setting(light=replace(setting.light, stars=0), weather=setting.weather)
-    used = {setting.weather.name, *setting.light.name.split(", ")}
+    used = {*setting.weather.name.split(", "), *setting.light.name.split(", ")}
     over = [one for one in named if one[2].name in used]
     named_alone = [thing for thing, word, _ in over if word == thing.noun]
     settled = {number for number, thing in enumerate(reading.things) if thing in named_alone}

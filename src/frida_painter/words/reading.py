@@ -22,7 +22,7 @@ from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.objectives.word_settings import refuse_absent
 from frida_painter.palette import from_lab, to_lab
-from frida_painter.words.nouns import kind_of_name, kinds_of, senses_of
+from frida_painter.words.nouns import kind_of_name, kinds_of, noun_of, senses_of
 
 if TYPE_CHECKING:
     from spacy.language import Language
@@ -248,9 +248,9 @@ class PromptReader:
         parsed = self._language(text := self._dressed.sub(r"\1,", text))
         first = parsed[0] if len(parsed) else None
         if first is not None and (
-            first.tag_ in ("VBZ", "VB") or (first.pos_ == "VERB" and kinds_of(first.lower_) == {"person"})
+            first.tag_ in ("VBZ", "VB", "VBD") or (first.pos_ == "VERB" and kinds_of(first.lower_) == {"person"})
         ):
-            # birds over a house: without an article "birds" looks like a verb
+            # Without an article what begins looks like a verb: birds over a house, spotted mushroom with a door.
             parsed = self._language(f"the {text}")
         elif (
             first is not None
@@ -258,29 +258,29 @@ class PromptReader:
             and not _children(first, "nsubj")
         ):
             parsed = self._language(f"{SOMEBODY} {text}")
-        last = parsed[-1] if len(parsed) > 1 else None
-        if last is not None and last.tag_ == "VBZ" and last.nbor(-1).lower_.endswith("ing"):  # flipping pancakes
-            parsed = self._language(f"{parsed[:-1].text} the {last.text}")
         for word in parsed:
             if word.tag_ == "VBZ" and (base := word.lower_.removesuffix("s")) in self._verbs:
                 word.lemma_ = base  # rides come from ride, not rid
             before = word.nbor(-1) if word.i else word
             one, kind = word.text.removesuffix("s"), word.tag_
+            only = next((form for form in (word.lower_, word.lower_.removesuffix("s")) if form in self._only_nouns), "")
             if one != word.text and one in self._nouns and (kind == "NNP" or (kind == "NNS" and one[-2:] == "ie")):
                 word.pos_, word.tag_, word.lemma_ = "NOUN", "NNS", one  # kids, and cookies, which are no cooks
+            elif only and word.pos_ in ("VERB", "ADJ", "ADV", "X", "INTJ") and word.lemma_ not in self._verbs:
+                word.pos_, word.tag_, word.lemma_ = "NOUN", "NN" if only == word.lower_ else "NNS", only  # rooftops
+                for child in _children(word, "nsubj"):
+                    child.dep_ = "compound"
             if word.tag_ == "VBD" and before.head == word and (before.lower_ in COLORS or before.dep_ == "det"):
                 role = ("amod", "ADJ") if before.lower_ in COLORS else ("det", "DET")
                 _put_in_place(word, before, role[0], before.lefts)  # a red rose
                 word.pos_, word.tag_, word.lemma_, before.pos_ = "NOUN", "NN", word.lower_, role[1]
-            is_last = word.i + 1 == len(parsed) and _is_noun(before) and word.pos_ in ("AUX", "ADJ")
-            is_after = word.i > word.head.i and word.pos_ in ("ADJ", "ADV", "X", "INTJ")
-            if word.tag_ in ("VB", "VBP") and word.dep_ == "ROOT" and before.tag_ in ("NN", "NNP"):
-                is_last = not _children(word, "aux")  # a teddy bear with one eye: "bear" is no verb of one teddy
-            if (is_last and word.lower_ in self._nouns) or (is_after and word.lemma_ in self._only_nouns):
-                word.pos_, word.lemma_ = "NOUN", word.lower_  # a watering can, a fire hydrant, a croissant
-                word.dep_ = (
-                    "dobj" if word.head.pos_ == "VERB" and word.dep_ == "advmod" else word.dep_
-                )  # hanging laundry
+            if word.dep_ == "pcomp" and (subjects := _children(word, "nsubj")):  # with one ear missing
+                _put_in_place(subjects[0], word, "acl", [])
+                subjects[0].dep_ = "pobj"
+            if word.i and not _is_noun(word) and " " in noun_of(f"{before.lower_} {word.lower_}"):
+                word.pos_, word.tag_, word.lemma_ = "NOUN", "NN", word.lower_  # a teddy bear, a watering can
+                if word.head == before:
+                    _put_in_place(word, before, "compound", before.lefts)
                 for child in _children(word, "nsubj"):
                     child.dep_ = "compound"
         for word in parsed:
@@ -295,13 +295,8 @@ class PromptReader:
         also take the last word of a name for a further noun: "a fire hydrant".
         """
         shown = {word.lower_: one for word in _children(noun, "prep") for one in _children(word, "pobj")}
-        last = next((word for word in _children(noun, "appos", "amod", "advmod", "acl") if word.i == noun.i + 1), None)
+        last = next((word for word in _children(noun, "acl") if word.i == noun.i + 1), None)
         before = [word for word in noun.lefts if word.dep_ in ("compound", "amod")]
-        if noun.tag_ == "JJR" and before and noun.i + 1 < len(noun.doc) and noun.nbor().lower_ == "than":
-            _put_in_place(before[-1], noun, "amod", [word for word in noun.lefts if word != before[-1]])
-        if noun.lower_ in COLORS and before and before[-1].i + 1 < noun.i and noun.i + 1 == len(noun.doc):
-            _put_in_place(before[-1], noun, "amod", [word for word in noun.lefts if word != before[-1]])
-            noun.pos_ = "ADJ"  # a jellyfish glowing pink
         stem = noun.text.removesuffix("ing")
         is_verb = stem != noun.text and bool(self._verbs & {stem, f"{stem}e", stem[:-1]})
         actors = before or _children(noun, "nsubj")
@@ -321,28 +316,22 @@ class PromptReader:
         elif noun.dep_ in ("pobj", "dobj") and "body" in kinds_of(noun.lemma_) and (owners := _children(noun, "poss")):
             if "person" in kinds_of(owners[0].lower_) and _is_noun(owners[0]):  # asleep on his father's chest
                 _put_in_place(owners[0], noun, "det", [])
-        elif noun.dep_ == "conj" and "person" in kinds_of(noun.head.lemma_) - kinds_of(noun.lemma_):
-            has = [one for word in _children(noun.head, "prep") for one in _children(word, "pobj") if one.i < noun.i]
-            noun.head = (noun.head, *has)[-1]  # a man with a beard and a scarf
         elif noun.lemma_ in GROUPS and (inner := shown.get("of")):
             _put_in_place(inner, noun, "nummod", [word for word in noun.rights if word.i > inner.i])
-        elif _is_noun(noun) and last is not None and last.pos_ == "NOUN":
-            if last.dep_ == "acl" and last.lower_.endswith("ing"):  # a cowboy riding off
-                last.pos_ = "VERB"
-            else:
-                _put_in_place(last, noun, "compound", [word for word in noun.children if word != last])
+        elif actor := next((word for word in noun.lefts if _children(word, "acl")), None):  # a farmer feeding chickens
+            _put_in_place(actor, noun, "dobj", [word for word in noun.lefts if word.i < actor.i])
+            noun.head = _children(actor, "acl")[0]
         elif noun.dep_ == "compound" and noun.lemma_ in self._verbs and _children(noun, "nsubj"):
             bakes, noun.head = noun.head, noun.head.head  # her grandma bake cookies
             noun.pos_, noun.tag_, noun.dep_, bakes.head, bakes.dep_ = "VERB", "VB", "ccomp", noun, "dobj"
+        elif last is not None and last.lower_.endswith("ing") and last.pos_ == "NOUN":
+            last.pos_ = "VERB"  # a cowboy riding off
         elif before and before[-1].lower_.endswith("ing") and before[-1].i:
             verb, actor = before[-1], before[-1].nbor(-1)
-            if "person" in kinds_of(actor.lower_):
+            if "person" in kinds_of(actor.lower_) or noun.lower_ in COLORS:  # a jellyfish glowing pink
                 _put_in_place(actor, noun, "dobj", [word for word in (*noun.lefts, *verb.lefts) if word.i < actor.i])
                 verb.pos_, verb.dep_, verb.head, noun.head = "VERB", "acl", actor, verb
-        elif noun.i and noun.tag_ == "NNS" and noun.lemma_ in self._verbs and self._is_finite(noun):
-            if before:
-                _put_in_place(before[-1], noun, "acl", [word for word in noun.lefts if word != before[-1]])
-            noun.pos_, noun.tag_ = "VERB", "VBZ"
+                noun.pos_ = "ADJ" if noun.lower_ in COLORS else noun.pos_
         elif actors and is_doing and noun.dep_ in ("ROOT", "pobj", "dobj"):
             _put_in_place(actors[-1], noun, "acl", [word for word in noun.lefts if word != actors[-1]])
             noun.pos_ = "VERB"
@@ -352,12 +341,6 @@ class PromptReader:
             if verb.i == noun.i + 1 and (before[-1].tag_ == "NNS" or is_one):
                 _put_in_place(before[-1], noun, "dobj", [word for word in noun.children if word != before[-1]])
                 noun.head = verb
-
-    def _is_finite(self, noun: Token) -> bool:
-        """Returns True if what looks like a plural at the end is what somebody does: a woman dances."""
-        is_end = noun.i + 1 == len(noun.doc) and not _is_number(noun.nbor(-1))
-        is_no_thing = "idea" in kinds_of(noun.lemma_) or noun.lemma_ not in self._nouns
-        return is_end and is_no_thing and "person" in kinds_of(noun.nbor(-1).lower_) and _is_noun(noun.nbor(-1))
 
 
 def _put_in_place(noun: Token, other: Token, kind: str, taken: Iterable[Token]) -> None:
@@ -433,7 +416,10 @@ class _Walk:
             words[0].head.pos_ in ("ADP", "ADV")
             or words[0].head.tag_ == "JJR"
             or _is_between(words[0].head)
-            or (kind_of(f"{words[0].head.lower_} {words[0].lower_}") == "hang" and not _children(words[0].head, "dobj"))
+            or (
+                kind_of(f"{words[0].head.lower_} {words[0].lower_}") in ("hang", "made")
+                and not _children(words[0].head, "dobj")
+            )
         ):
             words.insert(0, words[0].head)
         subjects = self._subjects(words[0] if words[0].pos_ == "VERB" else words[0].head)
@@ -469,6 +455,7 @@ class _Walk:
         subjects = [number for one in taught for number in self._joined(one)] or self._subjects(verb)
         if verb.dep_ == "acl":  # mother and child, walking
             beside = [one for one in verb.head.conjuncts if one.i < verb.i and "person" in kinds_of(one.lower_)]
+            subjects = subjects if not beside or "person" in kinds_of(verb.head.lemma_) else []
             subjects += [self._numbers[one] for one in beside if one in self._numbers]
         has = verb.lemma_ in ("have", "wear")
         doing = "" if verb.pos_ == "AUX" or has else _gerund(verb)
@@ -479,7 +466,7 @@ class _Walk:
         for number in subjects:
             thing = self.things[number]
             at = (*thing.at, *(word.i for word in run or (verb,)))
-            does = thing.doing if verb.dep_ != "advmod" or not is_state else ""  # a fox curled up asleep
+            does = thing.doing if verb.dep_ != "advmod" or not is_state else ""  # a cat curled up asleep in a basket
             does = does or ("" if painted else doing)
             self.things[number] = replace(thing, at=at, color=thing.color or painted, doing=does)
         for noun in _children(verb, "dobj", "attr", "dative"):
@@ -559,7 +546,8 @@ def _is_side(noun: Token) -> bool:
 
 def _is_owner(noun: Token) -> bool:
     """Returns True for the owner of a thing: the kitchen of my grandparents."""
-    return noun.dep_ == "pobj" and noun.head.lower_ == "of" and bool(_children(noun, "poss"))
+    owned = noun.dep_ == "pobj" and noun.head.lower_ == "of" and not _is_between(noun.head.head)
+    return owned and bool(_children(noun, "poss"))
 
 
 def _is_between(noun: Token) -> bool:
@@ -572,8 +560,11 @@ def _describe_noun(noun: Token) -> Thing:
     """Returns the thing of a noun, from the words before it."""
     before = [word for word in noun.subtree if word.i < noun.i and _belongs(word, noun)]
     color, colored = _color(before, noun)
+    called = noun
+    if noun.lemma_ == "one":  # a black sheep among white ones
+        called = next((word for word in reversed(noun.doc[: noun.i]) if word.pos_ == "NOUN"), noun)
     is_name = noun.pos_ == "PROPN" or (noun.tag_ == "NNS" and bool(kind_of_name(noun.text)))  # Mars
-    lemma = noun.text if is_name else noun.lemma_
+    lemma = noun.text if is_name else called.lemma_
     name = " ".join([*(word.text for word in before if word not in colored and not _is_number(word)), lemma])
     if noun.i > 1 and noun.nbor(-1).text == "-" and len(noun.nbor(-2)) == 1:  # a T-Rex
         name = lemma = f"{noun.nbor(-2).text}-{noun.text}"
@@ -582,7 +573,7 @@ def _describe_noun(noun: Token) -> Thing:
     plural = noun.tag_ in ("NNS", "NNPS") and not single and not (is_name and noun.tag_ == "NNS")
     count = _number(numbers[0].lower_) if numbers else None
     count = (_TOGETHER.get(noun.lemma_) if plural else 1) if count is None else count
-    said = noun.lower_ if plural and noun.lower_ != lemma.lower() else ""
+    said = noun.lower_ if plural and noun.lower_ != lemma.lower() and called == noun else ""
     uncounted = not plural and not numbers and not _children(noun, "det", "poss")
     at = tuple(sorted({noun.i, *(word.i for word in (*before, *numbers))}))
     return Thing(name, lemma, color, count, plural=said, uncounted=uncounted, at=at)

@@ -10,7 +10,7 @@ from frida_painter.drawing.arrangement import Relation, ScenePart, arrange_parts
 from frida_painter.drawing.composition import ComposedScene, compose_mood, compose_photograph, compose_scene
 from frida_painter.drawing.lights import CLEAR, DAY, Light, distance, dye, find_weather, go_together, rank_lights
 from frida_painter.drawing.places import NOWHERE, Dressing, Place, Setting
-from frida_painter.drawing.scenery import Stand
+from frida_painter.drawing.scenery import Stand, is_wood
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
@@ -69,12 +69,13 @@ def scene_of(
     also = [light for light in others if light in named] or sorted(alike, key=lambda one: distance(one, setting.light))
     second = next(iter(also), setting.light)
     second = setting.light if is_mood and reading.colors else second
-    used = {setting.place.name, setting.weather.name if setting.place.is_open else "", *setting.light.name.split(", ")}
+    used = {setting.place.name, *setting.light.name.split(", ")}
     used |= {
         part.name
         for *_, part in seen
         if isinstance(part, Stand | Dressing) or (isinstance(part, Place) and part.layers)
     }
+    used |= {*setting.weather.name.split(", ")} if setting.place.is_open else set()
     used |= set() if setting.light.stars else {DAY.name}
     used |= {second.name} if is_mood else {SKY} if setting.place.is_open else set()
     account_for(things, reading, [one for one in seen if one[2].name in used], account)
@@ -185,7 +186,11 @@ def _looks_of(
     missing: numbers of the things that are not shown
     """
     thing, owned = found.thing, {at for one in reading.things for at in one.at}
-    parts = {one.object for one in reading.relations if one.subject == number and one.word in _HAS} & missing
+    parts = {
+        one.object
+        for one in reading.relations
+        if one.subject == number and (one.word in _HAS or kind_of(one.word) == "made")
+    } & missing
     own = {*thing.at, *(at for part in parts for at in reading.things[part].at)}
     ends = max(thing.at, default=0)
     after = min((at for at in owned if at > ends), default=math.inf)
@@ -234,7 +239,14 @@ def _grow_crops(reading: Reading, seen: Seen) -> Reading:
     """Returns the reading with the plants that the name of a place says: a pumpkin patch."""
     grown, relations = list[Thing](), list[Relation]()
     for number, thing in enumerate(reading.things):
-        named = next((part.words for one, _, part in seen if isinstance(part, Place) and one.at == thing.at), None)
+        named = next(
+            (
+                part.words
+                for one, _, part in seen
+                if isinstance(part, Place) and one.at == thing.at and not is_wood(part)
+            ),
+            None,
+        )  # an olive grove has its trees
         for word in reading.said if named is not None else ():
             crop = word.lemma if word.at in thing.at and word.kind == "quality" else ""
             is_plant = any("plant" in kind.words for sense in senses_of(crop)[:1] for kind in sense.kinds)

@@ -15,6 +15,7 @@ from frida_painter.drawing.lights import (
     known_lights,
     known_weathers,
     mix_lights,
+    mix_weathers,
     nearest_part,
 )
 from frida_painter.drawing.places import NOWHERE, Dressing, Place, PlaceLayer, Setting
@@ -30,6 +31,7 @@ from frida_painter.words.world import is_part_of_body, is_person, known_like, kn
 SKY = "sky"
 """Place without a land of its own."""
 _BY_THINGS = ("under", "beside", "behind", "front", "with", "hold")  # kinds of relations to a thing, not to a place
+_HAS_PARTS = ("with", "hold", "doing", "around")  # kinds of relations to a part of somebody's body
 _AROUND = ("behind", "front", "near", "beside", "over")  # kinds of relations to things that are all around
 _PICTURED = 0.8  # similarity above which a picture probably shows the thing of a noun
 _ROUNDING = 1e-3
@@ -69,8 +71,12 @@ def setting_of(
     light, weather = _mix([part for *_, part in seen])
     named = _order_places(seen)
     place = places.join(named[0], named[1:]) if named else NOWHERE
+    trees = [name for one in named[1:] if one.is_open for name in scenery.trees_of(one)]
+    place = scenery.plant(place, trees) if trees and place.is_open else place
     seen = [one for one in seen if one[2] in named or not isinstance(one[2], Place)]
     here = [thing for thing, _, part in seen if part in named]
+    for stand in [part for *_, part in seen if isinstance(part, Stand) and place.is_open]:  # a birch forest
+        place = scenery.line_with(place, stand)
     for number, stand in _stands_in(place, reading, settled, index, sentences).items():
         place = _put_into(place, stand, reading.things[number], sentences)
         seen.append((reading.things[number], reading.things[number].noun, stand))
@@ -106,7 +112,8 @@ def _put_into(place: Place, stand: Stand, thing: Thing, sentences: SentenceEncod
     words = thing.name.split()[:-1] if stand.is_indoors else ()  # a kitchen window
     rooms = [places.find_part(word, places.known_places(), sentences, _EXACTLY) for word in words]
     usual = next((one for one in rooms if one is not None and not one.is_open), None)
-    usual = usual or places.find_place("room" if stand.is_indoors else "meadow")
+    land = "forest" if scenery.is_tree(stand.name) and place is NOWHERE else "meadow"
+    usual = usual or places.find_place("room" if stand.is_indoors else land)
     if place is NOWHERE or place.name == SKY:
         place = replace(usual, above=place.above)
     if _is_front(thing, stand, place):
@@ -159,7 +166,7 @@ def _parts_of(
     stand = scenery.find_stand(f"{thing.noun} {rest}", sentences) if rest else None
     if stand is not None and thing.noun in stand.name.split():  # lace curtains
         return True, [(thing, thing.noun, stand)]
-    is_object = any(one.object == number for one in reading.relations)
+    is_object = any(one.object == number and kind_of(one.word) in ("", *_HAS_PARTS) for one in reading.relations)
     is_settled = is_object and nearest < OWN and is_part_of_body(thing.noun, sentences)  # somebody's beard
     if nearest < OWN and not is_settled:
         names = dict.fromkeys((_whole(thing), thing.noun))  # after the rain
@@ -182,8 +189,8 @@ def _parts_of(
         if part is None and is_abstract and (light or not is_person(thing.noun, sentences)):
             part, is_settled = light, True
         elif light and (light.kind == "hour" or not isinstance(part, Dressing)):  # a thing with a light: the moon
-            ends = max(thing.at)
-            said = " ".join(word.text for word in reading.said if thing.at[0] <= word.at <= ends + 1)
+            at = thing.at or (0,)
+            said = " ".join(word.text for word in reading.said if at[0] <= word.at <= at[-1] + 1)
             light = _light_named(f"{thing.noun} {said.partition(thing.noun)[2]}".strip(), sentences, _SURE) or light
             seen.append((thing, thing.noun, light))
             comes = bool(light.body or thing.plural)
@@ -201,6 +208,8 @@ def _parts_of(
         forms = () if is_whole else (word, f"{word}s")[: 2 if words[at + 1 :] else 1]
         also = [places.find_part(one, known, sentences, like) for one in forms]
         seen += [(thing, word, one) for one in also if one is not None][:1]  # a forest path, a mountain lake
+        grown = scenery.find_stand(word, sentences) if isinstance(part, Place) and word != thing.noun else None
+        seen += [(thing, word, grown)] if grown is not None and grown.usual == "plant" else []  # a birch forest
     for word in (*words[:-1], *(thing.doing.split() if part else ())):
         if nearest < _EXACTLY and (felt := _felt(word, sentences)):  # a hot air balloon tells of no heat
             seen.append((thing, word, felt))
@@ -224,7 +233,7 @@ def _whole(thing: Thing) -> str:
 
 def _mix(parts: Sequence[Part | Stand]) -> tuple[Light, Weather]:
     """Returns the light and the weather of all parts of a setting: those of a winter evening, or of grief at dawn."""
-    weather = next((part for part in parts if isinstance(part, Weather)), CLEAR)
+    weather = mix_weathers(list(dict.fromkeys(part for part in parts if isinstance(part, Weather))))
     lights = [part for part in parts if isinstance(part, Light) and part is not DAY]
     hours = [light for light in lights if light.kind == "hour"]
     seasons = [light for light in lights if light.kind == "season"]
@@ -241,6 +250,7 @@ def _stands_in(
 ) -> dict[int, Stand]:
     """Returns the things that are scenery of a place, by their numbers: several trees, or the window of a room."""
     left = [number for number in range(len(reading.things)) if number not in settled]
+    drawn = {word for stand in scenery.stands().values() for word in stand.words}
     has_glass = any(scenery.stands()[name].has_glass for layer in place.layers for name in layer.names)
     found: dict[int, Stand] = {}
     held = [one for one in reading.relations if one.word in ("of", "in") and {one.subject, one.object} <= {*left}]
@@ -249,7 +259,9 @@ def _stands_in(
         thing = reading.things[number]
         is_own = index is not None and index.nearest(thing) >= OWN
         is_mass = thing.uncounted and any(one.object == number for one in reading.relations)  # in blossom
-        is_other = is_own or is_person(thing.name, sentences)
+        is_compound = " " in thing.name and thing.count == 1 and index is not None and index.nearest(thing) >= _EXACTLY
+        is_compound = is_compound and thing.name not in drawn
+        is_other = is_own or is_compound or is_person(thing.name, sentences)  # a wine glass is no window
         before = next((one.noun for one in reading.things if one.at and _rest(one, reading) == _whole(thing)), "")
         stand = None if is_other else scenery.find_stand(f"{before} {_whole(thing)}".strip(), sentences, place)
         is_row = stand is not None and stand.has_glass and (thing.count or 0) >= _ROW
@@ -260,7 +272,8 @@ def _stands_in(
             found |= {number: stand} if is_inside or has_glass else {}
         elif stand is not None and place.is_open and (is_some or _is_front(thing, stand, place)):
             is_around = any(one.object == number and kind_of(one.word) in _AROUND for one in reading.relations)
-            found |= {number: stand} if place.layers or place.name == SKY or (is_around and place is NOWHERE) else {}
+            is_land = place is NOWHERE and (is_around or scenery.is_tree(stand.name))
+            found |= {number: stand} if place.layers or place.name == SKY or is_land else {}
     return found
 
 
@@ -332,9 +345,7 @@ def usual_place(things: Cast, relations: Sequence[Relation], setting: Setting, s
     shown = shown or [one for one in things if one is not None]
     outside = setting.weather != CLEAR or setting.light != DAY or any(is_building(one.thing.noun) for one in shown)
     names = [name for one in shown for name in (one.thing.name, one.caption, one.thing.doing) if name]
-    afloat = all(
-        (one.figure is not None and one.figure.afloat)
-        or known_like(one.thing.name, sentences).where in ("water", "air")
-        for one in shown
+    afloat = any(one.figure is not None and one.figure.afloat for one in shown) or all(
+        known_like(one.thing.name, sentences).where in ("water", "air") for one in shown
     )
     return places.infer_place(names, sentences, outside=outside, afloat=afloat)
