@@ -77,6 +77,10 @@ def test_a_plan_from_words_by_a_program(say: Callable[..., str], tmp_path: Path)
             "ended with status 1 and made no picture; try it by itself",
         ),
         (("--text", "a hat", "--imagine", "command:true", "--imagine-minutes", "0"), "0 minutes were given"),
+        (("--text", "a hat", "--imagine", "command:false", "--brush", "comb"), "comb is no brush"),
+        (("--text", "a hat", "--imagine", "command:false", "--style", "no.jpg"), "no.jpg does not exist"),
+        (("--text", "a hat", "--imagine", "command:false", "--avoid", "text"), "--avoid is for words, and the goal"),
+        (("--text", "a hat", "--imagine", "command:false", "--clip", "no-clip"), "no-clip cannot be loaded as CLIP"),
     ],
 )
 def test_what_cannot_be_is_one_sentence_and_plans_nothing(
@@ -85,6 +89,11 @@ def test_what_cannot_be_is_one_sentence_and_plans_nothing(
     said = say("plan", *words, "--out", "planned")
     assert said.startswith("2: ") and says in said and "Traceback" not in said, said
     assert not (tmp_path / "planned").exists() and not list(tmp_path.rglob("*.png"))
+
+
+def test_a_folder_that_is_taken_is_told_before_anything_is_made(say: Callable[..., str], tmp_path: Path) -> None:
+    said = say("plan", "--text", "a hat", "--imagine", "command:false", "--out", tmp_path)
+    assert said.startswith("2: ") and "is not empty, and nothing there is overwritten" in said, said
 
 
 def making(folder: Path) -> Making:

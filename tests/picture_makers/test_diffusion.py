@@ -274,6 +274,12 @@ def test_names_that_the_hub_does_not_have_and_hubs_that_are_not_there(
     monkeypatch.setenv("HF_HUB_OFFLINE", "1")
     with pytest.raises(MakingFailed, match="somebody/else cannot be fetched from the hub"):
         DiffusionMaker.parse("somebody/else").make(ask(tmp_path / "b"))
+    monkeypatch.delenv("HF_HUB_OFFLINE")
+    monkeypatch.setenv("HF_ENDPOINT", "http://127.0.0.1:9")
+    began = time.monotonic()
+    with pytest.raises(MakingFailed, match=r"somebody/else cannot be fetched .*cannot be reached \(Connection refused"):
+        DiffusionMaker.parse("somebody/else").make(ask(tmp_path / "c"))
+    assert time.monotonic() - began < 15, "without retries"
 
 
 @pytest.mark.slow

@@ -151,7 +151,9 @@ def test_each_seed_is_asked_once_and_a_redirect_within_the_host_is_followed(tmp_
     [
         (sends(b"<html>Sign in</html>", "text/html; charset=utf-8"), "returned text/html, not a picture"),
         (sends(b"", status=500), "answers 500 Internal Server Error"),
-        (sends(b"", status=404), "answers 404 Not Found"),
+        (sends(b"", status=404), "answers 404 Not Found; mend it"),
+        (sends(b'{"detail": "no model\n"}', status=503), r'Service Unavailable \({"detail": "no model "}\); mend it'),
+        (sends(b"<html>no", status=502), "answers 502 Bad Gateway; mend it"),
         (sends(b"", Content_Length=str(50 * 10**9)), "sends more than 1 MB; a picture file is smaller"),
         (drips, "more than 1 MB"),
         (sends(b"", status=302, Location="http://example.invalid/x"), "redirects to http://example.invalid, which"),

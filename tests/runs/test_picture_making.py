@@ -11,8 +11,9 @@ import torch
 from torch import Tensor
 
 from frida_painter import images, registry
-from frida_painter.errors import ConfigError, Interrupted, MakingFailed, PluginError
+from frida_painter.errors import ConfigError, Interrupted, MakingFailed, PluginError, WeightsError
 from frida_painter.runs import picture_making
+from frida_painter.runs.goals import open_goal
 from frida_painter.runs.painting_folder import keep_goal, read_goal
 from frida_painter.runs.picture_making import (
     Making,
@@ -24,6 +25,7 @@ from frida_painter.runs.picture_making import (
     making_facts,
     read_making,
 )
+from frida_painter.runs.settle import open_planner
 from frida_painter.runs.spec import RunSpec
 
 SPEC = RunSpec.of(goal=[{"text": "a lighthouse", "weight": 2.0}], canvas="12x9cm", seed=5)
@@ -194,6 +196,25 @@ def test_a_chosen_picture_is_an_ordinary_goal_and_its_record_follows_it(
     record = json.loads((tmp_path / "painting" / "goal" / "1" / "making.json").read_text())
     assert record["because"] == "a person chose it" and record["facts"]["sha256"] == "0f" * 32
     assert [one["seed"] for one in record["pictures"]] == [5, 6]
+
+
+def test_a_clip_that_cannot_be_loaded_is_told_before_anything_is_made(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    maker = Maker()
+    monkeypatch.setattr(picture_making, "open_picture_maker", lambda text: ("fake", maker))
+    with pytest.raises(WeightsError, match="nowhere at all cannot be loaded as CLIP"):
+        make_pictures("a lighthouse", "fake", tmp_path / "made", SPEC.with_values(clip="nowhere at all"))
+    assert not maker.asked and not list(tmp_path.iterdir()), "no folder stays either"
+
+
+def test_a_clip_that_chose_among_made_pictures_was_of_use(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    making = make(monkeypatch, tmp_path / "made", Maker(), count=2)
+    spec = imagine(SPEC, lambda words, number: making.choose(1, "it is the nearest")).with_values(clip="my/clip")
+    open_planner(spec, open_goal(spec))
+    (making.folder / "making.json").unlink()
+    with pytest.raises(ConfigError, match="nothing of this goal is seen through a CLIP"):
+        open_planner(spec, open_goal(spec))
 
 
 def test_words_of_the_start_are_made_and_those_of_the_goal_stay(tmp_path: Path) -> None:

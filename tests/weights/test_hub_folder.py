@@ -69,6 +69,8 @@ def test_a_fetched_network_is_found_by_each_of_its_names(
         ("ViT-L/14", "openai/clip-vit-large-patch14"),
         ("ViT-L/14@336px", "openai/clip-vit-large-patch14-336"),
         ("clip-vit-b-32", "openai/clip-vit-base-patch32"),
+        ("models--openai--clip-vit-base-patch32", "openai/clip-vit-base-patch32"),
+        ("https://huggingface.co/openai/clip-vit-base-patch32/tree/main", "openai/clip-vit-base-patch32"),
     ],
 )
 @pytest.mark.parametrize("weights", ["model.safetensors", "pytorch_model.bin"])
@@ -77,6 +79,12 @@ def test_an_earlier_download_of_others_is_used(
 ) -> None:
     folder = keep(hub, repository, "config.json", "tokenizer.json", weights)
     assert hub_folder(name, tmp_path / "none") == folder
+
+
+def test_a_copied_folder_of_the_cache_needs_no_note_of_the_newest(hub: Path, tmp_path: Path) -> None:
+    folder = keep(hub, "some/clip", "config.json", "tokenizer.json", "model.safetensors")
+    shutil.rmtree(hub / "models--some--clip" / "refs")
+    assert hub_folder("some/clip", tmp_path) == folder
 
 
 @pytest.mark.parametrize(
@@ -107,6 +115,7 @@ FILES = {
     "tokenizer.json": b"{}",
     "model.safetensors": b"S" * 100,
     "pytorch_model.bin": b"P" * 100,
+    "open_clip_model.safetensors": b"T" * 100,
     "own.py": b"raise SystemExit",
     "onnx/model.onnx": b"O",
 }

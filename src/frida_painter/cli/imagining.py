@@ -4,6 +4,7 @@ import sys
 from collections.abc import Callable, Mapping
 from datetime import datetime
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -83,6 +84,7 @@ def imagine_beginning(spec: "RunSpec", given: Mapping[str, Any], *, asked: bool)
     from frida_painter.runs.goal_item import name_of
     from frida_painter.runs.picture_making import imagine, make_pictures
 
+    _rehearse(spec, given.get("out"))
     minutes = given.get("imagine_minutes")
     now = f"{datetime.now():%Y%m%d-%H%M%S}"
     chooses = asked and sys.stdin.isatty()
@@ -104,6 +106,25 @@ def imagine_beginning(spec: "RunSpec", given: Mapping[str, Any], *, asked: bool)
             return choose_picture(making, input if chooses else None)
 
         return imagine(spec, make)
+
+
+def _rehearse(spec: "RunSpec", out: Path | None) -> None:
+    """Raises what a painting of made pictures would raise at its beginning, before time is spent on making them."""
+    import torch
+
+    from frida_painter import images, storage
+    from frida_painter.runs.goals import open_goal
+    from frida_painter.runs.picture_making import imagine
+    from frida_painter.runs.settle import planner_settings
+
+    if out is not None:
+        storage.require_unused(out)
+    with TemporaryDirectory() as place:
+        anything = Path(place) / "picture.png"
+        images.save(torch.linspace(0, 1, 64).expand(3, 64, 64), anything)
+        painted = imagine(spec, lambda words, number: anything)
+        open_goal(painted)
+        planner_settings(painted)
 
 
 def choose_picture(making: "Making", ask: Callable[[str], str] | None) -> Path:

@@ -10,6 +10,7 @@ from frida_painter.errors import MakingFailed, WeightsError
 from frida_painter.picture_makers.child import run_task, tell
 from frida_painter.picture_makers.pipeline_folder import INDEX, choose_weights, parse_index
 from frida_painter.weights.hub_folder import ask_hub, fetch_from_hub
+from frida_painter.weights.sources import Hub
 
 _SETTINGS = (".json", ".txt", ".model", ".jinja")
 
@@ -21,6 +22,7 @@ def _fetch(task: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     """
     name = task["name"]
     try:
+        Hub(name, "main").require(INDEX)  # an unreachable hub costs seconds, not minutes of retries
         index = Path(ask_hub("fetch", name, [INDEX])) / INDEX
         _, parts = parse_index(json.loads(storage.read_bytes(index, "the list of a pipeline", 10**6)), name)
         fetch_from_hub(name, lambda sizes: _choose_files(sizes, parts), tell)

@@ -54,7 +54,7 @@ def read_pipeline_folder(folder: Path, name: str) -> PipelineFolder:
     if not (folder / INDEX).is_file():
         error = HalfDownload if any(folder.glob("*/*.safetensors")) else ConfigError
         raise error(f"{name} has no {INDEX}, so it is no pipeline of diffusers; name the folder that has it.")
-    index = _read_json(folder / INDEX)
+    index = _read_json(folder / INDEX, name)
     pipeline, parts = parse_index(index, name)
     code = next((path for path in sorted(folder.rglob("*.py")) if path.is_file()), None)
     if code is not None:
@@ -119,7 +119,7 @@ def _read_part(part: Path, kind: str, name: str) -> tuple[list[Path], str]:
     if not part.is_dir() or not any(part.iterdir()):
         raise _half(name, f"the folder {part.name} is missing or empty")
     for path in part.glob("*.json"):
-        if "auto_map" in _read_json(path):
+        if "auto_map" in _read_json(path, name):
             raise _wants_code(name, f"{part.name}/{path.name} names code")
     if any(word in kind for word in ("Scheduler", "Tokenizer", "Processor", "FeatureExtractor")):
         if not any(path.suffix in (".json", ".model", ".txt") and path.is_file() for path in part.iterdir()):
@@ -159,12 +159,13 @@ def _is_whole(file: Path) -> bool:
             return False
 
 
-def _read_json(path: Path) -> Mapping[str, Any]:
+def _read_json(path: Path, name: str) -> Mapping[str, Any]:
     """Returns the object in a JSON file; an empty one if it holds something else. Raises HalfDownload."""
     try:
         found = json.loads(storage.read_bytes(path, "the settings of a pipeline", _MAX_JSON, ConfigError))
     except (ValueError, RecursionError) as cause:
-        raise _half(path.parent.name, f"{path.name} is cut off or not JSON") from cause
+        where = path.name if path.name == INDEX else f"{path.parent.name}/{path.name}"
+        raise _half(name, f"{where} is cut off or not JSON") from cause
     return found if isinstance(found, dict) else {}
 
 

@@ -18,6 +18,7 @@ from frida_painter.transfer import TOO_SLOW, Transfer
 
 _CHUNK = 2**20
 _MAX_REDIRECTS = 5
+_MAX_SAID = 4096  # bytes of what a service says about its own fault
 _FILE = "picture"
 
 
@@ -73,7 +74,7 @@ def _ask(task: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     except urllib.error.HTTPError as cause:
         why = " ".join(str(cause.reason).split())[:80]
         raise MakingFailed(
-            f"The service {host} answers {cause.code} {why}; look what it says, or name another."
+            f"The service {host} answers {cause.code} {why}{_said_in(cause)}; mend it, or name another."
         ) from cause
     except (HTTPException, OSError, ValueError) as cause:
         reason = cause.reason if isinstance(cause, urllib.error.URLError) else cause
@@ -82,6 +83,16 @@ def _ask(task: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         raise MakingFailed(f"The service {host} cannot be asked ({why}); start it, or mend the address.") from cause
     storage.write_bytes(folder / _FILE, content if kind.startswith("image/") else _picture_in(content, host))
     return {}
+
+
+def _said_in(fault: urllib.error.HTTPError) -> str:
+    """Returns what a service says about its own fault, as the end of a sentence; "" for a page or nothing."""
+    try:
+        text = fault.read(_MAX_SAID).decode("utf-8", "replace")
+    except (HTTPException, OSError, ValueError):
+        return ""
+    plain = " ".join("".join(mark if mark.isprintable() else " " for mark in text).split())
+    return f" ({plain[:160].rstrip('.')})" if plain and not plain.startswith("<") else ""
 
 
 def _read(answer: HTTPResponse, host: str, most: int, transfer: Transfer) -> bytes:

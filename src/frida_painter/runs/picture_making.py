@@ -203,7 +203,8 @@ def make_pictures(
     count: number of pictures, each with a seed of its own
     minutes: time for all pictures
     encoders: networks that compare pictures with the words. None: the fetched ones
-    Raises ConfigError, MakingFailed if there is no picture to paint, Interrupted after a stop, and StorageError.
+    Raises ConfigError, WeightsError if the named CLIP cannot be loaded, MakingFailed if there is no picture to paint,
+    Interrupted after a stop, and StorageError.
     """
     if not 1 <= count <= MAX_PICTURES:
         raise ConfigError(f"{count} pictures were asked for; a making has 1 to {MAX_PICTURES}.")
@@ -212,10 +213,13 @@ def make_pictures(
             f"{minutes:g} minutes were given to the making; it takes above 0 and at most {MAX_MINUTES:g}."
         )
     name, opened = open_picture_maker(maker)
+    device = planning_device()
+    networks = encoders or EncoderRegistry(clip=spec.clip, device=device, tell=tell)
+    if spec.clip is not None:
+        networks.clip()  # one that cannot be loaded is told before anything is made
     storage.new_folder(folder)
     seeds = tuple((spec.seed + number) % 2**31 for number in range(count))
     width, height = _size(spec)
-    device = planning_device()
     faults: dict[str, MakingFailed] = {}
     pictures: list[MadePicture] = []
     try:
@@ -246,7 +250,7 @@ def make_pictures(
         raise
     for sentence in faults:
         tell(sentence)
-    best, rule = _rank(words, [one.picture for one in pictures], encoders, spec, request)
+    best, rule = _rank(words, [one.picture for one in pictures], networks, device)
     return Making(words, name, dict(opened.facts), folder, tuple(pictures), best, rule, tuple(faults))
 
 
@@ -289,14 +293,11 @@ def _read(file: Path | MakingFailed) -> Tensor:
     return picture
 
 
-def _rank(
-    words: str, pictures: Sequence[Tensor], encoders: EncoderRegistry | None, spec: RunSpec, request: PictureRequest
-) -> tuple[int, str]:
+def _rank(words: str, pictures: Sequence[Tensor], networks: EncoderRegistry, device: torch.device) -> tuple[int, str]:
     """Returns the index of the picture that is nearest to the words, and a phrase that tells the rule."""
     if len(pictures) == 1:
         return 0, "it is the only one"
     try:
-        networks = encoders or EncoderRegistry(clip=spec.clip, device=request.device, tell=request.tell)
         readers = networks.readers()
     except FridaError:
         return 0, "it is the first; no network is here that compares pictures with words"
@@ -305,7 +306,7 @@ def _rank(
         for reader in readers:
             wanted = reader.embed_text(words)
             views = torch.stack([images.fit(picture, reader.side, reader.side) for picture in pictures])
-            near += (reader.embed_pictures(views.to(request.device)) @ wanted.to(request.device)).cpu()
+            near += (reader.embed_pictures(views.to(device)) @ wanted.to(device)).cpu()
     return int(near.argmax()), f"it is the nearest to the words by {' and '.join(reader.name for reader in readers)}"
 
 

@@ -216,7 +216,7 @@ def open_planner(
     planner = Planner(
         tell_terms(goal, spec.words, spec.freedom), planner_settings(spec, model), encoders=networks, device=device
     )
-    if networks.idle_clip is not None:
+    if networks.idle_clip is not None and not making_facts(spec):  # else it has chosen among made pictures
         raise ConfigError(
             f"--clip was given {networks.idle_clip[:60]!r}, and nothing of this goal is seen through a CLIP; leave it "
             "out, or give words (--text) or a meaning (--semantic)."

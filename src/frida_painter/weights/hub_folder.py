@@ -21,13 +21,21 @@ from frida_painter.weights.catalogue import all_weights
 from frida_painter.weights.sources import Hub, run_fetching
 
 _WHOLE = "config.json"
+OPEN_CLIP = "open_clip_config.json"
+"""Settings of a network in the layout of open_clip."""
 _SMALL = ("*.json", "*.txt", "*.model")
 _TENSORS = ("*.safetensors", "pytorch_model.bin")  # the second one if there is no file of the first kind
 _ONE, _INDEX = "model.safetensors", "model.safetensors.index.json"
+_TWICE = "open_clip_"  # the same network once more
 _NEEDED = (  # names for each kind of file, the usual one first
     (_WHOLE,),
     (_ONE, _INDEX, "pytorch_model.bin"),
     ("tokenizer.json", "vocab.json", "spiece.model", "tokenizer.model"),
+)
+_NEEDED_BY_OPEN_CLIP = (
+    (OPEN_CLIP,),
+    ("open_clip_model.safetensors", "open_clip_pytorch_model.bin"),
+    _NEEDED[-1],
 )
 _MAX_INDEX = 10**7  # bytes
 _BY_AUTHORS = {  # ViT-B/32 is also written ViT-B-32
@@ -38,6 +46,7 @@ _BY_AUTHORS = {  # ViT-B/32 is also written ViT-B-32
 }
 _NAME = re.compile(r"\w[\w.-]*/\w[\w.-]*")
 _ADDRESS = re.compile(r"https?://[^/]+/|hf(-hub)?:(//)?")
+_VIEW = re.compile("/(tree|blob|resolve)/.*")  # end of the address of a page about a network
 _KEPT = "models--"  # beginning of the folders of the hub's cache
 _APART = {  # the hub's faster protocol writes nothing for long, so that nobody could tell whether anything comes
     "HF_HUB_DISABLE_XET": "1", "HF_HUB_DISABLE_PROGRESS_BARS": "1", "HF_HUB_DISABLE_TELEMETRY": "1",
@@ -50,8 +59,13 @@ def local_folder(name: str) -> Path | None:
     folder = in_home(name)
     if not name.strip() or not exists(folder) or not folder.is_dir():
         return None
-    kept = sorted(folder.glob(f"snapshots/*/{_WHOLE}"), key=lambda file: file.stat().st_mtime)
-    return kept[-1].parent if kept else folder
+    return _newest_snapshot(folder) or folder
+
+
+def plain_name(name: str) -> str:
+    """Returns the name of a network on the hub, without the hub's address, and of a folder of its cache."""
+    plain = _VIEW.sub("", _ADDRESS.sub("", name.strip(), count=1)).rstrip("/")
+    return plain.removeprefix(_KEPT).replace("--", "/", 1) if plain.startswith(_KEPT) else plain
 
 
 def hub_folder(
@@ -68,7 +82,7 @@ def hub_folder(
     tell, heed: as in `fetch_from_hub`
     Raises WeightsError with the reason alone, without a full stop.
     """
-    plain = _ADDRESS.sub("", name.strip(), count=1).rstrip("/")
+    plain = plain_name(name)
     repository = _BY_AUTHORS.get(re.sub("[/@]", "-", plain.lower()).removesuffix("px"), plain)
     for known in all_weights():
         hubs = [source.repository for source in known.sources if isinstance(source, Hub)]
@@ -92,11 +106,17 @@ def hub_folder(
         raise WeightsError(f"half of it is here, without {missing}, and {cause}") from cause
 
 
+def is_of_open_clip(folder: Path) -> bool:
+    """Returns True for the folder of a network that is there only in the layout of open_clip."""
+    return (folder / OPEN_CLIP).is_file() and _absent(folder, _NEEDED[:2]) is not None
+
+
 def missing_file(folder: Path) -> str | None:
     """Returns the name of a file that the folder of a network lacks; None if it is whole."""
-    for names in _NEEDED:
-        if not any((folder / name).is_file() for name in names):
-            return names[0]
+    if is_of_open_clip(folder):
+        return _absent(folder, _NEEDED_BY_OPEN_CLIP)
+    if (absent := _absent(folder, _NEEDED)) is not None:
+        return absent
     if (folder / _ONE).is_file() or not (folder / _INDEX).is_file():
         return None
     try:
@@ -105,6 +125,17 @@ def missing_file(folder: Path) -> str | None:
         return next((part for part in parts if not (folder / part).is_file()), None)
     except (WeightsError, OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return _INDEX
+
+
+def _absent(folder: Path, needed: Sequence[Sequence[str]]) -> str | None:
+    """Returns the usual name of the first kind of file of which the folder has none; None if it has all."""
+    return next((names[0] for names in needed if not any((folder / name).is_file() for name in names)), None)
+
+
+def _newest_snapshot(folder: Path) -> Path | None:
+    """Returns the newest network in a folder of the hub's cache; None if there is none."""
+    kept = [file for whole in (_WHOLE, OPEN_CLIP) for file in folder.glob(f"snapshots/*/{whole}")]
+    return max(kept, key=lambda file: file.stat().st_mtime).parent if kept else None
 
 
 def _name_in_cache(name: str) -> str:
@@ -119,19 +150,19 @@ def _name_in_cache(name: str) -> str:
 
 def _kept(repository: str) -> Path | None:
     """Returns the folder of an earlier download, whole or half; None if there is none."""
-    from huggingface_hub import snapshot_download
+    from huggingface_hub import constants, snapshot_download
 
     try:
         return Path(snapshot_download(repository, local_files_only=True))
-    except (OSError, ValueError):
-        return None
+    except (OSError, ValueError):  # a copied folder may lack the note which of its networks is the newest
+        return _newest_snapshot(Path(constants.HF_HUB_CACHE) / f"{_KEPT}{repository.replace('/', '--')}")
 
 
 def _fetch(repository: str, tell: Callable[[str], None], heed: Callable[[], None]) -> Path:
     Hub(repository, "main").require(_WHOLE)  # an unreachable hub costs seconds, not minutes of retries
 
     def choose(sizes: Mapping[str, int]) -> list[str]:
-        plain = [file for file in sizes if "/" not in file]
+        plain = [file for file in sizes if "/" not in file and not file.startswith(_TWICE)]
         tensors = _TENSORS[:1] if any(fnmatchcase(file, _TENSORS[0]) for file in plain) else _TENSORS
         return [file for file in plain if any(fnmatchcase(file, wanted) for wanted in (*_SMALL, *tensors))]
 

@@ -15,6 +15,7 @@ from PIL import Image
 
 from frida_painter import images
 from frida_painter.errors import WeightsError
+from frida_painter.objectives.encoders import clip as module
 from frida_painter.objectives.encoders.clip import MEAN, SPREAD, Clip
 from tiny_clip import MAX_TOKENS, PATCH, SIDE, write_clip, write_siglip
 from tiny_weights import Trap, serving
@@ -143,6 +144,10 @@ def test_code_that_comes_with_weights_does_not_run(tmp_path: Path) -> None:
         ),
         (lambda folder: alter(folder, lambda name, tensor: 0 * tensor), "all sentences are the same to it"),
         (lambda folder: give_foreign_tokenizer(folder), "its tokenizer is that of another network"),
+        (lambda folder: (folder / "tokenizer.json").write_text('{"version"'), "its tokenizer is cut off, or lacks a"),
+        (lambda folder: say(folder, "vision_config", num_hidden_layers=10**6), "num_hidden_layers as 1000000; it is"),
+        (lambda folder: say(folder, "vision_config", image_size=[32, 32]), r"image_size as \[32, 32\]; it is a number"),
+        (lambda folder: say(folder, "text_config", hidden_act=3), "config.json is not the settings of such a network"),
     ],
     ids=[
         "no settings",
@@ -157,6 +162,10 @@ def test_code_that_comes_with_weights_does_not_run(tmp_path: Path) -> None:
         "not finite",
         "zeros",
         "foreign tokenizer",
+        "half a tokenizer",
+        "endless layers",
+        "two sizes",
+        "no function",
     ],
 )
 def test_folders_that_are_no_clip(
@@ -169,6 +178,12 @@ def test_folders_that_are_no_clip(
     with pytest.raises(WeightsError, match=says):
         Clip.load(broken)
     assert capfd.readouterr() == ("", "")
+
+
+def say(folder: Path, tower: str, **values: object) -> None:
+    record = json.loads((folder / "config.json").read_text())
+    record[tower] |= values
+    (folder / "config.json").write_text(json.dumps(record))
 
 
 def leave_no_tokenizer(folder: Path) -> None:
@@ -248,6 +263,14 @@ def test_folders_of_the_cache_are_found(folder: Path, clip: Clip, tmp_path: Path
     shutil.copytree(folder, tmp_path / "models--some--clip" / "snapshots" / "0123")
     found = Clip.load(tmp_path / "models--some--clip")
     assert torch.equal(found.embed_text("cat"), clip.embed_text("cat"))
+
+
+@pytest.mark.parametrize(("name", "called"), [("ViT-B/16", "CLIP ViT-B/16"), ("some/clip", "CLIP some/clip")])
+def test_it_is_called_as_it_was_asked_for(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, name: str, called: str
+) -> None:
+    monkeypatch.setattr(module, "hub_folder", lambda *asked: folder)
+    assert Clip.load(name).name == called
 
 
 def test_a_home_folder_is_found(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,7 +6,7 @@ Radford et al., "Learning transferable visual models from natural language super
 
 import json
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,15 +16,29 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from frida_painter import registry, storage
+from frida_painter import registry, storage, tensor_file
 from frida_painter.devices import Constant, half_precision
 from frida_painter.errors import StorageError, WeightsError
 from frida_painter.objectives.encoders.clip_resnet import MEAN, SPREAD
+from frida_painter.objectives.encoders.open_clip import clip_settings, clip_tensors
 from frida_painter.weights.catalogue import state_dict
-from frida_painter.weights.hub_folder import hub_folder, local_folder, missing_file
+from frida_painter.weights.hub_folder import (
+    OPEN_CLIP,
+    hub_folder,
+    is_of_open_clip,
+    local_folder,
+    missing_file,
+    plain_name,
+)
 
 _MAX_BYTES = 2**20  # size of a settings file
 _FILES = "config.json, model.safetensors and tokenizer.json"
+_SIZES = {
+    "projection_dim": 2**14, "hidden_size": 2**14, "intermediate_size": 2**17, "num_hidden_layers": 2**8,
+    "num_attention_heads": 2**10, "image_size": 2**12, "patch_size": 2**8, "vocab_size": 2**20,
+    "max_position_embeddings": 2**16,
+}  # fmt: skip
+"""Largest number of each kind in the settings of a network."""
 _TRIED = ("a red apple", "the sea at night")  # sentences that mean different things to every network
 
 
@@ -105,9 +119,13 @@ class Clip:
                 raise WeightsError(f"it has no {missing}")
             with _quietly():
                 model = _read_model(whole)
-                tokenizer = _read_tokenizer(whole, model.config)
+                try:
+                    tokenizer = _read_tokenizer(whole, model.config)
+                except Exception as cause:  # `transformers` raises anything
+                    raise WeightsError("its tokenizer is cut off, or lacks a file; fetch it again") from cause
             mean, spread = _statistics(whole)
-            clip = cls(model, tokenizer, name or f"CLIP {Path(given).name}", mean, spread)
+            called = Path(given).name if folder is not None else plain_name(given).removeprefix("openai/")
+            clip = cls(model, tokenizer, name or f"CLIP {called}", mean, spread)
             clip._require_sense()
         except Exception as cause:  # `transformers` raises anything for foreign files
             raise _refuse(given, folder, cause) from cause
@@ -194,22 +212,27 @@ def _read_model(folder: Path) -> Any:
     import transformers
     from safetensors import SafetensorError
 
-    record = _read_json(folder / "config.json")
+    plain = not is_of_open_clip(folder)
+    record = _read_json(folder / "config.json") if plain else clip_settings(_read_json(folder / OPEN_CLIP))
     found = str(record.get("model_type", "nameless"))[:40]
     if found not in _FAMILIES:
         raise WeightsError(f"it is a {found!r} network, not a CLIP or SigLIP")
     kind = getattr(transformers, _FAMILIES[found].model)
-    settings = kind.config_class.from_dict(record)
-    archive = folder / "pytorch_model.bin"
+    _require_sizes(record)
+    try:
+        settings = kind.config_class.from_dict(record)
+    except Exception as cause:  # `transformers` raises anything
+        raise WeightsError("config.json is not the settings of such a network; fetch it again") from cause
     how: dict[str, Any] = {"output_loading_info": True, "ignore_mismatched_sizes": True}
-    if any(folder.glob("*.safetensors")) or not archive.is_file():
+    if plain and any(folder.glob("model*.safetensors")):
         how |= {"local_files_only": True, "use_safetensors": True, "dtype": torch.float32}
         try:
             model, told = kind.from_pretrained(folder, config=settings, **how)
         except SafetensorError as cause:
             raise WeightsError("its weights are cut off, or not safetensors; fetch them again") from cause
     else:
-        tensors = {name: tensor.float() for name, tensor in state_dict(archive).items() if "position_ids" not in name}
+        tensors = _read_tensors(folder) if plain else clip_tensors(_read_tensors(folder))
+        tensors = {name: tensor.float() for name, tensor in tensors.items() if "position_ids" not in name}
         model, told = kind.from_pretrained(None, config=settings, state_dict=tensors, **how)
     missing = sorted(told["missing_keys"])
     if missing:
@@ -217,6 +240,24 @@ def _read_model(folder: Path) -> Any:
     if told["mismatched_keys"]:
         raise WeightsError(f"its weights have {min(told['mismatched_keys'])[0]} in another size than config.json")
     return model
+
+
+def _read_tensors(folder: Path) -> dict[str, Tensor]:
+    """Returns the tensors of a folder in another layout than that of `transformers` today. Raises WeightsError."""
+    file = folder / "open_clip_model.safetensors"
+    if is_of_open_clip(folder) and file.is_file():
+        return tensor_file.read_tensors(file, "the weights of a CLIP", WeightsError)[0]
+    return state_dict(folder / ("open_clip_pytorch_model.bin" if is_of_open_clip(folder) else "pytorch_model.bin"))
+
+
+def _require_sizes(record: Mapping[str, Any]) -> None:
+    """Raises WeightsError if settings ask for a network that no machine holds, or for none."""
+    towers = [record] + [record[tower] for tower in ("text_config", "vision_config") if record.get(tower) is not None]
+    for tower in towers:
+        for name, most in _SIZES.items():
+            size = tower.get(name, 1) if isinstance(tower, dict) else None
+            if size is not None and not (isinstance(size, int) and 1 <= size <= most):
+                raise WeightsError(f"its settings have {name} as {str(size)[:40]}; it is a number from 1 to {most}")
 
 
 def _read_tokenizer(folder: Path, settings: Any) -> Any:
@@ -256,16 +297,20 @@ def _quietly() -> Iterator[None]:
 
 def _statistics(folder: Path) -> tuple[tuple[float, ...] | None, tuple[float, ...] | None]:
     """Returns mean and spread of the channels that the folder tells; None if it does not. Raises WeightsError."""
-    path = folder / "preprocessor_config.json"
-    if not path.is_file():
+    path, keys = folder / "preprocessor_config.json", ("image_mean", "image_std")
+    if is_of_open_clip(folder):
+        path, keys = folder / OPEN_CLIP, ("mean", "std")
+    record = _read_json(path) if path.is_file() else {}
+    if path.name == OPEN_CLIP:
+        record = record.get("preprocess_cfg") or {}
+    if not record:
         return None, None
-    record = _read_json(path)
     try:
-        mean, spread = (tuple(float(part) for part in record[key]) for key in ("image_mean", "image_std"))
+        mean, spread = (tuple(float(part) for part in record[key]) for key in keys)
         if len(mean) != 3 or len(spread) != 3 or not all(0 < part < 10 for part in spread):
             raise ValueError(f"{mean}, {spread}")
     except (ValueError, KeyError, TypeError) as cause:
-        raise WeightsError(f"{path} does not say image_mean and image_std as three numbers each; mend it") from cause
+        raise WeightsError(f"{path} does not say {' and '.join(keys)} as three numbers each; mend it") from cause
     return mean, spread
 
 
