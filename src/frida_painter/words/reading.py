@@ -1,6 +1,6 @@
 """Reading of prompts: their things, the relations between them, and the things that must not be seen.
 
-spaCy's small English model (Honnibal et al. 2020) parses the grammar. No word lists decide which word is a thing.
+spaCy's medium English model (Honnibal et al. 2020) parses the grammar. No word lists decide which word is a thing.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ PEOPLE = (SOMEBODY, "someone", "everybody", "everyone")
 _TOGETHER = {"twin": 2, "parent": 2, "grandparent": 2, "newlywed": 2, "triplet": 3}  # numbers of people in a plural
 _TOLD_OF = ("he", "she", "they")  # pronouns for the first thing: my dog, he is brown
 _SIDES = {"front": "in front of", "foreground": "in front of", "top": "on", "middle": "in", "side": "beside",
-          "inside": "in", "it": "", "them": "",  # in it
+          "sides": "beside", "inside": "in", "it": "", "them": "",  # in it
           **dict.fromkeys(("mouth", "beak", "paws", "trunk"), "in the mouth of"), "head": "on the head of",
           "nose": "on the head of", **dict.fromkeys(("back", "background", "distance"), "behind")}  # fmt: skip
 """Nouns for the place of a thing by another one: a cake with strawberries on top."""
@@ -277,8 +277,10 @@ class PromptReader:
             if word.dep_ == "pcomp" and (subjects := _children(word, "nsubj")):  # with one ear missing
                 _put_in_place(subjects[0], word, "acl", [])
                 subjects[0].dep_ = "pobj"
-            if word.i and not _is_noun(word) and " " in noun_of(f"{before.lower_} {word.lower_}"):
-                word.pos_, word.tag_, word.lemma_ = "NOUN", "NN", word.lower_  # a teddy bear, a watering can
+            whole = noun_of(f"{before.lower_} {word.lower_}") if word.i and not _is_noun(word) else ""
+            if " " in whole:  # a teddy bear, a watering can, church bells
+                word.pos_, word.lemma_ = "NOUN", whole.rpartition(" ")[2]
+                word.tag_ = "NN" if word.lemma_ == word.lower_ else "NNS"
                 if word.head == before:
                     _put_in_place(word, before, "compound", before.lefts)
                 for child in _children(word, "nsubj"):
@@ -332,7 +334,7 @@ class PromptReader:
                 _put_in_place(actor, noun, "dobj", [word for word in (*noun.lefts, *verb.lefts) if word.i < actor.i])
                 verb.pos_, verb.dep_, verb.head, noun.head = "VERB", "acl", actor, verb
                 noun.pos_ = "ADJ" if noun.lower_ in COLORS else noun.pos_
-        elif actors and is_doing and noun.dep_ in ("ROOT", "pobj", "dobj"):
+        elif actors and (is_doing or _children(noun, "dobj")) and noun.dep_ in ("ROOT", "pobj", "dobj"):
             _put_in_place(actors[-1], noun, "acl", [word for word in noun.lefts if word != actors[-1]])
             noun.pos_ = "VERB"
             self._correct(actors[-1])
@@ -445,7 +447,9 @@ class _Walk:
     def _act(self, verb: Token) -> None:
         """Gives the actors of a verb their action, and adds its relations to its objects."""
         is_state = verb.pos_ == "ADJ" and (verb.i > verb.head.i or bool(_children(verb, "nsubj")))  # asleep in a chair
-        if is_state and (verb.tag_ == "JJR" or (verb.dep_ == "conj" and verb.head.pos_ == "ADJ")):
+        if is_state and (
+            verb.tag_ == "JJR" or verb.head.pos_ == "ADP" or (verb.dep_ == "conj" and verb.head.pos_ == "ADJ")
+        ):
             return
         if not is_state and (verb.pos_ not in ("VERB", "AUX") or _is_in_a_name(verb)):
             return
@@ -540,7 +544,7 @@ def _gerund(verb: Token) -> str:
 def _is_side(noun: Token) -> bool:
     """Returns True for the place of another thing: strawberries on top, hills in the background, but no red top."""
     is_body = _SIDES.get(noun.lower_, "").endswith(" of")
-    is_side = all(word.tag_ == "PRP$" if is_body else word.lower_ == "the" for word in noun.lefts)
+    is_side = all(word.tag_ == "PRP$" if is_body else word.lower_ in ("the", "both") for word in noun.lefts)
     return noun.lower_ in _SIDES and noun.dep_ == "pobj" and is_side
 
 

@@ -189,11 +189,13 @@ def _parts_of(
         if part is None and is_abstract and (light or not is_person(thing.noun, sentences)):
             part, is_settled = light, True
         elif light and (light.kind == "hour" or not isinstance(part, Dressing)):  # a thing with a light: the moon
-            at = thing.at or (0,)
-            said = " ".join(word.text for word in reading.said if at[0] <= word.at <= at[-1] + 1)
-            light = _light_named(f"{thing.noun} {said.partition(thing.noun)[2]}".strip(), sentences, _SURE) or light
+            ends = max(thing.at, default=0) + 1
+            after = next(
+                (f"{thing.noun} {word.text}" for word in reading.said if word.at == ends), ""
+            )  # the sun rising
+            light = (_light_named(after, sentences, _SURE) if after else None) or light
             seen.append((thing, thing.noun, light))
-            comes = bool(light.body or thing.plural)
+            comes = bool(light.body or thing.plural or light is DAY)
             of = [one.object for one in reading.relations if one.subject == number and one.word == "of"]
             shines = any(_light_named(reading.things[one].noun, sentences, _EXACTLY) for one in of)  # the light of dawn
             is_settled = is_settled or (comes and len(reading.things) > 1) or shines
@@ -205,7 +207,7 @@ def _parts_of(
     is_whole = any(places.find_part(one, known, sentences, _EXACTLY) for one in tails)  # an old city skyline
     like = _EXACTLY if isinstance(part, Place) else _SEEN if is_building(thing.noun) else 1.1  # a mountain hut
     for at, word in enumerate(words):
-        forms = () if is_whole else (word, f"{word}s")[: 2 if words[at + 1 :] else 1]
+        forms = () if is_whole or (part and word == thing.noun) else (word, f"{word}s")[: 2 if words[at + 1 :] else 1]
         also = [places.find_part(one, known, sentences, like) for one in forms]
         seen += [(thing, word, one) for one in also if one is not None][:1]  # a forest path, a mountain lake
         grown = scenery.find_stand(word, sentences) if isinstance(part, Place) and word != thing.noun else None
