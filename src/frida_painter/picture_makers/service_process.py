@@ -18,7 +18,7 @@ from frida_painter.transfer import TOO_SLOW, Transfer
 
 _CHUNK = 2**20
 _MAX_REDIRECTS = 5
-_MAX_SAID = 4096  # bytes of what a service says about its own fault
+_MAX_SAID = 4096  # bytes of a service's sentence about its own fault
 _FILE = "picture"
 
 

@@ -520,13 +520,15 @@ class _Walk:
         people = [one for one in owners if "person" in kinds_of(self.things[one].noun)]
         if people and kinds_of(above.lower_) != {"person"}:  # a man in a suit, running
             return people
-        return [] if above == head else self._joined(taught[0]) if taught else self._subjects(above)
+        if above == head:
+            return [0] if head.lower_ in ("it", *_TOLD_OF) and self.things else []
+        return self._joined(taught[0]) if taught else self._subjects(above)
 
 
 def _is_in_a_name(word: Token) -> bool:
     """Returns True if a word is a part of a name; a train that is crossing a bridge, and "a barn, evening" are none."""
     is_apart = word.i > word.head.i and _is_noun(word)
-    return word.dep_ in _IN_A_NAME and word.head.pos_ != "VERB" and not is_apart
+    return word.dep_ in _IN_A_NAME and word.head.pos_ not in ("VERB", "PRON") and not is_apart
 
 
 def _gerund(verb: Token) -> str:

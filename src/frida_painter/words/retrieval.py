@@ -296,7 +296,7 @@ class PictureIndex:
             worth = (
                 _EXACT * like
                 - _OCCASION * bool(ideas)
-                - _ICON * (entry.realism == 0)
+                - _ICON * (entry.realism == 0 and not (" " in thing.name and entry.title == thing.name))
                 + _spoken(entry.title, thing)
                 + _CONTEXT * float(context[at])
                 + worth_of(picture, entry.realism)
