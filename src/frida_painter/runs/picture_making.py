@@ -214,9 +214,9 @@ def make_pictures(
         )
     name, opened = open_picture_maker(maker)
     device = planning_device()
-    networks = encoders or EncoderRegistry(clip=spec.clip, device=device, tell=tell)
-    if spec.clip is not None:
-        networks.clip()  # one that cannot be loaded is told before anything is made
+    if spec.clip is not None:  # one that cannot be loaded is told before anything is made
+        encoders = encoders or EncoderRegistry(clip=spec.clip, device=device, tell=tell)
+        encoders.clip()
     storage.new_folder(folder)
     seeds = tuple((spec.seed + number) % 2**31 for number in range(count))
     width, height = _size(spec)
@@ -250,7 +250,7 @@ def make_pictures(
         raise
     for sentence in faults:
         tell(sentence)
-    best, rule = _rank(words, [one.picture for one in pictures], networks, device)
+    best, rule = _rank(words, [one.picture for one in pictures], encoders, request)
     return Making(words, name, dict(opened.facts), folder, tuple(pictures), best, rule, tuple(faults))
 
 
@@ -293,11 +293,14 @@ def _read(file: Path | MakingFailed) -> Tensor:
     return picture
 
 
-def _rank(words: str, pictures: Sequence[Tensor], networks: EncoderRegistry, device: torch.device) -> tuple[int, str]:
+def _rank(
+    words: str, pictures: Sequence[Tensor], networks: EncoderRegistry | None, request: PictureRequest
+) -> tuple[int, str]:
     """Returns the index of the picture that is nearest to the words, and a phrase that tells the rule."""
     if len(pictures) == 1:
         return 0, "it is the only one"
     try:
+        networks = networks or EncoderRegistry(device=request.device, tell=request.tell)
         readers = networks.readers()
     except FridaError:
         return 0, "it is the first; no network is here that compares pictures with words"
@@ -306,7 +309,7 @@ def _rank(words: str, pictures: Sequence[Tensor], networks: EncoderRegistry, dev
         for reader in readers:
             wanted = reader.embed_text(words)
             views = torch.stack([images.fit(picture, reader.side, reader.side) for picture in pictures])
-            near += (reader.embed_pictures(views.to(device)) @ wanted.to(device)).cpu()
+            near += (reader.embed_pictures(views.to(request.device)) @ wanted.to(request.device)).cpu()
     return int(near.argmax()), f"it is the nearest to the words by {' and '.join(reader.name for reader in readers)}"
 
 

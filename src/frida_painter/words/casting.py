@@ -84,7 +84,7 @@ def cast(
         number: thing
         for number, thing in enumerate(reading.things)
         if (number not in settled or number in garments)
-        and thing.noun not in COLORS
+        and not (thing.noun in COLORS and thing.uncounted)
         and (" " not in thing.noun or index.nearest(thing) >= CALLED or is_person(thing.name, sentences))
     }
     dressed: defaultdict[int, list[_Worn]] = defaultdict(list)
