@@ -313,12 +313,13 @@ def in_size(place: Place, wide: float) -> Place:
 def join(place: Place, others: Sequence[Place]) -> Place:
     """Returns the place with the scenery of others that it has none of: a lake before mountains, and with a jetty."""
     layers = list(place.layers)
+    is_full = any(layer.kind == "line" and layer.y > place.horizon for layer in layers)  # roofs hide the streets
     for other in others if place.is_open else ():
         water = [PlaceLayer("band", "", _SEA, other.below)] if other.kind == "water" != place.kind else []
         for layer in (*water, *(other.layers if other.is_open else ())):
             same = [one for one in layers if _kin(one) == _kin(layer)]
             is_higher = _kin(layer) == "hills" and all(layer.size > one.size for one in same)
-            is_sunk = place.kind == "water" and layer.kind in ("way", "road", "rails")
+            is_sunk = layer.kind in ("way", "road", "rails", "walls") and (place.kind == "water" or is_full)
             if is_higher or not (same or is_sunk):
                 layers = [*(one for one in layers if one not in same), layer]
     above = next((one.above for one in others if one.is_open and one.above is not None), place.above)

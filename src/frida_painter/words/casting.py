@@ -304,6 +304,9 @@ def _act_of(number: int, thing: Thing, reading: Reading, sentences: SentenceEnco
         if similarity >= least and not stands:
             if isinstance(row, Tool):
                 return Act(row.pose, meant, row)
-            tool, _, like = figures.nearest(named, figures.tools(), sentences)  # surfers who wait have their boards
-            return Act(row, meant, tool if like >= _WITH and row.carried == "ground" else None)
+            tool, _, like = figures.nearest(named, figures.tools(), sentences)
+            has = like >= _WITH and (
+                row.carried == "ground" or row == tool.pose
+            )  # a surfer who waits, a cyclist who rides
+            return Act(row, meant, tool if has else None)
     return Act(standing, "")

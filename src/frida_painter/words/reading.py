@@ -229,6 +229,9 @@ class PromptReader:
             text = text[:1].lower() + text[1:]
         parsed = self._parse(text)
         walk = _Walk(parsed)
+        if parsed and not (walk.things or walk.absent):  # golden retriever: an article helps the parser
+            parsed = self._parse(f"the {text}")
+            walk = _Walk(parsed)
         is_negated = not parsed and text.startswith(("no ", "without "))
         if is_negated or (walk.absent and not walk.things):
             raise refuse_absent(text)
