@@ -248,7 +248,8 @@ def _grow_crops(reading: Reading, seen: Seen) -> Reading:
             None,
         )  # an olive grove has its trees
         for word in reading.said if named is not None else ():
-            crop = word.lemma if word.at in thing.at and word.kind == "quality" else ""
+            is_said = word.at in {*thing.at} - {*reading.colors} and word.kind == "quality"
+            crop = word.lemma if is_said else ""
             is_plant = any("plant" in kind.words for sense in senses_of(crop)[:1] for kind in sense.kinds)
             if is_plant and not any(crop in name for name in named or ()):
                 relations.append(Relation(len(reading.things) + len(grown), "in", number))

@@ -315,8 +315,9 @@ def _place_named(number: int, reading: Reading, nearest: float, sentences: Sente
     kinds = {kind_of(one.word) for one in reading.relations if one.object == number}
     beside = kinds & set(_BY_THINGS)
     usual = places.find_part(thing.noun, places.known_places(), sentences)
+    paint = paint_of(thing.color)
     if beside == {"under"} and usual is not None and usual.name == SKY:
-        return usual
+        return usual if paint is None else places.in_color(usual, tuple(paint.tolist()))
     next_to = beside - {"behind", "front"}  # a forest or mountains are a background
     least = max(nearest - _ROUNDING, _EXACTLY if next_to else CALLED if beside else 0.0)
     several = thing.plural if thing.count is None and thing.plural else thing.noun  # mountains, but not one mountain
@@ -336,8 +337,8 @@ def _place_named(number: int, reading: Reading, nearest: float, sentences: Sente
         place = None if next_to or (is_town and stand is not None and not stand.is_indoors) else place
     if place is None and "on" in kinds and usual is not None and not usual.is_open:
         place = usual  # a table that carries things is shown by its top
-    paint = paint_of(thing.color) if colored is None else None  # a lavender field has its own
-    return place if place is None or paint is None else places.in_color(place, tuple(paint.tolist()))
+    has_own = colored is not None  # a lavender field
+    return place if place is None or paint is None or has_own else places.in_color(place, tuple(paint.tolist()))
 
 
 def usual_place(things: Cast, relations: Sequence[Relation], setting: Setting, sentences: SentenceEncoder) -> Place:
