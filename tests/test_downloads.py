@@ -66,7 +66,7 @@ def test_a_test_asks_for_what_is_fetched_and_is_skipped_without_it(probed: pytes
     with pytest.raises(AssertionError, match="does not fetch 'vgg16'"):
         downloads.fetched("vgg16")
     small = {entry.name: entry.size for entry in weights.all_weights() if entry.name in downloads.DOWNLOADS}
-    assert small.keys() == downloads.DOWNLOADS.keys() and sum(small.values()) < 220_000_000
+    assert small.keys() == downloads.DOWNLOADS.keys() and sum(small.values()) < 240_000_000
 
 
 def test_only_what_is_missing_is_fetched_and_what_cannot_be_had_is_told_with_what_it_costs(
