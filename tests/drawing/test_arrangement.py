@@ -359,3 +359,11 @@ def test_a_bunch_is_spread_from_one_foot() -> None:
     seen = copies([stem] * 3, "bunch", 0)[3] > 0.5
     top, foot = (rows.any(0).nonzero().flatten() for rows in (seen[:20], seen[-6:]))
     assert int(top[-1] - top[0]) > 2 * int(foot[-1] - foot[0])
+
+
+def test_a_tiny_elephant_is_smaller_than_a_giant_strawberry() -> None:
+    elephant, strawberry = thing(0, 3.0), thing(1, 0.03)
+    first, second = put("beside", elephant, strawberry)
+    assert first.height > second.height
+    tiny, giant = put("beside", replace(elephant, size=0.5), replace(strawberry, size=2.5))
+    assert tiny.height < 0.5 * giant.height

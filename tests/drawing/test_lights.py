@@ -4,13 +4,16 @@ import pytest
 import torch
 
 from frida_painter.drawing.lights import (
+    CLEAR,
     color_of,
     dye,
     find_light,
+    find_weather,
     go_together,
     known_lights,
     known_weathers,
     mix_lights,
+    mix_weathers,
     rank_lights,
 )
 from support.networks import WordBag
@@ -49,3 +52,11 @@ def test_a_dyed_light_has_the_colours_from_dark_to_bright(colors: list[str]) -> 
     lightness = dyed.colors.mean(1)
     assert torch.all(lightness.diff() >= -1e-6)
     assert any(torch.allclose(color_of(color), tint) for color in colors[:1] for tint in dyed.colors)
+
+
+def test_several_weathers_fall_together() -> None:
+    gale, snow = find_weather("wind"), find_weather("snow")
+    both = mix_weathers([gale, snow])
+    assert (both.wind, both.flakes, both.color) == (gale.wind, snow.flakes, snow.color)
+    assert both.name == "wind, snow" and both.light == gale.light
+    assert mix_weathers([]) == CLEAR and mix_weathers([snow]) == snow

@@ -22,8 +22,11 @@ from frida_painter.drawing.scenery import (
     draw_scenery,
     draw_stand,
     find_stand,
+    is_wood,
     line_with,
+    plant,
     stands,
+    trees_of,
 )
 from frida_painter.frames import PixelGrid
 from frida_painter.palette import to_lab
@@ -148,3 +151,13 @@ def test_several_named_things_stand_along_one_way() -> None:
         assert draw_scenery(setting.ground(GRID, 0), setting, 0).isfinite().all()
         red = line_with(place, stands()["tent"], (1.0, 0.0, 0.0))
         assert [layer.names for layer in red.layers if layer.color == (1.0, 0.0, 0.0)] == [["tent"]]
+
+
+def test_the_trees_that_are_said_grow_in_a_wood_and_nothing_else_changes() -> None:
+    forest, meadow = find_place("forest"), find_place("meadow")
+    birches = line_with(forest, stands()["birch"])
+    assert trees_of(birches) == ["birch"] and len(birches.layers) == len(forest.layers)
+    assert is_wood(forest) and not is_wood(meadow)
+    falls = plant(find_place("waterfall"), ["palm"])
+    assert trees_of(falls) == ["palm"] and falls.has("falls")
+    assert [layer.names for layer in falls.layers if layer.kind == "falls"] == [["waterfall"]]

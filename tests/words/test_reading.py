@@ -237,6 +237,14 @@ def test_those_who_do_something_are_counted(reader: PromptReader, prompt: str, c
         ("a red rose in a vase", ["rose", "vase"], [(0, "in", 1)]),
         ("red rose", ["rose"], []),
         ("a boy in the snow, it is raining", ["boy", "snow"], [(0, "in", 1)]),
+        ("golden retriever", ["golden retriever"], []),
+        ("orange parrot sitting on a skull", ["parrot", "skull"], [(0, "on", 1)]),
+        ("women picking tea leaves", ["woman", "tea leaf"], [(0, "picking", 1)]),
+        ("city rooftops under a sky", ["city rooftop", "sky"], [(0, "under", 1)]),
+        ("an artist in front of her easel", ["artist", "easel"], [(0, "in front of", 1)]),
+        ("a train crossing snowy mountains", ["train", "snowy mountain"], [(0, "crossing", 1)]),
+        ("a balloon made of patchwork", ["balloon", "patchwork"], [(0, "made of", 1)]),
+        ("a black sheep among white ones", ["sheep", "sheep"], [(0, "among", 1)]),
     ],
 )
 def test_what_the_parser_mistakes_is_read_by_the_lexicon(
