@@ -179,7 +179,7 @@ def mix_lights(first: Light, second: Light) -> Light:
 
 
 def mix_weathers(weathers: Sequence[Weather]) -> Weather:
-    """Returns the weather of several, the first of which counts most: snow in a gale; `CLEAR` for none."""
+    """Returns several weathers as one: snow in a gale. The first one counts most; none make `CLEAR`."""
     first, *others = weathers or [CLEAR]
     for other in others:
         falls = first if first.rain or first.flakes or first.fog else other

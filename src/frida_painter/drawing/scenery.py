@@ -76,6 +76,12 @@ def stands(table: str = "scenery.txt") -> dict[str, Stand]:
     return found
 
 
+@cache
+def stand_words() -> frozenset[str]:
+    """Returns all words for the things of `scenery.txt`."""
+    return frozenset(word for stand in stands().values() for word in stand.words)
+
+
 _CALLED = 0.8  # similarity above which a name means a stand
 _WORTH = 0.7  # realism of a drawing, between those of photographs and of other drawings
 _BETTER = 1.5  # the same for drawings of things without a good picture

@@ -128,7 +128,7 @@ def missing_file(folder: Path) -> str | None:
 
 
 def _absent(folder: Path, needed: Sequence[Sequence[str]]) -> str | None:
-    """Returns the usual name of the first kind of file of which the folder has none; None if it has all."""
+    """Returns the usual name of a kind of file that a folder lacks; None if it has all kinds."""
     return next((names[0] for names in needed if not any((folder / name).is_file() for name in names)), None)
 
 

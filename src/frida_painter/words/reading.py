@@ -266,28 +266,24 @@ class PromptReader:
                 word.lemma_ = base  # rides come from ride, not rid
             before = word.nbor(-1) if word.i else word
             one, kind = word.text.removesuffix("s"), word.tag_
-            only = next((form for form in (word.lower_, word.lower_.removesuffix("s")) if form in self._only_nouns), "")
+            only = next((form for form in (word.lower_, one.lower()) if form in self._only_nouns), "")
             if one != word.text and one in self._nouns and (kind == "NNP" or (kind == "NNS" and one[-2:] == "ie")):
-                word.pos_, word.tag_, word.lemma_ = "NOUN", "NNS", one  # kids, and cookies, which are no cooks
+                _make_noun(word, one)  # kids, and cookies, which are no cooks
             elif only and word.pos_ in ("VERB", "ADJ", "ADV", "X", "INTJ") and word.lemma_ not in self._verbs:
-                word.pos_, word.tag_, word.lemma_ = "NOUN", "NN" if only == word.lower_ else "NNS", only  # rooftops
-                for child in _children(word, "nsubj"):
-                    child.dep_ = "compound"
+                _make_noun(word, only)  # rooftops
             if word.tag_ == "VBD" and before.head == word and (before.lower_ in COLORS or before.dep_ == "det"):
                 role = ("amod", "ADJ") if before.lower_ in COLORS else ("det", "DET")
                 _put_in_place(word, before, role[0], before.lefts)  # a red rose
-                word.pos_, word.tag_, word.lemma_, before.pos_ = "NOUN", "NN", word.lower_, role[1]
+                _make_noun(word, word.lower_)
+                before.pos_ = role[1]
             if word.dep_ == "pcomp" and (subjects := _children(word, "nsubj")):  # with one ear missing
                 _put_in_place(subjects[0], word, "acl", [])
                 subjects[0].dep_ = "pobj"
             whole = noun_of(f"{before.lower_} {word.lower_}") if word.i and not _is_noun(word) else ""
             if " " in whole:  # a teddy bear, a watering can, church bells
-                word.pos_, word.lemma_ = "NOUN", whole.rpartition(" ")[2]
-                word.tag_ = "NN" if word.lemma_ == word.lower_ else "NNS"
+                _make_noun(word, whole.rpartition(" ")[2])
                 if word.head == before:
                     _put_in_place(word, before, "compound", before.lefts)
-                for child in _children(word, "nsubj"):
-                    child.dep_ = "compound"
         for word in parsed:
             self._correct(word)
         return list(parsed)
@@ -346,6 +342,13 @@ class PromptReader:
             if verb.i == noun.i + 1 and (before[-1].tag_ == "NNS" or is_one):
                 _put_in_place(before[-1], noun, "dobj", [word for word in noun.children if word != before[-1]])
                 noun.head = verb
+
+
+def _make_noun(word: Token, lemma: str) -> None:
+    """Makes a noun of a word, and a part of its name of what seemed to be its subject."""
+    word.pos_, word.tag_, word.lemma_ = "NOUN", "NN" if lemma == word.lower_ else "NNS", lemma
+    for child in _children(word, "nsubj"):
+        child.dep_ = "compound"
 
 
 def _put_in_place(noun: Token, other: Token, kind: str, taken: Iterable[Token]) -> None:

@@ -252,7 +252,6 @@ def _stands_in(
 ) -> dict[int, Stand]:
     """Returns the things that are scenery of a place, by their numbers: several trees, or the window of a room."""
     left = [number for number in range(len(reading.things)) if number not in settled]
-    drawn = {word for stand in scenery.stands().values() for word in stand.words}
     has_glass = any(scenery.stands()[name].has_glass for layer in place.layers for name in layer.names)
     found: dict[int, Stand] = {}
     held = [one for one in reading.relations if one.word in ("of", "in") and {one.subject, one.object} <= {*left}]
@@ -262,7 +261,7 @@ def _stands_in(
         is_own = index is not None and index.nearest(thing) >= OWN
         is_mass = thing.uncounted and any(one.object == number for one in reading.relations)  # in blossom
         is_compound = " " in thing.name and thing.count == 1 and index is not None and index.nearest(thing) >= _EXACTLY
-        is_compound = is_compound and thing.name not in drawn
+        is_compound = is_compound and thing.name not in scenery.stand_words()
         is_other = is_own or is_compound or is_person(thing.name, sentences)  # a wine glass is no window
         before = next((one.noun for one in reading.things if one.at and _rest(one, reading) == _whole(thing)), "")
         stand = None if is_other else scenery.find_stand(f"{before} {_whole(thing)}".strip(), sentences, place)
@@ -308,8 +307,7 @@ def _place_named(number: int, reading: Reading, nearest: float, sentences: Sente
     is_exact = any(
         places.find_part(name, places.known_places(), sentences, _EXACTLY) for name in (thing.noun, thing.name)
     )  # a moor, a haunted house
-    drawn = {word for stand in scenery.stands().values() for word in stand.words}
-    is_one = thing.noun in drawn and not thing.plural  # a tree is no forest
+    is_one = thing.noun in scenery.stand_words() and not thing.plural  # a tree is no forest
     if not is_exact and (is_one or is_person(thing.noun, sentences)):
         return None
     kinds = {kind_of(one.word) for one in reading.relations if one.object == number}
