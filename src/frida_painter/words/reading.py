@@ -345,7 +345,7 @@ class PromptReader:
 
 
 def _make_noun(word: Token, lemma: str) -> None:
-    """Makes a noun of a word, and a part of its name of what seemed to be its subject."""
+    """Makes a word a noun; its subjects become the first words of its name: a teddy bear."""
     word.pos_, word.tag_, word.lemma_ = "NOUN", "NN" if lemma == word.lower_ else "NNS", lemma
     for child in _children(word, "nsubj"):
         child.dep_ = "compound"
