@@ -10,6 +10,7 @@ import pytest
 from playwright.sync_api import Browser, Locator, Page, TimeoutError, expect
 
 from browsing import PATIENCE, SCREENSHOTS, WITH_CHROMIUM, OpenStudio, chromium, deadline, opened_studio, window
+from downloads import fetched
 from frida_painter import images
 from support.planning import picture
 
@@ -171,6 +172,18 @@ def test_stopped_while_planning_and_in_a_stroke_with_two_browsers_one_of_them_a_
                     asked.click(timeout=2000)
             tablet.wait_for_timeout(100)
         expect(page.get_by_text("10 strokes are on the canvas")).to_be_visible()
+
+
+def test_the_page_tells_which_words_a_plan_shows(page: Page) -> None:
+    for name in ("english", "minilm", "efficientnet-lite0", "efficientnet-lite1", "efficientnet-lite2"):
+        fetched(name)
+    words = {"kind": "text", "words": "a calm sea at dawn with a zeugma"}
+    page.evaluate(BEGIN, {"title": "Sea", "strokes": 6, "effort": 0.05, "colors": 2, "terms": [words]})
+    expect(page.get_by_role("button", name="Use plan 1")).to_be_visible(timeout=3 * PATIENCE)
+    told = page.get_by_text("Your words: shown:")
+    expect(told).to_be_visible()
+    expect(told).to_contain_text("not shown: 'with', 'zeugma'")
+    keep(page, "words-of-a-plan")
 
 
 def protect(page: Page) -> None:

@@ -220,7 +220,9 @@ def test_focus_follows_to_a_new_view_and_a_new_step(desk: Page, studio: OpenStud
 
 
 def test_the_plan_step_shows_the_goal_too(desk: Page, studio: OpenStudio) -> None:
-    Told(studio, *PLANNED).show(desk)
+    requested, made = PLANNED
+    Told(studio, requested, {**made, "remarks": ["Not shown: 'a kite'."]}).show(desk)
+    expect(desk.get_by_text("Not shown: 'a kite'.")).to_be_visible()
     goal = desk.get_by_role("button", name="Goal", exact=True)
     goal.click()
     fade = desk.get_by_label("Fade between goal, plan")

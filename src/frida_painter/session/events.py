@@ -153,6 +153,7 @@ class PlanMade:
     palette: its paints.
     mixtures: recipes of the paints.
     mixing: changes of colours so that they can be mixed, in words for each filling of the wells.
+    remarks: sentences about what it shows of the goal, and how.
     """
 
     plan: int
@@ -164,6 +165,7 @@ class PlanMade:
     palette: list[dict[str, Any]]
     mixtures: list[dict[str, Any]]
     mixing: dict[str, str] = field(default_factory=dict)
+    remarks: list[str] = field(default_factory=list)
 
 
 @dataclass(frozen=True)

@@ -431,7 +431,7 @@ def _hear_painting(painting: PaintState, event: Written) -> None:
             pass
 
 
-_MADE = ("prefix", "frames", "strokes", "palette", "mixtures", "mixing", "seconds")
+_MADE = ("prefix", "frames", "strokes", "palette", "mixtures", "mixing", "remarks", "seconds")
 _REPLANNED = ("prefix", "frames", "strokes", "palette", "done")
 # Status of a painting after an event; other events do not change it.
 _STATUS: dict[type[Written], str] = {

@@ -434,4 +434,5 @@ def make_plan(job: Job, place: PlanFolder) -> None:
         nearer = 1 - planner.validation_loss(expected) / max(planner.validation_loss(bare), 1e-9)
         told = illustrate(made, planner.models, bare, place.path)
         mixed, took = mixtures(made, paints_for_recipes(run.spec)), round(time.monotonic() - started, 1)
-    feed.tell(PlanMade(place.number, round(nearer, 4), took, mixtures=mixed, mixing=mixing_changes(made), **told))
+        told |= {"mixtures": mixed, "mixing": mixing_changes(made), "remarks": list(planner.encoders.remarks)}
+    feed.tell(PlanMade(place.number, round(nearer, 4), took, **told))

@@ -144,7 +144,7 @@ export function planStage(house, here, first) {
       h("p", { "data-for": "plan" }, h("button", { type: "button", class: "button second", disabled: state.working, "aria-keyshortcuts": "a", onclick: () => another(again) }, "Make another plan")),
       h("details", { open: differs, "data-for": "plan" }, h("summary", {}, "Change the goal"), form.element, h("button", { type: "button", class: "button second wide", disabled: state.working, onclick: () => another(wish, form) }, "Plan with these changes")),
       h("p", { class: "label" }, summary(plan.wish)),
-      h("h2", {}, "The goal"), goals,
+      h("h2", {}, "The goal"), goals, (plan.made?.remarks ?? []).map((sentence) => h("p", { class: "label" }, sentence)),
       plan.made ? [h("h2", {}, "The palette"), paletteList(plan), h("h2", {}, "Downloads"), h("ul", { class: "files" }, TAKEN.map(([name, label]) => h("li", {}, h("a", { href: api.file(here.id, plan.number, name), download: name }, label))))] : null);
   }
 
