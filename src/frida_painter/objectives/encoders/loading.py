@@ -268,14 +268,14 @@ class EncoderRegistry:
         return {part: tensor.to(self.device) for part, tensor in weights.tensors(name, self.cache).items()}
 
     def _load_clip(self, source: str) -> Encoder:
-        """Returns the encoder of an installed package, or the CLIP of a safetensors file, a folder or a hub's name."""
+        """Returns the encoder of an installed package, or the CLIP of a file, a folder or a hub's name."""
         from frida_painter.objectives.encoders.clip import Clip
-        from frida_painter.objectives.encoders.clip_resnet import ClipResNet
+        from frida_painter.objectives.encoders.clip_resnet import ClipResNet, is_clip_resnet
 
         for point in entry_points(group=GROUP, name=source):
             return _load_plugin(point, self.device)
-        path = Path(source)
-        if storage.exists(path) and path.is_file():
+        path = storage.in_home(source)
+        if storage.exists(path) and path.is_file() and is_clip_resnet(path):
             tensors, _ = tensor_file.read_tensors(path, "the weights of a CLIP", WeightsError)
             return ClipResNet({name: tensor.to(self.device) for name, tensor in tensors.items()}, f"CLIP {path.stem}")
         return Clip.load(source, cache=self.cache, tell=self.tell, heed=self.heed)
