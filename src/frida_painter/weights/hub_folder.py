@@ -75,9 +75,10 @@ def folder_of_file(file: Path) -> Iterator[Path]:
     if (absent := _absent(_names(file.parent), (needed[0], needed[2]))) is not None:
         raise WeightsError(f"no {absent} lies beside it")
     with TemporaryDirectory() as place:
-        small = (beside for kind in _SMALL for beside in file.parent.glob(kind) if beside.name != _INDEX)
-        for beside in small:
-            (Path(place) / beside.name).symlink_to(beside.absolute())
+        others = (_INDEX, _WHOLE) if of_open_clip else (_INDEX,)
+        for beside in (beside for kind in _SMALL for beside in file.parent.glob(kind)):
+            if beside.name not in others:
+                (Path(place) / beside.name).symlink_to(beside.absolute())
         usual = next(name for name in needed[1] if name.endswith(ending))
         (Path(place) / usual).symlink_to(file.absolute())
         yield Path(place)
