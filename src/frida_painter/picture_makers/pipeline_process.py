@@ -2,7 +2,8 @@
 
 import inspect
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -67,14 +68,50 @@ def _load(task: Mapping[str, Any], device: torch.device) -> Any:
     tell(f"Loading {name} on {device.type}.")
     loader: Any = diffusers.DiffusionPipeline
     try:
-        pipeline = loader.from_pretrained(
-            task["folder"], variant=task["variant"], torch_dtype=_precision(device), use_safetensors=True,
-            local_files_only=True, low_cpu_mem_usage=False,
-        ).to(device)  # fmt: skip
+        with _whole_networks(name):
+            pipeline = loader.from_pretrained(
+                task["folder"], variant=task["variant"], torch_dtype=_precision(device), use_safetensors=True,
+                local_files_only=True, low_cpu_mem_usage=False,
+            ).to(device)  # fmt: skip
     except torch.OutOfMemoryError as cause:
         raise MakingFailed(f"{name} does not fit into the memory of the GPU; name a smaller one.") from cause
     pipeline.set_progress_bar_config(disable=True)
     return pipeline
+
+
+@contextmanager
+def _whole_networks(name: str) -> Iterator[None]:
+    """Refuses networks that lack tensors; `diffusers` and `transformers` fill them by chance, and only log it.
+
+    A pipeline cannot ask its networks what is missing, so the methods that load them are replaced meanwhile.
+    """
+    from diffusers import ModelMixin
+    from transformers import PreTrainedModel
+
+    kinds: tuple[Any, ...] = (ModelMixin, PreTrainedModel)
+    usual = [vars(kind)["from_pretrained"] for kind in kinds]
+    try:
+        for kind, method in zip(kinds, usual, strict=True):
+            kind.from_pretrained = classmethod(_load_whole(method.__func__, name))
+        yield
+    finally:
+        for kind, method in zip(kinds, usual, strict=True):
+            kind.from_pretrained = method
+
+
+def _load_whole(load: Callable[..., Any], name: str) -> Callable[..., Any]:
+    """Returns a method that loads a network as `load` does. It raises MakingFailed if tensors are missing."""
+
+    def loading(kind: Any, folder: str, /, **more: Any) -> Any:
+        network, told = load(kind, folder, output_loading_info=True, **more)
+        if missing := len(told["missing_keys"]):
+            raise MakingFailed(
+                f"{name} lacks {missing} of the {len(network.state_dict())} tensors of its {Path(folder).name}; take "
+                "an undamaged copy, or name another pipeline."
+            )
+        return network
+
+    return loading
 
 
 def _precision(device: torch.device) -> torch.dtype:
@@ -85,9 +122,8 @@ def _precision(device: torch.device) -> torch.dtype:
 
 def _size(pipeline: Any, width: int, height: int) -> tuple[int, int]:
     """Returns the wanted proportions in the number of pixels that the network was made for."""
-    network = getattr(pipeline, "unet", None) or getattr(pipeline, "transformer", None)
     cells, scale = (
-        getattr(getattr(network, "config", None), "sample_size", None),
+        getattr(getattr(_network(pipeline), "config", None), "sample_size", None),
         pipeline.__dict__.get("vae_scale_factor"),
     )
     if not isinstance(cells, int) or not isinstance(scale, int):
@@ -98,9 +134,14 @@ def _size(pipeline: Any, width: int, height: int) -> tuple[int, int]:
 
 
 def _knows_guidance(pipeline: Any) -> bool:
-    """Returns True for a network that was given the guidance as an input (LCM): its own default is right."""
-    network = getattr(pipeline, "unet", None)
-    return getattr(getattr(network, "config", None), "time_cond_proj_dim", None) is not None
+    """Returns True for a network that was given the guidance as an input (LCM, Flux): its own default is right."""
+    config = getattr(_network(pipeline), "config", None)
+    return getattr(config, "time_cond_proj_dim", None) is not None or bool(getattr(config, "guidance_embeds", False))
+
+
+def _network(pipeline: Any) -> Any:
+    """Returns the network of a pipeline that makes its pictures."""
+    return getattr(pipeline, "unet", None) or getattr(pipeline, "transformer", None)
 
 
 class _Progress:
