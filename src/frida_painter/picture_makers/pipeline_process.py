@@ -2,8 +2,7 @@
 
 import inspect
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -66,37 +65,30 @@ def _load(task: Mapping[str, Any], device: torch.device) -> Any:
     logging.set_verbosity_error()
     logging.disable_progress_bar()
     tell(f"Loading {name} on {device.type}.")
+    _require_whole(name)
     loader: Any = diffusers.DiffusionPipeline
     try:
-        with _whole_networks(name):
-            pipeline = loader.from_pretrained(
-                task["folder"], variant=task["variant"], torch_dtype=_precision(device), use_safetensors=True,
-                local_files_only=True, low_cpu_mem_usage=False,
-            ).to(device)  # fmt: skip
+        pipeline = loader.from_pretrained(
+            task["folder"], variant=task["variant"], torch_dtype=_precision(device), use_safetensors=True,
+            local_files_only=True, low_cpu_mem_usage=False,
+        ).to(device)  # fmt: skip
     except torch.OutOfMemoryError as cause:
         raise MakingFailed(f"{name} does not fit into the memory of the GPU; name a smaller one.") from cause
     pipeline.set_progress_bar_config(disable=True)
     return pipeline
 
 
-@contextmanager
-def _whole_networks(name: str) -> Iterator[None]:
-    """Refuses networks that lack tensors; `diffusers` and `transformers` fill them by chance, and only log it.
+def _require_whole(name: str) -> None:
+    """Lets this process load no networks that lack tensors: their libraries fill them by chance, and only log it.
 
-    A pipeline cannot ask its networks what is missing, so the methods that load them are replaced meanwhile.
+    A pipeline cannot ask its networks what is missing, so the methods that load them are replaced.
     """
     from diffusers import ModelMixin
     from transformers import PreTrainedModel
 
     kinds: tuple[Any, ...] = (ModelMixin, PreTrainedModel)
-    usual = [vars(kind)["from_pretrained"] for kind in kinds]
-    try:
-        for kind, method in zip(kinds, usual, strict=True):
-            kind.from_pretrained = classmethod(_load_whole(method.__func__, name))
-        yield
-    finally:
-        for kind, method in zip(kinds, usual, strict=True):
-            kind.from_pretrained = method
+    for kind in kinds:
+        kind.from_pretrained = classmethod(_load_whole(kind.from_pretrained.__func__, name))
 
 
 def _load_whole(load: Callable[..., Any], name: str) -> Callable[..., Any]:

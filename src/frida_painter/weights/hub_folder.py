@@ -18,7 +18,7 @@ from frida_painter.storage import exists, in_home, megabytes, read_bytes, requir
 from frida_painter.transfer import TOO_SLOW, Transfer
 from frida_painter.weights import hub_process
 from frida_painter.weights.cache import find
-from frida_painter.weights.catalogue import all_weights, state_dict
+from frida_painter.weights.catalogue import all_weights
 from frida_painter.weights.sources import Hub, run_fetching
 
 _WHOLE = "config.json"
@@ -70,7 +70,7 @@ def folder_of_file(file: Path) -> Iterator[Path]:
     The tensors' own names say whether they are in the layout of open_clip. Raises WeightsError with the reason alone.
     """
     ending = ".safetensors" if file.suffix == ".safetensors" else ".bin"
-    of_open_clip = any(name.startswith("visual.") for name in tensor_names(file))
+    of_open_clip = file.name.startswith(_TWICE) or any(name.startswith("visual.") for name in tensor_names(file))
     needed = _NEEDED_BY_OPEN_CLIP if of_open_clip else _NEEDED
     if (absent := _absent(_names(file.parent), (needed[0], needed[2]))) is not None:
         raise WeightsError(f"no {absent} lies beside it")
@@ -85,16 +85,14 @@ def folder_of_file(file: Path) -> Iterator[Path]:
 
 
 def tensor_names(file: Path) -> list[str]:
-    """Returns the names of the tensors in a file of weights. Raises WeightsError with the reason alone."""
+    """Returns the names of the tensors in a safetensors file; none for any other file."""
     from safetensors import SafetensorError, safe_open
 
-    if file.suffix != ".safetensors":
-        return list(state_dict(file))
     try:
         with safe_open(file, "pt") as tensors:
             return list(tensors.keys())
-    except (SafetensorError, OSError) as cause:
-        raise WeightsError("it is cut off, or not safetensors; fetch it again") from cause
+    except (SafetensorError, OSError):
+        return []
 
 
 def plain_name(name: str) -> str:

@@ -170,7 +170,10 @@ def test_one_file_of_weights_takes_settings_and_tokenizer_beside_it(tmp_path: Pa
     [
         (lambda file: file.with_name("config.json").unlink(), "no config.json lies beside it"),
         (lambda file: file.with_name("tokenizer.json").unlink(), "no tokenizer.json lies beside it"),
-        (lambda file: file.write_bytes(b"no tensors at all"), "it is cut off, or not safetensors; fetch it again"),
+        (
+            lambda file: file.write_bytes(b"no tensors at all"),
+            "its weights are cut off, or not safetensors; fetch them again",
+        ),
         (lambda file: save_file({"visual.proj": torch.zeros(2)}, file), "no open_clip_config.json lies beside it"),
         (lambda file: save_file({"unet.x": torch.zeros(2)}, file), "its weights lack logit_scale"),
     ],

@@ -7,7 +7,6 @@ normalisations are folded into the convolutions.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import torch
 from torch import Tensor
@@ -15,7 +14,6 @@ from torch.nn import functional
 
 from frida_painter.devices import Constant, half_precision
 from frida_painter.errors import WeightsError
-from frida_painter.weights.hub_folder import tensor_names
 
 MEAN, SPREAD = (0.48145466, 0.4578275, 0.40821073), (0.26862954, 0.26130258, 0.27577711)
 """Statistics of the sRGB channels in the training of all variants of CLIP."""
@@ -52,14 +50,6 @@ class _Block:
         inner = functional.relu(self.look(functional.relu(self.narrow(x))))
         out = self.widen(_pool(inner, self.stride))
         return functional.relu(out + (x if self.beside is None else self.beside(_pool(x, self.stride))))
-
-
-def is_clip_resnet(file: Path) -> bool:
-    """Returns True for a file of tensors under the names of a ResNet tower."""
-    try:
-        return any(name.startswith(f"{_PREFIX}layer1.") for name in tensor_names(file))
-    except WeightsError:
-        return False
 
 
 class ClipResNet:
