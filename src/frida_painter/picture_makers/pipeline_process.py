@@ -114,8 +114,9 @@ def _precision(device: torch.device) -> torch.dtype:
 
 def _size(pipeline: Any, width: int, height: int) -> tuple[int, int]:
     """Returns the wanted proportions in the number of pixels that the network was made for."""
+    network = getattr(pipeline, "unet", None) or getattr(pipeline, "transformer", None)
     cells, scale = (
-        getattr(getattr(_network(pipeline), "config", None), "sample_size", None),
+        getattr(getattr(network, "config", None), "sample_size", None),
         pipeline.__dict__.get("vae_scale_factor"),
     )
     if not isinstance(cells, int) or not isinstance(scale, int):
@@ -127,13 +128,8 @@ def _size(pipeline: Any, width: int, height: int) -> tuple[int, int]:
 
 def _knows_guidance(pipeline: Any) -> bool:
     """Returns True for a network that was given the guidance as an input (LCM, Flux): its own default is right."""
-    config = getattr(_network(pipeline), "config", None)
+    config = getattr(getattr(pipeline, "unet", None) or getattr(pipeline, "transformer", None), "config", None)
     return getattr(config, "time_cond_proj_dim", None) is not None or bool(getattr(config, "guidance_embeds", False))
-
-
-def _network(pipeline: Any) -> Any:
-    """Returns the network of a pipeline that makes its pictures."""
-    return getattr(pipeline, "unet", None) or getattr(pipeline, "transformer", None)
 
 
 class _Progress:

@@ -75,12 +75,11 @@ def folder_of_file(file: Path) -> Iterator[Path]:
     if (absent := _absent(_names(file.parent), (needed[0], needed[2]))) is not None:
         raise WeightsError(f"no {absent} lies beside it")
     with TemporaryDirectory() as place:
-        others = (_INDEX, _WHOLE) if of_open_clip else (_INDEX,)
-        for beside in (beside for kind in _SMALL for beside in file.parent.glob(kind)):
-            if beside.name not in others:
-                (Path(place) / beside.name).symlink_to(beside.absolute())
-        usual = next(name for name in needed[1] if name.endswith(ending))
-        (Path(place) / usual).symlink_to(file.absolute())
+        usual = {next(name for name in needed[1] if name.endswith(ending)): file}
+        small = {beside.name: beside for kind in _SMALL for beside in file.parent.glob(kind)}
+        for name, kept in (small | usual).items():
+            if name not in ((_INDEX, _WHOLE) if of_open_clip else (_INDEX,)):
+                (Path(place) / name).symlink_to(kept.absolute())
         yield Path(place)
 
 

@@ -147,10 +147,7 @@ class Hub:
         self._site.bring(originals, scratch, received)
 
     def require(self, *paths: str) -> None:
-        """Requests the header of the first of some files that is there: an unreachable hub costs only seconds.
-
-        Raises WeightsError, also if none is there.
-        """
+        """Requests the header of one of these files: an unreachable hub costs only seconds. Raises WeightsError."""
         if os.environ.get("HF_HUB_OFFLINE", "").upper() in ("1", "ON", "YES", "TRUE"):
             raise WeightsError("HF_HUB_OFFLINE is set")
         for path in paths:

@@ -118,8 +118,7 @@ class Clip:
             except (WeightsError, StorageError, OSError, ValueError) as cause:
                 raise _refuse(given, cause, here=one or folder is not None) from cause
             try:
-                missing = missing_file(whole)
-                if missing is not None:
+                if (missing := missing_file(whole)) is not None:
                     raise WeightsError(f"it has no {missing}")
                 with _quietly():
                     model = _read_model(whole)
