@@ -35,7 +35,7 @@ def write_pipeline(folder: Path, *, bias: float = 0.0) -> Path:
     """
     import torch
     from diffusers import AutoencoderKL, LCMScheduler, StableDiffusionPipeline, UNet2DConditionModel
-    from transformers import CLIPTextConfig, CLIPTextModel, CLIPTokenizer
+    from transformers import CLIPTextModel
 
     with torch.random.fork_rng(devices=()), warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -52,18 +52,94 @@ def write_pipeline(folder: Path, *, bias: float = 0.0) -> Path:
         )  # fmt: skip
         with torch.no_grad():
             vae.decoder.conv_out.bias.add_(bias)
-        letters = [chr(number) for number in range(ord("a"), ord("z") + 1)]
-        marks = [*letters, *(f"{letter}</w>" for letter in letters), "<|startoftext|>", "<|endoftext|>"]
-        text = CLIPTextConfig(
-            vocab_size=len(marks), hidden_size=8, intermediate_size=8, num_hidden_layers=1, num_attention_heads=2,
-            bos_token_id=len(marks) - 2, eos_token_id=len(marks) - 1, pad_token_id=len(marks) - 1,
-        )  # fmt: skip
+        text_encoder, tokenizer = _clip(CLIPTextModel)
         pipeline = StableDiffusionPipeline(
-            vae=vae, unet=unet, text_encoder=CLIPTextModel(text), scheduler=LCMScheduler(steps_offset=1),
-            tokenizer=CLIPTokenizer(
-                vocab={mark: number for number, mark in enumerate(marks)}, merges=[], model_max_length=77
-            ),
+            vae=vae, unet=unet, text_encoder=text_encoder, tokenizer=tokenizer, scheduler=LCMScheduler(steps_offset=1),
             safety_checker=None, feature_extractor=None, requires_safety_checker=False,
         )  # fmt: skip
         pipeline.save_pretrained(folder)
     return folder
+
+
+def write_flux(folder: Path, *, guided: bool = True) -> Path:
+    """A Flux of random weights; with `guided`, of the kind of dev, else of schnell."""
+    import torch
+    from diffusers import FlowMatchEulerDiscreteScheduler, FluxPipeline, FluxTransformer2DModel
+    from transformers import CLIPTextModel
+
+    with torch.random.fork_rng(devices=()), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        torch.manual_seed(0)
+        text_encoder, tokenizer = _clip(CLIPTextModel)
+        text_encoder_2, tokenizer_2 = _t5(8)
+        transformer = FluxTransformer2DModel(
+            in_channels=8, num_layers=1, num_single_layers=1, attention_head_dim=16, num_attention_heads=1,
+            joint_attention_dim=8, pooled_projection_dim=8, axes_dims_rope=(4, 4, 8), guidance_embeds=guided,
+        )  # fmt: skip
+        pipeline = FluxPipeline(
+            scheduler=FlowMatchEulerDiscreteScheduler(), vae=_vae(latent_channels=2), transformer=transformer,
+            text_encoder=text_encoder, tokenizer=tokenizer, text_encoder_2=text_encoder_2, tokenizer_2=tokenizer_2,
+        )  # fmt: skip
+        pipeline.save_pretrained(folder)
+    return folder
+
+
+def write_stable_diffusion_3(folder: Path) -> Path:
+    """A Stable Diffusion 3 of random weights that makes pictures of about 256 x 256 pixels."""
+    import torch
+    from diffusers import FlowMatchEulerDiscreteScheduler, SD3Transformer2DModel, StableDiffusion3Pipeline
+    from transformers import CLIPTextModelWithProjection
+
+    with torch.random.fork_rng(devices=()), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        torch.manual_seed(0)
+        (one, first), (two, second), (three, third) = (
+            _clip(CLIPTextModelWithProjection), _clip(CLIPTextModelWithProjection), _t5(16),
+        )  # fmt: skip
+        transformer = SD3Transformer2DModel(
+            sample_size=32, patch_size=2, in_channels=4, out_channels=4, num_layers=1, attention_head_dim=8,
+            num_attention_heads=2, joint_attention_dim=16, caption_projection_dim=16, pooled_projection_dim=16,
+        )  # fmt: skip
+        pipeline = StableDiffusion3Pipeline(
+            scheduler=FlowMatchEulerDiscreteScheduler(), vae=_vae(latent_channels=4), transformer=transformer,
+            text_encoder=one, tokenizer=first, text_encoder_2=two, tokenizer_2=second,
+            text_encoder_3=three, tokenizer_3=third,
+        )  # fmt: skip
+        pipeline.save_pretrained(folder)
+    return folder
+
+
+def _vae(latent_channels: int) -> Any:
+    """The part that makes pictures of 8 x 8 pixels for each of its inputs."""
+    from diffusers import AutoencoderKL
+
+    return AutoencoderKL(
+        block_out_channels=(4,) * 4, norm_num_groups=2, latent_channels=latent_channels,
+        down_block_types=("DownEncoderBlock2D",) * 4, up_block_types=("UpDecoderBlock2D",) * 4,
+        use_quant_conv=False, use_post_quant_conv=False, shift_factor=0.1, scaling_factor=1.5,
+    )  # fmt: skip
+
+
+_LETTERS = [chr(number) for number in range(ord("a"), ord("z") + 1)]
+
+
+def _clip(kind: Any) -> tuple[Any, Any]:
+    """A text encoder of CLIP's, and its tokenizer, which knows letters."""
+    from transformers import CLIPTextConfig, CLIPTokenizer
+
+    marks = [*_LETTERS, *(f"{letter}</w>" for letter in _LETTERS), "<|startoftext|>", "<|endoftext|>"]
+    text = CLIPTextConfig(
+        vocab_size=len(marks), hidden_size=8, intermediate_size=8, num_hidden_layers=1, num_attention_heads=2,
+        projection_dim=8, bos_token_id=len(marks) - 2, eos_token_id=len(marks) - 1, pad_token_id=len(marks) - 1,
+    )  # fmt: skip
+    vocabulary = {mark: number for number, mark in enumerate(marks)}
+    return kind(text), CLIPTokenizer(vocab=vocabulary, merges=[], model_max_length=77)
+
+
+def _t5(width: int) -> tuple[Any, Any]:
+    """A T5 that many numbers wide, and its tokenizer, which knows letters."""
+    from transformers import T5Config, T5EncoderModel, T5Tokenizer
+
+    marks = [("<pad>", 0.0), ("</s>", 0.0), ("<unk>", 0.0), *((mark, -2.0) for mark in ("\u2581", *_LETTERS))]
+    text = T5Config(vocab_size=len(marks), d_model=width, d_kv=4, d_ff=8, num_layers=1, num_heads=2)
+    return T5EncoderModel(text), T5Tokenizer(vocab=marks, extra_ids=0, model_max_length=64)

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 import torch
 
+from frida_painter import images
 from frida_painter.cli import commands, imagining
 from frida_painter.cli.imagining import choose_picture
 from frida_painter.errors import Interrupted
@@ -89,6 +90,42 @@ def test_what_cannot_be_is_one_sentence_and_plans_nothing(
     said = say("plan", *words, "--out", "planned")
     assert said.startswith("2: ") and says in said and "Traceback" not in said, said
     assert not (tmp_path / "planned").exists() and not list(tmp_path.rglob("*.png"))
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (("--pictures", "."), "nothing of this goal is made of pictures of things"),
+        (("--style", "photo.png"), "frida-painter models fetch hed"),
+        (("--sketch", "photo.png"), "frida-painter models fetch"),
+        (("--semantic", "photo.png"), "frida-painter models fetch efficientnet-lite0"),
+        (("--focus", "subject"), "frida-painter models fetch efficientnet-lite0"),
+        (("--strokes", "3", "--colors", "2", "--brushes", "broad:90%,medium:10%"), "medium gets 10 % of 3 strokes"),
+        (("--strokes-of", "no-such"), "no-such"),
+        (("--palette", "no.toml"), "no.toml"),
+        (("--calibration", "no.json"), "no.json"),
+        (("--planner", "no-such"), "no-such"),
+        (("--initialiser", "no-such"), "no-such"),
+        (("--listener", "no-such"), "There is no listener called 'no-such'"),
+        (("--studio-canvas", "no.jpg"), "no.jpg"),
+        (("--on-canvas",), "--on-canvas was given"),
+        (("--robot", "no-such"), "There is no robot 'no-such'"),
+        (("--robot", "axidraw", "--camera", "none"), "needs a workspace file"),
+        (("--robot", "axidraw", "--camera", "none", "--workspace", "no.toml"), "no.toml"),
+        (("--robot", "human", "--camera", "opencv:0", "--tilt", "20"), "--tilt 20 was given"),
+        (("--replan-policy", "no-such"), "no-such"),
+    ],
+)
+def test_whatever_refuses_a_painting_refuses_it_before_anything_is_made(
+    say: Callable[..., str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: tuple[str, ...], says: str
+) -> None:
+    """A picture may take minutes, or cost money: the same options are refused for a photograph and for words."""
+    monkeypatch.setenv("FRIDA_PAINTER_MODELS", str(tmp_path / "no-models"))
+    images.save(torch.rand(3, 48, 64, generator=torch.Generator().manual_seed(0)), tmp_path / "photo.png")
+    for beginning in (("photo.png",), ("--text", "a hat", "--imagine", "command:touch made")):
+        said = say("paint", *beginning, *options)
+        assert said.startswith("2: ") and says in said and "Traceback" not in said, said
+    assert not (tmp_path / "made").exists() and not list(tmp_path.rglob("a-hat*"))
 
 
 def test_a_folder_that_is_taken_is_told_before_anything_is_made(say: Callable[..., str], tmp_path: Path) -> None:

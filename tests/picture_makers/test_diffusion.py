@@ -1,10 +1,12 @@
 """The maker `diffusers`: tiny pipelines that are made here, from words to a plan, and those that fail."""
 
 import json
+import re
 import socket
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from dataclasses import replace
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from shutil import copytree
@@ -16,6 +18,7 @@ import huggingface_hub.constants
 import numpy as np
 import pytest
 import torch
+from safetensors.torch import load_file, save_file
 
 from frida_painter import images
 from frida_painter.cli import commands
@@ -25,7 +28,7 @@ from frida_painter.picture_makers.diffusion import DiffusionMaker
 from frida_painter.picture_makers.pipeline_process import _require_picture
 from frida_painter.runs.picture_making import PictureRequest, make_pictures
 from frida_painter.runs.spec import RunSpec
-from tiny_pipelines import write_lookalike, write_pipeline
+from tiny_pipelines import write_flux, write_lookalike, write_pipeline, write_stable_diffusion_3
 
 
 @pytest.fixture(scope="module")
@@ -72,12 +75,82 @@ def test_a_plan_from_words_by_a_pipeline(
     assert (tmp_path / "planned" / "plan.json").exists()
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("write", "size"), [(write_flux, (448, 576)), (write_stable_diffusion_3, (224, 288))])
+def test_pipelines_of_transformers_make_pictures(
+    tmp_path: Path, write: Callable[[Path], Path], size: tuple[int, int]
+) -> None:
+    request = replace(ask(tmp_path / "a"), width=576, height=448)
+    (made,) = DiffusionMaker.parse(f"{write(tmp_path / 'net')},steps=2").make(request)
+    assert images.load(Path(str(made))).shape == (3, *size)
+
+
+def load(folder: Path) -> Any:
+    """The pipeline of a folder, as the process loads it."""
+    from diffusers import ModelMixin
+    from transformers import PreTrainedModel
+
+    kind = json.loads((folder / "model_index.json").read_text())["_class_name"]
+    task = {"name": "net", "folder": str(folder), "pipeline": kind, "variant": None}
+    with pytest.MonkeyPatch.context() as usual:  # the process ends with these methods, and this one goes on
+        for network in (ModelMixin, PreTrainedModel):
+            usual.setattr(network, "from_pretrained", vars(network)["from_pretrained"])
+        return pipeline_process._load(task, torch.device("cpu"))
+
+
+@pytest.mark.filterwarnings("ignore")  # of both libraries, about their own settings
+@pytest.mark.parametrize(
+    ("write", "part"),
+    [
+        (write_pipeline, "unet"),
+        (write_pipeline, "vae"),
+        (write_pipeline, "text_encoder"),
+        (write_flux, "transformer"),
+        (write_flux, "text_encoder_2"),
+        (write_stable_diffusion_3, "text_encoder_3"),
+    ],
+)
+def test_a_pipeline_is_never_completed_by_chance(tmp_path: Path, write: Callable[[Path], Path], part: str) -> None:
+    """Both libraries fill missing tensors with random numbers, and only log it."""
+    folder = write(tmp_path / "net")
+    assert load(folder).config
+    (file,) = (folder / part).glob("*.safetensors")
+    tensors = load_file(file)
+    kept = {name: tensor for name, tensor in tensors.items() if not name.endswith("norm1.bias")}
+    kept = dict(list(tensors.items())[2:]) if len(kept) == len(tensors) else kept
+    save_file(kept, file, {"format": "pt"})
+    with pytest.raises(MakingFailed) as told:
+        load(folder)
+    said = rf"net lacks {len(tensors) - len(kept)} of the \d+ tensors of its {part}; take an undamaged copy, or name "
+    assert re.fullmatch(f"{said}another pipeline.", str(told.value))
+
+
+@pytest.mark.parametrize(
+    ("config", "knows"),
+    [
+        ({"guidance_embeds": True}, True),
+        ({"guidance_embeds": False}, False),
+        ({"time_cond_proj_dim": 8}, True),
+        ({}, False),
+    ],
+)
+def test_a_network_that_was_given_the_guidance_keeps_it(config: dict[str, Any], *, knows: bool) -> None:
+    """Few steps go without guidance, but Flux of few steps and LCM have learned what it does."""
+    network = SimpleNamespace(config=SimpleNamespace(**config))
+    assert pipeline_process._knows_guidance(SimpleNamespace(transformer=network)) is knows
+
+
 def blacken(folder: Path) -> None:
     write_pipeline(folder, bias=-50.0)
 
 
 def spoil_numbers(folder: Path) -> None:
     write_pipeline(folder, bias=float("nan"))
+
+
+def spoil_settings(folder: Path) -> None:
+    settings = write_pipeline(folder) / "unet" / "config.json"
+    settings.write_text(settings.read_text().replace("CrossAttnDownBlock2D", "NoSuchBlock"))
 
 
 def name_class(kind: str) -> Callable[[Path], None]:
@@ -96,7 +169,7 @@ def name_class(kind: str) -> Callable[[Path], None]:
         (spoil_numbers, "Picture 1 of net holds values that are no numbers (NaN); name another."),
         (name_class("NoSuchPipeline"), "net is a NoSuchPipeline, which diffusers"),
         (name_class("StableDiffusionImg2ImgPipeline"), "which makes no picture from words alone"),
-        (write_lookalike, "The pipeline failed ("),
+        (spoil_settings, "The pipeline failed ("),
     ],
 )
 def test_a_pipeline_that_fails_is_one_sentence(tmp_path: Path, write: Callable[[Path], Any], says: str) -> None:

@@ -3,7 +3,7 @@
 import json
 import shutil
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from threading import Thread
@@ -125,6 +125,7 @@ class Answers(BaseHTTPRequestHandler):
     """What the hub answers to its own library, for one repository."""
 
     asked: list[str]
+    files: Mapping[str, bytes] = FILES
     drips: str = ""  # file that comes a byte at a time
 
     def log_message(self, *_: object) -> None:
@@ -135,14 +136,14 @@ class Answers(BaseHTTPRequestHandler):
         name = path.rpartition(f"/resolve/{COMMIT}/")[2] if COMMIT in path else path.rpartition("/resolve/main/")[2]
         if "/tree/" in path:
             content = json.dumps(
-                [{"type": "file", "path": file, "size": len(some), "oid": file} for file, some in FILES.items()]
+                [{"type": "file", "path": file, "size": len(some), "oid": file} for file, some in self.files.items()]
             ).encode()
         elif path.startswith("/api/models/some/clip"):
             content = json.dumps(
-                {"id": "some/clip", "sha": COMMIT, "siblings": [{"rfilename": file} for file in FILES]}
+                {"id": "some/clip", "sha": COMMIT, "siblings": [{"rfilename": file} for file in self.files]}
             ).encode()
-        elif path.startswith("/some/clip/") and name in FILES:
-            content = FILES[name]
+        elif path.startswith("/some/clip/") and name in self.files:
+            content = self.files[name]
             if with_content:
                 self.asked.append(name)
         else:
@@ -172,10 +173,15 @@ def drips() -> str:
 
 
 @pytest.fixture
-def online(hub: Path, monkeypatch: pytest.MonkeyPatch, drips: str) -> Iterator[list[str]]:
+def files() -> Mapping[str, bytes]:
+    return FILES
+
+
+@pytest.fixture
+def online(hub: Path, monkeypatch: pytest.MonkeyPatch, drips: str, files: Mapping[str, bytes]) -> Iterator[list[str]]:
     monkeypatch.delenv("HF_HUB_OFFLINE")
     asked: list[str] = []
-    handler = type("Hub", (Answers,), {"asked": asked, "drips": drips})
+    handler = type("Hub", (Answers,), {"asked": asked, "drips": drips, "files": files})
     server = ThreadingHTTPServer(("127.0.0.1", 0), handler)
     monkeypatch.setenv("HF_ENDPOINT", f"http://127.0.0.1:{server.server_address[1]}")
     Thread(target=server.serve_forever, daemon=True).start()
@@ -192,6 +198,42 @@ def test_settings_and_tensors_are_fetched_and_nothing_else(online: list[str], hu
     online.clear()
     assert hub_folder("some/clip", tmp_path) == folder and online == []
     shutil.rmtree(hub)
+
+
+OPEN_CLIP = {
+    "open_clip_config.json": b"{}",
+    "tokenizer.json": b"{}",
+    "open_clip_model.safetensors": b"S" * 100,
+    "open_clip_pytorch_model.bin": b"P" * 100,
+    "own.py": b"raise SystemExit",
+}
+
+
+@pytest.mark.parametrize(
+    ("files", "fetched"),
+    [
+        (OPEN_CLIP, ["open_clip_config.json", "open_clip_model.safetensors", "tokenizer.json"]),
+        (
+            {name: some for name, some in OPEN_CLIP.items() if "safetensors" not in name} | {"config.json": b"{}"},
+            ["config.json", "open_clip_config.json", "open_clip_pytorch_model.bin", "tokenizer.json"],
+        ),
+    ],
+    ids=["alone", "beside settings without weights"],
+)
+def test_a_repository_in_the_layout_of_open_clip_is_fetched(
+    online: list[str], tmp_path: Path, fetched: list[str]
+) -> None:
+    folder = hub_folder("some/clip", tmp_path)
+    assert sorted(online) == fetched and module.is_of_open_clip(folder) and module.missing_file(folder) is None
+    online.clear()
+    assert hub_folder("some/clip", tmp_path) == folder and online == []
+
+
+@pytest.mark.parametrize("files", [{name: some for name, some in OPEN_CLIP.items() if name != "tokenizer.json"}])
+def test_a_repository_that_lacks_a_file_is_refused_before_anything_comes(online: list[str], tmp_path: Path) -> None:
+    with pytest.raises(WeightsError, match=r"^it has no tokenizer\.json$"):
+        hub_folder("some/clip", tmp_path)
+    assert not online
 
 
 @pytest.mark.slow

@@ -15,6 +15,7 @@ from frida_painter.errors import ConfigError, Interrupted
 from frida_painter.options import number_within, whole_number_within
 
 if TYPE_CHECKING:
+    from frida_painter.objectives.encoders.loading import EncoderRegistry
     from frida_painter.runs.picture_making import Making
     from frida_painter.runs.spec import RunSpec
 
@@ -67,12 +68,13 @@ IMAGINING = ("imagine", "imagine_pictures", "imagine_minutes")
 """Names of the options."""
 
 
-def imagine_beginning(spec: "RunSpec", given: Mapping[str, Any], *, asked: bool) -> "RunSpec":
+def imagine_beginning(spec: "RunSpec", given: Mapping[str, Any], *, asked: bool, paints: bool) -> "RunSpec":
     """Returns the description, with made pictures in place of words if --imagine was given.
 
     given: options by name
     asked: True if a person at the terminal chooses among several pictures
-    Raises ConfigError, MakingFailed, Interrupted after a signal, and StorageError.
+    paints: True if the description is painted, False if it is only planned
+    Raises MakingFailed, Interrupted after a signal, and the errors of `PaintingRun`, as far as they are known before.
     """
     if given.get("imagine") is None:
         for name in IMAGINING[1:]:
@@ -81,16 +83,26 @@ def imagine_beginning(spec: "RunSpec", given: Mapping[str, Any], *, asked: bool)
                     f"--{name.replace('_', '-')} was given without --imagine, which names a maker; give both."
                 )
         return spec
+    from frida_painter.objectives.encoders.loading import EncoderRegistry
     from frida_painter.runs.goal_item import name_of
     from frida_painter.runs.picture_making import imagine, make_pictures
+    from frida_painter.session.opening import planning_device
 
-    _rehearse(spec, given.get("out"))
     minutes = given.get("imagine_minutes")
     now = f"{datetime.now():%Y%m%d-%H%M%S}"
     chooses = asked and sys.stdin.isatty()
     with stop_on_signals(
         ("Ending the making of pictures.", "The making is being ended; a third Ctrl-C ends all.")
     ) as stop:
+
+        def heed() -> None:
+            if stop.asked:
+                raise Interrupted("You stopped before any picture was made, and nothing was painted.")
+
+        encoders = EncoderRegistry(
+            clip=spec.clip, device=planning_device(), pictures=spec.pictures, tell=_tell, heed=heed
+        )
+        _check(spec, given.get("out"), encoders, paints=paints)
 
         def make(words: str, number: int) -> Path:
             making = make_pictures(
@@ -102,20 +114,20 @@ def imagine_beginning(spec: "RunSpec", given: Mapping[str, Any], *, asked: bool)
                 minutes=_USUAL_MINUTES if minutes is None else minutes,
                 stop_asked=lambda: stop.asked,
                 tell=_tell,
+                encoders=encoders,
             )
             return choose_picture(making, input if chooses else None)
 
         return imagine(spec, make)
 
 
-def _rehearse(spec: "RunSpec", out: Path | None) -> None:
+def _check(spec: "RunSpec", out: Path | None, encoders: "EncoderRegistry", *, paints: bool) -> None:
     """Raises what a painting of made pictures would raise at its beginning, before time is spent on making them."""
     import torch
 
     from frida_painter import images, storage
-    from frida_painter.runs.goals import open_goal
     from frida_painter.runs.picture_making import imagine
-    from frida_painter.runs.settle import planner_settings
+    from frida_painter.runs.run import PaintingRun
 
     if out is not None:
         storage.require_unused(out)
@@ -123,8 +135,9 @@ def _rehearse(spec: "RunSpec", out: Path | None) -> None:
         anything = Path(place) / "picture.png"
         images.save(torch.linspace(0, 1, 64).expand(3, 64, 64), anything)
         painted = imagine(spec, lambda words, number: anything)
-        open_goal(painted)
-        planner_settings(painted)
+        if spec.clip is not None:
+            encoders.clip()  # it is of use at least to choose among made pictures
+        PaintingRun(painted, out, encoders=encoders).check(paints=paints)
 
 
 def choose_picture(making: "Making", ask: Callable[[str], str] | None) -> Path:

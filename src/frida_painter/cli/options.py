@@ -46,8 +46,8 @@ ClipSource = Annotated[
     typer.Option(
         "--clip",
         metavar="NAME|FOLDER",
-        help="The CLIP model for text and meaning: a name on the hub, a folder, or a safetensors file of a "
-        "CLIP ResNet. [dim]clip-vit-b-32 if it was downloaded, else smaller networks[/]",
+        help="The CLIP model for text and meaning: a name on the hub, a folder or its file of weights, or "
+        "a safetensors file of a CLIP ResNet. [dim]clip-vit-b-32 if it was downloaded, else smaller networks[/]",
         rich_help_panel=_PANEL,
     ),
 ]

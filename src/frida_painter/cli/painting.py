@@ -75,7 +75,7 @@ def paint(
     spec = spec_of(photo, given)
     require_person(spec, asked=not yes)
     _require_canvas_for_two(spec, candidates, asked=not yes)
-    spec = imagine_beginning(spec, given, asked=not yes)
+    spec = imagine_beginning(spec, given, asked=not yes, paints=True)
     with LoopCompiler():
         spec, chosen = (spec, None) if candidates == 1 else _best_of(candidates, spec)
         _paint(spec, chosen, started, given["out"], asked=not yes, asks_for_paints=ask)
@@ -124,7 +124,7 @@ def _best_of(candidates: int, spec: "RunSpec") -> "tuple[RunSpec, Plan]":
 
 def plan(*, photo: Photo = None, **given: Any) -> None:
     """Plan the strokes without painting. Writes the plan, a picture of the plan and the palette to mix."""
-    spec = imagine_beginning(spec_of(photo, given), given, asked=True)
+    spec = imagine_beginning(spec_of(photo, given), given, asked=True, paints=False)
     with LoopCompiler():
         _plan(spec, given["out"])
 

@@ -2,7 +2,7 @@
 
 import inspect
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -65,6 +65,7 @@ def _load(task: Mapping[str, Any], device: torch.device) -> Any:
     logging.set_verbosity_error()
     logging.disable_progress_bar()
     tell(f"Loading {name} on {device.type}.")
+    _require_whole(name)
     loader: Any = diffusers.DiffusionPipeline
     try:
         pipeline = loader.from_pretrained(
@@ -75,6 +76,34 @@ def _load(task: Mapping[str, Any], device: torch.device) -> Any:
         raise MakingFailed(f"{name} does not fit into the memory of the GPU; name a smaller one.") from cause
     pipeline.set_progress_bar_config(disable=True)
     return pipeline
+
+
+def _require_whole(name: str) -> None:
+    """Lets this process load no networks that lack tensors: their libraries fill them by chance, and only log it.
+
+    A pipeline cannot ask its networks what is missing, so the methods that load them are replaced.
+    """
+    from diffusers import ModelMixin
+    from transformers import PreTrainedModel
+
+    kinds: tuple[Any, ...] = (ModelMixin, PreTrainedModel)
+    for kind in kinds:
+        kind.from_pretrained = classmethod(_load_whole(kind.from_pretrained.__func__, name))
+
+
+def _load_whole(load: Callable[..., Any], name: str) -> Callable[..., Any]:
+    """Returns a method that loads a network as `load` does. It raises MakingFailed if tensors are missing."""
+
+    def loading(kind: Any, folder: str, /, **more: Any) -> Any:
+        network, told = load(kind, folder, output_loading_info=True, **more)
+        if missing := len(told["missing_keys"]):
+            raise MakingFailed(
+                f"{name} lacks {missing} of the {len(network.state_dict())} tensors of its {Path(folder).name}; take "
+                "an undamaged copy, or name another pipeline."
+            )
+        return network
+
+    return loading
 
 
 def _precision(device: torch.device) -> torch.dtype:
@@ -98,9 +127,9 @@ def _size(pipeline: Any, width: int, height: int) -> tuple[int, int]:
 
 
 def _knows_guidance(pipeline: Any) -> bool:
-    """Returns True for a network that was given the guidance as an input (LCM): its own default is right."""
-    network = getattr(pipeline, "unet", None)
-    return getattr(getattr(network, "config", None), "time_cond_proj_dim", None) is not None
+    """Returns True for a network that was given the guidance as an input (LCM, Flux): its own default is right."""
+    config = getattr(getattr(pipeline, "unet", None) or getattr(pipeline, "transformer", None), "config", None)
+    return getattr(config, "time_cond_proj_dim", None) is not None or bool(getattr(config, "guidance_embeds", False))
 
 
 class _Progress:

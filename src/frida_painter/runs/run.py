@@ -71,6 +71,7 @@ from frida_painter.runs.settle import (
     Controls,
     SettledRun,
     begin_together,
+    check,
     fit_canvas,
     open_recorder,
     open_session,
@@ -261,6 +262,21 @@ class PaintingRun:
         if self._easel is None:
             raise ConfigError("The easel is not open yet; call open_easel first.")
         return self._easel
+
+    def check(self, *, paints: bool) -> None:
+        """Raises what a plan of this description would raise, and a painting if it `paints`.
+
+        Plans nothing, connects no robot and makes no folder.
+        """
+        if self.spec.palette is not None:
+            read_palette(self.spec.palette, self.spec.colors)
+        planner = check(self._fitted, self._encoders)
+        if paints:
+            storage.require_space(self._folder or Path("paintings"), _ROOM, "this painting")
+            with ExitStack() as stack:
+                opened = open_easel(order(self.spec, planner.brushes, None, self._state))
+                stack.callback(opened.close)
+                self._on_record(opened.easel)
 
     def plan(self, notify: Callable[[Step], None] = lambda step: None) -> Plan:
         """Returns a plan for a bare canvas on its ground; paints and writes nothing. Raises PlanError."""

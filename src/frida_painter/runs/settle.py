@@ -602,6 +602,20 @@ def settle(
     return SettledRun(spec, planner if region is None else planner.keeping_clear(region), tuple(remarks))
 
 
+def check(made: Fitted, encoders: EncoderRegistry | None = None) -> Planner:
+    """Returns a planner of this description. Raises what `settle` would raise; makes no quick plans."""
+    spec = made.spec
+    if spec.brushes == AUTO:
+        spec = spec.model_copy(update={"brushes": choices(spec)[0]})
+    if spec.strokes_of == AUTO:
+        spec = spec.model_copy(update={"strokes_of": None})
+    elif spec.strokes_of is not None:
+        spec, _ = settle_families(spec, made.goal)
+    planner = open_planner(spec, made.goal, encoders)
+    planner.layer_sizes(spec.strokes)
+    return planner
+
+
 def make_planner(
     goal: Goal | AnyPicture,
     /,

@@ -6,7 +6,8 @@ Only settings, vocabulary and tensors are fetched, once; code beside them stays 
 import json
 import re
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from fnmatch import fnmatchcase
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -26,7 +27,7 @@ OPEN_CLIP = "open_clip_config.json"
 _SMALL = ("*.json", "*.txt", "*.model")
 _TENSORS = ("*.safetensors", "pytorch_model.bin")  # the second one if there is no file of the first kind
 _ONE, _INDEX = "model.safetensors", "model.safetensors.index.json"
-_TWICE = "open_clip_"  # the same network once more
+_TWICE = "open_clip_"  # beginning of the names of the same network once more
 _NEEDED = (  # names for each kind of file, the usual one first
     (_WHOLE,),
     (_ONE, _INDEX, "pytorch_model.bin"),
@@ -60,6 +61,37 @@ def local_folder(name: str) -> Path | None:
     if not name.strip() or not exists(folder) or not folder.is_dir():
         return None
     return _newest_snapshot(folder) or folder
+
+
+@contextmanager
+def folder_of_file(file: Path) -> Iterator[Path]:
+    """Makes a folder for a moment in which weights have their usual name; settings and tokenizer are those beside them.
+
+    The tensors' own names say whether they are in the layout of open_clip. Raises WeightsError with the reason alone.
+    """
+    ending = ".safetensors" if file.suffix == ".safetensors" else ".bin"
+    of_open_clip = file.name.startswith(_TWICE) or any(name.startswith("visual.") for name in tensor_names(file))
+    needed = _NEEDED_BY_OPEN_CLIP if of_open_clip else _NEEDED
+    if (absent := _absent(_names(file.parent), (needed[0], needed[2]))) is not None:
+        raise WeightsError(f"no {absent} lies beside it")
+    with TemporaryDirectory() as place:
+        usual = {next(name for name in needed[1] if name.endswith(ending)): file}
+        small = {beside.name: beside for kind in _SMALL for beside in file.parent.glob(kind)}
+        for name, kept in (small | usual).items():
+            if name not in ((_INDEX, _WHOLE) if of_open_clip else (_INDEX,)):
+                (Path(place) / name).symlink_to(kept.absolute())
+        yield Path(place)
+
+
+def tensor_names(file: Path) -> list[str]:
+    """Returns the names of the tensors in a safetensors file; none for any other file."""
+    from safetensors import SafetensorError, safe_open
+
+    try:
+        with safe_open(file, "pt") as tensors:
+            return list(tensors.keys())
+    except (SafetensorError, OSError):
+        return []
 
 
 def plain_name(name: str) -> str:
@@ -108,14 +140,14 @@ def hub_folder(
 
 def is_of_open_clip(folder: Path) -> bool:
     """Returns True for the folder of a network that is there only in the layout of open_clip."""
-    return (folder / OPEN_CLIP).is_file() and _absent(folder, _NEEDED[:2]) is not None
+    return _is_only_of_open_clip(_names(folder))
 
 
 def missing_file(folder: Path) -> str | None:
     """Returns the name of a file that the folder of a network lacks; None if it is whole."""
-    if is_of_open_clip(folder):
-        return _absent(folder, _NEEDED_BY_OPEN_CLIP)
-    if (absent := _absent(folder, _NEEDED)) is not None:
+    names = _names(folder)
+    only = _is_only_of_open_clip(names)
+    if (absent := _absent(names, _NEEDED_BY_OPEN_CLIP if only else _NEEDED)) is not None or only:
         return absent
     if (folder / _ONE).is_file() or not (folder / _INDEX).is_file():
         return None
@@ -127,9 +159,17 @@ def missing_file(folder: Path) -> str | None:
         return _INDEX
 
 
-def _absent(folder: Path, needed: Sequence[Sequence[str]]) -> str | None:
-    """Returns the usual name of a kind of file that a folder lacks; None if it has all kinds."""
-    return next((names[0] for names in needed if not any((folder / name).is_file() for name in names)), None)
+def _names(folder: Path) -> list[str]:
+    return [file.name for file in folder.iterdir() if file.is_file()]
+
+
+def _is_only_of_open_clip(names: Collection[str]) -> bool:
+    return OPEN_CLIP in names and _absent(names, _NEEDED[:2]) is not None
+
+
+def _absent(names: Collection[str], needed: Sequence[Sequence[str]]) -> str | None:
+    """Returns the usual name of a kind of file that is not among some names; None if all kinds are."""
+    return next((kind[0] for kind in needed if not any(name in names for name in kind)), None)
 
 
 def _newest_snapshot(folder: Path) -> Path | None:
@@ -159,12 +199,17 @@ def _kept(repository: str) -> Path | None:
 
 
 def _fetch(repository: str, tell: Callable[[str], None], heed: Callable[[], None]) -> Path:
-    Hub(repository, "main").require(_WHOLE)  # an unreachable hub costs seconds, not minutes of retries
+    Hub(repository, "main").require(_WHOLE, OPEN_CLIP)  # an unreachable hub costs seconds, not minutes of retries
 
     def choose(sizes: Mapping[str, int]) -> list[str]:
-        plain = [file for file in sizes if "/" not in file and not file.startswith(_TWICE)]
-        tensors = _TENSORS[:1] if any(fnmatchcase(file, _TENSORS[0]) for file in plain) else _TENSORS
-        return [file for file in plain if any(fnmatchcase(file, wanted) for wanted in (*_SMALL, *tensors))]
+        plain = [file for file in sizes if "/" not in file]
+        twice = _is_only_of_open_clip(plain)
+        if (absent := _absent(plain, _NEEDED_BY_OPEN_CLIP if twice else _NEEDED)) is not None:
+            raise WeightsError(f"it has no {absent}")
+        small = [file for file in plain if any(fnmatchcase(file, kind) for kind in _SMALL)]
+        mine = [file for file in plain if file.startswith(_TWICE) == twice]
+        safe, archives = ([file for file in mine if fnmatchcase(file.removeprefix(_TWICE), kind)] for kind in _TENSORS)
+        return [file for file in small if twice or file in mine] + (safe or archives)
 
     return fetch_from_hub(repository, choose, tell, heed)
 

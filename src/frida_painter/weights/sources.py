@@ -146,17 +146,19 @@ class Hub:
             raise WeightsError("HF_HUB_OFFLINE is set")
         self._site.bring(originals, scratch, received)
 
-    def require(self, path: str) -> None:
-        """Requests the header of one file, so that an unreachable hub costs only seconds. Raises WeightsError."""
+    def require(self, *paths: str) -> None:
+        """Requests the header of one of these files: an unreachable hub costs only seconds. Raises WeightsError."""
         if os.environ.get("HF_HUB_OFFLINE", "").upper() in ("1", "ON", "YES", "TRUE"):
             raise WeightsError("HF_HUB_OFFLINE is set")
-        request = urllib.request.Request(f"{self._site.address}/{path}", method="HEAD")
-        try:
-            _open(request).close()
-        except urllib.error.HTTPError as cause:
-            raise WeightsError(f"{self.words} answers {cause.code} {cause.reason}") from cause
-        except (TimeoutError, HTTPException, urllib.error.URLError, ConnectionError, ValueError) as cause:
-            raise WeightsError(f"{self.words} cannot be reached ({_plain(cause)})") from cause
+        for path in paths:
+            try:
+                _open(urllib.request.Request(f"{self._site.address}/{path}", method="HEAD")).close()
+                return
+            except urllib.error.HTTPError as cause:
+                if cause.code != 404 or path == paths[-1]:
+                    raise WeightsError(f"{self.words} answers {cause.code} {cause.reason}") from cause
+            except (TimeoutError, HTTPException, urllib.error.URLError, ConnectionError, ValueError) as cause:
+                raise WeightsError(f"{self.words} cannot be reached ({_plain(cause)})") from cause
 
     @property
     def endpoint(self) -> str:

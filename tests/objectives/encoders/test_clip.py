@@ -106,7 +106,7 @@ def test_a_pickle_is_never_opened(tmp_path: Path, name: str) -> None:
     (hostile / "model.safetensors").unlink()
     sprung = tmp_path / "sprung"
     (hostile / name).write_bytes(pickle.dumps(Trap(sprung)))
-    with pytest.raises(WeightsError, match=r"cannot be loaded as CLIP .*; a folder holds config.json"):
+    with pytest.raises(WeightsError, match=r"cannot be loaded as CLIP .*; give a folder that holds config.json"):
         Clip.load(hostile)
     assert not sprung.exists()
 

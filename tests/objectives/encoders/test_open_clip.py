@@ -12,6 +12,7 @@ from safetensors.torch import load_file, save_file
 
 from frida_painter.errors import WeightsError
 from frida_painter.objectives.encoders.clip import MEAN, Clip
+from frida_painter.objectives.encoders.loading import EncoderRegistry
 from tiny_clip import MAX_TOKENS, PATCH, SIDE, write_clip
 
 CONFIG = "open_clip_config.json"
@@ -136,3 +137,54 @@ def test_folders_that_cannot_be_read(tmp_path: Path, damage: Callable[[Path], ob
     damage(broken)
     with pytest.raises(WeightsError, match=says):
         Clip.load(broken)
+
+
+@pytest.mark.parametrize("kind", ["usual", "renamed", "archive", "open_clip", "both"])
+def test_one_file_of_weights_takes_settings_and_tokenizer_beside_it(tmp_path: Path, kind: str) -> None:
+    """Its tensors say which layout they are in; other weights beside it are not taken."""
+    folder = tmp_path / "net"
+    if kind in ("open_clip", "both"):
+        write_open_clip(folder)
+        if kind == "both":
+            (folder / "config.json").write_text("[]")
+            (folder / "model.safetensors").write_bytes(b"others")
+        file = folder / "open_clip_model.safetensors"
+        expected = Clip.load(write_open_clip(tmp_path / "expected"))
+    else:
+        write_clip(folder)
+        file = folder / "model.safetensors"
+        expected = Clip.load(write_clip(tmp_path / "expected"))
+    if kind == "archive":
+        torch.save(load_file(file), folder / "pytorch_model.bin")
+        file = folder / "pytorch_model.bin"
+    if kind == "renamed":
+        file = file.rename(folder / "own.safetensors")
+        file.with_name("model.safetensors").write_bytes(b"others")
+    found = EncoderRegistry(clip=str(file)).clip()
+    assert isinstance(found, Clip) and found.name == f"CLIP {file.name}"
+    torch.testing.assert_close(found.embed_text("cat"), expected.embed_text("cat"))
+
+
+@pytest.mark.parametrize(
+    ("write", "says"),
+    [
+        (lambda file: file.with_name("config.json").unlink(), "no config.json lies beside it"),
+        (lambda file: file.with_name("tokenizer.json").unlink(), "no tokenizer.json lies beside it"),
+        (
+            lambda file: file.write_bytes(b"no tensors at all"),
+            "its weights are cut off, or not safetensors; fetch them again",
+        ),
+        (lambda file: save_file({"visual.proj": torch.zeros(2)}, file), "no open_clip_config.json lies beside it"),
+        (lambda file: save_file({"unet.x": torch.zeros(2)}, file), "its weights lack logit_scale"),
+    ],
+    ids=["no settings", "no tokenizer", "damaged", "other layout", "another network"],
+)
+def test_one_file_that_cannot_be_read_is_one_sentence(
+    tmp_path: Path, write: Callable[[Path], object], says: str
+) -> None:
+    file = write_clip(tmp_path / "net") / "model.safetensors"
+    write(file)
+    with pytest.raises(WeightsError) as told:
+        EncoderRegistry(clip=str(file)).clip()
+    assert str(told.value).startswith(f"{file}"[:80]) and says in str(told.value)
+    assert str(told.value).endswith("; give a folder that holds config.json, model.safetensors and tokenizer.json.")

@@ -7,7 +7,7 @@ Radford et al., "Learning transferable visual models from natural language super
 import json
 import re
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
@@ -24,6 +24,7 @@ from frida_painter.objectives.encoders.open_clip import clip_settings, clip_tens
 from frida_painter.weights.catalogue import state_dict
 from frida_painter.weights.hub_folder import (
     OPEN_CLIP,
+    folder_of_file,
     hub_folder,
     is_of_open_clip,
     local_folder,
@@ -98,7 +99,7 @@ class Clip:
         tell: Callable[[str], None] = lambda sentence: None,
         heed: Callable[[], None] = lambda: None,
     ) -> Self:
-        """Loads the network in a local folder, or of any of its names (`hub_folder`).
+        """Loads the network in a local folder, or of any of its names (`hub_folder`), or of a file in such a folder.
 
         Weights are read as safetensors, or from PyTorch's older archive as tensors and nothing else; no code beside
         them is run.
@@ -108,27 +109,29 @@ class Clip:
         """
         registry.require("words", "transformers", "Seeing through CLIP")
         given, folder = str(source).strip(), None
-        try:
-            folder = local_folder(given)
-            whole = hub_folder(given, cache, tell, heed) if folder is None else folder
-        except (WeightsError, StorageError, OSError, ValueError) as cause:
-            raise _refuse(given, folder, cause) from cause
-        try:
-            missing = missing_file(whole)
-            if missing is not None:
-                raise WeightsError(f"it has no {missing}")
-            with _quietly():
-                model = _read_model(whole)
-                try:
-                    tokenizer = _read_tokenizer(whole, model.config)
-                except Exception as cause:  # `transformers` raises anything
-                    raise WeightsError("its tokenizer is cut off, or lacks a file; fetch it again") from cause
-            mean, spread = _statistics(whole)
-            called = Path(given).name if folder is not None else plain_name(given).removeprefix("openai/")
-            clip = cls(model, tokenizer, name or f"CLIP {called}", mean, spread)
-            clip._require_sense()
-        except Exception as cause:  # `transformers` raises anything for foreign files
-            raise _refuse(given, folder, cause) from cause
+        file = storage.in_home(given)
+        one = storage.exists(file) and file.is_file()
+        with ExitStack() as stack:
+            try:
+                folder = stack.enter_context(folder_of_file(file)) if one else local_folder(given)
+                whole = hub_folder(given, cache, tell, heed) if folder is None else folder
+            except (WeightsError, StorageError, OSError, ValueError) as cause:
+                raise _refuse(given, cause, here=one or folder is not None) from cause
+            try:
+                if (missing := missing_file(whole)) is not None:
+                    raise WeightsError(f"it has no {missing}")
+                with _quietly():
+                    model = _read_model(whole)
+                    try:
+                        tokenizer = _read_tokenizer(whole, model.config)
+                    except Exception as cause:  # `transformers` raises anything
+                        raise WeightsError("its tokenizer is cut off, or lacks a file; fetch it again") from cause
+                mean, spread = _statistics(whole)
+                called = file.name if folder is not None else plain_name(given).removeprefix("openai/")
+                clip = cls(model, tokenizer, name or f"CLIP {called}", mean, spread)
+                clip._require_sense()
+            except Exception as cause:  # `transformers` raises anything for foreign files
+                raise _refuse(given, cause, here=folder is not None) from cause
         return clip
 
     def reads_all(self, prompt: str) -> bool:
@@ -200,10 +203,10 @@ class Clip:
         return ((middle - self._mean.like(middle)) / self._spread.like(middle)).to(self._model.dtype)
 
 
-def _refuse(given: str, folder: Path | None, cause: Exception) -> WeightsError:
+def _refuse(given: str, cause: Exception, *, here: bool) -> WeightsError:
     """Returns the error about a network that cannot be loaded, from a folder or from the hub."""
     reason = " ".join(str(cause).split())[:160].rstrip(".")
-    advice = "check the name and the network, or give a folder" if folder is None else f"a folder holds {_FILES}"
+    advice = f"give a folder that holds {_FILES}" if here else "check the name and the network, or give a folder"
     return WeightsError(f"{given[:80]} cannot be loaded as CLIP ({reason}); {advice}.")
 
 

@@ -12,6 +12,7 @@ from torch import Tensor
 from frida_painter import registry, storage, tensor_file, weights
 from frida_painter.errors import FridaError, WeightsError
 from frida_painter.objectives.encoders.base import Encoder, Reader, Seer
+from frida_painter.weights.hub_folder import tensor_names
 
 if TYPE_CHECKING:
     from frida_painter.objectives.encoders.classifiers import ConSE
@@ -268,14 +269,14 @@ class EncoderRegistry:
         return {part: tensor.to(self.device) for part, tensor in weights.tensors(name, self.cache).items()}
 
     def _load_clip(self, source: str) -> Encoder:
-        """Returns the encoder of an installed package, or the CLIP of a safetensors file, a folder or a hub's name."""
+        """Returns the encoder of an installed package, or the CLIP of a file, a folder or a hub's name."""
         from frida_painter.objectives.encoders.clip import Clip
         from frida_painter.objectives.encoders.clip_resnet import ClipResNet
 
         for point in entry_points(group=GROUP, name=source):
             return _load_plugin(point, self.device)
-        path = Path(source)
-        if storage.exists(path) and path.is_file():
+        path = storage.in_home(source)
+        if storage.exists(path) and any(name.startswith("visual.layer1.") for name in tensor_names(path)):
             tensors, _ = tensor_file.read_tensors(path, "the weights of a CLIP", WeightsError)
             return ClipResNet({name: tensor.to(self.device) for name, tensor in tensors.items()}, f"CLIP {path.stem}")
         return Clip.load(source, cache=self.cache, tell=self.tell, heed=self.heed)
