@@ -121,7 +121,7 @@ def test_a_sketch_is_filled_with_the_colours_of_what_the_words_say(encoders: Qui
     seen = {round(float(value), 2) for value in filled.image[0].flatten().unique()}
     assert len(seen) > 1 and max(seen) <= round(float(picture()[0].max()), 2), "a style has colours of its own"
     inside = float(filled.importance[GRID.rows // 2, GRID.columns // 2])
-    assert inside == pytest.approx(4 * float(filled.importance[2, 2])), "its ground matters less"
+    assert inside == pytest.approx(8 * float(filled.importance[2, 2])), "its ground matters less"
 
 
 def test_words_to_begin_with_have_a_picture_first(encoders: QuickEncoders) -> None:

@@ -82,8 +82,7 @@ _KEPT = 60.0  # weight of the composition against the words: networks invent col
 _KEPT_SCENE = 600.0  # the same for several things, or a place: networks take a scene for a single thing
 _AMONG = 3.0  # the same if a style or a sketch has a term too
 _STAGED = 20.0  # the same for a style picture, which words would soon destroy
-_MATTERS = 8.0  # weight of a thing in a style picture or in its marks, relative to its surroundings
-_SUBJECT = 4.0  # the same for things in a scene
+_MATTERS = 8.0  # weight of a thing, relative to its surroundings
 
 
 def initial_composition(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, seed: int) -> Goal:
@@ -121,7 +120,7 @@ def initial_composition(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, 
             shown = shown if over == Setting() else lay_setting(shown, over, scene.where, seed).picture
             share = min(1.0, sum(one.weight for one in styles) / weight)
             scene = replace(scene, picture=torch.lerp(scene.picture, shown, share))
-        begun = _term(scene.picture, scene.where, weight * kept, _SUBJECT if style is None else _MATTERS)
+        begun = _term(scene.picture, scene.where, weight * kept)
     else:
         like = scene_of(words, grid, encoders, seed, "coloured like").picture if style is None else style
         filled = color_drawing(images.fit(drawing, grid.rows, grid.columns), like)
@@ -133,9 +132,9 @@ def initial_composition(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, 
     return Goal((*terms, begun), (replace(begun, weight=1.0),))
 
 
-def _term(picture: Tensor, where: Tensor, weight: float = 1.0, subject: float = _SUBJECT) -> ImageTerm:
+def _term(picture: Tensor, where: Tensor, weight: float = 1.0) -> ImageTerm:
     """Returns a picture [3, H, W] as a term: what is at `where` [H, W] has more weight than its ground."""
-    matters = 1 + (subject - 1) * where
+    matters = 1 + (_MATTERS - 1) * where
     return ImageTerm(picture, weight, matters / matters.mean())
 
 
@@ -153,7 +152,7 @@ def _start_with_style(
         return goal
     scene = images.fit(style, grid.rows, grid.columns)
     shown = composite_into_style(thing.colored, scene, own=float(bool(thing.thing.color)))
-    kept = _term(*shown, _STAGED * weight, _MATTERS)
+    kept = _term(*shown, _STAGED * weight)
     encoders.remark(f"Begun with {tell_thing(thing, reading, account)}, laid into the style picture.")
     encoders.remark(account.told)
     return Goal((*goal.terms, kept), (replace(kept, weight=1.0),))
