@@ -288,6 +288,7 @@ def test_what_is_said_after_a_thing_belongs_to_it(reader: PromptReader, prompt: 
         ("a father teaching his son to ride a bicycle", "father, son:riding, bicycle | son riding bicycle"),
         ("a grandmother baking cookies", "grandmother:baking, * cookie | grandmother baking cookie"),
         ("a man wearing glasses reading a map", "man:reading, * glass, map | man with glass, man reading map"),
+        ("a monk reading by candlelight", "monk:reading, candlelight | monk by candlelight"),
     ],
 )
 def test_who_does_what_and_where_people_carry_and_wear_it(reader: PromptReader, prompt: str, right: str) -> None:

@@ -39,3 +39,7 @@ def test_a_building_has_its_parts_and_a_town_its_name() -> None:
     assert layers_of(cottage, roof, relations=(Relation(0, "with", 1),))[1] == {1}
     street, town = Thing("street", "street", at=(0,)), Thing("Italian town", "town", at=(2, 3))
     assert "coloured house" in layers_of(street, town, relations=(Relation(0, "in", 1),))[0]
+
+
+def test_the_name_of_what_has_no_picture_tells_its_place() -> None:
+    assert "fir" in layers_of(Thing("mountain pass", "pass", at=(0, 1)))[0]

@@ -23,6 +23,8 @@ def test_sizes_come_from_what_is_similar() -> None:
 def test_people_are_told_from_things_by_their_meaning() -> None:
     fetched("minilm")
     sentences = SentenceEncoder.load()
-    people = ("baker", "violinist", "old man", "nurse", "children", "thief", "ballet dancer", "soldier", "bride")
-    things = ("farmhouse", "cello", "toothbrush", "statue", "horse", "crown", "bakery", "ambulance", "rocking chair")
+    people = ("baker", "violinist", "old man", "nurse", "children", "thief", "ballet dancer", "soldier", "bride",
+              "sleeping baby", "young couple")  # fmt: skip
+    things = ("farmhouse", "cello", "toothbrush", "statue", "horse", "crown", "bakery", "ambulance", "rocking chair",
+              "black rock", "dusty quarry")  # fmt: skip
     assert [is_person(name, sentences) for name in (*people, *things)] == [True] * len(people) + [False] * len(things)

@@ -302,7 +302,8 @@ class PromptReader:
         is_verb = stem != noun.text and bool(self._verbs & {stem, f"{stem}e", stem[:-1]})
         actors = before or _children(noun, "nsubj")
         kinds = [kinds_of(word.lower_) for word in (*actors[-1:], noun)]
-        is_doing = is_verb and kinds[-1] == {"idea"} and kinds[0] != {"idea"}  # but a stone building, a winter evening
+        is_acted = kinds[-1] == {"idea"} or ("idea" in kinds[-1] and kinds[0] == {"person"})  # a monk reading
+        is_doing = is_verb and is_acted and kinds[0] != {"idea"}  # but a stone building, a winter evening
         if noun.lemma_.lower() in _DEPICTIONS and (inner := shown.get("of", shown.get("with"))):
             _put_in_place(inner, noun, "det", [word for word in noun.rights if word.i > inner.i])
         elif (

@@ -205,7 +205,8 @@ def _parts_of(
     words = thing.name.split()
     tails = (" ".join(words[first:]) for first in range(max(1, len(words) - 1)))
     is_whole = any(places.find_part(one, known, sentences, _EXACTLY) for one in tails)  # an old city skyline
-    like = _EXACTLY if isinstance(part, Place) else _SEEN if is_building(thing.noun) else 1.1  # a mountain hut
+    is_placed = isinstance(part, Place) or (part is None and nearest < _PICTURED)  # a mountain pass
+    like = _EXACTLY if is_placed else _SEEN if is_building(thing.noun) else 1.1  # a mountain hut
     for at, word in enumerate(words):
         forms = () if is_whole or (part and word == thing.noun) else (word, f"{word}s")[: 2 if words[at + 1 :] else 1]
         also = [places.find_part(one, known, sentences, like) for one in forms]

@@ -54,8 +54,9 @@ def is_person(name: str, sentences: SentenceEncoder) -> bool:
     known |= {word: "person" for clothes in wardrobe() for word in clothes.words}
     similarity, nearest = (sentences.embed([*known]) @ sentences.embed([name])[0]).max(0)
     where, (_, *rest) = [*known.values()][int(nearest)], name.split()
+    is_known = known.get(rest[-1]) == "person" if rest else False  # a sleeping baby
     is_bodied = where == "body" and bool(rest) and is_person(rest[-1], sentences)  # a bearded man
-    return float(similarity) >= _PERSON and (where == "person" or is_bodied)
+    return is_known or (float(similarity) >= _PERSON and (where == "person" or is_bodied))
 
 
 def is_part_of_body(noun: str, sentences: SentenceEncoder) -> bool:
