@@ -1,9 +1,8 @@
 """Events of a painting or a calibration: the one form in which they are reported, both live and afterwards.
 
-There are two sorts of events. A `Moment` carries plans and pixels and stays inside the painting process. A
-`Written` event is plain data with a JSON form (`record`, `events_of`), named after its class. It stands in the
-journal, in the feed of the studio page, or in both, and names pictures by their files. Listeners receive both
-sorts:
+There are two sorts of events. A `Moment` carries plans and pixels and stays inside the painting process. A `Written`
+event is plain data with a JSON form (`record`, `events_of`), named after its class. It stands in the journal, in the
+feed of the studio page, or in both, and names pictures by their files. Listeners receive both sorts:
 
     >>> import frida_painter as fp
     >>> def hear(event):
@@ -419,8 +418,7 @@ class Planned:
 
     done: strokes painted so far.
     expected [3, H, W]: canvas after the plan.
-    loss_before, loss_after: expected loss of the old and of the new plan; before the first plan, the loss of the
-    bare canvas.
+    loss_before, loss_after: expected loss of the old and of the new plan; at first, of the bare canvas.
     forecast: similarity of the painting to its photograph. None: the goal has no photograph.
     """
 
