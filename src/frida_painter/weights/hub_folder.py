@@ -65,9 +65,10 @@ def local_folder(name: str) -> Path | None:
 
 @contextmanager
 def folder_of_file(file: Path) -> Iterator[Path]:
-    """Makes a folder for a moment in which weights have their usual name; settings and tokenizer are those beside them.
+    """Yields a folder with a file of weights under its usual name, and with the settings and the tokenizer beside it.
 
-    The tensors' own names say whether they are in the layout of open_clip. Raises WeightsError with the reason alone.
+    The folder holds links, and is removed afterwards. The names of the tensors tell if the file has the layout of
+    open_clip. Raises WeightsError with the reason alone.
     """
     ending = ".safetensors" if file.suffix == ".safetensors" else ".bin"
     of_open_clip = file.name.startswith(_TWICE) or any(name.startswith("visual.") for name in tensor_names(file))

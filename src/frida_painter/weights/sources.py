@@ -142,14 +142,12 @@ class Hub:
 
     def bring(self, originals: Sequence[Original], scratch: Path, received: Counter) -> None:
         """Downloads the files at that revision. Raises WeightsError."""
-        if os.environ.get("HF_HUB_OFFLINE", "").upper() in ("1", "ON", "YES", "TRUE"):
-            raise WeightsError("HF_HUB_OFFLINE is set")
+        _require_online()
         self._site.bring(originals, scratch, received)
 
     def require(self, *paths: str) -> None:
         """Requests the header of one of these files: an unreachable hub costs only seconds. Raises WeightsError."""
-        if os.environ.get("HF_HUB_OFFLINE", "").upper() in ("1", "ON", "YES", "TRUE"):
-            raise WeightsError("HF_HUB_OFFLINE is set")
+        _require_online()
         for path in paths:
             try:
                 _open(urllib.request.Request(f"{self._site.address}/{path}", method="HEAD")).close()
@@ -168,6 +166,12 @@ class Hub:
     @property
     def _site(self) -> DownloadSite:
         return DownloadSite(f"{self.endpoint}/{self.repository}/resolve/{self.revision}")
+
+
+def _require_online() -> None:
+    """Raises WeightsError if the person's settings forbid the hub."""
+    if os.environ.get("HF_HUB_OFFLINE", "").upper() in ("1", "ON", "YES", "TRUE"):
+        raise WeightsError("HF_HUB_OFFLINE is set")
 
 
 def download(address: str, path: Path, size: int, received: Counter) -> None:

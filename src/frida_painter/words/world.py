@@ -44,19 +44,22 @@ _PERSON = 0.48  # least similarity of a word with other senses to a word for a p
 def is_person(name: str, sentences: SentenceEncoder) -> bool:
     """Returns True if a name means a person.
 
-    If its noun has other senses too, it means one if it is rather near to the people among the known things or to those
-    who have clothes of their own, and nearer than to any other known thing: a conductor, but no fox and no reed.
+    If its noun has other senses too, it means one if the noun after other words is a known person, or if it is rather
+    near to the people among the known things or to those who have clothes of their own, and nearer than to any other
+    known thing: a conductor, but no fox and no reed.
     """
     kinds = kinds_of(name)
     if "person" not in kinds or kinds == {"person"}:
         return "person" in kinds or any(name == word for clothes in wardrobe() for word in clothes.words)  # a gamer
     known = {one.name: one.where for one in known_things()}
     known |= {word: "person" for clothes in wardrobe() for word in clothes.words}
+    _, *rest = name.split()
+    if rest and known.get(rest[-1]) == "person":  # a sleeping baby
+        return True
     similarity, nearest = (sentences.embed([*known]) @ sentences.embed([name])[0]).max(0)
-    where, (_, *rest) = [*known.values()][int(nearest)], name.split()
-    is_known = known.get(rest[-1]) == "person" if rest else False  # a sleeping baby
+    where = [*known.values()][int(nearest)]
     is_bodied = where == "body" and bool(rest) and is_person(rest[-1], sentences)  # a bearded man
-    return is_known or (float(similarity) >= _PERSON and (where == "person" or is_bodied))
+    return float(similarity) >= _PERSON and (where == "person" or is_bodied)
 
 
 def is_part_of_body(noun: str, sentences: SentenceEncoder) -> bool:

@@ -110,13 +110,13 @@ class Clip:
         registry.require("words", "transformers", "Seeing through CLIP")
         given, folder = str(source).strip(), None
         file = storage.in_home(given)
-        one = storage.exists(file) and file.is_file()
+        is_file = storage.exists(file) and file.is_file()
         with ExitStack() as stack:
             try:
-                folder = stack.enter_context(folder_of_file(file)) if one else local_folder(given)
+                folder = stack.enter_context(folder_of_file(file)) if is_file else local_folder(given)
                 whole = hub_folder(given, cache, tell, heed) if folder is None else folder
             except (WeightsError, StorageError, OSError, ValueError) as cause:
-                raise _refuse(given, cause, here=one or folder is not None) from cause
+                raise _refuse(given, cause, here=is_file or folder is not None) from cause
             try:
                 if (missing := missing_file(whole)) is not None:
                     raise WeightsError(f"it has no {missing}")
@@ -131,7 +131,7 @@ class Clip:
                 clip = cls(model, tokenizer, name or f"CLIP {called}", mean, spread)
                 clip._require_sense()
             except Exception as cause:  # `transformers` raises anything for foreign files
-                raise _refuse(given, cause, here=folder is not None) from cause
+                raise _refuse(given, cause, whole, here=folder is not None) from cause
         return clip
 
     def reads_all(self, prompt: str) -> bool:
@@ -203,9 +203,14 @@ class Clip:
         return ((middle - self._mean.like(middle)) / self._spread.like(middle)).to(self._model.dtype)
 
 
-def _refuse(given: str, cause: Exception, *, here: bool) -> WeightsError:
-    """Returns the error about a network that cannot be loaded, from a folder or from the hub."""
-    reason = " ".join(str(cause).split())[:160].rstrip(".")
+def _refuse(given: str, cause: Exception, folder: Path | None = None, *, here: bool) -> WeightsError:
+    """Returns the error about a network that cannot be loaded.
+
+    folder: of its files, whose path the reason leaves out
+    here: True if it is on this machine, False if it is on the hub
+    """
+    said = str(cause) if folder is None else str(cause).replace(f"{folder}/", "")
+    reason = " ".join(said.split())[:160].rstrip(".")
     advice = f"give a folder that holds {_FILES}" if here else "check the name and the network, or give a folder"
     return WeightsError(f"{given[:80]} cannot be loaded as CLIP ({reason}); {advice}.")
 
