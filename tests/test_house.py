@@ -60,6 +60,20 @@ OWN_FILES = {
     "weights/cache.py",
     "weights/sources.py",
 }
+# Python is started by python_process.py, in which no code comes from the current folder. These start other programs, or
+# have a library start Python, after `isolate`.
+STARTING = {
+    "python_process.py": {"sys.executable", "subprocess.Popen", "subprocess.run"},
+    "lab/sweeps/engine.py": {"multiprocessing", "concurrent.futures.ProcessPoolExecutor", "ray"},
+    "picture_makers/program.py": {"subprocess.Popen"},
+    "video.py": {"subprocess.Popen", "subprocess.run"},
+    "weights/sources.py": {"subprocess.Popen", "sys.executable"},
+}
+STARTS = re.compile(
+    r"subprocess\.(?!PIPE|DEVNULL|STDOUT|TimeoutExpired|CompletedProcess)\w+|sys\.(_base_)?executable|pty\.\w+|runpy\.\w+"
+    r"|os\.(system|popen|fork|forkpty|exec\w+|spawn\w+|posix_spawnp?)|.*\bcreate_subprocess_\w+|.*\bProcessPoolExecutor"
+    r"|(torch\.)?(multiprocessing|ray)\b.*"
+)
 READING = {"read_bytes", "read_text", "copyfile", "imread", "fromfile", "loadtxt", "genfromtxt", "safe_open", "memmap"}
 
 
@@ -302,6 +316,38 @@ def test_files_that_a_person_names_have_one_door(path: Path) -> None:
     assert bool(opened) == own, (
         f"lines {opened} open files past storage.open_checked" if not own else "opens none any more"
     )
+
+
+def starts(tree: ast.Module) -> set[str]:
+    """What could start a process; not the types of processes."""
+    found = set()
+    types = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Subscript)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute) and id(node) not in types:
+            found.add(ast.unparse(node))
+        elif isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            found |= {f"{node.module}.{alias.name}" for alias in node.names}
+    return {name for name in found if STARTS.fullmatch(name)}
+
+
+@pytest.mark.parametrize("path", sorted(ROOT.rglob("*.py")), ids=lambda path: str(path.relative_to(ROOT)))
+def test_python_is_started_in_one_place(path: Path) -> None:
+    allowed = STARTING.get(str(path.relative_to(ROOT)), set())
+    found = starts(ast.parse(path.read_text(encoding="utf-8")))
+    assert {name for name in found if not {name, name.partition(".")[0]} & allowed} == set()
+
+
+def test_every_way_to_start_a_process_is_seen() -> None:
+    for line in (
+        "subprocess.run(a)", "from subprocess import Popen", "subprocess.check_output(a)", "b = sys.executable",
+        "from sys import executable", "os.execv(a, b)", "os.system(a)", "asyncio.create_subprocess_exec(a)",
+        "import multiprocessing.pool", "from multiprocessing import Process", "import torch.multiprocessing as m",
+        "from concurrent.futures import ProcessPoolExecutor", "from os import posix_spawn", "import ray",
+    ):  # fmt: skip
+        assert starts(ast.parse(line)), line
+    assert not starts(ast.parse("a: list[subprocess.Popen[bytes]]\nsubprocess.PIPE\nimport os, sys, subprocess"))
 
 
 def test_the_door_is_watched() -> None:

@@ -4,9 +4,13 @@ Ctrl-C, SIGTERM and a closed terminal end the program with one sentence at any m
 have other meanings (cli/stop_signal.py).
 """
 
+import sys
+
+if __name__ == "__main__" and not sys.flags.safe_path:
+    del sys.path[0]  # `python -m` puts the current folder there, which may hold anybody's files
+
 import os
 import signal
-import sys
 from contextlib import suppress
 from types import FrameType
 from typing import NoReturn
@@ -25,6 +29,9 @@ def main() -> NoReturn:
     for number in signals:
         signal.signal(number, end)
     try:
+        from frida_painter import python_process
+
+        python_process.isolate()
         from frida_painter.cli import commands
 
         commands.main()

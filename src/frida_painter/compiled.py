@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import platformdirs
 
-from frida_painter import storage
+from frida_painter import python_process, storage
 from frida_painter.errors import StorageError
 
 if TYPE_CHECKING:
@@ -92,13 +92,8 @@ class LoopCompiler:
 
     def _start(self, modules: Iterable[str], lock: int) -> "subprocess.Popen[bytes]":
         """Starts a process that inherits the lock and holds it until it ends."""
-        return subprocess.Popen(
-            [sys.executable, "-m", "frida_painter.compiled", str(self._folder), *modules],
-            pass_fds=(lock,),
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-        )
+        program = "-m", "frida_painter.compiled", self._folder, *modules
+        return python_process.start(*program, pass_fds=(lock,), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
 def await_loops(tell: Callable[[str], None] = lambda sentence: None, folder: Path | None = None) -> None:

@@ -14,7 +14,6 @@ import io
 import logging
 import os
 import struct
-import subprocess
 import sys
 import tempfile
 import warnings
@@ -30,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import ExifTags, Image
 
-from frida_painter import storage
+from frida_painter import python_process, storage
 from frida_painter.errors import ImageError
 from frida_painter.picture_colors import (
     ADOBE_LIGHT,
@@ -176,8 +175,7 @@ def _decode_in_new_process(
     path: Path, file: BinaryIO, most_pixels: int, longest: int, *, layered: bool
 ) -> Bytes | Floats:
     """Decodes a picture as `_decode_open` does, in a process that was not forked."""
-    command = [sys.executable, "-m", __name__, os.fspath(path), str(most_pixels), str(longest), "4" if layered else "3"]
-    made = subprocess.run(command, stdin=file, capture_output=True, check=False)
+    made = python_process.run("-m", __name__, path, most_pixels, longest, "4" if layered else "3", stdin=file)
     if made.returncode == 0:
         return np.asarray(np.load(io.BytesIO(made.stdout), allow_pickle=False))
     said = made.stderr.decode("utf-8", "replace").strip()

@@ -2,10 +2,11 @@
 
 import socket
 import subprocess
-import sys
 import tempfile
 from types import TracebackType
 from typing import Self
+
+from frida_painter import python_process
 
 
 class EaselLaunch:
@@ -23,10 +24,12 @@ class EaselLaunch:
         self.line, its_line = socket.socketpair()
         self.complaints = tempfile.TemporaryFile()  # noqa: SIM115 (closed with the process)
         sockets = its_wire.fileno(), its_line.fileno()
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "frida_painter.easel.host", *map(str, sockets), robot],
+        self.process = python_process.start(
+            "-m",
+            "frida_painter.easel.host",
+            *sockets,
+            robot,
             pass_fds=sockets,
-            stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=self.complaints,
             start_new_session=True,  # Ctrl-C at the terminal is for the painting process only

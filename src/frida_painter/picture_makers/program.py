@@ -3,14 +3,13 @@
 import os
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from frida_painter import storage
+from frida_painter import python_process, storage
 from frida_painter.errors import Interrupted, MakingFailed
 from frida_painter.picture_makers.child import ANSWER, FAULT, TASK, TOLD
 from frida_painter.runs.picture_making import MAX_BYTES, PictureRequest
@@ -43,7 +42,7 @@ def run_program(
     made: another file that the program writes, whose size is limited too
     until: time of the monotonic clock at which the program is ended
     hear: receives each whole line of the standard error, while the program runs
-    environment: environment of the program; None: that of this process
+    environment: environment of the program; None: that of this process, as the person gave it
     Raises MakingFailed if it cannot be started, fails, or takes too long or too much room, and Interrupted after a
     stop. The program is then ended, with all processes of its group.
     """
@@ -54,7 +53,7 @@ def run_program(
         try:
             process = subprocess.Popen(
                 list(arguments), stdin=subprocess.PIPE, stdout=output, stderr=complaints, start_new_session=True,
-                env=None if environment is None else dict(environment),
+                env=environment or python_process.environment_of_others(),
             )  # fmt: skip
         except (OSError, ValueError) as cause:
             why = getattr(cause, "strerror", None) or str(cause)
@@ -111,10 +110,10 @@ def run_child(
     storage.write_json(folder / TASK, task)
     try:
         run_program(
-            [sys.executable, "-P", "-m", module, str(folder)], name,
+            python_process.command("-m", module, folder), name,
             printed=folder / "printed", said=folder / "said", made=made, until=until, stop_asked=request.stop_asked,
             hear=lambda line: request.tell(line.removeprefix(TOLD)) if line.startswith(TOLD) else None,
-            environment={**os.environ, **(environment or {})},
+            environment=python_process.environment(**(environment or {})),
         )  # fmt: skip
     except MakingFailed as end:
         fault = folder / FAULT

@@ -5,8 +5,6 @@ The terminal that starts the studio names the makers, with their commands and ad
 
 import json
 import secrets
-import subprocess
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,7 +13,7 @@ from urllib.parse import urlsplit
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
-from frida_painter import storage
+from frida_painter import python_process, storage
 from frida_painter.errors import ConfigError
 from frida_painter.session.events import Failed, ProcedureProgress, Stopped, Written
 from frida_painter.session.making_events import MakingStarted, PicturesMade
@@ -50,8 +48,7 @@ class AllowedMakers:
         """
         by_label: dict[str, str] = {}
         if makers:
-            program = [sys.executable, "-m", "frida_painter.web.maker_reader", *makers]
-            said = subprocess.run(program, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=_PATIENCE)
+            said = python_process.run("-m", "frida_painter.web.maker_reader", *makers, text=True, timeout=_PATIENCE)
             if said.returncode:
                 raise ConfigError(said.stderr.strip().splitlines()[-1] if said.stderr else "--imagine cannot be read.")
         for maker in makers:

@@ -5,14 +5,13 @@ import contextlib
 import json
 import socket
 import subprocess
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from frida_painter import storage
+from frida_painter import python_process, storage
 from frida_painter.errors import ConfigError, StorageError
 from frida_painter.web import stop_listener
 from frida_painter.web.commands import Role
@@ -106,9 +105,8 @@ class StopProcess:
             self.port = port.getsockname()[1]
             storage.write_json(self.root / _FILE, {**self._config, "port": self.port})
             inherited = [port.fileno(), line.fileno(), lock.fileno()]
-            program = [sys.executable, "-m", stop_listener.__name__, str(self.root), *map(str, inherited)]
+            program = "-m", stop_listener.__name__, self.root, *inherited, json.dumps(self._config)
             with (self.root / "stop.log").open("ab") as log:
-                self._process = subprocess.Popen(
-                    [*program, json.dumps(self._config)], pass_fds=inherited, start_new_session=True,
-                    stdin=subprocess.DEVNULL, stdout=log, stderr=log,
-                )  # fmt: skip
+                self._process = python_process.start(
+                    *program, pass_fds=inherited, start_new_session=True, stdout=log, stderr=log
+                )

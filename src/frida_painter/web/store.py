@@ -2,7 +2,6 @@
 
 import asyncio
 import contextlib
-import os
 import re
 import secrets
 import shutil
@@ -15,7 +14,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
-from frida_painter import storage
+from frida_painter import python_process, storage
 from frida_painter.errors import ImageError, Interrupted, StorageError
 from frida_painter.web.studio_folder import FAMILIES, PICTURES, PaintingFolder, forget_lock, require_disk
 
@@ -201,11 +200,11 @@ def keep(content: bytes, folder: Path) -> str:
     folder.mkdir(parents=True, exist_ok=True)
     require_disk(folder, 2**26)
     with storage.replacing(folder / f"{identifier}.png", mode=0o600) as temporary, temporary.open("wb") as decoded:
-        environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "VIPS_CONCURRENCY": "1"}
+        single = python_process.environment(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", VIPS_CONCURRENCY="1")
         try:
-            done = subprocess.run(
-                [sys.executable, "-m", "frida_painter.web.decoder"], input=content, stdout=decoded,
-                stderr=subprocess.PIPE, timeout=MAX_SECONDS, env=environment, start_new_session=True,
+            done = python_process.run(
+                "-m", "frida_painter.web.decoder", input=content, stdout=decoded, timeout=MAX_SECONDS, env=single,
+                start_new_session=True,
             )  # fmt: skip
         except subprocess.TimeoutExpired:
             raise ImageError(_TOO_MUCH) from None

@@ -1,14 +1,13 @@
 """Easel of a studio: its robot, camera and workspace, and the easel's calibration record."""
 
 import json
-import subprocess
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Self
 
+from frida_painter import python_process
 from frida_painter.easel.kinds import HUMAN, MACHINES, NO_CAMERA, SIMULATED, require_equipment, require_known
 from frida_painter.errors import ConfigError
 
@@ -21,8 +20,7 @@ _PATIENCE = 60.0
 
 def canvas_of_workspace(workspace: Path) -> tuple[float, float]:
     """Returns width and height of the canvas in millimetres. Raises ConfigError if the file is no workspace."""
-    program = [sys.executable, "-m", "frida_painter.web.workspace_reader", str(workspace)]
-    said = subprocess.run(program, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=_PATIENCE)
+    said = python_process.run("-m", "frida_painter.web.workspace_reader", workspace, text=True, timeout=_PATIENCE)
     found = json.loads(said.stdout)
     if "fault" in found:
         raise ConfigError(found["fault"])

@@ -3,7 +3,6 @@
 import contextlib
 import json
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -13,7 +12,7 @@ from typing import Any, Literal
 
 from pydantic import TypeAdapter, ValidationError
 
-from frida_painter import storage
+from frida_painter import python_process, storage
 from frida_painter.errors import FridaError, Interrupted, StorageError
 from frida_painter.session.events import Dequeued, PaintingStarted, Queued
 from frida_painter.web.store import Entry, PaintingStore
@@ -71,21 +70,14 @@ class WorkerSlot:
         self, job: Literal["plan", "paint", "resume", "calibrate", "setup", "teach", "imagine"], plan: PlanFolder
     ) -> None:
         """Starts a worker in a new session, and hands it the painting's lock. Raises StorageError."""
-        program = [
-            sys.executable,
-            "-m",
-            "frida_painter.web.worker_process",
-            job,
-            str(self.folder.path),
-            str(plan.number),
-        ]
-        program += [str(self._lock.fileno()), json.dumps(self._easel.plain())]
+        lock = self._lock.fileno()
+        task = job, self.folder.path, plan.number, lock, json.dumps(self._easel.plain())
         self._lock.sign(job)
         try:
             with (self.folder.path / "worker.log").open("ab") as log:
-                process = subprocess.Popen(
-                    program, stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True,
-                    pass_fds=[self._lock.fileno()],
+                process = python_process.start(
+                    "-m", "frida_painter.web.worker_process", *task,
+                    pass_fds=[lock], start_new_session=True, stdout=log, stderr=log,
                 )  # fmt: skip
         except OSError as error:
             raise StorageError(f"The painter cannot be started ({error.strerror}).") from error

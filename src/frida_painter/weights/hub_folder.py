@@ -5,7 +5,6 @@ Only settings, vocabulary and tensors are fetched, once; code beside them stays 
 
 import json
 import re
-import sys
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from fnmatch import fnmatchcase
@@ -13,6 +12,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Literal
 
+from frida_painter import python_process
 from frida_painter.errors import WeightsError
 from frida_painter.storage import exists, in_home, megabytes, read_bytes, require_space
 from frida_painter.transfer import TOO_SLOW, Transfer
@@ -269,7 +269,7 @@ def ask_hub(
 
     with TemporaryDirectory() as place:
         answer = Path(place) / "answer.json"
-        command = [sys.executable, "-P", hub_process.__file__, what, str(answer), repository, *files]
+        command = python_process.command(hub_process.__file__, what, answer, repository, *files)
         log = run_fetching(command, Path(place), watch, {**_APART, "HF_HUB_CACHE": str(cache)})
         if log is not None:
             lines = [line.strip() for line in log.splitlines() if line.strip()]

