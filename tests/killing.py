@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageOps
 
-from frida_painter import picture_file
+from frida_painter import picture_file, python_process
 from frida_painter.errors import ImageError
 from frida_painter.event_log import EventLog
 
@@ -219,26 +219,24 @@ class ForkedCommand(ForkedProcess):
 
 
 class _ForkedEasel(ForkedProcess):
-    """`python -m frida_painter.easel.host WIRE LINE`, as EaselLaunch starts it."""
+    """`python -m frida_painter.easel.host WIRE LINE ROBOT`, as EaselLaunch starts it."""
 
-    def __init__(self, command: Sequence[str], *, stdin: int, stdout: int, stderr: IO[Any], **more: Any) -> None:
-        assert list(command[1:3]) == ["-m", "frida_painter.easel.host"], command
-        assert stdin == stdout == subprocess.DEVNULL
+    def __init__(self, *words: Any, stdout: int, stderr: IO[Any], **more: Any) -> None:
+        assert words[:2] == ("-m", "frida_painter.easel.host") and stdout == subprocess.DEVNULL
         from frida_painter.easel import host
 
-        super().__init__(lambda: host.main(int(command[3]), int(command[4]), command[5]), stderr=stderr, **more)
+        super().__init__(lambda: host.main(*words[2:]), stderr=stderr, **more)
 
 
 @contextmanager
 def forked_easels() -> Iterator[None]:
     """Easels' processes are forked from this one; all else about them stays."""
-    stand_in = SimpleNamespace(Popen=_ForkedEasel, DEVNULL=subprocess.DEVNULL)
-    with patch("frida_painter.easel.launch.subprocess", stand_in):
+    with patch("frida_painter.easel.launch.python_process", SimpleNamespace(start=_ForkedEasel)):
         yield
 
 
 @contextmanager
 def fresh_easels() -> Iterator[None]:
     """Within `forked_easels`: easels' processes are started as people have them."""
-    with patch("frida_painter.easel.launch.subprocess", subprocess):
+    with patch("frida_painter.easel.launch.python_process", python_process):
         yield

@@ -1,8 +1,11 @@
-"""What is missing from an installation is said in one sentence that names the extra which brings it."""
+"""What is missing from an installation is said in one sentence, with the command that brings it."""
 
+import re
+import shlex
 import sys
 import tomllib
 from collections.abc import Callable
+from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 
 import pytest
@@ -33,9 +36,8 @@ def test_the_studio_names_its_extra(
         commands.main()
     said = " ".join(capsys.readouterr().err.split())
     assert end.value.code == 2
-    assert said == (
-        'frida-painter: The studio needs the extra "web", which is not installed; say: pip install "frida-painter[web]"'
-    )
+    assert said.startswith('frida-painter: The studio needs the extra "web", which is not installed; say: ')
+    assert said.endswith(registry.install_command("web"))
     assert not (tmp_path / "kept").exists(), "nothing is made where the studio cannot open"
 
 
@@ -57,7 +59,7 @@ def test_what_is_missing_is_named(
     use: Callable[[Path], object],
 ) -> None:  # fmt: skip
     monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(error, match=rf"frida-painter\[{extra}\]"):
+    with pytest.raises(error, match=re.escape(registry.install_command(extra))):
         use(tmp_path)
 
 
@@ -76,6 +78,67 @@ def test_an_extra_is_asked_for_without_being_loaded(monkeypatch: pytest.MonkeyPa
         registry.require("web", "no_such_package_anywhere", "The studio")
 
 
-def test_the_extras_that_sentences_name_are_declared() -> None:
+REQUIRES = [
+    "numpy>=2.0", "pytest>=1; extra == 'web'", "absent<2,>=1.5; extra == 'web'", "hypothesis>=9999; extra == 'web'",
+    "of_plan_9; platform_system == 'Plan 9' and extra == 'web'", "always; python_version > '3'", "a; extra == 'words'",
+]  # fmt: skip
+
+
+@pytest.fixture
+def installation(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[str]]:
+    """An installation of this project, which returns its command for an extra as a shell reads it."""
+
+    def command(extra: str = "web", pip: bool = True, uv: bool = True, declared: object = REQUIRES) -> list[str]:
+        def requires(name: str) -> list[str]:
+            if declared is None:
+                raise PackageNotFoundError(name)
+            return list(declared)
+
+        monkeypatch.setattr(registry, "requires", requires)
+        monkeypatch.setattr(registry, "is_installed", lambda name: pip)
+        monkeypatch.setattr(registry.shutil, "which", lambda name: f"/bin/{name}" if uv else None)
+        return shlex.split(registry.install_command(extra))
+
+    return command
+
+
+def test_the_command_brings_what_this_installation_lacks(
+    installation: Callable[..., list[str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "executable", "/home/an artist/bin/python")
+    monkeypatch.setattr(sys, "prefix", "/home/an artist")
+    pip = ["/home/an artist/bin/python", "-m", "pip", "install"]
+    assert installation() == [*pip, "absent<2,>=1.5", "hypothesis>=9999"]
+    assert installation(pip=False)[:5] == ["uv", "pip", "install", "--python", sys.executable]
+    assert installation(pip=False, uv=False)[:8] == [sys.executable, "-m", "ensurepip", "&&", *pip]
+    assert installation(declared=["pytest>=1; extra == 'web'"]) == [*pip, "pytest>=1"], "it is here, but broken"
+    for declared in (None, []):
+        assert installation(declared=declared) == [*pip, f"{PYPROJECT.parent}[web]"]
+
+
+def test_a_python_of_the_system_is_told_that_a_person_decides(
+    installation: Callable[..., list[str]], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(registry.sysconfig, "get_path", lambda name: str(tmp_path))
+    monkeypatch.setattr(sys, "prefix", sys.base_prefix)
+    assert "--break-system-packages" not in installation()
+    (tmp_path / "EXTERNALLY-MANAGED").touch()
+    assert "--break-system-packages" in installation()
+
+
+def test_every_extra_that_the_sources_name_is_declared() -> None:
     declared = tomllib.loads(PYPROJECT.read_text())["project"]["optional-dependencies"]
-    assert {"web", "words", "sketch", "plotter", "gphoto", "ros", "xarm", "mujoco"} <= declared.keys()
+    for path in (PYPROJECT.parent / "src").rglob("*.py"):
+        text = path.read_text(encoding="utf-8")
+        called = r"registry\.(?:importing|require|advice|install_command)\(|Needed\(.*extra="
+        assert {*re.findall(rf'(?:{called})"(\w+)"', text)} <= declared.keys(), path
+
+
+@pytest.mark.parametrize("place", ["README.md", "docs", "src", "examples", "deploy", "tools", "benchmarks"])
+def test_nobody_is_told_to_install_from_an_index(place: str) -> None:
+    """The project is on none; a command that asks one for it would install nothing, or what somebody else put there."""
+    root = PYPROJECT.parent / place
+    for path in [root] if root.is_file() else root.rglob("*"):
+        if path.is_file() and path.stat().st_size < 2**20:  # no pictures and no weights
+            text = path.read_text(encoding="utf-8", errors="replace")
+            assert not re.search(r"frida-painter\[|pip install [^.\n]*\bfrida-painter\b", text), path

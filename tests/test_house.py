@@ -61,12 +61,13 @@ OWN_FILES = {
     "weights/sources.py",
 }
 # Python is started by python_process.py, in which no code comes from the current folder. These start other programs, or
-# have a library start Python, after `isolate`.
+# have a library start Python, `isolated`.
 STARTING = {
     "python_process.py": {"sys.executable", "subprocess.Popen", "subprocess.run"},
     "lab/sweeps/engine.py": {"multiprocessing", "concurrent.futures.ProcessPoolExecutor", "ray"},
     "picture_makers/program.py": {"subprocess.Popen"},
     "video.py": {"subprocess.Popen", "subprocess.run"},
+    "registry.py": {"sys.executable"},
     "weights/sources.py": {"subprocess.Popen", "sys.executable"},
 }
 STARTS = re.compile(

@@ -121,12 +121,13 @@ def test_no_process_of_a_sweep_loads_code_from_the_current_folder(engine: str, p
 
 
 @pytest.mark.slow
-def test_the_program_loads_no_code_from_the_current_folder(place: Path) -> None:
-    """`python -m` itself loads modules of its own before it asks ours, which can do nothing about that."""
-    given = {**os.environ, "PYTHONPATH": os.pathsep.join(("", str(ROOT.parent)))}
-    program = [sys.executable, "-m", "frida_painter", "doctor"]
+@pytest.mark.parametrize(("path", "word", "said"), [("", "doctor", "marlin"), (os.pathsep, "--help", "resume")])
+def test_the_program_loads_no_code_from_the_current_folder(path: str, word: str, said: str, place: Path) -> None:
+    """Python itself loads modules of its own before it asks ours, which can do nothing about that."""
+    given = {**os.environ, "PYTHONPATH": path + str(ROOT.parent)}
+    program = [sys.executable, "-m", "frida_painter", word]
     done = subprocess.run(program, cwd=place / "packages", env=given, capture_output=True, text=True)
-    assert "poison" not in done.stdout and "gcode" in done.stdout
+    assert said in done.stdout and "poison" not in done.stdout
     assert (loaded(place), done.returncode) == ([], 0), done.stderr
 
 

@@ -158,7 +158,8 @@ def parts() -> str:
                 loaded = part.load(kind)
                 form = getattr(loaded, "form", "") or getattr(loaded, "option", "") or name
                 needed = getattr(loaded, "needed", None)
-                rows.append(f"| `{form}` | {_about(loaded)} | {f'`{needed.install}`' if needed else ''} |")
+                install = needed and (f"pip install '.[{needed.extra}]'" if needed.extra else needed.install)
+                rows.append(f"| `{form}` | {_about(loaded)} | {f'`{install}`' if install else ''} |")
         head = "| written as | what it is | needs |\n|---|---|---|"
         found += [f"## {title}", f"Group `{group}`; the object is {given}.", *_members(kind)]
         found.append(f"{head}\n" + "\n".join(rows))

@@ -1,6 +1,6 @@
 """A small network learns to paint, with PPO of stable-baselines3: an example, not a painter to use.
 
-    pip install "frida-painter[env]" stable-baselines3
+    pip install '.[env]' stable-baselines3
     python examples/learning/learn_to_paint.py [--steps 100000] [--seeds 0 1 2] [--out learned]
 
 It learns on the renderer from four photographs, and is judged on a fifth that it never saw, and in the virtual studio.

@@ -2,13 +2,15 @@
 
 `python -m` and `python -c` put the current folder first on the path of modules, so that a file `filelock.py` of a
 painting's folder would be imported. All Python processes of the painter are started here. Libraries that start Python
-themselves, such as multiprocessing and Ray, pass on what `isolate` writes to the environment.
+themselves, such as multiprocessing and Ray, pass on the environment that `isolate` and `isolated` set.
 """
 
 import os
 import subprocess
 import sys
-from contextlib import suppress
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +21,7 @@ _FOLDERS = (
 )
 """Variables that name folders of code. An empty or relative entry means the current folder, or one below it."""
 _DROPPED = ("PYTHONINSPECT", "PYTHONSTARTUP")  # with the first, Python would run what it finds on its standard input
+_TURN = threading.Lock()
 _SAFE, _OURS = "PYTHONSAFEPATH", "frida-painter"  # any text counts as yes; this one is taken back for other programs
 
 
@@ -66,9 +69,26 @@ def isolate() -> None:
         with suppress(FileNotFoundError):  # the current folder is gone
             dropped = {str(Path(entry).absolute()) for entry in given} - {*kept}
             sys.path[:] = [entry for entry in sys.path if entry not in dropped]
-    for name in os.environ.keys() - isolated:
+    _set_environment(isolated)
+
+
+@contextmanager
+def isolated() -> Iterator[None]:
+    """Isolates this process as `isolate` does, for a library that starts Python within the block."""
+    with _TURN:
+        before, path = dict(os.environ), [*sys.path]
+        isolate()
+        try:
+            yield
+        finally:
+            sys.path[:] = path
+            _set_environment(before)
+
+
+def _set_environment(wanted: dict[str, str]) -> None:
+    for name in os.environ.keys() - wanted:
         del os.environ[name]
-    os.environ.update(isolated)
+    os.environ.update(wanted)
 
 
 def _absolute(entry: str) -> str:

@@ -18,7 +18,7 @@ import torch
 from PIL import Image
 from safetensors.torch import load_file, save
 
-from frida_painter import storage
+from frida_painter import python_process, storage
 from frida_painter.__main__ import main as command
 from frida_painter.cli import commands
 from frida_painter.cli.stop_signal import stop_on_signals
@@ -350,6 +350,7 @@ def test_a_signal_at_any_moment_ends_it_in_a_sentence(
             sys.exit(130)
 
     monkeypatch.setattr(commands, "build", lambda: loading)
+    monkeypatch.setattr(python_process, "isolate", lambda: None)
     known = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
     before = {each: signal.getsignal(each) for each in known}
     try:
@@ -376,6 +377,7 @@ def test_a_signal_that_was_ignored_from_the_beginning_stays_so(
             print("asked to stop" if stop.asked else "not asked")
 
     monkeypatch.setattr(commands, "build", lambda: working)
+    monkeypatch.setattr(python_process, "isolate", lambda: None)
     known = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
     before = {each: signal.getsignal(each) for each in known}
     signal.signal(number, signal.SIG_IGN)

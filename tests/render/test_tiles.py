@@ -25,7 +25,7 @@ from frida_painter.render import reference
 from support.planning import CANVAS, small_table, some_strokes
 
 DEVICE = torch.device("cuda" if torch.cuda.is_available() else "cpu")
-pytest.importorskip("triton", reason="the GPU's renderer needs Triton: pip install 'frida-painter[gpu]'")
+pytest.importorskip("triton", reason="the GPU's renderer needs Triton: pip install '.[gpu]'")
 from frida_painter.render import tiles  # noqa: E402
 
 

@@ -3,7 +3,6 @@
 import http.server
 import io
 import json
-import subprocess
 import sys
 import threading
 from collections.abc import Iterator
@@ -15,6 +14,7 @@ from typing import Any
 
 import pytest
 
+from frida_painter import python_process
 from frida_painter.errors import ConfigError, FridaError
 from frida_painter.runs import picture_making
 from frida_painter.runs.picture_making import making_facts
@@ -204,8 +204,8 @@ def test_none_is_allowed_by_default(tmp_path: Path) -> None:
 
 
 def test_makers_are_opened_once_before_the_page_and_have_labels_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
-    def run_here(program: list[str], **_: Any) -> SimpleNamespace:
-        monkeypatch.setattr("sys.argv", program[2:])
+    def run_here(*program: str, **_: Any) -> SimpleNamespace:
+        monkeypatch.setattr("sys.argv", program[1:])
         with redirect_stderr(io.StringIO()) as said:
             try:
                 maker_reader.main()
@@ -213,7 +213,7 @@ def test_makers_are_opened_once_before_the_page_and_have_labels_of_their_own(mon
                 return SimpleNamespace(returncode=end.code, stderr=said.getvalue())
         return SimpleNamespace(returncode=0, stderr="")
 
-    monkeypatch.setattr(subprocess, "run", run_here)
+    monkeypatch.setattr(python_process, "run", run_here)
     allowed = AllowedMakers.check(["command:true", "command:true {words}", "http://here:80/x?key=1"], 5.0)
     assert list(allowed.by_label) == ["command: true", "command: true (2)", "http: here"] and allowed.minutes == 5.0
     with pytest.raises(ConfigError, match="--imagine 'crystal:ball': There is no picture maker called 'crystal'"):

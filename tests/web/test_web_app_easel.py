@@ -54,7 +54,7 @@ def test_the_canvas_is_the_one_of_the_workspace_file(
     monkeypatch.setattr("sys.argv", ["workspace_reader", str(file)])
     workspace_reader.main()
     printed = capsys.readouterr().out
-    monkeypatch.setattr(workspace_canvas.subprocess, "run", lambda *_, **__: SimpleNamespace(stdout=printed))
+    monkeypatch.setattr(workspace_canvas.python_process, "run", lambda *_, **__: SimpleNamespace(stdout=printed))
     with pytest.raises(ConfigError, match="is no workspace"):
         easel.validate()
 

@@ -226,7 +226,7 @@ def _stroke_models() -> Iterator[str]:
 
 
 def _part(form: str, title: str, needed: Needed | None) -> str:
-    lacks = "" if needed is None or not needed.lacking else f"; [yellow]needs {_plain(needed.install)}[/]"
+    lacks = "" if needed is None or not needed.lacking else f"; [yellow]needs {_plain(needed.command)}[/]"
     return f"{_plain(form)} [dim]{_plain(title)}[/]{lacks}"
 
 

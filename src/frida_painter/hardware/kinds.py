@@ -12,6 +12,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from frida_painter import registry
 from frida_painter.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -152,13 +153,20 @@ def _ports() -> list[Any]:
 class Needed:
     """Requirement of a device: how a person installs it, and the module that is importable afterwards.
 
-    install: command that installs it
+    install: command that installs it; not for an extra of this project
     module: "" if it cannot be looked for, such as system packages outside of a virtual environment; the requirement
         then always counts as lacking
+    extra: extra of this project that installs it
     """
 
-    install: str
+    install: str = ""
     module: str = ""
+    extra: str = ""
+
+    @property
+    def command(self) -> str:
+        """Command that installs what is lacking."""
+        return registry.install_command(self.extra) if self.extra else self.install
 
     @property
     def lacking(self) -> bool:

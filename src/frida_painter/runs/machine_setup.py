@@ -269,7 +269,7 @@ class SerialPort:
 def list_ports(preset: Preset) -> list[SerialPort]:
     """Returns the serial ports, the likely ones for the preset first. Raises ConfigError if pyserial is missing."""
     if preset.needed is not None:
-        raise ConfigError(f"{preset.title} needs a package; install it with: {preset.needed.install}")
+        raise ConfigError(f"{preset.title} needs a package; install it with: {preset.needed.command}")
     from serial.tools.list_ports import comports
 
     found = [_describe_port(port, preset) for port in comports()]

@@ -116,7 +116,7 @@ def take_up(order: SetupOrder) -> Generator[SetupQuestion, Answer, MachineSetup 
     assert source is not None
     preset = find_preset(source)
     if (needed := preset.needed) is not None:
-        raise ConfigError(f"{preset.title} needs a package; install it with: {needed.install}")
+        raise ConfigError(f"{preset.title} needs a package; install it with: {needed.command}")
     for sentence in preset.before:
         if not (yield Confirm(f"{sentence} Done?")):
             raise Interrupted(f"Nothing was begun. First: {sentence}")

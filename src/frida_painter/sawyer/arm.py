@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from frida_painter import registry
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import RobotError, WorkspaceViolation
 from frida_painter.hardware.robot import Waypoints, Workspace, lean_along
@@ -20,11 +21,6 @@ from frida_painter.virtual.tabletop import HandNoise, sawyer_layout
 
 if TYPE_CHECKING:
     from frida_painter.sawyer.body import Kinematics, SimulatedArm
-
-
-MISSING = (
-    "The simulated Sawyer needs MuJoCo and mink, which are not installed; say: pip install 'frida-painter[mujoco]'"
-)
 
 
 TIMING = Timing(acceleration=0.8, smoothing=0.06, period=0.01)
@@ -47,11 +43,9 @@ class SawyerArm:
 
     def connect(self, tip: NDArray[np.float64]) -> None:
         """Builds the arm with its tip at a position [3], metres. Raises RobotError if MuJoCo is not installed."""
-        try:
+        with registry.importing("mujoco", "The simulated Sawyer", RobotError):
             from frida_painter.sawyer.body import Kinematics, SimulatedArm
             from frida_painter.sawyer.surroundings import Surroundings
-        except ImportError as cause:
-            raise RobotError(MISSING) from cause
         model = Surroundings(self._workspace, self._canvas).model()
         self._kinematics = Kinematics(model)
         self._body = SimulatedArm(model, self._kinematics.posture(tip), self._seed)
@@ -177,11 +171,9 @@ class SawyerReach:
 
     def _load_kinematics(self) -> "Kinematics":
         if self._kinematics is None:
-            try:
+            with registry.importing("mujoco", "The simulated Sawyer", RobotError):
                 from frida_painter.sawyer.body import Kinematics
                 from frida_painter.sawyer.surroundings import Surroundings
-            except ImportError as cause:
-                raise RobotError(MISSING) from cause
             self._kinematics = Kinematics(Surroundings(self._workspace, self._canvas).model())
         return self._kinematics
 

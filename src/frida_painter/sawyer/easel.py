@@ -63,7 +63,7 @@ KIND = EaselKind(
     "Rethink Sawyer, simulated",
     _open_sawyer,
     simulated=True,
-    needed=Needed("pip install 'frida-painter[mujoco]'", "mujoco"),
+    needed=Needed(module="mujoco", extra="mujoco"),
     load=load_loops,
     require=_require_meshes,
     why_no_film=_why_no_film,

@@ -173,10 +173,9 @@ def prompt_reader(encoders: EncoderRegistry) -> PromptReader:
     def make() -> PromptReader:
         folder = weights.find("english", encoders.cache) if registry.is_installed("spacy") else None
         if folder is None:
-            encoders.remark(
-                "The prompt is taken for one thing; to have its grammar read: pip install 'frida-painter[words]', "
-                "frida-painter models fetch english"
-            )
+            steps = [] if registry.is_installed("spacy") else [registry.install_command("words")]
+            todo = ", then ".join([*steps, "frida-painter models fetch english"])
+            encoders.remark(f"The prompt is taken for one thing; to have its grammar read: {todo}")
         return PromptReader(folder)
 
     return encoders.keep("prompt reader", make)

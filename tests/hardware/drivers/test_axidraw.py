@@ -365,7 +365,7 @@ def test_no_board_no_port_and_other_devices_are_told(plug: Plug, monkeypatch: py
         with pytest.raises(RobotDisconnected, match="is no EiBotBoard; it said 'EBBv13"):
             robot_of(board).connect()
     monkeypatch.setitem(sys.modules, "plotink", None)
-    with pytest.raises(RobotError, match=r"pip install 'frida-painter\[plotter\]'"):
+    with pytest.raises(RobotError, match='extra "plotter"'):
         AxidrawRobot(AxidrawSettings(HOME)).connect()
 
 

@@ -442,7 +442,7 @@ def test_an_address_where_nobody_answers_is_told_after_five_seconds(monkeypatch:
 
 def test_without_the_package_a_sentence_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "xarm.wrapper", None)
-    with pytest.raises(RobotError, match=r"pip install 'frida-painter\[xarm\]'"):
+    with pytest.raises(RobotError, match='extra "xarm"'):
         XarmRobot(XarmSettings("127.0.0.1", HOME)).connect()
 
 

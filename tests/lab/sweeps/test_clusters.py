@@ -15,7 +15,7 @@ import pytest
 import sweep_works
 from frida_painter.lab.sweeps.engine import RayEngine, TaskLimits
 
-pytest.importorskip("ray", reason='Ray is not installed; say: pip install "frida-painter[ray]"')
+pytest.importorskip("ray", reason="Ray is not installed; say: pip install '.[ray]'")
 pytestmark = pytest.mark.slow
 LIMITS = TaskLimits(60.0, memory=100)
 JOINING = """

@@ -36,7 +36,7 @@ def _found_by_others(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture(params=["processes", "ray"])
 def engine(request: pytest.FixtureRequest) -> OpenEngine:
     if request.param == "ray":
-        pytest.importorskip("ray", reason='Ray is not installed; say: pip install "frida-painter[ray]"')
+        pytest.importorskip("ray", reason="Ray is not installed; say: pip install '.[ray]'")
 
     def opened(seconds: float = 60.0, tries: int = 2, slots: int = 1, threads: int = 1) -> Engine:
         made = LocalEngine if request.param == "processes" else RayEngine
@@ -137,7 +137,7 @@ def test_slots_follow_from_cores_and_memory() -> None:
 
 def test_two_machines_of_a_cluster_share_the_tasks() -> None:
     """Two raylets on one machine."""
-    pytest.importorskip("ray", reason='Ray is not installed; say: pip install "frida-painter[ray]"')
+    pytest.importorskip("ray", reason="Ray is not installed; say: pip install '.[ray]'")
     from ray.cluster_utils import Cluster
 
     cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False})
@@ -155,7 +155,7 @@ def test_two_machines_of_a_cluster_share_the_tasks() -> None:
 
 @pytest.mark.parametrize("address", ["127.0.0.1:1", "nowhere", "127.0.0.1:99999", ":", "ray://127.0.0.1:1"])
 def test_an_address_that_does_not_answer_is_named(address: str) -> None:
-    pytest.importorskip("ray", reason='Ray is not installed; say: pip install "frida-painter[ray]"')
+    pytest.importorskip("ray", reason="Ray is not installed; say: pip install '.[ray]'")
     with pytest.raises(ConfigError, match="does not answer") as refused:
         RayEngine(TaskLimits(), 1, address)
     assert address in str(refused.value)
@@ -163,7 +163,7 @@ def test_an_address_that_does_not_answer_is_named(address: str) -> None:
 
 @pytest.mark.parametrize("said", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n"], ids=["silent", "a web server"])
 def test_what_listens_and_is_no_ray_is_not_waited_for(monkeypatch: pytest.MonkeyPatch, said: bytes) -> None:
-    pytest.importorskip("ray", reason='Ray is not installed; say: pip install "frida-painter[ray]"')
+    pytest.importorskip("ray", reason="Ray is not installed; say: pip install '.[ray]'")
     monkeypatch.setattr(ray_engine, "_ANSWERING", 0.5)
     with socket.create_server(("127.0.0.1", 0)) as server:
 

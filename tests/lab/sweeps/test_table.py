@@ -7,9 +7,7 @@ import pytest
 
 from frida_painter.lab.sweeps.report import TableWriter, flat, write_table
 
-parquet = pytest.importorskip(
-    "pyarrow.parquet", reason='pyarrow is not installed; say: pip install "frida-painter[table]"'
-)
+parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed; say: pip install '.[table]'")
 
 
 def record(seed: int, **more: Any) -> dict[str, Any]:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
+from frida_painter import registry
 from frida_painter.errors import CameraError, ConfigError, ImageError
 from frida_painter.hardware.cameras.shutter import Shutter
 from frida_painter.hardware.kinds import CameraKind, Needed
@@ -13,7 +14,7 @@ from frida_painter.hardware.robot import Frame
 
 Answer = TypeVar("Answer")
 
-_NEEDED = Needed("pip install 'frida-painter[gphoto]'", "gphoto2")
+_NEEDED = Needed(module="gphoto2", extra="gphoto")
 _OPENING, _EXPOSING = 15.0, 25.0
 
 
@@ -28,12 +29,8 @@ class GphotoCamera:
     def connect(self) -> None:
         """Connects to the camera. Raises CameraError if it fails; the message says what to install or to switch on."""
         self.close()
-        try:
+        with registry.importing("gphoto", "A camera over gphoto2", CameraError):
             import gphoto2
-        except ImportError as missing:
-            raise CameraError(
-                f"Cameras over gphoto2 need the package gphoto2; install it with: {_NEEDED.install}"
-            ) from missing
         self._library = gphoto2
         camera = gphoto2.Camera()
         self._asking("connect", camera.init, _OPENING)

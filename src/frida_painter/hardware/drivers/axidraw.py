@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from frida_painter import registry
 from frida_painter.errors import ConfigError, FridaError, MotionFailed, RobotDisconnected, RobotError, ZeroUnknown
 from frida_painter.hardware.deadline import steady
 from frida_painter.hardware.drivers.ebb import MAX_STEP_RATE, Board, BoardState
@@ -213,7 +214,7 @@ def _steps(place: NDArray[np.float64]) -> tuple[int, int]:
     return round(1000 * STEPS_PER_MM * float(place[0])), round(-1000 * STEPS_PER_MM * float(place[1]))
 
 
-_NEEDED = Needed("pip install 'frida-painter[plotter]'", "plotink")
+_NEEDED = Needed(module="plotink", extra="plotter")
 
 
 class AxidrawRobot:
@@ -407,12 +408,8 @@ class AxidrawRobot:
         yield MachineFact("Its button pauses the painting after the current stroke.")
 
     def _port(self) -> str:
-        try:
+        with registry.importing("plotter", "An AxiDraw", RobotError):
             from plotink import ebb_serial
-        except ImportError as missing:
-            raise RobotError(
-                f"AxiDraws need the packages plotink and pyserial; install them with: {_NEEDED.install}"
-            ) from missing
         if self.settings.port is None:
             port = ebb_serial.findPort()
             if port is None:

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from frida_painter import registry
 from frida_painter.errors import FridaError, MotionFailed, RobotDisconnected, RobotError, RobotStopped
 from frida_painter.hardware.deadline import one_line, steady, within
 from frida_painter.hardware.drivers.franka_kinematics import (
@@ -44,7 +45,7 @@ from frida_painter.hardware.robot import (
 from frida_painter.hardware.timing import AxisTiming, Timing
 from frida_painter.strokes import MAX_TILT
 
-_NEEDED = Needed("pip install 'frida-painter[franka]'", "franky")
+_NEEDED = Needed(module="franky", extra="franka")
 _POLL = 0.01
 _PORT, _LISTENING = 1337, 0.1  # port of the control interface; seconds to wait for words of another device
 _STILL, _APART = 2e-5, 0.02  # metres that a standing tip moves at most in so many seconds of the arm's clock
@@ -133,12 +134,8 @@ class FrankaRobot:
     def _open(self) -> None:
         """Loads franky and opens a connection."""
         self.close()
-        try:
+        with registry.importing("franka", "A Franka", RobotError):
             import franky
-        except ImportError as missing:
-            raise RobotError(
-                f"Frankas need the package franky-control; install it with: {_NEEDED.install}"
-            ) from missing
         self._franky = franky
         self._interlock.mark_connected()
         self._arm = self._open_connection()

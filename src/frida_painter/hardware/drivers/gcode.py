@@ -463,7 +463,7 @@ def _identify(name: MachineName) -> frozenset[str]:
     return at_port(name.where)
 
 
-_NEEDED = Needed("pip install 'frida-painter[plotter]'", "serial")
+_NEEDED = Needed(module="serial", extra="plotter")
 _OPTIONS = "[,baud=N][,homing=yes][,servo=Z/{}/Z/{}][,lower=MM/S][,lift=MM/S][,sinks=yes][,own=FILE]"
 GRBL = RobotKind(
     "gcode", f"gcode:PORT{_OPTIONS.format('S', 'S')}", "GRBL 1.1, grblHAL, FluidNC", _open, _NEEDED, _identify

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
+from frida_painter import registry
 from frida_painter.errors import ConfigError, RobotDisconnected, RobotError
 from frida_painter.hardware.deadline import one_line, within
 from frida_painter.hardware.drivers.interlock import PATIENCE
@@ -16,7 +17,7 @@ from frida_painter.hardware.drivers.ros import Message, RosRobot, behind
 from frida_painter.hardware.kinds import MachineName, Needed, RobotKind, at_host
 from frida_painter.hardware.robot import Workspace
 
-_ROSBRIDGE_NEEDED = Needed("pip install 'frida-painter[ros]'", "roslibpy")
+_ROSBRIDGE_NEEDED = Needed(module="roslibpy", extra="ros")
 
 
 class RosbridgeConnection:
@@ -34,12 +35,8 @@ class RosbridgeConnection:
 
         Raises RobotError if roslibpy is missing, RobotDisconnected if no rosbridge answers.
         """
-        try:
+        with registry.importing("ros", "An arm behind rosbridge", RobotError):
             import roslibpy
-        except ImportError as missing:
-            raise RobotError(
-                f"Arms behind rosbridge need the package roslibpy; install it with: {_ROSBRIDGE_NEEDED.install}"
-            ) from missing
         try:
             socket.create_connection((self.host, self.port), timeout=PATIENCE).close()
         except OSError as cause:

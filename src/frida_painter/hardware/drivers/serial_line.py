@@ -5,6 +5,7 @@ import time
 from pathlib import Path
 from typing import Any, Self
 
+from frida_painter import registry
 from frida_painter.errors import RobotDisconnected, RobotError
 
 _LONGEST = 512
@@ -33,12 +34,8 @@ class SerialLine:
         Raises RobotError if pyserial is not installed.
         Raises RobotDisconnected, which lists the existing ports, if this one cannot be opened.
         """
-        try:
+        with registry.importing("plotter", "A serial line", RobotError):
             import serial
-        except ImportError as missing:
-            raise RobotError(
-                "Serial lines need the package pyserial; install it with: pip install 'frida-painter[plotter]'"
-            ) from missing
         try:
             port = serial.Serial(name, baud, timeout=_SLICE, write_timeout=_WRITING, exclusive=True)
         except (OSError, ValueError) as cause:  # SerialException is an OSError

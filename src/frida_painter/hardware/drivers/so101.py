@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from frida_painter import registry
 from frida_painter.errors import ConfigError, FridaError, MotionFailed, RobotDisconnected, RobotError
 from frida_painter.hardware.deadline import one_line, steady
 from frida_painter.hardware.drivers.interlock import Interlock
@@ -32,7 +33,7 @@ from frida_painter.hardware.robot import (
 from frida_painter.hardware.timing import AxisTiming, Timing
 
 Answer = TypeVar("Answer")
-_NEEDED = Needed("pip install 'frida-painter[so101]'", "scservo_sdk")
+_NEEDED = Needed(module="scservo_sdk", extra="so101")
 _PERIOD = 0.02  # seconds between two goals
 _EVERY = 5  # goals between two reports of the servos
 _SETTLING, _STILL = 2.0, 2  # seconds to come to rest; steps that a resting servo moves at most
@@ -114,13 +115,9 @@ class So101Kinematics:
     """
 
     def __init__(self, brush_length: float) -> None:
-        try:
+        with registry.importing("so101", "The SO-101", RobotError):
             import mink
             import mujoco
-        except ImportError as missing:
-            raise RobotError(
-                f"The SO-101 needs the packages mujoco and mink; install them with: {_NEEDED.install}"
-            ) from missing
         self._mujoco, self._mink = mujoco, mink
         self._model = mujoco.MjModel.from_xml_string(_CHAIN.format(tip=-_FINGERS - brush_length))
         self._model.jnt_limited[:] = True
@@ -210,10 +207,8 @@ class So101Robot:
         """
         self.close()
         self._kinematics()
-        try:
+        with registry.importing("so101", "The SO-101", RobotError):
             import scservo_sdk
-        except ImportError as missing:
-            raise RobotError(f"The SO-101 needs feetech-servo-sdk; install it with: {_NEEDED.install}") from missing
         self._sdk = scservo_sdk
         self._interlock.mark_connected()
         try:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from frida_painter import registry
 from frida_painter.errors import ConfigError, FridaError, MotionFailed, RobotDisconnected, RobotError, RobotStopped
 from frida_painter.hardware.deadline import steady, within
 from frida_painter.hardware.drivers.interlock import PATIENCE, Interlock, motion_timeout
@@ -36,7 +37,7 @@ from frida_painter.strokes import MAX_TILT
 
 Answer = TypeVar("Answer")
 
-_NEEDED = Needed("pip install 'frida-painter[xarm]'", "xarm")
+_NEEDED = Needed(module="xarm", extra="xarm")
 _OPENING, _CLOSING = 5.0, 1.0
 _POLL = 0.02
 _TURNING, _TURN_STEP = 0.5, math.radians(2)  # rad/s about the tip, in straight lines of the tool's centre
@@ -388,11 +389,9 @@ class XarmRobot:
 
     def _load_sdk(self) -> Callable[..., Any]:
         """Returns the SDK's class, if somebody answers at the address. Raises RobotError, RobotDisconnected."""
-        try:
+        with registry.importing("xarm", "An xArm", RobotError):
             from xarm.core.config.x_config import XCONF
             from xarm.wrapper import XArmAPI
-        except ImportError as missing:
-            raise RobotError(f"xArms need the package xarm-python-sdk; install it with: {_NEEDED.install}") from missing
         self._require_somebody(XCONF.SocketConf.TCP_CONTROL_PORT)
         return partial(XArmAPI, is_radian=False, do_not_open=True, **_SDK)
 

@@ -124,7 +124,6 @@ class LocalEngine:
 
     def __init__(self, limits: TaskLimits, slots: int) -> None:
         self._limits, self.slots = limits, slots
-        python_process.isolate()  # before it starts the fork server
         self._context = multiprocessing.get_context("forkserver")
         self._context.set_forkserver_preload(PRELOADED)
         self._stopping = threading.Event()
@@ -207,9 +206,12 @@ class _Worker:
         for _ in range(_STARTS):  # a process that is killed while it loads is started again
             if self._pool is not None:
                 return self._pool
-            pool = ProcessPoolExecutor(1, mp_context=self._context, initializer=_end_with_parent)
+            with python_process.isolated():
+                pool = ProcessPoolExecutor(1, mp_context=self._context, initializer=_end_with_parent)
             try:
-                self._pid = pool.submit(os.getpid).result(_STARTING)
+                with python_process.isolated():
+                    starting = pool.submit(os.getpid)
+                self._pid = starting.result(_STARTING)
                 self._pool = pool
             except (BrokenProcessPool, TimeoutError, EOFError, OSError) as error:  # the fork server may die as well
                 failure = error
@@ -273,14 +275,13 @@ class RayEngine:
         import ray
         from ray.job_config import JobConfig
 
-        python_process.isolate()  # before Ray starts its processes
         # Ray puts the current folder first on the path of its workers, except for a job like this one.
         settings = {**_SILENT, "job_config": JobConfig(_client_job=True)}
         # Otherwise Ray prints the stack of every failed try, and the last output of a lost machine.
         ray._private.worker._worker_logs_enabled = False
         self._limits = limits
         if address is None:
-            with _own_signals():
+            with _own_signals(), python_process.isolated():
                 ray.init(
                     address="local", num_cpus=slots * limits.threads, include_dashboard=False,
                     object_store_memory=_OBJECTS, _memory=slots * limits.memory * _MB, **settings,
@@ -289,7 +290,7 @@ class RayEngine:
             return
         _require_answer(address)
         try:
-            with _own_signals():
+            with _own_signals(), python_process.isolated():
                 ray.init(address=address, **settings)
         except (ConnectionError, RuntimeError, ValueError) as error:
             said = str(error).split("\n")[0][:200]
