@@ -61,7 +61,7 @@ OWN_FILES = {
     "weights/sources.py",
 }
 # Python is started by python_process.py, in which no code comes from the current folder. These start other programs, or
-# have a library start Python, `isolated`.
+# have a library start Python, `isolate_children`.
 STARTING = {
     "python_process.py": {"sys.executable", "subprocess.Popen", "subprocess.run"},
     "lab/sweeps/engine.py": {"multiprocessing", "concurrent.futures.ProcessPoolExecutor", "ray"},

@@ -2,7 +2,7 @@
 
 `python -m` and `python -c` put the current folder first on the path of modules, so that a file `filelock.py` of a
 painting's folder would be imported. All Python processes of the painter are started here. Libraries that start Python
-themselves, such as multiprocessing and Ray, pass on the environment that `isolate` and `isolated` set.
+themselves, such as multiprocessing and Ray, pass on the environment that `isolate` and `isolate_children` set.
 """
 
 import os
@@ -73,7 +73,7 @@ def isolate() -> None:
 
 
 @contextmanager
-def isolated() -> Iterator[None]:
+def isolate_children() -> Iterator[None]:
     """Isolates this process as `isolate` does, for a library that starts Python within the block."""
     with _TURN:
         before, path = dict(os.environ), [*sys.path]

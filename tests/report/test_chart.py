@@ -1,3 +1,4 @@
+import matplotlib
 import numpy as np
 import pytest
 import torch
@@ -68,3 +69,10 @@ def test_a_long_name_is_written_whole():
     picture = chart("t", "x", "y", [Series(named, (0, 1), (1.0, 2.0))])
     ink = torch.nonzero((picture - BLUE).abs().amax(0) < 0.05)
     assert ink[:, 1].max() < 940 - 8
+
+
+def test_no_matplotlibrc_changes_a_chart_or_has_latex_run() -> None:
+    """matplotlib takes a matplotlibrc from the current folder first, and a painting's folder may hold anybody's."""
+    plain = chart("t", "x", "y", [Series("a", (0, 1), (0.0, 5.0))])
+    with matplotlib.rc_context({"text.usetex": True, "lines.linestyle": ":", "font.size": 40}):
+        assert torch.equal(chart("t", "x", "y", [Series("a", (0, 1), (0.0, 5.0))]), plain)

@@ -20,7 +20,7 @@ from plugins import install
 
 ENDING = """#!{python} -I
 import os, sys, time
-os.close(int(sys.argv[6]))  # the work is done, and the lock free; the process takes its time to end
+os.close(int(sys.argv[-2]))  # the work is done, and the lock free; the process takes its time to end
 time.sleep(60)
 """
 

@@ -190,6 +190,13 @@ def chart(title: str, x_label: str, y_label: str, series: Sequence[Series], *, l
 
     A linear y axis starts at 0 or below.
     """
+    from matplotlib import style
+
+    with style.context("default"):  # not a matplotlibrc of the current folder, which may have LaTeX run
+        return _draw_chart(title, x_label, y_label, series, logarithmic)
+
+
+def _draw_chart(title: str, x_label: str, y_label: str, series: Sequence[Series], logarithmic: bool) -> Tensor:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
     from matplotlib.font_manager import FontProperties

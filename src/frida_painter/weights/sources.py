@@ -6,6 +6,7 @@ kept, and the next one continues it.
 
 import lzma
 import os
+import shlex
 import shutil
 import subprocess
 import sys
@@ -453,7 +454,7 @@ def _complaint(log: str) -> str:
     if not errors or errors[-1] == "Exception:":  # the last line of the traceback has the error
         errors = [line.strip() for line in log.splitlines() if line.strip()] or ["it says nothing"]
     if "No module named pip" in errors[-1]:
-        return f"{sys.executable} has no pip; `{sys.executable} -m ensurepip` gives it one"
+        return f"{sys.executable} has no pip; `{shlex.quote(sys.executable)} -m ensurepip` gives it one"
     return f"pip says: {errors[-1].rstrip('.')}"
 
 

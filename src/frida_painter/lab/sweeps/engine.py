@@ -206,10 +206,10 @@ class _Worker:
         for _ in range(_STARTS):  # a process that is killed while it loads is started again
             if self._pool is not None:
                 return self._pool
-            with python_process.isolated():
+            with python_process.isolate_children():
                 pool = ProcessPoolExecutor(1, mp_context=self._context, initializer=_end_with_parent)
             try:
-                with python_process.isolated():
+                with python_process.isolate_children():
                     starting = pool.submit(os.getpid)
                 self._pid = starting.result(_STARTING)
                 self._pool = pool
@@ -281,7 +281,7 @@ class RayEngine:
         ray._private.worker._worker_logs_enabled = False
         self._limits = limits
         if address is None:
-            with _own_signals(), python_process.isolated():
+            with _own_signals(), python_process.isolate_children():
                 ray.init(
                     address="local", num_cpus=slots * limits.threads, include_dashboard=False,
                     object_store_memory=_OBJECTS, _memory=slots * limits.memory * _MB, **settings,
@@ -290,7 +290,7 @@ class RayEngine:
             return
         _require_answer(address)
         try:
-            with _own_signals(), python_process.isolated():
+            with _own_signals(), python_process.isolate_children():
                 ray.init(address=address, **settings)
         except (ConnectionError, RuntimeError, ValueError) as error:
             said = str(error).split("\n")[0][:200]
