@@ -91,12 +91,16 @@ PAUSE_FILE = "pause"
 """File that pauses the painting as long as it exists."""
 
 
+PAINTINGS = Path("paintings")
+"""Folder of the paintings for which no folder is named."""
+
+
 def new_folder(out: Path | None, name: str, needed: int) -> Path:
     """Makes a new, empty folder with room for `needed` bytes.
 
     The folder is `out`, or one under "paintings" that is named after the painting and the time.
     """
-    folder = out or Path("paintings") / f"{name}-{datetime.now():%Y%m%d-%H%M%S}"
+    folder = out or PAINTINGS / f"{name}-{datetime.now():%Y%m%d-%H%M%S}"
     storage.require_space(folder, needed, "this painting")
     storage.new_folder(folder)
     return folder

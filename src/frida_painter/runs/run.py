@@ -5,7 +5,6 @@ module connects planner, easel process, journal and recorder.
 """
 
 import gc
-import shutil
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
@@ -18,13 +17,13 @@ from typing import Literal, Self, Unpack
 import torch
 from torch import Tensor
 
-from frida_painter import images, storage
+from frida_painter import event_log, images, storage
 from frida_painter.calibration import Calibration
 from frida_painter.compiled import LoopCompiler
 from frida_painter.devices import prepare_process
 from frida_painter.easel.connecting import connect_easel
 from frida_painter.easel.dialogue import Answer, Question
-from frida_painter.easel.kinds import JOURNAL, OpenEasel
+from frida_painter.easel.kinds import JOURNAL, SIMULATION_LOG, OpenEasel
 from frida_painter.easel.launch import EaselLaunch
 from frida_painter.easel.open import open_easel
 from frida_painter.easel.order import EaselOrder
@@ -49,6 +48,7 @@ from frida_painter.perception.color import read_palette
 from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.planner import Planner
+from frida_painter.report.film import SKETCHBOOK
 from frida_painter.report.recorder import Recorder
 from frida_painter.runs.event_file import open_listener
 from frida_painter.runs.goals import open_goal
@@ -57,6 +57,7 @@ from frida_painter.runs.painting_easel import needed_calibrations, order, requir
 from frida_painter.runs.painting_folder import (
     CALIBRATION,
     NOW,
+    PAINTINGS,
     ReopenedPainting,
     keep_goal,
     keep_learned,
@@ -95,7 +96,7 @@ from frida_painter.session.events import (
     StrokeLeftOut,
     TimelapseFrame,
 )
-from frida_painter.session.journal import History, Journal
+from frida_painter.session.journal import PHOTOGRAPHS, History, Journal
 from frida_painter.session.loop import PaintingSession
 from frida_painter.session.open_loop import NOBODY_LOOKS
 from frida_painter.session.opening import on_record
@@ -272,7 +273,7 @@ class PaintingRun:
             read_palette(self.spec.palette, self.spec.colors)
         planner = check(self._fitted, self._encoders)
         if paints:
-            storage.require_space(self._folder or Path("paintings"), _ROOM, "this painting")
+            storage.require_space(self._folder or PAINTINGS, _ROOM, "this painting")
             with ExitStack() as stack:
                 opened = open_easel(order(self.spec, planner.brushes, None, self._state))
                 stack.callback(opened.close)
@@ -299,10 +300,11 @@ class PaintingRun:
         assert self._process is not None
         planner = self.planner  # before the folder is made, so that a failed planner leaves no traces
         fresh = self._reopened is None
+        given = self._folder is not None and self._folder.exists()
         if fresh:
             self._folder = new_folder(self._folder, self.spec.name, _ROOM)
         load_clustering()  # while the easel's process loads
-        with _take_back_on_failure(self.folder) if fresh else nullcontext():
+        with _take_back_on_failure(self.folder, made=not given) if fresh else nullcontext():
             easel = self._process.open(order(self.spec, planner.brushes, self.folder, self._state))
             known = self._on_record(easel)
             if hear_signals:
@@ -385,7 +387,7 @@ class PaintingRun:
         """
         if self._reopened is None:
             raise ConfigError("This painting was not begun yet; give its folder to PaintingRun.reopen to resume it.")
-        storage.clear_leftovers(self.folder)
+        storage.clear_leftovers(self.folder, self.folder / SKETCHBOOK, self.folder / PHOTOGRAPHS)
         if (self.folder / RECORD).exists():
             self._run_record = RunRecord.load(self.folder)
         self._led = "It was interrupted and resumed, so that its looks fell elsewhere than they would again."
@@ -629,14 +631,16 @@ class PaintingRun:
 
 
 @contextmanager
-def _take_back_on_failure(folder: Path) -> Iterator[None]:
-    """Removes the new folder again if the easel cannot be opened."""
+def _take_back_on_failure(folder: Path, *, made: bool) -> Iterator[None]:
+    """Removes what the easel wrote into a new folder if it cannot be opened, and the folder if it was `made` for it."""
     try:
         yield
     except FridaError:
-        shutil.rmtree(folder, ignore_errors=True)
-        with suppress(OSError):  # "paintings", if it is empty now
-            folder.parent.rmdir()
+        with suppress(OSError):
+            event_log.remove(folder / SIMULATION_LOG)
+            if made:
+                folder.rmdir()  # if nothing else is in it
+                PAINTINGS.rmdir()
         raise
 
 

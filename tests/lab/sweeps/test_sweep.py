@@ -23,6 +23,7 @@ from frida_painter.lab.sweeps.runner import Assignment, perform
 from frida_painter.lab.sweeps.sweep_folder import RunFolder, SweepFolder
 from frida_painter.lab.sweeps.sweep_spec import SweepRun
 from frida_painter.plan import Plan
+from frida_painter.storage import PART
 from plugins import install
 from sweep_engine import Here
 
@@ -177,7 +178,7 @@ def test_a_folder_of_a_run_that_is_spoiled_stops_no_other(tmp_path: Path, photo:
 def test_what_a_killed_first_write_leaves_is_no_other_sweep(tmp_path: Path, photo: Path, engine: Here) -> None:
     folder = tmp_path / "s"
     folder.mkdir()
-    (folder / ".sweep-ab12cd34.json").touch()
+    (folder / f"{PART}ab12cd34.json").touch()
     assert len(fp.sweep(asked(photo), folder).records) == 3
 
 
