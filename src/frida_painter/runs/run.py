@@ -59,6 +59,7 @@ from frida_painter.runs.painting_folder import (
     NOW,
     PAINTINGS,
     ReopenedPainting,
+    hash_files,
     keep_goal,
     keep_learned,
     keep_spec,
@@ -188,6 +189,8 @@ class PaintingRun:
         self.session: PaintingSession | None = None
         self._run_record: RunRecord | None = None
         self._led = ""  # why it cannot be made again, if a person led it
+        self._before: dict[str, str] = {}  # hashes of the files of a finished painting
+        self._results: dict[str, str] = {}  # hashes for the record; empty until it is finished
 
     @classmethod
     def reopen(
@@ -221,6 +224,9 @@ class PaintingRun:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._stack.__exit__(kind, error, trace)
+        if self._run_record is not None and self._results:  # nobody writes into the folder any more
+            with suppress(StorageError) if kind is not None else nullcontext():  # the first error matters more
+                self._run_record.finish(self._led, self._before, **self._results)
 
     @property
     def history(self) -> History | None:
@@ -388,9 +394,7 @@ class PaintingRun:
         if self._reopened is None:
             raise ConfigError("This painting was not begun yet; give its folder to PaintingRun.reopen to resume it.")
         storage.clear_leftovers(self.folder, self.folder / SKETCHBOOK, self.folder / PHOTOGRAPHS)
-        if (self.folder / RECORD).exists():
-            self._run_record = RunRecord.load(self.folder)
-        self._led = "It was interrupted and resumed, so that its looks fell elsewhere than they would again."
+        self._take_up_record()
         if self._reopened.history.finished:
             return self._make_results(self._reopened.history, self._reopened.plan)
         if self._easel is None:
@@ -424,6 +428,15 @@ class PaintingRun:
         where = ResumeState(kept.plan, history.painted, kept.planning.done, before, now, wet, history.left_out, *person)
         return self._to_its_end(session, recorder, lambda: session.resume(where))
 
+    def _take_up_record(self) -> None:
+        """Reads the record of a reopened painting, if it has one; an older one without hashes of files stays."""
+        self._led = "It was interrupted and resumed, so that its looks fell elsewhere than they would again."
+        if (self.folder / RECORD).exists():
+            known = RunRecord.load(self.folder)
+            if known.results:
+                self._led, self._before = "", hash_files(self.folder)
+            self._run_record = None if known.results and not known.files else known
+
     def _resume_open_loop(
         self,
         session: PaintingSession,
@@ -456,6 +469,7 @@ class PaintingRun:
         """Makes the results of a finished painting again, with a person's picture of its canvas."""
         canvas = images.as_picture(canvas)
         assert self._reopened is not None and self._reopened.history.finished
+        self._take_up_record()
         history = self._reopened.history
         self._reopened.journal.record_picture(canvas, history.painted)
         images.save(canvas, self.folder / "painting.png")
@@ -472,6 +486,8 @@ class PaintingRun:
             expected = self.planner.expected(kept.plan, self.planner.bare if before is None else before)
             recorder.hear(Resumed(kept.plan, history.painted, expected))
             painting = Painting(canvas, history.painted, None, history.robot_seconds)
+            if self._run_record is not None:
+                self._results = {"painting": hash_picture(canvas), **self._run_record.results}
             return RunOutcome(self.folder, painting, recorder.finish(painting))
 
     def _on_record(self, easel: Easel) -> Easel:
@@ -592,9 +608,8 @@ class PaintingRun:
                 raise StorageError(
                     f"{full} What was painted is noted: `frida-painter resume {self.folder}` writes the rest later."
                 ) from full
-        if self._run_record is not None and painting is not None and painting.rest is not None and trouble is None:
-            done = {} if len(painting.rest) else {"painting": hash_picture(painting.photograph)}
-            self._run_record.finish(self._led, **done)
+        if painting is not None and painting.rest is not None and not len(painting.rest) and trouble is None:
+            self._results = {"painting": hash_picture(painting.photograph)}
         learned = session.hand.placement
         kept = None
         if not trouble and painting is not None:
