@@ -150,8 +150,8 @@ class RunRecord:
         for name, before in self.inputs.items():
             if (now := _hash_of(name, self.folder)) != before:
                 found.append(f"{name} {'is gone' if now == _GONE else 'has changed'}")
-        now = hash_files(self.folder) if self.files else {}
-        changed = [told for name, told in compare_files(self.files, now).items() if name not in self.inputs]
+        there = hash_files(self.folder) if self.files else {}
+        changed = [told for name, told in compare_files(self.files, there).items() if name not in self.inputs]
         remark = NO_HASHES if self.results and not self.files else _AS_LEFT if self.obstacle and not changed else ""
         return RecordCheck(obstacle, tuple(found), files=tuple(changed), remark=remark)
 
