@@ -75,6 +75,34 @@ STARTS = re.compile(
     r"|os\.(system|popen|fork|forkpty|exec\w+|spawn\w+|posix_spawnp?)|.*\bcreate_subprocess_\w+|.*\bProcessPoolExecutor"
     r"|(torch\.)?(multiprocessing|ray)\b.*"
 )
+# Nothing of a person's is ever deleted. Each of these deletes so often, only what it wrote, known by name and place.
+DELETING = {
+    "brush/table.py": 1,  # the oldest tables of its cache, named by 32 hexadecimal digits
+    "easel/host.py": 2,  # the live picture
+    "easel/watchdog.py": 1,  # the stop file that it obeyed
+    "event_log.py": 4,  # the log, its tally and its reserve, by their full names
+    "hardware/latch.py": 1,  # the record of a stop
+    "lab/conduct.py": 1,  # a folder named by storage.PART
+    "lab/sweeps/sweep_folder.py": 2,  # the failure of a run, and a copy that it just made
+    "procedures/strokes.py": 4,  # numbered strokes of the recording in a folder that was empty before it
+    "runs/look_folder.py": 1,  # moves a picture beside others of its name
+    "runs/picture_making.py": 4,  # pictures that its record names; empty folders
+    "runs/run.py": 2,  # empty folders
+    "sawyer/arm_film.py": 1,  # the end of the film, which it just made
+    "storage.py": 2,  # temporary files, named by PART
+    "web/imaginer.py": 1,  # copies for the page, named by a random name of 24 digits
+    "web/painter.py": 1,  # pictures with random names that it made itself
+    "web/server.py": 1,  # the links of the studio that closes
+    "web/stop.py": 2,  # its own key in the making, and the socket
+    "web/store.py": 1,  # the folder of a painting, on a person's word
+    "web/studio_folder.py": 1,  # a lock
+    "web/telling.py": 2,  # numbered pictures for the page
+    "web/web_studio.py": 8,  # stop files
+    "web/worker.py": 3,  # a stop file, and pictures with random names for the page
+    "web/workers.py": 3,  # stop files
+    "weights/cache.py": 5,  # downloads that are named by their hash, and their empty folder; the record
+    "weights/sources.py": 6,  # downloads that are named by their hash; folders named by storage.PART
+}
 READING = {"read_bytes", "read_text", "copyfile", "imread", "fromfile", "loadtxt", "genfromtxt", "safe_open", "memmap"}
 
 
@@ -349,6 +377,31 @@ def test_every_way_to_start_a_process_is_seen() -> None:
     ):  # fmt: skip
         assert starts(ast.parse(line)), line
     assert not starts(ast.parse("a: list[subprocess.Popen[bytes]]\nsubprocess.PIPE\nimport os, sys, subprocess"))
+
+
+def deletions(tree: ast.Module) -> int:
+    """How often a module deletes or moves a file or a folder."""
+    calls = [one for one in ast.walk(tree) if isinstance(one, ast.Call) and isinstance(one.func, ast.Attribute)]
+    by_name = {"unlink", "rmtree", "rmdir", "removedirs"}
+    count = 0
+    for call in calls:
+        assert isinstance(call.func, ast.Attribute)
+        owner = call.func.value.id if isinstance(call.func.value, ast.Name) else ""
+        moved = call.func.attr == "rename" and len(call.args) == 1
+        count += (
+            moved
+            or call.func.attr in by_name
+            or (owner, call.func.attr) in (("os", "remove"), ("os", "replace"), ("shutil", "move"))
+        )
+    return count
+
+
+def test_what_is_deleted_is_argued_for() -> None:
+    found = {f"{name.replace('.', '/')}.py": deletions(tree) for name, tree in our_imports()[0].items()}
+    assert {name: count for name, count in found.items() if count} == DELETING
+    said = "a.unlink()", "shutil.rmtree(a)", "os.remove(a)", "a.rename(b)", "os.replace(a, b)", "a.rmdir()"
+    assert [deletions(ast.parse(line)) for line in said] == [1] * 6
+    assert not any(deletions(ast.parse(line)) for line in ("a.remove(b)", "a.replace(b, c)", "store.rename(a, b)"))
 
 
 def test_the_door_is_watched() -> None:

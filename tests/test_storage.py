@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from frida_painter import storage
 from frida_painter.errors import ConfigError, PlanError, StorageError
+from support.belongings import files_of_a_person, require_untouched
 
 RECORDS = st.dictionaries(
     st.text(max_size=8).filter(lambda key: key != "sha256"),
@@ -153,15 +154,22 @@ def test_a_file_is_listed_when_it_is_whole(tmp_path: Path) -> None:
 
 def test_what_killed_writes_left_behind_is_cleared_away_and_nothing_else(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt), storage.replacing(tmp_path / "film.mp4") as temporary:
-        left = tmp_path / "inner" / temporary.name
-        left.parent.mkdir()
-        left.write_bytes(b"half a film")
+        left = [tmp_path / temporary.name, tmp_path / "inner" / temporary.name]
         raise KeyboardInterrupt
-    kept = [tmp_path / name for name in (".journal-reserve", "film-abcdefgh.mp4", ".hidden", "inner/plan.json")]
-    for path in kept:
-        path.write_text("")
-    storage.clear_leftovers(tmp_path)
-    assert sorted(path for path in tmp_path.rglob("*") if path.is_file()) == sorted(kept)
+    own = [*files_of_a_person(tmp_path), *files_of_a_person(tmp_path / "inner" / "deeper")]
+    unread = tmp_path / "inner" / "deeper" / temporary.name  # of a program that writes there
+    for path in (*left, unread):
+        path.write_text("half a film")
+    storage.clear_leftovers(tmp_path, tmp_path / "inner", tmp_path / "missing")
+    assert not any(path.exists() for path in left) and unread.exists()
+    require_untouched(own)
+
+
+def test_an_unused_name_is_found_beside_files_and_broken_links(tmp_path: Path) -> None:
+    assert storage.find_unused(tmp_path / "a.png") == tmp_path / "a.png"
+    (tmp_path / "a.png").touch()
+    (tmp_path / "a-2.png").symlink_to("nowhere")
+    assert storage.find_unused(tmp_path / "a.png") == tmp_path / "a-3.png"
 
 
 def what_is_no_file(folder: Path) -> dict[str, Path]:

@@ -162,7 +162,7 @@ class EventLog:
 
     @property
     def _reserve(self) -> Path:
-        return self.path.with_name(f".{self.path.name}-reserve")
+        return _reserve_path(self.path)
 
     @contextlib.contextmanager
     def _lock(self) -> Iterator[None]:
@@ -268,6 +268,12 @@ def _missing(path: Path, content: bytes, count: int) -> int:
     return 0 if line.endswith(b"\n") and line.startswith(last) else max(1, counted - count)
 
 
+def remove(path: Path) -> None:
+    """Removes a precious log, if it is there, with its tally and its reserve. Raises OSError."""
+    for file in (path, _tally_path(path), _reserve_path(path)):
+        file.unlink(missing_ok=True)
+
+
 def _write_tally(path: Path, count: int, length: int, last: bytes) -> None:
     """Overwrites the tally in its own disk block, which needs no free space; ignores errors.
 
@@ -284,6 +290,10 @@ def _write_tally(path: Path, count: int, length: int, last: bytes) -> None:
 
 def _tally_path(path: Path) -> Path:
     return path.with_name(f".{path.name}-tally")
+
+
+def _reserve_path(path: Path) -> Path:
+    return path.with_name(f".{path.name}-reserve")
 
 
 class LogReader:

@@ -422,8 +422,8 @@ class Plan:
     def save(self, path: str | Path) -> None:
         """Writes the plan as JSON, and its tensors in a safetensors file beside it that is named by its content.
 
-        The JSON holds the name and the hash of the tensor file. So the old plan stays readable after a crash
-        between the two writes. Raises StorageError.
+        The JSON holds the name and the hash of the tensor file. The tensors of a plan that is replaced stay: copies of
+        that plan may name them. Raises StorageError.
         """
         path = Path(path)
         tensors = {**self.strokes.arrays(), **self._codes, **self._tilts}
@@ -463,9 +463,6 @@ class Plan:
                 "digest": self.digest,
             },
         )
-        for old in path.parent.glob(f"{path.stem}-*.safetensors"):
-            if old != beside:
-                old.unlink(missing_ok=True)
 
     @classmethod
     def load(cls, path: str | Path) -> "Plan":

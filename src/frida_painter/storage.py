@@ -8,10 +8,10 @@ never a part of one.
 import contextlib
 import errno
 import hashlib
+import itertools
 import json
 import math
 import os
-import re
 import shutil
 import stat
 import tempfile
@@ -26,7 +26,8 @@ from frida_painter.errors import ConfigError, FridaError, StorageError
 MAX_JSON_BYTES = 32 * 2**20
 MAX_BYTES = 16 * 2**30
 """Size limit of files that are read in pieces."""
-_TEMPORARY = re.compile(r"\..+-[a-z0-9_]{8}(\.[^.]+)?")  # names that tempfile gives to the files of `replacing`
+PART = ".frida-painter-part-"
+"""Beginning of the names of temporary files and folders. No other program gives it, so that they may be removed."""
 
 
 @contextlib.contextmanager
@@ -38,10 +39,11 @@ def replacing(path: Path, mode: int = 0o644) -> Iterator[Path]:
     or the disk is full.
     """
     try:
-        if path.exists() and not path.is_file():  # a device or a pipe must not be replaced
-            raise OSError(errno.EEXIST, "it is there and is not a plain file")
+        with contextlib.suppress(FileNotFoundError):  # a device or a pipe must not be replaced
+            if not stat.S_ISREG(path.stat().st_mode):
+                raise OSError(errno.EEXIST, "it is there and is not a plain file")
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=PART, suffix=path.suffix)
         os.close(handle)
     except (OSError, ValueError) as error:
         raise cannot_write(path, error) from error
@@ -60,14 +62,19 @@ def replacing(path: Path, mode: int = 0o644) -> Iterator[Path]:
 
 def list_files(folder: Path, pattern: str) -> list[Path]:
     """Returns the files in a folder that match a pattern, by name, without those that `replacing` is still writing."""
-    return sorted(path for path in folder.glob(pattern) if not _TEMPORARY.fullmatch(path.name))
+    return sorted(path for path in folder.glob(pattern) if not path.name.startswith(PART))
 
 
-def clear_leftovers(folder: Path) -> None:
-    """Removes temporary files of interrupted writes from a folder that no process writes to."""
-    for path in folder.rglob(".*"):
-        if _TEMPORARY.fullmatch(path.name) and path.is_file():
-            path.unlink(missing_ok=True)
+def clear_leftovers(*folders: Path) -> None:
+    """Removes temporary files of interrupted writes from folders that no process writes to, not from those inside."""
+    for path in (path for folder in folders for path in folder.glob(f"{PART}*") if path.is_file()):
+        path.unlink(missing_ok=True)
+
+
+def find_unused(path: Path) -> Path:
+    """Returns the path; if something is there, the first unused one of NAME-2, NAME-3 and so on."""
+    numbered = (path.with_stem(f"{path.stem}-{number}") for number in itertools.count(2))
+    return next(one for one in itertools.chain((path,), numbered) if not os.path.lexists(one))
 
 
 def write_bytes(path: Path, content: bytes) -> None:
@@ -273,15 +280,17 @@ def require_unused(folder: Path) -> None:
         )
 
 
-def new_folder(folder: Path) -> None:
-    """Makes `folder`, which must be missing or empty. Raises StorageError."""
+def new_folder(folder: Path) -> bool:
+    """Makes `folder`, which must be missing or empty; returns True if it was missing. Raises StorageError."""
     require_unused(folder)
+    made = not folder.exists()
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder) as probe:
             probe.write(b"0")
     except (OSError, ValueError) as error:
         raise cannot_write(folder, error) from error
+    return made
 
 
 def cannot_write(path: Path, error: OSError | ValueError) -> StorageError:

@@ -96,7 +96,7 @@ def test_paintings_of_ones_own_picture_and_nothing_unfinished_is_left(
     assert status == 0
     record = json.loads((tmp_path / "found" / name / "table.json").read_text())
     assert record["settings"]["seeds"] == [5]
-    assert not (tmp_path / "found" / name / "unfinished").exists()
+    assert not (tmp_path / "found" / name / conduct.UNFINISHED).exists()
 
 
 @pytest.mark.slow
@@ -110,7 +110,7 @@ def test_a_library_of_ones_own(run: Run, tmp_path: Path, name: str, words: tuple
     assert status == 0 and "mine" in out
     record = json.loads((tmp_path / "found" / name / "table.json").read_text())
     assert record["settings"]["library"] == "mine"
-    assert not (tmp_path / "found" / name / "unfinished").exists()
+    assert not (tmp_path / "found" / name / conduct.UNFINISHED).exists()
 
 
 @pytest.mark.slow

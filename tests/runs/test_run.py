@@ -19,6 +19,7 @@ from frida_painter.errors import ConfigError, Interrupted
 from frida_painter.palette import from_hex
 from frida_painter.runs.painting_folder import history_of
 from frida_painter.runs.run import PaintingRun, paint
+from frida_painter.runs.run_record import RunRecord
 from frida_painter.runs.settle import Controls
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import Event, Finishing, GroundWanted, Planned, Stopped, StrokePainted
@@ -165,6 +166,8 @@ def test_a_stopped_painting_is_gone_on_with_to_its_last_stroke(stopped: Path) ->
     assert outcome.painting is not None and outcome.painting.painted == 6
     result = json.loads((stopped / "result.json").read_text())
     assert result["strokes_painted"] == 6 and result["sittings"] == 2 and history_of(stopped).finished
+    checked = RunRecord.load(stopped).check()
+    assert "resumed" in checked.obstacle and not checked.files and "as it was left" in checked.remark
 
 
 @pytest.mark.slow

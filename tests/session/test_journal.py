@@ -76,7 +76,6 @@ def test_the_plan_in_the_folder_is_the_one_that_is_painted(tmp_path: Path) -> No
     SessionSetup(6, replans=2, stop_at=look, journal=begun(tmp_path)).run()
     assert all(kept == noted for kept, noted in digests) and len(digests) == 6
     assert [planning.done for planning in read(tmp_path).plannings] == [0, 2, 4]
-    assert len(list(tmp_path.glob("plan-*.safetensors"))) == 1
 
 
 @pytest.mark.slow

@@ -114,4 +114,4 @@ def test_2000_strokes_and_40_replans_leave_memory_and_handles_as_they_are(
     growth = min(gauge.memory[last:]) - min(gauge.memory[half:last])
     assert growth < 16, f"{growth:.1f} MB more over the last {STROKES // 4} strokes"
     assert min(gauge.handles[last:]) <= min(gauge.handles[half:last]), "handles stay open"
-    assert len(list(tmp_path.glob("plan-*.safetensors"))) == 1
+    assert len(list(tmp_path.glob("plan-*.safetensors"))) == 1 + REPLANS, "copies of plan.json may name any of them"

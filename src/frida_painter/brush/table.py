@@ -10,6 +10,7 @@ rows of coefficients and one product with that basis. docs/lab/stroke-models.md 
 import contextlib
 import hashlib
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass
 from pathlib import Path
@@ -434,6 +435,7 @@ def _best_basis(samples: Tensor, rank: int) -> Tensor:
 VERSION = 3
 # Number of tables that are kept, about 1.5 MB each.
 _MAX_KEPT = 16
+_NAME = re.compile("[0-9a-f]{32}")
 
 
 def cached_table(model: StrokeModel, detail: TableDetail | None = None, folder: Path | None = None) -> StrokeTable:
@@ -454,7 +456,8 @@ def cached_table(model: StrokeModel, detail: TableDetail | None = None, folder: 
     table = StrokeTable.from_samples(model, detail, samples)
     with contextlib.suppress(StorageError, OSError):
         tensor_file.write_tensors(path, table.to_tensors())
-        for old in sorted(folder.glob("*.safetensors"), key=lambda one: one.stat().st_mtime)[:-_MAX_KEPT]:
+        tables = [one for one in folder.glob("*.safetensors") if _NAME.fullmatch(one.stem)]
+        for old in sorted(tables, key=lambda one: one.stat().st_mtime)[:-_MAX_KEPT]:
             old.unlink(missing_ok=True)
     return table
 

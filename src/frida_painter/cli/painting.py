@@ -160,11 +160,11 @@ def _plan(spec: "RunSpec", out: Path | None) -> None:
 
             made = run.plan(hear)
         bare = run.planner.bare
-        run.plan_into(folder, made)
         images.save(run.planner.expected(made, bare), folder / "plan.png")
         forecast = run.planner.forecast(made, bare)
         for layer, part in made.by_wells():
             images.save(palette_sheet(part), folder / sheet_file("palette.png", layer))
+        run.plan_into(folder, made)  # the last, because its record holds the hashes of all files
     say(
         f"The plan:    {folder / 'plan.json'}",
         f"As picture:  {folder / 'plan.png'}",

@@ -19,8 +19,9 @@ from frida_painter.lab.sweeps.runner import open_engine
 from frida_painter.lab.trials import Experiment, Notify, Outcome, silent
 from frida_painter.lab.trials import Progress as Progress_of_base
 from frida_painter.session.time_left import duration, remaining_seconds
+from frida_painter.storage import PART
 
-UNFINISHED = "unfinished"
+UNFINISHED = f"{PART}unfinished"
 """Name of the folder for finished parts, inside the experiment's folder."""
 
 

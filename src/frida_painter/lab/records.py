@@ -7,12 +7,20 @@ from tempfile import TemporaryDirectory
 
 from frida_painter import provenance
 from frida_painter.errors import ConfigError
-from frida_painter.lab.sweeps.runner import Assignment, perform
+from frida_painter.lab.sweeps.runner import Assignment, hash_run, perform
 from frida_painter.lab.sweeps.sweep_folder import SWEEP, FileHashes, RunFolder, SweepFolder, expand_runs
 from frida_painter.plan import Plan
 from frida_painter.runs.painting_folder import SETTINGS, content_hash, read_goal
 from frida_painter.runs.run import PaintingRun
-from frida_painter.runs.run_record import OLDER, RECORD, RecordCheck, RunRecord, hash_picture
+from frida_painter.runs.run_record import (
+    NO_HASHES,
+    NO_RECORD,
+    RECORD,
+    RecordCheck,
+    RunRecord,
+    compare_files,
+    hash_picture,
+)
 from frida_painter.runs.spec import RunSpec, upgrade_record
 
 
@@ -20,9 +28,12 @@ class RepeatableRun(RunRecord):
     """Record of a plan or a painting that can be made again."""
 
     def make_again(self) -> RecordCheck:
-        """Makes it again, in this process, and compares what comes out; writes nothing. Raises FridaError."""
+        """Makes it again, in this process, and compares what comes out; writes nothing. Raises FridaError.
+
+        Nothing is made if its folder is not as it was left.
+        """
         checked = self.check()
-        if checked.obstacle:
+        if checked.obstacle or checked.files:
             return checked
         spec = RunSpec.of(**{**upgrade_record(self.settings), **read_goal(self.folder)})
         with PaintingRun(spec) as run:
@@ -51,14 +62,27 @@ class SweepRecord:
     kind: str = "sweep"
 
     def check(self) -> RecordCheck:
-        """Compares versions, plug-ins and input files with those of the sweep."""
+        """Compares versions, plug-ins, input files and the files of each run with those of the sweep."""
         here = provenance.identify_here()
         found = [] if self.made_with == here else [f"it was made with {self.made_with}, and here is {here}"]
         _, files, _ = SweepFolder(self.folder).read_request()
         for name, before in files.items():
             if (now := content_hash(Path(name))) != before and not any(self._copies(name, before)):
                 found.append(f"{name} {'is gone' if now == 'gone' else 'has changed'}")
-        return RecordCheck("" if self._done else "No run of it was finished.", tuple(found))
+        results = sorted((self.folder / "runs").glob("*/result.json"))
+        changed, hashed = list[str](), True
+        for result in results:
+            known, place = RunFolder(self.folder, result.parent.name).record(), f"runs/{result.parent.name}"
+            if known is None:
+                changed.append(f"{place}/{result.name} was changed")
+            elif "files" in known:
+                changed += [
+                    f"{place}/{told}" for told in compare_files(known["files"], hash_run(result.parent)).values()
+                ]
+            else:
+                hashed = False
+        obstacle = "" if results else "No run of it was finished."
+        return RecordCheck(obstacle, tuple(found), files=tuple(changed), remark="" if hashed else NO_HASHES)
 
     def make_again(self) -> RecordCheck:
         """Does every finished run once more, one after another, and compares all figures and plans.
@@ -89,10 +113,6 @@ class SweepRecord:
             if content_hash(copy) == hashed:
                 yield copy
 
-    @property
-    def _done(self) -> bool:
-        return any((self.folder / "runs").glob("*/result.json"))
-
     def _has_same_plan(self, key: str, elsewhere: Path) -> bool:
         """Returns True if both runs made the same plan, or none."""
         plans = [RunFolder(sweep, key).path / "plan.json" for sweep in (self.folder, elsewhere)]
@@ -121,7 +141,7 @@ def record(folder: str | Path) -> RepeatableRun | SweepRecord:
     if (path / RECORD).exists():
         return RepeatableRun.load(path)
     if (path / SETTINGS).exists():
-        return RepeatableRun(path, "painting", {}, {}, {}, {}, OLDER)
+        return RepeatableRun(path, "painting", {}, {}, {}, {}, NO_RECORD)
     if (path / "plan.json").exists():
-        return RepeatableRun(path, "plan", dict(Plan.load(path).about), {}, {}, {}, OLDER)
+        return RepeatableRun(path, "plan", dict(Plan.load(path).about), {}, {}, {}, NO_RECORD)
     raise ConfigError(f"{path} holds no plan, painting or sweep; give the folder of one.")

@@ -10,7 +10,7 @@ from frida_painter.cli.commands import Deferred
 VERIFY = Deferred(
     "verify",
     "frida_painter.lab.verify_command",
-    "Check whether a plan, a painting or a sweep can be made again here, from the record in its folder.",
+    "Check whether a plan, a painting or a sweep is as it was left and can be made again here, by its record.",
 )
 
 
@@ -22,10 +22,10 @@ def verify(
         bool, typer.Option("--again", help="Make it again and compare, bit for bit. Nothing is written.")
     ] = False,
 ) -> None:
-    """Check whether a plan, a painting or a sweep can be made again here, from the record in its folder.
+    """Check whether a plan, a painting or a sweep is as it was left and can be made again here, by its record.
 
-    Versions, plug-ins, code, device and all files that went in are compared. If something differs, it is named, and
-    the exit status is 1.
+    Versions, plug-ins, code, device, all files that went in and all files in the folder are compared. If something
+    differs, it is named, and the exit status is 1.
     """
     from frida_painter.compiled import LoopCompiler  # loaded here, so that help is quick
     from frida_painter.lab.records import record

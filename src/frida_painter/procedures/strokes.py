@@ -94,6 +94,7 @@ class Recording:
                 if (kept := self._load_kept(self._path(folder, number)))
             }
         elif folder is not None:
+            storage.require_unused(folder)
             storage.write_json(folder / "order.json", settings.record())
 
     @property

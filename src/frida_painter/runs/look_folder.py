@@ -86,6 +86,7 @@ class LookFolder:
     def __init__(self, painting: Path) -> None:
         self.path = painting / LOOKS
         self._next = 0.0
+        self._stays = set[tuple[Path, int]]()  # pictures that could not be moved, with their times
 
     def take_next(self) -> GivenPicture | None:
         """Returns the picture that waits longest; None if there is none. Looks every half second at most."""
@@ -95,6 +96,7 @@ class LookFolder:
         self._next = now + _BETWEEN
         with contextlib.suppress(OSError):
             files = [file for file in self.path.iterdir() if file.suffix.lower() in picture_file.SUFFIXES]
+            files = [file for file in files if (file, file.stat().st_mtime_ns) not in self._stays]
             ages = {file: time.time() - file.stat().st_mtime for file in files if file.name[0] != "."}
             waiting = sorted((file for file, age in ages.items() if not 0 <= age < _STILL), key=lambda one: -ages[one])
             if waiting:
@@ -106,19 +108,21 @@ class LookFolder:
 
         Raises StorageError.
         """
-        name = f"{time.strftime('%Y%m%d-%H%M%S')}-{picture.name}"
+        copy = storage.find_unused(self.path / f"{time.strftime('%Y%m%d-%H%M%S')}-{picture.name}")
         if corners is not None:
-            storage.write_json(_corners_file(self.path / name), {"corners": [list(corner) for corner in corners]})
-        storage.copy(picture, self.path / name, "a picture of the canvas", storage.MAX_BYTES)
-        return self.path / name
+            storage.write_json(_corners_file(copy), {"corners": [list(corner) for corner in corners]})
+        storage.copy(picture, copy, "a picture of the canvas", storage.MAX_BYTES)
+        return copy
 
     def file_away(self, given: GivenPicture, where: str) -> None:
-        """Moves a picture to `used` or `refused`; if that fails, it is deleted, so that it is taken once only."""
-        for file in (given.path, _corners_file(given.path)):
-            with contextlib.suppress(OSError):
-                (self.path / where).mkdir(exist_ok=True)
-                file.replace(self.path / where / file.name)
-            file.unlink(missing_ok=True)
+        """Moves a picture to `used` or `refused`, beside others of its name; one that stays is not taken again."""
+        with contextlib.suppress(OSError):
+            self._stays.add(known := (given.path, given.path.stat().st_mtime_ns))
+            (self.path / where).mkdir(exist_ok=True)
+            corners = _corners_file(given.path)
+            for file in (given.path, *([corners] if corners.exists() else [])):
+                file.rename(storage.find_unused(self.path / where / file.name))
+            self._stays.remove(known)
 
 
 def is_finished(folder: Path) -> bool:

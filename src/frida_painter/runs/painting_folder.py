@@ -28,7 +28,7 @@ from torch import Tensor
 
 from frida_painter import storage
 from frida_painter.calibration import Calibration, WetPaint
-from frida_painter.easel.kinds import SIMULATION_LOG
+from frida_painter.easel.kinds import ARM_FILM, JOURNAL, SIMULATION_LOG
 from frida_painter.errors import ConfigError, StorageError
 from frida_painter.event_log import missing
 from frida_painter.perception.frame_check import FrameCheck
@@ -42,7 +42,7 @@ from frida_painter.runs.shares import brush_file
 from frida_painter.runs.spec import SETTLED, RunSpec, upgrade_record
 from frida_painter.session import resuming
 from frida_painter.session.events import DRYING
-from frida_painter.session.journal import History, Journal
+from frida_painter.session.journal import PHOTOGRAPHS, History, Journal
 from frida_painter.session.progress import Painting
 from frida_painter.session.resuming import KeptPlan
 
@@ -91,12 +91,16 @@ PAUSE_FILE = "pause"
 """File that pauses the painting as long as it exists."""
 
 
+PAINTINGS = Path("paintings")
+"""Folder of the paintings for which no folder is named."""
+
+
 def new_folder(out: Path | None, name: str, needed: int) -> Path:
     """Makes a new, empty folder with room for `needed` bytes.
 
     The folder is `out`, or one under "paintings" that is named after the painting and the time.
     """
-    folder = out or Path("paintings") / f"{name}-{datetime.now():%Y%m%d-%H%M%S}"
+    folder = out or PAINTINGS / f"{name}-{datetime.now():%Y%m%d-%H%M%S}"
     storage.require_space(folder, needed, "this painting")
     storage.new_folder(folder)
     return folder
@@ -191,6 +195,27 @@ def _quote_toml(text: str) -> str:
 
 def _copy(source: Path, copy: Path) -> None:
     storage.copy(source, copy, "a picture of the goal", storage.MAX_BYTES)
+
+
+_FILES = (
+    "index.html", "painting.png", "film.mp4", ARM_FILM, ".arm/*", "palette*.png", "mixing*.png", "plan.png", NOW,
+    "target.jpg", "look-*.jpg", "painters.*", "strokes.*", "result.json", SETTINGS, "plan.json", "plan-*.safetensors",
+    CALIBRATION, JOURNAL, f".{JOURNAL}-tally", SIMULATION_LOG, f".{SIMULATION_LOG}-tally", f"{GOAL}/**/*",
+    "changes/**/*", "regions/*", f"{PHOTOGRAPHS}/*", f"{SKETCHBOOK}/*",
+)  # fmt: skip
+
+
+def hash_files(folder: Path) -> dict[str, str]:
+    """Returns the hash of each file of a painting or a plan by its path in the folder; a person's files do not count.
+
+    Raises StorageError if a file cannot be read.
+    """
+    found = {file for pattern in _FILES for file in folder.glob(pattern) if not file.name.startswith(storage.PART)}
+    return {
+        file.relative_to(folder).as_posix(): storage.sha256(file, "a file of a painting")
+        for file in sorted(found)
+        if file.is_file()
+    }
 
 
 def content_hash(path: Path) -> str:

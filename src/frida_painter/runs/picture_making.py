@@ -217,7 +217,7 @@ def make_pictures(
     if spec.clip is not None:  # one that cannot be loaded is told before anything is made
         encoders = encoders or EncoderRegistry(clip=spec.clip, device=device, tell=tell)
         encoders.clip()
-    storage.new_folder(folder)
+    made = storage.new_folder(folder)
     seeds = tuple((spec.seed + number) % 2**31 for number in range(count))
     width, height = _size(spec)
     faults: dict[str, MakingFailed] = {}
@@ -246,7 +246,8 @@ def make_pictures(
             raise next(iter(faults.values()))
     except BaseException:
         with suppress(OSError):
-            folder.rmdir()  # it is empty
+            if made:
+                folder.rmdir()  # it is empty
         raise
     for sentence in faults:
         tell(sentence)
@@ -341,6 +342,15 @@ def making_file(picture: Path) -> Path | None:
     """Returns the file beside a picture that records its making, of this picture alone or of several; else None."""
     files = (picture.with_suffix(f".{MAKING}"), picture.parent / MAKING)
     return next((file for file in files if storage.exists(file)), None)
+
+
+def remove_making(folder: Path) -> None:
+    """Removes a making: the pictures that its record names, the record, and the folder if nothing else is in it."""
+    with suppress(FridaError, OSError, KeyError, TypeError):
+        for one in storage.read_json(folder / MAKING, "the record of a making")["pictures"]:
+            (folder / Path(one["file"]).name).unlink(missing_ok=True)
+        (folder / MAKING).unlink()
+        folder.rmdir()
 
 
 def read_making(picture: Path) -> tuple[dict[str, Any], dict[str, Any]] | None:

@@ -5,7 +5,6 @@ module connects planner, easel process, journal and recorder.
 """
 
 import gc
-import shutil
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
@@ -18,13 +17,13 @@ from typing import Literal, Self, Unpack
 import torch
 from torch import Tensor
 
-from frida_painter import images, storage
+from frida_painter import event_log, images, storage
 from frida_painter.calibration import Calibration
 from frida_painter.compiled import LoopCompiler
 from frida_painter.devices import prepare_process
 from frida_painter.easel.connecting import connect_easel
 from frida_painter.easel.dialogue import Answer, Question
-from frida_painter.easel.kinds import JOURNAL, OpenEasel
+from frida_painter.easel.kinds import JOURNAL, SIMULATION_LOG, OpenEasel
 from frida_painter.easel.launch import EaselLaunch
 from frida_painter.easel.open import open_easel
 from frida_painter.easel.order import EaselOrder
@@ -49,6 +48,7 @@ from frida_painter.perception.color import read_palette
 from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.planner import Planner
+from frida_painter.report.film import SKETCHBOOK
 from frida_painter.report.recorder import Recorder
 from frida_painter.runs.event_file import open_listener
 from frida_painter.runs.goals import open_goal
@@ -57,7 +57,9 @@ from frida_painter.runs.painting_easel import needed_calibrations, order, requir
 from frida_painter.runs.painting_folder import (
     CALIBRATION,
     NOW,
+    PAINTINGS,
     ReopenedPainting,
+    hash_files,
     keep_goal,
     keep_learned,
     keep_spec,
@@ -95,7 +97,7 @@ from frida_painter.session.events import (
     StrokeLeftOut,
     TimelapseFrame,
 )
-from frida_painter.session.journal import History, Journal
+from frida_painter.session.journal import PHOTOGRAPHS, History, Journal
 from frida_painter.session.loop import PaintingSession
 from frida_painter.session.open_loop import NOBODY_LOOKS
 from frida_painter.session.opening import on_record
@@ -187,6 +189,8 @@ class PaintingRun:
         self.session: PaintingSession | None = None
         self._run_record: RunRecord | None = None
         self._led = ""  # why it cannot be made again, if a person led it
+        self._before: dict[str, str] = {}  # hashes of the files of a finished painting
+        self._results: dict[str, str] = {}  # hashes for the record; empty until it is finished
 
     @classmethod
     def reopen(
@@ -220,6 +224,9 @@ class PaintingRun:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._stack.__exit__(kind, error, trace)
+        if self._run_record is not None and self._results:  # nobody writes into the folder any more
+            with suppress(StorageError) if kind is not None else nullcontext():  # the first error matters more
+                self._run_record.finish(self._led, self._before, **self._results)
 
     @property
     def history(self) -> History | None:
@@ -272,7 +279,7 @@ class PaintingRun:
             read_palette(self.spec.palette, self.spec.colors)
         planner = check(self._fitted, self._encoders)
         if paints:
-            storage.require_space(self._folder or Path("paintings"), _ROOM, "this painting")
+            storage.require_space(self._folder or PAINTINGS, _ROOM, "this painting")
             with ExitStack() as stack:
                 opened = open_easel(order(self.spec, planner.brushes, None, self._state))
                 stack.callback(opened.close)
@@ -299,10 +306,11 @@ class PaintingRun:
         assert self._process is not None
         planner = self.planner  # before the folder is made, so that a failed planner leaves no traces
         fresh = self._reopened is None
+        given = self._folder is not None and self._folder.exists()
         if fresh:
             self._folder = new_folder(self._folder, self.spec.name, _ROOM)
         load_clustering()  # while the easel's process loads
-        with _take_back_on_failure(self.folder) if fresh else nullcontext():
+        with _take_back_on_failure(self.folder, made=not given) if fresh else nullcontext():
             easel = self._process.open(order(self.spec, planner.brushes, self.folder, self._state))
             known = self._on_record(easel)
             if hear_signals:
@@ -385,10 +393,8 @@ class PaintingRun:
         """
         if self._reopened is None:
             raise ConfigError("This painting was not begun yet; give its folder to PaintingRun.reopen to resume it.")
-        storage.clear_leftovers(self.folder)
-        if (self.folder / RECORD).exists():
-            self._run_record = RunRecord.load(self.folder)
-        self._led = "It was interrupted and resumed, so that its looks fell elsewhere than they would again."
+        storage.clear_leftovers(self.folder, self.folder / SKETCHBOOK, self.folder / PHOTOGRAPHS)
+        self._take_up_record()
         if self._reopened.history.finished:
             return self._make_results(self._reopened.history, self._reopened.plan)
         if self._easel is None:
@@ -422,6 +428,15 @@ class PaintingRun:
         where = ResumeState(kept.plan, history.painted, kept.planning.done, before, now, wet, history.left_out, *person)
         return self._to_its_end(session, recorder, lambda: session.resume(where))
 
+    def _take_up_record(self) -> None:
+        """Reads the record of a reopened painting, if it has one; an older one without hashes of files stays."""
+        self._led = "It was interrupted and resumed, so that its looks fell elsewhere than they would again."
+        if (self.folder / RECORD).exists():
+            known = RunRecord.load(self.folder)
+            if known.results:
+                self._led, self._before = "", hash_files(self.folder)
+            self._run_record = None if known.results and not known.files else known
+
     def _resume_open_loop(
         self,
         session: PaintingSession,
@@ -454,6 +469,7 @@ class PaintingRun:
         """Makes the results of a finished painting again, with a person's picture of its canvas."""
         canvas = images.as_picture(canvas)
         assert self._reopened is not None and self._reopened.history.finished
+        self._take_up_record()
         history = self._reopened.history
         self._reopened.journal.record_picture(canvas, history.painted)
         images.save(canvas, self.folder / "painting.png")
@@ -470,6 +486,8 @@ class PaintingRun:
             expected = self.planner.expected(kept.plan, self.planner.bare if before is None else before)
             recorder.hear(Resumed(kept.plan, history.painted, expected))
             painting = Painting(canvas, history.painted, None, history.robot_seconds)
+            if self._run_record is not None:
+                self._results = {"painting": hash_picture(canvas), **self._run_record.results}
             return RunOutcome(self.folder, painting, recorder.finish(painting))
 
     def _on_record(self, easel: Easel) -> Easel:
@@ -590,9 +608,8 @@ class PaintingRun:
                 raise StorageError(
                     f"{full} What was painted is noted: `frida-painter resume {self.folder}` writes the rest later."
                 ) from full
-        if self._run_record is not None and painting is not None and painting.rest is not None and trouble is None:
-            done = {} if len(painting.rest) else {"painting": hash_picture(painting.photograph)}
-            self._run_record.finish(self._led, **done)
+        if painting is not None and painting.rest is not None and not len(painting.rest) and trouble is None:
+            self._results = {"painting": hash_picture(painting.photograph)}
         learned = session.hand.placement
         kept = None
         if not trouble and painting is not None:
@@ -629,14 +646,16 @@ class PaintingRun:
 
 
 @contextmanager
-def _take_back_on_failure(folder: Path) -> Iterator[None]:
-    """Removes the new folder again if the easel cannot be opened."""
+def _take_back_on_failure(folder: Path, *, made: bool) -> Iterator[None]:
+    """Removes what the easel wrote into a new folder if it cannot be opened, and the folder if it was `made` for it."""
     try:
         yield
     except FridaError:
-        shutil.rmtree(folder, ignore_errors=True)
-        with suppress(OSError):  # "paintings", if it is empty now
-            folder.parent.rmdir()
+        with suppress(OSError):
+            event_log.remove(folder / SIMULATION_LOG)
+            if made:
+                folder.rmdir()  # if nothing else is in it
+                PAINTINGS.rmdir()
         raise
 
 

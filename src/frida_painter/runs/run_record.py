@@ -1,12 +1,12 @@
 """Record of how a plan or a painting was made, and whether it can be made again here.
 
 `record.json` in its folder holds the facts of provenance.py, the settings before anything was chosen, and the hashes
-of all input files and of the results.
+of all input files, of the results and of every file in the folder that the program wrote.
 """
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -15,8 +15,7 @@ from torch import Tensor
 from frida_painter import provenance, storage
 from frida_painter.brush.weights import weights_of
 from frida_painter.errors import FridaError, StorageError
-from frida_painter.plan import Plan
-from frida_painter.runs.painting_folder import GOAL, content_hash
+from frida_painter.runs.painting_folder import GOAL, content_hash, hash_files
 from frida_painter.runs.spec import FILES, RunSpec
 
 RECORD = "record.json"
@@ -24,7 +23,9 @@ _FORMAT, _VERSION = "frida-painter record", 1
 _PROMISED = "cpu"  # the device on which equal settings give equal bytes
 _MAX_TOLD = 12
 _UNFINISHED = "It was never finished, so there is nothing to compare with; finish it first."
-OLDER = "It was made by a version of the program that kept no record of how; make it again with this version."
+NO_RECORD = f"Its folder holds no {RECORD}: that was taken away, or an older version of the program kept none."
+_AS_LEFT = "Every file in its folder is as it was left."
+NO_HASHES = "An older version made it and kept no hashes of its files, so nobody can say if they were changed."
 
 
 @dataclass(frozen=True)
@@ -33,17 +34,21 @@ class RecordCheck:
 
     obstacle: sentence that says why it cannot be made again at all; "" if nothing stands in the way
     differences: phrases about what has changed since, each of which may change the result
+    files: phrases about files in its folder that are not as they were left
+    remark: one more sentence; ""
     same: True if it was made again and is the same, False if it is not, None if it was not made again
     """
 
     obstacle: str = ""
     differences: tuple[str, ...] = ()
     same: bool | None = None
+    files: tuple[str, ...] = ()
+    remark: str = ""
 
     @property
     def can_be_made_again(self) -> bool:
         """True if nothing stands in the way and nothing has changed."""
-        return not self.obstacle and not self.differences
+        return not (self.obstacle or self.differences or self.files)
 
     @property
     def passed(self) -> bool:
@@ -51,6 +56,11 @@ class RecordCheck:
         return self.can_be_made_again if self.same is None else self.same
 
     def __str__(self) -> str:
+        files = f"Its folder is not as it was left: {'; '.join(self.files)}." if self.files else ""
+        return " ".join(filter(None, (files, self._told, self.remark)))
+
+    @property
+    def _told(self) -> str:
         changed = "; ".join(self.differences[:_MAX_TOLD])
         more = f"; and {len(self.differences) - _MAX_TOLD} more" if len(self.differences) > _MAX_TOLD else ""
         if self.obstacle:
@@ -73,6 +83,7 @@ class RunRecord:
     inputs: hashes of the files that went in, by path or by name
     results: hashes of the results by name; empty if it was never finished
     obstacle: sentence that says why it cannot be made again; ""
+    files: hashes of the files in the folder by path; empty if it was never finished, or in a record of an older version
     """
 
     folder: Path
@@ -82,6 +93,7 @@ class RunRecord:
     inputs: Mapping[str, str]
     results: Mapping[str, str]
     obstacle: str = ""
+    files: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
     def begin(cls, folder: Path, kind: str, spec: RunSpec, brushes: tuple[str, ...], device: str) -> "RunRecord":
@@ -98,9 +110,16 @@ class RunRecord:
         made.save()
         return made
 
-    def finish(self, obstacle: str = "", **results: str) -> None:
-        """Writes what came out. Raises StorageError."""
-        replace(self, results=results, obstacle=self.obstacle or obstacle).save()
+    def finish(self, obstacle: str = "", before: Mapping[str, str] | None = None, **results: str) -> None:
+        """Writes what came out, with the hashes of all files. Raises StorageError.
+
+        before: hashes of the files before some were made again. Files that are still the same keep their hashes of the
+        record, so that a change of them is still noticed.
+        """
+        now, before = hash_files(self.folder), before or {}
+        files = {name: known for name, known in self.files.items() if now.get(name) == before.get(name)}
+        files |= {name: found for name, found in now.items() if found != before.get(name)}
+        replace(self, results=results, obstacle=self.obstacle or obstacle, files=files).save()
 
     def save(self) -> None:
         """Writes the file. Raises StorageError."""
@@ -117,12 +136,13 @@ class RunRecord:
                 f"{path} is no record that this program reads; bring back the one that was written here."
             )
         content = {name: kept.get(name) for name in cls.__dataclass_fields__ if name != "folder"}
+        content["files"] = kept.get("files", {})  # older versions had none
         if not all(isinstance(value, str if name in ("kind", "obstacle") else dict) for name, value in content.items()):
             raise StorageError(f"{path} lacks a part of the record of how something was made; bring the original back.")
         return cls(folder, **content)  # type: ignore[arg-type]
 
     def check(self) -> RecordCheck:
-        """Compares versions, plug-ins, device and input files with those of the record."""
+        """Compares versions, plug-ins, device, input files and the files in the folder with those of the record."""
         obstacle = self.obstacle or ("" if self.results else _UNFINISHED)
         here = provenance.describe_here(self.made_with.get("device", _PROMISED))
         known = provenance.PROGRAM in self.made_with
@@ -130,17 +150,19 @@ class RunRecord:
         for name, before in self.inputs.items():
             if (now := _hash_of(name, self.folder)) != before:
                 found.append(f"{name} {'is gone' if now == _GONE else 'has changed'}")
-        found += [f"{name} in its folder was changed" for name in self._changed_results()]
-        return RecordCheck(obstacle, tuple(found))
+        there = hash_files(self.folder) if self.files else {}
+        changed = [told for name, told in compare_files(self.files, there).items() if name not in self.inputs]
+        remark = NO_HASHES if self.results and not self.files else _AS_LEFT if self.obstacle and not changed else ""
+        return RecordCheck(obstacle, tuple(found), files=tuple(changed), remark=remark)
 
-    def _changed_results(self) -> list[str]:
-        """Returns names of results in the folder that are not as they were written."""
-        if self.kind != "plan" or "plan" not in self.results:
-            return []
-        try:
-            return [] if Plan.load(self.folder).digest == self.results["plan"] else ["plan.json"]
-        except FridaError:
-            return ["plan.json"]
+
+def compare_files(before: Mapping[str, str], now: Mapping[str, str]) -> dict[str, str]:
+    """Returns a phrase for each file that is not as it was, from the hashes by path."""
+    return {
+        name: f"{name} {'was added' if name not in before else 'was changed' if name in now else 'is missing'}"
+        for name in sorted({*before, *now})
+        if before.get(name) != now.get(name)
+    }
 
 
 _GONE = "gone"

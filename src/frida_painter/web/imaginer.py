@@ -1,7 +1,7 @@
 """Making of pictures by a worker: an allowed maker makes them, and the page shows them to choose from."""
 
+import re
 import secrets
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,7 +10,7 @@ from torch import Tensor
 from frida_painter import images
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import Interrupted
-from frida_painter.runs.picture_making import make_pictures
+from frida_painter.runs.picture_making import MAX_PICTURES, make_pictures, remove_making
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import ProcedureProgress
 from frida_painter.session.making_events import PicturesMade
@@ -69,8 +69,8 @@ def _show(picture: Tensor, file: Path) -> str:
 
 def _forget_old(folder: PaintingFolder) -> None:
     """Removes the oldest makings. The page shows the newest ones, and the one that begins now."""
-    makings = sorted((folder.path / MADE).iterdir(), key=lambda place: place.stat().st_mtime)
-    for place in makings[: -(MAX_MAKINGS - 1)]:
-        for shown in folder.live.glob(f"made-{place.name}-*.jpg"):
-            shown.unlink(missing_ok=True)
-        shutil.rmtree(place, ignore_errors=True)
+    makings = (place for place in (folder.path / MADE).iterdir() if re.fullmatch("[0-9a-f]{24}", place.name))
+    for place in sorted(makings, key=lambda place: place.stat().st_mtime)[: -(MAX_MAKINGS - 1)]:
+        for number in range(1, MAX_PICTURES + 1):
+            (folder.live / f"made-{place.name}-{number}.jpg").unlink(missing_ok=True)
+        remove_making(place)

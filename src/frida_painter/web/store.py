@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import errno
 import re
 import secrets
 import shutil
@@ -28,6 +29,7 @@ CREATE TRIGGER IF NOT EXISTS deeds_stay BEFORE DELETE ON deed BEGIN SELECT RAISE
 """
 _OURS_ALONE = 0o700
 _IDENTIFIER = re.compile(r"[0-9a-f]{16}")
+_FOLDER = re.compile(r"\d{8}-\d{6}-[0-9a-f]{6}")
 
 
 @dataclass(frozen=True)
@@ -128,6 +130,8 @@ class PaintingStore:
     def delete(self, entry: Entry) -> None:
         """Deletes a painting with all its files. Raises StorageError."""
         try:
+            if entry.folder.path.parent != self.root or not _FOLDER.fullmatch(entry.folder.path.name):
+                raise OSError(errno.EPERM, "its folder is none that the studio made")
             if entry.folder.path.exists():  # else somebody has deleted it by hand
                 shutil.rmtree(entry.folder.path)
             forget_lock(entry.folder)

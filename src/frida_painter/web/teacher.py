@@ -4,6 +4,7 @@ import json
 import secrets
 from collections.abc import Callable
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from frida_painter import images, storage
 from frida_painter.brush import FIELD
@@ -58,15 +59,14 @@ def teach(request: TeachingRequest, folder: PaintingFolder, families: Path, say:
 
 def _paint(kind: BrushKind, count: int, folder: PaintingFolder, say: Callable[[str], None]) -> StrokeLibrary:
     """Returns the strokes that the virtual studio paints."""
-    known = folder.path / "strokes.npz"
-    known.unlink(missing_ok=True)  # of another family
 
     def hear(progress: StrokesProgress) -> None:
         say(f"The virtual studio paints strokes: {progress.done} of {count}")
 
     easel = open_virtual_easel(kind.name, _SEED)
-    painting = strokes(easel, kind, known, count=count, seed=_SEED, notify=hear)
-    return lead(painting, lambda question: question.proposal or False).library
+    with TemporaryDirectory(dir=folder.path, prefix=storage.PART) as place:
+        painting = strokes(easel, kind, Path(place) / "strokes.npz", count=count, seed=_SEED, notify=hear)
+        return lead(painting, lambda question: question.proposal or False).library
 
 
 def _describe(progress: TrainingProgress) -> str:

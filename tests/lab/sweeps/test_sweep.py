@@ -23,6 +23,7 @@ from frida_painter.lab.sweeps.runner import Assignment, perform
 from frida_painter.lab.sweeps.sweep_folder import RunFolder, SweepFolder
 from frida_painter.lab.sweeps.sweep_spec import SweepRun
 from frida_painter.plan import Plan
+from frida_painter.storage import PART
 from plugins import install
 from sweep_engine import Here
 
@@ -177,7 +178,7 @@ def test_a_folder_of_a_run_that_is_spoiled_stops_no_other(tmp_path: Path, photo:
 def test_what_a_killed_first_write_leaves_is_no_other_sweep(tmp_path: Path, photo: Path, engine: Here) -> None:
     folder = tmp_path / "s"
     folder.mkdir()
-    (folder / ".sweep-ab12cd34.json").touch()
+    (folder / f"{PART}ab12cd34.json").touch()
     assert len(fp.sweep(asked(photo), folder).records) == 3
 
 
@@ -342,6 +343,14 @@ def test_a_changed_plug_in_makes_other_runs_and_the_old_ones_are_still_reported(
     first = fp.sweep(wanted, tmp_path / "out")
     assert len(first.records) == 2 and fp.sweep(wanted, tmp_path / "out").done_before == 2
     assert fp.record(tmp_path / "out").check().passed
+    run = next((tmp_path / "out" / "runs").iterdir())
+    (run / "plan.png").touch()
+    assert fp.record(tmp_path / "out").check().files == (f"runs/{run.name}/plan.png was added",)
+    whole = (run / "result.json").read_text()
+    (run / "result.json").write_text(whole.replace("20.0", "30.0").replace("21.0", "30.0"))
+    assert fp.record(tmp_path / "out").make_again().files == (f"runs/{run.name}/result.json was changed",)
+    (run / "result.json").write_text(whole)
+    (run / "plan.png").unlink()
     (tmp_path / "site" / "calm_policy.py").write_text("a = 22\n")
     assert len(status_of(tmp_path / "out").records) == 2  # what was made is still told
     checked = fp.record(tmp_path / "out").check()

@@ -33,6 +33,7 @@ from frida_painter.lab.sweeps.sweep_folder import FileHashes, RunFolder, SweepFo
 from frida_painter.lab.sweeps.sweep_spec import EngineName, SweepRun, SweepSpec
 from frida_painter.plan import Plan
 from frida_painter.provenance import describe_here, identify
+from frida_painter.runs.painting_folder import hash_files
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.settle import ground_of
 from frida_painter.runs.spec import RunSpec
@@ -90,9 +91,15 @@ def perform(assignment: Assignment) -> dict[str, Any]:
             "times": times,
             "versions": made_with,
             "host": platform.node(),
+            "files": hash_run(folder.path),
         }
         folder.keep(record)
         return record
+
+
+def hash_run(folder: Path) -> dict[str, str]:
+    """Returns the hashes of the plan and the pictures of a run by their names."""
+    return {name: found for name, found in hash_files(folder).items() if name != "result.json"}
 
 
 def fix_to_plan(spec: RunSpec, plan: Plan) -> RunSpec:

@@ -106,7 +106,6 @@ SWEEP = "sweep.json"
 TABLE = "table.parquet"
 _FORMAT = "frida-painter sweep"
 _LOCK = ".lock"
-_CUT_OFF = ".sweep-*.json"  # remains of a process that was killed while it wrote the first file
 _ROOM = 100 * 2**20  # bytes
 
 
@@ -218,7 +217,7 @@ class SweepFolder:
         """True if the folder holds more than the lock and what a killed process left. Raises StorageError."""
         try:
             there = {one.name for one in self.path.iterdir()} if self.path.exists() else set()
-            return bool(there - {_LOCK, *self._parts, *(one.name for one in self.path.glob(_CUT_OFF))})
+            return bool(there - {_LOCK, *self._parts, *(one.name for one in self.path.glob(f"{storage.PART}*"))})
         except OSError as error:
             raise storage.cannot_write(self.path, error) from error
 

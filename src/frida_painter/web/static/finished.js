@@ -77,7 +77,7 @@ export function finishedStage(house, here, first) {
 /** @param {House} house @param {Here} here @param {string} label */
 function deleteButton(house, here, label) {
   return h("button", { type: "button", class: "quiet danger", "data-for": "operate", onclick: async () => {
-    if (!window.confirm(`Delete "${here.title}" and all its pictures? This cannot be undone.`)) return;
+    if (!window.confirm(`Delete "${here.title}" with everything in its folder? This cannot be undone.`)) return;
     if (await house.attempt(() => api.post(`/api/paintings/${here.id}/delete`))) location.hash = "#/";
   } }, label);
 }
