@@ -7,7 +7,7 @@ PHOTO ?= examples/photographs/coffee.jpg
 PINS := pyproject.toml constraints.txt
 ADD := $(BIN)/python tools/install.py
 
-PROGRAM ?= storm stop attack hostile_commands kills busy franka so101
+PROGRAM ?= storm stop attack hostile_commands kills busy claims franka so101
 
 .PHONY: paint studio test quick stress views lint docs size benchmarks benchmarks-gpu install browser downloads clean reference
 
@@ -71,12 +71,14 @@ downloads: install
 # tests/docs builds the documentation's site as strictly as `make docs` does.
 test: lint browser downloads
 	$(BIN)/python tools/check_page.py test
-	$(BIN)/python tools/run_tests.py
+	$(BIN)/python tools/run_tests.py $(OPTIONS)
 
+# With OPTIONS=--plain-processor, both round as a processor of another make does.
 quick: install downloads
-	$(BIN)/python tools/run_tests.py --quick
+	$(BIN)/python tools/run_tests.py --quick $(OPTIONS)
 
-# Programs that attack, storm, stop, kill and starve the painter: hours with their defaults, so a nightly job runs them.
+# Programs that attack, storm, stop, kill and starve the painter, and claims that hold in the mean of many paintings:
+# hours with their defaults, so a nightly job runs them.
 # One of them, with options: make stress PROGRAM=kills OPTIONS="--kills 20"
 stress: install browser downloads
 	@for program in $(PROGRAM); do \

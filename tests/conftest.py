@@ -41,16 +41,18 @@ _PEAKS = pytest.StashKey[dict[str, int]]()  # bytes, by the name of the test pro
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--renew-snapshots", action="store_true", help="write tests/snapshots/*.png anew; look at them!")
+    parser.addoption("--threads", type=int, default=1, help="threads of each test process")
     parser.addoption("--times", type=Path, help="append each test's seconds, of a processor and of a clock, to a file")
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """One thread for each test process, and for whatever it starts, as `prepare_process` has it for people.
+    """One thread for each test process, unless `--threads` says otherwise, as `prepare_process` has it for people.
 
     Two workers with a pool of threads each wait for one another on two cores: the same tests then take up to
     six times the processor time, and their sums come in another order on every machine.
     """
-    os.environ["OMP_NUM_THREADS"] = "1"  # of processes that are started from here, xdist's workers too
+    threads = config.getoption("--threads")
+    os.environ["OMP_NUM_THREADS"] = str(threads)  # of processes that are started from here, xdist's workers too
     # Under nohup a program ignores that its terminal was closed, and one that a script starts in the background ignores
     # Ctrl-C. Whatever it starts inherits that; the tests ask what a program does that ignores neither.
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
@@ -58,8 +60,8 @@ def pytest_configure(config: pytest.Config) -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     if not torch.cuda.is_available():
         os.environ["TRITON_INTERPRET"] = "1"  # read when Triton is imported, by whatever imports it first
-    torch.set_num_threads(1)
-    cv2.setNumThreads(1)
+    torch.set_num_threads(threads)
+    cv2.setNumThreads(threads)
     config.stash[_PEAKS] = {}
     config.stash[_LONG] = []
     config.pluginmanager.register(downloads)  # tells what was skipped, and why
@@ -161,6 +163,8 @@ def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> Non
     took = ", ".join(f"{name} {peak / _MB:.0f} MB" for name, peak in sorted(peaks.items()))
     terminalreporter.write_line(f"Memory at most: {took}")
     terminalreporter.write_line(f"Processor time: {_processor_time():.0f} s")
+    instructions = torch.backends.cpu.get_cpu_capability()
+    terminalreporter.write_line(f"PyTorch's instructions: {instructions}; threads: {config.getoption('--threads')}")
     if long := sorted(config.stash[_LONG], reverse=True):
         terminalreporter.write_line(f"Not marked slow, and more than {MAX_PROCESSOR_TIME:g} s of a processor:")
         for took, name in long:

@@ -11,6 +11,8 @@ a busy machine may miss. A test that then passes is named, and fails nothing.
 `--quick` runs only the tests that are not slow, with few examples of each property, in few processes. A test is slow if
 it is marked so, or named in tests/slow_tests.txt. `--renew` adds to that file what took too long in this run; leave the
 machine alone meanwhile.
+`--plain-processor` computes with the instructions that every 64-bit PC has, and with two threads: sums come in another
+order, and last digits differ, as they do between processors. No test's verdict may depend on that.
 `--jobs N` runs N groups at a time. All other words go to pytest.
 """
 
@@ -55,6 +57,17 @@ QUICK = ("-m", "not slow", "--hypothesis-profile", "quick")
 LARGE = ("torch", "numba", "scipy.stats", "sklearn.cluster", "cv2", "pydantic")
 MAX_JOBS = 6  # each may take 1.5 GB of memory
 NO_TESTS = 5  # exit status of pytest
+# What PyTorch, its two libraries of kernels, numba, NumPy's linear algebra, OpenCV and libvips read as they are loaded.
+PLAIN_PROCESSOR = {
+    "ATEN_CPU_CAPABILITY": "default",
+    "MKL_CBWR": "COMPATIBLE",
+    "ONEDNN_MAX_CPU_ISA": "SSE41",
+    "NUMBA_CPU_NAME": "generic",
+    "OPENBLAS_CORETYPE": "Nehalem",
+    "OPENCV_IPP": "sse42",
+    "OPENCV_CPU_DISABLE": "AVX,FMA3,AVX2,AVX512-SKX",
+    "VIPS_NOVECTOR": "1",
+}
 MAX_WHY = 40  # lines
 _WHY = re.compile("E  |FAILED|ERROR")
 _DOTS = re.compile(r"[.sxX]*( +\[ *\d+%\])?")
@@ -66,9 +79,13 @@ def main(words: list[str]) -> int:
     parser.add_argument("--quick", action="store_true", help="only the tests that are not slow")
     usual = min(MAX_JOBS, (os.cpu_count() or 1) + 1)
     parser.add_argument("--jobs", type=int, default=usual, help=f"groups at a time (default here {usual})")
+    parser.add_argument("--plain-processor", action="store_true", help="compute as a processor of another make would")
     parser.add_argument("--renew", action="store_true", help="add tests that took too long to tests/slow_tests.txt")
     options, more = parser.parse_known_args(words)
     groups = list_groups()
+    if options.plain_processor:
+        os.environ |= PLAIN_PROCESSOR
+        more = ["--threads", "2", *more]
     if options.quick:
         groups, more = deal_files(groups, options.jobs), [*QUICK, *more]
     TIMES.parent.mkdir(exist_ok=True)

@@ -29,7 +29,7 @@ def test_a_stripe_runs_the_way_it_was_drawn(angle: float) -> None:
 def test_what_changes_alike_in_all_directions_has_none() -> None:
     dots = 0.5 * (stripes(0.0) + stripes(math.pi / 2))
     assert float(directions(dots)[1][20:-20, 20:-20].mean()) < 0.3
-    assert float(directions(torch.full((3, 40, 40), 0.5))[1].max()) == 0
+    assert float(directions(torch.full((3, 40, 40), 0.5))[1].max()) < 1e-5  # sums of equal numbers differ by rounding
 
 
 def test_the_style_says_which_way_only_where_the_content_does_not() -> None:

@@ -94,9 +94,9 @@ def test_everything_is_planned_on_the_device_and_comes_back_the_same(without_com
     alike(plan, theirs[0])
     alike(bound, theirs[1])
     alike(again, theirs[2])
-    torch.testing.assert_close(theirs[3], picture_after, rtol=1e-3, atol=2e-4)  # of strokes that are alike
+    torch.testing.assert_close(theirs[3], picture_after, rtol=1e-3, atol=1e-3)  # of strokes that are alike
     assert theirs[4] == pytest.approx(loss, rel=1e-4)
-    assert theirs[5].error == pytest.approx(known.error, abs=1e-5)
+    assert theirs[5].error == pytest.approx(known.error, abs=5e-5)
 
 
 @pytest.mark.slow

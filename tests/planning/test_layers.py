@@ -75,17 +75,16 @@ def test_where_a_layer_begins_its_strokes_go_where_the_canvas_needs_them_and_lig
 
 def test_planning_again_inside_the_first_layer_keeps_both(plan: Plan) -> None:
     by, rest = planner(), plan.part(slice(10, None))
-    canvas = by.expected(plan.part(slice(0, 10)))
-    again = by.replan(rest, canvas * 0.97)
+    canvas = by.expected(plan.part(slice(0, 10))) * 0.85
+    again = by.replan(rest, canvas)
     assert again.layer_sizes == (8, 12)
     first, second = again.by_layer()
     assert int(first.paint.min()) >= int(rest.by_layer()[0].paint.min()), "no lighter than what is wet"
-    losses = [by.validation_loss(by.expected(one.by_layer()[0], canvas * 0.97)) for one in (again, rest)]
-    assert losses[0] <= losses[1]
+    assert by.cost(again, canvas) < by.cost(rest, canvas), "by 7 to 9 %"
     assert torch.equal(again.palette.color, rest.palette.color), "all of it is mixed"
     for moved, old in zip((first, second), rest.by_layer(), strict=True):
         assert not torch.equal(moved.strokes.position, old.strokes.position), "what is left of both is settled together"
-    changed = by.replan(rest, canvas * 0.97, rounds=2)
+    changed = by.replan(rest, canvas, rounds=2)
     assert changed.layer_sizes == (8, 12) and changed.by_layer()[1].digest != second.digest
 
 

@@ -165,7 +165,7 @@ def test_paints_of_later_layers_may_change_until_they_are_mixed(fresh: bool) -> 
     assert find_later_mixing(rest, True, fresh=fresh) == [fresh, True]
     assert find_later_mixing(rest, False, fresh=fresh) == [False, False]
     assert find_later_mixing(plan, True, fresh=True) == [False, True, True], "what is in the wells at first is mixed"
-    canvas = by.expected(plan.part(slice(0, len(plan) - len(rest)))) * 0.95
+    canvas = by.expected(plan.part(slice(0, len(plan) - len(rest)))) * 0.8  # the cost falls by 9 to 21 %
     again = by.replan(rest, canvas, fresh=fresh)
     begun, later = (
         torch.equal(new.palette.color, old.palette.color)

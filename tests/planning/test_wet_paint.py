@@ -198,7 +198,7 @@ def test_dry_paint_changes_nothing_and_wet_paint_less_the_later() -> None:
     soon, later, dry = (
         float(change_by_wet_paint([strokes], [on], WET, (0.0, at)).abs().sum()) for at in (1.0, 200.0, 301.0)
     )
-    assert soon > later > dry == 0
+    assert soon > later > 1e6 * dry  # measured: 40, 23, and 0 or 9e-8, by how a processor rounds
 
 
 def test_the_slopes_of_strokes_are_known() -> None:
@@ -264,9 +264,8 @@ def test_the_planner_expects_and_forecasts_wet_paint() -> None:
     facts = {"canvas": CANVAS, "brush": on.model.brush, "limits": on.limits}
     plan = Plan.of(strokes, Palette(strokes.color), torch.arange(2), **facts)
     dry, wet = planner.expected(plan), planner.expected(plan, wetness=Wetness(WET, (0.0, 5.0)))
-    assert float((wet - dry).min()) < -0.01 and torch.equal(
-        planner.expected(plan, wetness=Wetness(WET, (0.0, 400.0))), dry
-    )
+    assert float((wet - dry).min()) < -0.01
+    assert torch.allclose(planner.expected(plan, wetness=Wetness(WET, (0.0, 400.0))), dry, atol=1e-6)
     sure = planner.forecast(plan, planner.bare)
     wetter = planner.forecast(plan, planner.bare, wetness=Wetness(WET, (0.0, 5.0)))
     target = images.resize_by_area(planner.goal.terms[0].picture, *planner.bare.shape[1:])

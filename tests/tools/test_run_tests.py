@@ -79,3 +79,12 @@ def test_it():
     assert runner.main(["--jobs", "1", *alone]) == 0
     said = capfd.readouterr().out
     assert "Once more, alone:" in said and "assert seen" in said
+
+
+def test_a_plain_processor_is_asked_for_before_any_library_is_loaded(runner, tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setattr(runner.os, "environ", {})
+    monkeypatch.setattr(runner, "TIMES", tmp_path / "times")
+    asked = []
+    monkeypatch.setattr(runner, "run_groups", lambda *given: asked.append((given[1], dict(runner.os.environ))) or [])
+    assert runner.main(["--plain-processor", "-x"]) == 0
+    assert asked == [(["--threads", "2", "-x"], runner.PLAIN_PROCESSOR)]

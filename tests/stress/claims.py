@@ -1,3 +1,11 @@
+"""Claims about many paintings, which hold in the mean: one painting is luck, and each processor rounds to another one.
+
+    make stress PROGRAM=claims
+
+Each claim is a test of pytest; the words after the program's name go to pytest.
+"""
+
+import sys
 from dataclasses import replace
 from functools import cache
 
@@ -63,12 +71,17 @@ def error(seed: int, *, calibrated: bool) -> float:
     return float((truth - images.fit(target, grid.rows, grid.columns)).square().mean())
 
 
-@pytest.mark.slow
+@pytest.mark.timeout(7200)
 def test_a_painter_that_sees_true_colours_paints_nearer_to_its_goal() -> None:
-    """Measured with seeds 0 to 3: 0.95, 0.75, 0.77 and 0.75 of the error; here of the first two together.
+    """Measured with seeds 0 to 3: 0.95, 0.75, 0.77 and 0.75 of the error; with the first two on an Intel Xeon, 0.91.
 
     With the usual camera, whose bands hardly leak, both paint alike (0.93 to 1.08): the light on the
     bare canvas has told nearly all there is to know.
     """
-    calibrated, not_calibrated = (sum(error(seed, calibrated=known) for seed in (0, 1)) for known in (True, False))
-    assert calibrated < 0.9 * not_calibrated
+    calibrated, not_calibrated = ([error(seed, calibrated=known) for seed in range(5)] for known in (True, False))
+    print(*(f"{one / other:.3f}" for one, other in zip(calibrated, not_calibrated, strict=True)))
+    assert sum(calibrated) < 0.9 * sum(not_calibrated)
+
+
+if __name__ == "__main__":
+    sys.exit(pytest.main([__file__, *sys.argv[1:]]))
