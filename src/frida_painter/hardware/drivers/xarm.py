@@ -25,6 +25,7 @@ from frida_painter.hardware.robot import (
     MachineFact,
     MotionReport,
     Point,
+    StopLine,
     Waypoints,
     Workspace,
     handle_direction,
@@ -47,6 +48,7 @@ _MOVING, _STANDING, _PAUSED, _RESET, _STOPPED = 1, (0, 2), 3, 5, (4, 6)
 _AFTER_START = 0.15  # seconds after set_state within which the arm ignores moves: 0.1 (SDK issue 59)
 _AHEAD = 64  # waypoints that the arm has at most in its queue; W11 comes up at 2048, at 256 in old firmware
 _SHORT = 1e-6  # metres
+_STOP_FRAME = bytes((0, 1, 0, 2, 0, 2, 12, 4))  # number 1, UFACTORY's protocol 2, two bytes: set the state (12) to 4
 _ERRORS = {
     1: "the emergency stop at the control box was pressed",
     2: "the emergency input of the control box was triggered",
@@ -324,6 +326,13 @@ class XarmRobot:
         """Sets state 4 over the connection for stops: the arm stands and forgets its remaining motions."""
         self._interlock.stop()
         self._halt()
+
+    def stop_line(self) -> StopLine | None:
+        """Returns the connection for stops, over which another process can stop the arm too."""
+        try:
+            return StopLine(self._stopper._arm.arm_cmd.arm_port.com.fileno(), _STOP_FRAME)
+        except (AttributeError, OSError):  # not connected, or an SDK that keeps its socket elsewhere
+            return None
 
     def close(self) -> None:
         """Closes both connections."""
