@@ -3,7 +3,6 @@
 import contextlib
 import math
 import signal
-import socket
 import subprocess
 import threading
 import time
@@ -102,21 +101,25 @@ class LastStop:
 class Link:
     """Link to the easel's process: sends one request at a time.
 
+    last: stop of the robot if that process vanishes
     process: of the easel; it is ended if it neither answers nor takes a stop
+    tell: receives sentences of the easel's process for people
     patience: default seconds to wait for an answer
     most_silence: greatest time without a heartbeat during the wait, seconds
-    last: stop of the robot if that process vanishes
-    tell: receives sentences of the easel's process for people
 
     Raises RobotDisconnected if there is no answer, after sending a stop. The link is then broken for good.
     Raises the errors that the easel reports.
     """
 
     def __init__(
-        self, wire: Wire, line: socket.socket, process: subprocess.Popen[bytes], tell: Callable[[str], None]
+        self,
+        wire: Wire,
+        pulse: Pulse,
+        last: LastStop | None = None,
+        process: subprocess.Popen[bytes] | None = None,
+        tell: Callable[[str], None] = lambda remark: None,
     ) -> None:
-        self._wire, self._process, self.tell, self.last = wire, process, tell, LastStop()
-        self.pulse = Pulse(line, self.last.engage)
+        self._wire, self.pulse, self.last, self._process, self._tell = wire, pulse, last or LastStop(), process, tell
         self.patience, self.most_silence = _CALL, _MAX_SILENCE
         self._turn = threading.Lock()
         self._broken: RobotDisconnected | None = None
@@ -145,7 +148,7 @@ class Link:
                 self._broken = self._give_up(error)
                 raise self._broken from error
         for remark in answer.get("remarks", ()):
-            self.tell(str(remark))
+            self._tell(str(remark))
         if "error" in answer:
             raise decode_error(answer)
         if do in (_CLOSE, _END):
@@ -160,19 +163,23 @@ class Link:
         while not (pulse.gone.wait(0.01) or pulse.stopped or time.monotonic() > until):
             pass
         if not (pulse.gone.is_set() or pulse.stopped):  # it is frozen, or hangs as a whole
-            self._process.kill()
+            if self._process is not None:
+                self._process.kill()
             pulse.gone.wait(_WRITING)
         if pulse.gone.is_set() and not pulse.ended:
-            return self.last.explain(self._tell_end())
+            return self.last.explain(self._describe_end())
         return RobotDisconnected(
             f"The easel's process does not answer ({error}) The robot was told to stop; look at it before going on."
         )
 
-    def _tell_end(self) -> str:
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            ended = self._process.wait(_HEEDING)
-            return f"signal {-ended}" if ended < 0 else f"exit status {ended}"
-        return "nobody knows why"
+    def _describe_end(self) -> str:
+        ended = None
+        if self._process is not None:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                ended = self._process.wait(_HEEDING)
+        if ended is None:
+            return "nobody knows why"
+        return f"signal {-ended}" if ended < 0 else f"exit status {ended}"
 
     def _answer(self, within: float, *, listen: bool) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         now = began = time.monotonic()
@@ -416,7 +423,8 @@ class EaselProcess:
         launched = (launch or EaselLaunch()).take_over()
         self._process, self._complaints = launched.process, launched.complaints
         self._wire = Wire(launched.wire)
-        self._link = Link(self._wire, launched.line, self._process, tell)
+        last = LastStop()
+        self._link = Link(self._wire, Pulse(launched.line, last.engage), last, self._process, tell)
         self._opened = False
 
     def __enter__(self) -> Self:
