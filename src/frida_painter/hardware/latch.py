@@ -78,7 +78,7 @@ class Latch:
         """Stores a stop, flushed to the disk; an earlier reason stays. Raises StorageError."""
         stopped = StopRecord(self.easel, reason, time.time(), self.machines)
         if self._shared is not None and why_private(self._shared) is None:
-            path = self._shared / f"{self.path.stem}.{os.getuid()}.json"
+            path = self._shared / f"{self.path.stem}.{os.geteuid()}.json"
             with contextlib.suppress(StorageError, OSError):
                 _make_shared(self._shared)
                 if not _is_foreign(path):  # its owner could take it away again
@@ -177,7 +177,7 @@ def _state_of(path: Path) -> tuple[int, int, int, int] | None:
 
 def _is_foreign(path: Path) -> bool:
     try:
-        return path.lstat().st_uid != os.getuid()
+        return path.lstat().st_uid != os.geteuid()
     except OSError:
         return False
 
