@@ -408,7 +408,7 @@ def _say_end(line: socket.socket, robot: GuardedRobot) -> None:
 def _stop_if_unexpected(
     robot: GuardedRobot, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
 ) -> None:
-    """Stops the robot if this process ends by what is no error of a user, such as a lack of memory."""
+    """Stops the robot if this process fails by itself, for example for lack of memory."""
     if error is not None and not isinstance(error, FridaError | SystemExit):
         robot.stop(f"the easel's process failed ({one_line(error)})")
 

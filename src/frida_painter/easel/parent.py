@@ -162,12 +162,14 @@ class Link:
         until = time.monotonic() + _HEEDING
         while not (pulse.gone.wait(0.01) or pulse.stopped or time.monotonic() > until):
             pass
+        why = ""
         if not (pulse.gone.is_set() or pulse.stopped):  # it is frozen, or hangs as a whole
+            why = f"{str(error).rstrip('.')}, and it was ended"
             if self._process is not None:
                 self._process.kill()
             pulse.gone.wait(_WRITING)
         if pulse.gone.is_set() and not pulse.ended:
-            return self.last.explain(self._describe_end())
+            return self.last.explain(why or self._describe_end())
         return RobotDisconnected(
             f"The easel's process does not answer ({error}) The robot was told to stop; look at it before going on."
         )

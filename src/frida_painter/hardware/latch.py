@@ -90,7 +90,7 @@ class Latch:
     def release(self) -> None:
         """Re-arms the robot. Only a person who has looked at it may cause this call. Raises StorageError.
 
-        What is no file, such as a folder of that name, is not deleted but renamed.
+        A folder of that name is not deleted but renamed.
         """
         try:
             if self.path.is_dir() and not self.path.is_symlink():
