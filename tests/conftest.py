@@ -220,6 +220,7 @@ def _installed_once() -> Iterator[None]:
 def own_state(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
     """Stops are latched, and robots locked, for one test only and never for the person who runs it."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path_factory.getbasetemp() / "state" / uuid4().hex))
+    monkeypatch.setenv("FRIDA_PAINTER_STOPS", "")
 
 
 @pytest.fixture

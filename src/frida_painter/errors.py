@@ -79,6 +79,18 @@ class RobotDisconnected(RobotError):
     """Robot that does not answer. The program does not reconnect and continue by itself."""
 
 
+class RobotAbandoned(RobotDisconnected):
+    """Robot whose easel's process is gone, for example because the system was out of memory.
+
+    held: True if its board got a stop all the same, over the second descriptor of its line
+    latched: True if the stop is stored, so that nothing moves until a person arms the robot
+    """
+
+    def __init__(self, message: str, *, held: bool, latched: bool) -> None:
+        super().__init__(message)
+        self.held, self.latched = held, latched
+
+
 class RobotStopped(RobotError):
     """Robot that was stopped. It stays stopped until a person has looked and re-arms it.
 

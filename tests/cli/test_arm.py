@@ -1,3 +1,5 @@
+import errno
+import os
 from pathlib import Path
 
 import pytest
@@ -74,3 +76,20 @@ def test_a_damaged_latch_can_be_released_as_well(monkeypatch: pytest.MonkeyPatch
     latch = stopped("virtual studio 0")
     latch.path.write_bytes(b"\x00")
     assert arm(monkeypatch, "--yes") == 0 and latch.read() is None
+
+
+def test_a_stop_that_may_not_be_cleared_does_not_keep_others_from_being_armed(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    others, own = stopped("of another user"), stopped("of this one")
+    unlink = Path.unlink
+
+    def refuse(path: Path, missing_ok: bool = False) -> None:
+        if path == others.path:
+            raise PermissionError(errno.EPERM, os.strerror(errno.EPERM))
+        unlink(path, missing_ok)
+
+    monkeypatch.setattr(Path, "unlink", refuse)
+    assert arm(monkeypatch, "--yes") == 2
+    assert "sudo" in capsys.readouterr().err
+    assert others.read() is not None and own.read() is None

@@ -261,7 +261,7 @@ def test_the_limits_of_a_machine_come_through_the_link_as_they_are(upper: tuple[
         target=Host(guarded, GuardedCamera(PatientCamera()), AbsentOperator()).serve, args=(Wire(theirs),), daemon=True
     )
     serving.start()
-    pulse: Any = SimpleNamespace(silent=0.0, stop=lambda: None)
+    pulse: Any = SimpleNamespace(silent=0.0)
     away = RemoteRobot(Link(Wire(ours), pulse), WORKSPACE, patience=2.0, grace=5.0)
     away.connect()
     assert away.travel_limits() == robot.travel

@@ -65,7 +65,7 @@ def busy(loops: int) -> Iterator[None]:
 
 def painted(photo: Path, folder: Path, strokes: int, seconds: float) -> str:
     """Why a painting did not finish; nothing where it did."""
-    state = {**os.environ, "XDG_STATE_HOME": str(photo.parent / "state")}
+    state = {**os.environ, "XDG_STATE_HOME": str(photo.parent / "state"), "FRIDA_PAINTER_STOPS": ""}
     words = ("paint", str(photo), "--strokes", str(strokes), *_SMALL, "--out", str(folder))
     try:
         run = subprocess.run(

@@ -180,7 +180,12 @@ def command(folder: Path, *words: str, said: str = "") -> subprocess.CompletedPr
     return subprocess.run(
         [sys.executable, "-m", "frida_painter", *words],
         cwd=folder,
-        env={**os.environ, "XDG_STATE_HOME": str(folder / "state"), "XDG_DATA_HOME": str(folder / "data")},
+        env={
+            **os.environ,
+            "XDG_STATE_HOME": str(folder / "state"),
+            "XDG_DATA_HOME": str(folder / "data"),
+            "FRIDA_PAINTER_STOPS": "",
+        },
         input=said,
         capture_output=True,
         text=True,

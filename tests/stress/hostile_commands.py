@@ -265,6 +265,7 @@ def _become(place: Path, line: list[str], output: Path) -> None:
         said = os.open(output, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
         for file, target in ((nowhere, 0), (said, 1), (said, 2)):
             os.dup2(file, target)
+        os.environ["FRIDA_PAINTER_STOPS"] = ""
         os.environ["XDG_STATE_HOME"] = os.environ["XDG_DATA_HOME"] = str(place / "state")
         sys.argv = ["frida-painter", *line]
         status: Any = 1

@@ -156,7 +156,7 @@ def _begin(place: Path, *words: str) -> "subprocess.Popen[str]":
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
-        env={**os.environ, "XDG_STATE_HOME": str(place / "state")},
+        env={**os.environ, "XDG_STATE_HOME": str(place / "state"), "FRIDA_PAINTER_STOPS": ""},
     )
 
 

@@ -9,7 +9,7 @@ import typer
 
 from frida_painter.brush import FEWEST_STROKES, MAX_BETWEEN_REFILLS, MAX_STROKES
 from frida_painter.easel.kinds import state_folder
-from frida_painter.errors import ConfigError, Interrupted, RobotStopped
+from frida_painter.errors import ConfigError, Interrupted, RobotStopped, StorageError
 from frida_painter.hardware.latch import latches
 from frida_painter.options import (
     BrushOption,
@@ -182,6 +182,7 @@ def arm(
     the stop file, a painter process that does not respond, and a fault of the robot.
     """
     held = latches(state_folder())
+    refused: StorageError | None = None
     if not held:
         print("No robot is stopped.")
     for latch in held:
@@ -190,10 +191,16 @@ def arm(
             continue  # another process has released it
         print(f"{stopped}.")
         if yes or _confirm():
-            latch.release()
-            print(f"{stopped.easel} may move again.")
-        else:
-            print(f"{stopped.easel} stays stopped.")
+            try:
+                latch.release()
+            except StorageError as failure:
+                refused = failure
+            else:
+                print(f"{stopped.easel} may move again.")
+                continue
+        print(f"{stopped.easel} stays stopped.")
+    if refused is not None:
+        raise refused
 
 
 def _confirm() -> bool:

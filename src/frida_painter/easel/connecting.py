@@ -17,6 +17,7 @@ from frida_painter.errors import RobotDisconnected, RobotError, WorkspaceViolati
 from frida_painter.hardware.deadline import in_our_errors, within
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.gateway import RobotGateway
+from frida_painter.hardware.latch import shared_folder, why_private
 from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.robot import (
     Examination,
@@ -44,12 +45,18 @@ def connect_easel(easel: Easel, answer: Callable[[Question], Answer] | None, tel
     """Connects robot and camera, and returns the easel with the limits that the robot's controller told.
 
     answer: asks a person, who finds the zero again if the machine lost it; None if nobody is there
-    tell: receives a sentence about each speed of the workspace that the machine cannot do, and about each place that
-        is beyond its own limits
+    tell: receives a sentence about each speed of the workspace that the machine cannot do, about each place that is
+        beyond its own limits, and about stops that other users of this computer do not see
 
     Raises ZeroUnknown if the zero is lost and nobody finds it. Raises RobotError, CameraError and their subclasses.
     """
     robot = easel.robot
+    shared = None if easel.simulated else shared_folder()
+    if shared is not None and (why := why_private(shared)) is not None:
+        tell(
+            f"A stop holds this robot for you alone, because {why}; if others use this computer too: sudo install -d "
+            f"-m 1777 {shared}"
+        )
     robot.connect()
     if isinstance(robot, ZeroedRobot) and not (zero := robot.zero()).known:
         if answer is None:

@@ -23,22 +23,23 @@ from frida_painter.errors import (
     RobotDisconnected,
     RobotError,
     RobotStopped,
-    StorageError,
     WorkspaceViolation,
     ZeroUnknown,
 )
 from frida_painter.hardware import gateway
-from frida_painter.hardware.deadline import Caller, in_our_errors, steady
+from frida_painter.hardware.deadline import Caller, in_our_errors, one_line, steady
 from frida_painter.hardware.latch import Latch, StopRecord, Unlatched
 from frida_painter.hardware.robot import (
     Camera,
     Frame,
     LimitedRobot,
+    LineStoppedRobot,
     LiveCamera,
     MotionReport,
     PausableRobot,
     Robot,
     Sense,
+    StopLine,
     TimedRobot,
     TouchProbe,
     Waypoints,
@@ -327,6 +328,10 @@ class GuardedRobot:
             self._latching.start()
         sending.join(_SENDING)
 
+    def stop_line(self) -> StopLine | None:
+        """Returns the line over which another process can stop the robot; None if it has none or is closed."""
+        return self.robot.stop_line() if isinstance(self.robot, LineStoppedRobot) else None
+
     def close(self) -> None:
         """Disconnects from the robot, and waits until a stop is stored."""
         if self._latching is not None:
@@ -340,8 +345,11 @@ class GuardedRobot:
             self.robot.stop()
 
     def _latch(self, reason: str) -> None:
-        with contextlib.suppress(StorageError):  # it holds in this process at least
+        try:
             self._stop = self.latch.engage(reason)
+        except Exception as failure:  # whatever it is, a person must know that the stop ends with this process
+            unkept = f"{reason.rstrip('.')}; it could not be stored, and holds only until this program ends"
+            self._stop = StopRecord(self.latch.easel, f"{unkept} ({one_line(failure)})", time.time())
 
     def _lift_first(self) -> None:
         """Raises a low brush vertically, once after connection: it may stand on the canvas or in a well."""

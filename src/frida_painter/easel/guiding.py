@@ -15,7 +15,7 @@ from frida_painter.easel.kinds import state_folder
 from frida_painter.easel.open import lock_path, machines, make_robot
 from frida_painter.easel.order import EaselOrder
 from frida_painter.errors import ConfigError, RobotStopped
-from frida_painter.hardware.latch import HOW_TO_ARM, Latch, latch_path
+from frida_painter.hardware.latch import HOW_TO_ARM, latch_of
 from frida_painter.hardware.robot import GuidedRobot
 from frida_painter.hardware.workcell import WorkcellConfig
 
@@ -50,7 +50,7 @@ def guide_arm(
     with ExitStack() as stack:
         for identity in sorted(known):
             stack.callback(RobotLock(lock_path(order.state, identity), identity).release)
-        latch = Latch(latch_path(order.state, workcell.easel), workcell.easel, known)
+        latch = latch_of(order.state, workcell.easel, known)
         if (stopped := latch.read()) is not None:
             raise RobotStopped(f"{stopped}. It is not released before somebody has looked: {HOW_TO_ARM}")
         latch.engage("it was released to be guided by hand")

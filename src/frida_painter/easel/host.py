@@ -10,12 +10,13 @@ import signal
 import socket
 import sys
 import threading
-from collections.abc import Mapping
+from collections import deque
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from types import FrameType
+from types import FrameType, TracebackType
 from typing import Any, NoReturn
 
 import cv2
@@ -33,11 +34,12 @@ from frida_painter.easel.guard import GuardedCamera, GuardedRobot
 from frida_painter.easel.kinds import LIVE_PICTURE, STOP_FILE
 from frida_painter.easel.open import is_simulated, load_easel, lock_path, machines, open_easel
 from frida_painter.easel.order import EaselOrder
-from frida_painter.easel.watchdog import MACHINE, SIMULATED, CpuActivity, StopFile, Watch
+from frida_painter.easel.watchdog import ENDED, MACHINE, SIMULATED, STOP, CpuActivity, StopFile, Watch
 from frida_painter.easel.wire import Wire
 from frida_painter.errors import FridaError, MotionFailed, RobotBusy, RobotDisconnected, RobotError, RobotStopped
+from frida_painter.hardware.deadline import one_line
 from frida_painter.hardware.easel import Easel, Operator, PersonBrush, PersonCanvas, PersonStroke
-from frida_painter.hardware.latch import HOW_TO_ARM, Latch, Unlatched, latch_path
+from frida_painter.hardware.latch import HOW_TO_ARM, Unlatched, latch_of
 from frida_painter.hardware.robot import (
     Camera,
     LimitedRobot,
@@ -114,12 +116,14 @@ class Host:
     """Server of an easel over a wire, with guarded robot and camera.
 
     reach: of the robot's arm, None if it is not asked for
+    remarks: sentences for people, which go with the next answer
     """
 
     robot: Robot
     camera: Camera
     operator: Operator
     reach: Reach | None = None
+    remarks: deque[str] = field(default_factory=deque)
 
     def serve(self, wire: Wire) -> bool:
         """Answers requests until the painting process asks for the end. That request is left for the caller to answer.
@@ -131,7 +135,9 @@ class Host:
                 words, arrays = wire.receive()
                 if words.get("do") == "end":
                     return True
-                wire.send(*self._answer(words, arrays))
+                answer, result = self._answer(words, arrays)
+                told = [self.remarks.popleft() for _ in range(len(self.remarks))]
+                wire.send({**answer, "remarks": told} if told else answer, result)
         except RobotDisconnected:
             return False
 
@@ -140,8 +146,8 @@ class Host:
             return self._do(words, arrays)
         except FridaError as error:
             return encode_error(error), {}
-        except (KeyError, TypeError, ValueError, IndexError) as error:
-            return encode_error(RobotError(f"The easel's process could not read {words.get('do')!r} ({error!r}).")), {}
+        except Exception as error:  # also of our own code: the painting process must hear of it
+            return encode_error(RobotError(f"The easel's process could not do {words.get('do')!r} ({error!r}).")), {}
 
     def _do(self, words: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Answer:
         robot, camera, operator = self.robot, self.camera, self.operator
@@ -210,7 +216,8 @@ class Host:
     def _told(self) -> dict[str, Any]:
         """Returns what a connected robot's controller told, as plain values."""
         timing = self.robot.timing() if isinstance(self.robot, TimedRobot) else None
-        return {"timing": TypeAdapter(AxisTiming | None).dump_python(timing, mode="json")}
+        machines = sorted(self.robot.latch.machines) if isinstance(self.robot, GuardedRobot) else []
+        return {"timing": TypeAdapter(AxisTiming | None).dump_python(timing, mode="json"), "machines": machines}
 
 
 def _zero(robot: Robot) -> dict[str, Any]:
@@ -219,7 +226,7 @@ def _zero(robot: Robot) -> dict[str, Any]:
 
 
 def encode_error(error: FridaError) -> dict[str, Any]:
-    """Returns an error as plain values for the other end, which converts it back with `heard`."""
+    """Returns an error as plain values for the other end, which converts it back with `decode_error`."""
     details: dict[str, Any] = {}
     if isinstance(error, RobotBusy):
         details = {"pid": error.pid}
@@ -270,7 +277,7 @@ class LivePicture:
                 picture = self._camera.glance()
                 if picture is not None:
                     storage.write_bytes(self._path, encode_jpeg(picture))
-            except FridaError:
+            except Exception:  # whatever it is, the next picture may succeed
                 continue
         self._path.unlink(missing_ok=True)  # a picture that came late
 
@@ -345,7 +352,7 @@ def _serve(order: EaselOrder, wire: Wire, line: socket.socket) -> bool:
         stack.callback(opened.close)
         easel = opened.easel
         simulated, known_as = is_simulated(order), easel.calibration.easel
-        latch = Unlatched(known_as) if simulated else Latch(latch_path(order.state, known_as), known_as, known)
+        latch = Unlatched(known_as) if simulated else latch_of(order.state, known_as, known)
         given = _SLOW if simulated else _REAL
         robot = GuardedRobot(
             easel.robot,
@@ -359,7 +366,9 @@ def _serve(order: EaselOrder, wire: Wire, line: socket.socket) -> bool:
         if robot.stopped is not None:
             raise RobotStopped(f"{robot.stopped}. Nothing moves until somebody has looked: {HOW_TO_ARM}")
         camera = GuardedCamera(easel.camera, patience=given.photograph)
+        stack.callback(_say_end, line, robot)
         stack.callback(robot.close)
+        stack.push(partial(_stop_if_unexpected, robot))
         stack.callback(camera.close)
 
         def end(number: int, frame: FrameType | None) -> NoReturn:
@@ -367,20 +376,41 @@ def _serve(order: EaselOrder, wire: Wire, line: socket.socket) -> bool:
             sys.exit(128 + number)
 
         signal.signal(signal.SIGTERM, end)
+        host = Host(robot, camera, easel.operator, easel.reach)
+        looked: Callable[[], int] | None = None
         if order.folder is not None:
-            stack.callback(StopFile(order.folder / STOP_FILE, partial(robot.stop, asked=True)).dismiss)
+            file = StopFile(order.folder / STOP_FILE, partial(robot.stop, asked=True), host.remarks.append)
+            stack.callback(file.dismiss)
+            looked = lambda: file.looks  # noqa: E731
             stack.callback(LivePicture(camera, order.folder / LIVE_PICTURE).dismiss)
-        limits = SIMULATED if simulated else MACHINE
-        stopped = partial(_is_stopped, robot)
-        painter = CpuActivity(os.getppid())
-        stack.callback(Watch(line, robot.stop, lambda: robot.moving, painter, limits, stopped=stopped).dismiss)
+        watch = Watch(
+            line,
+            robot.stop,
+            lambda: robot.moving,
+            CpuActivity(os.getppid()),
+            SIMULATED if simulated else MACHINE,
+            stopped=lambda: robot.stopped is not None,
+            stop_line=robot.stop_line,
+            looked=looked,
+        )
+        stack.callback(watch.dismiss)
         limits_told = {"patience": given.patience, "grace": given.grace, "answer": given.answer}
-        wire.send({**_about(easel), "simulated": simulated, **limits_told})
-        return Host(robot, camera, easel.operator, easel.reach).serve(wire)
+        wire.send({**_about(easel), "machines": sorted(known), "simulated": simulated, **limits_told})
+        return host.serve(wire)
 
 
-def _is_stopped(robot: GuardedRobot) -> bool:
-    return robot.stopped is not None
+def _say_end(line: socket.socket, robot: GuardedRobot) -> None:
+    """Tells the painting process that the robot is closed, and if it is stopped."""
+    with contextlib.suppress(OSError):
+        line.send((STOP if robot.stopped is not None else b"") + ENDED)
+
+
+def _stop_if_unexpected(
+    robot: GuardedRobot, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+) -> None:
+    """Stops the robot if this process fails by itself, for example for lack of memory."""
+    if error is not None and not isinstance(error, FridaError | SystemExit):
+        robot.stop(f"the easel's process failed ({one_line(error)})")
 
 
 def _about(easel: Easel) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import signal
 import subprocess
 import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from types import TracebackType
 from typing import Any, Self
@@ -18,13 +18,23 @@ from pydantic import TypeAdapter
 from frida_painter import errors
 from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import CanvasSize
+from frida_painter.easel.kinds import easel_kind
 from frida_painter.easel.launch import EaselLaunch
 from frida_painter.easel.open import is_simulated
 from frida_painter.easel.order import EaselOrder
 from frida_painter.easel.watchdog import Pulse
 from frida_painter.easel.wire import Arrays, Wire
-from frida_painter.errors import FridaError, MotionFailed, RobotBusy, RobotDisconnected, RobotError, RobotStopped
+from frida_painter.errors import (
+    FridaError,
+    MotionFailed,
+    RobotAbandoned,
+    RobotBusy,
+    RobotDisconnected,
+    RobotError,
+    RobotStopped,
+)
 from frida_painter.hardware.easel import Easel, PersonBrush, PersonStroke
+from frida_painter.hardware.latch import Latch, Unlatched, latch_of
 from frida_painter.hardware.robot import Frame, MotionReport, Sense, Waypoints, Workspace, Zero
 from frida_painter.hardware.timing import AxisTiming, Timing
 from frida_painter.hardware.travel import TravelLimits
@@ -40,12 +50,60 @@ _HOMING = 300.0
 # Seconds without a heartbeat after which the process counts as hung or frozen.
 _MAX_SILENCE = 10.0
 _LOOK_EVERY = 0.25
+_HEEDING, _WRITING = 1.0, 10.0  # within which a process that lives takes a stop, and a disk stores one
+_CONNECT, _CLOSE = "robot.connect", "robot.close"
 _END = "end"  # the process sends no heartbeats while it closes everything
+
+
+class LastStop:
+    """The stop of a robot whose easel's process vanished: it is stored by the process that is left.
+
+    latch: of the robot; None until the easel is open
+    connected: True from the request to connect until the robot is closed; otherwise it cannot move
+    held: True if the machine itself got a stop
+    """
+
+    def __init__(self) -> None:
+        self.latch: Latch | Unlatched | None = None
+        self.connected = self.held = False
+        self._unkept: FridaError | None = None
+
+    def engage(self, held: bool) -> None:
+        """Stores the stop, if the robot was connected."""
+        self.held = held
+        if self.connected and self.latch is not None:
+            try:
+                self.latch.engage("its process was killed or crashed, perhaps in the middle of a motion")
+            except FridaError as failure:
+                self._unkept = failure
+
+    def explain(self, why: str) -> RobotDisconnected:
+        """Returns the error for people, after `engage`. why: how the process ended, in words."""
+        told = f"The easel's process is gone ({why}). "
+        if not self.connected or self.latch is None:
+            return RobotAbandoned(f"{told}The robot was not connected, and did not move.", held=False, latched=False)
+        if isinstance(self.latch, Unlatched):
+            return RobotAbandoned(
+                f"{told}The robot was a simulated one; resume the painting.", held=False, latched=False
+            )
+        told += (
+            "This process told the machine to hold over the same line. "
+            if self.held
+            else "Nobody could tell the robot to stop: what its board had received is finished. "
+        )
+        if self._unkept is not None:
+            told += f"The stop could not be stored ({self._unkept}) Start nothing before somebody has looked at it."
+        else:
+            told += f"It is stopped for this program until you arm it: {self.latch.remedy}"
+        return RobotAbandoned(told, held=self.held, latched=self._unkept is None)
 
 
 class Link:
     """Link to the easel's process: sends one request at a time.
 
+    last: stop of the robot if that process vanishes
+    process: of the easel; it is ended if it neither answers nor takes a stop
+    tell: receives sentences of the easel's process for people
     patience: default seconds to wait for an answer
     most_silence: greatest time without a heartbeat during the wait, seconds
 
@@ -53,8 +111,15 @@ class Link:
     Raises the errors that the easel reports.
     """
 
-    def __init__(self, wire: Wire, pulse: Pulse) -> None:
-        self._wire, self._pulse = wire, pulse
+    def __init__(
+        self,
+        wire: Wire,
+        pulse: Pulse,
+        last: LastStop | None = None,
+        process: subprocess.Popen[bytes] | None = None,
+        tell: Callable[[str], None] = lambda remark: None,
+    ) -> None:
+        self._wire, self.pulse, self.last, self._process, self._tell = wire, pulse, last or LastStop(), process, tell
         self.patience, self.most_silence = _CALL, _MAX_SILENCE
         self._turn = threading.Lock()
         self._broken: RobotDisconnected | None = None
@@ -73,33 +138,63 @@ class Link:
         """
         with self._turn:
             if self._broken is not None:
-                raise RobotDisconnected(str(self._broken))
+                raise self._broken.with_traceback(None)
+            if do == _CONNECT:
+                self.last.connected = True
             try:
                 self._wire.send({"do": do, **words}, arrays)
                 answer, result = self._answer(self.patience if within is None else within, listen=do != _END)
             except RobotDisconnected as error:
-                self._pulse.stop()
-                self._broken = RobotDisconnected(
-                    f"The easel's process does not answer ({error}) The robot was told to stop; look at it before "
-                    "going on."
-                )
+                self._broken = self._give_up(error)
                 raise self._broken from error
+        for remark in answer.get("remarks", ()):
+            self._tell(str(remark))
         if "error" in answer:
             raise decode_error(answer)
+        if do in (_CLOSE, _END):
+            self.last.connected = False
         return answer, result
+
+    def _give_up(self, error: RobotDisconnected) -> RobotDisconnected:
+        """Stops the robot by all means that are left, and returns the error for people."""
+        pulse = self.pulse
+        pulse.stop()
+        until = time.monotonic() + _HEEDING
+        while not (pulse.gone.wait(0.01) or pulse.stopped or time.monotonic() > until):
+            pass
+        why = ""
+        if not (pulse.gone.is_set() or pulse.stopped):  # it is frozen, or hangs as a whole
+            why = f"{str(error).rstrip('.')}, and it was ended"
+            if self._process is not None:
+                self._process.kill()
+            pulse.gone.wait(_WRITING)
+        if pulse.gone.is_set() and not pulse.ended:
+            return self.last.explain(why or self._describe_end())
+        return RobotDisconnected(
+            f"The easel's process does not answer ({error}) The robot was told to stop; look at it before going on."
+        )
+
+    def _describe_end(self) -> str:
+        ended = None
+        if self._process is not None:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                ended = self._process.wait(_HEEDING)
+        if ended is None:
+            return "nobody knows why"
+        return f"signal {-ended}" if ended < 0 else f"exit status {ended}"
 
     def _answer(self, within: float, *, listen: bool) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         now = began = time.monotonic()
         while now < began + within and not self._wire.waits(min(_LOOK_EVERY, began + within - now)):
             now = time.monotonic()
-            silent = min(self._pulse.silent, now - began)
+            silent = min(self.pulse.silent, now - began)
             if listen and silent > self.most_silence:
                 raise RobotDisconnected(f"Nothing has been heard from it for {silent:.0f} s.")
         return self._wire.receive(max(began + within - time.monotonic(), 0.0))
 
     def stop(self) -> None:
         """Stops the robot at once, also during a request."""
-        self._pulse.stop()
+        self.pulse.stop()
 
     def end(self, *, ask: bool = True) -> None:
         """Disconnects from the easel's process.
@@ -113,7 +208,7 @@ class Link:
                 self.ask(_END)
         finally:
             self._wire.close()
-            self._pulse.end()
+            self.pulse.end()
 
 
 class RemoteRobot:
@@ -131,7 +226,9 @@ class RemoteRobot:
 
     def connect(self) -> None:
         """Connects to the robot. Raises RobotError and its subclasses."""
-        told, _ = self._link.ask("robot.connect")
+        told, _ = self._link.ask(_CONNECT)
+        if self._link.last.latch is not None:
+            self._link.last.latch.machines = frozenset(told["machines"])
         self._timing = TypeAdapter(AxisTiming | None).validate_python(told.get("timing"))
         self._held = 0.0 if self._timing is None else _HELD
 
@@ -203,7 +300,7 @@ class RemoteRobot:
 
     def close(self) -> None:
         """Disconnects from the robot. Raises RobotError and its subclasses."""
-        self._link.ask("robot.close")
+        self._link.ask(_CLOSE)
 
     def _seconds(self, path: NDArray[np.float64], speed: float) -> float:
         """Returns the duration of a way, at most, from any place of the workspace."""
@@ -318,16 +415,18 @@ class EaselProcess:
     """Process of an easel, which loads in the background; `open` returns the easel. Used in a `with` block.
 
     launch: process that was started before, to be taken over
+    tell: receives sentences for people, such as that the stop file could not be looked for
 
     The end of the block disconnects the robot and ends the process, also after an exception. A process that does
     not end is killed.
     """
 
-    def __init__(self, launch: EaselLaunch | None = None) -> None:
+    def __init__(self, launch: EaselLaunch | None = None, tell: Callable[[str], None] = lambda remark: None) -> None:
         launched = (launch or EaselLaunch()).take_over()
         self._process, self._complaints = launched.process, launched.complaints
-        self._wire, self._pulse = Wire(launched.wire), Pulse(launched.line)
-        self._link = Link(self._wire, self._pulse)
+        self._wire = Wire(launched.wire)
+        last = LastStop()
+        self._link = Link(self._wire, Pulse(launched.line, last.engage), last, self._process, tell)
         self._opened = False
 
     def __enter__(self) -> Self:
@@ -364,12 +463,16 @@ class EaselProcess:
         self._link.patience = about["answer"]
         if is_simulated(order):  # a slow computer is not a fault
             self._link.most_silence = math.inf
-        return _easel(about, self._link)
+        easel = _easel(about, self._link)
+        kind, known_as = easel_kind(order.robot), easel.calibration.easel
+        alive = kind is not None and (kind.simulated or kind.person)  # nothing of it moves by itself
+        self._link.last.latch = Unlatched(known_as) if alive else latch_of(order.state, known_as, about["machines"])
+        return easel
 
     @property
     def stopped(self) -> bool:
         """True if the robot was stopped for any reason: later motions are not painted."""
-        return self._pulse.stopped
+        return self._link.pulse.stopped
 
     @contextmanager
     def hearing_signals(self) -> Iterator[None]:
@@ -377,7 +480,7 @@ class EaselProcess:
 
         Works only for signals with a handler, and in the main thread.
         """
-        before = signal.set_wakeup_fd(self._pulse.file, warn_on_full_buffer=False)
+        before = signal.set_wakeup_fd(self._link.pulse.file, warn_on_full_buffer=False)
         try:
             yield
         finally:

@@ -16,7 +16,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from frida_painter.hardware.deadline import asleep, steady
+from frida_painter.hardware.deadline import asleep, one_line, steady
+from frida_painter.hardware.robot import StopLine
 
 # The silence rule, without clocks or processes: when to stop a robot because its painting process is silent.
 # A silent process may be dead or only slow. Therefore the rule ignores time in which the process could not send:
@@ -24,6 +25,7 @@ from frida_painter.hardware.deadline import asleep, steady
 # any case.
 
 LOOK_EVERY = 0.02
+_WRITING = 0.5
 _USUAL = 0.1  # seconds between two looks that need no explanation
 
 
@@ -37,6 +39,7 @@ class Patience:
     standstill: pause of the watch itself, during a motion
     nap: sleep of the computer
     orphaned: silence during a motion after the painting process is gone
+    blind: time during a motion in which nobody could look for the stop file
     """
 
     silence: float = 2.5
@@ -45,12 +48,15 @@ class Patience:
     standstill: float = 3.0
     nap: float = 1.0
     orphaned: float = 2.5
+    blind: float = 2.0
 
 
 # A robot stops within 3 s of silence; half a second of that is for the stop itself.
 MACHINE = Patience()
 # A simulated robot hurts nobody: its painting process may be silent for as long as it exists.
-SIMULATED = Patience(silence=math.inf, starved_moving=math.inf, absence=math.inf, standstill=math.inf, nap=math.inf)
+SIMULATED = Patience(
+    silence=math.inf, starved_moving=math.inf, absence=math.inf, standstill=math.inf, nap=math.inf, blind=math.inf
+)
 
 
 @dataclass(frozen=True)
@@ -143,8 +149,11 @@ class _Span:
 
 
 # Bytes on the line: a heartbeat, a stop, or the number of a signal. The system's own handler writes the latter
-# (signal.set_wakeup_fd), even while the painting process is busy.
+# (signal.set_wakeup_fd), even while the painting process is busy. The other way go heartbeats, the news that the robot
+# is stopped, and two messages more: LINE with a number and that many bytes, which stop the machine on the descriptor
+# that comes with them (none if the line is closed), and ENDED as the last one of a process that has closed everything.
 BEAT, STOP = b"\x00", b"\xff"
+LINE, ENDED = b"\x01", b"\x02"
 BEAT_EVERY = 0.25
 
 
@@ -168,6 +177,8 @@ class Watch:
     process: painting process, for its use of processors
     patience: limits of the silence rule
     stopped: returns True if the robot is stopped for any reason; the heartbeats tell it to the painting process
+    stop_line: returns the line over which the painting process can stop the machine if this one is gone
+    looked: returns how often somebody has looked for the stop file
 
     Sleep of the computer stops the robot too. After the painting process has closed its line, only a motion in
     progress can go on.
@@ -182,8 +193,12 @@ class Watch:
         patience: Patience = MACHINE,
         *,
         stopped: Callable[[], bool] = lambda: False,
+        stop_line: Callable[[], StopLine | None] = lambda: None,
+        looked: Callable[[], int] | None = None,
     ) -> None:
-        self._stopped = stopped
+        self._stopped, self._stop_line, self._looked = stopped, stop_line, looked
+        self._lent: StopLine | None = None
+        self._looks, self._blind, self._at, self._most_blind = -1, 0.0, steady(), patience.blind
         self._line, self._stop, self._moving, self._process = line, stop, moving, process
         self._nap = patience.nap
         self._rule = SilenceRule(steady(), patience)
@@ -202,20 +217,51 @@ class Watch:
 
     def _keep(self) -> None:
         while not self._dismissed.is_set():
-            if self._open:
-                select.select([self._line], [], [], LOOK_EVERY)
-            else:
+            try:
+                self._glance()
+            except Exception as failure:  # whatever it is: nobody watches then, and that must not be silent
+                self._stop(f"the watch on the painting process failed ({one_line(failure)})")
                 self._dismissed.wait(LOOK_EVERY)
-            now = steady()
-            # Before reading: bytes from before the computer's sleep say nothing about now.
-            slept, self._asleep = asleep() - self._asleep, asleep()
-            if slept > self._nap:
-                self._stop(f"the computer slept for {slept:.0f} s")
-            if self._open:
-                self._beat(now)
-                self._read(now)
-            if reason := self._rule.judge(self._look(now)):
-                self._stop(reason)
+
+    def _glance(self) -> None:
+        if self._open:
+            select.select([self._line], [], [], LOOK_EVERY)
+        else:
+            self._dismissed.wait(LOOK_EVERY)
+        now = steady()
+        # Before reading: bytes from before the computer's sleep say nothing about now.
+        slept, self._asleep = asleep() - self._asleep, asleep()
+        if slept > self._nap:
+            self._stop(f"the computer slept for {slept:.0f} s")
+        if self._open:
+            self._lend()
+            self._beat(now)
+            self._read(now)
+        look = self._look(now)
+        if reason := self._rule.judge(look) or self._judge_sight(look):
+            self._stop(reason)
+
+    def _judge_sight(self, look: LinkState) -> str | None:
+        """Returns the reason to stop a robot that moves while nobody can look for the stop file. Told once."""
+        looks = self._looks if self._looked is None else self._looked()
+        # Time in which this thread did not run either says nothing about the other.
+        passed, self._at = min(look.at - self._at, _USUAL), look.at
+        seen, self._looks = looks != self._looks or self._looked is None, looks
+        self._blind = 0.0 if seen else self._blind + passed
+        if not look.moving or not self._blind > self._most_blind:
+            return None
+        self._blind = 0.0
+        return f"nobody could look for the stop file for {self._most_blind:g} s, because its folder cannot be read"
+
+    def _lend(self) -> None:
+        """Sends the machine's line to the painting process, whenever it changes."""
+        line = self._stop_line()
+        if line == self._lent:
+            return
+        content, files = (b"", []) if line is None else (line.content, [line.file])
+        with contextlib.suppress(OSError):  # closed in this moment, or nobody reads: tried again at the next look
+            socket.send_fds(self._line, [LINE + bytes([len(content)]) + content], files)
+            self._lent = line
 
     def _beat(self, now: float) -> None:
         if now - self._beaten >= BEAT_EVERY:
@@ -252,10 +298,18 @@ class Watch:
 
 
 class StopFile:
-    """Watch on a stop file: stops the robot when the file appears and deletes the file, until `dismiss`."""
+    """Watch on a stop file: stops the robot when the file appears and deletes the file, until `dismiss`.
 
-    def __init__(self, path: Path, stop: Callable[[str], None]) -> None:
-        self._path, self._stop = path, stop
+    A look that fails, for example because a network folder is away for a moment, is told once and tried again.
+
+    looks: number of looks that did not fail; a look may also hang, so somebody else must count (Watch)
+    """
+
+    def __init__(
+        self, path: Path, stop: Callable[[str], None], tell: Callable[[str], None] = lambda remark: None
+    ) -> None:
+        self._path, self._stop, self._tell = path, stop, tell
+        self.looks = 0
         self._dismissed = threading.Event()
         threading.Thread(target=self._keep, name="stop file", daemon=True).start()
 
@@ -264,8 +318,18 @@ class StopFile:
         self._dismissed.set()
 
     def _keep(self) -> None:
+        failed = False
         while not self._dismissed.wait(LOOK_EVERY):
-            if self._path.exists():
+            try:
+                there = self._path.exists()
+            except Exception as failure:  # whatever it is, the next look may succeed
+                if not failed:
+                    self._tell(f"A look for the stop file failed ({one_line(failure)}); it is tried again and again.")
+                failed = True
+                continue
+            failed = False
+            self.looks += 1
+            if there:
                 self._stop(f"the stop file {self._path.name} appeared")
                 # A file that cannot be deleted also stops the next painting in this folder.
                 with contextlib.suppress(OSError):
@@ -274,14 +338,25 @@ class StopFile:
 
 
 class Pulse:
-    """Painting process's end of the line: exchanges heartbeats in a separate thread, and sends stops."""
+    """Painting process's end of the line: exchanges heartbeats in a separate thread, and sends stops.
 
-    def __init__(self, line: socket.socket) -> None:
-        self._line = line
+    vanished: called in that thread if the easel's process is gone without a last word; it gets True if its machine got
+        a stop over its own line
+
+    gone: set when the other end is closed, after `vanished`
+    ended: True if the other process had closed everything before
+    """
+
+    def __init__(self, line: socket.socket, vanished: Callable[[bool], None] = lambda held: None) -> None:
+        self._line, self._vanished = line, vanished
         self._line.setblocking(False)
-        self._silent, self._stopped = 0.0, False
-        self._ended = threading.Event()
-        threading.Thread(target=self._beat, name="heartbeat", daemon=True).start()
+        self._silent, self._stopped, self.ended = 0.0, False, False
+        self.gone = threading.Event()
+        self._over = threading.Event()
+        self._rest, self._files = b"", list[int]()
+        self._lent: StopLine | None = None
+        self._thread = threading.Thread(target=self._keep, name="heartbeat", daemon=True)
+        self._thread.start()
 
     @property
     def file(self) -> int:
@@ -295,8 +370,8 @@ class Pulse:
 
     @property
     def stopped(self) -> bool:
-        """True if the watch reported that the robot was stopped for any reason; stays True."""
-        return self._stopped
+        """True if the watch reported that the robot was stopped for any reason, or its process vanished; stays True."""
+        return self._stopped or (self.gone.is_set() and not self.ended)
 
     def stop(self) -> None:
         """Makes the watch stop the robot at once."""
@@ -304,30 +379,90 @@ class Pulse:
 
     def end(self) -> None:
         """Closes the line."""
-        self._ended.set()
+        self._over.set()
+        with contextlib.suppress(OSError):
+            self._line.shutdown(socket.SHUT_RDWR)  # wakes the thread
+        self._thread.join(2 * BEAT_EVERY)
         self._line.close()
+        self._give_back()
 
-    def _beat(self) -> None:
-        self._send(BEAT)
-        looked = steady()
-        while not self._ended.wait(BEAT_EVERY):
-            self._send(BEAT)
+    def _keep(self) -> None:
+        looked, sent = steady(), -math.inf
+        while not self._over.is_set():
+            if steady() - sent >= BEAT_EVERY:
+                self._send(BEAT)
+                sent = steady()
+            heard = self._hear()
             now = steady()
-            self._silent = 0.0 if self._hears_something() else self._silent + min(now - looked, 2 * BEAT_EVERY)
+            self._silent = 0.0 if heard else self._silent + min(now - looked, 2 * BEAT_EVERY)
             looked = now
+            if self.gone.is_set():
+                return
 
-    def _hears_something(self) -> bool:
-        """Returns True if anything came since the last call."""
+    def _hear(self) -> bool:
+        """Waits for a moment; returns True if anything came."""
         try:
-            content = self._line.recv(4096)
-        except OSError:
+            if not select.select([self._line], [], [], BEAT_EVERY)[0]:
+                return False
+            content, files, *_ = socket.recv_fds(self._line, 4096, 8)
+        except BlockingIOError:
             return False
-        self._stopped = self._stopped or STOP in content
+        except (OSError, ValueError):  # the other end died with bytes unread, or this one was closed
+            content, files = b"", []
+        for file in files:
+            os.set_inheritable(file, False)
+        self._files += files
+        if content:
+            self._take(self._rest + content)
+        elif not self._over.is_set():
+            self._lose()
         return bool(content)
+
+    def _take(self, content: bytes) -> None:
+        while content:
+            kind = content[:1]
+            if kind == LINE:
+                end = 2 + content[1] if len(content) > 1 else 2
+                if len(content) < end:
+                    break
+                self._give_back()
+                self._lent = StopLine(self._files.pop(0), content[2:end]) if end > 2 and self._files else None
+                content = content[end:]
+                continue
+            self._stopped = self._stopped or kind == STOP
+            self.ended = self.ended or kind == ENDED
+            content = content[1:]
+        self._rest = content
+
+    def _lose(self) -> None:
+        """Stops the machine of a process that vanished, as far as its line is known, and tells it."""
+        if not self.ended:
+            self._vanished(self._lent is not None and _write_whole(self._lent))
+        self.gone.set()
+
+    def _give_back(self) -> None:
+        lent, self._lent = self._lent, None
+        if lent is not None:
+            with contextlib.suppress(OSError):
+                os.close(lent.file)
 
     def _send(self, byte: bytes) -> None:
         with contextlib.suppress(OSError):  # nobody listens any more, or the line is full of heartbeats
             self._line.send(byte)
+
+
+def _write_whole(line: StopLine) -> bool:
+    """Writes the bytes that stop a machine to its line; returns True if the system took them all in time."""
+    content, until = line.content, steady() + _WRITING
+    try:
+        os.set_blocking(line.file, False)
+        while content and steady() < until:
+            select.select([], [line.file], [], LOOK_EVERY)
+            with contextlib.suppress(BlockingIOError):
+                content = content[os.write(line.file, content) :]
+    except OSError:
+        return False
+    return not content
 
 
 # Activity of a process: computing, idle or waiting for a processor, from the system's counters of its threads.

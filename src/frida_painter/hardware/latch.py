@@ -1,21 +1,33 @@
 """The latch: a stopped robot stays stopped, also after a restart, until a person re-arms it.
 
+Stops are stored in a folder that all users of the computer share, if it can be written; otherwise in the user's own.
+Both are read: a stop counts whoever stored it.
+
 A simulated robot hurts nobody. It stands still until its process ends, and its stop is not stored (Unlatched).
 """
 
+import contextlib
+import os
 import re
+import stat
+import sys
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 
+from platformdirs import site_data_path
+
 from frida_painter import storage
 from frida_painter.errors import StorageError
 
 HOW_TO_ARM = "look at it, free what has to be freed, then re-arm it: frida-painter arm"
+SHARED = "FRIDA_PAINTER_STOPS"
+"""Environment variable with another folder in place of the computer's own; empty for none."""
 _FORMAT = "frida-painter stop"
 _VERSION = 1
+_LONGEST = 500
 
 
 @dataclass(frozen=True)
@@ -41,7 +53,9 @@ class StopRecord:
 class Latch:
     """Latch of one easel, kept in a file that only `release` deletes.
 
+    path: of the file in the user's own folder, or of a stop that was found
     machines: identities of the robot; a stop holds it under every name of easel and robot
+    shared: folder in which a stop is stored if it can be written; None for `path` alone
 
     An unreadable file counts as a stop of any robot: a person has to look at the cause.
     """
@@ -49,36 +63,57 @@ class Latch:
     remedy = HOW_TO_ARM
     """Task for a person before the robot moves again."""
 
-    def __init__(self, path: Path, easel: str, machines: Iterable[str] = ()) -> None:
-        self.path, self.easel, self.machines = path, easel, frozenset(machines)
+    def __init__(self, path: Path, easel: str, machines: Iterable[str] = (), shared: Path | None = None) -> None:
+        self.path, self.easel, self.machines, self._shared = path, easel, frozenset(machines), shared
 
     def read(self) -> StopRecord | None:
         """Returns the stop that holds; None if the robot may move."""
         own = _read(self.path, self.easel)
         if own is not None or not self.machines:
             return own
-        others = [_read(path, path.stem) for path in storage.list_files(self.path.parent, "*.json")]
-        return next((stop for stop in others if stop and (stop.damaged or stop.machines & self.machines)), None)
+        others = (_read(path, path.stem) for path in _list(self.path.parent, self._shared))
+        return next(filter(self._concerns, others), None)
 
     def engage(self, reason: str) -> StopRecord:
         """Stores a stop, flushed to the disk; an earlier reason stays. Raises StorageError."""
-        stopped, before = StopRecord(self.easel, reason, time.time(), self.machines), _read(self.path, self.easel)
-        if before is None:
-            self._write(stopped)
-        elif not before.damaged and not self.machines <= before.machines:  # another robot at an easel of the same name
-            self._write(replace(before, machines=before.machines | self.machines))
+        stopped = StopRecord(self.easel, reason, time.time(), self.machines)
+        if self._shared is not None and why_private(self._shared) is None:
+            path = self._shared / f"{self.path.stem}.{os.geteuid()}.json"
+            with contextlib.suppress(StorageError, OSError):
+                _make_shared(self._shared)
+                if not _is_foreign(path):  # its owner could take it away again
+                    self._store(path, stopped)
+                    return stopped
+        self._store(self.path, stopped)
         return stopped
 
     def release(self) -> None:
-        """Re-arms the robot. Only a person who has looked at it may cause this call. Raises StorageError."""
-        try:
-            self.path.unlink(missing_ok=True)
-        except OSError as error:
-            raise storage.cannot_write(self.path, error) from error
+        """Re-arms the robot. Only a person who has looked at it may cause this call. Raises StorageError.
 
-    def _write(self, stop: StopRecord) -> None:
+        A folder of that name is not deleted but renamed.
+        """
+        try:
+            if self.path.is_dir() and not self.path.is_symlink():
+                self.path.rename(self.path.with_name(f"{self.path.name}.armed-{time.time_ns()}"))
+            else:
+                self.path.unlink(missing_ok=True)
+        except OSError as error:
+            raise StorageError(
+                f"The stop in {storage.abridge(self.path)} cannot be cleared ({error.strerror}); let the user arm it "
+                "who stopped the robot, or an administrator: sudo frida-painter arm"
+            ) from error
+
+    def _concerns(self, stop: StopRecord | None) -> bool:
+        return stop is not None and (stop.damaged or stop.easel == self.easel or bool(stop.machines & self.machines))
+
+    def _store(self, path: Path, stop: StopRecord) -> None:
+        before = _read(path, self.easel)
+        if before is not None:
+            if before.damaged or self.machines <= before.machines:
+                return
+            stop = replace(before, machines=before.machines | self.machines)  # another robot at an easel of this name
         known = {"easel": stop.easel, "reason": stop.reason, "at": stop.at, "machines": sorted(stop.machines)}
-        storage.write_json(self.path, {"format": _FORMAT, "version": _VERSION, **known})
+        storage.write_json(path, {"format": _FORMAT, "version": _VERSION, **known})
 
 
 class Unlatched:
@@ -87,7 +122,7 @@ class Unlatched:
     remedy = "it is simulated and needs no re-arming; resume the painting"
 
     def __init__(self, easel: str) -> None:
-        self.easel = easel
+        self.easel, self.machines = easel, frozenset[str]()
 
     def read(self) -> None:
         """Returns None: no earlier stop holds."""
@@ -104,32 +139,111 @@ def _read(path: Path, easel: str) -> StopRecord | None:
     """
     while (seen := _state_of(path)) is not None:
         try:
+            if not stat.S_ISREG(seen[1]):
+                raise StorageError("it is no plain file, or may not be looked at")
             record = storage.read_json(path, "the record of a stop")
-            machines = frozenset(map(str, record.get("machines", ())))
-            return StopRecord(str(record["easel"]), str(record["reason"]), float(record["at"]), machines)
-        except (StorageError, KeyError, TypeError, ValueError) as damage:
+            at, machines = float(record["at"]), record.get("machines", [])
+            datetime.fromtimestamp(at)
+            if not isinstance(machines, list):
+                raise TypeError("its machines are no list")
+            told = StopRecord(
+                _printable(record["easel"]), _printable(record["reason"]), at, frozenset(map(str, machines))
+            )
+        except Exception as damage:  # however it is damaged, it holds
             if seen == _state_of(path):
-                why = f"the record of the stop is damaged ({damage})"
-                return StopRecord(easel, why, seen[0] / 1e9, damaged=True)
+                return StopRecord(
+                    easel, _printable(f"the record of the stop is damaged ({damage})"), seen[0] / 1e9, damaged=True
+                )
+        else:
+            return told
     return None
 
 
-def _state_of(path: Path) -> tuple[int, int, int] | None:
-    """Returns what differs when a file is written anew, its time in nanoseconds first; None without a file."""
+def _printable(text: object) -> str:
+    """Returns a text of a file that another user may have written, without what a terminal obeys."""
+    return "".join(letter if letter.isprintable() else " " for letter in str(text)[:_LONGEST])
+
+
+def _state_of(path: Path) -> tuple[int, int, int, int] | None:
+    """Returns what differs when a file is written anew, its time in nanoseconds and its kind first; None without it."""
     try:
-        state = path.stat()
-        return state.st_mtime_ns, state.st_ino, state.st_size
+        state = path.lstat()
     except (FileNotFoundError, NotADirectoryError):
         return None
+    except OSError:
+        return 0, 0, 0, 0
+    return state.st_mtime_ns, state.st_mode, state.st_ino, state.st_size
+
+
+def _is_foreign(path: Path) -> bool:
+    try:
+        return path.lstat().st_uid != os.geteuid()
+    except OSError:
+        return False
+
+
+# Folders of stops.
+
+
+def shared_folder() -> Path | None:
+    """Returns the folder of this computer for the stops of all its users; it need not exist, nor be writable.
+
+    It survives a restart. The environment variable `SHARED` names another one, or none.
+    """
+    told = os.environ.get(SHARED)
+    if told is not None:
+        return Path(told).absolute() if told else None
+    of_all = site_data_path("frida-painter", appauthor=False)
+    return (of_all if sys.platform in ("win32", "darwin") else Path("/var/lib/frida-painter")) / "stopped"
+
+
+def why_private(shared: Path) -> str | None:
+    """Returns why stops cannot be stored in a shared folder, as part of a sentence; None if they can be."""
+    try:
+        storage.require_place(shared, folder=True)
+        mode = shared.stat().st_mode if shared.exists() else 0
+    except (StorageError, OSError):
+        return f"{shared} cannot be written"
+    if mode & stat.S_IWOTH and not mode & stat.S_ISVTX:  # anybody could put something else in place of our files
+        return f"anybody may delete in {shared} what others wrote"
+    return None
+
+
+def _make_shared(folder: Path, mode: int = 0o1777) -> None:
+    """Makes a missing folder in which every user can store stops, and only they and root can delete them."""
+    if not folder.exists():
+        _make_shared(folder.parent, 0o755)
+        folder.mkdir(exist_ok=True)
+        folder.chmod(mode)
+
+
+def _list(*folders: Path | None) -> list[Path]:
+    """Returns the files of stops in folders; in place of a folder that may not be listed, the folder itself."""
+    found: list[Path] = []
+    for folder in filter(None, folders):
+        try:
+            any(folder.iterdir())
+        except (FileNotFoundError, NotADirectoryError):
+            continue
+        except OSError:
+            found.append(folder)
+        else:
+            found += storage.list_files(folder, "*.json")
+    return found
 
 
 def latch_path(state: Path, easel: str) -> Path:
-    """Returns the path of the latch of an easel, below the folder `state`."""
+    """Returns the path of the latch of an easel in the user's own folder, below the folder `state`."""
     return state / "stopped" / f"{re.sub(r'[^A-Za-z0-9._]+', '-', easel)}.json"
 
 
+def latch_of(state: Path, easel: str, machines: Iterable[str]) -> Latch:
+    """Returns the latch of an easel, in the computer's folder or else below `state`."""
+    return Latch(latch_path(state, easel), easel, machines, shared_folder())
+
+
 def latches(state: Path) -> list[Latch]:
-    """Returns all latches below `state` that hold a robot, the earliest stop first."""
-    found = [Latch(path, path.stem) for path in storage.list_files(state / "stopped", "*.json")]
+    """Returns all latches that hold a robot, of this computer and below `state`, the earliest stop first."""
+    found = [Latch(path, path.stem) for path in _list(state / "stopped", shared_folder())]
     held = [(stop.at, latch) for latch in found if (stop := latch.read()) is not None]
     return [latch for _, latch in sorted(held, key=lambda entry: entry[0])]

@@ -417,6 +417,27 @@ class PausableRobot(Protocol):
         """Returns True, once, if the button was pressed since the last call; moves nothing. Raises RobotError."""
 
 
+@dataclass(frozen=True)
+class StopLine:
+    """Open line of a machine, over which another process can stop it once the driver's process is gone.
+
+    file: descriptor of the line
+    content: bytes that stop the machine
+    """
+
+    file: int
+    content: bytes
+
+
+@runtime_checkable
+class LineStoppedRobot(Protocol):
+    """Robot that a few bytes on its line stop, whatever was sent before."""
+
+    def stop_line(self) -> StopLine | None:
+        """Returns the line as it is now, None if it is closed. Never waits; may be called from any thread."""
+        ...
+
+
 @runtime_checkable
 class LooseRobot(Protocol):
     """Robot whose gears have play, so that its tip is not exactly where it is sent. `check` tells it."""

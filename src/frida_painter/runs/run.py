@@ -320,7 +320,8 @@ class PaintingRun:
 
     def load_easel(self, launch: EaselLaunch | None = None) -> None:
         """Starts the easel's process, or uses one that was started before; it loads in parallel with the planner."""
-        self._process = self._stack.enter_context(EaselProcess(launch or EaselLaunch(self.spec.robot)))
+        launch = launch or EaselLaunch(self.spec.robot)
+        self._process = self._stack.enter_context(EaselProcess(launch, lambda sentence: self.tell(sentence)))
 
     def start(self, plan: Plan | None = None) -> RunOutcome:
         """Paints the painting: plan, paint some strokes, look, replan the rest.

@@ -1,5 +1,6 @@
 """Control of a painting from the page: questions to the person, and commands in pauses."""
 
+import contextlib
 import secrets
 import threading
 import time
@@ -214,7 +215,8 @@ class PauseController:
 
         def listen() -> None:
             while True:
-                self._commands.extend(listener.listen())
+                with contextlib.suppress(FridaError, OSError):  # the next look may succeed
+                    self._commands.extend(listener.listen())
                 time.sleep(_BETWEEN_GLANCES)
 
         threading.Thread(target=listen, daemon=True, name="commands").start()

@@ -341,14 +341,14 @@ class Presence:
 
     def _listen(self, file: int) -> None:
         while True:
-            if not select.select([file], [], [], _BETWEEN_GLANCES)[0]:
-                continue
-            if os.isatty(file) and os.tcgetpgrp(file) != os.getpgrp():
-                time.sleep(_BETWEEN_GLANCES)  # in the background, typed text is for the shell
-                continue
             try:
+                if not select.select([file], [], [], _BETWEEN_GLANCES)[0]:
+                    continue
+                if os.isatty(file) and os.tcgetpgrp(file) != os.getpgrp():
+                    time.sleep(_BETWEEN_GLANCES)  # in the background, typed text is for the shell
+                    continue
                 typed = os.read(file, 1024)
-            except OSError:
+            except (OSError, ValueError):
                 typed = b""
             if not typed:  # the terminal was closed
                 self.possible = False

@@ -195,7 +195,7 @@ class StopWatch:
                 reaction()
 
     def _watch_file(self) -> None:
-        while not self._file.exists():
+        while not storage.exists(self._file):  # False too if the look failed: the next one may succeed
             time.sleep(_BETWEEN_GLANCES)
         self._hear()
 
@@ -275,7 +275,7 @@ class StopRecorder:
                 try:
                     PaintingStore(self._root).note(by, what, "stop")
                     break
-                except StorageError:
+                except (StorageError, OSError):
                     time.sleep(1)
 
 

@@ -435,10 +435,20 @@ def find_job(folder: PaintingFolder) -> str:
 
 
 def find_work(root: Path) -> list[PaintingFolder]:
-    """Returns all folders of a studio on which a worker is at work, also deleted ones. Raises OSError."""
+    """Returns all folders of a studio on which a worker is at work, also deleted ones. Raises OSError.
+
+    A folder at which nobody can look counts as one: a stop must reach all others too.
+    """
     if not (root / _LOCKS).is_dir():
         return []
-    return [folder for each in (root / _LOCKS).iterdir() if working(folder := PaintingFolder(root / each.name))]
+    return [folder for each in (root / _LOCKS).iterdir() if _may_work(folder := PaintingFolder(root / each.name))]
+
+
+def _may_work(folder: PaintingFolder) -> bool:
+    try:
+        return working(folder)
+    except OSError:
+        return True
 
 
 def working(folder: PaintingFolder) -> bool:

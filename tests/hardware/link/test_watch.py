@@ -1,5 +1,7 @@
 """The watch: heartbeats, stops on a line of their own, the system's signals, a stop file, and a computer that slept."""
 
+import errno
+import itertools
 import math
 import os
 import signal
@@ -14,8 +16,21 @@ from pathlib import Path
 import pytest
 
 from frida_painter.easel import watchdog
-from frida_painter.easel.watchdog import BEAT, MACHINE, SIMULATED, STOP, Patience, Pulse, StopFile, Watch
+from frida_painter.easel.watchdog import (
+    BEAT,
+    ENDED,
+    LINE,
+    MACHINE,
+    SIMULATED,
+    STOP,
+    Patience,
+    Pulse,
+    StopFile,
+    Watch,
+)
 from frida_painter.hardware import deadline
+from frida_painter.hardware.robot import StopLine
+from session.easel_errands import until
 
 
 @dataclass
@@ -98,7 +113,7 @@ def test_heartbeats_keep_it_calm_and_silence_does_not(line, keeping) -> None:
     pulse = Pulse(line[0])
     time.sleep(3.0)
     assert stops.reasons == []
-    pulse._ended.set()  # the thread is held up; the line stays open
+    pulse._over.set()  # the thread is held up; the line stays open
     silent = time.monotonic()
     assert "fell silent" in stops.wait()
     assert 1.0 < stops.times[0] - silent < MACHINE.absence / 2
@@ -293,6 +308,124 @@ def test_the_stop_file_stops_at_once_and_is_taken_away(tmp_path: Path) -> None:
             assert time.monotonic() < deadline
         watching.dismiss()
     assert min(waits) < 0.5, "a busy computer holds one of them up"
+
+
+@pytest.mark.parametrize("number", [errno.EACCES, errno.EIO, errno.ESTALE])
+def test_a_look_for_the_stop_file_that_fails_is_told_once_and_tried_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int
+) -> None:
+    """A network folder is away for a moment."""
+    stops, told, away = Stops(), list[str](), threading.Event()
+    look = Path.exists
+
+    def exists(path: Path) -> bool:
+        if away.is_set():
+            raise OSError(number, os.strerror(number))
+        return look(path)
+
+    monkeypatch.setattr(Path, "exists", exists)
+    away.set()
+    watching = StopFile(tmp_path / "stop", stops, told.append)
+    until(lambda: told)
+    time.sleep(5 * watchdog.LOOK_EVERY)
+    assert len(told) == 1 and watching.looks == 0
+    away.clear()
+    until(lambda: watching.looks)
+    (tmp_path / "stop").touch()
+    assert "stop file" in stops.wait()
+
+
+@pytest.mark.parametrize(
+    ("looks", "moving", "patience", "stopped"),
+    [
+        (lambda: 3, True, MACHINE, True),  # they fail, or one of them hangs
+        (itertools.count().__next__, True, MACHINE, False),
+        (lambda: 3, False, MACHINE, False),
+        (lambda: 3, True, SIMULATED, False),
+    ],
+    ids=["blind", "sees", "stands still", "simulated"],
+)
+def test_a_robot_that_moves_while_nobody_can_look_for_the_stop_file_is_stopped(
+    line, looks: Callable[[], int], moving: bool, patience: Patience, stopped: bool
+) -> None:
+    stops = Stops()
+    quick = replace(patience, silence=math.inf, absence=math.inf, starved_moving=math.inf, standstill=math.inf)
+    quick = replace(quick, blind=min(quick.blind, 0.2) if math.isfinite(quick.blind) else quick.blind)
+    watching = Watch(line[1], stops, lambda: moving, Painter(), quick, looked=looks)
+    if stopped:
+        assert "stop file" in stops.wait()
+    else:
+        time.sleep(0.6)
+        assert stops.reasons == []
+    watching.dismiss()
+    assert MACHINE.blind <= 2.0
+
+
+def test_a_watch_that_fails_stops_the_robot_and_goes_on(line) -> None:
+    stops = Stops()
+    fails = [True]
+
+    def moving() -> bool:
+        if fails:
+            raise MemoryError
+        return True
+
+    watching = Watch(line[1], stops, moving, Painter(), patient())
+    assert "MemoryError" in stops.wait()
+    fails.clear()
+    time.sleep(0.1)
+    stops.reasons.clear()
+    line[0].send(STOP)
+    assert "asked for it" in stops.wait()
+    watching.dismiss()
+
+
+def test_a_line_is_lent_taken_back_and_used_once_the_other_process_is_gone(line) -> None:
+    """The bytes that stop a machine are longer than one, and come between heartbeats."""
+    machine, driver = socket.socketpair()
+    lent: list[StopLine | None] = [StopLine(driver.fileno(), b"\nM410\nG92 E0\n")]
+    vanished: list[bool] = []
+    watching = Watch(line[1], Stops(), lambda: False, Painter(), patient(), stop_line=lambda: lent[-1])
+    pulse = Pulse(line[0], vanished.append)
+    until(lambda: pulse._lent)
+    lent.append(None)
+    until(lambda: pulse._lent is None)
+    lent.append(StopLine(driver.fileno(), b"!"))
+    until(lambda: pulse._lent)
+    driver.close()
+    watching.dismiss()
+    assert not pulse.stopped and not vanished
+    line[1].close()
+    until(lambda: pulse.gone.is_set())
+    assert vanished == [True] and pulse.stopped and machine.recv(10) == b"!"
+    pulse.end()
+    assert machine.recv(10) == b"", "the second descriptor is closed"
+    machine.close()
+
+
+@pytest.mark.parametrize("last", [b"", STOP])
+def test_a_process_that_has_closed_everything_has_not_vanished(line, last: bytes) -> None:
+    vanished: list[bool] = []
+    pulse = Pulse(line[0], vanished.append)
+    line[1].send(BEAT + last + ENDED)
+    line[1].close()
+    until(lambda: pulse.gone.is_set())
+    assert vanished == [] and pulse.ended and pulse.stopped == bool(last)
+    pulse.end()
+
+
+def test_a_line_of_a_machine_that_is_gone_too_was_not_told(line) -> None:
+    machine, driver = socket.socketpair()
+    vanished: list[bool] = []
+    pulse = Pulse(line[0], vanished.append)
+    socket.send_fds(line[1], [LINE + b"\x01!"], [driver.fileno()])
+    until(lambda: pulse._lent)
+    machine.close()
+    driver.close()
+    line[1].close()
+    until(lambda: pulse.gone.is_set())
+    assert vanished == [False]
+    pulse.end()
 
 
 def test_the_painting_process_is_told_that_the_robot_was_stopped(line) -> None:

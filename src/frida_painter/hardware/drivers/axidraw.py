@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from frida_painter import registry
 from frida_painter.errors import ConfigError, FridaError, MotionFailed, RobotDisconnected, RobotError, ZeroUnknown
 from frida_painter.hardware.deadline import steady
-from frida_painter.hardware.drivers.ebb import MAX_STEP_RATE, Board, BoardState
+from frida_painter.hardware.drivers.ebb import MAX_STEP_RATE, STOP_BYTES, Board, BoardState
 from frida_painter.hardware.drivers.interlock import PATIENCE, Interlock
 from frida_painter.hardware.drivers.serial_line import SerialLine
 from frida_painter.hardware.gcode import Servo
@@ -26,6 +26,7 @@ from frida_painter.hardware.robot import (
     MachineFact,
     MotionReport,
     Point,
+    StopLine,
     Waypoints,
     Workspace,
     Zero,
@@ -292,6 +293,11 @@ class AxidrawRobot:
         self._interlock.stop()
         if self._board is not None:
             self._board.halt()
+
+    def stop_line(self) -> StopLine | None:
+        """Returns the line over which another process can stop the board. Implements LineStoppedRobot."""
+        line = self._line
+        return None if line is None else line.stop_line(STOP_BYTES)
 
     def close(self) -> None:
         """Disconnects from the board, which goes on to hold its motors and the lift."""

@@ -16,6 +16,8 @@ from frida_painter.hardware.drivers.serial_line import SerialLine
 
 MAX_STEP_RATE = 25_000
 """Greatest rate of each motor, steps/s; the board refuses a faster move."""
+STOP_BYTES = b"\rES\r"
+"""Bytes that make the board drop its moves: ES on a new line, after any partial command."""
 _SLICE = 0.02
 _POLL = 0.005
 _QUIET = 0.06  # seconds without a byte after which an earlier answer is over
@@ -249,9 +251,9 @@ class Board:
             time.sleep(_POLL)
 
     def halt(self) -> None:
-        """Sends ES on a new line, after any partial command. A lost line is ignored."""
+        """Sends ES. A lost line is ignored."""
         try:
-            self._line.write(b"\rES\r")
+            self._line.write(STOP_BYTES)
         except RobotError:
             return
 

@@ -37,6 +37,7 @@ from frida_painter.hardware.robot import (
     MotionReport,
     Point,
     Sense,
+    StopLine,
     Waypoints,
     Workspace,
     Zero,
@@ -72,6 +73,7 @@ class Firmware(Protocol):
 
     zero_lost: reason why the position may be wrong; "" if it survived
     can_home: True if the machine has limit switches
+    stop_bytes: bytes that stop the machine at once, whatever was sent before
 
     Its methods raise MotionFailed, RobotDisconnected and RobotStopped.
     """
@@ -81,6 +83,9 @@ class Firmware(Protocol):
 
     @property
     def can_home(self) -> bool: ...  # noqa: D102
+
+    @property
+    def stop_bytes(self) -> bytes: ...  # noqa: D102
 
     def greet(self, *, release: bool) -> None:
         """Waits until the machine answers, and reads what it tells; moves nothing.
@@ -123,9 +128,6 @@ class Firmware(Protocol):
 
     def wants_pause(self) -> bool:
         """Returns True, once, if the board's pause button was pressed."""
-
-    def hold(self) -> None:
-        """Stops the machine at once, without waiting; may be called from any thread."""
 
     def forget(self) -> None:
         """Makes a standing machine forget its remaining motions."""
@@ -266,9 +268,14 @@ class GcodeRobot:
     def stop(self) -> None:
         """Holds the machine by a command that overtakes all queued lines."""
         self._interlock.stop()
-        firmware = self._firmware
-        if firmware is not None:
-            firmware.hold()
+        line, firmware = self._line, self._firmware
+        if line is not None and firmware is not None:
+            line.write(firmware.stop_bytes)
+
+    def stop_line(self) -> StopLine | None:
+        """Returns the line over which another process can hold the machine. Implements LineStoppedRobot."""
+        line, firmware = self._line, self._firmware
+        return None if line is None or firmware is None else line.stop_line(firmware.stop_bytes)
 
     def close(self) -> None:
         """Closes the line, after a person's own last lines. A stopped machine forgets its remaining motions."""
@@ -304,8 +311,10 @@ class GcodeRobot:
 
     def _halt(self, firmware: Firmware) -> None:
         """Holds the machine after a fault and clears its motions. A lost line is ignored."""
+        if self._line is None:
+            return
         try:
-            firmware.hold()
+            self._line.write(firmware.stop_bytes)
         except RobotError:
             return
         self._forget(firmware)

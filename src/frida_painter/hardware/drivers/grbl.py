@@ -475,12 +475,13 @@ class Grbl:
         self._button = False
         return pressed
 
-    def hold(self) -> None:
-        """Sends a feed hold: a byte that GRBL obeys at any place of a line. The machine keeps its position.
+    @property
+    def stop_bytes(self) -> bytes:
+        """Feed hold: a byte that GRBL obeys at any place of a line. The machine keeps its position.
 
         Homing does not heed it; a reset ends that.
         """
-        self._line.write(_RESET if self._homes else _HOLD)
+        return _RESET if self._homes else _HOLD
 
     def forget(self) -> None:
         """Resets the machine once it stands; a reset in motion would lose its position. Clears no alarm.

@@ -297,17 +297,18 @@ class Marlin:
         self._strange.clear()
         return paused
 
-    def hold(self) -> None:
-        """Sends a quick stop (M410) on a new line, after any partial command; the machine obeys it on arrival.
+    @property
+    def stop_bytes(self) -> bytes:
+        """Quick stop (M410) on a new line, after any partial command; the machine obeys it on arrival.
 
-        Homing goes on after a quick stop (Marlin 19774); then it is the emergency stop (M112).
+        Homing goes on after a quick stop (Marlin 19774); then it is the emergency stop (M112). A note in the machine
+        follows: its position is not known, because a quick stop may lose steps.
         """
-        self._line.write(b"\nM112\n" if self._homes else b"\nM410\n")
+        return b"\nM112\n" if self._homes else b"\nM410\nG92 E0\n"
 
     def forget(self) -> None:
-        """Notes in the machine that its position is not known: a quick stop may lose steps. Its queue is empty."""
+        """Notes that the position is not known, as the machine does. Its queue is empty."""
         self._zero_known = False
-        self._line.write(b"\nG92 E0\n")
 
     # Lines that come.
 

@@ -7,6 +7,7 @@ from typing import Any, Self
 
 from frida_painter import registry
 from frida_painter.errors import RobotDisconnected, RobotError
+from frida_painter.hardware.robot import StopLine
 
 _LONGEST = 512
 FLOOD = 5.0
@@ -72,8 +73,17 @@ class SerialLine:
         line, self._rest = self._rest.split(b"\n", 1)
         return line.strip().decode("ascii", "replace")
 
+    def stop_line(self, content: bytes) -> StopLine | None:
+        """Returns the open port with the bytes that stop its machine; None once it is closed."""
+        try:
+            return StopLine(self._port.fileno(), content)
+        except (OSError, TypeError, AttributeError):  # closed, also in this moment
+            return None
+
     def close(self) -> None:
         """Closes the port; a second call does nothing."""
+        with contextlib.suppress(OSError, AttributeError):  # the lock would last as long as a second descriptor
+            self._port.exclusive = False
         self._port.close()
 
     def _gone(self, cause: Exception) -> RobotDisconnected:

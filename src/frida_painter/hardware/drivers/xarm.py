@@ -26,6 +26,7 @@ from frida_painter.hardware.robot import (
     MachineFact,
     MotionReport,
     Point,
+    StopLine,
     Waypoints,
     Workspace,
     handle_direction,
@@ -46,8 +47,10 @@ _ASKED_EVERY = 10  # waypoints; they are a millimetre apart
 _STILL = 1e-4  # metres between two polls
 _MOVING, _STANDING, _PAUSED, _RESET, _STOPPED = 1, (0, 2), 3, 5, (4, 6)
 _AFTER_START = 0.15  # seconds after set_state within which the arm ignores moves: 0.1 (SDK issue 59)
-_AHEAD = 64  # waypoints that the arm has at most in its queue; W11 comes up at 2048, at 256 in old firmware
+_AHEAD, _FEWEST = 64, 8  # waypoints that wait in the arm's queue; W11 comes up at 2048, at 256 in old firmware
+_AHEAD_SECONDS = 0.3  # of motion that they are worth: it is finished if nobody is left who could stop the arm
 _SHORT = 1e-6  # metres
+_STOP_FRAME = bytes((0, 1, 0, 2, 0, 2, 12, 4))  # number 1, UFACTORY's protocol 2, two bytes: set the state (12) to 4
 _ERRORS = {
     1: "the emergency stop at the control box was pressed",
     2: "the emergency input of the control box was triggered",
@@ -308,10 +311,12 @@ class XarmRobot:
             lean = np.zeros((len(waypoints.position), 2)) if waypoints.lean is None else waypoints.lean
             targets = [*turning, *(self._leaning(*row) for row in zip(waypoints.position, lean, strict=True))]
             self._require_reach(waypoints, targets[len(turning) :])
+            pace = waypoints.speed * len(waypoints.position) / max(waypoints.length, _SHORT)  # waypoints per second
+            ahead = int(np.clip(_AHEAD_SECONDS * pace, _FEWEST, _AHEAD))
             radii = self._blend(np.array([place, *targets])[:, :3] / 1000)
             for number, (target, radius) in enumerate(zip(targets, radii, strict=True)):
-                if number and number % _AHEAD == 0:
-                    self._await_room(waypoints.label)
+                if number and number % ahead == 0:
+                    self._await_room(waypoints.label, ahead)
                 self._send(waypoints, number - len(turning), target, radius)
             self._wait(waypoints, until)
             reached = self.pose()
@@ -325,6 +330,13 @@ class XarmRobot:
         """Sets state 4 over the connection for stops: the arm stands and forgets its remaining motions."""
         self._interlock.stop()
         self._halt()
+
+    def stop_line(self) -> StopLine | None:
+        """Returns the connection for stops, over which another process can stop the arm too."""
+        try:
+            return StopLine(self._stopper._arm.arm_cmd.arm_port.com.fileno(), _STOP_FRAME)
+        except (AttributeError, OSError):  # not connected, or an SDK that keeps its socket elsewhere
+            return None
 
     def close(self) -> None:
         """Closes both connections."""
@@ -429,11 +441,11 @@ class XarmRobot:
         radii = [min(self.settings.blend, float(metres)) for metres in room]
         return [1000 * radius if radius > _SHORT else None for radius in radii] + [None]
 
-    def _await_room(self, label: str) -> None:
-        """Returns when the arm's queue has room for the next waypoints."""
+    def _await_room(self, label: str, ahead: int) -> None:
+        """Returns when at most `ahead` waypoints wait in the arm's queue."""
         until = time.monotonic() + PATIENCE
         waiting = self._number(label, "get_cmdnum")
-        while waiting > _AHEAD:
+        while waiting > ahead:
             self._interlock.heed_stop(label)
             self._require_no_fault(label, None)
             if self._state(label) == _PAUSED:
