@@ -345,11 +345,12 @@ def _record(line: bytes, before: bytes) -> dict[str, Any] | None:
     """Returns the record of a line; None if it is damaged.
 
     before: checksum of the line before
+    Raises ValueError if it is whole, and holds no record.
     """
     match = _LINE.fullmatch(line)
     if match is None or match[1] != _line_checksum(before, match[3]) or int(match[2]) != len(match[3]):
         return None
-    found: dict[str, Any] = json.loads(match[3])
+    found: dict[str, Any] = storage.parse_json(match[3])  # an object, by the pattern
     return found
 
 
@@ -359,7 +360,12 @@ def _strict(content: bytes, path: Path, what: str) -> _Parsed:
     records: list[dict[str, Any]] = []
     while length < len(content):
         end = content.find(b"\n", length) + 1 or len(content)
-        record = _record(content[length:end], last)
+        try:
+            record = _record(content[length:end], last)
+        except ValueError as cause:
+            raise StorageError(
+                f"{path} is not {what}: its record {len(records) + 1} is not JSON ({cause}); take an undamaged copy."
+            ) from cause
         if record is None:
             break
         records.append(record)
@@ -393,10 +399,10 @@ def _forgiving(content: bytes, path: Path, last: bytes = _START) -> _Parsed:
     if last == _START and lines and _is_bare(lines[0]):
         raise StorageError(storage.refuse_first_version(str(path)))
     for line in lines:
-        record = _record(line + b"\n", last)
+        with contextlib.suppress(ValueError):
+            if (record := _record(line + b"\n", last)) is not None:
+                records.append(record)
         last = line[:_CHECKSUM]
-        if record is not None:
-            records.append(record)
     return _Parsed(records, last, length)
 
 
