@@ -119,7 +119,7 @@ class StrokeModel(Protocol):
         """
 
 
-_FAINT = 0.1  # coverage that a mark has somewhere, if the brush is pressed
+_FAINT = 1 / 255  # less coverage changes no pixel
 
 
 def require_stroke_model(model: object, what: str, error: type[FridaError] = WeightsError) -> StrokeModel:

@@ -196,6 +196,8 @@ class History:
             case Photographed(photograph=photograph, light=light, content=content):
                 self.looks += 1
                 self.light = light
+                if light is not None:
+                    FlatField.of(light)  # or it is refused here, with all else of the journal
                 self.person_seen = self.person_painted
                 if photograph is not None:
                     self.last_photograph = photograph

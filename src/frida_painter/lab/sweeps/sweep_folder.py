@@ -272,7 +272,8 @@ class SweepFolder:
         kept = storage.read_json(path, "a sweep", ConfigError)
         if kept.get("format") != _FORMAT:
             raise ConfigError(f"{storage.abridge(path)} is no sweep of this program; give the folder of one.")
-        return SweepSpec.of(**kept["sweep"]), kept["files"], kept["slots"]
+        with storage.understanding(path, "a sweep", ConfigError):
+            return SweepSpec.of(**kept["sweep"]), dict(kept["files"]), int(kept["slots"])
 
     def read_program(self) -> str:
         """Returns what did the runs of the latest request; the version alone if an older program wrote it."""
