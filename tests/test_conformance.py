@@ -99,6 +99,39 @@ ARM = """
 from frida_painter.plugins import StudioArm
 KIND = StudioArm("calm", "calm arm", lambda canvas, brush, seed: {made})
 """
+ROBOT = """
+from frida_painter.plugins import RobotKind
+class Driver:
+    def connect(self): pass
+    def home(self): pass
+    def pose(self): pass
+    def follow({follow}): pass
+    def stop(self): pass
+{more}
+KIND = RobotKind("calm", "calm{place}", "Calm", {opened}, identify=lambda name: frozenset({{"calm"}}))
+"""
+CAMERA = """
+from frida_painter.plugins import CameraKind
+class Driver:
+    def connect(self): pass
+    def capture({capture}): pass
+    def close(self): pass
+KIND = CameraKind("calm", "calm:PLACE", "Calm", open=lambda text: Driver())
+"""
+BRUSH = """
+import torch
+from frida_painter.plugins import BrushKind, BrushModel, StrokeLimits, MapFrame
+LIMITS = StrokeLimits((0.01, 0.04), (-0.01, 0.01))
+class Model:
+    brush, limits, frame = "calm", LIMITS, MapFrame(-0.01, 0.05, -0.02, 0.02, 8, 12)
+    def __call__({taken}):
+        return {maps}
+KIND = BrushModel(BrushKind("calm", LIMITS, 0.01), Model)
+"""
+STROKE = "self, thickness, length, bend"
+MADE = "torch.nn.functional.pad(torch.ones(len(thickness), 4, 8), (2, 2, 2, 2))"
+CLOSES = "    def close(self): pass"
+OPENED = "lambda name, workspace: (name.require(), Driver())[1]"
 NORMED = "torch.nn.functional.normalize(pictures.mean((2, 3)), dim=1)"
 
 
@@ -128,7 +161,7 @@ def finding_of(
         (registry.LISTENERS, LISTENER.format(heard="lambda event: event.nothing"), "It raised AttributeError"),
         (registry.PICTURE_MAKERS, MAKER.format(count=2), ""),
         (registry.PICTURE_MAKERS, MAKER.format(count=1), "It made 1 pictures for 2 seeds"),
-        (registry.PICTURE_MAKERS, MAKER.format(count=2).replace("Calm()", "3"), "opened a int, without make and facts"),
+        (registry.PICTURE_MAKERS, MAKER.format(count=2).replace("Calm()", "3"), "has no facts"),
         (registry.PICTURE_MAKERS, MAKER.format(count=2).replace('"a fake"', "3"), "Its facts are not words by name"),
         (registry.EXPORTERS, EXPORTER.format(help="A.", made="str(len(plan))"), ""),
         (registry.EXPORTERS, EXPORTER.format(help="A.", made="len(plan)"), "returned a int; it returns text or bytes"),
@@ -155,6 +188,23 @@ def finding_of(
         (registry.PICTURE_LIBRARIES, LIBRARY.format(captions="()", picture="torch.zeros(4, 9, 9)"), "has no caption"),
         (registry.PICTURE_LIBRARIES, LIBRARY.format(captions="('cup',)", picture="torch.zeros(3, 9, 9)"),
          r"it gives \[4, h, w\]"),
+        (registry.ROBOTS, ROBOT.format(follow="self, way", more=CLOSES, place="", opened=OPENED), ""),
+        (registry.ROBOTS, ROBOT.format(follow="self, way", more="", place="", opened=OPENED), r"has no close\(\)"),
+        (registry.ROBOTS, ROBOT.format(follow="self", more=CLOSES, place="", opened=OPENED),
+         r"called as follow\(waypoints\)"),
+        (registry.ROBOTS, ROBOT.format(follow="self, way", more="    close = 3", place="", opened=OPENED),
+         r"called as close\(\)"),
+        (registry.ROBOTS, ROBOT.format(follow="self, way", place="", opened=OPENED,
+         more=f"{CLOSES}\n    def travel_limits(self, axis): pass"), r"called as travel_limits\(\)"),
+        (registry.CAMERAS, CAMERA.format(capture="self, newer_than"), ""),
+        (registry.CAMERAS, CAMERA.format(capture="self"), r"called as capture\(newer_than\)"),
+        (registry.STROKE_MODELS, BRUSH.format(taken=STROKE, maps=MADE), ""),
+        (registry.STROKE_MODELS, BRUSH.format(taken="self, thickness", maps=MADE), "called as __call__"),
+        (registry.STROKE_MODELS, BRUSH.format(taken=STROKE, maps=f"0 * {MADE}"), "marks nothing"),
+        (registry.STROKE_MODELS, BRUSH.format(taken=STROKE, maps=f"2 * {MADE}"), r"not in \[0, 1\]"),
+        (registry.STROKE_MODELS, BRUSH.format(taken=STROKE, maps="torch.full((len(thickness), 3, 3), 2.0)"),
+         r"of shape \(4, 3, 3\)"),
+        (registry.ENCODERS, ENCODER.format(maps="views * 2", seen=NORMED).replace("side = 64", ""), "has no side"),
         (registry.STUDIO_ARMS, ARM.format(made="None"), "furnish returned a NoneType"),
     ],
 )  # fmt: skip
@@ -167,6 +217,18 @@ def test_each_way_to_be_wrong_is_one_sentence(
         return
     assert re.search(says, found.fault), str(found)
     assert not found.passed and "\n" not in found.fault and found.fault.endswith(".")
+
+
+@pytest.mark.parametrize("text", [None, "PORT"])
+def test_a_driver_that_was_never_opened_does_not_conform(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str | None
+) -> None:
+    """A robot that needs a place was let through, with nothing of its driver looked at."""
+    refuses = "lambda name, workspace: (_ for _ in ()).throw(__import__('frida_painter').FridaError('no such port'))"
+    module, name = ROBOT.format(follow="self", more="", place=":PORT", opened=refuses), f"closed_{text}"
+    install(tmp_path, monkeypatch, "calm", {registry.ROBOTS: {"calm": f"{name}:KIND"}}, {name: module})
+    (found,) = fp.plugins.check("calm", examples={} if text is None else {"calm": text})
+    assert not found.passed and ("examples=" in found.fault) == (text is None)
 
 
 def test_a_part_that_hangs_is_a_finding(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

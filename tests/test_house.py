@@ -78,10 +78,11 @@ STARTS = re.compile(
 # Nothing of a person's is ever deleted. Each of these deletes so often, only what it wrote, known by name and place.
 DELETING = {
     "brush/table.py": 1,  # the oldest tables of its cache, named by 32 hexadecimal digits
+    "compiled.py": 1,  # a lock that another process held too long
     "easel/host.py": 2,  # the live picture
     "easel/watchdog.py": 1,  # the stop file that it obeyed
     "event_log.py": 4,  # the log, its tally and its reserve, by their full names
-    "hardware/latch.py": 1,  # the record of a stop
+    "hardware/latch.py": 2,  # the record of a stop; a folder in its place is renamed
     "lab/conduct.py": 1,  # a folder named by storage.PART
     "lab/sweeps/sweep_folder.py": 2,  # the failure of a run, and a copy that it just made
     "procedures/strokes.py": 4,  # numbered strokes of the recording in a folder that was empty before it

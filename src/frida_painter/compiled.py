@@ -8,7 +8,6 @@ The function `argument_types` of each module of loops lists the types that a pla
 waits for the compiling processes (`await_loops`). Otherwise it would compile the same loops itself.
 """
 
-import fcntl
 import gc
 import hashlib
 import importlib.metadata
@@ -26,7 +25,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import platformdirs
 
-from frida_painter import python_process, storage
+from frida_painter import locks, python_process, storage
 from frida_painter.errors import StorageError
 
 if TYPE_CHECKING:
@@ -41,6 +40,7 @@ LOOPS = (
 )
 _HERE = Path(__file__).parent
 _SENTENCE = "Compiling the painter's loops, the first time only: up to ten seconds more."
+_PATIENCE = 60.0  # seconds, for a busy or small computer
 
 
 def compiles_for(tensor: "Tensor") -> bool:
@@ -62,7 +62,7 @@ class LoopCompiler:
 
     folder: folder of the notes about compiled loops; by default in the system's cache folder
     It starts no process if all loops are compiled or another process compiles them. The processes end with the
-    block. If the folder cannot be written to, each loop is compiled at its first call.
+    block. If the folder cannot be written to, or is not this user's own, each loop is compiled at its first call.
     """
 
     def __init__(self, folder: Path | None = None) -> None:
@@ -70,15 +70,16 @@ class LoopCompiler:
         self._processes: list[subprocess.Popen[bytes]] = []
 
     def __enter__(self) -> Self:
-        missing = [half for half in LOOPS if not _is_done(self._folder, half)]
+        missing = _missing(self._folder)
         if find_spec("numba") is None or not missing:
             return self
         with suppress(OSError):
             self._folder.mkdir(parents=True, exist_ok=True)
-            lock = os.open(_lock(self._folder), os.O_RDWR | os.O_CREAT, 0o644)
+            self._folder.chmod(0o700)  # refused if the folder is another user's
+            lock = locks.open_lock(_lock(self._folder))
             try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                self._processes = [self._start(half, lock) for half in missing]
+                if locks.take(lock):
+                    self._processes = [self._start(half, lock) for half in missing]
             finally:
                 os.close(lock)
         return self
@@ -96,19 +97,27 @@ class LoopCompiler:
         return python_process.start(*program, pass_fds=(lock,), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
-def await_loops(tell: Callable[[str], None] = lambda sentence: None, folder: Path | None = None) -> None:
-    """Waits until no process compiles the planner's loops.
+def await_loops(
+    tell: Callable[[str], None] = lambda sentence: None, folder: Path | None = None, patience: float = _PATIENCE
+) -> None:
+    """Waits until the planner's loops are compiled or no process compiles them, for `patience` seconds at most.
 
-    tell: receives a message if there is a wait
+    After a wait in vain this process compiles them itself, and later ones do not wait for the same holder.
+
+    tell: receives a message if there is a wait, and if it was in vain
     """
-    with suppress(OSError):  # no folder: nothing was compiled
-        lock = os.open(_lock(folder or _folder()), os.O_RDWR)
+    folder = folder or _folder()
+    path = _lock(folder)
+    if not path.exists() or not _missing(folder):
+        return
+    with suppress(OSError):
+        lock = os.open(path, os.O_RDWR)
         try:
-            try:
-                fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
-            except BlockingIOError:
+            if not locks.take(lock, shared=True):
                 tell(_SENTENCE)
-                fcntl.flock(lock, fcntl.LOCK_SH)
+                if not locks.take(lock, patience, shared=True):
+                    tell(f"{path} is still locked by another process after {patience:.0f} s; not waiting any longer.")
+                    path.unlink(missing_ok=True)  # who compiles next makes a new one
         finally:
             os.close(lock)
 
@@ -127,6 +136,11 @@ def compile_loops(folder: Path, modules: Sequence[str]) -> None:
             kept.update(found)
     with suppress(StorageError):
         storage.write_json(_note(folder, modules), {"kept": sorted(kept)})
+
+
+def _missing(folder: Path) -> list[tuple[str, ...]]:
+    """Returns the halves of the loops that are not compiled."""
+    return [half for half in LOOPS if not _is_done(folder, half)]
 
 
 def _is_done(folder: Path, modules: Sequence[str]) -> bool:

@@ -7,7 +7,6 @@ is dropped when the file is opened again.
 
 import contextlib
 import errno
-import fcntl
 import hashlib
 import json
 import os
@@ -19,7 +18,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from frida_painter import storage
+from frida_painter import locks, storage
 from frida_painter.errors import StorageError
 
 _CHECKSUM = 16  # hexadecimal digits
@@ -27,6 +26,7 @@ _START = b"0" * _CHECKSUM
 _LINE = re.compile(rb"([0-9a-f]{16}) (\d{1,9}) (\{.*\})\n")
 _LENGTH = re.compile(rb"[0-9a-f]{16} (\d{1,9}) ")
 _RESERVE = 2**20
+_PATIENCE = 2.0  # seconds; a writer holds the lock for milliseconds
 _TALLY = re.compile(rb"((\d{10}) (\d{12}) ([0-9a-f]{16})) ([0-9a-f]{16})\n")
 _TALLY_BYTES = 58
 MAX_BYTES = 2**30
@@ -64,6 +64,7 @@ class EventLog:
     def __init__(self, path: Path, policy: LogPolicy = JOURNAL) -> None:
         self.path, self.policy = path, policy
         self._descriptor = -1
+        self._patience = _PATIENCE
         make = os.O_CREAT if policy.forgiving else 0
         try:
             if path.exists():
@@ -166,21 +167,25 @@ class EventLog:
 
     @contextlib.contextmanager
     def _lock(self) -> Iterator[None]:
-        """Locks out other writers: in the block, or while the log is open if it is owned."""
+        """Locks out other writers: in the block, or while the log is open if it is owned.
+
+        Who waited once in vain does not wait again, so that a reader who locks a feed does not slow a painting down.
+        """
         if self.policy.owned:
-            try:
-                fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError as error:
+            if not locks.take(self._descriptor):
                 raise StorageError(
                     f"{self.path} is being written by another process; wait until that painting has ended, or stop it."
-                ) from error
+                )
             yield
             return
-        fcntl.flock(self._descriptor, fcntl.LOCK_EX)
+        if not locks.take(self._descriptor, self._patience):
+            self._patience = 0.0
+            raise StorageError(f"{self.path} is locked by another process, which does not let go; end that process.")
+        self._patience = _PATIENCE
         try:
             yield
         finally:
-            fcntl.flock(self._descriptor, fcntl.LOCK_UN)
+            locks.release(self._descriptor)
 
     def _catch_up(self) -> None:
         """Moves to the end of the records that others added; cuts off a line that one of them left incomplete."""
@@ -350,11 +355,12 @@ def _record(line: bytes, before: bytes) -> dict[str, Any] | None:
     """Returns the record of a line; None if it is damaged.
 
     before: checksum of the line before
+    Raises ValueError if it is whole, and holds no record.
     """
     match = _LINE.fullmatch(line)
     if match is None or match[1] != _line_checksum(before, match[3]) or int(match[2]) != len(match[3]):
         return None
-    found: dict[str, Any] = json.loads(match[3])
+    found: dict[str, Any] = storage.parse_json(match[3])  # an object, by the pattern
     return found
 
 
@@ -364,7 +370,12 @@ def _strict(content: bytes, path: Path, what: str) -> _Parsed:
     records: list[dict[str, Any]] = []
     while length < len(content):
         end = content.find(b"\n", length) + 1 or len(content)
-        record = _record(content[length:end], last)
+        try:
+            record = _record(content[length:end], last)
+        except ValueError as cause:
+            raise StorageError(
+                f"{path} is not {what}: its record {len(records) + 1} is not JSON ({cause}); take an undamaged copy."
+            ) from cause
         if record is None:
             break
         records.append(record)
@@ -398,10 +409,10 @@ def _forgiving(content: bytes, path: Path, last: bytes = _START) -> _Parsed:
     if last == _START and lines and _is_bare(lines[0]):
         raise StorageError(storage.refuse_first_version(str(path)))
     for line in lines:
-        record = _record(line + b"\n", last)
+        with contextlib.suppress(ValueError):
+            if (record := _record(line + b"\n", last)) is not None:
+                records.append(record)
         last = line[:_CHECKSUM]
-        if record is not None:
-            records.append(record)
     return _Parsed(records, last, length)
 
 

@@ -508,7 +508,7 @@ class Plan:
             )
         except (KeyError, TypeError, ValueError, AttributeError, IndexError, ConfigError, FamilyError) as cause:
             raise PlanError(f"{path} is a plan with a part missing or out of range ({cause}); make it anew.") from cause
-        if plan.digest != record["digest"]:
+        if plan.digest != record.get("digest"):
             raise PlanError(f"{path} does not belong to the strokes beside it; take the whole folder of one painting.")
         return plan
 

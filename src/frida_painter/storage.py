@@ -16,7 +16,7 @@ import shutil
 import stat
 import tempfile
 import tomllib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from io import BufferedReader
 from pathlib import Path
 from typing import Any
@@ -101,17 +101,17 @@ def read_json(path: Path, what: str, error: type[FridaError] = StorageError) -> 
     """Reads a record that `write_json` wrote.
 
     what: name of the file in messages ("the plan")
-    Raises `error` if the file is missing, cut off, edited or too large, or holds NaN, infinity or a duplicate key.
+    Raises `error` if the file is missing, cut off, edited or too large, or holds what `parse_json` refuses.
     """
     text = read_bytes(path, what, MAX_JSON_BYTES, error)
     try:
-        record = json.loads(text, parse_constant=_refuse_constant, object_pairs_hook=_refuse_duplicates)
-    except (ValueError, RecursionError) as cause:
+        record = parse_json(text)
+    except ValueError as cause:
         raise error(f"{path} is not {what}: it is cut off or not JSON ({cause}); take an undamaged copy.") from cause
     if not isinstance(record, dict) or "sha256" not in record:
         raise error(f"{path} is not {what}: it has no checksum; give a file that frida-painter wrote.")
     checksum = record.pop("sha256")
-    if not _all_finite(record) or checksum != _checksum(record):
+    if checksum != _checksum(record):
         raise error(f"{path} was changed after it was written (its checksum does not match); take an unchanged copy.")
     return record
 
@@ -121,12 +121,12 @@ def read_toml(path: Path, what: str, most: int, advice: str, error: type[FridaEr
 
     what: name of the file in messages
     advice: end of the messages
-    Raises `error`, also for integers of more than 64 bits.
+    Raises `error`, also for integers of more than 64 bits and for more than 50 values within one another.
     """
     content = read_bytes(path, what, most, error)
     try:
         values = tomllib.loads(content.decode("utf-8-sig"))
-        _require_plain_numbers(values)
+        _require_plain(values, finite=False)  # each reader says what its numbers may be
     except (ValueError, RecursionError) as cause:
         raise error(f"{abridge(path)} is not TOML ({cause}); {advice}.") from cause
     return values
@@ -190,11 +190,22 @@ def sha256(path: Path, what: str, error: type[FridaError] = StorageError) -> str
 
 
 def exists(path: Path) -> bool:
-    """Returns True if the path exists; False also if its name is too long."""
+    """Returns True if the path exists; False also if it cannot be a path."""
     try:
         return path.exists()
-    except OSError:
+    except (OSError, ValueError):
         return False
+
+
+def path_fault(path: Path | str) -> str:
+    """Returns the reason why no file can have this path, such as a zero byte or a long name; "" if one can."""
+    try:
+        os.lstat(path)
+    except ValueError as error:
+        return str(error)
+    except OSError as error:
+        return os.strerror(error.errno) if error.errno == errno.ENAMETOOLONG else ""
+    return ""
 
 
 def in_home(path: str) -> Path:
@@ -314,6 +325,40 @@ def _checksum(record: Mapping[str, Any]) -> str:
     return hashlib.sha256(canonical.encode("utf-8")).hexdigest()
 
 
+def parse_json(text: str | bytes) -> Any:
+    """Returns the value of a JSON text. All records are read here.
+
+    Raises ValueError also for what no record of this program holds, and what its readers need not expect: NaN and
+    infinity, a key that occurs twice, integers of more than 64 bits, and more than 50 values within one another.
+    """
+    try:
+        value = json.loads(text, parse_constant=_refuse_constant, object_pairs_hook=_refuse_duplicates)
+    except RecursionError as cause:
+        raise ValueError(_TOO_DEEP) from cause
+    _require_plain(value)
+    return value
+
+
+_TOO_DEEP = "its values lie more than 50 deep within one another"
+_MAX_DEPTH = 50
+
+
+@contextlib.contextmanager
+def understanding(path: Path, what: str, error: type[FridaError] = StorageError) -> Iterator[None]:
+    """Turns each error of a block that makes sense of a file's values into one sentence that names the file.
+
+    what: name of the file in messages ("the plan")
+    FridaErrors pass through, because they say what is wrong. Raises `error` for all others.
+    """
+    try:
+        yield
+    except (ValueError, TypeError, LookupError, AttributeError, ArithmeticError, AssertionError, RuntimeError) as cause:
+        why = " ".join(f"{type(cause).__name__}: {cause}".split())[:200]
+        raise error(
+            f"{abridge(path)} is not {what} as this program writes it ({why}); take an undamaged copy."
+        ) from cause
+
+
 def _refuse_constant(name: str) -> float:
     raise ValueError(f"{name} is not a number")
 
@@ -325,19 +370,23 @@ def _refuse_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return record
 
 
-def _all_finite(value: Any) -> bool:
-    if isinstance(value, float):
-        return math.isfinite(value)
-    children: Callable[[], Any] = value.values if isinstance(value, dict) else lambda: value
-    return all(_all_finite(child) for child in children()) if isinstance(value, dict | list) else True
-
-
-def _require_plain_numbers(value: Any) -> None:
-    """Raises ValueError if an integer has more than 64 bits."""
-    if isinstance(value, int) and not -(2**63) <= value < 2**63:
-        raise ValueError(f"{str(value)[:12]}... is a whole number of {len(str(value))} digits, and one has at most 19")
-    for child in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
-        _require_plain_numbers(child)
+def _require_plain(value: Any, *, finite: bool = True) -> None:
+    """Raises ValueError for what `parse_json` refuses; for NaN and infinity only if all must be `finite`."""
+    values = [(value, 1)]
+    while values:
+        one, depth = values.pop()
+        if isinstance(one, int):
+            if not -(2**63) <= one < 2**63:
+                raise ValueError(
+                    f"{str(one)[:12]}... is a whole number of {len(str(one))} digits, and one has at most 19"
+                )
+        elif isinstance(one, float):
+            if finite and not math.isfinite(one):
+                raise ValueError(f"{one} is not a number")
+        elif isinstance(one, dict | list):
+            if depth > _MAX_DEPTH:
+                raise ValueError(_TOO_DEEP)
+            values += [(part, depth + 1) for part in (one.values() if isinstance(one, dict) else one)]
 
 
 # Counts and file sizes as text

@@ -5,6 +5,7 @@ import pytest
 
 from frida_painter import images
 from frida_painter.cli import commands
+from frida_painter.cli.controller import examine
 from frida_painter.hardware.gcode import Gcode
 from frida_painter.hardware.workcell import WorkcellConfig, example
 from machines import grbl, marlin
@@ -96,6 +97,29 @@ def test_another_canvas_and_missing_wells_are_told_together(monkeypatch, plan, c
     told = capsys.readouterr().err
     assert "the plan is for a canvas of 300 x 200 mm, and the easel's is 250 x 200 mm" in told
     assert "the plan has 4 paints, and the workspace 1 wells" in told
+
+
+@pytest.mark.parametrize("camera", ["none", "opencv:0"])
+@pytest.mark.parametrize(
+    ("words", "refused"),
+    [
+        (("check", "plan.json"), ""),
+        (("check", "plan.json", "--camera", "none"), ""),
+        (("check", "plan.json", "--camera", "opencv:0"), "none"),
+        (("export", "plan.json", "--to", "gcode"), ""),
+    ],
+)
+def test_a_record_is_taken_whether_or_not_a_camera_measured_it(monkeypatch, plan, words, refused, camera) -> None:
+    known = WorkcellConfig.load(workspace()).calibration("medium", camera=camera)  # `setup` writes "none"
+    if camera != "none":
+        known = known.with_canvas(known.corners, known.photograph, camera=camera, canvas=known.canvas, residual=0.1)
+    known.save(Path("record.json"))
+    status = run(monkeypatch, *words, "--workspace", "my.toml", "--calibration", "record.json")
+    assert status == (2 if camera == refused else 0)
+    blind = WorkcellConfig.load(Path("my.toml")).calibration("medium", camera="none")
+    assert examine(Path("record.json"), blind, named=True), (
+        "`doctor --camera none` says what `paint --camera none` does"
+    )
 
 
 def test_a_record_of_another_brush_is_refused(monkeypatch, plan, capsys, tmp_path) -> None:

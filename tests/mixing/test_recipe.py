@@ -1,5 +1,6 @@
 import itertools
 import math
+from dataclasses import replace
 
 import pytest
 import torch
@@ -10,7 +11,15 @@ from frida_painter.errors import ConfigError
 from frida_painter.mixing.finish import Finish
 from frida_painter.mixing.kubelka_munk import mix_reflectance
 from frida_painter.mixing.paint import color_of, find_acrylic, usual_paints
-from frida_painter.mixing.recipe import _PER_DOUBLING, _PER_PAINT, EASY_PARTS, MAX_PARTS, PARTS_WITH_TRACES, recipes
+from frida_painter.mixing.recipe import (
+    _PER_DOUBLING,
+    _PER_PAINT,
+    EASY_PARTS,
+    MAX_PARTS,
+    PARTS_WITH_TRACES,
+    Recipe,
+    recipes,
+)
 from frida_painter.palette import difference, from_hex
 
 SIX = usual_paints()
@@ -77,6 +86,21 @@ def test_what_no_paint_can_give_is_out_of_reach() -> None:
     (varnished,) = recipes(torch.tensor([[0.12, 0.11, 0.12]]), SIX, finish=Finish.gloss)
     (matte,) = recipes(torch.tensor([[0.12, 0.11, 0.12]]), SIX)
     assert varnished.difference < matte.difference - 3
+
+
+@pytest.mark.parametrize(
+    ("missed", "off", "verdict"),
+    [
+        *((1.0, 1.0, ""), (2.04, 2.0, ""), (2.06, 2.1, "near"), (5.04, 5.0, "near"), (5.06, 5.1, "out of reach")),
+        (math.nan, math.nan, "out of reach"),
+    ],
+)
+def test_a_recipe_is_judged_by_the_number_that_people_read(missed: float, off: float, verdict: str) -> None:
+    found = Recipe(torch.tensor([0.5, 0.5, 0.5]), ((SIX[0], 1),), torch.zeros(3), missed, missed)
+    assert found.off == pytest.approx(off, nan_ok=True) and found.verdict == verdict
+    assert found.within_reach == (verdict != "out of reach")
+    limited = replace(found, difference=missed + 4)
+    assert limited.off == pytest.approx(off, nan_ok=True) and limited.within_reach == found.within_reach
 
 
 def test_no_recipe_with_one_part_more_or_less_would_be_better() -> None:

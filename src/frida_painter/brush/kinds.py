@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from frida_painter import registry
-from frida_painter.errors import ConfigError, PlanError
+from frida_painter.errors import ConfigError, FridaError, PlanError, WeightsError
 from frida_painter.frames import MapFrame
 from frida_painter.stroke_family import StrokeFamily, describe_kind
 from frida_painter.strokes import StrokeLimits, Strokes
@@ -117,6 +117,42 @@ class StrokeModel(Protocol):
         thickness [n]: in [0, 1]
         length [n], bend [n]: in metres
         """
+
+
+_FAINT = 1 / 255  # less coverage changes no pixel
+
+
+def require_stroke_model(model: object, what: str, error: type[FridaError] = WeightsError) -> StrokeModel:
+    """Returns a stroke model after four trial strokes, from the lightest and shortest to the hardest and longest.
+
+    what: subject of the sentence, such as "The stroke model of my.safetensors"
+    Raises `error` if something is missing, or if its maps have another shape than its frame, are not in [0, 1], or
+    mark nothing. Errors of the model itself pass through.
+    """
+    registry.require_like(model, StrokeModel, what, error)
+    known: StrokeModel = model  # type: ignore[assignment]
+    if not (isinstance(known.frame, MapFrame) and isinstance(known.limits, StrokeLimits)):
+        raise error(f"{what} has a frame or limits of another type; they are a MapFrame and StrokeLimits.")
+    (least, most), (left, right), family = known.limits.length, known.limits.bend, known.limits.family
+    if not (0 < least <= most <= 1 and -1 <= left <= right <= 1):
+        raise error(f"{what} has limits that are not metres, from least to most.")
+    device = next((one.device for one in known.parameters()), None) if isinstance(known, torch.nn.Module) else None
+    thickness, length = torch.tensor([[0.0, 0.5, 1.0, 1.0], [least, most, most, least]], device=device)
+    bend = torch.tensor([0.0, left, right, 0.0], device=device)
+    with torch.no_grad():
+        maps = known(thickness, length, bend if family is None else bend.new_zeros(4, family.codes))
+    wanted = (4, known.frame.rows, known.frame.columns)
+    if not isinstance(maps, Tensor) or tuple(maps.shape) != wanted:
+        given = tuple(maps.shape) if isinstance(maps, Tensor) else type(maps).__name__
+        raise error(f"{what} gives maps of shape {given}; for 4 strokes they are {wanted}, as its frame says.")
+    if not bool(((maps >= 0) & (maps <= 1)).all()):
+        raise error(f"{what} gives magnitudes that are not in [0, 1]; keep them from 0, bare paper, to 1, covered.")
+    if not bool((maps[1:].flatten(1).amax(1) > _FAINT).all()):
+        raise error(
+            f"{what} marks nothing where a stroke presses; return coverage there, or train it again (frida-painter "
+            "strokes train)."
+        )
+    return known
 
 
 def kind_of(model: StrokeModel) -> str:

@@ -173,6 +173,9 @@ def build() -> typer.Typer:
     )
 
 
+_MAX_SAID = 2000  # characters
+
+
 def main() -> None:
     """Runs the command line.
 
@@ -210,6 +213,8 @@ def _status(error: FridaError) -> int:
 
 
 def _complain(message: str) -> None:
+    if len(message) > _MAX_SAID:  # a file said something long
+        message = f"{message[: _MAX_SAID - 300]} ... {message[-300:]}"
     if message:
         Console(stderr=True, highlight=False, soft_wrap=True).print(f"[bold red]frida-painter:[/] {_plain(message)}")
 

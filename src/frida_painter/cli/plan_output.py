@@ -108,9 +108,7 @@ def _program(
         raise ConfigError("--calibration was given without --workspace; say where the wells stand as well.")
     workcell = WorkcellConfig.load(workspace)
     first, *others = plan.brushes
-    known = workcell.calibration(first, others=others)
-    if calibration is not None:
-        known = load_record(calibration, known, simulated=False)
+    known = _load_record(calibration, workcell.calibration(first, others=others))
     found = rehearse(plan, workcell.workspace, workcell.canvas, known, workcell.reach)
     if not found.passed:
         raise WorkspaceViolation(
@@ -162,9 +160,9 @@ def check_plan(
     loaded = Plan.load(plan)
     there = _place(loaded, robot, workspace)
     place = there.workspace
-    watched = (camera or camera_of(plan)) != NO_CAMERA
-    known = _load_record(calibration, there.calibration, watched=watched)
-    if not watched:
+    camera = camera or camera_of(plan)
+    known = _load_record(calibration, there.calibration, camera)
+    if camera == NO_CAMERA:
         print(NOBODY_LOOKS)
     found = rehearse(loaded, place, there.canvas, known, there.reach, there.travel, *there.leaning)
     found = replace(found, mismatches=(*there.refusals, *found.mismatches))
@@ -270,11 +268,15 @@ def _place(plan: Plan, robot: str | None, workspace: Path | None) -> _Place:
     )
 
 
-def _load_record(record: Path | None, default: Calibration, *, watched: bool) -> Calibration:
-    """Returns the easel's record. Raises CalibrationError if it is of another easel, brush or canvas."""
+def _load_record(record: Path | None, default: Calibration, camera: str = "") -> Calibration:
+    """Returns the easel's record. Raises CalibrationError if it is of another easel, brush, camera or canvas.
+
+    camera: that looks while the plan is painted. "": that of the record, because none looks here.
+    """
     if record is None:
         return default
-    return load_record(record, default, simulated=False, has_camera=watched)
+    camera = camera or Calibration.load(record).camera
+    return load_record(record, replace(default, camera=camera))
 
 
 def _tell(found: Rehearsal, strokes: int) -> None:

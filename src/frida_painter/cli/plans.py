@@ -108,21 +108,22 @@ def _is_plan(path: Path) -> bool:
 
 
 def _show(found: list["Recipe"], wanted: list[float] | None) -> None:
-    from frida_painter.mixing.recipe import GOOD
+    from frida_painter.mixing.recipe import GOOD, REACHED
     from frida_painter.palette import to_hex
 
     table = Table("", "colour", "parts", "off", "", box=None, padding=(0, 2, 0, 0))
     for number, recipe in enumerate(found, 1):
         color = to_hex(recipe.target)
         amount = f"{wanted[number - 1]:.0f} ml" if wanted else ""
-        off = f"[{'red' if not recipe.within_reach else 'yellow' if recipe.difference > GOOD else 'green'}]"
-        table.add_row(f"[on {color}]    [/] {number}", color, recipe.words, f"{off}{recipe.difference:.1f}[/]", amount)
+        mood = "red" if not recipe.within_reach else "yellow" if recipe.off > GOOD else "green"
+        off = f"[{mood}]{recipe.off:.1f}  {recipe.verdict}".rstrip() + "[/]"
+        table.add_row(f"[on {color}]    [/] {number}", color, recipe.words, off, amount)
     console = Console(highlight=False, soft_wrap=True)
     console.print(table)
     missed = [str(number) for number, recipe in enumerate(found, 1) if not recipe.within_reach]
     if missed:
         console.print(
-            f"Out of reach of these paints (more than 5 CIEDE2000 off): {', '.join(missed)}. "
+            f"Out of reach of these paints (more than {REACHED:g} CIEDE2000 off): {', '.join(missed)}. "
             "What stands there comes nearest; own more paints, or plan with what you can mix (--palette)."
         )
 

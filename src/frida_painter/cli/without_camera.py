@@ -36,7 +36,7 @@ def trace_plan(plan: Path | None, robot: str, workspace: Path | None, record: Pa
     with stop_on_signals() as stop, easel_of(spec) as opened:
         known = opened.calibration
         if record is not None:
-            known = load_record(record, known, simulated=opened.simulated, has_camera=False)
+            known = load_record(record, known, simulated=opened.simulated)
         here = replace(opened, calibration=known)
         motions = plan_outlines(here, loaded)
         RobotGateway(here).check(motions)

@@ -52,7 +52,7 @@ class Recipe:
     target [3]: sRGB
     parts: paints with their parts, largest first
     color [3]: predicted colour of the dry mixture, sRGB
-    difference: CIEDE2000 between target and color
+    difference: CIEDE2000 between target and color, for the search
     missed: the same for the target with its lightness in the range of the paints (PaintSet.darkest)
     """
 
@@ -63,9 +63,23 @@ class Recipe:
     missed: float
 
     @property
+    def off(self) -> float:
+        """`missed` in tenths: the one number that people read, and by which a recipe is judged."""
+        return round(self.missed, 1)
+
+    @property
     def within_reach(self) -> bool:
         """True if the mixture is near the target."""
-        return self.missed <= REACHED
+        return self.off <= REACHED
+
+    @property
+    def verdict(self) -> str:
+        """Word beside `off`; "" if the difference is hardly visible."""
+        if not self.within_reach:
+            return "out of reach"
+        if round(self.difference, 1) > self.off:
+            return "as dark as it gets" if float(to_lab(self.target)[0]) < 50 else "as light as it gets"
+        return "near" if self.off > GOOD else ""
 
     @property
     def whole(self) -> int:

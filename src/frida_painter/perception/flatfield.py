@@ -1,5 +1,6 @@
 """Flat field: uneven light and colour cast, learned from the bare canvas and removed from photographs."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Self
 
@@ -39,6 +40,14 @@ class FlatField:
     """
 
     logarithm: Tensor
+
+    @classmethod
+    def of(cls, coefficients: Sequence[Sequence[float]]) -> Self:
+        """Returns the field with these coefficients [3, terms]. Raises ValueError if they have another shape."""
+        logarithm = torch.tensor(coefficients)
+        if logarithm.shape != (3, len(_pairs())):
+            raise ValueError(f"the light is of shape {tuple(logarithm.shape)}")
+        return cls(logarithm)
 
     @classmethod
     def learn(cls, bare: Tensor, ground: tuple[float, float, float]) -> Self:

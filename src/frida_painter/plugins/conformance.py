@@ -6,7 +6,7 @@ device is connected to. A trial that ends with an error of this project counts a
 
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import MappingProxyType
@@ -18,20 +18,37 @@ from torch import Tensor
 
 from frida_painter import images, registry
 from frida_painter.brush.families import FamilyPart
-from frida_painter.brush.kinds import BrushModel, StrokeModel
+from frida_painter.brush.kinds import BrushModel, StrokeModel, require_stroke_model
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.kinds import EaselKind
 from frida_painter.errors import ConfigError, FridaError, MakingFailed, PluginError
 from frida_painter.exporter import ExporterKind
 from frida_painter.frames import PixelGrid
 from frida_painter.hardware.easel import PersonStroke
-from frida_painter.hardware.kinds import CameraKind, RobotKind
+from frida_painter.hardware.kinds import CameraKind, MachineName, RobotKind
+from frida_painter.hardware.robot import (
+    Camera,
+    ExaminedRobot,
+    GuidedRobot,
+    LeaningReach,
+    LimitedRobot,
+    LiveCamera,
+    LooseRobot,
+    PausableRobot,
+    Reach,
+    Robot,
+    TimedRobot,
+    TouchProbe,
+    ZeroedRobot,
+)
 from frida_painter.mixing.finish import Finish
 from frida_painter.mixing.paint import usual_paints
 from frida_painter.mixing.recipe import MixerKind
+from frida_painter.objectives.encoders.base import Encoder, Reader
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Gives, Goal, GoalKind, ObjectiveContext, require_objective
+from frida_painter.objectives.picture_library import PictureLibrary
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.planning.initialisers import InitialiserKind, InitialTask
@@ -41,18 +58,23 @@ from frida_painter.planning.settings import PlannerSettings
 from frida_painter.runs.event_file import ListenerKind
 from frida_painter.runs.picture_making import PictureMaker, PictureMakerKind, PictureRequest
 from frida_painter.session.events import Drying, Finished
-from frida_painter.session.replan_policy import CanvasSeen
+from frida_painter.session.rehearsal import FlatbedWorkspace
+from frida_painter.session.replan_policy import CanvasSeen, ReplanPolicy
 from frida_painter.session.turn_policy import TurnAnswer, TurnPolicy, TurnTaken
 from frida_painter.strokes import StrokeLimits, Strokes
 from frida_painter.virtual.bristles import find_brush
+from frida_painter.virtual.robot import Arm
 from frida_painter.virtual.studio import ArmAndTable, StudioArm
 
 _SECONDS = 60.0
 _CANVAS = CanvasSize(0.12, 0.09)
 _ROWS = 48
 _COUNT = 6
-_DRIVER = ("connect", "home", "pose", "follow", "stop", "close")
-_CAMERA = ("connect", "capture", "close")
+_ABILITIES = (
+    *(Reach, LeaningReach, ZeroedRobot, TimedRobot, LimitedRobot),
+    *(ExaminedRobot, GuidedRobot, PausableRobot, LooseRobot, TouchProbe),
+)
+"""Optional protocols of a robot."""
 
 
 @dataclass(frozen=True)
@@ -172,11 +194,6 @@ def _require_words(kind: Any, *names: str) -> None:
         _require(isinstance(words, str) and bool(words.strip()), f"Its {name} says nothing; people read it in lists.")
 
 
-def _require_methods(made: Any, names: Sequence[str], what: str) -> None:
-    missing = [name for name in names if not callable(getattr(made, name, None))]
-    _require(not missing, f"Its {what} has no {', '.join(missing)}; see the protocol in frida_painter.plugins.")
-
-
 def _picture(rows: int = _ROWS) -> Tensor:
     """Returns a picture [3, rows, columns] of a dark disc before a graded ground."""
     columns = round(rows * _CANVAS.width / _CANVAS.height)
@@ -202,29 +219,42 @@ def _plan() -> Plan:
 
 
 def _try_robot(kind: RobotKind, given: _Given) -> None:
-    from frida_painter.hardware.kinds import MachineName
-    from frida_painter.session.rehearsal import FlatbedWorkspace
-
     _require_words(kind, "form", "title")
     _require(kind.form.startswith(kind.name), f"Its form {kind.form!r} does not begin with its name.")
-    if given.name not in given.examples and ":" in kind.form.partition("[")[0]:
-        _require_refusal(lambda: kind.open(MachineName.of(kind.name, kind.form), None))  # type: ignore[arg-type]
-        return
-    workspace = FlatbedWorkspace().motion(_CANVAS).workspace
-    text = given.text(kind.name)
+    place = FlatbedWorkspace().motion(_CANVAS).workspace
+    place = replace(place, home=(0.0, 0.0, place.upper[2]))
+    if _sample(kind.form):
+        _require_refusal(lambda: kind.open(MachineName.of(kind.name, kind.form), place))
+    text = given.text(_sample(kind.form) or kind.name)
     named = text if text.partition(":")[0] == kind.name else f"{kind.name}:{text}"
     machine = MachineName.of(named, kind.form)
-    try:
-        made = kind.open(machine, workspace)
-    except ConfigError as refusal:  # for example: the workspace says no home
-        _require(bool(str(refusal)), "It refuses without a sentence.")
-        return
-    _require_methods(made, _DRIVER, "driver")
+    made = _opened(lambda: kind.open(machine, place), given)
+    registry.require_like(made, Robot, "Its driver")
+    for protocol in _ABILITIES:
+        if isinstance(made, protocol):
+            registry.require_like(made, protocol, "Its driver")
     identities = kind.identify(machine)
     _require(
         isinstance(identities, frozenset) and bool(identities),
         "Its identify returned no frozenset of identities; a stop is latched under each of them.",
     )
+
+
+def _sample(form: str) -> str:
+    """Returns the place in a form, such as "PORT" in "gcode:PORT[,baud=RATE]", to open a part with; "" without one."""
+    return form.partition("[")[0].partition(":")[2]
+
+
+def _opened(make: Callable[[], Any], given: _Given) -> Any:
+    """Returns the opened part. Raises ConfigError, which asks for an example, if it was opened without one in vain."""
+    try:
+        return make()
+    except FridaError as refusal:
+        if given.name in given.examples:
+            raise
+        raise ConfigError(
+            f"It could not be looked at, as its form is no place ({refusal}); give examples={{{given.name!r}: TEXT}}."
+        ) from refusal
 
 
 def _require_refusal(opened: Callable[[], object]) -> None:
@@ -242,16 +272,16 @@ def _require_refusal(opened: Callable[[], object]) -> None:
 def _try_camera(kind: CameraKind, given: _Given) -> None:
     _require_words(kind, "form", "title")
     _require(kind.form.startswith(kind.name), f"Its form {kind.form!r} does not begin with its name.")
-    try:
-        made = kind.open(given.text(""))
-    except ConfigError:
-        return  # it needs a place, and says so
-    _require_methods(made, _CAMERA, "driver")
+    made = _opened(lambda: kind.open(given.text(_sample(kind.form))), given)
+    registry.require_like(made, Camera, "Its driver")
+    if isinstance(made, LiveCamera):
+        registry.require_like(made, LiveCamera, "Its driver")
 
 
 def _try_easel(kind: EaselKind, given: _Given) -> None:
     _require_words(kind, "title")
-    _require(callable(kind.open) and callable(kind.load), "It has no functions to open and to load.")
+    for name, declared in (("open", lambda kind, order: None), ("load", lambda kind: None)):
+        _require(registry.takes(getattr(kind, name), declared), f"Its {name} is no function of what the program gives.")
     _require(not (kind.person and kind.simulated), "It is simulated and painted by a person; it is one of them.")
 
 
@@ -263,15 +293,11 @@ def _try_brush(kind: BrushModel, given: _Given) -> None:
 
 
 def _try_model(model: StrokeModel) -> None:
+    require_stroke_model(model, "Its stroke model", PluginError)
     (least, most), (left, right) = model.limits.length, model.limits.bend
-    _require(0 < least <= most <= 1 and -1 <= left <= right <= 1, "Its limits are not metres, from least to most.")
     thickness = torch.tensor([0.0, 0.5, 1.0, 1.0])
     length, bend = torch.tensor([least, most, most, least]), torch.tensor([0.0, left, right, 0.0])
     maps = model(thickness, length, bend).detach()
-    wanted = (4, model.frame.rows, model.frame.columns)
-    _require(tuple(maps.shape) == wanted, f"Its maps have the shape {tuple(maps.shape)}; for 4 strokes {wanted}.")
-    _require(bool(((maps >= 0) & (maps <= 1)).all()), "Its magnitudes are not in [0, 1].")
-    _require(bool((maps[1:].flatten(1).amax(1) > 0.1).all()), "Its marks are empty where a stroke presses.")
     again = model(thickness, length, bend).detach()
     _require(torch.equal(maps, again), "It gives other maps for the same strokes; take chance from a seed.")
     edge = torch.cat((maps[:, 0], maps[:, -1], maps[:, :, 0], maps[:, :, -1]), 1)
@@ -340,6 +366,7 @@ def _try_policy(parse: Any, given: _Given) -> None:
             policy = parse(text)
         except ConfigError:
             continue
+        registry.require_like(policy, ReplanPolicy, "Its policy")
         for done, of in ((0, 100), (37, 100), (99, 100)):
             look = policy.next_look(done, of)
             _require(
@@ -415,7 +442,7 @@ def _try_picture_maker(kind: PictureMakerKind, given: _Given) -> None:
         if given.name in given.examples:
             raise
         return  # it needs a text, and says so
-    _require(isinstance(maker, PictureMaker), f"It opened a {type(maker).__name__}, without make and facts.")
+    registry.require_like(maker, PictureMaker, f"The {type(maker).__name__} that it opened")
     with TemporaryDirectory() as folder:
         request = PictureRequest("a lighthouse", (0, 1), 128, 128, Path(folder), torch.device("cpu"), _SECONDS)
         files = maker.make(request)
@@ -459,7 +486,7 @@ def _try_turn_policy(policy: TurnPolicy, given: _Given) -> None:
 def _try_encoder(make: Any, given: _Given) -> None:
     _require(callable(make), "It is no function of a device.")
     encoder = make(torch.device("cpu"))
-    _require_methods(encoder, ("features",), "encoder")
+    registry.require_like(encoder, Encoder, "Its encoder")
     _require_words(encoder, "name")
     views = torch.stack([_picture(64), _picture(64).flip(2)]).requires_grad_()
     maps = encoder.features(views)
@@ -468,6 +495,7 @@ def _try_encoder(make: Any, given: _Given) -> None:
     _require(all(bool(each.isfinite().all()) for each in maps), "Its features are not finite.")
     _require_gradient(sum(each.square().mean() for each in maps), views, "features")
     if callable(getattr(encoder, "embed_text", None)):
+        registry.require_like(encoder, Reader, "Its encoder")
         words, seen = encoder.embed_text("a red apple"), encoder.embed_pictures(views)
         _require(words.dim() == 1 and tuple(seen.shape) == (2, len(words)), "Words and pictures have other lengths.")
         norms = torch.cat([words.norm()[None], seen.norm(dim=1)])
@@ -484,7 +512,7 @@ def _require_gradient(value: Any, views: Tensor, name: str) -> None:
 def _try_library(make: Any, given: _Given) -> None:
     _require(callable(make), "It is no function that returns a library.")
     library = make()
-    _require_methods(library, ("list_captioned", "pictures"), "library")
+    registry.require_like(library, PictureLibrary, "Its library")
     _require_words(library, "name")
     listed = list(library.list_captioned())
     _require(bool(listed), "It lists no picture.")
@@ -501,7 +529,7 @@ def _try_studio_arm(kind: StudioArm, given: _Given) -> None:
     _require_words(kind, "easel")
     made = kind.furnish(_CANVAS, find_brush("fine"), 0)
     _require(isinstance(made, ArmAndTable), f"Its furnish returned a {type(made).__name__}; it returns an ArmAndTable.")
-    _require_methods(made.arm, ("connect", "move", "state", "remember", "close"), "arm")
+    registry.require_like(made.arm, Arm, "Its arm")
 
 
 _TRIALS: Mapping[str, tuple[type[Any], Callable[[Any, _Given], None]]] = {

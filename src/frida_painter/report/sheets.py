@@ -19,7 +19,7 @@ from frida_painter.errors import StorageError
 from frida_painter.hardware.motion import STIR_RADIUS
 from frida_painter.hardware.robot import BrushRack, Point, Workspace
 from frida_painter.mixing.paint import usual_paints
-from frida_painter.mixing.recipe import GOOD, PaintSet, Recipe, volumes
+from frida_painter.mixing.recipe import GOOD, REACHED, PaintSet, Recipe, volumes
 from frida_painter.palette import Palette, to_hex, to_lab
 from frida_painter.plan import Plan
 from frida_painter.report.story import PaintFacts, paints
@@ -265,9 +265,9 @@ _SWATCH, _BAR = 92, 22
 _DROP = 0.05  # millilitres
 _ADVICE = (
     "Left of each pair the colour that is wanted, right of it what the mixture is predicted to be when it is dry.",
-    "The number behind the parts is their difference (CIEDE2000): below 2 hardly seen, above 5 out of reach.",
-    "Mix a little first, let it dry, compare, and correct: tubes of one name differ from maker to maker.",
-    "A drop is 0.05 ml, and a trace is what stays on the tip of a knife.",
+    f"The number is the difference of the two (CIEDE2000): up to {GOOD:g} hardly seen, above {REACHED:g} out of reach.",
+    "It leaves out light and dark that no mixture of these paints has (as dark as it gets, as light as it gets).",
+    "Mix a little, let it dry, compare, correct: tubes differ. A drop is 0.05 ml, a trace the tip of a knife.",
 )
 
 
@@ -309,14 +309,10 @@ def _recipe(
     sheet.draw.rectangle((left, top, left + 2 * _SWATCH - 1, top + height - 1), outline=LINE)
     right = left + 2 * _SWATCH + 30
     fill = INK if recipe.within_reach else WARNING
-    room = grid.right - right - (150 if not recipe.within_reach else 90)
+    verdict = f"{recipe.off:.1f}  {recipe.verdict}".rstrip()
+    room = grid.right - right - 30 - max(60, round(font(20).getlength(verdict)))
     size = next(size for size in (22, 20, 18, 16, 14, 12) if font(size).getlength(recipe.words) <= room or size == 12)
     sheet.text((right, top - 1), recipe.words, size, fill)
-    verdict = f"{recipe.difference:.1f}"
-    if not recipe.within_reach:
-        verdict += "  out of reach"
-    elif recipe.difference > GOOD:
-        verdict += "  near"
     sheet.text((grid.right, top - 1), verdict, 20, SOFT if recipe.within_reach else WARNING, "ra")
     _bar(sheet, recipe, right, top + 34)
     facts = to_hex(recipe.target)

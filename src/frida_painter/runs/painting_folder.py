@@ -177,14 +177,16 @@ def input_hashes(spec: RunSpec, folder: Path) -> dict[str, str]:
 
 def are_there(folder: Path, strokes: int) -> bool:
     """Returns True if the folder holds all results of a finished painting with this number of strokes."""
+    path, what = folder / "result.json", "the figures of a painting"
     try:
-        result = storage.read_json(folder / "result.json", "the figures of a painting")
+        result = storage.read_json(path, what)
+        with storage.understanding(path, what):
+            done = result.get("strokes_painted", 0) + len(result.get("strokes_given_up", ()))
+            is_done = done >= strokes and result.get("stopped") is False
     except StorageError:
         return False
     filmed = (folder / "film.mp4").exists() or not any((folder / SKETCHBOOK).glob("glimpse-*"))
     names = ("painting.png", "index.html", "strokes.svg", "strokes.csv", "palette.png", "plan.png")
-    done = result.get("strokes_painted", 0) + len(result.get("strokes_given_up", ()))
-    is_done = done >= strokes and result.get("stopped") is False
     return is_done and filmed and all((folder / name).exists() for name in names)
 
 

@@ -3,7 +3,6 @@
 Command line, page, TOML files, experiments and notebooks use it. This module loads no tensors.
 """
 
-import json
 from collections.abc import Mapping
 from dataclasses import astuple, fields
 from pathlib import Path
@@ -61,6 +60,7 @@ EASEL = (
     "robot", "camera", "workspace", "calibration", "placement_error", "pace", "arm_meshes", "studio_canvas", "on_canvas"
 )  # fmt: skip
 """Settings of the easel, which do not change the picture."""
+_LONG_TEXTS = ("avoid", "phrases")
 FILES = ("palette", "pictures", "workspace", "calibration", "arm_meshes", "studio_canvas")
 """Settings that name files, other than those of the goal."""
 USUAL_BRUSHES = "broad:30%,medium:35%,fine:35%"
@@ -456,6 +456,10 @@ class RunSpec(BaseModel):
             if "brushes" in values:
                 raise ConfigError("A brush was given, and brushes as well; give --brushes alone.")
             values["brushes"] = values.pop("brush")
+        for name, value in values.items():
+            fault = storage.path_fault(value) if isinstance(value, str | Path) and name not in _LONG_TEXTS else ""
+            if fault:
+                raise ConfigError(f"{name} was given {str(value)[:40]!r}, which can be no name and no path ({fault}).")
         try:
             chosen = cls(**values)
         except ValidationError as error:
@@ -514,11 +518,11 @@ class RunSpec(BaseModel):
         path = Path(path)
         content = storage.read_bytes(path, "the settings of a painting", _MAX_SPEC_BYTES, ConfigError)
         try:
-            plain = json.loads(content)
+            plain = storage.parse_json(content)
             if not isinstance(plain, dict) or not {"strokes", "film", "calibration"} <= set(plain):
                 raise KeyError("strokes, film and calibration are needed")
             return cls.of(**upgrade_record(plain))
-        except (ValueError, KeyError, RecursionError) as cause:
+        except (ValueError, KeyError) as cause:
             raise ConfigError(f"{path} does not hold the settings of a painting ({cause}); bring it back.") from cause
 
     @property

@@ -169,7 +169,7 @@ class History:
                 f"{folder} holds a journal of version {first.get('version')!r}; this program reads version {VERSION}; "
                 "resume it with the program that it was begun with, or a newer one."
             )
-        try:
+        with storage.understanding(folder / JOURNAL, "the journal of a painting"):
             (begun,) = events_of(first)
             if not isinstance(begun, PaintingBegun):
                 raise ValueError("the painting's beginning")
@@ -177,10 +177,6 @@ class History:
             for record in (first, *others):
                 for event in events_of(record):
                     history._hear(event, time_of(record))
-        except (KeyError, TypeError, ValueError) as cause:
-            raise StorageError(
-                f"The journal in {folder} lacks something ({cause!r}); take an undamaged copy."
-            ) from cause
         return history
 
     def _hear(self, event: Written, at: datetime) -> None:
@@ -200,6 +196,8 @@ class History:
             case Photographed(photograph=photograph, light=light, content=content):
                 self.looks += 1
                 self.light = light
+                if light is not None:
+                    FlatField.of(light)  # or it is refused here, with all else of the journal
                 self.person_seen = self.person_painted
                 if photograph is not None:
                     self.last_photograph = photograph

@@ -9,6 +9,7 @@ import torch
 from frida_painter import storage
 from frida_painter.calibration import PROCEDURES, Calibration, Done, LearnedFile
 from frida_painter.canvas_size import CanvasSize
+from frida_painter.easel.kinds import NO_CAMERA
 from frida_painter.easel.virtual_easel import studio_brush, with_brush
 from frida_painter.errors import CalibrationError, StorageError
 from frida_painter.hardware.easel import Easel
@@ -190,32 +191,23 @@ def on_record(easel: Easel, record: Path | None, needed: tuple[str, ...] = NEEDE
                 "without one; calibrate it: frida-painter calibrate all"
             )
         return easel
-    known = load_record(record, easel.calibration, needed, simulated=easel.simulated, has_camera=easel.has_camera)
+    known = load_record(record, easel.calibration, needed, simulated=easel.simulated)
     if "brush" not in known.done:
         known = replace(known, brush=easel.calibration.brush)
     return replace(easel, calibration=known)
 
 
 def load_record(
-    record: Path,
-    default: Calibration,
-    needed: tuple[str, ...] = (),
-    *,
-    simulated: bool = False,
-    has_camera: bool = True,
+    record: Path, default: Calibration, needed: tuple[str, ...] = (), *, simulated: bool = False
 ) -> Calibration:
     """Returns the calibration record of a file, with the first brush of `default` in the holder; checks all brushes.
 
     default: the easel's own record before any procedure.
     simulated: True if brushes that the record does not have are taken from `default`.
-    has_camera: False if what a camera measured is taken from `default`: the place of the canvas in a photograph, and
-    the colours.
     Raises CalibrationError.
     """
     needed = () if simulated else needed
-    known = Calibration.load(record)
-    if not has_camera:
-        known = _without_camera(known, default)
+    known = as_seen(Calibration.load(record), default)
     if default.brush in known.others:
         known = known.of_brush(default.brush)
     require(known, default, needed)
@@ -226,8 +218,13 @@ def load_record(
     return known
 
 
-def _without_camera(known: Calibration, default: Calibration) -> Calibration:
-    """Returns the record with the camera's part of `default`; placement and brushes stay."""
+def as_seen(known: Calibration, default: Calibration) -> Calibration:
+    """Returns a record as it is; with the part of `default` that cameras measure if that easel has no camera.
+
+    This part is the place of the canvas in a photograph, and the colours. Placement and brushes stay.
+    """
+    if default.camera != NO_CAMERA:
+        return known
     done = {name: one for name, one in known.done.items() if name not in ("canvas", "color")}
     seen = {
         name: getattr(default, name) for name in ("camera", "canvas", "corners", "photograph", "color", "lens", "bare")

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
@@ -129,7 +128,7 @@ def recall_brush(hand: Hand, history: History, answer: Callable[[Question], Answ
 
 def light(history: History) -> FlatField | None:
     """Returns the light of the room from the journal; None before the first look."""
-    return FlatField(torch.tensor(history.light)) if history.light is not None else None
+    return None if history.light is None else FlatField.of(history.light)
 
 
 def region(folder: Path, history: History) -> Region | None:

@@ -6,7 +6,6 @@ have waited longest for a request are cut.
 
 import asyncio
 import contextlib
-import fcntl
 import os
 import resource
 import socket
@@ -20,7 +19,8 @@ from typing import Protocol, Self
 from starlette.responses import JSONResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from frida_painter.errors import ConfigError
+from frida_painter import locks
+from frida_painter.errors import ConfigError, StorageError
 from frida_painter.web.commands import Role
 from frida_painter.web.security import Session
 
@@ -153,24 +153,27 @@ def most_connections() -> int:
 
 # Locks on a studio's folder, held by each open studio and by the one listener for stops.
 
+_ENDS_WITHIN = 5.0  # seconds
+
 
 class WebAppLock:
     """Lock that all open studios of a folder share; a listener for stops takes it alone before it ends."""
 
     def __init__(self, folder: Path, name: str = ".studio") -> None:
-        self._file = os.open(folder / name, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        self._path = folder / name
+        self._file = locks.open_lock(self._path)
 
     def share(self) -> None:
-        """Takes the lock together with others; waits while somebody has it alone."""
-        fcntl.flock(self._file, fcntl.LOCK_SH)
+        """Takes the lock together with others, once a listener that has it alone has ended. Raises StorageError."""
+        if not locks.take(self._file, _ENDS_WITHIN, shared=True):
+            raise StorageError(
+                f"{self._path} is locked by another process, which does not let go; end that process, or choose "
+                "another folder with --folder."
+            )
 
     def take_alone(self) -> bool:
         """Takes the lock alone; returns True if nobody else held it."""
-        try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return False
-        return True
+        return locks.take(self._file)
 
     def fileno(self) -> int:
         """Returns the descriptor for a child process that is to hold the lock too."""

@@ -4,7 +4,6 @@ The page's process writes requests, commands and the stop file; the worker write
 """
 
 import contextlib
-import fcntl
 import os
 import re
 import shutil
@@ -13,10 +12,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self, get_args
 
-from filelock import lock_descriptor
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints, ValidationError, model_validator
 
-from frida_painter import registry, storage
+from frida_painter import locks, registry, storage
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.kinds import LIVE_PICTURE, STOP_FILE
 from frida_painter.errors import StorageError
@@ -379,28 +377,24 @@ class WorkerLock:
     Its file lies in the studio's folder and not in the painting's own: the lock holds, and is seen, even after the
     painting's folder was deleted.
 
-    The parent takes the lock and hands it to the worker, so that there is no moment without it. This needs a lock
-    on a descriptor, which a child inherits; a lock on a path (filelock.FileLock) belongs to one process.
+    The parent takes the lock and hands it to the worker, so that there is no moment without it.
     """
 
     def __init__(self, folder: PaintingFolder) -> None:
         place = _lock_file(folder)
         place.parent.mkdir(mode=0o700, exist_ok=True)
-        self._file = os.open(place, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        self._file = locks.open_lock(place)
 
     def take(self) -> bool:
         """Takes the lock; returns True if it was free. It waits a moment for processes that only check the lock."""
-        patience = time.monotonic() + _A_MOMENT
-        while not self.try_once():
-            if time.monotonic() > patience:
-                return False
-            time.sleep(0.02)
-        self.sign("")  # the job of the worker before
-        return True
+        taken = self.try_once(_A_MOMENT)
+        if taken:
+            self.sign("")  # the job of the worker before
+        return taken
 
-    def try_once(self) -> bool:
-        """Takes the lock without waiting; returns True if it was free and its painting was not deleted meanwhile."""
-        return lock_descriptor(self._file, blocking=False) and os.fstat(self._file).st_nlink > 0
+    def try_once(self, seconds: float = 0.0) -> bool:
+        """Takes the lock; returns True if it came free in time and its painting was not deleted meanwhile."""
+        return locks.take(self._file, seconds) and os.fstat(self._file).st_nlink > 0
 
     def sign(self, job: str) -> None:
         """Writes the job into the file of this lock, for `find_job`."""
@@ -458,12 +452,9 @@ def working(folder: PaintingFolder) -> bool:
     except FileNotFoundError:
         return False
     try:
-        fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)  # shared: two processes that look do not see one another
-    except BlockingIOError:
-        return True
+        return not locks.take(file, shared=True)  # shared: two processes that look do not see one another
     finally:
         os.close(file)
-    return False
 
 
 # Request for a calibration from the page.

@@ -7,10 +7,11 @@ from frida_painter.brush import family_field, field, param2stroke
 from frida_painter.brush.families import family_model_of, load_family_model
 from frida_painter.brush.family_field import FamilyField
 from frida_painter.brush.field import StrokeField
-from frida_painter.brush.kinds import BROAD, FINE, MEDIUM, BrushKind, BrushModel, StrokeModel
+from frida_painter.brush.kinds import BROAD, FINE, MEDIUM, BrushKind, BrushModel, StrokeModel, require_stroke_model
 from frida_painter.brush.param2stroke import Param2Stroke
+from frida_painter.brush.table import StrokeTable
 from frida_painter.brush.training import ModelFile
-from frida_painter.errors import WeightsError
+from frida_painter.errors import PluginError, WeightsError
 from frida_painter.plan import Plan
 from frida_painter.storage import abridge
 
@@ -21,6 +22,8 @@ _KINDS_OF_MODEL: dict[str, type[StrokeField] | type[Param2Stroke]] = {
 }
 
 
+_OURS = (StrokeTable, StrokeField, Param2Stroke)  # made here, from models that were tried
+
 AnyBrush = StrokeModel | str | Path
 """Brush as public functions take it: its name, a file of weights, or a stroke model."""
 
@@ -28,11 +31,11 @@ AnyBrush = StrokeModel | str | Path
 def load_stroke_model(brush: AnyBrush) -> StrokeModel:
     """Returns the stroke model that is registered for a brush ("broad"), or the one in a file of weights.
 
-    A stroke model is returned as it is.
+    A stroke model of yours is tried and returned as it is.
 
     "fine+comma" is the stroke model of the family "comma" for the brush "fine"; a family may be a file too.
-    Raises WeightsError if the file is missing or damaged or no stroke model, or if the name is unknown. Raises
-    FamilyError if a family is unknown or damaged, and
+    Raises WeightsError if the file is missing or damaged, if the name is unknown, or if the stroke model has wrong
+    maps or marks nothing (`require_stroke_model`). Raises FamilyError if a family is unknown or damaged, and
     PluginError if the package that registers the brush is broken.
 
         >>> import frida_painter as fp
@@ -41,13 +44,9 @@ def load_stroke_model(brush: AnyBrush) -> StrokeModel:
         ('broad', (0.012, 0.075))
     """
     if not isinstance(brush, str | Path):
-        missing = [name for name in ("brush", "frame", "limits") if not hasattr(brush, name)]
-        if missing or not callable(brush):
-            raise WeightsError(
-                f"A {type(brush).__name__} was given as a brush, and a stroke model is a function with brush, frame "
-                "and limits; give a name, a file of weights or such a function."
-            )
-        return brush
+        if isinstance(brush, _OURS):
+            return brush
+        return require_stroke_model(brush, f"A {type(brush).__name__} that was given as a stroke model")
     brushes = registry.parts(registry.STROKE_MODELS)
     registered = brushes.get(str(brush))
     first, plus, family = str(brush).partition("+")
@@ -58,7 +57,12 @@ def load_stroke_model(brush: AnyBrush) -> StrokeModel:
             f"{abridge(brush)} is no brush; give {', '.join(brushes)}, or the path of weights (.safetensors) that you "
             "trained."
         )
-    return load_weights(Path(brush)) if registered is None else registered.load(BrushModel).load()
+    if registered is None:
+        return require_stroke_model(load_weights(Path(brush)), f"The stroke model in {abridge(brush)}")
+    model = registered.load(BrushModel).load()
+    if registered.is_ours:
+        return model
+    return require_stroke_model(model, f"The stroke model {registered.name!r} of {registered.packages[0]}", PluginError)
 
 
 def weights_of(brush: str) -> tuple[Path, ...]:

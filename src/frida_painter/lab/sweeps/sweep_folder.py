@@ -20,7 +20,7 @@ from typing import Any
 from filelock import FileLock, Timeout
 
 from frida_painter import storage
-from frida_painter.errors import ConfigError, FridaError, StorageError, SweepBusy
+from frida_painter.errors import ConfigError, FridaError, StorageError, SweepBusy, TryFailed
 from frida_painter.lab.sweeps.sweep_spec import Fields, SweepRun, SweepSpec, Value, label
 from frida_painter.provenance import identify_here
 from frida_painter.runs.painting_folder import content_hash
@@ -106,24 +106,24 @@ SWEEP = "sweep.json"
 TABLE = "table.parquet"
 _FORMAT = "frida-painter sweep"
 _LOCK = ".lock"
+_PATIENCE = 600.0  # seconds, for a run that a dead driver left behind
 _ROOM = 100 * 2**20  # bytes
 
 
 def _lock_of(folder: Path) -> FileLock:
-    return FileLock(folder / _LOCK, fallback_to_soft=False, preserve_lock_file=True)
+    return FileLock(folder / _LOCK, mode=0o600, fallback_to_soft=False, preserve_lock_file=True)
 
 
 @contextlib.contextmanager
-def _hold_lock(folder: Path, *, waits: bool) -> Iterator[None]:
+def _hold_lock(folder: Path, seconds: float = 0.0) -> Iterator[None]:
     """Holds the lock of a folder, which is made if it is missing.
 
-    waits: True to wait for another process; False to raise Timeout if one has the lock
-    Raises StorageError if the folder cannot be written.
+    Raises Timeout if another process has it for all of these seconds, StorageError if the folder cannot be written.
     """
     lock = _lock_of(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        lock.acquire(blocking=waits)
+        lock.acquire(timeout=seconds)
     except Timeout:
         raise
     except OSError as error:
@@ -145,8 +145,17 @@ class RunFolder:
 
     @contextlib.contextmanager
     def lock(self) -> Iterator[None]:
-        """Locks the folder for one process at a time; others wait. Raises StorageError if it cannot be written."""
-        with _hold_lock(self.path, waits=True):
+        """Locks the folder for one process at a time; others wait for ten minutes.
+
+        Raises TryFailed if that was in vain, StorageError if the folder cannot be written.
+        """
+        with contextlib.ExitStack() as held:
+            try:
+                held.enter_context(_hold_lock(self.path, _PATIENCE))
+            except Timeout as busy:
+                raise TryFailed(
+                    f"{storage.abridge(self.path)} is locked by another process, which does not let go; end it."
+                ) from busy
             yield
 
     def record(self) -> dict[str, Any] | None:
@@ -204,7 +213,7 @@ class SweepFolder:
             )
         with contextlib.ExitStack() as held:
             try:
-                held.enter_context(_hold_lock(self.path, waits=False))
+                held.enter_context(_hold_lock(self.path))
             except Timeout as busy:
                 raise SweepBusy(
                     f"Another process works on {storage.abridge(self.path)}; wait until it is done, or look how far it "
@@ -262,7 +271,8 @@ class SweepFolder:
         kept = storage.read_json(path, "a sweep", ConfigError)
         if kept.get("format") != _FORMAT:
             raise ConfigError(f"{storage.abridge(path)} is no sweep of this program; give the folder of one.")
-        return SweepSpec.of(**kept["sweep"]), kept["files"], kept["slots"]
+        with storage.understanding(path, "a sweep", ConfigError):
+            return SweepSpec.of(**kept["sweep"]), dict(kept["files"]), int(kept["slots"])
 
     def read_program(self) -> str:
         """Returns what did the runs of the latest request; the version alone if an older program wrote it."""

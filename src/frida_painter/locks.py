@@ -1,0 +1,45 @@
+"""Locks on open files: the wait for one is bounded.
+
+Whoever can open a file, even only to read it, can lock it for ever. So lock files are made for their owner alone, and
+each wait ends. A lock belongs to the open file, which a child process inherits; a lock on a path
+(filelock.FileLock) belongs to one process.
+"""
+
+import fcntl
+import os
+import time
+from pathlib import Path
+
+_BETWEEN_TRIES = 0.02  # seconds
+
+
+def open_lock(path: Path) -> int:
+    """Opens a lock file, which nobody but its owner can open; makes it if it is missing. Raises OSError."""
+    descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK, 0o600)
+    if os.fstat(descriptor).st_uid == os.geteuid():
+        os.fchmod(descriptor, 0o600)  # an earlier version let others open it
+    return descriptor
+
+
+def take(descriptor: int, seconds: float = 0.0, *, shared: bool = False) -> bool:
+    """Takes the lock of an open file; returns False if another process held it all the time.
+
+    seconds: of the wait
+    shared: True if others may hold it as well
+    Raises OSError.
+    """
+    patience = time.monotonic() + seconds
+    while True:
+        try:
+            fcntl.flock(descriptor, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
+        except BlockingIOError:
+            if time.monotonic() >= patience:
+                return False
+            time.sleep(_BETWEEN_TRIES)
+        else:
+            return True
+
+
+def release(descriptor: int) -> None:
+    """Releases the lock of an open file, also for children that inherited it. Raises OSError."""
+    fcntl.flock(descriptor, fcntl.LOCK_UN)
