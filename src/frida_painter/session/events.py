@@ -75,6 +75,7 @@ class Timetable:
     looks: trips to the home position and back.
     drying: layers that dry before the next one.
     after: seconds from the beginning until each stroke is painted.
+    dried: seconds of these in which a layer dries.
     """
 
     strokes: float = 0.0
@@ -85,6 +86,7 @@ class Timetable:
     looks: float = 0.0
     drying: float = 0.0
     after: tuple[float, ...] = ()
+    dried: tuple[float, ...] = ()
 
     @property
     def total(self) -> float:
@@ -93,7 +95,8 @@ class Timetable:
 
     def after_drying(self, seconds: float) -> Timetable:
         """Returns the timetable with this drying time before everything else."""
-        return replace(self, drying=self.drying + seconds, after=tuple(seconds + done for done in self.after))
+        after, dried = (tuple(seconds + done for done in each) for each in (self.after, self.dried))
+        return replace(self, drying=self.drying + seconds, after=after, dried=dried)
 
 
 PEN_LIMITS: tuple[tuple[str, float, float], ...] = (
@@ -437,10 +440,14 @@ class Planned:
 
 @dataclass(frozen=True)
 class Scheduled:
-    """Time that the robot takes for the remaining strokes after `done`; reported whenever the plan changes."""
+    """Time that the robot takes for the remaining strokes after `done`; reported whenever the plan changes.
+
+    pace: seconds that people wait per second of drying: 1 at a real easel, 0 in a studio that need not wait.
+    """
 
     timetable: Timetable
     done: int
+    pace: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -596,7 +603,7 @@ class StrokePainted:
 class Drying:
     """A layer dries after `done` strokes; reported every minute until `left` is 0.
 
-    seconds, left: whole and remaining drying time, by the robot's clock.
+    seconds, left: whole and remaining drying time: in the journal by the robot's clock, for listeners as people wait.
     """
 
     done: int
