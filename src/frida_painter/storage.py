@@ -63,6 +63,19 @@ def list_files(folder: Path, pattern: str) -> list[Path]:
     return sorted(path for path in folder.glob(pattern) if not _TEMPORARY.fullmatch(path.name))
 
 
+def next_number(folder: Path, beginning: str, first: int = 1) -> int:
+    """Returns the number after the largest one that follows `beginning` in the names of a folder's files."""
+    named = (re.match(rf"{re.escape(beginning)}(\d+)", path.name) for path in folder.glob("*"))
+    return max((int(name[1]) + 1 for name in named if name), default=first)
+
+
+def unused(path: Path) -> Path:
+    """Returns a path where nothing is: this one, or beside what is there the same name with the next number."""
+    if not path.exists():
+        return path
+    return path.with_name(f"{path.stem}-{next_number(path.parent, f'{path.stem}-', 2)}{path.suffix}")
+
+
 def clear_leftovers(folder: Path) -> None:
     """Removes temporary files of interrupted writes from a folder that no process writes to."""
     for path in folder.rglob(".*"):

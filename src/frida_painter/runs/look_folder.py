@@ -86,6 +86,7 @@ class LookFolder:
     def __init__(self, painting: Path) -> None:
         self.path = painting / LOOKS
         self._next = 0.0
+        self._taken: set[Path] = set()  # pictures that could not be moved away
 
     def take_next(self) -> GivenPicture | None:
         """Returns the picture that waits longest; None if there is none. Looks every half second at most."""
@@ -96,7 +97,8 @@ class LookFolder:
         with contextlib.suppress(OSError):
             files = [file for file in self.path.iterdir() if file.suffix.lower() in picture_file.SUFFIXES]
             ages = {file: time.time() - file.stat().st_mtime for file in files if file.name[0] != "."}
-            waiting = sorted((file for file, age in ages.items() if not 0 <= age < _STILL), key=lambda one: -ages[one])
+            still = {file for file, age in ages.items() if not 0 <= age < _STILL} - self._taken
+            waiting = sorted(still, key=lambda one: -ages[one])
             if waiting:
                 return GivenPicture(waiting[0], _read_corners(waiting[0]))
         return None
@@ -106,19 +108,20 @@ class LookFolder:
 
         Raises StorageError.
         """
-        name = f"{time.strftime('%Y%m%d-%H%M%S')}-{picture.name}"
+        name = storage.unused(self.path / f"{time.strftime('%Y%m%d-%H%M%S')}-{picture.name}").name
         if corners is not None:
             storage.write_json(_corners_file(self.path / name), {"corners": [list(corner) for corner in corners]})
         storage.copy(picture, self.path / name, "a picture of the canvas", storage.MAX_BYTES)
         return self.path / name
 
     def file_away(self, given: GivenPicture, where: str) -> None:
-        """Moves a picture to `used` or `refused`; if that fails, it is deleted, so that it is taken once only."""
+        """Moves a picture to `used` or `refused`, beside one of its name; what cannot be moved is not taken again."""
+        self._taken.add(given.path)
         for file in (given.path, _corners_file(given.path)):
             with contextlib.suppress(OSError):
                 (self.path / where).mkdir(exist_ok=True)
-                file.replace(self.path / where / file.name)
-            file.unlink(missing_ok=True)
+                file.rename(storage.unused(self.path / where / file.name))
+                self._taken.discard(file)
 
 
 def is_finished(folder: Path) -> bool:

@@ -358,7 +358,6 @@ class Journal:
         name = f"{PHOTOGRAPHS}/look-{self._looks:04d}.png"
         self._looks += 1
         content = self._keep(frame.image, name)
-        self._photograph = None if content is None else name
         light_now = None if light is None else light.logarithm.tolist()
         self.tell(Photographed(self._photograph, frame.captured_at, frame.sequence, light_now, content))
 
@@ -366,7 +365,6 @@ class Journal:
         """Notes the rendered canvas [3, H, W] after `done` strokes, and keeps its picture if there is room."""
         name = f"{PHOTOGRAPHS}/assumed-{done:06d}.png"
         content = self._keep(images.to_uint8(canvas), name)
-        self._photograph = None if content is None else name
         self.tell(CanvasPicture(self._photograph, done, content=content))
 
     def record_picture(self, canvas: Tensor, done: int) -> None:
@@ -374,7 +372,6 @@ class Journal:
         name = f"{PHOTOGRAPHS}/seen-{self._looks:04d}.png"
         self._looks += 1
         content = self._keep(images.to_uint8(canvas), name)
-        self._photograph = None if content is None else name
         self.tell(CanvasPicture(self._photograph, done, seen=True, content=content))
 
     def tell(self, event: Written) -> None:
@@ -389,15 +386,18 @@ class Journal:
                 self.tell(event)
 
     def _keep(self, photograph: NDArray[np.uint8], name: str) -> str | None:
-        """Saves a photograph and returns its sha256; None if it was not saved."""
+        """Saves a photograph, beside one of its name, and returns its sha256; None if it was not saved."""
+        self._photograph = None
         if self._book is None:
             return None
-        path = self._book.path.parent / name
+        path = storage.unused(self._book.path.parent / name)
         try:
             images.save_exactly(photograph, path)
-            return storage.sha256(path, A_PHOTOGRAPH)
+            content = storage.sha256(path, A_PHOTOGRAPH)
         except StorageError:
             return None
+        self._photograph = f"{PHOTOGRAPHS}/{path.name}"
+        return content
 
 
 def _who() -> dict[str, Any]:

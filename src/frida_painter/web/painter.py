@@ -16,7 +16,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from frida_painter import images
+from frida_painter import images, storage
 from frida_painter.easel.dialogue import (
     JOG_STEPS,
     Answer,
@@ -453,7 +453,7 @@ class PauseController:
 
     def _next(self, kind: str) -> int:
         """Returns the number of the next region or change in the painting's results, from 1."""
-        return 1 + sum(1 for _ in (self.folder.painting / kind).glob("*"))
+        return storage.next_number(self.folder.painting / kind, "")
 
     def _pursue(self, command: ChangeGoal) -> None:
         """Changes the goal; the paints stay, because they are mixed already."""
