@@ -211,7 +211,7 @@ def _frame(done: int) -> TimelapseFrame:
 
 
 def _person(number: int) -> PersonStrokeBegan:
-    return PersonStrokeBegan(number, {}, (0.0, 0.0, 0.0), 10)
+    return PersonStrokeBegan(number, 10, {}, (0.0, 0.0, 0.0))
 
 
 PAUSED, LOOKED = Paused("You asked.", 10, "person"), Looked(PICTURE, PICTURE, 10)

@@ -166,8 +166,16 @@ def test_a_painting_that_is_resumed_twice_overwrites_no_picture(
     images.save(torch.rand(3, 60, 80), tmp_path / "photo.jpg")
     folder = PaintingFolder(tmp_path / "studio")
     (folder.path / "live").mkdir(parents=True)
-    small = {"canvas": "12x9cm", "fit": "crop", "render_height": 64, "effort": 0.05, "brushes": "fine", "colors": 2}
-    spec = RunSpec.of(goal=[{"image": str(tmp_path / "photo.jpg")}], strokes=9, replans=0 if camera else 8, camera=camera, **small)
+    small = {
+        "replans": 0 if camera else 8,
+        "canvas": "12x9cm",
+        "fit": "crop",
+        "render_height": 64,
+        "effort": 0.05,
+        "brushes": "fine",
+        "colors": 2,
+    }
+    spec = RunSpec.of(goal=[{"image": str(tmp_path / "photo.jpg")}], strokes=9, camera=camera, **small)
     before: dict[Path, bytes] = {}
     for sitting, until in enumerate((3, 6, 99)):
         painting = folder.painting

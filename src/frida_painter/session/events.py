@@ -35,6 +35,7 @@ from frida_painter.session.person_events import PersonPaintShown as PersonPaintS
 from frida_painter.session.person_events import PersonStrokeBegan as PersonStrokeBegan
 from frida_painter.session.person_events import PersonStrokePainted as PersonStrokePainted
 from frida_painter.session.person_events import RegionProtected as RegionProtected
+from frida_painter.session.person_events import RequestTaken as RequestTaken
 from frida_painter.session.setup_events import (
     MachineTold,
     SetupLeft,
@@ -752,7 +753,7 @@ class Finished:
 Written = (
     PaintingBegun | SessionResumed | PlanAdopted | MotionBegan | Dipped | Drying | LayerBegun | BrushInHand
     | StrokePainted | StrokeLeftOut | Photographed | CanvasPicture | TouchCorrected | LastLookDoubted | Paused | Stopped
-    | Failed | Finished | RegionProtected | GoalChanged | PersonStrokeBegan | PersonStrokePainted
+    | Failed | Finished | RegionProtected | GoalChanged | RequestTaken | PersonStrokeBegan | PersonStrokePainted
     | PageEvent
 )  # fmt: skip
 Moment = (

@@ -51,7 +51,13 @@ from frida_painter.session.events import (
     record,
     time_of,
 )
-from frida_painter.session.person_events import GoalChanged, PersonStrokeBegan, PersonStrokePainted, RegionProtected
+from frida_painter.session.person_events import (
+    GoalChanged,
+    PersonStrokeBegan,
+    PersonStrokePainted,
+    RegionProtected,
+    RequestTaken,
+)
 
 # History from a journal: progress, plan and the stroke in doubt.
 
@@ -98,6 +104,7 @@ class History:
     region: file of the region that a person drew, and True if only its inside may be painted; None without a
     region.
     goal: folder of the changed goal, "" before a change.
+    request: what a person asked for and the painter had not done yet; empty if there is nothing.
 
     person: strokes of a person, in order; of the last one, the end may be unknown.
     person_painted: number of the person's last stroke that is certainly on the canvas.
@@ -125,6 +132,7 @@ class History:
     photographs: dict[str, str | None] = field(default_factory=dict)
     region: tuple[str, bool] | None = None
     goal: str = ""
+    request: dict[str, Any] = field(default_factory=dict)
     person: list[PersonStrokeBegan] = field(default_factory=list)
     person_painted: int = 0
     person_seen: int = 0
@@ -231,6 +239,8 @@ class History:
                 self.region = None if region is None else (region, only)
             case GoalChanged(goal=goal):
                 self.goal = goal
+            case RequestTaken(request):
+                self.request = request
             case PersonStrokeBegan(number):
                 self.person = [*self.person[: number - 1], event]
             case PersonStrokePainted(number):

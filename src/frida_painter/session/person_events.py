@@ -30,6 +30,16 @@ class GoalChanged:
 
 
 @dataclass(frozen=True)
+class RequestTaken:
+    """The painter does what a person asked for in a pause; if it breaks off meanwhile, a resumed painting does it.
+
+    request: command of the page; empty if the last one is done, or was refused.
+    """
+
+    request: dict[str, Any]
+
+
+@dataclass(frozen=True)
 class PersonStrokeBegan:
     """A person's stroke will now be painted on the canvas of a simulated easel, after `done` strokes of the robot.
 
