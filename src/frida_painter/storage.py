@@ -12,6 +12,7 @@ import itertools
 import json
 import math
 import os
+import re
 import shutil
 import stat
 import tempfile
@@ -75,6 +76,12 @@ def find_unused(path: Path) -> Path:
     """Returns the path; if something is there, the first unused one of NAME-2, NAME-3 and so on."""
     numbered = (path.with_stem(f"{path.stem}-{number}") for number in itertools.count(2))
     return next(one for one in itertools.chain((path,), numbered) if not os.path.lexists(one))
+
+
+def next_number(folder: Path, beginning: str, first: int = 1) -> int:
+    """Returns the number after the largest one that follows `beginning` in the names of a folder's files."""
+    named = (re.match(rf"{re.escape(beginning)}(\d+)", path.name) for path in folder.glob("*"))
+    return max((int(name[1]) + 1 for name in named if name), default=first)
 
 
 def write_bytes(path: Path, content: bytes) -> None:

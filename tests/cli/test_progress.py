@@ -1,28 +1,45 @@
 import io
 import itertools
 import math
+import time
+from pathlib import Path
 
 import pytest
 import torch
 from rich.console import Console
 
+from frida_painter.canvas_size import CanvasSize
 from frida_painter.cli.terminal import PaintingLine, PlanningLine, _words
 from frida_painter.palette import Palette
 from frida_painter.planning.optimize import Step
 from frida_painter.session.events import (
+    Answered,
+    Asked,
+    BrushInHand,
+    Dipped,
     Drying,
     Event,
     Finishing,
+    GroundWanted,
+    LayerBegun,
     Looked,
     PaintsWanted,
+    Paused,
+    PersonStrokeBegan,
+    PersonStrokePainted,
     Planned,
     PlanningStep,
     Scheduled,
     StrokePainted,
+    TimelapseFrame,
+    TimeLeft,
     Timetable,
+    WentOn,
 )
 from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.session.time_left import Pace, PlanTime, RemainingTime, duration, remaining_seconds, share_of_plan
+from frida_painter.web.studio_folder import Feed, FeedReader, PaintingFolder
+from frida_painter.web.telling import Reporter
 from support.plans import made_up_plan
 
 STROKES, REPLANS, PLANNING, REPLANNING = 60, 3, 40, 10
@@ -187,6 +204,121 @@ def test_the_time_left_falls_as_the_paint_dries() -> None:
         left.append(expecting.remaining)
     assert left == pytest.approx([610, 310, 10])
     assert _words(Drying(1, 600.0, 300.0)) == "letting the paint dry, 5 min 00 s more"
+
+
+def _frame(done: int) -> TimelapseFrame:
+    return TimelapseFrame(PICTURE, done, 300, (0.0, 0.0, 0.0))
+
+
+def _person(number: int) -> PersonStrokeBegan:
+    return PersonStrokeBegan(number, 10, {}, (0.0, 0.0, 0.0))
+
+
+PAUSED, LOOKED = Paused("You asked.", 10, "person"), Looked(PICTURE, PICTURE, 10)
+PAINTS = PaintsWanted(Palette(torch.ones(2, 3)))
+STEPS = [(0.1, PlanningStep("replan", step, 4, 0.1)) for step in (1, 2, 3, 4)]
+REPLANNED = Planned(made_up_plan(290), 10, PICTURE, 1.0, 0.5)
+OF_A_PERSON: dict[str, list[tuple[float, Event]]] = {
+    "a pause": [(0, PAUSED), (300, WentOn())],
+    "a pause whose end nobody tells": [(0, PAUSED), (300, Dipped(0))],
+    "a pause and nothing else": [(0, PAUSED), (300, StrokePainted(11, 300))],
+    "two pauses": [(0, PAUSED), (300, WentOn()), (1, StrokePainted(11, 300)), (0, PAUSED), (300, Dipped(0))],
+    "a pause during a look": [(0, PAUSED), (300, LOOKED)],
+    "a frame after a pause": [(0, PAUSED), (300, _frame(10)), (0, WentOn())],
+    "a turn with strokes": [
+        (0, PAUSED), (100, LOOKED), (9, _person(1)), (1, PersonStrokePainted(1, 10)), (2, _frame(10)), (300, WentOn()),
+    ],
+    "strokes alone": [(300, PersonStrokePainted(1, 10)), (1, _frame(10)), (0, Dipped(0))],
+    "a question": [(0, Asked({})), (300, Answered()), (0, Dipped(0))],
+    "a question in a pause": [(0, PAUSED), (90, Asked({})), (300, Answered()), (300, WentOn())],
+    "paints to be mixed": [(0, PAINTS), (300, Dipped(0))],
+    "mixed paints for which the rest is planned again": [
+        (0, PAINTS), (300, STEPS[0][1]), *STEPS[1:], (0, REPLANNED), (300, Dipped(0)),
+    ],
+    "a canvas to be toned": [(0, GroundWanted((0.0, 0.0, 0.0))), (300, Dipped(0))],
+    "a brush changed by hand": [(0, BrushInHand(None)), (300, BrushInHand("fine")), (0, LayerBegun(10, 2, "fine"))],
+    "a plan in a pause, and a person who thinks": [(0, PAUSED), (300, LOOKED), *STEPS, (0, REPLANNED), (300, WentOn())],
+    "a plan after a pause": [(0, PAUSED), (300, WentOn()), (0, LOOKED), *STEPS, (0, REPLANNED)],
+    "a pause within a plan": [STEPS[0], (0, PAUSED), (300, STEPS[1][1]), *STEPS[2:], (0, REPLANNED)],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("timetable", [(), tuple(map(float, range(1, 301)))])
+@pytest.mark.parametrize("events", OF_A_PERSON.values(), ids=OF_A_PERSON)
+def test_what_a_person_takes_is_never_counted_as_work(
+    events: list[tuple[float, Event]], timetable: tuple[float, ...]
+) -> None:
+    """Strokes of a second, with minutes of a person among them: 300 strokes take 300 s in all."""
+    expecting, now = RemainingTime(300, EvenlySpaced(0), 0.0, planning=0, replanning=4), 0.0
+    if timetable:
+        expecting.hear(Scheduled(Timetable(strokes=300.0, after=timetable), 0), 0.0)
+    before = [(1.0, StrokePainted(done, 300)) for done in range(1, 11)]
+    painted = max([10, *(event.done for _, event in events if isinstance(event, StrokePainted))])
+    after = [(1.0, StrokePainted(done, 300)) for done in range(painted + 1, 20)]
+    for passed, event in (*before, *events, *after):
+        now += passed
+        expecting.hear(event, now)
+        left = 300 - (event.done if isinstance(event, StrokePainted) else 10)
+        assert expecting.remaining == pytest.approx(left, abs=1.5), event
+
+
+def test_a_picture_alone_makes_nothing_longer() -> None:
+    """Seconds count only if a stroke follows, and not if a person turns out to have had them."""
+    expecting = RemainingTime(300, EvenlySpaced(0), 0.0, planning=0, replanning=0)
+    for done in range(1, 11):
+        expecting.hear(StrokePainted(done, 300), float(done))
+    for now, event in ((310.0, _frame(10)), (610.0, LOOKED), (611.0, PAUSED), (612.0, StrokePainted(11, 300))):
+        expecting.hear(event, now)
+    assert expecting.remaining == pytest.approx(289.0)
+
+
+def test_a_person_does_not_slow_the_forecast_of_planning_either() -> None:
+    """A pause within a replan, and one before its first iteration; four iterations take 0.4 s."""
+    quick, slow = time_left(), time_left()
+    for expecting, pause in ((quick, 0.0), (slow, 300.0)):
+        now = 0.0
+        for step in range(1, 9):
+            expecting.hear(PlanningStep("plan", step, PLANNING, 0.1), now := now + 0.1)
+            if step == 4:
+                expecting.hear(PAUSED, now)
+                expecting.hear(LOOKED, now := now + pause)
+    assert slow.remaining == pytest.approx(quick.remaining, rel=0.01)
+
+
+@pytest.mark.parametrize(("pace", "left"), [(1.0, 610.0), (0.0, 10.0), (0.1, 70.0)])
+def test_drying_counts_as_long_as_people_wait_for_it(pace: float, left: float) -> None:
+    """20 minutes of the robot's clock are nothing in a studio that is simulated at once."""
+    expecting = RemainingTime(4, EvenlySpaced(0), 0.0, planning=0, replanning=0)
+    table = Timetable(strokes=20, drying=600, after=(5.0, 10.0, 615.0, 620.0), dried=(0.0, 0.0, 600.0, 600.0))
+    expecting.hear(Scheduled(table, 0, pace), 0.0)
+    for done in (1, 2):
+        expecting.hear(StrokePainted(done, 4), 5.0 * done)
+    assert expecting.remaining == pytest.approx(left)
+    for part in (1.0, 0.5, 0.0) if pace else ():
+        expecting.hear(Drying(2, 600 * pace, 600 * pace * part), 10.0 + 600 * pace * (1 - part))
+        assert expecting.remaining == pytest.approx(10.0 + 600 * pace * part)
+    expecting.hear(StrokePainted(3, 4), 15.0 + 600 * pace)
+    assert expecting.remaining == pytest.approx(5.0)
+
+
+def test_page_and_terminal_tell_the_same_time_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder, now = PaintingFolder(tmp_path), 0.0
+    monkeypatch.setattr(time, "monotonic", lambda: now)
+    reporter = Reporter(Feed(folder), folder, {}, CanvasSize(0.2, 0.1), time_left())
+    line, shown = PaintingLine(Console(file=io.StringIO()), time_left()), []
+    for passed, event in (
+        *[(2.0, StrokePainted(done, STROKES)) for done in range(1, 11)],
+        (0.0, PAUSED),
+        (300.0, LOOKED),
+        (3.0, StrokePainted(11, STROKES)),
+    ):
+        now += passed
+        reporter.hear(event)
+        line.hear(event)
+        if isinstance(event, StrokePainted):
+            shown.append(round(line._bar.tasks[0].fields["left"], 1))
+    told = [event.seconds for event in FeedReader(folder.feed).read() if isinstance(event, TimeLeft)]
+    assert told == shown and shown[-1] < 120
 
 
 def test_planning_alone_has_a_line_too() -> None:

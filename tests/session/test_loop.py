@@ -21,6 +21,7 @@ from frida_painter.errors import (
     PoseMismatch,
     WorkspaceViolation,
 )
+from frida_painter.event_log import EventLog
 from frida_painter.palette import Palette
 from frida_painter.session.events import (
     DRYING,
@@ -36,6 +37,7 @@ from frida_painter.session.events import (
     Stopped,
     StrokePainted,
     TimelapseFrame,
+    events_of,
 )
 from frida_painter.session.journal import Journal
 from frida_painter.session.observer import Timelapse
@@ -334,6 +336,18 @@ def test_between_layers_paint_dries_and_then_the_next_one_is_planned_anew_on_wha
 
 
 @pytest.mark.slow
+def test_nobody_is_told_of_drying_that_a_simulation_does_at_once(tmp_path: Path) -> None:
+    journal = Journal.begin(tmp_path, {}, {})
+    setup = layered(replans=1, simulated=True, journal=journal)
+    setup.run()
+    journal.close()
+    noted = [event for line in EventLog.read(tmp_path / "journal") for event in events_of(line)]
+    assert not [event for event in setup.heard if isinstance(event, Drying)]
+    assert {event.pace for event in setup.heard if isinstance(event, Scheduled)} == {0.0}
+    assert sum(isinstance(event, Drying) and event.left == 0 for event in noted) == 2
+
+
+@pytest.mark.slow
 def test_a_look_inside_a_layer_does_not_begin_one() -> None:
     setup = layered(replans=3, layers=(5, 3))
     setup.run()
@@ -378,6 +392,8 @@ def test_each_layer_is_painted_with_its_brush_which_is_asked_for_when_it_changes
     kinds = setup.kinds(PlanningStep, BrushInHand, Dipped, Scheduled)
     assert kinds.index("Drying") < kinds.index("LayerBegun", 4) < kinds.index("StrokePainted", 6)
     assert len(setup.easel.operator.palettes) == 1, "all layers have the same paints"
+    held = [event.brush for event in setup.heard if isinstance(event, BrushInHand)]
+    assert held == ["small", None, "large", None, "small"], "and until somebody has changed it, it is none"
     assert setup.painted() == list(range(1, 9))
 
 

@@ -1,4 +1,6 @@
+import os
 import shutil
+import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -28,12 +30,16 @@ from frida_painter.session.events import (
     Turns,
     WentOn,
     Written,
+    kind_of,
 )
 from frida_painter.session.journal import Journal
 from frida_painter.session.person_events import GoalChanged, PersonPaintShown, RegionProtected
+from frida_painter.session.progress import ResumeState
 from frida_painter.web.commands import (
     ChangeGoal,
     Command,
+    FinishDrawing,
+    Free,
     GivePicture,
     GoOn,
     LeaveOut,
@@ -46,6 +52,7 @@ from frida_painter.web.commands import (
 from frida_painter.web.painter import PauseController
 from frida_painter.web.stop import StopPressed, StopWatch
 from frida_painter.web.studio_folder import Feed, FeedReader, PaintingFolder, PaintingRequest
+from killing import kill_when
 from support.planning import CANVAS, goal, picture, plain, small_table
 from support.session import SessionSetup
 from support.virtual_painting import RESTS_ON, STROKES, VirtualPainting
@@ -66,12 +73,18 @@ class Table:
     """A painting on the stub easel with a person who answers its pauses, one command after another."""
 
     def __init__(
-        self, folder: PaintingFolder, strokes: int, *, pause_after: int = 2, journal: Journal | None = None
+        self,
+        folder: PaintingFolder,
+        strokes: int,
+        *,
+        pause_after: int = 2,
+        journal: Journal | None = None,
+        began: float = 0.0,
     ) -> None:
         self.folder = folder
         self.feed = Feed(folder)
         self.stop = StopWatch(folder.stop, folder.path.parent)
-        self.controller = PauseController(folder, self.feed, self.stop, 0.0)
+        self.controller = PauseController(folder, self.feed, self.stop, began)
         self.setup = SessionSetup(
             strokes,
             replans=0,
@@ -187,6 +200,121 @@ def test_a_region_and_another_goal_reach_the_planner(folder: PaintingFolder) -> 
     assert read_goal(folder.painting / history.goal)["goal"][0]["weight"] == 2
     assert table.told(GoalChanged)[0].wish["terms"][0]["weight"] == 2
     assert sum(isinstance(event, Planned) for event in table.setup.heard) >= 3
+
+
+def _planned(table: Table) -> Plan:
+    """A plan of six strokes by a planner of this table's session."""
+    planner = Planner(goal(), plain(CANVAS, small_table(), rows=64, effort=Effort().scale(0.02), seed=1))
+    table.setup.session.planner = planner
+    return planner.plan(torch.ones(3, planner.fine.rows, planner.fine.columns), 6, 1, lambda step: None)
+
+
+def _ask(*commands: Command) -> Callable[[PaintingFolder], None]:
+    """Asks for these in a pause of a new painting."""
+
+    def ask(folder: PaintingFolder) -> None:
+        table = Table(folder, 6, journal=Journal.begin(folder.painting, {}, {}))
+        table.says = list(commands)
+        table.setup.session.run(6, 1, _planned(table))
+
+    return ask
+
+
+NEW_GOAL = ChangeGoal(PaintingRequest.model_validate({"terms": [{"kind": "image", "picture": PICTURE, "weight": 2}]}))
+REGION = Protect(DRAWING, only=False)
+Asked = tuple[Callable[[PaintingFolder], None], str, int, Callable[[Table, list[Path]], bool]]
+SAID_TO_BE_DONE: dict[str, Asked] = {
+    "goal": (_ask(NEW_GOAL), "considering", 1, lambda table, seen: _weight(table) == 2),
+    "goal, while it replans": (_ask(NEW_GOAL), "goal_changed", 1, lambda table, seen: table.told(GoalChanged) != []),
+    "protect": (_ask(REGION), "considering", 1, lambda table, seen: table.setup.session.planner.region is not None),
+    "protect, told": (_ask(REGION), "region_protected", 1, lambda table, seen: not _touch(table)),
+    "free": (_ask(REGION, Free()), "considering", 2, lambda table, seen: table.setup.session.planner.region is None),
+    "leave out": (_ask(LeaveOut(3)), "paused", 2, lambda table, seen: table.setup.session.so_far.painted == 3),  # type: ignore[union-attr]
+    "turns": (_ask(TakeTurns(1)), "turns", 1, lambda table, seen: table.controller._game == TakeTurns(1)),
+    "picture": (_ask(GivePicture(PICTURE)), "considering", 1, lambda table, seen: len(seen) == 1),
+    "look": (_ask(LookAgain()), "considering", 1, lambda table, seen: True),
+}  # fmt: skip
+
+
+def _weight(table: Table) -> float:
+    return table.setup.session.planner.goal.terms[0].weight
+
+
+def _touch(table: Table) -> bool:
+    """Whether a stroke that was painted after the second one lies in the region that REGION protects."""
+    plan = table.setup.session._progress.plan
+    assert plan is not None
+    return bool((plan.strokes.path(torch.linspace(0, 1, 9))[2:, :, 0] < 0.35 * CANVAS.width).any())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("asked", SAID_TO_BE_DONE.values(), ids=SAID_TO_BE_DONE)
+def test_what_the_page_said_it_does_is_done_although_the_painter_was_killed_at_that_moment(
+    folder: PaintingFolder,
+    asked: tuple[Callable[[PaintingFolder], None], str, int, Callable[[Table, list[Path]], bool]],
+) -> None:
+    ask, moment, times, is_done = asked
+    folder.painting.mkdir()
+    drawn = torch.zeros(3, 60, 80)
+    drawn[:, :, :30] = 1
+    images.save(drawn, folder.pictures / f"{DRAWING}.png")
+    images.save(picture(60, 80), folder.pictures / f"{PICTURE}.png")
+    count = 0
+
+    def said(record: dict[str, Any]) -> bool:
+        return record["kind"] == moment
+
+    def is_said() -> None:
+        tell = Feed.tell
+
+        def tell_and_die(feed: Feed, event: Written) -> None:
+            nonlocal count
+            tell(feed, event)
+            count += kind_of(type(event)) == moment
+            if count == times:
+                os.kill(os.getpid(), signal.SIGKILL)
+
+        Feed.tell = tell_and_die  # type: ignore[method-assign]
+        ask(folder)
+
+    kill_when(folder.painting / "nowhere", said, is_said)
+    journal, history = Journal.reopen(folder.painting)
+    kept = resuming.load_kept_plan(folder.painting, history)
+    assert kept is not None and history.painted == 2
+    journal.record_resume(history, repaint=False)
+    table, seen = Table(folder, 6, pause_after=0, journal=journal, began=time.time()), list[Path]()
+    _planned(table)
+    planner = table.setup.session.planner
+    region = resuming.region(folder.painting, history)
+    table.setup.session.planner = planner.keeping_clear(region)
+    table.controller.look_at = seen.append
+    table.controller.owe(history.request)
+    table.says = 6 * [GoOn()]
+    now = table.setup.session.look()
+    table.setup.session.resume(ResumeState(kept.plan, 2, kept.planning.done, None, now))
+    journal.close()
+    assert is_done(table, seen)
+    assert Journal.reopen(folder.painting)[1].request == {}, "and it is done once"
+
+
+@pytest.mark.slow
+def test_a_drawing_that_is_finished_is_finished_by_the_next_painter_too(folder: PaintingFolder) -> None:
+    kill_when(
+        folder.painting / "journal",
+        lambda record: record["kind"] == "request_taken",
+        lambda: _ask(FinishDrawing())(folder),
+    )
+    history = Journal.reopen(folder.painting)[1]
+    controller = PauseController(folder, Feed(folder), StopWatch(folder.stop, folder.path.parent), 0.0)
+    controller.owe(history.request)
+    assert controller.pause_cause() == "person" and list(controller._commands) == [FinishDrawing()]
+
+
+def test_what_can_only_be_done_in_a_pause_is_refused_aloud(folder: PaintingFolder) -> None:
+    controller = PauseController(folder, Feed(folder), StopWatch(folder.stop, folder.path.parent), 0.0)
+    controller._commands.extend((LookAgain(), GoOn(), NEW_GOAL))
+    assert controller.pause_cause() is None
+    assert len([event for event in FeedReader(folder.feed).read() if isinstance(event, Remark)]) == 2
 
 
 @pytest.fixture

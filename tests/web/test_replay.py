@@ -7,11 +7,16 @@ from typing import Any
 import pytest
 import torch
 
+from frida_painter import images
 from frida_painter.planning.effort import Effort
 from frida_painter.planning.planner import Planner
+from frida_painter.runs.run import PaintingRun
+from frida_painter.runs.settle import Controls
+from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import (
     Event,
     Finishing,
+    LookShown,
     PaintingKept,
     PaintingStarted,
     Paused,
@@ -139,3 +144,57 @@ def test_a_replayed_feed_shows_what_the_page_showed_at_every_moment(tmp_path: Pa
     history = Journal.reopen(folder.painting)[1]
     assert isinstance(history, History) and history.finished and history.painted == STROKES
     assert isinstance(first.heard[-1], Stopped)
+
+
+MADE_ANEW = {"painting.png", "now.png", "target.jpg", "plan.png", "palette.png", "mixing.png"}
+"""Pictures of what is so now; all others belong to a moment, and stay."""
+
+
+def pictures(folder: Path) -> dict[Path, bytes]:
+    found = (path for path in folder.rglob("*") if path.suffix in (".png", ".jpg") and path.name not in MADE_ANEW)
+    return {path: path.read_bytes() for path in found}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("camera", ["", "none"])
+def test_a_painting_that_is_resumed_twice_overwrites_no_picture(
+    tmp_path: Path, small_world: None, monkeypatch: pytest.MonkeyPatch, camera: str
+) -> None:
+    """What the page and the folder show of a moment stays what it was; a card names the look that it shows."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    monkeypatch.setattr("frida_painter.web.telling._KEPT", 10**6)  # else the oldest live photographs are removed
+    images.save(torch.rand(3, 60, 80), tmp_path / "photo.jpg")
+    folder = PaintingFolder(tmp_path / "studio")
+    (folder.path / "live").mkdir(parents=True)
+    small = {
+        "replans": 0 if camera else 8,
+        "canvas": "12x9cm",
+        "fit": "crop",
+        "render_height": 64,
+        "effort": 0.05,
+        "brushes": "fine",
+        "colors": 2,
+    }
+    spec = RunSpec.of(goal=[{"image": str(tmp_path / "photo.jpg")}], strokes=9, camera=camera, **small)
+    before: dict[Path, bytes] = {}
+    for sitting, until in enumerate((3, 6, 99)):
+        painting = folder.painting
+        with PaintingRun.reopen(painting) if sitting else PaintingRun(spec, painting) as run:
+            run.open_easel()
+            left = run.time_left(0.0)
+            reporter = Reporter(Feed(folder), folder, run.planner.models, run.planner.size, left)
+            run.listeners.append(reporter.hear)
+            run.controls = Controls(
+                stop_asked=lambda until=until, seen=reporter: seen.done >= until,
+                paint_on=lambda difference, canvas: True,
+            )
+            outcome = run.resume() if sitting else run.start()
+        assert outcome.painting is not None and outcome.painting.painted == min(until, 9)
+        now = pictures(folder.path)
+        gone = {path for path in before if path not in now}
+        assert all("growing-" in path.name for path in gone), "of a growing plan, the newest are kept"
+        assert {path.name for path in before if path not in gone and now[path] != before[path]} == set(), sitting
+        assert len(now) > len(before)
+        before = now
+    looks = [event for event in FeedReader(folder.feed).read() if isinstance(event, LookShown)]
+    assert len({look.seen for look in looks}) == len(looks), "each card has a picture of its own"

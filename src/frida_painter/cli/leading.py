@@ -22,10 +22,9 @@ from frida_painter.easel.kinds import ARM_FILM, easel_kind
 from frida_painter.errors import Interrupted, RobotStopped
 from frida_painter.runs.painting_folder import NOW, PAUSE_FILE
 from frida_painter.runs.run import PaintingRun, RunOutcome
-from frida_painter.runs.settle import replan_policy
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import Paused
-from frida_painter.session.time_left import RemainingTime, duration
+from frida_painter.session.time_left import duration
 from frida_painter.storage import count_of
 
 PLAN_ROOM = 20 * 2**20  # bytes needed before a plan begins
@@ -54,7 +53,7 @@ class Leader:
         self._run, self._stop, self._started = run, stop, started
         self._asked, self._repaint = asked, repaint
         self._console = Console(stderr=True, highlight=False)
-        self._bar = PaintingLine(self._console, _time_left(run, started))
+        self._bar = PaintingLine(self._console, run.time_left(started))
         self._stack = ExitStack()
         wells = Wells(run.mixed, input if asks_for_paints else None, run.folder, poured=not run.easel.simulated)
         run.listeners.append(self._bar.hear)
@@ -196,17 +195,6 @@ def confirm(question: str, *, default: bool, ask: Callable[[str], str] = input) 
         if answer in ("", "y", "yes", "n", "no"):
             return answer[:1] == "y" if answer else default
         print("Type y or n.")
-
-
-def _time_left(run: PaintingRun, started: float) -> RemainingTime:
-    planner, spec = run.planner, run.spec
-    return RemainingTime(
-        spec.strokes,
-        replan_policy(spec),
-        started,
-        planning=planner.iterations(spec.strokes),
-        replanning=planner.effort.of_a_look,
-    )
 
 
 def tell(outcome: RunOutcome, of: int, seconds: float, *, watched: bool = True) -> None:

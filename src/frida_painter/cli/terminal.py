@@ -164,8 +164,8 @@ def _words(event: Event) -> str:
             return f"planning the rest again {100 * iteration // of:3d} %"
         case Planned(forecast=forecast) if forecast is not None:
             return f"planned: {forecast}"
-        case Scheduled(timetable=timetable, done=0):
-            return f"the robot will take {duration(timetable.total)}"
+        case Scheduled(timetable, 0, pace):
+            return f"the robot will take {duration(timetable.total - (1 - min(pace, 1)) * timetable.drying)}"
         case GroundWanted(color):
             return f"toning the canvas in {to_hex(torch.tensor(color))}"
         case PaintsWanted(palette):

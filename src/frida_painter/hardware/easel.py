@@ -144,3 +144,8 @@ class Easel:
     person_brushes: tuple[PersonBrush, ...] = ()
     max_tilt: float = 0.0
     handle_length: float = 0.0
+
+    @property
+    def drying_pace(self) -> float:
+        """Seconds that people wait while paint dries for a second: 0 if a simulation is as fast as possible."""
+        return self.pace if self.simulated else 1.0

@@ -116,13 +116,13 @@ class Sketchbook:
         self._folder = painting / SKETCHBOOK
 
     def keep_timelapse_frame(self, stroke: int, picture: Tensor) -> None:
-        """Stores the picture [3, H, W] of the timelapse after a stroke."""
-        images.save(picture, self._folder / f"glimpse-{stroke:06d}.jpg")
+        """Stores the picture [3, H, W] of the timelapse after a stroke, beside an earlier one."""
+        images.save(picture, storage.find_unused(self._folder / f"glimpse-{stroke:06d}.jpg"))
 
     def timelapse_frames(self, painted: int) -> Iterator[tuple[int, Tensor]]:
         """Yields the timelapse frames up to stroke `painted` with the numbers of their strokes; skips damaged ones."""
-        for path in sorted(self._folder.glob("glimpse-*.jpg")):
-            stroke = int(path.stem.removeprefix("glimpse-"))
+        frames = [(*map(int, path.stem.split("-")[1:]), path) for path in self._folder.glob("glimpse-*.jpg")]
+        for stroke, *_, path in sorted(frames, key=lambda frame: frame[:-1]):
             if stroke <= painted:
                 try:
                     yield stroke, images.load(path)

@@ -246,7 +246,7 @@ class Recorder:
         return 1 if self.before is None else self.before.runs + int(not self.before.finished)
 
     def _keep_look(self, seen: Looked, planned: Planned) -> Look:
-        number = len(self._looks) + 1
+        number = storage.next_number(self.folder, "look-")
         rows, columns = seen.expected.shape[1:]
         pictures = {
             "photograph": seen.photograph,

@@ -77,6 +77,7 @@ from frida_painter.runs.settle import (
     fit_canvas,
     open_recorder,
     open_session,
+    replan_policy,
     settle,
 )
 from frida_painter.runs.spec import RunSpec
@@ -102,6 +103,7 @@ from frida_painter.session.loop import PaintingSession
 from frida_painter.session.open_loop import NOBODY_LOOKS
 from frida_painter.session.opening import on_record
 from frida_painter.session.progress import Painting, ResumeState
+from frida_painter.session.time_left import RemainingTime
 
 _ROOM = 200 * 2**20  # bytes
 _LED = GoalChanged | Paused | PersonStrokePainted | RegionProtected | StrokeLeftOut
@@ -293,6 +295,13 @@ class PaintingRun:
         bare = planner.bare
         made = planner.plan(bare, spec.strokes, spec.colors, notify)
         return made if self.mixed is None else planner.bind_to_palette(made, bare, self.mixed, notify)
+
+    def time_left(self, now: float) -> RemainingTime:
+        """Returns the estimate of the painting's time from `now` on; it is to hear every event."""
+        spec, planner = self.spec, self.planner
+        strokes = 0 if spec.together else spec.strokes  # nobody knows how many a person will ask for
+        work = {"planning": planner.iterations(spec.strokes), "replanning": planner.effort.of_a_look}
+        return RemainingTime(strokes, replan_policy(spec), now, **work)
 
     def open_easel(self, *, hear_signals: bool = False, answer: Callable[[Question], Answer] | None = None) -> Easel:
         """Opens and connects the easel, and makes the folder; the folder is removed if the easel cannot be opened.

@@ -176,7 +176,7 @@ def reckon(
     x, y, z = motion.workspace.home or (*motion.workspace.rag[:2], motion.workspace.rag[2] + _HOME_RISE)
     home = np.array([x, y, max(z, motion.travel_height)])
     hand = _Hand(motion.workspace.travel_speed, tuple(home), pace)
-    table, after = Timetable(), []
+    table, after, dried = Timetable(), [], []
 
     def wash(table: Timetable, washing: tuple[Waypoints, ...]) -> Timetable:
         for each in washing:
@@ -212,10 +212,11 @@ def reckon(
             way = hand.across(places[index, 0], places[index, 1]) + pace.between
             table = replace(table, travel=table.travel + way, strokes=table.strokes + painting[index])
             after.append(table.total)
+            dried.append(table.drying)
             leaves = all(dipped for dipped, _ in loads[index + 1 : index + 2])  # also True at the end of a layer
             for _ in range(looks(len(after), leaves)):
                 table = replace(table, looks=table.looks + hand.aside() + _PHOTOGRAPH)
-    return replace(table, after=tuple(after))
+    return replace(table, after=tuple(after), dried=tuple(dried))
 
 
 @dataclass(frozen=True)

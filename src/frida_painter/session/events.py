@@ -20,7 +20,6 @@ This module loads neither torch nor the planner, because the web process reads e
 from __future__ import annotations
 
 import functools
-import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
@@ -35,6 +34,7 @@ from frida_painter.session.person_events import PersonPaintShown as PersonPaintS
 from frida_painter.session.person_events import PersonStrokeBegan as PersonStrokeBegan
 from frida_painter.session.person_events import PersonStrokePainted as PersonStrokePainted
 from frida_painter.session.person_events import RegionProtected as RegionProtected
+from frida_painter.session.person_events import RequestTaken as RequestTaken
 from frida_painter.session.setup_events import (
     MachineTold,
     SetupLeft,
@@ -75,6 +75,7 @@ class Timetable:
     looks: trips to the home position and back.
     drying: layers that dry before the next one.
     after: seconds from the beginning until each stroke is painted.
+    dried: seconds of these in which a layer dries.
     """
 
     strokes: float = 0.0
@@ -85,6 +86,7 @@ class Timetable:
     looks: float = 0.0
     drying: float = 0.0
     after: tuple[float, ...] = ()
+    dried: tuple[float, ...] = ()
 
     @property
     def total(self) -> float:
@@ -93,14 +95,8 @@ class Timetable:
 
     def after_drying(self, seconds: float) -> Timetable:
         """Returns the timetable with this drying time before everything else."""
-        return replace(self, drying=self.drying + seconds, after=tuple(seconds + done for done in self.after))
-
-
-PEN_LIMITS: tuple[tuple[str, float, float], ...] = (
-    ("place from the left", -1.0, 2.0), ("place from the top", -1.0, 2.0), ("press", 0.0, 1.0),
-    ("tilt", 0.0, math.pi / 2), ("direction of its tilt", -100.0, 100.0), ("time", 0.0, 600.0),
-)  # fmt: skip
-"""Values of each point of a pen: name, least and greatest value; see session.person_strokes.PenStroke."""
+        after, dried = (tuple(seconds + done for done in each) for each in (self.after, self.dried))
+        return replace(self, drying=self.drying + seconds, after=after, dried=dried)
 
 
 # Written events for the studio page only: of plans, of the display of a painting, and of calibration.
@@ -437,10 +433,14 @@ class Planned:
 
 @dataclass(frozen=True)
 class Scheduled:
-    """Time that the robot takes for the remaining strokes after `done`; reported whenever the plan changes."""
+    """Time that the robot takes for the remaining strokes after `done`; reported whenever the plan changes.
+
+    pace: seconds that people wait per second of drying: 1 at a real easel, 0 in a studio that need not wait.
+    """
 
     timetable: Timetable
     done: int
+    pace: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -596,7 +596,7 @@ class StrokePainted:
 class Drying:
     """A layer dries after `done` strokes; reported every minute until `left` is 0.
 
-    seconds, left: whole and remaining drying time, by the robot's clock.
+    seconds, left: whole and remaining drying time: in the journal by the robot's clock, for listeners as people wait.
     """
 
     done: int
@@ -745,7 +745,7 @@ class Finished:
 Written = (
     PaintingBegun | SessionResumed | PlanAdopted | MotionBegan | Dipped | Drying | LayerBegun | BrushInHand
     | StrokePainted | StrokeLeftOut | Photographed | CanvasPicture | TouchCorrected | LastLookDoubted | Paused | Stopped
-    | Failed | Finished | RegionProtected | GoalChanged | PersonStrokeBegan | PersonStrokePainted
+    | Failed | Finished | RegionProtected | GoalChanged | RequestTaken | PersonStrokeBegan | PersonStrokePainted
     | PageEvent
 )  # fmt: skip
 Moment = (

@@ -8,6 +8,7 @@ import itertools
 import math
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from types import TracebackType
 from typing import Protocol, Self, TypeVar
@@ -223,6 +224,7 @@ class BatchExecutor:
                 self._change_in_rack(brush)
             else:
                 self._interruptions.retry(self.step_aside)
+                self._tell(BrushInHand(None))
                 hand.change_brush(brush)
         if self._told != brush:
             self._told = brush
@@ -298,10 +300,11 @@ class BatchExecutor:
         self._hand.step_aside()
 
     def _tell_drying(self, left: float) -> float:
-        """Notes and reports the remaining seconds of drying, and returns them."""
+        """Notes the remaining seconds of drying, reports them if people wait for them, and returns them."""
         drying = Drying(self._progress.painted, self._hand.drying, round(left, 1))
         self._interruptions.retry(partial(self._journal.tell, drying))
-        self._tell(drying)
+        if pace := self._hand.easel.drying_pace:
+            self._tell(replace(drying, seconds=drying.seconds * pace, left=round(left * pace, 1)))
         return left
 
     def _perform(self, action: Action, plan: Plan, frames: FrameMaker, *, leaves: bool) -> bool:

@@ -51,7 +51,13 @@ from frida_painter.session.events import (
     record,
     time_of,
 )
-from frida_painter.session.person_events import GoalChanged, PersonStrokeBegan, PersonStrokePainted, RegionProtected
+from frida_painter.session.person_events import (
+    GoalChanged,
+    PersonStrokeBegan,
+    PersonStrokePainted,
+    RegionProtected,
+    RequestTaken,
+)
 
 # History from a journal: progress, plan and the stroke in doubt.
 
@@ -98,6 +104,7 @@ class History:
     region: file of the region that a person drew, and True if only its inside may be painted; None without a
     region.
     goal: folder of the changed goal, "" before a change.
+    request: what a person asked for and the painter had not done yet; empty if there is nothing.
 
     person: strokes of a person, in order; of the last one, the end may be unknown.
     person_painted: number of the person's last stroke that is certainly on the canvas.
@@ -125,6 +132,7 @@ class History:
     photographs: dict[str, str | None] = field(default_factory=dict)
     region: tuple[str, bool] | None = None
     goal: str = ""
+    request: dict[str, Any] = field(default_factory=dict)
     person: list[PersonStrokeBegan] = field(default_factory=list)
     person_painted: int = 0
     person_seen: int = 0
@@ -229,6 +237,8 @@ class History:
                 self.region = None if region is None else (region, only)
             case GoalChanged(goal=goal):
                 self.goal = goal
+            case RequestTaken(request):
+                self.request = request
             case PersonStrokeBegan(number):
                 self.person = [*self.person[: number - 1], event]
             case PersonStrokePainted(number):
@@ -356,7 +366,6 @@ class Journal:
         name = f"{PHOTOGRAPHS}/look-{self._looks:04d}.png"
         self._looks += 1
         content = self._keep(frame.image, name)
-        self._photograph = None if content is None else name
         light_now = None if light is None else light.logarithm.tolist()
         self.tell(Photographed(self._photograph, frame.captured_at, frame.sequence, light_now, content))
 
@@ -364,7 +373,6 @@ class Journal:
         """Notes the rendered canvas [3, H, W] after `done` strokes, and keeps its picture if there is room."""
         name = f"{PHOTOGRAPHS}/assumed-{done:06d}.png"
         content = self._keep(images.to_uint8(canvas), name)
-        self._photograph = None if content is None else name
         self.tell(CanvasPicture(self._photograph, done, content=content))
 
     def record_picture(self, canvas: Tensor, done: int) -> None:
@@ -372,7 +380,6 @@ class Journal:
         name = f"{PHOTOGRAPHS}/seen-{self._looks:04d}.png"
         self._looks += 1
         content = self._keep(images.to_uint8(canvas), name)
-        self._photograph = None if content is None else name
         self.tell(CanvasPicture(self._photograph, done, seen=True, content=content))
 
     def tell(self, event: Written) -> None:
@@ -387,15 +394,18 @@ class Journal:
                 self.tell(event)
 
     def _keep(self, photograph: NDArray[np.uint8], name: str) -> str | None:
-        """Saves a photograph and returns its sha256; None if it was not saved."""
+        """Saves a photograph, beside one of its name, and returns its sha256; None if it was not saved."""
+        self._photograph = None
         if self._book is None:
             return None
-        path = self._book.path.parent / name
+        path = storage.find_unused(self._book.path.parent / name)
         try:
             images.save_exactly(photograph, path)
-            return storage.sha256(path, A_PHOTOGRAPH)
+            content = storage.sha256(path, A_PHOTOGRAPH)
         except StorageError:
             return None
+        self._photograph = f"{PHOTOGRAPHS}/{path.name}"
+        return content
 
 
 def _who() -> dict[str, Any]:

@@ -280,7 +280,7 @@ class PaintingSession:
             self.hand.held = None
         if where.person_unseen:
             self.person.answer_if_possible(self._adapt)
-        self._take_given()
+        self.interruptions.check()  # what a person asked for before it broke off is done before a stroke is painted
 
     def _take_given(self) -> None:
         if self.open_loop is not None:

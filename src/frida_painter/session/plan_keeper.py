@@ -152,7 +152,7 @@ class PlanKeeper:
         """Reports and returns the time that the robot takes for the rest, with all looks."""
         done, of, rest = self._progress.painted, self._progress.strokes, self._progress.rest
         table = self._table(rest, self._looks(done, of))
-        self._tell(Scheduled(table, done))
+        self._tell(Scheduled(table, done, self._hand.easel.drying_pace))
         return table
 
     def _table(self, rest: Plan, looks: Looks) -> Timetable:

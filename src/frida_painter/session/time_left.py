@@ -11,16 +11,27 @@ from dataclasses import dataclass
 from statistics import median
 
 from frida_painter.session.events import (
+    Answered,
+    Asked,
+    BrushInHand,
+    Dipped,
     Drying,
     Event,
-    Looked,
+    GroundWanted,
+    LayerBegun,
+    Mixing,
+    PaintsWanted,
+    Paused,
+    PersonStrokeBegan,
+    PersonStrokePainted,
     Planned,
     PlanningStep,
     Resumed,
     Scheduled,
     StrokeLeftOut,
     StrokePainted,
-    TimelapseFrame,
+    Timetable,
+    WentOn,
 )
 from frida_painter.session.replan_policy import ReplanPolicy, looks_on_the_way
 
@@ -102,11 +113,19 @@ class PlanTime:
         return (1 - share) * max(self._expected * busy, passed)
 
 
+_PERSON = (
+    Paused | GroundWanted | PaintsWanted | Mixing | Asked | Answered | PersonStrokeBegan | PersonStrokePainted
+)  # a person is waited for from now on
+_ROBOT = WentOn | Dipped | LayerBegun | BrushInHand | StrokePainted | StrokeLeftOut  # the robot is at work again
+_COMPUTING = PlanningStep | Planned | Scheduled | Resumed  # the time before these was no painting
+
+
 class RemainingTime:
     """Remaining time of a painting, from its events.
 
     Planning is measured in iterations times planned strokes. Painting is measured in seconds of the robot's
-    timetable, which a real robot keeps and a simulated one runs faster than.
+    timetable, which a real robot keeps and a simulated one runs faster than. Time that a person takes is neither, and
+    the paint dries as long as the timetable says. Seconds count as painting only if a stroke follows.
     """
 
     def __init__(self, strokes: int, policy: ReplanPolicy, now: float, *, planning: int, replanning: int) -> None:
@@ -118,57 +137,72 @@ class RemainingTime:
         self._last = now
         self._planning = Pace(_PLANNING)
         self._painting = Pace(_STROKE)
-        self._after: tuple[float, ...] = ()
-        self._end = 0.0
-        self._begun = 0
+        self._plan = Scheduled(Timetable(), 0)
         self._walked = 0.0
+        self._dries = 0.0  # seconds of drying in the rest of the timetable
         self._share = 0.0  # of the current plan or replan
         self._wet: float | None = None  # seconds that a layer still dries
+        self._steps = False  # True after an iteration of a plan
+        self._waits = False  # True while a person is waited for
+        self._since: float | None = 0.0  # seconds of painting since the last stroke; None if a person had some of them
 
     def hear(self, event: Event, now: float) -> None:
         """Receives an event at time `now` (seconds)."""
         passed, self._last = now - self._last, now
-        if self._wet is not None:  # the time of drying is fixed and says nothing about other work
-            passed = 0.0
+        steps, self._steps = self._steps, isinstance(event, PlanningStep)
+        person = isinstance(event, _PERSON) or event == BrushInHand(None)
+        counts = self._wet is None and not person and (not self._waits or (steps and self._steps))
+        if self._wet is None and not counts:
+            self._since = None
+        elif self._since is not None and counts and not isinstance(event, _COMPUTING):
+            self._since += passed
+        self._waits = person or (self._waits and not isinstance(event, _ROBOT))
         match event:
             case PlanningStep(phase, iteration, of):
                 work = float(of * (self._strokes - self._painted))
                 share = share_of_plan(iteration, of) if phase == "plan" else iteration / of
-                self._planning.measure(passed, max(0.0, share - self._share) * work)
+                if counts:
+                    self._planning.measure(passed, max(0.0, share - self._share) * work)
                 self._share = share
                 if phase == "plan":
                     self._plan_left = (1 - share) * work
                 elif self._replans:
                     self._replans[0] = (1 - share) * work
             case Planned(done=done):
-                self._share = 0.0
-                self._plan_left = 0.0
+                self._share = self._plan_left = 0.0
                 if done:
                     self._forget_looks(until=done)
+                else:
+                    self._since = 0.0
             case Resumed(done=done):
-                self._plan_left, self._painted = 0.0, done
+                self._since, self._plan_left, self._painted = 0.0, 0.0, done
                 self._forget_looks(until=done - 1)
-            case Scheduled(timetable=timetable, done=done):
-                if not self._after:
+            case Scheduled(timetable=timetable):
+                if not self._plan.timetable.after:
                     self._painting = Pace(_TIMETABLE)
-                self._after, self._end, self._begun, self._walked = timetable.after, timetable.total, done, 0.0
+                self._plan, self._walked, self._dries = event, 0.0, timetable.drying
             case Drying(left=left):
-                self._walked += 0.0 if self._wet is None else self._wet - left
+                dried = 0.0 if self._wet is None else (self._wet - left) / (self._plan.pace or 1.0)
+                self._walked, self._dries = self._walked + dried, self._dries - dried
                 self._wet = left or None
             case StrokePainted(done=done) | StrokeLeftOut(done=done):
                 self._painted = done
                 self._forget_looks(until=done - 1)  # a look may not have led to a replan
-                self._painting.measure(passed, self._walk(done))
-            case TimelapseFrame() | Looked():
-                self._painting.measure(passed, 0)
+                walked, since, self._since = self._walk(done), self._since, 0.0
+                if since is not None:
+                    self._painting.measure(since, walked)
+            case Dipped() | LayerBegun() | BrushInHand(str()) | WentOn():
+                self._since = self._since or 0.0
             case _:
                 pass
 
     @property
     def remaining(self) -> float:
         """Seconds until the last stroke."""
-        walking = self._end - self._walked if self._after else self._strokes - self._painted
-        painting = self._painting.time_for(walking) if self._painted < self._strokes else 0.0
+        table, painting = self._plan.timetable, 0.0
+        if self._painted < self._strokes:
+            walking = table.total - self._walked - self._dries if table.after else self._strokes - self._painted
+            painting = self._painting.time_for(walking) + self._dries * self._plan.pace
         return self._planning.time_for(self._plan_left + sum(self._replans)) + painting
 
     def _forget_looks(self, until: int) -> None:
@@ -177,14 +211,18 @@ class RemainingTime:
             del self._looks[0], self._replans[0]
 
     def _walk(self, done: int) -> float:
-        """Returns the progress of the timetable at stroke `done`, in its seconds.
+        """Returns the progress of the timetable at stroke `done`, in its seconds without drying.
 
         In strokes if there is no timetable.
         """
-        if not self._after:
+        table = self._plan.timetable
+        if not table.after:
             return 1.0
-        before, self._walked = self._walked, self._after[min(done - self._begun, len(self._after)) - 1]
-        return max(0.0, self._walked - before)
+        stroke = min(done - self._plan.done, len(table.after)) - 1
+        before, self._walked = self._walked + self._dries, table.after[stroke]
+        if table.dried:
+            self._dries = table.drying - table.dried[stroke]
+        return max(0.0, self._walked + self._dries - before)
 
 
 def duration(seconds: float) -> str:

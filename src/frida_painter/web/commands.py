@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, StrictBool, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, StrictBool, TypeAdapter, ValidationError
 
 from frida_painter.easel.dialogue import Answer, Corners, EnterAddress, GuideMove, JogMove
 from frida_painter.errors import ConfigError, Interrupted
 from frida_painter.event_log import FEED, EventLog, LogReader
-from frida_painter.session.events import PEN_LIMITS
+from frida_painter.session.person_events import PEN_LIMITS
 from frida_painter.web.studio_folder import Identifier, PaintingFolder, PaintingRequest
 
 LEAD_GOOD_FOR = 10.0
@@ -127,6 +127,7 @@ class ChangeGoal(_Command):
     kind: Literal["goal"] = "goal"
 
 
+IN_A_PAUSE = "The robot is painting, and this can be done only in a pause: press Pause, wait, then ask for it again."
 ROBOT_MOVES = (
     "The robot is painting, and nobody paints beside an arm that moves: your stroke was not painted. Press Pause, wait "
     "until the arm is aside, then paint."
@@ -185,6 +186,22 @@ Command = Annotated[
     | PaintStroke,
     Field(discriminator="kind"),
 ]
+
+
+_COMMAND: TypeAdapter[Command] = TypeAdapter(Command)
+
+
+def to_plain(command: Command) -> dict[str, Any]:
+    """Returns a command in the form in which the page sends it."""
+    return dict(_COMMAND.dump_python(command, mode="json"))
+
+
+def command_of(plain: dict[str, Any]) -> Command | None:
+    """Returns the command of its plain form; None if there is none like that."""
+    try:
+        return _COMMAND.validate_python(plain)
+    except ValidationError:
+        return None
 
 
 def describe(command: Command) -> str:

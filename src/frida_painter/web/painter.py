@@ -17,7 +17,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from frida_painter import images
+from frida_painter import images, storage
 from frida_painter.easel.dialogue import (
     JOG_STEPS,
     Answer,
@@ -30,7 +30,7 @@ from frida_painter.easel.dialogue import (
     PointCorners,
     SetupQuestion,
 )
-from frida_painter.errors import ConfigError, FridaError, Interrupted
+from frida_painter.errors import ConfigError, FridaError, Interrupted, StorageError
 from frida_painter.event_log import LogReader
 from frida_painter.frames import PixelGrid
 from frida_painter.palette import to_hex
@@ -54,11 +54,12 @@ from frida_painter.session.events import (
 )
 from frida_painter.session.loop import PaintingSession
 from frida_painter.session.observer import PHOTOGRAPH_ROWS
-from frida_painter.session.person_events import GoalChanged, PersonPaintShown, RegionProtected
+from frida_painter.session.person_events import GoalChanged, PersonPaintShown, RegionProtected, RequestTaken
 from frida_painter.session.person_strokes import PenStroke
 from frida_painter.session.person_turns import FoundPaint
 from frida_painter.session.turn_policy import Keep, TurnTaken, answer_turn, find_turn_policy
 from frida_painter.web.commands import (
+    IN_A_PAUSE,
     ROBOT_MOVES,
     ChangeGoal,
     Command,
@@ -73,7 +74,9 @@ from frida_painter.web.commands import (
     Pause,
     Protect,
     TakeTurns,
+    command_of,
     parse_answer,
+    to_plain,
 )
 from frida_painter.web.stop import StopWatch
 from frida_painter.web.studio_folder import Feed, FeedReader, PaintingFolder
@@ -191,6 +194,8 @@ class PauseController:
     opened: returns the session, None before it is open.
     look_at: takes the picture in a file for a look, on an easel without a camera.
     ask: asks a question on the page and returns the answer.
+
+    A request is in the journal before the page hears that it is being done, or its result is.
     """
 
     folder: PaintingFolder
@@ -205,6 +210,7 @@ class PauseController:
     _since_time: float = field(default=0.0, init=False)  # of the robot's current turn, monotonic seconds
     _answer: str = field(default="", init=False)  # sentence about the answer to the person's turn
     _conferring: bool = field(default=False, init=False)
+    _owes: bool = field(default=False, init=False)  # True until a request of before the painting broke off is done
     _since: int = field(default=0, init=False)  # strokes of the robot's current turn
 
     def __post_init__(self) -> None:
@@ -221,6 +227,13 @@ class PauseController:
 
         threading.Thread(target=listen, daemon=True, name="commands").start()
 
+    def owe(self, request: dict[str, Any]) -> None:
+        """Takes over what a person asked for before the painting broke off: it is done before the next stroke."""
+        command = command_of(request)
+        if command is not None:
+            self._commands.extend((command, *(() if isinstance(command, FinishDrawing) else (GoOn(),))))
+            self._owes = True
+
     def hear(self, event: Event) -> None:
         """Counts strokes, for turns."""
         if isinstance(event, StrokePainted):
@@ -229,10 +242,13 @@ class PauseController:
     def pause_cause(self) -> PauseCause | None:
         """Returns the cause of a pause that is due: a person wants it, or it is their turn; else None.
 
-        Drops what can be done in a pause only. Keeps what was asked after a pause: it is done in that pause.
+        Refuses what can be done in a pause only. Keeps what was asked after a pause: it is done in that pause.
         """
         if self._conferring:
             return None
+        if self._owes:
+            self._owes, self._conferring = False, True
+            return "person"
         while self._commands:
             match self._commands.popleft():
                 case Pause():
@@ -242,6 +258,10 @@ class PauseController:
                     self._take_turns(turns)
                 case PaintStroke():  # the page refuses it too, but the painting may have gone on meanwhile
                     self.feed.tell(Remark(ROBOT_MOVES))
+                case GoOn():
+                    pass  # it went on already
+                case _:
+                    self.feed.tell(Remark(IN_A_PAUSE))
         return "turn" if self._is_turn else None
 
     @property
@@ -282,18 +302,28 @@ class PauseController:
                 self._paint(command, told)
                 continue
             if isinstance(command, GoOn | FinishDrawing):
+                if isinstance(command, FinishDrawing):
+                    self._note(command)
                 self._end_turn(command)
                 self._since, self._since_time = 0, time.monotonic()
                 self.feed.tell(WentOn())
                 self._tell_answer()
                 return True
-            self.feed.tell(Considering())
             try:
+                if not isinstance(command, LeaveOut | TakeTurns):  # these take no time
+                    self._note(command)
+                    self.feed.tell(Considering())
                 self._do(command)
             except FridaError as trouble:
                 self.feed.tell(Remark(self._without_paths(str(trouble))))
+            with suppress(StorageError):
+                self._note(None)
             self.feed.tell(told)
         return False
+
+    def _note(self, command: Command | None) -> None:
+        """Notes in the journal that a request is being done, or that nothing is. Raises StorageError."""
+        self._session.journal.tell(RequestTaken({} if command is None else to_plain(command)))
 
     def _tell_answer(self) -> None:
         """Says how the robot answers the person, once."""
@@ -455,7 +485,7 @@ class PauseController:
 
     def _next(self, kind: str) -> int:
         """Returns the number of the next region or change in the painting's results, from 1."""
-        return 1 + sum(1 for _ in (self.folder.painting / kind).glob("*"))
+        return storage.next_number(self.folder.painting / kind, "")
 
     def _pursue(self, command: ChangeGoal) -> None:
         """Changes the goal; the paints stay, because they are mixed already."""

@@ -24,7 +24,7 @@ from frida_painter.runs.fields import Focus, Ground
 from frida_painter.runs.goal_item import Crop, GoalItem
 from frida_painter.runs.shares import AUTO, brush_shares, family_shares
 from frida_painter.runs.spec import RunSpec
-from frida_painter.session.events import Failed, PlanningProgress, Written, events_of, record
+from frida_painter.session.events import Failed, PlanningProgress, Turns, Written, events_of, record
 
 # Request for a painting from the page: goals with weights and settings, checked before planning.
 
@@ -533,7 +533,7 @@ class Feed:
     def tell(self, event: Written) -> None:
         """Writes an event."""
         try:
-            self._log.append(record(event))
+            self._log.append(record(event), flush=isinstance(event, Turns))  # nothing else knows what was agreed on
         except StorageError:
             return
 

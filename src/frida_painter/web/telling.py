@@ -87,7 +87,7 @@ class Growing:
         grid = PixelGrid.of_height(size, _PREVIEW_ROWS)
         self._folder, self._size, self._models, self._told = folder, size, models, told
         self._canvas = images.fit(canvas, grid.rows, grid.columns)
-        self._number, self._next = 0, 0.0
+        self._number, self._next = storage.next_number(folder, "growing-", 0), 0.0
 
     def hear(self, parts: Sequence[tuple[str, Strokes]]) -> None:
         """Receives each brush and its current strokes, in painting order."""
@@ -213,15 +213,14 @@ class Reporter:
     size: CanvasSize
     time_left: RemainingTime
     in_turns: bool = False
-    _photographs: int = field(default=0, init=False)
-    _looks: int = field(default=0, init=False)
-    _plans: int = field(default=0, init=False)
+    _photographs: int = field(init=False)
     done: int = field(default=0, init=False)
     seen: Tensor = field(init=False)
     _growing: Growing | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
         grid = PixelGrid.of_height(self.size, TIMELAPSE_ROWS)
+        self._photographs = storage.next_number(self.folder.live, "photograph-", 0)
         self.seen = self._canvas = torch.ones(3, grid.rows, grid.columns)
 
     def hear(self, event: Event) -> None:
@@ -267,10 +266,10 @@ class Reporter:
         self._photographs += 1
 
     def _tell_look(self, look: Looked) -> None:
-        self._looks += 1
+        number = storage.next_number(self.folder.live, "look-")
         rows, columns = look.expected.shape[1:]
         seen = images.fit(look.photograph, rows, columns)
-        names = {part: f"look-{self._looks:03d}-{part}.jpg" for part in ("seen", "expected", "difference")}
+        names = {part: f"look-{number:03d}-{part}.jpg" for part in ("seen", "expected", "difference")}
         pictures = (look.photograph, look.expected, difference(look.expected, seen))
         kept = [self._save(picture, name) for name, picture in zip(names.values(), pictures, strict=True)]
         if all(kept):
@@ -285,9 +284,9 @@ class Reporter:
 
     def _tell_replan(self, planned: Planned) -> None:
         """Reports the new plan, with pictures of its strokes under a new prefix."""
-        self._plans += 1
+        prefix = f"plan-{storage.next_number(self.folder.live, 'plan-')}-"
         try:
-            told = illustrate(planned.plan, self.models, self._canvas, self.folder.live, f"plan-{self._plans}-")
+            told = illustrate(planned.plan, self.models, self._canvas, self.folder.live, prefix)
         except StorageError:
             return
         self.feed.tell(RestReplanned(planned.done, round(planned.gain, 4), **told))

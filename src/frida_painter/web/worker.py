@@ -42,7 +42,7 @@ from frida_painter.runs.painting_easel import (
     with_operator,
 )
 from frida_painter.runs.run import PaintingRun, RunOutcome
-from frida_painter.runs.settle import Controls, brushes_of, ground_of, paints_for_recipes, replan_policy
+from frida_painter.runs.settle import Controls, brushes_of, ground_of, paints_for_recipes
 from frida_painter.runs.setup_dialogue import SetupEvent, SetupOrder, lead_setup
 from frida_painter.runs.shares import AUTO, family_shares
 from frida_painter.runs.spec import RunSpec
@@ -59,7 +59,7 @@ from frida_painter.session.events import (
 )
 from frida_painter.session.opening import as_seen, require_basis, statuses
 from frida_painter.session.setup_events import SetupLeft, SetupWritten
-from frida_painter.session.time_left import PlanTime, RemainingTime, share_of_plan
+from frida_painter.session.time_left import PlanTime, share_of_plan
 from frida_painter.web.imaginer import imagine
 from frida_painter.web.painter import Asker, PauseController
 from frida_painter.web.setup_progress import SetupRequest
@@ -323,11 +323,8 @@ def _tell_waits(job: Job, run: PaintingRun) -> None:
 def _lead(job: Job, run: PaintingRun) -> None:
     """Connects the run to the page: reports, questions and controls."""
     job.stop.then(run.open_easel().robot.stop)
-    planner, spec = run.planner, run.spec
-    again = planner.effort.of_a_look
-    strokes = 0 if spec.together else spec.strokes  # nobody knows how many a person will ask for
-    time_left = RemainingTime(strokes, replan_policy(spec), time.monotonic(), planning=0, replanning=again)
-    reporter = Reporter(job.feed, job.folder, planner.models, planner.size, time_left, in_turns=spec.together)
+    planner, left = run.planner, run.time_left(time.monotonic())
+    reporter = Reporter(job.feed, job.folder, planner.models, planner.size, left, in_turns=run.spec.together)
 
     def look_at(picture: Path) -> None:
         given = GivenPicture(picture)
@@ -341,6 +338,8 @@ def _lead(job: Job, run: PaintingRun) -> None:
         run.look_at_picture(replace(given, corners=corners))
 
     pauses = PauseController(job.folder, job.feed, job.stop, job.began, lambda: run.session, look_at, job.asker.answer)
+
+    pauses.owe(run.history.request if run.history else {})
 
     def paint_on(difference: str, photograph: Tensor) -> bool:
         question = f"{difference.split(' Look at ')[0]} Shall it be painted on as it is?"
