@@ -1,87 +1,82 @@
-"""Claims about many paintings, which hold in the mean: one painting is luck, and each processor rounds to another one.
+"""Claims that hold in the mean of many paintings: one alone is luck, and another where a processor rounds differently.
 
     make stress PROGRAM=claims
 
-Each claim is a test of pytest; the words after the program's name go to pytest.
+Each is a test of pytest, and prints what it measured of every seed. Words after the program's name go to pytest.
 """
 
 import sys
-from dataclasses import replace
-from functools import cache
+from collections.abc import Sequence
 
 import pytest
-import torch
-from skimage import data
 
-from frida_painter import images
-from frida_painter.brush.kinds import brush_kind
-from frida_painter.brush.table import StrokeTable, cached_table
-from frida_painter.brush.weights import load_stroke_model
-from frida_painter.canvas_size import CanvasSize
-from frida_painter.easel.dialogue import lead
-from frida_painter.objectives.image import ImageTerm
-from frida_painter.objectives.objective import Goal
-from frida_painter.planning.effort import Effort
-from frida_painter.planning.planner import Planner
-from frida_painter.procedures.color import color
-from frida_painter.session.hand import Hand
-from frida_painter.session.loop import PaintingSession
-from frida_painter.session.observer import CanvasObserver
-from frida_painter.session.replan_policy import EvenlySpaced
+from frida_painter.session.events import Event, TouchCorrected
 from frida_painter.virtual.camera import CameraSpec
-from frida_painter.virtual.studio import StudioSettings, open_studio
+from frida_painter.virtual.studio import StudioSettings
 from frida_painter.virtual.tabletop import PlacementError
-from support.planning import plain
+from support.coffee import OFF, error, error_with_looks, paint_coffee
+from support.small_world import small_world
 
-CANVAS = CanvasSize(0.20, 0.16)
+SEEDS = range(5)
 # Bands that leak into each other ten times as much as those of the usual studio's camera.
-CAMERA = CameraSpec(bleed=0.2)
-EXACT = PlacementError((0.0, 0.0), 0.0)
+LEAKING = StudioSettings(camera=CameraSpec(bleed=0.2), placement_error=PlacementError((0.0, 0.0), 0.0))
+LOWER = StudioSettings(placement_error=OFF, rise=-0.0012)
+pytestmark = pytest.mark.timeout(7200)
 
 
-@cache
-def medium() -> StrokeTable:
-    return cached_table(load_stroke_model("medium"))
+def mean(ratios: Sequence[float]) -> float:
+    print("of the squared error:", *(f"{ratio:.2f}" for ratio in ratios))
+    return sum(ratios) / len(ratios)
 
 
-def error(seed: int, *, calibrated: bool) -> float:
-    """The cup of coffee in 120 strokes and four looks: how far the canvas as it really is is from it, squared."""
-    target = torch.from_numpy(data.coffee().copy()).permute(2, 0, 1).float() / 255
-    effort = Effort().scale(0.2)
-    planner = Planner(Goal((ImageTerm(target),)), plain(CANVAS, medium(), rows=128, effort=effort, seed=seed))
-    settings = StudioSettings(camera=CAMERA, placement_error=EXACT)
-    studio = open_studio(CANVAS, "medium", seed=seed, settings=settings)
-    easel = studio.easel
-    easel.robot.connect()
-    easel.camera.connect()
-    if calibrated:
-        finding = lead(color(easel), lambda question: question.proposal)
-        easel = replace(easel, calibration=finding.enter(easel.calibration))
-    session = PaintingSession(
-        planner,
-        Hand(easel, brush_kind("medium")),
-        CanvasObserver(easel),
-        EvenlySpaced(4),
-        stop_asked=lambda: False,
-        notify=lambda event: None,
-    )
-    session.run(120, 8)
-    grid = planner.fine
-    truth = images.fit(studio.truth(grid.rows), grid.rows, grid.columns)
-    return float((truth - images.fit(target, grid.rows, grid.columns)).square().mean())
-
-
-@pytest.mark.timeout(7200)
 def test_a_painter_that_sees_true_colours_paints_nearer_to_its_goal() -> None:
-    """Measured with seeds 0 to 3: 0.95, 0.75, 0.77 and 0.75 of the error; with the first two on an Intel Xeon, 0.91.
+    """Measured with seeds 0 to 3: 0.95, 0.75, 0.77 and 0.75 of the error; of the first two on an Intel Xeon, 0.91.
 
     With the usual camera, whose bands hardly leak, both paint alike (0.93 to 1.08): the light on the
     bare canvas has told nearly all there is to know.
     """
-    calibrated, not_calibrated = ([error(seed, calibrated=known) for seed in range(5)] for known in (True, False))
-    print(*(f"{one / other:.3f}" for one, other in zip(calibrated, not_calibrated, strict=True)))
-    assert sum(calibrated) < 0.9 * sum(not_calibrated)
+
+    def painted(seed: int, *, calibrated: bool) -> float:
+        how = {"settings": LEAKING, "strokes": 120, "brush": "medium", "learns_touch": False}
+        return error(*paint_coffee(seed, 4, calibrated=calibrated, **how)[1:])
+
+    assert mean([painted(seed, calibrated=True) / painted(seed, calibrated=False) for seed in SEEDS]) < 0.9
+
+
+def test_looking_beats_painting_blindly_where_the_robot_stands_off() -> None:
+    """Measured with five seeds and photographs of 1200 x 1600 pixels: 0.0187 to 0.0228 of squared error blindly.
+
+    With looks 0.0099 to 0.0113; the ratio is 0.46 to 0.54, and 0.50 on average. With these small photographs and seeds
+    0 and 1 it is 0.58 and 0.50. With astronaut and chelsea as well, at effort 0.3 and three seeds each, it is 0.35 to
+    0.51. Most of it comes from learning where strokes land: with looks that plan again but do not correct the robot the
+    ratio is 0.84 to 1.08 (0.94 on average), because the dark strokes of the end cannot repair what the ones before have
+    smeared.
+    """
+    with small_world((360, 480)):
+        ratios = [error_with_looks(seed) for seed in SEEDS]
+    assert mean(ratios) < 0.65 and max(ratios) < 0.8
+
+
+def test_looking_learns_that_the_canvas_lies_lower_and_presses_deeper() -> None:
+    """Measured with seeds 0 and 1: 0.53 and 0.64 of the squared error without it, 1.53 and 1.35 mm told."""
+    ratios = []
+    for seed in SEEDS:
+        told: list[TouchCorrected] = []
+
+        def hear(event: Event, corrections: list[TouchCorrected] = told) -> None:
+            if isinstance(event, TouchCorrected):
+                corrections.append(event)
+
+        with small_world((360, 480)):
+            off, learned = (
+                error(*paint_coffee(seed, 4, settings=LOWER, learns_touch=learns, notify=hear)[1:])
+                for learns in (False, True)
+            )
+        assert told and told[0].brush == "broad" and told[-1].lower == pytest.approx(0.0012, abs=0.0008)
+        assert "mm lower" in told[0].sentence
+        ratios.append(learned / off)
+    assert mean(ratios) < 0.8
 
 
 if __name__ == "__main__":
-    sys.exit(pytest.main([__file__, *sys.argv[1:]]))
+    sys.exit(pytest.main([__file__, "-s", *sys.argv[1:]]))
