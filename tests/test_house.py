@@ -67,7 +67,7 @@ STARTING = {
     "lab/sweeps/engine.py": {"multiprocessing", "concurrent.futures.ProcessPoolExecutor", "ray"},
     "picture_makers/program.py": {"subprocess.Popen"},
     "video.py": {"subprocess.Popen", "subprocess.run"},
-    "registry.py": {"sys.executable"},
+    "extras.py": {"sys.executable"},
     "weights/sources.py": {"subprocess.Popen", "sys.executable"},
 }
 STARTS = re.compile(

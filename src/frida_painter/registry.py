@@ -12,26 +12,22 @@ editable installation may be out of date.
 
 import inspect
 import os
-import shlex
-import shutil
 import sys
-import sysconfig
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import EntryPoint, PackageNotFoundError, distributions, entry_points, requires, version
+from importlib.metadata import EntryPoint, distributions, entry_points
 from importlib.util import find_spec
 from pathlib import Path, PurePath
 from traceback import walk_tb
-from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
 import platformdirs
 
 from frida_painter.errors import ConfigError, FridaError, PluginError
-
-if TYPE_CHECKING:
-    from packaging.requirements import Requirement
+from frida_painter.extras import PROJECT as OURS
+from frida_painter.extras import install_command
 
 Kind = TypeVar("Kind")
 
@@ -56,7 +52,6 @@ PICTURE_LIBRARIES = "frida_painter.picture_libraries"
 PICTURE_MAKERS = "frida_painter.picture_makers"
 
 _GROUPS = "frida_painter."
-OURS = "frida-painter"
 OUR_PARTS: Mapping[str, Mapping[str, str]] = {
     EASELS: {
         "human": "frida_painter.session.human_easel:KIND",
@@ -333,42 +328,6 @@ def advice(extra: str, user: str) -> str:
     user: subject of the sentence, for example "The studio"
     """
     return f'{user} needs the extra "{extra}", which is not installed; say: {install_command(extra)}'
-
-
-def install_command(extra: str) -> str:
-    """Returns the command that installs what an extra of this project lacks into this installation, for a shell.
-
-    It names packages and versions from the metadata, because the project itself need not be on any index. Without
-    metadata it names the folder of the project.
-    """
-    from packaging.requirements import Requirement
-
-    try:
-        declared = [Requirement(line) for line in requires(OURS) or ()]
-    except PackageNotFoundError:
-        declared = []
-    wanted = [one for one in declared if _is_for(one, extra) and not _is_for(one, "")]
-    lacking = [one for one in wanted if not _is_satisfied(one)] or wanted  # all, if one is here but broken
-    packages = [str(one).partition(";")[0] for one in lacking] or [f"{Path(__file__).parents[2]}[{extra}]"]
-    python = shlex.quote(sys.executable)
-    command = f"{python} -m pip install"
-    if not is_installed("pip"):
-        uses_uv = shutil.which("uv") is not None
-        command = f"uv pip install --python {python}" if uses_uv else f"{python} -m ensurepip && {command}"
-    if sys.prefix == sys.base_prefix and Path(sysconfig.get_path("stdlib"), "EXTERNALLY-MANAGED").is_file():
-        command += " --break-system-packages"  # this project was installed so
-    return f"{command} {shlex.join(packages)}"
-
-
-def _is_for(one: "Requirement", extra: str) -> bool:
-    return one.marker is None or one.marker.evaluate({"extra": extra})
-
-
-def _is_satisfied(one: "Requirement") -> bool:
-    try:
-        return one.specifier.contains(version(one.name), prereleases=True)
-    except PackageNotFoundError:
-        return False
 
 
 @contextmanager

@@ -12,8 +12,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from frida_painter import registry
 from frida_painter.errors import ConfigError
+from frida_painter.extras import install_command
 
 if TYPE_CHECKING:
     from frida_painter.hardware.robot import Camera, Point, Robot, Workspace
@@ -166,7 +166,7 @@ class Needed:
     @property
     def command(self) -> str:
         """Command that installs what is lacking."""
-        return registry.install_command(self.extra) if self.extra else self.install
+        return install_command(self.extra) if self.extra else self.install
 
     @property
     def lacking(self) -> bool:

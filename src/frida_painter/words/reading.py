@@ -18,6 +18,7 @@ from frida_painter import registry, weights
 from frida_painter.drawing.arrangement import RIDES, Relation, kind_of
 from frida_painter.drawing.figures import wardrobe
 from frida_painter.errors import WeightsError
+from frida_painter.extras import install_command
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.objectives.word_settings import refuse_absent
@@ -173,7 +174,7 @@ def prompt_reader(encoders: EncoderRegistry) -> PromptReader:
     def make() -> PromptReader:
         folder = weights.find("english", encoders.cache) if registry.is_installed("spacy") else None
         if folder is None:
-            steps = [] if registry.is_installed("spacy") else [registry.install_command("words")]
+            steps = [] if registry.is_installed("spacy") else [install_command("words")]
             todo = ", then ".join([*steps, "frida-painter models fetch english"])
             encoders.remark(f"The prompt is taken for one thing; to have its grammar read: {todo}")
         return PromptReader(folder)
