@@ -158,7 +158,8 @@ def test_what_has_changed_is_named(begun: RunRecord) -> None:
 def test_what_was_not_finished_or_is_no_program_s_work_is_said(begun: RunRecord) -> None:
     assert "never finished" in str(replace(begun, results={}).check())
     replace(begun, obstacle="A person led it.").save()
-    assert str(fp.record(begun.folder).make_again()) == "A person led it."
+    checked = fp.record(begun.folder).make_again()
+    assert checked.obstacle == "A person led it." and str(checked) == f"{checked.obstacle} {checked.remark}"
 
 
 @pytest.mark.parametrize("damage", ["cut", "edited", "emptied", "foreign"])
