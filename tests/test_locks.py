@@ -1,4 +1,4 @@
-"""Locks that another process holds for ever: each wait ends, and says for what."""
+"""Locks that another process holds for ever: each wait ends with a sentence."""
 
 import fcntl
 import os

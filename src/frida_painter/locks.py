@@ -1,7 +1,7 @@
 """Locks on open files: the wait for one is bounded.
 
-Whoever can open a file, even only to read it, can lock it for ever. So lock files are made for their owner alone, and
-each wait ends. A lock belongs to the open file, which a child process inherits; a lock on a path
+A process that can open a file, even only to read it, can lock it for ever. So lock files are made for their owner
+alone, and each wait ends. A lock belongs to the open file, which a child process inherits; a lock on a path
 (filelock.FileLock) belongs to one process.
 """
 

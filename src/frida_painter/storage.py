@@ -335,8 +335,8 @@ def _checksum(record: Mapping[str, Any]) -> str:
 def parse_json(text: str | bytes) -> Any:
     """Returns the value of a JSON text. All records are read here.
 
-    Raises ValueError also for what no record of this program holds, and what its readers need not expect: NaN and
-    infinity, a key that occurs twice, integers of more than 64 bits, and more than 50 values within one another.
+    No record of this program holds NaN, infinity, a key that occurs twice, an integer of more than 64 bits, or more
+    than 50 values within one another. Raises ValueError for these too, so that readers need not expect them.
     """
     try:
         value = json.loads(text, parse_constant=_refuse_constant, object_pairs_hook=_refuse_duplicates)
@@ -378,7 +378,7 @@ def _refuse_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def _require_plain(value: Any, *, finite: bool = True) -> None:
-    """Raises ValueError for what `parse_json` refuses; for NaN and infinity only if all must be `finite`."""
+    """Raises ValueError for values that `parse_json` refuses; for NaN and infinity only if all must be `finite`."""
     values = [(value, 1)]
     while values:
         one, depth = values.pop()

@@ -16,7 +16,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from frida_painter import images, registry
+from frida_painter import images, protocols, registry
 from frida_painter.brush.families import FamilyPart
 from frida_painter.brush.kinds import BrushModel, StrokeModel, require_stroke_model
 from frida_painter.canvas_size import CanvasSize
@@ -229,10 +229,10 @@ def _try_robot(kind: RobotKind, given: _Given) -> None:
     named = text if text.partition(":")[0] == kind.name else f"{kind.name}:{text}"
     machine = MachineName.of(named, kind.form)
     made = _opened(lambda: kind.open(machine, place), given)
-    registry.require_like(made, Robot, "Its driver")
+    protocols.require_like(made, Robot, "Its driver")
     for protocol in _ABILITIES:
         if isinstance(made, protocol):
-            registry.require_like(made, protocol, "Its driver")
+            protocols.require_like(made, protocol, "Its driver")
     identities = kind.identify(machine)
     _require(
         isinstance(identities, frozenset) and bool(identities),
@@ -273,15 +273,17 @@ def _try_camera(kind: CameraKind, given: _Given) -> None:
     _require_words(kind, "form", "title")
     _require(kind.form.startswith(kind.name), f"Its form {kind.form!r} does not begin with its name.")
     made = _opened(lambda: kind.open(given.text(_sample(kind.form))), given)
-    registry.require_like(made, Camera, "Its driver")
+    protocols.require_like(made, Camera, "Its driver")
     if isinstance(made, LiveCamera):
-        registry.require_like(made, LiveCamera, "Its driver")
+        protocols.require_like(made, LiveCamera, "Its driver")
 
 
 def _try_easel(kind: EaselKind, given: _Given) -> None:
     _require_words(kind, "title")
     for name, declared in (("open", lambda kind, order: None), ("load", lambda kind: None)):
-        _require(registry.takes(getattr(kind, name), declared), f"Its {name} is no function of what the program gives.")
+        _require(
+            protocols.takes(getattr(kind, name), declared), f"Its {name} is no function of what the program gives."
+        )
     _require(not (kind.person and kind.simulated), "It is simulated and painted by a person; it is one of them.")
 
 
@@ -366,7 +368,7 @@ def _try_policy(parse: Any, given: _Given) -> None:
             policy = parse(text)
         except ConfigError:
             continue
-        registry.require_like(policy, ReplanPolicy, "Its policy")
+        protocols.require_like(policy, ReplanPolicy, "Its policy")
         for done, of in ((0, 100), (37, 100), (99, 100)):
             look = policy.next_look(done, of)
             _require(
@@ -442,7 +444,7 @@ def _try_picture_maker(kind: PictureMakerKind, given: _Given) -> None:
         if given.name in given.examples:
             raise
         return  # it needs a text, and says so
-    registry.require_like(maker, PictureMaker, f"The {type(maker).__name__} that it opened")
+    protocols.require_like(maker, PictureMaker, f"The {type(maker).__name__} that it opened")
     with TemporaryDirectory() as folder:
         request = PictureRequest("a lighthouse", (0, 1), 128, 128, Path(folder), torch.device("cpu"), _SECONDS)
         files = maker.make(request)
@@ -486,7 +488,7 @@ def _try_turn_policy(policy: TurnPolicy, given: _Given) -> None:
 def _try_encoder(make: Any, given: _Given) -> None:
     _require(callable(make), "It is no function of a device.")
     encoder = make(torch.device("cpu"))
-    registry.require_like(encoder, Encoder, "Its encoder")
+    protocols.require_like(encoder, Encoder, "Its encoder")
     _require_words(encoder, "name")
     views = torch.stack([_picture(64), _picture(64).flip(2)]).requires_grad_()
     maps = encoder.features(views)
@@ -495,7 +497,7 @@ def _try_encoder(make: Any, given: _Given) -> None:
     _require(all(bool(each.isfinite().all()) for each in maps), "Its features are not finite.")
     _require_gradient(sum(each.square().mean() for each in maps), views, "features")
     if callable(getattr(encoder, "embed_text", None)):
-        registry.require_like(encoder, Reader, "Its encoder")
+        protocols.require_like(encoder, Reader, "Its encoder")
         words, seen = encoder.embed_text("a red apple"), encoder.embed_pictures(views)
         _require(words.dim() == 1 and tuple(seen.shape) == (2, len(words)), "Words and pictures have other lengths.")
         norms = torch.cat([words.norm()[None], seen.norm(dim=1)])
@@ -512,7 +514,7 @@ def _require_gradient(value: Any, views: Tensor, name: str) -> None:
 def _try_library(make: Any, given: _Given) -> None:
     _require(callable(make), "It is no function that returns a library.")
     library = make()
-    registry.require_like(library, PictureLibrary, "Its library")
+    protocols.require_like(library, PictureLibrary, "Its library")
     _require_words(library, "name")
     listed = list(library.list_captioned())
     _require(bool(listed), "It lists no picture.")
@@ -529,7 +531,7 @@ def _try_studio_arm(kind: StudioArm, given: _Given) -> None:
     _require_words(kind, "easel")
     made = kind.furnish(_CANVAS, find_brush("fine"), 0)
     _require(isinstance(made, ArmAndTable), f"Its furnish returned a {type(made).__name__}; it returns an ArmAndTable.")
-    registry.require_like(made.arm, Arm, "Its arm")
+    protocols.require_like(made.arm, Arm, "Its arm")
 
 
 _TRIALS: Mapping[str, tuple[type[Any], Callable[[Any, _Given], None]]] = {
