@@ -24,7 +24,7 @@ from frida_painter.hardware.kinds import CameraKind, Needed, RobotKind
 from frida_painter.hardware.robot import Workspace
 from frida_painter.hardware.workcell import WorkcellConfig
 from frida_painter.objectives.objective import GoalKind
-from frida_painter.session.opening import OLD, ProcedureStatus, as_seen, planning_device, require, statuses
+from frida_painter.session.opening import OLD, ProcedureStatus, adopt_camera, planning_device, require, statuses
 from frida_painter.session.rehearsal import FlatbedWorkspace
 
 _SOME_CANVAS = CanvasSize(0.3, 0.2)
@@ -97,7 +97,7 @@ def _read(path: Path, easel: Calibration, named: bool) -> tuple[Calibration | No
         return None, ""
     record = None
     try:
-        record = as_seen(Calibration.load(path), easel)
+        record = adopt_camera(Calibration.load(path), easel)
         require(record, easel, ())
     except CalibrationError as reason:
         return record, str(reason)

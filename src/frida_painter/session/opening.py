@@ -207,7 +207,7 @@ def load_record(
     Raises CalibrationError.
     """
     needed = () if simulated else needed
-    known = as_seen(Calibration.load(record), default)
+    known = adopt_camera(Calibration.load(record), default)
     if default.brush in known.others:
         known = known.of_brush(default.brush)
     require(known, default, needed)
@@ -218,7 +218,7 @@ def load_record(
     return known
 
 
-def as_seen(known: Calibration, default: Calibration) -> Calibration:
+def adopt_camera(known: Calibration, default: Calibration) -> Calibration:
     """Returns a record as it is; with the part of `default` that cameras measure if that easel has no camera.
 
     This part is the place of the canvas in a photograph, and the colours. Placement and brushes stay.

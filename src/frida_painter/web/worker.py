@@ -57,7 +57,7 @@ from frida_painter.session.events import (
     Stopped,
     TakenUp,
 )
-from frida_painter.session.opening import as_seen, require_basis, statuses
+from frida_painter.session.opening import adopt_camera, require_basis, statuses
 from frida_painter.session.setup_events import SetupLeft, SetupWritten
 from frida_painter.session.time_left import PlanTime, share_of_plan
 from frida_painter.web.imaginer import imagine
@@ -235,7 +235,7 @@ def _tell_status(feed: Feed, record: Calibration, easel: Calibration) -> None:
             "fault": status.fault,
             "old": status.is_old,
         }
-        for status in statuses(as_seen(record, easel), easel)
+        for status in statuses(adopt_camera(record, easel), easel)
     ]
     feed.tell(CalibrationStatus(easel.easel, procedures))
 
