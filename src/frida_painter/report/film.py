@@ -121,8 +121,10 @@ class Sketchbook:
 
     def timelapse_frames(self, painted: int) -> Iterator[tuple[int, Tensor]]:
         """Yields the timelapse frames up to stroke `painted` with the numbers of their strokes; skips damaged ones."""
-        frames = [(*map(int, path.stem.split("-")[1:]), path) for path in self._folder.glob("glimpse-*.jpg")]
-        for stroke, *_, path in sorted(frames, key=lambda frame: frame[:-1]):
+        frames = [
+            ([int(part) for part in path.stem.split("-")[1:]], path) for path in self._folder.glob("glimpse-*.jpg")
+        ]
+        for (stroke, *_), path in sorted(frames):
             if stroke <= painted:
                 try:
                     yield stroke, images.load(path)

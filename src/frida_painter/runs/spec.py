@@ -456,16 +456,16 @@ class RunSpec(BaseModel):
             if "brushes" in values:
                 raise ConfigError("A brush was given, and brushes as well; give --brushes alone.")
             values["brushes"] = values.pop("brush")
-        for name, value in values.items():
-            fault = storage.path_fault(value) if isinstance(value, str | Path) and name not in _LONG_TEXTS else ""
-            if fault:
-                raise ConfigError(f"{name} was given {str(value)[:40]!r}, which can be no name and no path ({fault}).")
         try:
             chosen = cls(**values)
         except ValidationError as error:
             raise ConfigError(
                 "; ".join(sentence_on(fault, cls.model_fields) for fault in error.errors()) + "."
             ) from error
+        for name, value in values.items():
+            fault = storage.path_fault(value) if isinstance(value, str | Path) and name not in _LONG_TEXTS else ""
+            if fault:
+                raise ConfigError(f"{name} was given {str(value)[:40]!r}, which can be no name and no path ({fault}).")
         if chosen.palette is not None and "colors" not in values:
             return cls.of(**values, colors=paints_of(chosen.palette))
         fitting: dict[str, Any] = {
