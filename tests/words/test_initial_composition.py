@@ -3,10 +3,10 @@ from types import SimpleNamespace
 
 import pytest
 import torch
-
 from frida_painter.drawing.arrangement import Relation
 from frida_painter.drawing.lights import find_light, find_weather
 from frida_painter.drawing.places import NOWHERE, Place, Setting
+
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
