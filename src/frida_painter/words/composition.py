@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 import torch
 from torch import Tensor
+from torch.nn import functional
 
 from frida_painter import images
 from frida_painter.frames import PixelGrid
@@ -21,7 +22,8 @@ _CALM = 0.035  # of the height: details that are lost there
 _APART, _PUSH = 16.0, 12.0  # L* by which subject and near ground differ, and its change if they do not
 _LIT, _BRIGHT = 0.5, 0.55  # share of the ground's light in a subject's colours, and the mean of a day's ground
 _SHADE, _FLAT = 0.45, 0.1  # opacity of a contact shadow, and its height by the subject's
-_MUTED, _LIGHT, _DARK = 0.4, 84.0, 52.0  # plain ground: chroma by the subject's, and L* behind dark and light subjects
+_CHROMA, _LIGHT, _DARK = 16.0, 84.0, 56.0  # plain ground: chroma, and L* behind dark and light subjects
+_PALE = 62.0  # mean L* from which subjects are light
 _FLOOR, _DEEP = 0.78, 9.0  # of a plain ground: where the floor begins, and its loss of L*
 _NEAR, _ALIKE = 0.016, 20.0  # of the height, and of 256 steps: neighbouring colours within both become one
 
@@ -107,8 +109,10 @@ def _place(
 def _plain(placed: Sequence[tuple[Tensor, int, int]], rows: int, columns: int) -> Tensor:
     """Returns a plain ground [3, rows, columns]: the muted contrary of the subjects' colour, above a darker floor."""
     seen = torch.cat([picture[:3, picture[3] > 0.5] for picture, _, _ in placed], 1) if placed else torch.zeros(3, 0)
-    mean = to_lab(seen.T).mean(0) if seen.shape[1] else torch.tensor([60.0, 0.0, 0.0])
-    tone = torch.cat((torch.tensor([_DARK if mean[0] > 62 else _LIGHT]), -_MUTED * mean[1:]))
+    lab = to_lab(seen.T) if seen.shape[1] else torch.tensor([[70.0, -4.0, -12.0]])
+    hue = (lab[:, 1:] * lab[:, 1:].norm(dim=1, keepdim=True)).mean(0)  # that of the most colourful parts
+    light = _DARK if lab[:, 0].mean() > _PALE else _LIGHT
+    tone = torch.cat((torch.tensor([light]), -_CHROMA * functional.normalize(hue, dim=0)))
     down = torch.linspace(0, 1, rows)
     lightness = tone[0] + 5 * (0.5 - down) - _DEEP * torch.sigmoid((down - _FLOOR) / 0.01)
     lab = torch.cat((lightness[:, None], tone[1:].expand(rows, 2)), 1)

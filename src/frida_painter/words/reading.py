@@ -89,11 +89,11 @@ class Phrase:
         return stem(known[-1 if self.name else 0]) if known else ""
 
     @property
-    def parts(self) -> tuple[str, ...]:
-        """Stem of what the thing consists of, or is full of: the coffee of a cup of coffee; () if that is not said."""
-        at = len(self.words) if "of" not in self.words or not self.name else self.words.index("of")
+    def part(self) -> Phrase:
+        """What the thing consists of, or is full of: the coffee of a cup of coffee; no words if that is not said."""
+        at = self.words.index("of") if "of" in self.words else 0
         of = read_phrase(self.words[at + 1 :], lambda word: True)
-        return (of.noun,) if of.name and at > self.words.index(self.name[-1]) else ()
+        return of if self.name and at > self.words.index(self.name[-1]) else Phrase((), ())
 
     @property
     def content(self) -> frozenset[str]:
@@ -166,10 +166,11 @@ def read(prompt: str, knows: Callable[[str], bool]) -> Reading:
         raise refuse_absent(prompt)
     words = _WORD.findall(text.lower())
     first = next((at for at, word in enumerate(words) if word in _PLACING), len(words))
-    parts, part = [], list[str]()
-    for word in [*words[:first], ","]:
-        if word in (",", ";", "&", "and") and not contents(part) <= {*map(stem, (*COLORS, *SHADES))}:
-            parts.append(read_phrase(part, knows, names))
+    parts, part = list[Phrase](), list[str]()
+    for word in [*words[:first], "."]:
+        is_color = word != "." and contents(part) <= {stem(color) for color in (*COLORS, *SHADES)}
+        if word in (",", ";", "&", "and", ".") and not is_color:  # black and white is one
+            parts += [read_phrase(part, knows, names)] if contents(part) else []
             part = []
         elif word[0] not in ",;&":
             part.append(word)
@@ -196,7 +197,8 @@ def read_phrase(words: Sequence[str], knows: Callable[[str], bool], names: froze
             single, count = single or word in ("a", "an"), 1 if word in ("a", "an") else count
         elif (
             name
-            and knows(name[-1])
+            and (knows(name[-1]) or name[-1] in names)
+            and word not in names
             and word.endswith(("ing", "ed", "s"))
             and (not knows(word) or said[at + 1 : at + 2] in _ARTICLES)
         ):

@@ -7,6 +7,7 @@ import re
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import dropwhile, takewhile
 from pathlib import Path
 
 import torch
@@ -18,9 +19,21 @@ from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.objectives.picture_library import PictureLibrary
 from frida_painter.palette import to_lab
 from frida_painter.words.libraries import GROUND, MOOD, SHIPPED, PictureFolder, libraries_at_hand
-from frida_painter.words.reading import AGES, FUNCTION_WORDS, Phrase, Reading, contents, read_phrase, singular, stem
+from frida_painter.words.reading import (
+    AGES,
+    COLORS,
+    FUNCTION_WORDS,
+    Phrase,
+    Reading,
+    contents,
+    read_phrase,
+    singular,
+    stem,
+)
 
 _SAME = 0.845  # similarity of two nouns from which they mean the same: couch and sofa, but not waiter and waitress
+SAME_MOOD = 0.7
+"""Similarity from which a mood is what a prompt says."""
 _ABOUT = 0.42  # similarity of names from which two things with the same noun are alike: no hot dog for a dog
 _LIKE, _SAID, _ADDED = 0.4, 0.1, 0.12  # score by similarity, for each word that both say, and loss for an added one
 _BAND, _LOOKED_AT = 0.35, 8  # of scores: difference within which pictures compete, and their greatest number
@@ -103,6 +116,15 @@ def clean_caption(caption: str) -> str:
     return plain or caption.lower()
 
 
+def _noun_of(title: str) -> str:
+    """Returns the noun of a title in the singular: its last word before a preposition, an article or a verb in -ing."""
+    words = list(dropwhile(FUNCTION_WORDS.__contains__, title.split()))
+    named = list(takewhile(lambda word: word not in FUNCTION_WORDS, words))
+    while len(named) > 1 and named[-1].endswith("ing"):
+        named.pop()
+    return singular(named[-1]) if named else ""
+
+
 class PictureIndex:
     """Index of the captions of several libraries.
 
@@ -114,9 +136,8 @@ class PictureIndex:
         self._sentences, self._keep = sentences, keep
         self.faults: list[str] = []
         listed = [(library, one) for library in libraries for one in library.list_captioned()]
-        titles = [clean_caption(one.captions[0]).split() for _, one in listed]
-        named = ([word for word in title if word not in FUNCTION_WORDS] for title in titles)
-        self._nouns = {singular(words[-1]) for words in named if words and (len(words) == 1 or words[-1][-3:] != "ing")}
+        titles = (one.captions[: None if library.name == SHIPPED else 1] for library, one in listed)
+        self._nouns = {_noun_of(clean_caption(title)) for several in titles for title in several}
         self._captions: list[_Caption] = []
         self._by_noun = defaultdict[str, list[_Caption]](list)
         for library, one in listed:
@@ -142,7 +163,7 @@ class PictureIndex:
         wanted, other = contents(phrase.proper) or {phrase.noun}, ""
         named = [one for one in self._captions if one.library.is_own and wanted <= one.says]
         if not self.names_scene(phrase, GROUND, MOOD):
-            nouns = (phrase.noun, *_KINDS.get(phrase.noun, ()), *phrase.parts)
+            nouns = filter(None, (phrase.noun, *_KINDS.get(phrase.noun, ()), phrase.part.noun))
             named += [one for noun in nouns for one in self._by_noun[noun] if self._names(one.phrase, phrase)]
             if not phrase.name and phrase.noun:  # dancing
                 named += [one for one in self._captions if phrase.noun in one.says]
@@ -153,7 +174,7 @@ class PictureIndex:
 
     def find_ground(self, words: str, reading: Reading) -> FoundPicture | None:
         """Returns the best ground for words; None if no caption has their place, light or weather."""
-        wanted = contents(words)
+        wanted = contents(words) - {*map(stem, COLORS)}
         grounds = [
             one
             for one in self._captions
@@ -162,11 +183,13 @@ class PictureIndex:
         ]
         return self._best(grounds, [words, reading.text], wanted, reading)
 
-    def find_mood(self, reading: Reading) -> FoundPicture | None:
-        """Returns the mood that is nearest to a prompt; None without moods."""
+    def find_mood(self, reading: Reading, least: float = -1.0) -> FoundPicture | None:
+        """Returns the mood that is nearest to a prompt; None if none has the similarity `least`."""
         moods = [one for one in self._captions if one.kind == MOOD]
         like = self._similar([one.text for one in moods], [reading.text], once=True)
-        return self._best([moods[int(like.argmax())]], [reading.text], frozenset(), reading) if moods else None
+        if not moods or float(like.max()) < least:
+            return None
+        return self._best([moods[int(like.argmax())]], [reading.text], frozenset(), reading)
 
     def _names(self, caption: Phrase, phrase: Phrase) -> bool:
         """Returns True if a caption of the right noun, or of a part or kind of its thing, names a phrase.

@@ -13,7 +13,6 @@ from frida_painter.objectives.objective import Goal
 from frida_painter.palette import from_lab, to_lab
 from frida_painter.words.compositing import recolor
 from frida_painter.words.composition import ComposedScene, compose_scene, simplify
-from frida_painter.words.libraries import MOOD
 from frida_painter.words.reading import (
     COLORS,
     FUNCTION_WORDS,
@@ -27,7 +26,7 @@ from frida_painter.words.reading import (
     singular,
     stem,
 )
-from frida_painter.words.retrieval import FoundPicture, PictureIndex, has_ground, picture_index
+from frida_painter.words.retrieval import SAME_MOOD, FoundPicture, PictureIndex, has_ground, picture_index
 
 Found = list[tuple[Phrase, FoundPicture]]
 """Subjects of a prompt with their pictures."""
@@ -48,13 +47,12 @@ def scene_of(
     ground, filling = None, next((one for _, one in found if has_ground(one.picture)), None)
     if filling is not None:
         found = [(phrase, one) for phrase, one in found if one is filling]
-    elif found or not any(index.names_scene(one, MOOD) for one in reading.subjects):
+    elif found or (filling := index.find_mood(reading, SAME_MOOD)) is None:
         # Words after a subject's noun may name a ground too: a train crossing a bridge.
         names = {word for one, _ in found for word in one.name}
         words = [word for one in reading.subjects for word in one.words if word not in names]
         ground = index.find_ground(" ".join([*words, reading.ground]), reading)
-    if not found and ground is None:
-        filling = index.find_mood(reading)
+        filling = index.find_mood(reading) if not found and ground is None else None
     _tell(reading, found, ground, None if found else filling, encoders, use)
     for fault in dict.fromkeys(index.faults):
         encoders.remark(f"Of your own pictures one cannot be used: {fault}")
@@ -123,7 +121,7 @@ def _tell(
         encoders.remark(f"{use.capitalize()}: {', '.join(parts)}{by}.")
     encoders.remark(account_for(reading, shown))
     says = frozenset().union(*(part.says | {part.similar} for part in shown))
-    unseen = [one for one in reading.subjects if one.name and not {one.noun, *one.parts} & says]
+    unseen = [one for one in reading.subjects if one.name and not ({one.noun, one.part.noun} - {""}) & says]
     missing = [" ".join(one.proper).title() or " ".join(one.name) for one in unseen]
     if missing:
         encoders.remark(
@@ -177,6 +175,8 @@ def _quote(words: str) -> str:
 
 def _copies(phrase: Phrase, found: FoundPicture) -> int:
     """Returns the number of copies of a picture; 1 if its caption says several."""
+    if phrase.part.name and phrase.noun not in found.says:  # the oranges of a bowl of oranges
+        phrase = phrase.part
     noun = phrase.name[-1] if phrase.name else ""
     if noun in found.caption.split() and noun != singular(noun):
         return 1
