@@ -33,7 +33,7 @@ _PLACING = re.findall(
 _OTHERS = re.findall(
     r"\w+", "a an the my our your his her its their this that these those of and or with to is are was were be as it "
     "who which while from for me us you i he she they there very front top middle back out up many several some few "
-    "both")  # fmt: skip
+    "both day")  # fmt: skip
 FUNCTION_WORDS = frozenset((*_PLACING, *_OTHERS))
 """Words that name nothing to be seen."""
 _ASKED = re.compile(
@@ -195,13 +195,7 @@ def read_phrase(words: Sequence[str], knows: Callable[[str], bool], names: froze
             if name:
                 break
             single, count = single or word in ("a", "an"), 1 if word in ("a", "an") else count
-        elif (
-            name
-            and (knows(name[-1]) or name[-1] in names)
-            and word not in names
-            and word.endswith(("ing", "ed", "s"))
-            and (not knows(word) or said[at + 1 : at + 2] in _ARTICLES)
-        ):
+        elif name and word not in names and _is_verb(word, name[-1], said[at + 1 : at + 2], knows, names):
             break  # a cat sleeps; a robot painting a picture
         else:
             name.append(word)
@@ -211,8 +205,17 @@ def read_phrase(words: Sequence[str], knows: Callable[[str], bool], names: froze
         name = []  # dancing
     is_plural = bool(name) and not single and name[-1] != singular(name[-1])
     count = 1 if count is None and not is_plural else count
-    proper = tuple(word for word in name if word in names) if name and name[-1] in names else ()
+    proper = tuple(word for word in said if word in names) if name and name[-1] in names else ()
     return Phrase(said, tuple(name), count, " ".join(color), proper)
+
+
+def _is_verb(
+    word: str, before: str, after: tuple[str, ...], knows: Callable[[str], bool], names: frozenset[str]
+) -> bool:
+    """Returns True if a word between two others is a verb: a cat sleeps, a robot painting a door, Einstein dancing."""
+    if before in names and word.endswith(("ing", "ed")):
+        return True
+    return knows(before) and word.endswith(("ing", "ed", "s")) and (not knows(word) or after in _ARTICLES)
 
 
 def _proper_names(prompt: str) -> frozenset[str]:

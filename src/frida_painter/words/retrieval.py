@@ -136,16 +136,16 @@ class PictureIndex:
         self._sentences, self._keep = sentences, keep
         self.faults: list[str] = []
         listed = [(library, one) for library in libraries for one in library.list_captioned()]
-        titles = (one.captions[: None if library.name == SHIPPED else 1] for library, one in listed)
-        self._nouns = {_noun_of(clean_caption(title)) for several in titles for title in several}
+        # Keywords after the title of other libraries may name anything in a picture, or nothing.
+        texts = [one.captions[: None if library.name == SHIPPED else 1] for library, one in listed]
+        things = (several for several, (_, one) in zip(texts, listed, strict=True) if not one.file.startswith(MOOD))
+        self._nouns = {_noun_of(clean_caption(text)) for several in things for text in several}
         self._captions: list[_Caption] = []
         self._by_noun = defaultdict[str, list[_Caption]](list)
-        for library, one in listed:
-            # Keywords after the title of other libraries may name anything in a picture, or nothing.
-            is_shipped = library.name == SHIPPED
-            texts = [clean_caption(text) for text in one.captions[: None if is_shipped else 1]]
-            kind, says = one.file.partition("/")[0] if is_shipped else "", contents(" ".join(texts))
-            for text in texts:
+        for (library, one), several in zip(listed, texts, strict=True):
+            kind = one.file.partition("/")[0] if library.name == SHIPPED else ""
+            says = contents(clean_caption(" ".join(several)))
+            for text in map(clean_caption, several):
                 phrase = read_phrase(text.split(), self.knows)
                 self._captions.append(_Caption(text, phrase, library, one.file, one.realism, kind, says))
                 self._by_noun[phrase.noun].append(self._captions[-1])
@@ -154,21 +154,25 @@ class PictureIndex:
         """Returns True if a word is the noun of a title."""
         return singular(word) in self._nouns
 
-    def names_scene(self, phrase: Phrase, *kinds: str) -> bool:
-        """Returns True if a ground or a mood, as `kinds` say, is called by the noun of a phrase."""
-        return not phrase.proper and any(one.kind in kinds for one in self._by_noun[phrase.noun])
+    def names_scene(self, phrase: Phrase) -> bool:
+        """Returns True if a ground has the noun of a phrase, or a mood is called by all of it."""
+        called = self._by_noun[phrase.noun] if not phrase.proper else []
+        name = contents(phrase.name)
+        return any(one.kind == GROUND or (one.kind == MOOD and one.phrase.content == name) for one in called)
 
     def find_subject(self, phrase: Phrase, reading: Reading) -> FoundPicture | None:
         """Returns the best picture of a subject; None if no caption names it, or a ground or a mood does."""
         wanted, other = contents(phrase.proper) or {phrase.noun}, ""
         named = [one for one in self._captions if one.library.is_own and wanted <= one.says]
-        if not self.names_scene(phrase, GROUND, MOOD):
-            nouns = filter(None, (phrase.noun, *_KINDS.get(phrase.noun, ()), phrase.part.noun))
-            named += [one for noun in nouns for one in self._by_noun[noun] if self._names(one.phrase, phrase)]
-            if not phrase.name and phrase.noun:  # dancing
-                named += [one for one in self._captions if phrase.noun in one.says]
-            if not named and not phrase.proper and (other := self._same_noun(phrase.noun)):
-                named += self._by_noun[other]
+        for each in (phrase, phrase.part):
+            if each.noun and not self.names_scene(each):
+                nouns = (each.noun, *_KINDS.get(each.noun, ()))
+                named += [one for noun in nouns for one in self._by_noun[noun] if self._names(one.phrase, each)]
+        if not phrase.name and phrase.noun:  # dancing
+            named += [one for one in self._captions if phrase.noun in one.says]
+        if not named and not phrase.proper and not self.names_scene(phrase):
+            other = self._same_noun(phrase.noun)
+            named += self._by_noun[other] if other else []
         things = [one for one in named if one.kind not in (GROUND, MOOD)]
         return self._best(things, [phrase.text, reading.text], phrase.content, reading, similar=bool(other))
 
@@ -192,7 +196,7 @@ class PictureIndex:
         return self._best([moods[int(like.argmax())]], [reading.text], frozenset(), reading)
 
     def _names(self, caption: Phrase, phrase: Phrase) -> bool:
-        """Returns True if a caption of the right noun, or of a part or kind of its thing, names a phrase.
+        """Returns True if a caption of the right noun, or of a kind of its thing, names a phrase.
 
         A proper name needs all its words. An old man is another person than a man.
         """

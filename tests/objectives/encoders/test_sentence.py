@@ -36,6 +36,7 @@ def tiny() -> SentenceEncoder:
     return SentenceEncoder(network.state_dict(), tokenizer.backend_tokenizer)
 
 
+@pytest.mark.slow
 @torch.no_grad()
 def test_the_forward_pass_is_that_of_transformers(tiny: SentenceEncoder) -> None:
     network, tokenizer = _tiny()

@@ -193,7 +193,7 @@ class EncoderRegistry:
 
     def readers(self) -> tuple[Reader, ...]:
         """Returns encoders of words and pictures in one space: CLIP."""
-        clip = self.clip()
+        clip: object = self.clip()
         if not isinstance(clip, Reader):
             raise WeightsError(
                 f"To read words in pictures needs a CLIP; fetch it with `frida-painter models fetch {_CLIP}`."

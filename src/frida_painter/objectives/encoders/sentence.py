@@ -84,7 +84,7 @@ class SentenceEncoder:
         x = self._norm(x, "embeddings.LayerNorm")
         for layer in (f"encoder.layer.{number}" for number in range(self._layers)):
             parts = (self._linear(x, f"{layer}.attention.self.{part}") for part in ("query", "key", "value"))
-            heads = (part.unflatten(-1, (-1, min(_HEAD, x.shape[-1]))).transpose(1, 2) for part in parts)
+            heads = (part.reshape(*part.shape[:2], -1, _HEAD).transpose(1, 2) for part in parts)
             seen = functional.scaled_dot_product_attention(*heads).transpose(1, 2).flatten(2)
             x = self._norm(
                 x + self._linear(seen, f"{layer}.attention.output.dense"), f"{layer}.attention.output.LayerNorm"
