@@ -178,7 +178,7 @@ class QuickEncoders(EncoderRegistry):
 
     @property
     def own(self) -> dict[str, Any]:
-        """What a test put in the place of a picture index."""
+        """Picture index of a test."""
         return self.__dict__.setdefault("_own", {})
 
 

@@ -43,7 +43,7 @@ def with_beginning(
 
     Words with a CLIP need no other network: without the one that composes scenes, a goal of words alone begins with
     coarse colours, and another goal is returned unchanged.
-    Raises ConfigError if the settings ask for what needs a network that is not here; WeightsError if no network reads
+    Raises ConfigError if the settings need a network that is not here; WeightsError if no network reads
     the words.
     """
     encoders, how = context.encoders, settings.beginning

@@ -15,8 +15,9 @@ from frida_painter.palette import from_lab, to_lab
 from frida_painter.words.compositing import paste, resize
 
 _TALL, _WIDE, _SLIM = 0.76, 0.84, 0.88  # of the canvas: greatest height and width, and height of a slim subject
-_FOOT = 0.93  # of the height: where subjects stand on a ground
+_FOOT = 0.93  # of the height: position of the feet on a ground
 _OVERLAP, _SMALLEST, _BACK = 0.14, 0.82, 0.05  # of a group: shares of width and size, and of the height, as it recedes
+
 _AROUND = 0.06  # of the height: reach of the calm ground around a subject
 _CALM = 0.035  # of the height: details that are lost there
 _APART, _PUSH = 16.0, 12.0  # L* by which subject and near ground differ, and its change if they do not
@@ -24,7 +25,7 @@ _LIT, _BRIGHT = 0.5, 0.55  # share of the ground's light in a subject's colours,
 _SHADE, _FLAT = 0.45, 0.1  # opacity of a contact shadow, and its height by the subject's
 _CHROMA, _LIGHT, _DARK = 16.0, 84.0, 56.0  # plain ground: chroma, and L* behind dark and light subjects
 _PALE = 62.0  # mean L* from which subjects are light
-_FLOOR, _DEEP = 0.78, 9.0  # of a plain ground: where the floor begins, and its loss of L*
+_FLOOR, _DEEP = 0.78, 9.0  # of a plain ground: position of the floor's edge, and its loss of L*
 _NEAR, _ALIKE = 0.016, 20.0  # of the height, and of 256 steps: neighbouring colours within both become one
 
 
@@ -75,7 +76,7 @@ def _place(
     """Returns the subjects scaled to pixels with their first rows and columns, the last in front.
 
     Several stand side by side and overlap a little; every second one is smaller and further back.
-    foot: where they stand, as a share of the height; None to have them in the middle
+    foot: position of their feet, as a share of the height; None to have them in the middle
     """
     if not subjects:
         return []

@@ -90,7 +90,7 @@ class Phrase:
 
     @property
     def part(self) -> Phrase:
-        """What the thing consists of, or is full of: the coffee of a cup of coffee; no words if that is not said."""
+        """Content or material of the thing, such as the coffee of a cup of coffee; without words if there is none."""
         at = self.words.index("of") if "of" in self.words else 0
         of = read_phrase(self.words[at + 1 :], lambda word: True)
         return of if self.name and at > self.words.index(self.name[-1]) else Phrase((), ())
@@ -108,7 +108,7 @@ class Reading:
     text: the prompt without request, style and absent things
     subjects: of the words before the first preposition of place
     ground: the words after it
-    absent: words for what must not be seen
+    absent: words for absent things
     style: words for a style, or ""
     """
 
@@ -146,7 +146,7 @@ def contents(words: Sequence[str] | str) -> frozenset[str]:
 
 
 def split_absent(prompt: str) -> tuple[str, tuple[str, ...]]:
-    """Returns a prompt without its negations, and the words for what must not be seen."""
+    """Returns a prompt without its negations, and their words."""
     absent = [word.lower() for said in _ABSENT.findall(prompt) for word in said.split() if word not in FUNCTION_WORDS]
     return _ABSENT.sub("", prompt).strip(" ,.;!?"), tuple(absent)
 

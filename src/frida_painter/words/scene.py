@@ -109,7 +109,7 @@ def _tell(
     encoders: EncoderRegistry,
     use: str,
 ) -> None:
-    """Makes remarks about the pictures and their authors, the account, and what is missing with what helps."""
+    """Makes remarks about the pictures and their authors, the account, and the missing things with advice."""
     shown = [_Shown(one.caption, one.says | _done(phrase), phrase.noun if one.similar else "") for phrase, one in found]
     shown += [_Shown(one.caption, one.says) for one in (ground, mood) if one is not None]
     parts = [f"{one.caption!r} ({one.library.name})" for _, one in found]
