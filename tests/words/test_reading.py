@@ -22,6 +22,7 @@ def knows(word: str) -> bool:
         ("a cat sits on a chair", "cat", 1, "", "on a chair"),
         ("a robot painting a picture", "robot", 1, "", ""),
         ("a dark blue horse", "horse", 1, "dark blue", ""),
+        ("a sleeping black cat", "sleeping cat", 1, "black", ""),
         ("an orange", "orange", 1, "", ""),
         ("a herd of elephants", "elephants", None, "", ""),
         ("a violin in the style of Picasso", "violin", 1, "", ""),

@@ -55,7 +55,7 @@ _ABSENT = re.compile(
     re.I,
 )
 _PLURALS = {"children": "child", "people": "person", "mice": "mouse", "geese": "goose", "feet": "foot"}
-_ARTICLES = tuple((word,) for word in ("a", "an", "the", "my", "his", "her", "their"))
+_ARTICLES = ("a", "an", "the", "my", "his", "her", "their")
 _SHORT = 3  # letters of a word that keeps its ending
 _WORD = re.compile(r"[^\W\d_][\w'’-]*|\d+|[,;&]")
 
@@ -184,18 +184,18 @@ def read_phrase(words: Sequence[str], knows: Callable[[str], bool], names: froze
     """
     count, color, name, single = None, list[str](), list[str](), False
     said = tuple(words)
-    for at, word in enumerate(said):
-        if not name and word in _GROUPS and said[at + 1 : at + 2] == ("of",):
+    for word, after in zip(said, (*said[1:], "of"), strict=True):
+        if not name and word in _GROUPS and after == "of" and word != said[-1]:
             single, count = False, _GROUPS[word]
         elif not name and (word in NUMBERS or word.isdecimal()):
             count = int(word[:4]) if word.isdecimal() else NUMBERS.index(word)
-        elif not name and (word in COLORS or (word in SHADES and said[at + 1 : at + 2] and said[at + 1] in COLORS)):
+        elif (word in COLORS or (word in SHADES and after in COLORS)) and (not name or after not in FUNCTION_WORDS):
             color.append(word)
         elif word in FUNCTION_WORDS:
             if name:
                 break
             single, count = single or word in ("a", "an"), 1 if word in ("a", "an") else count
-        elif name and word not in names and _is_verb(word, name[-1], said[at + 1 : at + 2], knows, names):
+        elif name and word not in names and _is_verb(word, name[-1], after, knows, names):
             break  # a cat sleeps; a robot painting a picture
         else:
             name.append(word)
@@ -209,9 +209,7 @@ def read_phrase(words: Sequence[str], knows: Callable[[str], bool], names: froze
     return Phrase(said, tuple(name), count, " ".join(color), proper)
 
 
-def _is_verb(
-    word: str, before: str, after: tuple[str, ...], knows: Callable[[str], bool], names: frozenset[str]
-) -> bool:
+def _is_verb(word: str, before: str, after: str, knows: Callable[[str], bool], names: frozenset[str]) -> bool:
     """Returns True if a word between two others is a verb: a cat sleeps, a robot painting a door, Einstein dancing."""
     if before in names and word.endswith(("ing", "ed")):
         return True

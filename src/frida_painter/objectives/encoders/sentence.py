@@ -84,8 +84,8 @@ class SentenceEncoder:
         x = self._norm(x, "embeddings.LayerNorm")
         for layer in (f"encoder.layer.{number}" for number in range(self._layers)):
             parts = (self._linear(x, f"{layer}.attention.self.{part}") for part in ("query", "key", "value"))
-            heads = (part.reshape(*part.shape[:2], -1, _HEAD).transpose(1, 2) for part in parts)
-            seen = functional.scaled_dot_product_attention(*heads).transpose(1, 2).flatten(2)
+            query, key, value = (part.reshape(*part.shape[:2], -1, _HEAD).transpose(1, 2) for part in parts)
+            seen = functional.scaled_dot_product_attention(query, key, value).transpose(1, 2).flatten(2)
             x = self._norm(
                 x + self._linear(seen, f"{layer}.attention.output.dense"), f"{layer}.attention.output.LayerNorm"
             )
