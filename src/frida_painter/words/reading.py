@@ -184,7 +184,7 @@ def read_phrase(words: Sequence[str], knows: Callable[[str], bool], names: froze
     """
     count, color, name, single = None, list[str](), list[str](), False
     said = tuple(words)
-    for word, after in zip(said, (*said[1:], "of"), strict=True):
+    for word, after in zip(said, (*said, "of")[1:], strict=True):
         if not name and word in _GROUPS and after == "of" and word != said[-1]:
             single, count = False, _GROUPS[word]
         elif not name and (word in NUMBERS or word.isdecimal()):

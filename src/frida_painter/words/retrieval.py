@@ -164,10 +164,12 @@ class PictureIndex:
         """Returns the best picture of a subject; None if no caption names it, or a ground or a mood does."""
         wanted, other = contents(phrase.proper) or {phrase.noun}, ""
         named = [one for one in self._captions if one.library.is_own and wanted <= one.says]
-        for each in (phrase, phrase.part):
-            if each.noun and not self.names_scene(each):
-                nouns = (each.noun, *_KINDS.get(each.noun, ()))
-                named += [one for noun in nouns for one in self._by_noun[noun] if self._names(one.phrase, each)]
+        if not self.names_scene(phrase):
+            nouns = filter(None, (phrase.noun, *_KINDS.get(phrase.noun, ())))
+            named += [one for noun in nouns for one in self._by_noun[noun] if self._names(one.phrase, phrase)]
+        part = phrase.part  # oranges may stand for a bowl of them, but no hot springs for a day of spring
+        if part.noun and not self.names_scene(part):
+            named += [one for one in self._by_noun[part.noun] if contents(one.phrase.name) == contents(part.name)]
         if not phrase.name and phrase.noun:  # dancing
             named += [one for one in self._captions if phrase.noun in one.says]
         if not named and not phrase.proper and not self.names_scene(phrase):
