@@ -21,7 +21,6 @@ from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.web.web_studio import abilities
 from frida_painter.weights import catalogue
 from frida_painter.words.libraries import read_picture
-from frida_painter.words.reading import PromptReader
 
 PYPROJECT = Path(__file__).parents[1] / "pyproject.toml"
 
@@ -44,10 +43,9 @@ def test_the_studio_names_its_extra(
 @pytest.mark.parametrize(
     ("package", "extra", "error", "use"),
     [
-        ("transformers", "words", ConfigError, lambda folder: SentenceEncoder.load(folder)),
+        ("tokenizers", "words", ConfigError, lambda folder: SentenceEncoder.load(folder)),
         ("transformers", "words", ConfigError, lambda folder: Clip.load(folder)),
         ("resvg_py", "words", ConfigError, lambda folder: read_picture(b"<svg/>", "drawing.svg")),
-        ("spacy", "words", ConfigError, PromptReader),
         ("gymnasium", "env", ConfigError, lambda folder: make_env("renderer/strokes-v1")),
         ("h5py", "sketch", WeightsError, lambda folder: catalogue.holistic_edges(folder / "hed.h5")),
         ("serial", "plotter", RobotError, lambda folder: SerialLine.open("/dev/null", 115200)),

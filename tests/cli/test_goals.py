@@ -20,7 +20,6 @@ from frida_painter.objectives.sketch import SketchTerm
 from frida_painter.objectives.style import StyleTerm
 from frida_painter.runs.goals import open_goal, picture_of
 from frida_painter.runs.spec import RunSpec
-from frida_painter.words.reading import prompt_reader
 from frida_painter.words.retrieval import picture_index
 from frida_painter.words.text import TextTerm
 from support.networks import QuickEncoders
@@ -193,7 +192,7 @@ def test_a_sketch_and_a_blank_sheet(photo: Path) -> None:
 def test_words_are_painted_without_any_photograph(
     in_small_world: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for name in ("readers", "reader_aside", "sentences", "keep", "own"):
+    for name in ("sentences", "keep", "own"):
         monkeypatch.setattr(EncoderRegistry, name, getattr(QuickEncoders, name), raising=False)
     out = tmp_path / "out"
     words = ["paint", "--text", "a <script>alert(1)</script> ship", "--strokes", "5", "--replans", "1"]
@@ -203,7 +202,7 @@ def test_words_are_painted_without_any_photograph(
         commands.main()
     assert not end.value.code
     said = capsys.readouterr().err
-    assert "Seeing words through random networks (better: CLIP)" in said and "give one with --image" in said
+    assert "Seeing words through a bag of words (better: CLIP)" in said and "give one with --image" in said
     assert "not shown: " in said
     result = json.loads((out / "result.json").read_text())
     assert result["settings"]["goal"] == [["Words", "“A <script>alert(1)</script> ship”"]]
@@ -230,8 +229,7 @@ def test_words_that_make_no_goal(given: dict[str, Any], says: str) -> None:
 
 def test_words_without_networks_say_what_to_fetch(tmp_path: Path) -> None:
     encoders = EncoderRegistry(tmp_path)
-    with pytest.raises(WeightsError, match=r"needs minilm and efficientnet-lite0.*fetch words"):
+    with pytest.raises(WeightsError, match=r"needs minilm.*fetch words"):
+        picture_index(encoders)
+    with pytest.raises(WeightsError, match="fetch clip-vit-b-32"):
         encoders.readers()
-    assert picture_index(encoders) is None and encoders.reader_aside() is None
-    assert "models fetch words" in encoders.remarks[0]
-    assert len(prompt_reader(encoders).read("a cat").things) == 1 and "models fetch english" in encoders.remarks[1]

@@ -103,7 +103,7 @@ def answer(folder: Path, words: list[str]) -> tuple[int, str, str]:
         return (1, "", f"no: {lost}") if lost else (0, "", "")
     with pytest.MonkeyPatch.context() as patch:
         if "--text" in words:  # in the place of networks that have to be fetched; tests of words use the same ones
-            for name in ("readers", "reader_aside", "sentences", "keep", "own"):
+            for name in ("sentences", "keep", "own"):
                 patch.setattr(EncoderRegistry, name, getattr(QuickEncoders, name), raising=False)
         with contextlib.closing(ForkedCommand(folder, *words)) as command:
             out, err = command.communicate(timeout=600)

@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from frida_painter.lab import paintings, text
-from frida_painter.lab.text import PROMPTS, QUICK, WAYS, Unjudged
+from frida_painter.lab.text import PROMPTS, QUICK, WAYS
 from frida_painter.objectives.encoders.classifiers import EfficientNetLite, class_names
 from support.networks import QuickEncoders, random_lite_tensors
 
@@ -61,7 +61,3 @@ def test_prompts_mean_classes_that_are_called_so():
         assert all(0 <= number < 1000 for number in prompt.classes)
     classes = {prompt.words: prompt.classes[0] for prompt in PROMPTS}
     assert "lighthouse" in names[classes["a lighthouse"]] and "pizza" in names[classes["a pizza"]][0]
-
-
-def test_the_judge_is_not_asked_while_planning():
-    assert Unjudged().reader_aside() is None

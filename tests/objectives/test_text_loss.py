@@ -4,10 +4,10 @@ import torch
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.interpretation import prepare
 from frida_painter.objectives.objective import Goal
-from frida_painter.objectives.text_loss import Sight, Text, distance_to
+from frida_painter.objectives.text_loss import Sight, Text, wish
 from frida_painter.objectives.word_settings import WordSettings
 from frida_painter.words.text import TextTerm
-from support.networks import QuickEncoders, random_reader
+from support.networks import QuickEncoders, RandomReader
 from support.planning import CANVAS
 
 
@@ -31,7 +31,7 @@ def flat(*color: float) -> torch.Tensor:
 
 
 def test_distance_is_the_cosine_distance_of_the_meanings() -> None:
-    apart = distance_to("red", Toy())(torch.stack((flat(1, 0, 0), flat(0, 1, 0), flat(1, 1, 0))))
+    apart = wish("red", Toy(), WordSettings())(torch.stack((flat(1, 0, 0), flat(0, 1, 0), flat(1, 1, 0))))
     assert torch.allclose(apart, torch.tensor([0.0, 1.0, 1 - 0.5**0.5]), atol=1e-6)
 
 
@@ -101,17 +101,12 @@ def test_a_clip_sees_few_views_at_first_and_more_of_them_later() -> None:
     assert [reader.seen.count(views) for views in (1, 2, 3)] == [16, 16, 32] and sorted(reader.seen) == reader.seen
 
 
-def test_class_names_give_a_slope_to_every_picture() -> None:
-    picture = torch.rand(3, 40, 50, generator=torch.Generator().manual_seed(1)).requires_grad_()
-    Text("a lighthouse", [random_reader()], seed=0)(picture).backward()
-    assert torch.isfinite(picture.grad).all() and float(picture.grad.abs().max()) > 0
-
-
-def test_words_that_are_cut_off_are_told_of_once() -> None:
+def test_words_that_are_cut_off_are_told_of_once(monkeypatch: pytest.MonkeyPatch) -> None:
     encoders, grid = QuickEncoders(), PixelGrid.of_height(CANVAS, 24)
-    prepare(Goal((TextTerm("ship " * 200),)), grid, encoders)
+    monkeypatch.setattr(encoders, "readers", lambda: (RandomReader(),))
+    prepare(Goal((TextTerm("ship " * 60),)), grid, encoders)
     assert not encoders.remarks
-    prepare(Goal((TextTerm("ship " * 300), TextTerm("ship " * 300))), grid, encoders)
+    prepare(Goal((TextTerm("ship " * 100), TextTerm("ship " * 100))), grid, encoders)
     (remark,) = encoders.remarks
     assert "the last were cut off" in remark and len(remark) < 120
 
@@ -128,19 +123,3 @@ def test_what_is_seen_is_square_and_not_squeezed() -> None:
     words = Text("red", [Circle()], seed=0)
     words._views[0]._maps = torch.eye(3).expand(24, 3, 3)
     words.validation(disc)
-
-
-def test_what_is_seen_in_the_beginning_is_kept() -> None:
-    begun, other = torch.rand(2, 3, 40, 50, generator=torch.Generator().manual_seed(1)).unbind()
-    plain, kept = (Text("a lighthouse", [random_reader()], 0, picture) for picture in (None, begun))
-    assert float(kept.validation(begun)) == pytest.approx(float(plain.validation(begun)), abs=1e-4)
-    changed = other.clone().requires_grad_()
-    more = kept.validation(changed) - plain.validation(other)
-    torch.autograd.backward(more)
-    assert float(more.detach()) > 1e-3
-    assert changed.grad is not None and float(changed.grad.abs().max()) > 0
-
-
-def test_only_readers_by_class_names_keep_to_the_beginning() -> None:
-    red = Text("red", [Toy()], 0, flat(0, 0, 1))
-    assert float(red.validation(flat(1, 0, 0))) < 1e-6

@@ -25,7 +25,8 @@ from frida_painter.objectives.objective import Goal, ObjectiveTerm, Term
 from frida_painter.objectives.semantic import SemanticTerm
 from frida_painter.objectives.sketch import SketchTerm
 from frida_painter.objectives.style import StyleTerm
-from frida_painter.objectives.text_loss import distance_to
+from frida_painter.objectives.text_loss import wish
+from frida_painter.objectives.word_settings import WordSettings
 from frida_painter.palette import Palette, to_lab
 from frida_painter.plan import Plan
 from frida_painter.planning.effort import Effort
@@ -36,7 +37,7 @@ from frida_painter.planning.planner import Planner
 from frida_painter.planning.problem import Region
 from frida_painter.render import reference
 from frida_painter.words.text import TextTerm
-from support.networks import QuickEncoders, random_hed_tensors, random_lite_tensors, random_reader, random_vgg_tensors
+from support.networks import QuickEncoders, random_hed_tensors, random_lite_tensors, random_vgg_tensors
 from support.planning import CANVAS, goal, picture, plain, small_table
 from tiny_clip import resnet_tensors, write_clip
 
@@ -113,17 +114,20 @@ def test_every_kind_of_goal_is_seen_on_the_device() -> None:
 @torch.no_grad()
 def test_networks_see_on_the_device_what_they_see_on_the_cpu(tmp_path) -> None:
     clip, tower = Clip.load(write_clip(tmp_path)), ClipResNet(resnet_tensors())
-    vgg, hed, lite = Vgg16.of_torchvision(random_vgg_tensors()), Hed(random_hed_tensors()), random_reader()
+    vgg, hed, lite = (
+        Vgg16.of_torchvision(random_vgg_tensors()),
+        Hed(random_hed_tensors()),
+        EfficientNetLite(random_lite_tensors()),
+    )
 
     def seen(views: torch.Tensor) -> list[torch.Tensor]:
         return [
             vgg.features(views[0], ["conv3_1"])[0],
             hed.edges(views[0]),
-            lite.embed_pictures(views),
-            distance_to("a lemon", lite)(views),
+            *lite.features(views),
             tower.embed_pictures(views),
             clip.embed_pictures(views),
-            distance_to("lemon", clip)(views),
+            wish("lemon", clip, WordSettings())(views),
         ]
 
     views = picture(40, 40)[None]
@@ -171,7 +175,7 @@ class ThereEncoders(QuickEncoders):
         return Hed(on(self.device, random_hed_tensors()))
 
     def readers(self) -> tuple[Reader, ...]:
-        return (random_reader(self.meaning()),)
+        return (random_lite_tensors(self.meaning()),)
 
 
 def on(device: torch.device, tensors: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
@@ -268,7 +272,7 @@ def test_losses_that_are_not_finite_are_noticed_late_on_a_device_and_do_no_harm(
 @torch.no_grad()
 def test_networks_in_half_precision_see_nearly_the_same_in_full_precision(tmp_path, monkeypatch) -> None:
     clip, tower = Clip.load(write_clip(tmp_path)), ClipResNet(resnet_tensors())
-    vgg, lite = Vgg16.of_torchvision(random_vgg_tensors()), random_reader()
+    vgg, lite = Vgg16.of_torchvision(random_vgg_tensors()), EfficientNetLite(random_lite_tensors())
     looks = (
         lambda views: vgg.features(views[0], ["conv3_1"])[0],
         lite.embed_pictures,

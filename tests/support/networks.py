@@ -12,13 +12,11 @@ import torch
 from torch.nn import functional
 from torch.nn.functional import avg_pool2d
 
-from frida_painter.objectives.encoders.base import Reader
-from frida_painter.objectives.encoders.classifiers import ConSE, EfficientNetLite, class_names
+from frida_painter.objectives.encoders.classifiers import EfficientNetLite
 from frida_painter.objectives.encoders.loading import Choice, EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.objectives.encoders.vgg import Hed, Vgg16
 from frida_painter.words.libraries import PictureArchive
-from frida_painter.words.reading import PromptReader
 from frida_painter.words.retrieval import PictureIndex
 
 Kept = TypeVar("Kept")
@@ -114,9 +112,6 @@ class WordBag(SentenceEncoder):
     def __init__(self) -> None:
         pass
 
-    def is_cut_off(self, sentence: str) -> bool:
-        return len(sentence.split()) > 256
-
     def embed(self, sentences: Sequence[str]) -> torch.Tensor:
         return torch.nn.functional.normalize(torch.stack([self._sum(sentence) for sentence in sentences]), dim=1)
 
@@ -130,11 +125,20 @@ def _direction(word: str) -> torch.Tensor:
     return torch.randn(256, generator=torch.Generator().manual_seed(zlib.crc32(word.encode())))
 
 
-def random_reader(classifier: EfficientNetLite | None = None) -> ConSE:
-    """ConSE with a random classifier, by default of its own."""
-    names = class_names()
-    meanings = WordBag().embed([name for some in names for name in some])
-    return ConSE(classifier or EfficientNetLite(random_lite_tensors()), names, meanings, WordBag(), "a random network")
+class RandomReader:
+    """Words and pictures in one space, as a CLIP has them, by a random mixture of a picture's coarse cells."""
+
+    name, side = "a random network", 32
+
+    def reads_all(self, prompt: str) -> bool:
+        return len(prompt.split()) <= 70
+
+    def embed_text(self, prompt: str) -> torch.Tensor:
+        return WordBag().embed([prompt])[0]
+
+    def embed_pictures(self, pictures: torch.Tensor) -> torch.Tensor:
+        mixture = torch.randn(192, 256, generator=torch.Generator().manual_seed(0)).to(pictures)
+        return functional.normalize(torch.tanh(avg_pool2d(pictures, 4).flatten(1) - 0.5) @ mixture, dim=1)
 
 
 class QuickEncoders(EncoderRegistry):
@@ -160,27 +164,21 @@ class QuickEncoders(EncoderRegistry):
     def aside(self) -> EfficientNetLite:
         return self.meaning()
 
-    def readers(self) -> tuple[Reader, ...]:
-        if not self.choices:
-            self.choices.append(Choice("words", "random networks", "CLIP"))
-        return (random_reader(),)
-
-    def reader_aside(self) -> Reader | None:
-        return None
-
     def sentences(self) -> SentenceEncoder:
+        if not self.choices:
+            self.choices.append(Choice("words", "a bag of words", "CLIP"))
         return WordBag()
 
     def keep(self, name: str, make: Callable[[], Kept]) -> Kept:
-        """Reads prompts without a grammar, and knows only the pictures that a test put under "picture index"."""
-        known = {"prompt reader": PromptReader(None), "picture index": None, **self.own}
+        """Knows only the pictures that a test put under "picture index"."""
+        known = {"picture index": PictureIndex([], self.sentences(), Path()), **self.own}
         if name not in known:
             known[name] = self.own[name] = make()
         return cast(Kept, known[name])
 
     @property
     def own(self) -> dict[str, Any]:
-        """What a test put in the place of a prompt reader or a picture index."""
+        """Picture index of a test."""
         return self.__dict__.setdefault("_own", {})
 
 

@@ -175,14 +175,13 @@ def test_stopped_while_planning_and_in_a_stroke_with_two_browsers_one_of_them_a_
 
 
 def test_the_page_tells_which_words_a_plan_shows(page: Page) -> None:
-    for name in ("english", "minilm", "efficientnet-lite0", "efficientnet-lite1", "efficientnet-lite2"):
-        fetched(name)
+    fetched("minilm")
     words = {"kind": "text", "words": "a calm sea at dawn with a zeugma"}
     page.evaluate(BEGIN, {"title": "Sea", "strokes": 6, "effort": 0.05, "colors": 2, "terms": [words]})
     expect(page.get_by_role("button", name="Use plan 1")).to_be_visible(timeout=3 * PATIENCE)
     told = page.get_by_text("Your words: shown:")
     expect(told).to_be_visible()
-    expect(told).to_contain_text("not shown: 'with', 'zeugma'")
+    expect(told).to_contain_text("not shown: 'zeugma'")
     keep(page, "words-of-a-plan")
 
 

@@ -25,10 +25,11 @@ def test_every_entry_is_whole():
                 assert re.fullmatch(r"[0-9a-f]{40}", source.revision), "a branch may move"
 
 
-def test_words_need_networks_a_grammar_and_pictures():
-    names = {entry.name for entry in weights.words()}
-    assert {"minilm", "english", "efficientnet-lite0", "efficientnet-lite2", "stamps", "abcs", "fluent"} < names
-    assert names < {entry.name for entry in weights.all_weights()} and not names & {"vgg16", "clip-vit-b-32", "hed"}
+def test_words_need_one_network_and_the_libraries_of_most_worth():
+    needed = weights.words()
+    assert {"minilm", "openclipart", "fluent"} < {entry.name for entry in needed}
+    assert not {entry.name for entry in needed} & {"vgg16", "clip-vit-b-32", "hed"}
+    assert sum(entry.size for entry in needed) < 150e6
 
 
 @pytest.mark.slow

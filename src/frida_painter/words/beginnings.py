@@ -1,6 +1,6 @@
 """First picture of a painting of words: a scene, coarse colours or nothing.
 
-The settings choose, or a CLIP.
+Without a CLIP, which reads words itself, the scene replaces the words: the plan is grown towards it alone.
 """
 
 from dataclasses import replace
@@ -9,29 +9,28 @@ import torch
 from torch import Tensor
 
 from frida_painter import images
-from frida_painter.drawing.composition import lay_setting
-from frida_painter.drawing.places import Setting
 from frida_painter.errors import ConfigError
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.image import ImageTerm
-from frida_painter.objectives.objective import Goal, ObjectiveContext
+from frida_painter.objectives.objective import Goal, ObjectiveContext, Term
+from frida_painter.objectives.pixel_loss import spread
 from frida_painter.objectives.sketch_loss import color_drawing, filled_areas
 from frida_painter.objectives.style_marks import in_style
 from frida_painter.objectives.style_places import change_by_place, styles_of
 from frida_painter.objectives.text_loss import Text, wish
 from frida_painter.objectives.word_settings import WordSettings
-from frida_painter.words.account import Account
-from frida_painter.words.casting import cast
-from frida_painter.words.photograph import put_into_photograph, puts_into_photograph
 from frida_painter.words.pyramid import color_in
-from frida_painter.words.reading import prompt_reader
-from frida_painter.words.retrieval import picture_index
-from frida_painter.words.scene import scene_of, tell_thing, words_of
-from frida_painter.words.setting import setting_of
+from frida_painter.words.scene import find_cutout, scene_of, words_of
 from frida_painter.words.style_scene import composite_into_style
 
 _APART = 104_729  # added to the seed, so that the views of the choice are not those of the optimiser
+_KEPT = 60.0  # weight of the composition against the words that a CLIP reads
+_AMONG = 3.0  # the same if a style or a sketch has a term too
+_STAGED = 20.0  # the same for a style picture, or a photograph, that is begun with
+_MATTERS = 8.0  # weight of a thing, relative to its surroundings
+_SIZES, _OWN = (0.6, 0.5, 0.4), 0.5  # of a thing in a photograph: possible sizes, and share of its colours
+_STANDS = (0.65, 1.0)  # its position in the free space, down
 
 
 def with_beginning(
@@ -42,23 +41,26 @@ def with_beginning(
     prompt: words of the largest weight, with their settings; None if only the beginning has words
     is_alone: True if the goal has nothing but words
 
-    Words with a CLIP need no other network: without those that compose scenes, a goal of words alone begins with
+    Words with a CLIP need no other network: without the one that composes scenes, a goal of words alone begins with
     coarse colours, and another goal is returned unchanged.
-    Raises ConfigError if the settings ask for a scene, and its networks are not here; WeightsError if no network
-    reads the words.
+    Raises ConfigError if the settings need a network that is not here; WeightsError if no network reads
+    the words.
     """
-    encoders = context.encoders
-    if puts_into_photograph(goal, encoders):
-        return put_into_photograph(goal, encoders, context.seed)
-    how, by_clip = settings.beginning, encoders.reads_by_clip
+    encoders, how = context.encoders, settings.beginning
+    by_clip = encoders.reads_by_clip
     if how == "scene" and by_clip and not encoders.composes:
         raise ConfigError(
-            "--beginning scene puts pictures of things together, and the networks for it are not here; fetch them with "
+            "--beginning scene puts pictures of things together, and the network for it is not here; fetch it with "
             "`frida-painter models fetch words`, or give --beginning colors."
+        )
+    if not by_clip and how in ("colors", "nothing"):
+        raise ConfigError(
+            f"--beginning {how} paints words by a CLIP alone, and none is here; fetch one with `frida-painter models "
+            "fetch clip-vit-b-32`, or leave it out."
         )
     if how == "nothing" or (by_clip and not encoders.composes and not is_alone):
         return goal
-    if prompt is None or not is_alone or how == "scene" or (how == "auto" and not by_clip):
+    if prompt is None or not is_alone or how == "scene" or not by_clip:
         return initial_composition(goal, context.grid, encoders, context.seed)
     readers, size = encoders.readers(), (context.grid.rows, context.grid.columns)
     wanted = wish(prompt, readers[0], settings)
@@ -76,31 +78,25 @@ def with_beginning(
     return replace(goal, initial=(ImageTerm(colors),))
 
 
-# Scenes composed from the things that the words name, as first pictures.
-
-_KEPT = 60.0  # weight of the composition against the words: networks invent colours of things
-_KEPT_SCENE = 600.0  # the same for several things, or a place: networks take a scene for a single thing
-_AMONG = 3.0  # the same if a style or a sketch has a term too
-_STAGED = 20.0  # the same for a style picture, which words would soon destroy
-_MATTERS = 8.0  # weight of a thing, relative to its surroundings
-
-
 def initial_composition(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, seed: int) -> Goal:
     """Returns the goal with an initial picture, if it has words and no other picture to begin with.
 
-    The picture is also a term beside the words, so that the composition lasts while the words change it. It has the
-    colours and the marks of the styles, in proportion if these are lighter than the words. A sketch is filled with the
-    picture's colours, or with those of the heaviest style; a style to begin with gets the thing of the words laid in.
+    The picture is also a term, beside the words that a CLIP reads and in place of others. It has the colours and the
+    marks of the styles, in proportion if these are lighter than the words. A sketch is filled with the picture's
+    colours, or with those of the heaviest style; a style picture or a photograph gets the thing of the words laid in.
     """
     words, weight = words_of(goal)
-    pictures = [term for term in (goal.initial or goal.terms) if term.picture is not None]
-    if pictures or not (words or goal.initial):
-        return goal
+    said = goal.terms if encoders.reads_by_clip else tuple(term for term in goal.terms if term.words is None)
+    pictured = next((term for term in goal.initial or goal.terms if term.picture is not None), None)
+    if pictured is not None or not (words or goal.initial):
+        if not words or encoders.reads_by_clip:
+            return goal
+        return goal if pictured is None else _lay_into_photograph(goal, pictured, said, words, weight, encoders)
     if goal.initial:
         first = next((term.words for term in goal.initial if term.words is not None), None)
         staged = next((term.colors for term in goal.initial if term.colors is not None), None)
         if staged is not None and words:
-            return _start_with_style(goal, staged, words, weight, grid, encoders)
+            return _start_with_style(goal, staged, said, words, weight, encoders, grid)
         if staged is not None or first is None:
             return goal
         scene = scene_of(first, grid, encoders, seed)
@@ -110,49 +106,61 @@ def initial_composition(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, 
     drawing = next((term.drawing for term in goal.terms if term.drawing is not None), None)
     if drawing is None:
         scene = scene_of(words, grid, encoders, seed)
-        kept = _KEPT if scene.is_alone else _KEPT_SCENE
-        kept = kept if all(term.words is not None for term in goal.terms) else _AMONG
+        kept = _AMONG if any(term.words is None for term in goal.terms) else _KEPT if said else 1.0
+        picture = scene.picture
         if styles:
-            shown = change_by_place(scene.picture, styles, lambda style: in_style(scene.picture, scene.where, style))
-            # The styles do not know the light and the weather of the words.
-            setting = setting_of(prompt_reader(encoders).read(words), picture_index(encoders), encoders)[0]
-            over = Setting(light=setting.light, weather=setting.weather)
-            shown = shown if over == Setting() else lay_setting(shown, over, scene.where, seed).picture
-            share = min(1.0, sum(one.weight for one in styles) / weight)
-            scene = replace(scene, picture=torch.lerp(scene.picture, shown, share))
-        begun = _term(scene.picture, scene.where, weight * kept)
+            shown = change_by_place(picture, styles, lambda style: in_style(scene.picture, scene.where, style))
+            picture = torch.lerp(picture, shown, min(1.0, sum(one.weight for one in styles) / weight))
+        begun = _term(picture, scene.where, weight * kept)
     else:
         like = scene_of(words, grid, encoders, seed, "coloured like").picture if style is None else style
         filled = color_drawing(images.fit(drawing, grid.rows, grid.columns), like)
         begun = _term(filled, filled_areas(filled), weight * _AMONG)
-    # Networks by class names know photographs. A scene in a style does not please them, whatever is painted, so they
-    # choose the scene and leave its painting to the style; a CLIP knows paintings.
-    leads = style is None or drawing is not None or encoders.reads_by_clip
-    terms = goal.terms if leads else tuple(term for term in goal.terms if term.words is None)
-    return Goal((*terms, begun), (replace(begun, weight=1.0),))
+    return Goal((*said, begun), (replace(begun, weight=1.0),))
 
 
-def _term(picture: Tensor, where: Tensor, weight: float = 1.0) -> ImageTerm:
-    """Returns a picture [3, H, W] as a term: what is at `where` [H, W] has more weight than its ground."""
+def _term(picture: Tensor, where: Tensor, weight: float = 1.0, importance: Tensor | None = None) -> ImageTerm:
+    """Returns a picture [3, H, W] as a term: what is at `where` [H, W] has more weight than its ground.
+
+    importance [h, w]: of each place, besides that
+    """
     matters = 1 + (_MATTERS - 1) * where
+    matters = matters if importance is None else matters * spread(importance, *where.shape)
     return ImageTerm(picture, weight, matters / matters.mean())
 
 
 @torch.no_grad()
 def _start_with_style(
-    goal: Goal, style: Tensor, words: str, weight: float, grid: PixelGrid, encoders: EncoderRegistry
-) -> Goal:
+    goal: Goal, style: Tensor, said: tuple[Term, ...], words: str, weight: float, encoders: EncoderRegistry,
+    grid: PixelGrid,
+) -> Goal:  # fmt: skip
     """Returns the goal that begins with the style picture, with the thing of the words in it, and keeps to it."""
-    reading, index = prompt_reader(encoders).read(words), picture_index(encoders)
-    found = cast(reading, set(), words, index, encoders, in_place=False)
-    thing, account = next((one for one in found if one is not None), None), Account(reading)
+    thing = find_cutout(words, encoders, "laid into the style picture")
     if thing is None:
-        encoders.remark(f"No picture was found for {words[:60]!r}; begun with the style picture alone.")
-        encoders.remark(account.told)
-        return goal
+        return replace(goal, terms=said) if said else goal
     scene = images.fit(style, grid.rows, grid.columns)
-    shown = composite_into_style(thing.colored, scene, own=float(bool(thing.thing.color)))
-    kept = _term(*shown, _STAGED * weight)
-    encoders.remark(f"Begun with {tell_thing(thing, reading, account)}, laid into the style picture.")
-    encoders.remark(account.told)
-    return Goal((*goal.terms, kept), (replace(kept, weight=1.0),))
+    kept = _term(*composite_into_style(thing.picture, scene, own=float(thing.has_color)), _STAGED * weight)
+    return Goal((*said, kept), (replace(kept, weight=1.0),))
+
+
+@torch.no_grad()
+def _lay_into_photograph(
+    goal: Goal, pictured: Term, said: tuple[Term, ...], words: str, weight: float, encoders: EncoderRegistry
+) -> Goal:
+    """Returns the goal with the thing of the words in its photograph, and without the words."""
+    photograph = pictured.picture
+    assert photograph is not None
+    shown, where = photograph, torch.zeros(photograph.shape[1:])
+    if any(term.drawing is not None for term in goal.terms):
+        encoders.remark(f"{words[:60]!r} adds nothing to the drawing on the photograph; that needs a CLIP.")
+    elif (thing := find_cutout(words, encoders, "laid into the photograph")) is not None:
+        shown, where = composite_into_style(thing.picture, photograph, own=_OWN, sizes=_SIZES, rows=_STANDS)
+    begun = _term(shown, where, importance=pictured.importance)
+    if goal.initial:
+        return Goal((*said, replace(begun, weight=_STAGED * weight)), (replace(begun, weight=1.0),))
+    matters = begun.importance
+    assert matters is not None
+    return Goal(tuple(
+        term.with_picture(shown).weigh(matters) if term.picture is photograph and shown is not photograph else term
+        for term in said
+    ))  # fmt: skip

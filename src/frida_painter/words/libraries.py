@@ -88,8 +88,11 @@ _MAX_BYTES = 64 * 2**20  # of a picture in the user's folder
 _MAX_FILES = 20_000  # in the user's folder; their captions are read in about a minute
 _MAX_CAPTION, _MAX_CAPTIONS = 300, 2**20  # bytes of the first line, and of the file
 _LATIN = re.compile("[A-Za-z]{2}")
+_LONGEST = 1024  # pixels of the longer side of a ground
 _PHOTOGRAPH, _DRAWN = 0.8, 0.4  # realism of a photograph, and of a drawing
-_DRAWN_IN = {"flashcards": 0.2, "costumes": 0.2, "furniture": 0.6, "silhouettes": 0.0}
+SHIPPED, GROUND, MOOD = "drawn", "ground", "mood"
+"""Name of the library that ships with this package, and its folders of pictures that fill the canvas."""
+_DRAWN_IN = {"flashcards": 0.2, "costumes": 0.2, "furniture": 0.6, "silhouettes": 0.0, SHIPPED: 0.5}
 
 
 class PictureArchive:
@@ -106,15 +109,20 @@ class PictureArchive:
             known: dict[str, list[str]] = json.loads(self._read(CAPTIONS))
         except ValueError as cause:
             raise WeightsError(f"{self._archive} has damaged captions ({cause}); fetch {self.name} again.") from cause
-        drawn = _DRAWN_IN.get(self.name, _DRAWN)
+        drawn, is_drawn = _DRAWN_IN.get(self.name, _DRAWN), self.name == SHIPPED
         return [
-            Captioned(file, tuple(captions), drawn if file.endswith(".svg") or "cartoon" in file else _PHOTOGRAPH)
+            Captioned(
+                file, tuple(captions), drawn if is_drawn or file.endswith(".svg") or "cartoon" in file else _PHOTOGRAPH
+            )
             for file, captions in sorted(known.items())
         ]
 
     def pictures(self, file: str) -> list[Tensor]:
         """Returns the picture. Raises WeightsError if the archive is damaged, ImageError if the picture is."""
-        return [read_picture(self._read(file), f"{self.name}: {file}")]
+        content, name = self._read(file), f"{self.name}: {file}"
+        if self.name == SHIPPED and file.partition("/")[0] in (GROUND, MOOD):
+            return [images.load_with_opacity(content, name, longest=_LONGEST)]
+        return [read_picture(content, name)]
 
     def _read(self, file: str) -> bytes:
         try:
@@ -178,7 +186,7 @@ def _read_caption(path: Path) -> str:
 
 
 def libraries_at_hand(cache: Path | None = None, own: Path | None = None) -> list[PictureLibrary]:
-    """Returns the user's own folder, the libraries of installed packages, and the fetched ones.
+    """Returns the user's own folder, the libraries of installed packages, the fetched ones, and the shipped one.
 
     A package adds a library by an entry point of the group `frida_painter.picture_libraries`: a callable without
     arguments that returns the library.
@@ -194,8 +202,8 @@ def libraries_at_hand(cache: Path | None = None, own: Path | None = None) -> lis
                 f"The picture library {point.name!r} cannot be used ({type(error).__name__}: {error}); mend or remove "
                 "the package that brings it."
             ) from error
-    for known in weights.words():
+    for known in weights.all_weights():
         folder = weights.find(known.name, cache) if known.kept[0].name == FILE else None
         if folder is not None:
             found.append(PictureArchive(known.name, f"{known.credit}, {known.licence}", folder / FILE))
-    return found
+    return [*found, PictureArchive(SHIPPED, "", Path(__file__).with_name(f"{SHIPPED}.zip"))]

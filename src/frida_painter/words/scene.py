@@ -1,318 +1,97 @@
-"""From a prompt to a scene: reads the prompt, finds pictures of its things, and composes them in a setting."""
+"""From a prompt to a scene: what its words name is found in the libraries and composed, and the account is given."""
 
-import math
-import zlib
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass
+from typing import NamedTuple
 
-from frida_painter.drawing.appearance import Appearance, change_looks, in_weather, looks_of
-from frida_painter.drawing.arrangement import Relation, ScenePart, arrange_parts, copies, kind_of
-from frida_painter.drawing.composition import ComposedScene, compose_mood, compose_photograph, compose_scene
-from frida_painter.drawing.lights import CLEAR, DAY, Light, distance, dye, find_weather, go_together, rank_lights
-from frida_painter.drawing.places import NOWHERE, Dressing, Place, Setting
-from frida_painter.drawing.scenery import Stand, is_wood
+import torch
+
+from frida_painter import images
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.encoders.loading import EncoderRegistry
-from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.objectives.objective import Goal
-from frida_painter.words.account import Account, Mark
-from frida_painter.words.casting import Cast, cast
-from frida_painter.words.nouns import senses_of
-from frida_painter.words.reading import Reading, SaidWord, Thing, prompt_reader, strip_request, word_meanings
-from frida_painter.words.retrieval import FoundPicture, PictureIndex, has_ground, picture_index
-from frida_painter.words.setting import SKY, Seen, setting_of, usual_place
-from frida_painter.words.world import is_person, known_like
+from frida_painter.palette import from_lab, to_lab
+from frida_painter.words.compositing import recolor
+from frida_painter.words.composition import ComposedScene, compose_scene, simplify
+from frida_painter.words.reading import (
+    COLORS,
+    FUNCTION_WORDS,
+    MAX_COPIES,
+    NUMBERS,
+    SHADES,
+    Phrase,
+    Reading,
+    contents,
+    read,
+    singular,
+    stem,
+)
+from frida_painter.words.retrieval import SAME_MOOD, FoundPicture, PictureIndex, has_ground, picture_index
 
-_CROWDED = ("busy", "crowded", "bustling", "packed", "lively")
-_HAS = ("with", "having", "on")  # words between a whole and its part
-_NEAR_MOODS = 4  # number of lights from which the second colours of a mood are chosen
-_IN_A_FIELD = 8  # number of things that a place or a bowl is full of
+Found = list[tuple[Phrase, FoundPicture]]
+"""Subjects of a prompt with their pictures."""
+_SEVERAL = 3  # copies for a plural without a number
+_ALOFT = ("over", "above", "across")  # prepositions of subjects that stand on nothing
 
 
 def scene_of(
     prompt: str, grid: PixelGrid, encoders: EncoderRegistry, seed: int, use: str = "begun with"
 ) -> ComposedScene:
-    """Returns the scene of a prompt. Remarks in `encoders` tell its pictures.
+    """Returns the scene of a prompt. Remarks in `encoders` tell its pictures, its account, and what is missing.
 
     use: use of the scene by the painting, for the remarks
     """
-    prompt = strip_request(prompt)
-    reading, index = prompt_reader(encoders).read(prompt), picture_index(encoders)
-    sentences, account = word_meanings(encoders), Account(reading)
-    setting, settled, seen = setting_of(reading, index, encoders)
-    named = [light for *_, light in seen if isinstance(light, Light) and light is not DAY]
-    feels = any(isinstance(part, Light) and part.kind == "mood" and word == thing.noun for thing, word, part in seen)
-    is_placed = any(isinstance(part, Place | Stand) or _dresses(part) for *_, part in seen)
-    is_busy = any(isinstance(part, Place) and {*thing.name.split()} & {*_CROWDED} for thing, _, part in seen)
-    is_full = any(layer.what for layer in setting.place.layers)
-    if is_placed and len(settled) == len(reading.things) and (is_busy or not (feels or is_full)):
-        reading = _people_place(reading, setting.place, is_busy=is_busy)
-    reading = _grow_crops(_fill_fields(reading, seen), seen)
-    things = cast(reading, settled, prompt, index, encoders, in_place=setting.place is not NOWHERE)
-    shown = [one for one in things if one is not None]
-    whole = next((one for one in shown if has_ground(one.picture)), None)
-    is_mood = not shown and setting.place is NOWHERE
-    lights = named + rank_lights(prompt, sentences)
-    if whole is not None:
-        things, setting, is_placed = [whole], replace(setting, is_named=False), False
-        seen = [one for one in seen if not isinstance(one[2], Place)]
-    elif is_mood:
-        light, said = lights[0] if setting.light == DAY else setting.light, reading.colors
-        light = dye(light, [*said.values()]) if said else light
-        setting = replace(setting, light=light, is_named=True)
-        account.mark(said, Mark.SHOWN, light.name)
-        seen += [(reading.things[number], reading.things[number].noun, setting.light) for number in settled]
-    elif setting.place is NOWHERE:
-        setting = replace(setting, place=usual_place(things, reading.relations, setting, sentences))
-    others = [light for light in lights if light.name not in setting.light.name]
-    alike = [light for light in others if go_together(light, setting.light)][:_NEAR_MOODS]
-    also = [light for light in others if light in named] or sorted(alike, key=lambda one: distance(one, setting.light))
-    second = next(iter(also), setting.light)
-    second = setting.light if is_mood and reading.colors else second
-    used = {setting.place.name, *setting.light.name.split(", ")}
-    used |= {
-        part.name
-        for *_, part in seen
-        if isinstance(part, Stand | Dressing) or (isinstance(part, Place) and part.layers)
-    }
-    used |= {*setting.weather.name.split(", ")} if setting.place.is_open else set()
-    used |= set() if setting.light.stars else {DAY.name}
-    used |= {second.name} if is_mood else {SKY} if setting.place.is_open else set()
-    account_for(things, reading, [one for one in seen if one[2].name in used], account)
-    looks: dict[int, dict[SaidWord, Appearance]] = {}
-    missing = {number for number, one in enumerate(things) if one is None} - settled
-    for number, one in enumerate(things if whole is None else ()):
-        if one is not None:
-            looks[number] = _looks_of(number, reading, one, missing, sentences)
-            account.mark([word.at for word in looks[number]], Mark.SHOWN, one.caption)
-    _tell([one for one in things if one is not None], setting, encoders, use, index, account)
-    if whole is not None:
-        if len(shown) > 1:
-            encoders.remark("The picture has a ground of its own and fills the canvas; nothing else is added.")
-        return compose_photograph(whole.colored[:3], setting, grid, seed)
-    if is_mood:
-        return compose_mood(setting.light, second, setting, grid, zlib.crc32(f"{seed} {prompt}".encode()))
-    if not setting.place.is_open:  # no rain falls indoors, and no wind blows
-        setting = replace(setting, weather=CLEAR)
-    parts = _parts_of(things, looks, reading, setting, seed, sentences)
-    usual = {part.known.where for part in parts if part is not None}
-    in_the_air = usual == {"air"}
-    is_ashore = setting.place.bank is not None and usual == {"ground"}  # a lighthouse does not float
-    setting = replace(setting, is_raised=(setting.is_raised or is_ashore) and not in_the_air and "water" not in usual)
-    beyond = {one.subject for one in reading.relations if kind_of(one.word) == "behind" and one.object in settled}
-    relations = [_as_meant(one, things) for one in reading.relations]
-    near, far = (
-        arrange_parts([part if (number in beyond) == is_far else None for number, part in enumerate(parts)], relations)
-        for is_far in (False, True)
-    )
-    place = setting.place
-    if place.name == SKY and not in_the_air:  # cranes against an orange sky
-        place = replace(
-            usual_place(things, reading.relations, replace(setting, weather=find_weather("wind")), sentences),
-            above=place.above,
-        )
-        is_placed = False
-    if not is_placed:  # what nobody asked for is not seen, but the sea that a beach or a lighthouse is at
-        place = replace(place, layers=tuple(one for one in place.layers if one.kind in ("band", "waves")))
-    setting = replace(setting, place=place)
-    absent = *reading.absent, *(one.thing.noun for one in things if one is not None)  # a lonely tree
-    return compose_scene(near, setting, grid, seed, in_the_air=in_the_air, absent=absent, far=far)
-
-
-def _parts_of(
-    things: Cast,
-    looks: dict[int, dict[SaidWord, Appearance]],
-    reading: Reading,
-    setting: Setting,
-    seed: int,
-    sentences: SentenceEncoder,
-) -> list[ScenePart | None]:
-    """Returns the things with their looks, in the weather, and all their copies, ready to be placed."""
-    held = {one.subject for one in (_as_meant(one, things) for one in reading.relations) if kind_of(one.word) == "in"}
-    is_flown = any(relation.word == "flying" for relation in reading.relations)  # a kite of somebody on the ground
-    parts: list[ScenePart | None] = [None] * len(things)
-    for number, one in enumerate(things):
-        if one is None:
-            continue
-        called, mine = [word.text.lower() for word in looks[number]], [*looks[number].values()]
-        thing = reading.things[number]
-        said = thing.plural if thing.plural == one.caption else thing.name  # glasses on a nose are no glass
-        name = " ".join(word for word in said.split() if word.lower() not in called)
-        known = known_like(name, sentences)  # a small house is no small bird
-        if one.thing.doing == "flying" and not is_flown:
-            known = known._replace(where="air")
-        if one.figure is not None and one.figure.afloat:
-            known = known._replace(where="water")
-        colored = one.colored if one.figure is None else one.picture  # the clothes have the colour
-        picture, size = change_looks(colored, mine)
-        picture = in_weather(picture, setting.weather, known.where, mine)
-        leans = picture.shape != colored.shape
-        where = "bunch" if number in held and known.where == "plant" else known.where
-        picture = copies([picture] * one.shown, where, seed + number, leans=leans)
-        parts[number] = ScenePart(picture, known, one.figure, size)
-    return parts
-
-
-def _as_meant(relation: Relation, things: Cast) -> Relation:
-    """Returns a relation as one of the hands, if its word belongs to an action: to write on a blackboard."""
-    figure = getattr(things[relation.subject], "figure", None)
-    is_part = figure is not None and not figure.seat and f" {relation.word} " in figure.does
-    is_part = is_part or (figure is not None and relation.word == "out of")  # to take bread out of an oven
-    if relation.word == "with" and _contains(things[relation.subject]) > _contains(things[relation.object]):
-        relation = Relation(relation.object, "in", relation.subject, relation.at)  # a vase with tulips
-    return replace(relation, word="doing") if is_part else relation
-
-
-def _dresses(part: object) -> bool:
-    """Returns True for an occasion or a state that adds things to a place."""
-    return isinstance(part, Dressing) and bool(part.outdoors)
-
-
-def _contains(one: FoundPicture | Thing | None) -> bool:
-    """Returns True for a container; a cup of tea is shown with its tea, so it is none."""
-    thing = one.thing if isinstance(one, FoundPicture) else one
-    kinds = [kind.words for sense in senses_of(thing.noun)[:3] for kind in sense.kinds] if thing is not None else []
-    return thing is not None and " of " not in thing.name and any("container" in words for words in kinds)
-
-
-def _looks_of(
-    number: int, reading: Reading, found: FoundPicture, missing: set[int], sentences: SentenceEncoder
-) -> dict[SaidWord, Appearance]:
-    """Returns the words for the appearance of a thing that its picture does not already have.
-
-    A word that belongs to no thing tells of the one before it: the snowman is melting. That of a part which is not
-    shown tells of the whole: a teapot with a chipped spout.
-
-    missing: numbers of the things that are not shown
-    """
-    thing, owned = found.thing, {at for one in reading.things for at in one.at}
-    parts = {
-        one.object
-        for one in reading.relations
-        if one.subject == number and (one.word in _HAS or kind_of(one.word) == "made")
-    } & missing
-    own = {*thing.at, *(at for part in parts for at in reading.things[part].at)}
-    ends = max(thing.at, default=0)
-    after = min((at for at in owned if at > ends), default=math.inf)
-    said = {
-        word: word.text.lower()
-        for word in reading.said
-        if word.kind in ("quality", "action") or word.at in own - {*thing.at}
-    }
-    mine = {
-        word: text for word, text in said.items() if not word.says(found.caption) and (word.at in own or (
-            word.at not in owned and ends < word.at < after))
-    }  # fmt: skip
-    looks = looks_of([*mine.values()], sentences, is_person=is_person(thing.name, sentences))
-    return {word: looks[text] for word, text in mine.items() if text in looks}
-
-
-def _is_absent(name: str, absent: Sequence[str]) -> bool:
-    return name in absent or name.rpartition(" ")[2] in absent
-
-
-def _people_place(reading: Reading, place: Place, *, is_busy: bool) -> Reading:
-    """Adds the usual things to a place that is named alone: boats in a harbour, but none to grief in a harbour.
-
-    is_busy: True to add people too
-    """
-    name = next((name for name in place.found if not _is_absent(name, reading.absent)), None)
-    added = [Thing(name, name.rpartition(" ")[2], count=2)] if name is not None else []
-    added = [*(Thing(who, who, doing="walking") for who in ("woman", "man", "girl") if is_busy), *added]
-    relations = (Relation(len(reading.things) + number, "in", 0) for number in range(len(added)))
-    return replace(reading, things=(*reading.things, *added), relations=(*reading.relations, *relations))
-
-
-def _fill_fields(reading: Reading, seen: Seen) -> Reading:
-    """Returns the reading with many things in a full place or vessel: a field of tulips, a bowl of lemons."""
-    fields = [thing.at for thing, _, part in seen if isinstance(part, Place)]
-    wholes = {number for number, thing in enumerate(reading.things) if thing.at in fields or _contains(thing)}
-    full = {one.object for one in reading.relations if one.word == "of" and one.subject in wholes}
-    things = tuple(
-        replace(thing, count=_IN_A_FIELD) if number in full and (thing.count is None or thing.uncounted) else thing
-        for number, thing in enumerate(reading.things)
-    )
-    return replace(reading, things=things)
-
-
-def _grow_crops(reading: Reading, seen: Seen) -> Reading:
-    """Returns the reading with the plants that the name of a place says: a pumpkin patch."""
-    grown, relations = list[Thing](), list[Relation]()
-    for number, thing in enumerate(reading.things):
-        named = next(
-            (
-                part.words
-                for one, _, part in seen
-                if isinstance(part, Place) and one.at == thing.at and not is_wood(part)
-            ),
-            None,
-        )  # an olive grove has its trees
-        for word in reading.said if named is not None else ():
-            is_said = word.at in {*thing.at} - {*reading.colors} and word.kind == "quality"
-            crop = word.lemma if is_said else ""
-            is_plant = any("plant" in kind.words for sense in senses_of(crop)[:1] for kind in sense.kinds)
-            if is_plant and not any(crop in name for name in named or ()):
-                relations.append(Relation(len(reading.things) + len(grown), "in", number))
-                grown.append(Thing(crop, crop, count=_IN_A_FIELD, at=(word.at,)))
-    return replace(reading, things=(*reading.things, *grown), relations=(*reading.relations, *relations))
-
-
-def account_for(things: Sequence[FoundPicture | None], reading: Reading, seen: Seen, account: Account) -> None:
-    """Marks what a scene shows: the words of its setting, the things with pictures, and the relations of both.
-
-    seen: words of the setting
-    """
-    for thing, word, part in seen:
-        account.mark_setting(thing.at, part.name, word)
-        if isinstance(part, Stand) and {thing.name, f"{thing.name}s"} & {*part.words}:
-            account.mark(thing.at, Mark.SHOWN, part.name)
-        for color in thing.color.split() if isinstance(part, Place) else ():
-            account.mark_setting(thing.at, f"{color} {part.name}", color)
-    shown = [one for one in things if one is not None]
-    for one in shown:
-        account.mark_picture(one.thing, one.caption, exact=one.exact, several=one.several)
-    carried = {one.thing.at: one.caption for one in shown}
-    for relation in sorted(reading.relations, key=lambda one: one.word == "of"):  # tea, after the cup of it
-        first, second = reading.things[relation.subject], reading.things[relation.object]
-        nouns = [word for word in reading.said if word.at in second.at and word.lemma == second.noun.lower()]
-        caption = carried.get(first.at, "")
-        if any(word.says(caption) for word in nouns):  # one picture may show both and their relation
-            account.mark_picture(second, caption, exact=True, several=False)
-            account.mark(relation.at, Mark.SHOWN, caption)
-            carried[second.at] = caption
-        if account.shows(first.at) and account.shows(second.at):
-            is_placed = kind_of(relation.word) not in ("", "doing")
-            settles = any(second is thing or first is thing for thing, _, _ in seen)
-            near = "side by side, or in the hands" if kind_of(relation.word) == "doing" else "side by side"
-            account.mark(relation.at, Mark.SHOWN if is_placed or settles else Mark.SIMILAR, near)
-
-
-def _tell(
-    shown: Sequence[FoundPicture],
-    setting: Setting,
-    encoders: EncoderRegistry,
-    use: str,
-    index: PictureIndex | None,
-    account: Account,
-) -> None:
-    """Makes remarks about the scene's pictures, their authors, and what is not shown."""
-    place = f", on {setting.words}" if setting.is_named else ""
-    told = f"{' and '.join(one.told for one in shown)}{place}{_credit(shown)}"
-    if not shown:
-        is_drawn = bool(setting.place.layers)
-        told = f"the scenery of {setting.words}, drawn" if is_drawn else f"strokes and colours of {setting.words}"
-    encoders.remark(f"{use.capitalize()} {told}.")
-    encoders.remark(account.told)
-    if any(line.mark is Mark.NOT_SHOWN and line.word.kind == "thing" for line in account.lines):
-        encoders.remark("What is not shown needs a picture: give one with --image, or a folder with --pictures.")
-    for fault in dict.fromkeys(() if index is None else index.faults):
+    index = picture_index(encoders)
+    reading = read(prompt, index.knows)
+    found = find_subjects(reading, index)
+    ground, filling = None, next((one for _, one in found if has_ground(one.picture)), None)
+    if filling is not None:
+        found = [(phrase, one) for phrase, one in found if one is filling]
+    elif found or (filling := index.find_mood(reading, SAME_MOOD)) is None:
+        # Words after a subject's noun may name a ground too: a train crossing a bridge.
+        names = {word for one, _ in found for word in one.name}
+        words = [word for one in reading.subjects for word in one.words if word not in names]
+        ground = index.find_ground(" ".join([*words, reading.ground]), reading)
+        filling = index.find_mood(reading) if not found and ground is None else None
+    _tell(reading, found, ground, None if found else filling, encoders, use)
+    for fault in dict.fromkeys(index.faults):
         encoders.remark(f"Of your own pictures one cannot be used: {fault}")
+    if filling is not None:
+        picture = _colored(found[0][0], filling) if found else filling.picture
+        picture = simplify(images.fit(picture[:3], grid.rows, grid.columns))
+        return ComposedScene(picture, torch.ones(grid.rows, grid.columns))
+    copies = [_colored(phrase, one) for phrase, one in found for _ in range(_copies(phrase, one))]
+    aloft = reading.ground.partition(" ")[0] in _ALOFT
+    scenery = None if ground is None else ground.picture[:3]
+    return compose_scene(copies[:MAX_COPIES], scenery, grid, seed, aloft=aloft)
 
 
-def _credit(shown: Sequence[FoundPicture]) -> str:
-    """Returns the authors of the pictures, for the end of a sentence."""
-    credits = dict.fromkeys(one.library.credit for one in shown if one.library is not None and one.library.credit)
-    return f"; pictures by {'; '.join(credits)}" if credits else ""
+def find_subjects(reading: Reading, index: PictureIndex) -> Found:
+    """Returns the subjects of a prompt that are shown by pictures of things, not by grounds or moods."""
+    found = [(one, index.find_subject(one, reading)) for one in reading.subjects]
+    return [(phrase, picture) for phrase, picture in found if picture is not None]
+
+
+class Cutout(NamedTuple):
+    """Picture of a thing without a ground, colour and opacity [4, h, w].
+
+    has_color: True if the words name its colour
+    """
+
+    picture: torch.Tensor
+    has_color: bool
+
+
+def find_cutout(prompt: str, encoders: EncoderRegistry, use: str) -> Cutout | None:
+    """Returns the first subject of a prompt that has a picture without a ground. Remarks tell it, and what is missing.
+
+    use: what becomes of it, for the remarks
+    """
+    index = picture_index(encoders)
+    reading = read(prompt, index.knows)
+    found = [(phrase, one) for phrase, one in find_subjects(reading, index) if not has_ground(one.picture)][:1]
+    _tell(reading, found, None, None, encoders, use)
+    return Cutout(_colored(*found[0]), bool(found[0][0].color)) if found else None
 
 
 def words_of(goal: Goal) -> tuple[str, float]:
@@ -322,7 +101,107 @@ def words_of(goal: Goal) -> tuple[str, float]:
     return " and ".join(dict.fromkeys(some for some, _ in said)), said[0][1] if said else 0.0
 
 
-def tell_thing(thing: FoundPicture, reading: Reading, account: Account) -> str:
-    """Marks the words that are shown by the picture of a thing; returns its description with its authors."""
-    account_for([thing], reading, [], account)
-    return f"{thing.told}{_credit([thing])}"
+def _tell(
+    reading: Reading,
+    found: Found,
+    ground: FoundPicture | None,
+    mood: FoundPicture | None,
+    encoders: EncoderRegistry,
+    use: str,
+) -> None:
+    """Makes remarks about the pictures and their authors, the account, and the missing things with advice."""
+    shown = [_Shown(one.caption, one.says | _done(phrase), phrase.noun if one.similar else "") for phrase, one in found]
+    shown += [_Shown(one.caption, one.says) for one in (ground, mood) if one is not None]
+    parts = [f"{one.caption!r} ({one.library.name})" for _, one in found]
+    parts += [f"the mood of {mood.caption!r}"] if mood is not None else []
+    parts += [f"on {ground.caption!r}"] if ground is not None else []
+    credits = dict.fromkeys(one.library.credit for _, one in found if one.library.credit)
+    by = f"; pictures by {'; '.join(credits)}" if credits else ""
+    if parts:
+        encoders.remark(f"{use.capitalize()}: {', '.join(parts)}{by}.")
+    encoders.remark(account_for(reading, shown))
+    says = frozenset().union(*(part.says | {part.similar} for part in shown))
+    unseen = [one for one in reading.subjects if one.name and not ({one.noun, one.part.noun} - {""}) & says]
+    missing = [" ".join(one.proper).title() or " ".join(one.name) for one in unseen]
+    if missing:
+        encoders.remark(
+            f"No picture here shows {' and '.join(missing)[:60]!r}, so it is not painted; give one with --pictures or "
+            "--image, or fetch a model: frida-painter models fetch clip-vit-b-32, or --imagine."
+        )
+    if reading.style:
+        encoders.remark(f"{reading.style[:60]!r} is not painted from words; give a picture of that style with --style.")
+
+
+@dataclass(frozen=True)
+class _Shown:
+    """Part of a scene.
+
+    caption: of its picture
+    says: stems of the words that it shows
+    similar: stem of the prompt's word that it shows by another word of the same meaning, or ""
+    """
+
+    caption: str
+    says: frozenset[str]
+    similar: str = ""
+
+
+def account_for(reading: Reading, shown: Sequence[_Shown]) -> str:
+    """Returns the account of a prompt in one sentence. A word is shown only if a picture that was chosen says it."""
+    groups: dict[str, list[str]] = {"shown": [], "shown by something similar": [], "not shown": []}
+    wanted, says = contents(reading.text), frozenset().union(*(part.says for part in shown))
+    before = ""
+    for word in reading.text.split():
+        plain = word.strip(",.;:!?()\"'")
+        if plain.lower() in FUNCTION_WORDS or stem(plain) not in wanted:
+            before = ""
+            continue
+        other = next((part.caption for part in shown if part.similar == stem(plain)), "")
+        name = "shown" if stem(plain) in says else "shown by something similar" if other else "not shown"
+        said = f"{plain}' (by '{other}'" if name == "shown by something similar" else plain
+        if before == name and groups[name]:
+            groups[name][-1] += f" {said}"
+        else:
+            groups[name].append(said)
+        before = name
+    groups["left out as you asked"] = [" ".join(reading.absent)] if reading.absent else []
+    told = [f"{name}: {', '.join(_quote(words) for words in said)}" for name, said in groups.items() if said]
+    return f"Your words: {'; '.join(told)}."
+
+
+def _quote(words: str) -> str:
+    return f"'{words})" if " (by '" in words else f"'{words}'"
+
+
+def _copies(phrase: Phrase, found: FoundPicture) -> int:
+    """Returns the number of copies of a picture; 1 if its caption says several."""
+    if phrase.part.name and phrase.noun not in found.says:  # the oranges of a bowl of oranges
+        phrase = phrase.part
+    noun = phrase.name[-1] if phrase.name else ""
+    if noun in found.caption.split() and noun != singular(noun):
+        return 1
+    return max(1, _SEVERAL if phrase.count is None else phrase.count)
+
+
+def _done(phrase: Phrase) -> frozenset[str]:
+    """Returns the stems of a phrase's colour and number that its copies have."""
+    has_number = 1 < (phrase.count or 0) <= MAX_COPIES
+    numbers = {word for word in phrase.words if word in NUMBERS or word.isdecimal()} if has_number else set()
+    return contents([*numbers, *phrase.color.split()])
+
+
+def _colored(phrase: Phrase, found: FoundPicture) -> torch.Tensor:
+    """Returns a picture [4, h, w] in the colour of its phrase, unless its caption says that colour."""
+    paint = None if set(phrase.color.split()) <= set(found.caption.split()) else paint_of(phrase.color)
+    return found.picture if paint is None else recolor(found.picture, paint)
+
+
+def paint_of(color: str) -> torch.Tensor | None:
+    """Returns the sRGB [3] in [0, 1] of a colour such as "dark blue"; None for "". Of several, the first counts."""
+    words = color.split()
+    first = next((word for word in words if word in COLORS), None)
+    if first is None:
+        return None
+    lab = to_lab(torch.tensor(COLORS[first]) / 255)
+    lab[0] = (lab[0] + sum(SHADES.get(word, 0) for word in words[: words.index(first)])).clamp(5, 97)
+    return from_lab(lab).clamp(0, 1)

@@ -8,8 +8,8 @@ from torch import Tensor
 from torch.nn import functional
 
 from frida_painter import images
-from frida_painter.drawing.compositing import paste, resize
 from frida_painter.objectives.style_marks import style_colors, to_lab_picture, tone
+from frida_painter.words.compositing import paste, resize
 
 _ROWS = 96  # of the small picture on which places for the thing are tried
 _AREA = 4  # its pixels, half the width over which an edge is measured

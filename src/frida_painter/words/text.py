@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 
 from frida_painter.errors import ConfigError
 from frida_painter.objectives.objective import (
-    GRADIENT_LASTS,
     Gives,
     Goal,
     GoalKind,
@@ -18,12 +17,8 @@ from frida_painter.objectives.objective import (
     require_weight,
 )
 from frida_painter.objectives.word_settings import USUAL, WordSettings, refuse_absent
+from frida_painter.words.reading import LONGEST, contents, split_absent
 
-# "no dogs, no cats", "without any people or cars", "neither dogs nor cats"; but not "no dog, a cat", "no more war", and
-# no longer name: "no people in the street", "no country for old men". The grammar, if there is one, reads all others.
-_NAME = r"(?!(?:an?|the|one|two|more|longer)\b)[a-z-]+(?: [a-z-]+)?"
-_ABSENT = rf"(?:no|not|without|neither|nor) (?:(?:any|an?|the) )?{_NAME}"
-_ALL_ABSENT = re.compile(rf"{_ABSENT}(?:[,;.]?(?: and| or)? {_ABSENT}|(?: and| or) {_NAME})*")
 _NEGATION = re.compile(r"\b(?:no|not|without|neither|never)\b", re.IGNORECASE)
 _LASTS = 10  # iterations for which one gradient of a CLIP serves
 _HELD_OUT = 7919  # added to the seed of views by which a CLIP judges what it has optimised
@@ -50,8 +45,8 @@ class TextTerm(Term):
                 f"{self.prompt[:40]!r} has no word in Latin letters; the networks that read it know English, "
                 "so say it in English."
             )
-        said = " ".join(self.prompt.lower().split()).rstrip(".!")
-        if _ALL_ABSENT.fullmatch(said):
+        rest, absent = split_absent(self.prompt[:LONGEST])
+        if absent and not contents(rest):
             raise refuse_absent(self.prompt)
 
     @property
@@ -64,10 +59,9 @@ class TextTerm(Term):
         return replace(self, settings=settings)
 
     def prepare(self, context: ObjectiveContext) -> ObjectiveTerm:
-        """Returns the text objective of the prompt, which also keeps to the initial picture.
+        """Returns the text objective of the prompt, by a CLIP. Raises WeightsError without one.
 
-        It is validated by a reader that the optimiser never uses, if there is one. A CLIP validates itself what it
-        has optimised, in views that the optimiser never sees: smaller networks may not overrule it.
+        A CLIP validates itself what it has optimised, in views that the optimiser never sees.
         """
         from frida_painter.objectives.text_loss import Sight, Text
 
@@ -76,19 +70,14 @@ class TextTerm(Term):
             context.encoders.remark(
                 f"The words {self.prompt[:40]!r}... are too many to be read; the last were cut off."
             )
+        if not self.settings.avoid and (negation := _NEGATION.search(self.prompt)):
+            context.encoders.remark(
+                f"A network like this hardly understands {negation[0]!r}: name what must not be seen with --avoid."
+            )
         sights = context.shared.setdefault(f"words seen in {self.settings.cutouts} views", (Sight(), Sight()))
-        words = Text(self.prompt, readers, context.seed, context.begun, self.settings, sights[0])
-        if context.encoders.reads_by_clip:
-            if not self.settings.avoid and (negation := _NEGATION.search(self.prompt)):
-                context.encoders.remark(
-                    f"A network like this hardly understands {negation[0]!r}: name what must not be seen with --avoid."
-                )
-            judge = Text(self.prompt, readers, context.seed + _HELD_OUT, settings=self.settings, sight=sights[1])
-            return ObjectiveTerm(words, judge.validation, recognizes=True, lasts=_LASTS)
-        aside = context.encoders.reader_aside()
-        steady = words if aside is None else Text(self.prompt, [aside], context.seed, context.begun, self.settings)
-        lasts = GRADIENT_LASTS if context.in_style else 1
-        return ObjectiveTerm(words, steady.validation, recognizes=True, lasts=lasts, smooth=context.in_style)
+        words = Text(self.prompt, readers, context.seed, self.settings, sights[0])
+        judge = Text(self.prompt, readers, context.seed + _HELD_OUT, self.settings, sights[1])
+        return ObjectiveTerm(words, judge.validation, recognizes=True, lasts=_LASTS)
 
     @classmethod
     def interpret(cls, goal: Goal, context: ObjectiveContext) -> Goal:
@@ -109,5 +98,5 @@ KIND = GoalKind(
     label="Words",
     open=TextTerm,
     initial_help="A text prompt to start from. The painting keeps its composition.",
-    networks=(("clip-vit-b-32", "minilm"), ("clip-vit-b-32", "efficientnet-lite0")),
+    networks=(("clip-vit-b-32", "minilm"),),
 )

@@ -81,7 +81,7 @@ def test_one_that_only_sees_is_asked_for_meaning_alone(bring: Callable[[Any], No
     encoders = EncoderRegistry(tmp_path, clip="own")
     (seen,) = encoders.meaning().features(picture()[None])
     assert torch.equal(seen, picture()[None])
-    with pytest.raises(WeightsError, match=r"needs minilm.*fetch words"):
+    with pytest.raises(WeightsError, match=r"fetch clip-vit-b-32"):
         encoders.readers()
 
 

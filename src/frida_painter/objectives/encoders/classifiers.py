@@ -1,11 +1,10 @@
-"""EfficientNet-Lite, a small classifier with a thousand classes, and ConSE, which relates its classes to words.
+"""EfficientNet-Lite, a small classifier with a thousand classes.
 
 Tan and Le 2019; the Lite variants are Google's. Batch normalisations are folded into the convolutions, which
 halves the work.
 """
 
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
@@ -14,9 +13,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from frida_painter.devices import Constant, half_precision
+from frida_painter.devices import half_precision
 from frida_painter.errors import WeightsError
-from frida_painter.objectives.encoders.sentence import SentenceEncoder
 
 _STRIDES = (1, 2, 2, 2, 1, 2, 1)  # stride of the first block in each of the seven stages
 _EPSILON = 1e-3
@@ -124,104 +122,6 @@ def _fold(tensors: Mapping[str, Tensor], convolution: str, norm: str, stride: in
     scale = tensors[f"{norm}.weight"] * torch.rsqrt(tensors[f"{norm}.running_var"] + _EPSILON)
     bias = tensors[f"{norm}.bias"] - tensors[f"{norm}.running_mean"] * scale
     return _Convolution(tensors[f"{convolution}.weight"] * scale[:, None, None, None], bias, stride)
-
-
-# Words and pictures in one space without CLIP: the embedding of a picture is that of its class names.
-#
-# Norouzi et al. 2013 (ConSE): the classifier gives the probability of each class, a sentence encoder the embedding
-# of each class name. The picture's embedding is their mixture.
-
-_SHARPNESS = 0.05  # difference of similarity over which the wanted share of a class falls to a third
-
-
-class ConSE:
-    """Encoder of words and pictures from a classifier and a sentence encoder.
-
-    names: one or more names of each class of the classifier
-    meanings [m, d]: embeddings of all names in order, of unit length
-    title: name of the classifier
-    """
-
-    side = 160
-
-    def __init__(
-        self,
-        classifier: EfficientNetLite,
-        names: Sequence[Sequence[str]],
-        meanings: Tensor,
-        sentences: SentenceEncoder,
-        title: str,
-    ) -> None:
-        self._classifier = classifier
-        self._sentences = sentences
-        self._meanings = meanings
-        self._owner = torch.repeat_interleave(torch.tensor([len(some) for some in names]))  # [m]
-        whole = torch.zeros(len(names), meanings.shape[1]).index_add_(0, self._owner, meanings)
-        self._count = len(names)
-        self._classes = Constant(functional.normalize(whole, dim=1))  # [classes, d]
-        self.title = title
-
-    @property
-    def name(self) -> str:
-        """Name in messages."""
-        return f"{self.title} and the names of its classes (ConSE)"
-
-    def reads_all(self, prompt: str) -> bool:
-        """Returns True if the sentence encoder reads all words."""
-        return not self._sentences.is_cut_off(prompt)
-
-    def embed_text(self, prompt: str) -> Tensor:
-        """Returns the embedding of words: [d], of unit length."""
-        return self._sentences.embed([prompt])[0]
-
-    def embed_pictures(self, pictures: Tensor) -> Tensor:
-        """Returns embeddings of pictures [n, 3, h, w]: [n, d], of unit length.
-
-        Each is a mixture of the embeddings of the class names.
-        """
-        return self._mixture(self._class_log_probabilities(pictures))
-
-    def class_weights(self, prompt: str) -> Tensor:
-        """Returns how strongly a prompt asks for each class: [classes], with sum 1.
-
-        The similarity of a class to the words is that of its most similar name.
-        """
-        similarity = self._meanings @ self.embed_text(prompt)  # [m]
-        nearest = torch.full((self._count,), -1.0).scatter_reduce(0, self._owner, similarity, "amax")
-        return (nearest / _SHARPNESS).softmax(0)
-
-    def features(self, views: Tensor) -> tuple[Tensor, Tensor]:
-        """Returns the classifier's feature maps of views [n, 3, h, w]: parts of objects, and objects."""
-        # Channels last are a fifth faster on CPUs.
-        return self._classifier.features(views.contiguous(memory_format=torch.channels_last))
-
-    def distance_to(self, prompt: str) -> Callable[[Tensor], Tensor]:
-        """Returns a function that computes the distance [n] of pictures [n, 3, h, w] to a prompt.
-
-        The distance is half cosine distance, half surprise. While no wanted class is probable, the cosine of
-        the mixture is flat, but the surprise still falls. The surprise is the cross-entropy against the wanted
-        classes, divided by that of a uniform prediction (the logarithm of the number of classes).
-        """
-        apart = self.distance_of(prompt)
-        return lambda pictures: apart(self.features(pictures))
-
-    def distance_of(self, prompt: str) -> Callable[[Sequence[Tensor]], Tensor]:
-        """Returns the function of `distance_to` for feature maps from `features`."""
-        meaning, wanted = Constant(self.embed_text(prompt)), Constant(self.class_weights(prompt))
-
-        def apart(features: Sequence[Tensor]) -> Tensor:
-            seen = self._classifier.classify(features[-1]).log_softmax(1)
-            surprise = -(seen @ wanted.like(seen)) / math.log(self._count)
-            return (1 - self._mixture(seen) @ meaning.like(seen) + surprise) / 2
-
-        return apart
-
-    def _class_log_probabilities(self, pictures: Tensor) -> Tensor:
-        """Returns log probabilities of the classes: [n, classes]."""
-        return self._classifier.classify(self.features(pictures)[-1]).log_softmax(1)
-
-    def _mixture(self, seen: Tensor) -> Tensor:
-        return functional.normalize(seen.exp() @ self._classes.like(seen), dim=1)
 
 
 FILE = "class_names.txt"

@@ -15,7 +15,6 @@ from frida_painter.objectives.encoders.base import Encoder, Reader, Seer
 from frida_painter.weights.hub_folder import tensor_names
 
 if TYPE_CHECKING:
-    from frida_painter.objectives.encoders.classifiers import ConSE
     from frida_painter.objectives.encoders.sentence import SentenceEncoder
     from frida_painter.objectives.encoders.vgg import Hed, Vgg16
 
@@ -86,7 +85,6 @@ class EncoderRegistry:
         self._edges: Hed | None = None
         self._sentences: SentenceEncoder | None = None
         self._readers: tuple[Reader, ...] = ()
-        self._reader_aside: Reader | None = None
         self._kept_by_name: dict[str, Any] = {}
         self.choices: list[Choice] = []
         self.remarks: list[str] = []
@@ -190,52 +188,32 @@ class EncoderRegistry:
 
     @property
     def composes(self) -> bool:
-        """True if the networks are here that compose a scene from the words."""
-        return not self._missing_words
-
-    @property
-    def _missing_words(self) -> list[str]:
-        """Names of the networks that read words without a CLIP and are not here."""
-        return [name for name in ("minilm", "efficientnet-lite0") if not self._has(name)]
+        """True if the network is here that finds pictures for words."""
+        return self._has("minilm")
 
     def readers(self) -> tuple[Reader, ...]:
-        """Returns encoders of words and pictures: CLIP, or classifiers with named classes (ConSE)."""
-
-        clip = self.clip()
-        if not self._readers and clip is not None and isinstance(clip, Reader):
+        """Returns encoders of words and pictures in one space: CLIP."""
+        clip: object = self.clip()
+        if not isinstance(clip, Reader):
+            raise WeightsError(
+                f"To read words in pictures needs a CLIP; fetch it with `frida-painter models fetch {_CLIP}`."
+            )
+        if not self._readers:
             self._readers = (clip,)
             self.choices.append(Choice("words", clip.name))
-        if not self._readers:
-            registry.require("words", "transformers", "Painting towards words")
-            if self._missing_words:
-                raise WeightsError(
-                    f"Painting towards words needs {' and '.join(self._missing_words)}, not here yet; "
-                    "fetch with `frida-painter models fetch words`."
-                )
-            found = [number for number in (0, 1) if self._has(f"efficientnet-lite{number}")]
-            self._readers = tuple(self._conse(number) for number in found)
-            names = " and ".join(f"EfficientNet-Lite{number}" for number in found)
-            self.choices.append(Choice("words", f"{names} by the names of classes (ConSE)", CLIP_MISSING))
         return self._readers
 
-    def reader_aside(self) -> Reader | None:
-        """Returns the encoder of words for the validation, which decides when to stop; None if there is none.
-
-        The optimiser does not use it. A CLIP has none: smaller networks may not overrule what it sees.
-        """
-        if self.reads_by_clip:
-            return None
-        if self._reader_aside is None and self._has("efficientnet-lite2") and self._has("minilm"):
-            self._reader_aside = self._conse(2)
-            self._note(_ASIDE)
-        return self._reader_aside
-
     def sentences(self) -> "SentenceEncoder":
-        """Returns the encoder of words alone."""
+        """Returns the encoder of words alone, by which pictures are found for them."""
         from frida_painter.objectives.encoders.sentence import SentenceEncoder
 
         if self._sentences is None:
+            if not self.composes:
+                raise WeightsError(
+                    "Painting from words needs minilm, not here yet; fetch with `frida-painter models fetch words`."
+                )
             self._sentences = SentenceEncoder.load(self.cache)
+            self._note(Choice("words", "pictures by their captions (MiniLM)", CLIP_MISSING))
         return self._sentences
 
     def keep(self, name: str, make: Callable[[], Kept]) -> Kept:
@@ -280,14 +258,6 @@ class EncoderRegistry:
             tensors, _ = tensor_file.read_tensors(path, "the weights of a CLIP", WeightsError)
             return ClipResNet({name: tensor.to(self.device) for name, tensor in tensors.items()}, f"CLIP {path.stem}")
         return Clip.load(source, cache=self.cache, tell=self.tell, heed=self.heed)
-
-    def _conse(self, number: int) -> "ConSE":
-        from frida_painter.objectives.encoders.classifiers import ConSE, EfficientNetLite, class_names
-
-        classifier = EfficientNetLite(self._tensors(f"efficientnet-lite{number}"))
-        names = class_names()
-        meanings = self.sentences().embed_once([name for some in names for name in some], self.meanings)
-        return ConSE(classifier, names, meanings, self.sentences(), f"EfficientNet-Lite{number}")
 
 
 def _load_plugin(point: EntryPoint, device: torch.device) -> Encoder:

@@ -1,1 +1,0 @@
-"""Drawing of scenes: places, lights, figures and other things, and how they are put together."""
