@@ -202,7 +202,7 @@ def test_words_are_painted_without_any_photograph(
         commands.main()
     assert not end.value.code
     said = capsys.readouterr().err
-    assert "Seeing words through a bag of words (better: CLIP)" in said and "give one with --image" in said
+    assert "Seeing words through a bag of words (better: CLIP)" in said and "--pictures or --image" in said
     assert "not shown: " in said
     result = json.loads((out / "result.json").read_text())
     assert result["settings"]["goal"] == [["Words", "“A <script>alert(1)</script> ship”"]]

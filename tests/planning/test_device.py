@@ -37,7 +37,7 @@ from frida_painter.planning.planner import Planner
 from frida_painter.planning.problem import Region
 from frida_painter.render import reference
 from frida_painter.words.text import TextTerm
-from support.networks import QuickEncoders, random_hed_tensors, random_lite_tensors, random_vgg_tensors
+from support.networks import QuickEncoders, RandomReader, random_hed_tensors, random_lite_tensors, random_vgg_tensors
 from support.planning import CANVAS, goal, picture, plain, small_table
 from tiny_clip import resnet_tensors, write_clip
 
@@ -175,7 +175,7 @@ class ThereEncoders(QuickEncoders):
         return Hed(on(self.device, random_hed_tensors()))
 
     def readers(self) -> tuple[Reader, ...]:
-        return (random_lite_tensors(self.meaning()),)
+        return (RandomReader(),)
 
 
 def on(device: torch.device, tensors: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
@@ -275,7 +275,7 @@ def test_networks_in_half_precision_see_nearly_the_same_in_full_precision(tmp_pa
     vgg, lite = Vgg16.of_torchvision(random_vgg_tensors()), EfficientNetLite(random_lite_tensors())
     looks = (
         lambda views: vgg.features(views[0], ["conv3_1"])[0],
-        lite.embed_pictures,
+        lambda views: lite.features(views)[1],
         tower.embed_pictures,
         clip.embed_pictures,
         lambda views: clip.features(views)[0],

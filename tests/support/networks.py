@@ -12,6 +12,7 @@ import torch
 from torch.nn import functional
 from torch.nn.functional import avg_pool2d
 
+from frida_painter.devices import Constant
 from frida_painter.objectives.encoders.classifiers import EfficientNetLite
 from frida_painter.objectives.encoders.loading import Choice, EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
@@ -130,6 +131,9 @@ class RandomReader:
 
     name, side = "a random network", 32
 
+    def __init__(self) -> None:
+        self._mixture = Constant(torch.randn(192, 256, generator=torch.Generator().manual_seed(0)))
+
     def reads_all(self, prompt: str) -> bool:
         return len(prompt.split()) <= 70
 
@@ -137,8 +141,8 @@ class RandomReader:
         return WordBag().embed([prompt])[0]
 
     def embed_pictures(self, pictures: torch.Tensor) -> torch.Tensor:
-        mixture = torch.randn(192, 256, generator=torch.Generator().manual_seed(0)).to(pictures)
-        return functional.normalize(torch.tanh(avg_pool2d(pictures, 4).flatten(1) - 0.5) @ mixture, dim=1)
+        cells = torch.tanh(avg_pool2d(pictures, 4).flatten(1) - 0.5)
+        return functional.normalize(cells @ self._mixture.like(pictures), dim=1)
 
 
 class QuickEncoders(EncoderRegistry):
