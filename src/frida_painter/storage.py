@@ -69,8 +69,8 @@ def next_number(folder: Path, beginning: str, first: int = 1) -> int:
     return max((int(name[1]) + 1 for name in named if name), default=first)
 
 
-def unused(path: Path) -> Path:
-    """Returns a path where nothing is: this one, or beside what is there the same name with the next number."""
+def find_unused(path: Path) -> Path:
+    """Returns a path of no file yet: this one, or the same name with the next number."""
     if not path.exists():
         return path
     return path.with_name(f"{path.stem}-{next_number(path.parent, f'{path.stem}-', 2)}{path.suffix}")

@@ -147,7 +147,7 @@ def test_a_replayed_feed_shows_what_the_page_showed_at_every_moment(tmp_path: Pa
 
 
 MADE_ANEW = {"painting.png", "now.png", "target.jpg", "plan.png", "palette.png", "mixing.png"}
-"""Pictures of what is so now; all others belong to a moment, and stay."""
+"""Pictures of the present state; all others belong to a moment, and stay."""
 
 
 def pictures(folder: Path) -> dict[Path, bytes]:
@@ -160,7 +160,7 @@ def pictures(folder: Path) -> dict[Path, bytes]:
 def test_a_painting_that_is_resumed_twice_overwrites_no_picture(
     tmp_path: Path, small_world: None, monkeypatch: pytest.MonkeyPatch, camera: str
 ) -> None:
-    """What the page and the folder show of a moment stays what it was; a card names the look that it shows."""
+    """Pictures of a moment stay as they were, on the page and in the folder; each card names its own look."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     monkeypatch.setattr("frida_painter.web.telling._KEPT", 10**6)  # else the oldest live photographs are removed
     images.save(torch.rand(3, 60, 80), tmp_path / "photo.jpg")
@@ -181,7 +181,7 @@ def test_a_painting_that_is_resumed_twice_overwrites_no_picture(
         painting = folder.painting
         with PaintingRun.reopen(painting) if sitting else PaintingRun(spec, painting) as run:
             run.open_easel()
-            left = run.time_left(0.0)
+            left = run.estimate_time_left(0.0)
             reporter = Reporter(Feed(folder), folder, run.planner.models, run.planner.size, left)
             run.listeners.append(reporter.hear)
             run.controls = Controls(

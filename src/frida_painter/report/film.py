@@ -117,13 +117,13 @@ class Sketchbook:
 
     def keep_timelapse_frame(self, stroke: int, picture: Tensor) -> None:
         """Stores the picture [3, H, W] of the timelapse after a stroke, beside an earlier one."""
-        images.save(picture, storage.unused(self._folder / f"glimpse-{stroke:06d}.jpg"))
+        images.save(picture, storage.find_unused(self._folder / f"glimpse-{stroke:06d}.jpg"))
 
     def timelapse_frames(self, painted: int) -> Iterator[tuple[int, Tensor]]:
         """Yields the timelapse frames up to stroke `painted` with the numbers of their strokes; skips damaged ones."""
-        frames = [(*map(int, path.stem.split("-")[1:]), path) for path in self._folder.glob("glimpse-*.jpg")]
-        for stroke, *_, path in sorted(frames, key=lambda frame: frame[:-1]):
-            if stroke <= painted:
+        frames = {path: [int(number) for number in path.stem.split("-")[1:]] for path in self._folder.glob("glimpse-*")}
+        for path in sorted(frames, key=lambda path: frames[path]):
+            if (stroke := frames[path][0]) <= painted:
                 try:
                     yield stroke, images.load(path)
                 except ImageError:

@@ -108,7 +108,7 @@ class LookFolder:
 
         Raises StorageError.
         """
-        name = storage.unused(self.path / f"{time.strftime('%Y%m%d-%H%M%S')}-{picture.name}").name
+        name = storage.find_unused(self.path / f"{time.strftime('%Y%m%d-%H%M%S')}-{picture.name}").name
         if corners is not None:
             storage.write_json(_corners_file(self.path / name), {"corners": [list(corner) for corner in corners]})
         storage.copy(picture, self.path / name, "a picture of the canvas", storage.MAX_BYTES)
@@ -120,7 +120,7 @@ class LookFolder:
         for file in (given.path, _corners_file(given.path)):
             with contextlib.suppress(OSError):
                 (self.path / where).mkdir(exist_ok=True)
-                file.rename(storage.unused(self.path / where / file.name))
+                file.rename(storage.find_unused(self.path / where / file.name))
                 self._taken.discard(file)
 
 

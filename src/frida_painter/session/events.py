@@ -20,7 +20,6 @@ This module loads neither torch nor the planner, because the web process reads e
 from __future__ import annotations
 
 import functools
-import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
@@ -98,13 +97,6 @@ class Timetable:
         """Returns the timetable with this drying time before everything else."""
         after, dried = (tuple(seconds + done for done in each) for each in (self.after, self.dried))
         return replace(self, drying=self.drying + seconds, after=after, dried=dried)
-
-
-PEN_LIMITS: tuple[tuple[str, float, float], ...] = (
-    ("place from the left", -1.0, 2.0), ("place from the top", -1.0, 2.0), ("press", 0.0, 1.0),
-    ("tilt", 0.0, math.pi / 2), ("direction of its tilt", -100.0, 100.0), ("time", 0.0, 600.0),
-)  # fmt: skip
-"""Values of each point of a pen: name, least and greatest value; see session.person_strokes.PenStroke."""
 
 
 # Written events for the studio page only: of plans, of the display of a painting, and of calibration.

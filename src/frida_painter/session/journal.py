@@ -400,7 +400,7 @@ class Journal:
         self._photograph = None
         if self._book is None:
             return None
-        path = storage.unused(self._book.path.parent / name)
+        path = storage.find_unused(self._book.path.parent / name)
         try:
             images.save_exactly(photograph, path)
             content = storage.sha256(path, A_PHOTOGRAPH)

@@ -1,7 +1,14 @@
 """Written events of a person at a painting: regions, changed goals and own strokes."""
 
+import math
 from dataclasses import dataclass
 from typing import Any
+
+PEN_LIMITS: tuple[tuple[str, float, float], ...] = (
+    ("place from the left", -1.0, 2.0), ("place from the top", -1.0, 2.0), ("press", 0.0, 1.0),
+    ("tilt", 0.0, math.pi / 2), ("direction of its tilt", -100.0, 100.0), ("time", 0.0, 600.0),
+)  # fmt: skip
+"""Values of each point of a pen: name, least and greatest value; see session.person_strokes.PenStroke."""
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,7 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError
 from frida_painter.hardware.easel import PersonStroke
 from frida_painter.palette import Palette
-from frida_painter.session.events import PEN_LIMITS
-from frida_painter.session.person_events import PersonStrokeBegan
+from frida_painter.session.person_events import PEN_LIMITS, PersonStrokeBegan
 
 MAX_LENGTH = 3.0
 """Greatest length of one stroke in metres."""

@@ -11,7 +11,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, StrictBool, 
 from frida_painter.easel.dialogue import Answer, Corners, EnterAddress, GuideMove, JogMove
 from frida_painter.errors import ConfigError, Interrupted
 from frida_painter.event_log import FEED, EventLog, LogReader
-from frida_painter.session.events import PEN_LIMITS
+from frida_painter.session.person_events import PEN_LIMITS
 from frida_painter.web.studio_folder import Identifier, PaintingFolder, PaintingRequest
 
 LEAD_GOOD_FOR = 10.0
