@@ -181,7 +181,7 @@ def test_a_painting_that_is_resumed_twice_overwrites_no_picture(
         painting = folder.painting
         with PaintingRun.reopen(painting) if sitting else PaintingRun(spec, painting) as run:
             run.open_easel()
-            left = run.estimate_time_left(0.0)
+            left = run.forecast_time(0.0)
             reporter = Reporter(Feed(folder), folder, run.planner.models, run.planner.size, left)
             run.listeners.append(reporter.hear)
             run.controls = Controls(

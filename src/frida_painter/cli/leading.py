@@ -53,7 +53,7 @@ class Leader:
         self._run, self._stop, self._started = run, stop, started
         self._asked, self._repaint = asked, repaint
         self._console = Console(stderr=True, highlight=False)
-        self._bar = PaintingLine(self._console, run.estimate_time_left(started))
+        self._bar = PaintingLine(self._console, run.forecast_time(started))
         self._stack = ExitStack()
         wells = Wells(run.mixed, input if asks_for_paints else None, run.folder, poured=not run.easel.simulated)
         run.listeners.append(self._bar.hear)

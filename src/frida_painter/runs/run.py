@@ -289,7 +289,7 @@ class PaintingRun:
         made = planner.plan(bare, spec.strokes, spec.colors, notify)
         return made if self.mixed is None else planner.bind_to_palette(made, bare, self.mixed, notify)
 
-    def estimate_time_left(self, now: float) -> RemainingTime:
+    def forecast_time(self, now: float) -> RemainingTime:
         """Returns the estimate of the painting's time from `now` on; it is to hear every event."""
         spec, planner = self.spec, self.planner
         strokes = 0 if spec.together else spec.strokes  # nobody knows how many a person will ask for

@@ -315,7 +315,7 @@ def _tell_waits(job: Job, run: PaintingRun) -> None:
 def _lead(job: Job, run: PaintingRun) -> None:
     """Connects the run to the page: reports, questions and controls."""
     job.stop.then(run.open_easel().robot.stop)
-    planner, left = run.planner, run.estimate_time_left(time.monotonic())
+    planner, left = run.planner, run.forecast_time(time.monotonic())
     reporter = Reporter(job.feed, job.folder, planner.models, planner.size, left, in_turns=run.spec.together)
 
     def look_at(picture: Path) -> None:
