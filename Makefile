@@ -5,11 +5,12 @@ BIN := $(VENV)/bin
 PHOTO ?= examples/photographs/coffee.jpg
 # Each of these files in .venv says that one set of packages is installed: what painting needs, and more beside it.
 PINS := pyproject.toml constraints.txt
-ADD := $(BIN)/python tools/install.py
+# HASHES=no also takes files that are not those of constraints.txt, such as builds of your own index.
+ADD := $(BIN)/python tools/install.py $(if $(filter no,$(HASHES)),--without-hashes)
 
 PROGRAM ?= storm stop attack hostile_commands kills busy claims franka so101
 
-.PHONY: paint studio test quick stress views lint docs size benchmarks benchmarks-gpu install browser downloads clean reference
+.PHONY: pins paint studio test quick stress views lint docs size benchmarks benchmarks-gpu install browser downloads clean reference
 
 install: $(VENV)/dev
 
@@ -95,6 +96,12 @@ benchmarks: install
 
 benchmarks-gpu: install
 	$(BIN)/python benchmarks/report.py --only gpu
+
+# Renews constraints.txt, for what pyproject.toml asks for now: two to four minutes. It needs uv.
+# Newer versions: make pins OPTIONS="--upgrade-package NAME", or OPTIONS=--upgrade for all.
+pins: $(BIN)/python
+	@command -v uv >/dev/null || { echo "make pins needs uv: pip install uv"; exit 1; }
+	@$(BIN)/python tools/lock.py $(OPTIONS)
 
 clean:
 	rm -rf $(VENV) build site *.egg-info

@@ -6,10 +6,12 @@ import re
 import subprocess
 import sys
 import tomllib
-from importlib.metadata import packages_distributions
+from importlib.metadata import packages_distributions, requires
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 import frida_painter
 
@@ -121,3 +123,45 @@ def test_the_command_line_does_not_load_what_only_tests_need() -> None:
     assert "frida_painter" in loaded
     assert not loaded & {"torchvision", "skimage", "pytest", "hypothesis", "matplotlib", "pandas", "transformers"}
     assert not loaded & {"mujoco", "mink"}, "an extra is imported when its robot is connected, and not before"
+
+
+# The lock: one file of versions, with the hashes of every file, that matches what is declared.
+
+ENTRY = re.compile(r"([a-z0-9-]+)==(\S+)((?: \\\n    --hash=sha256:[0-9a-f]{64})+)\n")
+
+
+def locked() -> dict[str, str]:
+    text = PYPROJECT.with_name("constraints.txt").read_text()
+    assert ENTRY.sub("", text) == "", "nothing stands in the lock but versions with their hashes"
+    return {name: version for name, version, _ in ENTRY.findall(text)}
+
+
+def test_the_lock_has_one_version_of_everything_that_is_declared() -> None:
+    project, lock = tomllib.loads(PYPROJECT.read_text()), locked()
+    optional = project["project"]["optional-dependencies"].values()
+    asked = [*project["project"]["dependencies"], *(name for names in optional for name in names)]
+    for each in map(Requirement, [*asked, *project["build-system"]["requires"]]):
+        name = canonicalize_name(each.name)
+        assert name == "frida-painter" or each.specifier.contains(lock[name]), f"{each}: say `make pins`"
+
+
+@pytest.mark.slow
+def test_the_lock_has_all_that_installed_packages_need() -> None:
+    """Packages that are not for this machine are looked at when the lock is renewed."""
+    lock, needed = locked(), {"frida-painter"}
+    reach = list(needed)
+    while reach:
+        for each in map(Requirement, requires(reach.pop()) or ()):
+            name = canonicalize_name(each.name)
+            if (each.marker is None or each.marker.evaluate({"extra": ""})) and name not in needed:
+                assert name in lock, f"{name} is in no lock: say `make pins`"
+                needed.add(name)
+                reach.append(name)
+    assert len(needed) > 40
+
+
+def test_each_action_of_a_workflow_is_named_by_its_commit() -> None:
+    used = re.findall(
+        r"uses:\s*(.+)", "".join(file.read_text() for file in (PYPROJECT.parent / ".github").rglob("*.yml"))
+    )
+    assert used and not [each for each in used if not re.fullmatch(r"[\w./-]+@[0-9a-f]{40} # v[\d.]+", each)]

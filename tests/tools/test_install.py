@@ -1,7 +1,10 @@
 """`make` installs from where pip is told to, whether uv does it or pip."""
 
+import hashlib
+import os
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
@@ -31,7 +34,7 @@ class Commands:
             return SimpleNamespace(stdout=self.configuration)
         self.installs.append(command)
         self.environments.append(env or {})
-        return SimpleNamespace(returncode=self.uv_status if command[0] == UV else 0)
+        return SimpleNamespace(returncode=self.uv_status if command[0] == UV else 0, stderr="")
 
 
 def installed(
@@ -39,7 +42,7 @@ def installed(
 ) -> list[list[str]]:
     monkeypatch.setattr(install.shutil, "which", lambda name: uv)
     monkeypatch.setattr(install.subprocess, "run", commands)
-    install.install(".[dev]", Path("constraints.txt"))
+    install.run(["--editable", "."])
     return commands.installs
 
 
@@ -60,7 +63,7 @@ def test_uv_asks_the_indexes_that_pip_would(install: ModuleType, monkeypatch: py
     assert extra == ["https://a.example/simple", "https://b.example/simple"]
     assert command[command.index("--find-links") + 1] == "/somewhere/wheels"
     assert command[command.index("--allow-insecure-host") + 1] == "packages.example"
-    assert command[command.index("--constraint") + 1] == "constraints.txt" and command[-1] == ".[dev]"
+    assert command[-2:] == ["--editable", "."]
     assert commands.environments[0]["SSL_CERT_FILE"] == "/somewhere/ca.crt"
     assert commands.environments[0]["UV_HTTP_TIMEOUT"] == "180"
 
@@ -83,9 +86,78 @@ def test_pip_installs_where_uv_would_not_see_a_setting(
 
 def test_pip_installs_where_there_is_no_uv_or_it_fails(install: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
     (alone,) = installed(install, monkeypatch, Commands(""), uv=None)
-    assert alone[:3] == [sys.executable, "-m", "pip"] and alone[-1] == ".[dev]"
+    assert alone[:3] == [sys.executable, "-m", "pip"] and alone[-1] == "."
     first, second = installed(install, monkeypatch, Commands("", uv_status=2))
     assert first[0] == UV and second == alone
+
+
+def _packages(folder: Path, *, spoilt: str = "") -> Path:
+    """A folder of wheels, in which `above` needs `below` and for its extra `more`; and their lock beside it."""
+    lock = []
+    for name, needs in (
+        ("above", 'Requires-Dist: below\nRequires-Dist: more; extra == "most"\n'),
+        ("below", ""),
+        ("more", ""),
+    ):
+        wheel = folder / f"{name}-1.0-py3-none-any.whl"
+        with zipfile.ZipFile(wheel, "w") as archive:
+            told = f"{name}-1.0.dist-info"
+            archive.writestr(f"{told}/METADATA", f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n{needs}")
+            archive.writestr(f"{told}/WHEEL", "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n")
+            archive.writestr(f"{told}/RECORD", "")
+        digest = hashlib.sha256(wheel.read_bytes() + spoilt.encode() * (name == spoilt)).hexdigest()
+        lock.append(f"{name}==1.0 \\\n    --hash=sha256:{64 * '0'} \\\n    --hash=sha256:{digest}")
+    (folder / "lock.txt").write_text("\n".join(lock) + "\n")
+    return folder / "lock.txt"
+
+
+def _install(place: Path, *words: str, **how: str) -> subprocess.CompletedProcess[str]:
+    """Outcome of the program that installs from the wheels in `place` alone."""
+    where = {**os.environ, "PIP_CONFIG_FILE": os.devnull, "PIP_NO_INDEX": "1", "PIP_FIND_LINKS": str(place), **how}
+    program = (
+        f"import sys; sys.path.insert(0, {str(ROOT / 'tools')!r}); import install; install.FOR_BUILDING = (); "
+        "install.shutil.which = lambda name: None; sys.exit(install.main())"
+    )
+    command = [sys.executable, "-c", program, *words, "--lock", str(place / "lock.txt")]
+    return subprocess.run(
+        command,
+        env={**where, "PIP_TARGET": str(place / "there"), "PYTHONPATH": str(place / "there")},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("asked", "there"), [("above", {"above", "below"}), ("above[most]", {"above", "below", "more"})]
+)
+def test_a_package_comes_with_what_it_needs_if_each_file_is_that_of_the_lock(
+    tmp_path: Path, asked: str, there: set[str]
+) -> None:
+    _packages(tmp_path)
+    done = _install(tmp_path, asked)
+    assert done.returncode == 0, done.stderr
+    assert {path.name.partition("-")[0] for path in (tmp_path / "there").glob("*.dist-info")} == there
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("spoilt", ["above", "below"])
+def test_a_file_that_is_not_that_of_the_lock_is_refused_with_one_sentence(tmp_path: Path, spoilt: str) -> None:
+    _packages(tmp_path, spoilt=spoilt)
+    done = _install(tmp_path, "above")
+    assert done.returncode == 1 and len(done.stderr.strip().splitlines()) == 1
+    assert f" {spoilt} is none of those" in done.stderr and "HASHES=no" in done.stderr
+    assert not list((tmp_path / "there").glob(f"{spoilt}-*")), "nothing of it is installed"
+    assert _install(tmp_path, "above", "--without-hashes").returncode == 0
+
+
+@pytest.mark.slow
+def test_what_the_lock_does_not_name_is_not_installed(tmp_path: Path) -> None:
+    lock = _packages(tmp_path)
+    lock.write_text(lock.read_text().replace("below", "beneath"))
+    done = _install(tmp_path, "above")
+    assert done.returncode == 1 and "below is needed" in done.stderr and len(done.stderr.strip().splitlines()) == 1
 
 
 @pytest.mark.slow

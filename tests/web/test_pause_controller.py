@@ -241,7 +241,7 @@ def _weight(table: Table) -> float:
 
 
 def _touch(table: Table) -> bool:
-    """Whether a stroke that was painted after the second one lies in the region that REGION protects."""
+    """True if a stroke after the second one was painted in the region that REGION protects."""
     plan = table.setup.session._progress.plan
     assert plan is not None
     return bool((plan.strokes.path(torch.linspace(0, 1, 9))[2:, :, 0] < 0.35 * CANVAS.width).any())
