@@ -10,6 +10,7 @@ them has no counterpart, or uv fails, pip installs.
 
 import argparse
 import ast
+import functools
 import importlib
 import json
 import os
@@ -176,22 +177,30 @@ def needs_of(name: str, extra: str) -> list[Requirement]:
     return found
 
 
+@functools.cache
+def find_uv() -> tuple[list[str], dict[str, str]] | None:
+    """Command and environment of uv, if it is here and finds what pip would; a person is told if it would not."""
+    uv = shutil.which("uv")
+    if uv is None:
+        return None
+    listed = subprocess.run([*PIP, "config", "list"], capture_output=True, text=True, check=True).stdout
+    same = for_uv(pip_settings(listed))
+    if same is None:
+        print("  uv is here, but pip's configuration has settings that uv does not know: pip installs.", flush=True)
+        return None
+    return [uv, "pip", "install", "--quiet", "--python", sys.executable, *same[0]], {**os.environ, **same[1]}
+
+
 def run(wanted: list[str]) -> str:
     """Has uv or pip install this, and returns what did it.
 
     Raises Missing where a file is not that of the lock, CalledProcessError where pip fails, which has said why.
     """
-    uv = shutil.which("uv")
+    uv = find_uv()
     if uv is not None:
-        listed = subprocess.run([*PIP, "config", "list"], capture_output=True, text=True, check=True).stdout
-        same = for_uv(pip_settings(listed))
-        if same is None:
-            print("  uv is here, but pip's configuration has settings that uv does not know: pip installs.", flush=True)
-        else:
-            command = [uv, "pip", "install", "--quiet", "--python", sys.executable, *same[0], *wanted]
-            if subprocess.run(command, env={**os.environ, **same[1]}, check=False).returncode == 0:
-                return "uv"
-            print("  uv could not install it: pip tries.", flush=True)
+        if subprocess.run([*uv[0], *wanted], env=uv[1], check=False).returncode == 0:
+            return "uv"
+        print("  uv could not install it: pip tries.", flush=True)
     done = subprocess.run([*PIP, "install", "--quiet", *wanted], stderr=subprocess.PIPE, text=True, check=False)
     if done.returncode:
         if other := re.findall(r"^ {4}(\S+?)==\S+.* from ", done.stderr, re.MULTILINE):

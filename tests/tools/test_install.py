@@ -42,6 +42,7 @@ def installed(
 ) -> list[list[str]]:
     monkeypatch.setattr(install.shutil, "which", lambda name: uv)
     monkeypatch.setattr(install.subprocess, "run", commands)
+    install.find_uv.cache_clear()
     install.run(["--editable", "."])
     return commands.installs
 
