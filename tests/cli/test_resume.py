@@ -13,6 +13,7 @@ import pytest
 from PIL import Image
 from skimage import data
 
+from frida_painter import storage
 from frida_painter.cli import commands
 from frida_painter.event_log import EventLog
 from frida_painter.plan import Plan
@@ -83,6 +84,11 @@ def resume(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], 
         return int(end.value.code or 0), told.out + told.err
 
     return resuming
+
+
+def tensors_of(plan: Path) -> Path:
+    """The file of strokes that a plan names; those of plans before it may lie beside it."""
+    return plan.with_name(json.loads(plan.read_text())["tensors"])
 
 
 def contents(folder: Path) -> dict[Path, bytes]:
@@ -171,7 +177,7 @@ def test_what_is_painted_cannot_become_something_else(resume: Resume, painting: 
         (lambda folder: (folder / "settings.json").write_text("{"), "does not hold the settings"),
         (lambda folder: (folder / "settings.json").write_text('{"film": 3}'), "does not hold the settings"),
         (lambda folder: (folder / "plan.json").write_text("{"), "plan.json is not a plan"),
-        (lambda folder: next(folder.glob("plan-*.safetensors")).write_bytes(b"PK"), "is not the file that belongs to"),
+        (lambda folder: tensors_of(folder / "plan.json").write_bytes(b"PK"), "is not the file that belongs to"),
         (lambda folder: (folder / "goal" / "goal.toml").unlink(), "goal: it was"),
         (lambda folder: (folder / "studio.diary").write_text("{}\n"), "studio.diary: its last"),
         (lambda folder: (folder / "studio.diary").unlink(), "studio.diary: its last"),
@@ -226,13 +232,14 @@ def test_results_are_made_again_from_what_the_folder_holds(resume: Resume, paint
     before = contents(painting)
     for name in ("painting.png", "index.html", "result.json", "film.mp4"):
         (painting / name).unlink()
-    (painting / ".film-abcd1234.mp4").write_bytes(b"half a film, of a process that was killed")
+    (left := painting / f"{storage.PART}abcd1234.mp4").write_bytes(b"half a film, of a process that was killed")
+    (own := painting / ".film-abcd1234.mp4").write_bytes(b"somebody's own")
     motions = (painting / "studio.diary").read_bytes()
     status, said = resume("painting", "--yes")
     assert status == 0 and "made again" in said, said
     assert (painting / "painting.png").read_bytes() == before[painting / "painting.png"]
     assert (painting / "film.mp4").stat().st_size > 0.9 * len(before[painting / "film.mp4"])
-    assert not (painting / ".film-abcd1234.mp4").exists()
+    assert not left.exists() and own.exists()
     first, again = json.loads(before[painting / "result.json"]), json.loads((painting / "result.json").read_text())
     same = ("strokes_painted", "sittings", "looks", "files", "robot_seconds", "robot_seconds_expected", "dips")
     assert [again[name] for name in same] == [first[name] for name in same]
