@@ -44,7 +44,7 @@ GROUPS = (
     ("planning",),
     ("runs", "report", "export", "tools"),
     ("sawyer", "hardware"),
-    ("words", "drawing", "objectives", "weights"),
+    ("words", "objectives", "weights"),
     ("render", "brush", "perception", "virtual"),
 )
 PARTS = {"session": 6, "web": 2, "lab": 14}  # rooms that are more than one group

@@ -241,7 +241,7 @@ def test_networks_are_fetched_by_a_command_and_never_by_the_page(
         "verb": "Another picture to reproduce, pixel by pixel",
         "words": False,
     }
-    assert told["text"]["missing"] == ["minilm", "efficientnet-lite0"] and not told["text"]["ready"]
+    assert told["text"]["missing"] == ["minilm"] and not told["text"]["ready"]
     answer = visitor.post("/api/paintings", json={"terms": [{"kind": "text", "words": "a ship"}]})
     assert answer.status_code == 422 and "frida-painter models fetch words" in answer.json()["sentence"]
     assert started == []

@@ -306,7 +306,7 @@ def test_a_drawing_that_is_finished_is_finished_by_the_next_painter_too(folder: 
         lambda: _ask(FinishDrawing())(folder),
     )
     history = Journal.reopen(folder.painting)[1]
-    controller = PauseController(folder, Feed(folder), StopWatch(folder.stop, folder.path.parent), 0.0)
+    controller = PauseController(folder, Feed(folder), StopWatch(folder.stop, folder.path.parent), time.time() + 1)
     controller.owe(history.request)
     assert controller.pause_cause() == "person" and list(controller._commands) == [FinishDrawing()]
 
