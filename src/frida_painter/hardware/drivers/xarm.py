@@ -591,6 +591,7 @@ class XarmRobot:
             if answer[0] == 0 and isinstance(answer[1], int):
                 return answer[1]
             self._require_line(label, answer[0])
+        self._interlock.heed_stop(label)  # what a call answers that a stop broke off says nothing
         raise RobotError(f"{label}: {self._interlock.name} answered {str(answer)[:80]} to {call}; look at it.")
 
     def _clear_warning(self) -> None:
