@@ -46,36 +46,12 @@ from machines.simulated_time import Living
 from machines.xarm_box import XarmBox, use_ports
 from marks import coarse_table
 from support.plans import made_up_strokes
+from support.plotter import PLOTTER
 
 COUNT, KILLED = 100, 41  # strokes; the one in which it is killed
 SIZE = CanvasSize(0.14, 0.1)
 FAST, SLOW = 400.0, 0.02  # times as fast as real; slow enough to be stopped within a stroke
 Points = NDArray[np.float64]
-
-PLOTTER = """
-easel = "a plotter"
-[bounds]
-lower = [0.0, -0.25, -0.002]
-upper = [0.3, 0.0, 0.010]
-[canvas]
-width = 0.14
-height = 0.1
-corner = [0.1, -0.15, 0.0]
-turn = 0.0
-[brush]
-touch_height = 0.0
-press_height = -0.002
-[paint]
-wells = [[0.03, -0.05, -0.001], [0.06, -0.05, -0.001]]
-water = [0.03, -0.10, -0.001]
-rag = [0.05, -0.15, 0.0]
-rag_width = 0.04
-[motion]
-hover = 0.006
-painting_speed = 0.06
-travel_speed = 0.15
-home = [0.0, 0.0, 0.010]
-"""
 
 
 class Machine:

@@ -244,7 +244,7 @@ class Watch:
     def _judge_sight(self, look: LinkState) -> str | None:
         """Returns the reason to stop a robot that moves while nobody can look for the stop file. Told once."""
         looks = self._looks if self._looked is None else self._looked()
-        # Time in which this thread did not run either says nothing about the other.
+        # Time in which this thread did not run is not counted: the other thread may not have run either.
         passed, self._at = min(look.at - self._at, _USUAL), look.at
         seen, self._looks = looks != self._looks or self._looked is None, looks
         self._blind = 0.0 if seen else self._blind + passed
