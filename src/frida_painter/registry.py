@@ -64,8 +64,7 @@ OUR_PARTS: Mapping[str, Mapping[str, str]] = {
         "gcode": "frida_painter.hardware.drivers.gcode:GRBL",
         "marlin": "frida_painter.hardware.drivers.gcode:MARLIN",
         "axidraw": "frida_painter.hardware.drivers.axidraw:KIND",
-        "ros": "frida_painter.hardware.drivers.ros_connections:ROSPY",
-        "rosbridge": "frida_painter.hardware.drivers.ros_connections:ROSBRIDGE",
+        "rosbridge": "frida_painter.hardware.drivers.rosbridge:KIND",
     },
     CAMERAS: {
         "opencv": "frida_painter.hardware.cameras.opencv:KIND",

@@ -42,10 +42,9 @@ def test_each_machine_is_built_as_it_is_named(workcell: WorkcellConfig) -> None:
     marlin = make_robot("marlin:/dev/ttyACM0,baud=250000", workcell.workspace)
     assert isinstance(marlin, GcodeRobot) and marlin.settings.baud == 250_000
     assert isinstance(make_robot("axidraw", workcell.workspace), AxidrawRobot)
-    ros = make_robot("rosbridge:10.0.0.2:9091,ros=2,namespace=/left/brush", workcell.workspace)
+    ros = make_robot("rosbridge:10.0.0.2:9091,namespace=/left/brush", workcell.workspace)
     assert isinstance(ros, RosRobot)
-    assert (ros.settings.ros, ros.settings.namespace) == (2, "/left/brush")
-    assert isinstance(make_robot("ros", workcell.workspace), RosRobot)
+    assert ros.settings.namespace == "/left/brush"
 
 
 def test_each_camera_is_built_as_it_is_named(tmp_path: Path) -> None:
@@ -74,7 +73,7 @@ def test_each_camera_is_built_as_it_is_named(tmp_path: Path) -> None:
         ("gcode:/dev/x,servo=0.01/2/0.01/3", "the first lies below the second"),
         ("rosbridge:host:port", "'port' is no port"),
         ("rosbridge:host:99999", "'99999' is no port, which is from 1 to 65535"),
-        ("rosbridge:host,ros=3", "1 or 2"),
+        ("rosbridge:host,ros=1", "does not know ros"),
     ],
 )
 def test_names_that_mean_nothing_are_told(workcell: WorkcellConfig, name: str, says: str) -> None:

@@ -1,7 +1,6 @@
 """An arm's node as docs/how-to/ros.md wants it, which misbehaves when told to; plain Python on purpose.
 
-The same node stands behind connections of the tests' own, behind a websocket that plays rosbridge, and in a
-process of its own behind a real ROS master.
+The same node stands behind connections of the tests' own, and behind a websocket that plays rosbridge.
 """
 
 import math
@@ -10,11 +9,8 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-CODES = {
-    2: {"taken": 1, "stopped": 5, "done": 4, "gave up": 6, "refused": 6},
-    1: {"taken": 1, "stopped": 2, "done": 3, "gave up": 4, "refused": 5},
-}
-"""ACCEPTED, CANCELED, SUCCEEDED, ABORTED of action_msgs; ACTIVE, PREEMPTED and so on of actionlib_msgs."""
+CODES = {"taken": 1, "stopped": 5, "done": 4, "gave up": 6, "refused": 6}
+"""ACCEPTED, CANCELED, SUCCEEDED, ABORTED of action_msgs."""
 
 
 class RosArm:
@@ -24,14 +20,14 @@ class RosArm:
     its own switch, "mute" (says nothing any more), "garbage pose", "garbage status", "odd status", "never",
     "slow" (takes ten times longer), "chatters" (tells of motions that ended long ago).
     abort: gives up its motion, until a person sets it free
-    ros: 1 (actionlib_msgs) or 2 (action_msgs); stopped: until a person sets it free; watchdog: seconds after the last
+    stopped: until a person sets it free; watchdog: seconds after the last
     sign of life of the painter at which it stops
     """
 
     watchdog = 1.0
 
-    def __init__(self, tell: Callable[[str, dict[str, Any]], None], pace: float = 50.0, ros: int = 2) -> None:
-        self.tell, self.pace, self.ros = tell, pace, ros
+    def __init__(self, tell: Callable[[str, dict[str, Any]], None], pace: float = 50.0) -> None:
+        self.tell, self.pace = tell, pace
         self.misbehave = ""
         self.place = (0.2, 0.0, 0.3)
         self.moved: list[tuple[float, float, float]] = []
@@ -75,7 +71,7 @@ class RosArm:
     def _follow(self, path: dict[str, Any]) -> None:
         stamp = path["header"]["stamp"]
         assert path["joint_names"] == ["brush_tip"] and path["header"]["frame_id"] == "base"
-        self._say_status(stamp, "refused" if self.misbehave == "refuses" else "taken", self.misbehave)
+        self._say_status(stamp, "refused" if self.misbehave == "refuses" else "taken")
         if self.misbehave == "refuses":
             return
         self._alive_at, self._restarted = time.monotonic(), False
@@ -99,10 +95,10 @@ class RosArm:
                     return
                 if self.abort:
                     self.stopped = True
-                    self._say_status(stamp, "gave up", "it met with resistance")
+                    self._say_status(stamp, "gave up")
                     return
                 if self.stopped:
-                    self._say_status(stamp, "stopped", "told to stop")
+                    self._say_status(stamp, "stopped")
                     return
                 if share >= 1:
                     break
@@ -112,29 +108,26 @@ class RosArm:
             if number == 10 and self.misbehave in ("aborts", "stopped", "odd status"):
                 self.stopped = True
                 how = {"aborts": "gave up", "stopped": "stopped"}.get(self.misbehave, "")
-                self._say_status(stamp, how, "at point 10")
+                self._say_status(stamp, how)
                 return
         while self.misbehave in ("never", "mute", "garbage pose", "garbage status") and self._running:
             self._say_pose()
             if self.misbehave == "garbage status":
-                self.tell("/brush/status", {"status": "done", "goal_id": None, "goal_info": None})
+                self.tell("/brush/status", {"status": "done", "goal_info": None})
             if self.stopped:
                 return
             time.sleep(0.02)
-        self._say_status(stamp, "done", "")
+        self._say_status(stamp, "done")
 
-    def _say_status(self, stamp: dict[str, int], status: str, text: str) -> None:
-        code = CODES[self.ros].get(status, 77)
-        if self.ros == 2:
-            self.tell("/brush/status", {"goal_info": {"goal_id": {"uuid": [0] * 16}, "stamp": stamp}, "status": code})
-        else:
-            self.tell("/brush/status", {"goal_id": {"stamp": stamp, "id": ""}, "status": code, "text": text})
+    def _say_status(self, stamp: dict[str, int], status: str) -> None:
+        code = CODES.get(status, 77)
+        self.tell("/brush/status", {"goal_info": {"goal_id": {"uuid": [0] * 16}, "stamp": stamp}, "status": code})
 
     def _say_pose(self) -> None:
         if self.misbehave == "mute" and self.moved:
             return
         if self.misbehave == "chatters":
-            self._say_status({"sec": 1, "nanosec": 2}, "done", "")
+            self._say_status({"sec": 1, "nanosec": 2}, "done")
         x, y, z = self.place
         if self.misbehave == "garbage pose" and self.moved:
             z = math.nan

@@ -26,10 +26,10 @@ class _Nonsense(asyncio.Protocol):
 class Rosbridge:
     """Listens on `port` of this machine while it is entered; every published message reaches the arm."""
 
-    def __init__(self, ros: int = 2) -> None:
-        self.arm = RosArm(self.tell, ros=ros)
-        self.ros, self.port = ros, 0
-        self.packages = PACKAGES | ({"actionlib_msgs"} if ros == 1 else set())
+    def __init__(self) -> None:
+        self.arm = RosArm(self.tell)
+        self.port = 0
+        self.packages = set(PACKAGES)
         self.dead = self.garbage = False
         self.clients: list[Any] = []
         self.advertised: dict[str, str] = {}

@@ -154,8 +154,6 @@ class Needed:
     """Requirement of a device: how a person installs it, and the module that is importable afterwards.
 
     install: command that installs it; not for an extra of this project
-    module: "" if it cannot be looked for, such as system packages outside of a virtual environment; the requirement
-        then always counts as lacking
     extra: extra of this project that installs it
     """
 

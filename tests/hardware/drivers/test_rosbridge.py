@@ -8,7 +8,7 @@ import pytest
 
 from frida_painter.errors import RobotDisconnected, RobotError
 from frida_painter.hardware.drivers.ros import RosRobot, RosSettings
-from frida_painter.hardware.drivers.ros_connections import RosbridgeConnection
+from frida_painter.hardware.drivers.rosbridge import RosbridgeConnection
 from machines.paths import a_stroke
 
 pytest.importorskip("roslibpy", reason="the extra `ros` is not installed")
@@ -17,26 +17,24 @@ from machines.rosbridge import Rosbridge
 HOME = (0.25, -0.1, 0.3)
 
 
-def robot_behind(bridge: Rosbridge, version: int = 2) -> RosRobot:
+def robot_behind(bridge: Rosbridge) -> RosRobot:
     connections = (RosbridgeConnection("127.0.0.1", bridge.port) for _ in range(2))
-    return RosRobot(RosSettings(HOME, ros=version), *connections)
+    return RosRobot(RosSettings(HOME), *connections)
 
 
-@pytest.mark.parametrize("version", [1, 2])
-def test_a_stroke_is_painted_through_rosbridge(version: int) -> None:
-    with Rosbridge(version) as bridge:
-        robot = robot_behind(bridge, version)
+def test_a_stroke_is_painted_through_rosbridge() -> None:
+    with Rosbridge() as bridge:
+        robot = robot_behind(bridge)
         robot.connect()
         report = robot.follow(a_stroke())
         assert report.reached == pytest.approx(a_stroke().position[-1], abs=1e-9)
         for point in a_stroke().position:
             assert min(np.linalg.norm(np.array(bridge.arm.moved) - point, axis=1)) < 1e-9
         assert len(bridge.clients) == 2  # the second is for stops alone
-        middle = "" if version == 1 else "msg/"
         assert bridge.advertised == {
-            "/brush/follow": f"trajectory_msgs/{middle}MultiDOFJointTrajectory",
-            "/brush/alive": f"std_msgs/{middle}Empty",
-            "/brush/stop": f"std_msgs/{middle}Empty",
+            "/brush/follow": "trajectory_msgs/msg/MultiDOFJointTrajectory",
+            "/brush/alive": "std_msgs/msg/Empty",
+            "/brush/stop": "std_msgs/msg/Empty",
         }
         robot.stop()
         until = time.monotonic() + 2
@@ -65,16 +63,12 @@ def test_a_network_that_breaks_is_told_and_nothing_is_kept_for_later() -> None:
         robot.close()
 
 
-def test_m21_ros_2_comes_first_and_a_missing_package_is_told() -> None:
-    with Rosbridge(2) as bridge:
-        robot = robot_behind(bridge, 1)  # which asks for actionlib_msgs, as Rolling has it no more
-        with pytest.raises(RobotError, match=r"ROS 1 was expected, and it says: .*actionlib_msgs.*or write ros=2"):
-            robot.connect()
+def test_m21_a_missing_package_is_told() -> None:
+    with Rosbridge() as bridge:
+        bridge.packages.remove("trajectory_msgs")
         robot = robot_behind(bridge)
-        robot.connect()
-        robot.follow(a_stroke())
-        robot.close()
-    assert RosSettings(HOME).ros == 2
+        with pytest.raises(RobotError, match=r"ROS 2 was expected, and it says: .*trajectory_msgs"):
+            robot.connect()
 
 
 def test_m22_an_arm_stops_where_its_painter_died_and_rosbridge_does_not_tell() -> None:

@@ -1,7 +1,6 @@
 """Robots behind ROS: arms that follow Cartesian trajectories of the brush's tip, over five topics of stock messages.
 
-docs/how-to/ros.md specifies the arm's node. ros_connections.py has the connections: RosbridgeConnection to ROS 2 or 1
-behind a rosbridge server, and RospyConnection to a ROS 1 master.
+docs/how-to/ros.md specifies the arm's node; rosbridge.py has the connection to it.
 """
 
 import threading
@@ -17,14 +16,12 @@ from numpy.typing import NDArray
 from frida_painter.errors import ConfigError, FridaError, MotionFailed, RobotDisconnected, RobotError, RobotStopped
 from frida_painter.hardware.deadline import steady
 from frida_painter.hardware.drivers.interlock import PATIENCE, Interlock, motion_timeout
-from frida_painter.hardware.kinds import MachineName, require_home
 from frida_painter.hardware.robot import (
     Examination,
     MachineFact,
     MotionReport,
     Point,
     Waypoints,
-    Workspace,
     plan_way_home,
 )
 
@@ -34,53 +31,18 @@ Message = Mapping[str, Any]
 TIP = "brush_tip"
 
 
-@dataclass(frozen=True)
-class Dialect:
-    """Messages of one version of ROS.
-
-    topics: name of each topic and its message
-    seconds, nanoseconds: names of the fields of a time
-    goal: name of the field of a status that holds the stamp of a motion
-    statuses: meaning of each status
-    """
-
-    topics: Mapping[str, str]
-    seconds: str
-    nanoseconds: str
-    goal: str
-    statuses: Mapping[int, str]
-
-
-_ACTIVE, _STOPPED, _DONE, _GAVE_UP, _REFUSED = "active", "stopped", "done", "gave up", "refused the motion"
-DIALECTS = {
-    2: Dialect(
-        {
-            "follow": "trajectory_msgs/msg/MultiDOFJointTrajectory",
-            "status": "action_msgs/msg/GoalStatus",  # ROS 2 Rolling dropped actionlib_msgs
-            "pose": "geometry_msgs/msg/PoseStamped",
-            "stop": "std_msgs/msg/Empty",
-            "alive": "std_msgs/msg/Empty",
-        },
-        "sec",
-        "nanosec",
-        "goal_info",
-        {1: _ACTIVE, 2: _ACTIVE, 3: _ACTIVE, 4: _DONE, 5: _STOPPED, 6: _GAVE_UP},
-    ),
-    1: Dialect(
-        {
-            "follow": "trajectory_msgs/MultiDOFJointTrajectory",
-            "status": "actionlib_msgs/GoalStatus",
-            "pose": "geometry_msgs/PoseStamped",
-            "stop": "std_msgs/Empty",
-            "alive": "std_msgs/Empty",
-        },
-        "secs",
-        "nsecs",
-        "goal_id",
-        {1: _ACTIVE, 2: _STOPPED, 3: _DONE, 4: _GAVE_UP, 5: _REFUSED},
-    ),
+_TYPES = {
+    "follow": "trajectory_msgs/msg/MultiDOFJointTrajectory",
+    "status": "action_msgs/msg/GoalStatus",
+    "pose": "geometry_msgs/msg/PoseStamped",
+    "stop": "std_msgs/msg/Empty",
+    "alive": "std_msgs/msg/Empty",
 }
-"""Dialects by the version of ROS."""
+"""Type of the messages of each topic."""
+
+_ACTIVE, _STOPPED, _DONE, _GAVE_UP = "active", "stopped", "done", "gave up"
+_STATUSES = {1: _ACTIVE, 2: _ACTIVE, 3: _ACTIVE, 4: _DONE, 5: _STOPPED, 6: _GAVE_UP}
+"""Meaning of each code of action_msgs/GoalStatus."""
 
 _UPRIGHT = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
 _SILENCE = 2.0
@@ -123,7 +85,6 @@ class RosSettings:
     approach: m/s to the first waypoint, above 0 to 1
     namespace: of the topics, begins with "/"
     frame: coordinate frame of the waypoints
-    ros: version of ROS, 1 or 2
 
     Raises ConfigError if a value is not allowed.
     """
@@ -132,13 +93,12 @@ class RosSettings:
     approach: float = 0.1
     namespace: str = "/brush"
     frame: str = "base"
-    ros: int = 2
 
     def __post_init__(self) -> None:
-        if not 0 < self.approach <= 1 or self.ros not in DIALECTS or not self.namespace.startswith("/"):
+        if not 0 < self.approach <= 1 or not self.namespace.startswith("/"):
             raise ConfigError(
-                f"A ROS arm was given an approach of {self.approach} m/s, ROS {self.ros} and the namespace "
-                f"{self.namespace!r}; they are above 0 to 1 m/s, 1 or 2, and a name that begins with a slash."
+                f"A ROS arm was given an approach of {self.approach} m/s and the namespace {self.namespace!r}; they "
+                "are above 0 to 1 m/s, and a name that begins with a slash."
             )
 
 
@@ -151,14 +111,13 @@ class RosRobot:
 
     def __init__(self, settings: RosSettings, connection: RosConnection, stopper: RosConnection) -> None:
         self.settings = settings
-        self._dialect = DIALECTS[settings.ros]
         self._connection, self._stopper = connection, stopper
         self._interlock = Interlock(f"the arm behind ROS at {settings.namespace}")
         self._news = threading.Condition()
         self._tip: NDArray[np.float64] | None = None
         self._heard_at = float("-inf")
         self._goal: tuple[int, ...] = (0, 0)
-        self._status: tuple[int, str] | None = None
+        self._status: int | None = None
         self._nonsense = ""
         self._alive = float("-inf")
         self._ours: set[tuple[int, ...]] = set()
@@ -255,7 +214,7 @@ class RosRobot:
             self.close()
         return Examination(
             (
-                MachineFact(f"An arm under {self.settings.namespace} speaks ROS {self.settings.ros}; its tip is at "
+                MachineFact(f"An arm under {self.settings.namespace} speaks ROS 2; its tip is at "
                             f"({x:.0f}, {y:.0f}, {z:.0f}) mm in the frame {self.settings.frame!r}."),
                 MachineFact(f"It says {rate:.0f} times a second where it is.")
                 if rate >= _RARELY
@@ -283,7 +242,7 @@ class RosRobot:
         return f"{self.settings.namespace.rstrip('/')}/{name}"
 
     def _topic_and_type(self, name: str) -> tuple[str, str]:
-        return self._topic(name), self._dialect.topics[name]
+        return self._topic(name), _TYPES[name]
 
     def _await_arm(self) -> None:
         until = time.monotonic() + PATIENCE
@@ -304,10 +263,8 @@ class RosRobot:
     def _require_no_complaint(self) -> None:
         complaint = self._connection.complaint() or self._stopper.complaint()
         if complaint:
-            other = 1 if self.settings.ros == 2 else 2
             raise RobotError(
-                f"{self._interlock.name}: ROS {self.settings.ros} was expected, and it says: {complaint[:200]}. "
-                f"Install that there, or write ros={other}."
+                f"{self._interlock.name}: ROS 2 was expected, and it says: {complaint[:200]}. Install that there."
             )
 
     def _is_heard(self) -> bool:
@@ -323,17 +280,14 @@ class RosRobot:
                 "transforms": [{"translation": dict(zip("xyz", place, strict=True)), "rotation": _UPRIGHT}],
                 "velocities": [],
                 "accelerations": [],
-                "time_from_start": self._time(int(1e9 * at) // 10**9, int(1e9 * at) % 10**9),
+                "time_from_start": _time(int(1e9 * at)),
             }
             for place, at in zip(waypoints.position.tolist(), seconds.tolist(), strict=True)
         ]
-        header = {"stamp": self._time(*self._goal), "frame_id": self.settings.frame}
+        header = {"stamp": _time(now), "frame_id": self.settings.frame}
         if self._interlock.stopped:
             raise self._stop_here(waypoints.label)
         self._connection.publish(self._topic("follow"), {"header": header, "joint_names": [TIP], "points": points})
-
-    def _time(self, seconds: int, nanoseconds: int) -> dict[str, int]:
-        return {self._dialect.seconds: seconds, self._dialect.nanoseconds: nanoseconds}
 
     def _await_end(self, label: str, until: float) -> None:
         """Returns when the arm reports that the motion is done."""
@@ -357,16 +311,15 @@ class RosRobot:
                         "motion, and is told to stop; look at its node."
                     )
                 continue
-            code, text = status
-            meaning, why = self._dialect.statuses.get(code), f" ({text})" if text else ""
+            meaning = _STATUSES.get(status)
             if meaning == _DONE:
                 return
             if meaning == _STOPPED:
-                raise RobotStopped(f"{label}: {self._interlock.name} was stopped there{why}; look at it.")
-            if meaning in (_GAVE_UP, _REFUSED):
-                raise MotionFailed(f"{label}: {self._interlock.name} {meaning}{why}; look at it.", text or code)
+                raise RobotStopped(f"{label}: {self._interlock.name} was stopped there; look at it.")
+            if meaning == _GAVE_UP:
+                raise MotionFailed(f"{label}: {self._interlock.name} {meaning}; look at it.", status)
             if meaning is None:
-                raise RobotError(f"{label}: {self._interlock.name} has the status {code}, which means nothing here.")
+                raise RobotError(f"{label}: {self._interlock.name} has the status {status}, which means nothing here.")
             if float(np.linalg.norm(here - before)) > _MOVED:  # an arm that moves is alive, however slow it is
                 before, until, self._alive = here, max(until, time.monotonic() + PATIENCE), steady()
             if time.monotonic() > until:
@@ -419,9 +372,9 @@ class RosRobot:
 
     def _hear_status(self, message: Message) -> None:
         try:
-            stamp = message[self._dialect.goal]["stamp"]
-            goal = tuple(int(stamp[name]) for name in self._time(0, 0))
-            status = (int(message["status"]), str(message.get("text", ""))[:200])
+            stamp = message["goal_info"]["stamp"]
+            goal = (int(stamp["sec"]), int(stamp["nanosec"]))
+            status = int(message["status"])
         except (KeyError, TypeError, ValueError, AttributeError):
             self._misunderstood(message)
             return
@@ -429,7 +382,7 @@ class RosRobot:
             if goal == self._goal:
                 self._status = status
             elif goal not in self._ours:
-                active = self._dialect.statuses.get(status[0]) == _ACTIVE
+                active = _STATUSES.get(status) == _ACTIVE
                 self._other = goal if active else None if goal == self._other else self._other
             self._news.notify_all()
 
@@ -451,11 +404,6 @@ class RosRobot:
                 continue
 
 
-def behind(name: MachineName, workspace: Workspace, connection: Callable[[], RosConnection], ros: int) -> RosRobot:
-    """Returns the robot of that name, over connections of one kind. Raises ConfigError if the name is invalid.
-
-    ros: version of ROS if the name gives none
-    """
-    told = {part: name.options[part] for part in ("namespace", "frame") if part in name.options}
-    home, version = require_home(name, workspace), name.choose("ros", int, ros)
-    return RosRobot(RosSettings(home, workspace.travel_speed, ros=version, **told), connection(), connection())
+def _time(nanoseconds: int) -> dict[str, int]:
+    """Returns a time as a message of ROS 2."""
+    return {"sec": nanoseconds // 10**9, "nanosec": nanoseconds % 10**9}
