@@ -4,25 +4,19 @@ Formats are recognised by content, not by name. The reader guesses nothing: it r
 needs a printer's profile), a transparent colour, or a colour that is written in two ways; the message gives its
 number.
 
-Sources: "Adobe Photoshop File Formats" (.aco, 2019); the comments of Scribus' and GIMP's importers (.ase);
-GIMP's "GPL palette format" (app/core/gimppalette-load.c); Krita's KoColorSet (.kpl); Microsoft's "Multimedia
-Programming Interface 1.0" (RIFF PAL).
+Sources: the comments of Scribus' and GIMP's importers (.ase); GIMP's "GPL palette format"
+(app/core/gimppalette-load.c).
 """
 
-import colorsys
 import csv
-import io
 import itertools
 import json
 import math
 import re
 import struct
-import zipfile
-import zlib
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 from frida_painter import storage
 from frida_painter.errors import ConfigError
@@ -32,8 +26,8 @@ Color = tuple[float, float, float]
 
 FORMS = (
     'a palette is a JSON file like {"paints": ["#f2e9dc", "#3b2f2a"]}, a list of such colours (one a line, or CSV), a '
-    "palette of GIMP (.gpl), Adobe (.ase, .aco), Krita (.kpl), Procreate (.swatches), Paint.NET (.txt) or Windows "
-    "(.pal), or a picture of its colours, in the order of the wells"
+    "palette of GIMP (.gpl), Adobe (.ase), Paint.NET (.txt) or JASC (.pal), or a picture of its colours, in the order "
+    "of the wells"
 )
 _WHAT = "a palette"
 _MAX_BYTES = 2**20
@@ -50,7 +44,7 @@ class _Fault(ValueError):
 
 
 def is_palette_file(path: Path) -> bool:
-    """Returns True for a palette file (text, .json or a binary palette), False for a picture.
+    """Returns True for a palette file (text, .json or .ase), False for a picture.
 
     Raises ConfigError if the file cannot be read.
     """
@@ -58,8 +52,7 @@ def is_palette_file(path: Path) -> bool:
         return True
     with storage.open_checked(path, _WHAT, storage.MAX_BYTES, ConfigError) as file:
         start = file.read(4096)
-    binary = start[:4] in (b"ASEF", b"PK\3\4") or (start[:4] == b"RIFF" and start[8:12] == b"PAL ")
-    return binary or not start or _is_aco(start, path.stat().st_size) or _text(start, cut=True) is not None
+    return not start or start[:4] == b"ASEF" or _text(start, cut=True) is not None
 
 
 def read_colors(path: Path) -> list[Color]:
@@ -69,29 +62,13 @@ def read_colors(path: Path) -> list[Color]:
         return list(_colors(content, is_json=path.suffix.lower() == ".json"))
     except _Fault as fault:
         raise ConfigError(f"{storage.abridge(path)} {fault}; {FORMS}.") from fault
-    except (
-        struct.error,
-        IndexError,
-        zipfile.BadZipFile,
-        NotImplementedError,
-        RuntimeError,
-        OSError,
-        EOFError,
-        ValueError,  # zipfile, for offsets before the start
-        zlib.error,
-    ) as cut:
+    except (struct.error, IndexError) as cut:
         raise ConfigError(f"{storage.abridge(path)} is damaged or cut off ({cut}); take an undamaged copy.") from cut
 
 
 def _colors(content: bytes, *, is_json: bool) -> Iterable[Color]:
     if content[:4] == b"ASEF":
         return _ase(content)
-    if content[:4] == b"RIFF" and content[8:12] == b"PAL ":
-        return _riff(content)
-    if content[:4] == b"PK\3\4":
-        return _archive(content)
-    if _is_aco(content, len(content)):
-        return _aco(content)
     text = _text(content)
     if text is None:
         raise _Fault("is of an unknown kind")
@@ -340,52 +317,6 @@ def _parse_line(line: str) -> tuple[str, ...] | list[float]:
     return tuple(bare) if bare else numbers
 
 
-def _riff(content: bytes) -> list[Color]:
-    if content[12:16] != b"data":
-        raise _Fault("is a RIFF palette of a kind that is not read")
-    (count,) = struct.unpack_from("<H", content, 22)
-    return [_bytes(*struct.unpack_from("<3B", content, 24 + 4 * number)) for number in range(count)]
-
-
-def _bytes(red: int, green: int, blue: int) -> Color:
-    return red / 255, green / 255, blue / 255
-
-
-def _is_aco(start: bytes, size: int) -> bool:
-    """Returns True if the file is an Adobe colour swatch file; these files have no signature."""
-    if len(start) < 4 or start[0] != 0 or start[1] not in (1, 2):
-        return False
-    least = 4 + 10 * int.from_bytes(start[2:4], "big")
-    return size == least or (size > least and (start[1] == 2 or start[least : least + 2] in (b"\0\2", b"")))
-
-
-def _aco(content: bytes) -> Iterator[Color]:
-    """Yields the colours of the first section; the second section repeats them with names."""
-    version, count = struct.unpack_from(">HH", content)
-    at = 4
-    for number in range(1, count + 1):
-        model, *parts = struct.unpack_from(">H4H", content, at)
-        at += 10
-        if version == 2:
-            (letters,) = struct.unpack_from(">I", content, at)
-            at += 4 + 2 * letters
-        first, second, third, _ = parts
-        signed = [value - 65536 if value >= 32768 else value for value in parts]
-        match model:
-            case 0:
-                yield first / 65535, second / 65535, third / 65535
-            case 1:
-                yield colorsys.hsv_to_rgb(first / 65535, second / 65535, third / 65535)
-            case 7:
-                yield _from_lab(first / 100, signed[1] / 100, signed[2] / 100)
-            case 8:
-                yield (min(first / 10000, 1.0),) * 3
-            case 2 | 9:
-                raise _cmyk(number)
-            case _:
-                raise _Fault(f"is not a palette: paint {number} is of a colour book (model {model}); save it as RGB")
-
-
 def _ase(content: bytes) -> Iterator[Color]:
     (blocks,) = struct.unpack_from(">I", content, 8)
     at, number = 12, 0
@@ -410,19 +341,16 @@ def _of_model(block: bytes, number: int) -> Color:
         case b"GRAY":
             color = 3 * struct.unpack_from(">f", block, 4)
         case b"CMYK":
-            raise _cmyk(number)
+            raise _Fault(
+                f"has paint {number} in CMYK, which is no colour without its printer's profile; save the swatches as "
+                "RGB or Lab"
+            )
         case model:
             raise _Fault(f"is not a palette: paint {number} is of the colour model {model!r}, which is not read")
     if not all(-1e-6 <= band <= 1 + 1e-6 for band in color):
         raise _Fault(f"is not a palette: paint {number} has a part outside 0 to 1")
     red, green, blue = (min(max(band, 0.0), 1.0) for band in color)
     return red, green, blue
-
-
-def _cmyk(number: int) -> _Fault:
-    return _Fault(
-        f"has paint {number} in CMYK, which is no colour without its printer's profile; save the swatches as RGB or Lab"
-    )
 
 
 def _from_lab(lightness: float, a: float, b: float) -> Color:
@@ -441,64 +369,3 @@ def _from_lab(lightness: float, a: float, b: float) -> Color:
         min(max(12.92 * part if part <= 0.0031308 else 1.055 * part ** (1 / 2.4) - 0.055, 0.0), 1.0) for part in linear
     )
     return red, green, blue
-
-
-def _archive(content: bytes) -> list[Color]:
-    """Returns the palette in a ZIP file of Krita or Procreate."""
-    with zipfile.ZipFile(io.BytesIO(content)) as archive:
-        names = {name.rpartition("/")[2].lower(): name for name in archive.namelist()}
-        for wanted, read in (("colorset.xml", _krita), ("swatches.json", _procreate)):
-            if wanted in names:
-                with archive.open(names[wanted]) as file:
-                    inner = file.read(_MAX_BYTES + 1)
-                if len(inner) > _MAX_BYTES:
-                    raise _Fault("holds a palette of more than a megabyte")
-                return read(inner)
-    raise _Fault("is a ZIP file without a palette in it")
-
-
-def _krita(content: bytes) -> list[Color]:
-    if b"<!" in content.replace(b"<!--", b""):
-        raise _Fault("is not a palette: its XML declares entities")
-    try:
-        entries = list(ElementTree.fromstring(content).iter("ColorSetEntry"))
-        return [_krita_color(entry, number) for number, entry in enumerate(entries, 1)]
-    except (ElementTree.ParseError, KeyError, ValueError) as error:
-        if isinstance(error, _Fault):
-            raise
-        raise _Fault(f"is damaged ({error})") from error
-
-
-def _krita_color(entry: ElementTree.Element, number: int) -> Color:
-    model = next((part for part in entry if part.tag != "Position"), None)
-    if model is None:
-        raise _Fault(f"is not a palette: paint {number} has no colour")
-    space = model.get("space", "sRGB")
-    match model.tag:
-        case "RGB" | "sRGB" if "srgb" in space.lower() and "linear" not in space.lower() and "g10" not in space.lower():
-            color = tuple(float(model.attrib[band]) for band in ("r", "g", "b"))
-        case "Lab":
-            color = _from_lab(*(float(model.attrib[part]) for part in ("L", "a", "b")))
-        case "Gray":
-            color = (float(model.attrib["g"]),) * 3
-        case "CMYK":
-            raise _cmyk(number)
-        case tag:
-            raise _Fault(f"is not a palette: paint {number} is in {tag} of {space[:40]}; save the palette in sRGB")
-    if not all(0 <= band <= 1 for band in color):
-        raise _Fault(f"is not a palette: paint {number} has a part outside 0 to 1")
-    red, green, blue = color
-    return red, green, blue
-
-
-def _procreate(content: bytes) -> list[Color]:
-    try:
-        record = json.loads(content)
-        sets = record if isinstance(record, list) else [record]
-        entries = [one for group in sets for one in group["swatches"] if one is not None]
-        parts = [[float(one[name]) for name in ("hue", "saturation", "brightness")] for one in entries]
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
-        raise _Fault(f"is damaged ({error!r})") from error
-    if not all(0 <= part <= 1 for three in parts for part in three):
-        raise _Fault("is not a palette: a hue, saturation or brightness is not from 0 to 1")
-    return [colorsys.hsv_to_rgb(*three) for three in parts]

@@ -146,8 +146,8 @@ PaletteOption = Annotated[
     typer.Option(
         "--palette",
         metavar="FILE",
-        help="The paints that you really mixed: a palette of GIMP (.gpl), Adobe (.ase, .aco), Krita, Procreate or "
-        'Paint.NET, colours like #f2e9dc one a line, CSV, JSON like {"paints": ["#f2e9dc", ...]}, a picture of them, '
+        help="The paints that you really mixed: a palette of GIMP (.gpl), Adobe (.ase) or Paint.NET, "
+        'colours like #f2e9dc one a line, CSV, JSON like {"paints": ["#f2e9dc", ...]}, a picture of them, '
         "or a photograph of a strip with bare paper and one swatch of each paint.",
     ),
 ]
