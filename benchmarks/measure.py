@@ -31,7 +31,7 @@ from frida_painter.objectives.objective import Goal
 from frida_painter.planning.problem import PlanningProblem
 
 CANVAS_HEIGHT = 0.2794
-LIBRARIES = ("torch", "numpy", "numba", "scikit-learn", "opencv-python-headless")
+LIBRARIES = ("torch", "numpy", "numba", "opencv-python-headless")
 
 
 @dataclass(frozen=True)

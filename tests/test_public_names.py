@@ -120,6 +120,6 @@ def test_the_package_alone_loads_nothing() -> None:
 def test_the_planner_loads_no_network_and_no_rare_format() -> None:
     loaded = modules_after("from frida_painter import Planner")
     assert "torch" in loaded and "frida_painter.planning.planner" in loaded
-    assert not loaded & {"h5py", "resvg_py", "transformers", "sklearn", "scipy", "cv2", "numba", "typer", "fastapi"}
+    assert not loaded & {"h5py", "resvg_py", "transformers", "scipy", "cv2", "numba", "typer", "fastapi"}
     encoders = {name for name in loaded if name.startswith("frida_painter.objectives.encoders.")}
     assert encoders == {"frida_painter.objectives.encoders.base", "frida_painter.objectives.encoders.loading"}

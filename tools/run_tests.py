@@ -54,7 +54,7 @@ TIMES = ROOT / ".pytest_cache" / "times"
 MAX_PROCESSOR_TIME, MAX_TIME = 0.15, 0.5  # seconds that a quick test takes, of a processor and of a clock
 QUICK = ("-m", "not slow", "--hypothesis-profile", "quick")
 # Libraries that are loaded once. None of them is a plugin of pytest, which has to load those itself.
-LARGE = ("torch", "numba", "scipy.stats", "sklearn.cluster", "cv2", "pydantic")
+LARGE = ("torch", "numba", "scipy.stats", "cv2", "pydantic")
 MAX_JOBS = 6  # each may take 1.5 GB of memory
 NO_TESTS = 5  # exit status of pytest
 # What PyTorch, its two libraries of kernels, numba, NumPy's linear algebra, OpenCV and libvips read as they are loaded.

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from frida_painter import storage
@@ -16,6 +17,7 @@ from frida_painter.errors import ConfigError
 from frida_painter.palette_file import read_colors
 
 MAX_COLORS = 64
+_TRIES, _MAX_ITERATIONS = 4, 300  # of k-means
 
 
 def to_lab(color: Tensor) -> Tensor:
@@ -51,16 +53,6 @@ def from_lab(lab: Tensor) -> Tensor:
     flat = np.ascontiguousarray(lab.detach().cpu().numpy().reshape(1, -1, 3), dtype=np.float32)
     rgb = np.clip(cv2.cvtColor(flat, cv2.COLOR_Lab2RGB), 0, 1)
     return torch.from_numpy(rgb).reshape(lab.shape).to(lab)
-
-
-def load_clustering() -> Any:
-    """Returns scikit-learn's KMeans class.
-
-    The import takes a second, so a caller can do it while something else runs.
-    """
-    from sklearn.cluster import KMeans  # loaded here because few callers need it
-
-    return KMeans
 
 
 def to_hex(color: Tensor) -> str:
@@ -149,14 +141,14 @@ class Palette:
         The clusters are found in Lab, then refined in sRGB, because pictures are compared in sRGB. If there are
         fewer than `count` different colours, the lightest is repeated.
         """
-        kmeans = load_clustering()
         points, lab = (tensor.detach().cpu().double().numpy() for tensor in (color, to_lab(color)))
         weights = weight.detach().cpu().double().numpy() + 1e-9
         clusters = min(count, len(np.unique(lab, axis=0)))
-        seen = kmeans(n_clusters=clusters, n_init=4, random_state=seed).fit(lab, sample_weight=weights)
-        start = from_lab(torch.from_numpy(seen.cluster_centers_)).double().numpy()
-        settled = kmeans(n_clusters=clusters, init=start, n_init=1).fit(points, sample_weight=weights)
-        found = cls.sort_light_to_dark(torch.from_numpy(settled.cluster_centers_).to(color).clamp(0, 1))
+        chance = np.random.default_rng(seed)
+        tried = [_settle(lab, weights, _spread(lab, weights, clusters, chance)) for _ in range(_TRIES)]
+        start = from_lab(torch.from_numpy(min(tried, key=lambda one: one[1])[0])).double().numpy()
+        settled, _ = _settle(points, weights, start)
+        found = cls.sort_light_to_dark(torch.from_numpy(settled).to(color).clamp(0, 1))
         missing = count - len(found)
         return cls(torch.cat([found.color[:1].expand(missing, 3), found.color])) if missing else found
 
@@ -179,6 +171,47 @@ class Palette:
     def nearest(self, color: Tensor) -> Tensor:
         """Returns the index [n] of the paint nearest to each sRGB colour [n, 3], by distance in Lab."""
         return torch.cdist(to_lab(color), self.lab()).argmin(1)
+
+
+# Weighted k-means, of points [n, d] with weights [n]
+
+
+def _spread(points: NDArray[Any], weights: NDArray[Any], count: int, chance: np.random.Generator) -> NDArray[Any]:
+    """Returns `count` of the points, far from each other (k-means++: Arthur and Vassilvitskii 2007).
+
+    Each is the best of some points that are drawn by weight and squared distance from those that are chosen.
+    """
+    chosen = [int(chance.choice(len(points), p=weights / weights.sum()))]
+    away = _square_distances(points, points[chosen])[:, 0]
+    while len(chosen) < count:
+        share = away * weights
+        drawn = chance.choice(len(points), size=2 + int(np.log(count)), p=share / share.sum())
+        left = np.minimum(_square_distances(points, points[drawn]), away[:, None])
+        best = int((left * weights[:, None]).sum(0).argmin())
+        chosen.append(int(drawn[best]))
+        away = left[:, best]
+    return points[chosen]
+
+
+def _settle(points: NDArray[Any], weights: NDArray[Any], centers: NDArray[Any]) -> tuple[NDArray[Any], float]:
+    """Returns the centers [k, d] after Lloyd's iterations, and the weighted sum of squared distances from them."""
+    before = np.empty(0)
+    for _ in range(_MAX_ITERATIONS):
+        distances = _square_distances(points, centers)
+        nearest = distances.argmin(1)
+        if np.array_equal(nearest, before):
+            break
+        before = nearest
+        mass = np.bincount(nearest, weights, len(centers))
+        sums = np.stack([np.bincount(nearest, weights * part, len(centers)) for part in points.T], 1)
+        centers = np.where(mass[:, None] > 0, sums / np.maximum(mass, 1e-300)[:, None], centers)
+    return centers, float((distances.min(1) * weights).sum())
+
+
+def _square_distances(points: NDArray[Any], others: NDArray[Any]) -> NDArray[Any]:
+    """Returns the squared distances [n, k] of points [n, d] from others [k, d]."""
+    squares = [np.subtract.outer(here, there) ** 2 for here, there in zip(points.T, others.T, strict=True)]
+    return np.sum(squares, axis=0)
 
 
 # Visible difference of two colours: CIEDE2000. A person sees differences of about 1 and more.

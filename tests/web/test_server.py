@@ -113,7 +113,7 @@ def test_the_process_of_the_page_holds_neither_robot_nor_accelerator(tmp_path: P
     )  # fmt: skip
     loaded = set(said.stdout.split())
     assert "frida_painter.web.server" in loaded
-    heavy = {"torch", "safetensors", "numba", "cv2", "scipy", "sklearn", "h5py", "transformers", "mujoco"}
+    heavy = {"torch", "safetensors", "numba", "cv2", "scipy", "h5py", "transformers", "mujoco"}
     assert not loaded & heavy
     drivers = {name for name in loaded if name.startswith(("frida_painter.hardware.drivers", "frida_painter.virtual"))}
     assert not drivers and "frida_painter.easel.open" not in loaded

@@ -596,7 +596,7 @@ def estimate_dip(library: StrokeLibrary, width: float) -> Dip | None:
     area is fitted to these shares (isotonic regression). The dip ends where the function falls below 0.7, or at
     the end of the data.
     """
-    from sklearn.isotonic import IsotonicRegression  # slow to load
+    from scipy.optimize import isotonic_regression  # slow to load
 
     if library.since_dip is None:
         return None
@@ -609,7 +609,7 @@ def estimate_dip(library: StrokeLibrary, width: float) -> Dip | None:
     until = library.since_dip + painted_area(length, thickness, width).double().numpy()
     order = np.argsort(until[usable])
     ends, shares = until[usable][order], share[usable][order]
-    kept = IsotonicRegression(increasing=False).fit_transform(ends, shares.clip(0, 1.2))
+    kept = isotonic_regression(shares.clip(0, 1.2), increasing=False).x
     lasting = np.flatnonzero(kept >= _FADED)
     if len(lasting) == 0:
         return None

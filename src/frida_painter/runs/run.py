@@ -43,7 +43,7 @@ from frida_painter.errors import (
 from frida_painter.hardware.easel import Easel, PersonStroke
 from frida_painter.images import AnyPicture
 from frida_painter.objectives.encoders.loading import EncoderRegistry
-from frida_painter.palette import Palette, load_clustering
+from frida_painter.palette import Palette
 from frida_painter.perception.color import read_palette
 from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step
@@ -318,7 +318,6 @@ class PaintingRun:
         given = self._folder is not None and self._folder.exists()
         if fresh:
             self._folder = new_folder(self._folder, self.spec.name, _ROOM)
-        load_clustering()  # while the easel's process loads
         with _take_back_on_failure(self.folder, made=not given) if fresh else nullcontext():
             easel = self._process.open(order(self.spec, planner.brushes, self.folder, self._state))
             known = self._on_record(easel)

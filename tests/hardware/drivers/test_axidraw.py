@@ -21,6 +21,7 @@ from frida_painter.errors import (
 )
 from frida_painter.hardware.drivers.axidraw import KIND, LIFTS, MAX_SPEED, AxidrawRobot, AxidrawSettings
 from frida_painter.hardware.drivers.interlock import PATIENCE
+from frida_painter.hardware.drivers.serial_line import SerialLine
 from frida_painter.hardware.gcode import Servo
 from frida_painter.hardware.kinds import MachineName
 from frida_painter.hardware.robot import (
@@ -35,7 +36,8 @@ from machines.ebb import BRUSHLESS, STANDARD, TimedEbb
 from machines.paths import NOT_PATHS, a_stroke
 from machines.simulated_time import SimulatedTime
 
-pytest.importorskip("plotink", reason="the extra `plotter` is not installed")
+pytest.importorskip("serial", reason="the extra `plotter` is not installed")
+from serial.tools.list_ports_common import ListPortInfo
 
 HOME = (0.002, -0.001, 0.01)
 SERVO = Servo((-0.002, 10_000), (0.012, 24_000))
@@ -352,8 +354,25 @@ def test_stop_ends_within_a_tenth_of_a_second(plug: Plug) -> None:
             robot.home()
 
 
+def test_a_board_is_found_by_its_numbers_or_by_the_name_that_its_owner_gave_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    ports = [
+        ListPortInfo("/dev/ttyACM0"), ListPortInfo("/dev/ttyACM1"), ListPortInfo("/dev/ttyACM2"),
+    ]  # fmt: skip
+    for port, name in zip(ports[1:], ("East", None), strict=True):
+        port.vid, port.pid, port.serial_number = 0x04D8, 0xFD92, name
+    monkeypatch.setattr("serial.tools.list_ports.comports", lambda: ports)
+
+    def refuse(port: str, baud: int) -> None:
+        raise RobotDisconnected(f"tried {port}")
+
+    monkeypatch.setattr(SerialLine, "open", refuse)
+    for written, wanted in ((None, "/dev/ttyACM1"), ("east", "/dev/ttyACM1"), ("/dev/ttyACM2",) * 2, ("west",) * 2):
+        with pytest.raises(RobotDisconnected, match=f"tried {wanted}"):
+            AxidrawRobot(AxidrawSettings(HOME, written)).connect()
+
+
 def test_no_board_no_port_and_other_devices_are_told(plug: Plug, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("plotink.ebb_serial.findPort", lambda: None)
+    monkeypatch.setattr("serial.tools.list_ports.comports", list)
     with pytest.raises(RobotDisconnected, match="No AxiDraw was found"):
         AxidrawRobot(AxidrawSettings(HOME)).connect()
     with pytest.raises(RobotDisconnected, match="serial port '/dev/ttyNOPE' cannot be opened"):
@@ -364,7 +383,7 @@ def test_no_board_no_port_and_other_devices_are_told(plug: Plug, monkeypatch: py
         board.written = "x"
         with pytest.raises(RobotDisconnected, match="is no EiBotBoard; it said 'EBBv13"):
             robot_of(board).connect()
-    monkeypatch.setitem(sys.modules, "plotink", None)
+    monkeypatch.setitem(sys.modules, "serial.tools.list_ports", None)
     with pytest.raises(RobotError, match='extra "plotter"'):
         AxidrawRobot(AxidrawSettings(HOME)).connect()
 

@@ -1,7 +1,6 @@
 """The robot kind `axidraw`: plotters with an EiBotBoard (EBB) and a brush on a servo, such as AxiDraw and NextDraw.
 
-plotink only finds the board. The driver speaks to it itself (ebb.py), because plotink writes errors to a log and goes
-on. The motion is planned here: short straight moves in whole steps and milliseconds.
+ebb.py speaks to the board. The motion is planned here: short straight moves in whole steps and milliseconds.
 """
 
 import math
@@ -215,7 +214,8 @@ def _steps(place: NDArray[np.float64]) -> tuple[int, int]:
     return round(1000 * STEPS_PER_MM * float(place[0])), round(-1000 * STEPS_PER_MM * float(place[1]))
 
 
-_NEEDED = Needed(module="plotink", extra="plotter")
+_NEEDED = Needed(module="serial", extra="plotter")
+_BOARD = (0x04D8, 0xFD92)  # numbers of maker and product that an EiBotBoard tells the USB
 
 
 class AxidrawRobot:
@@ -415,14 +415,15 @@ class AxidrawRobot:
 
     def _port(self) -> str:
         with registry.importing("plotter", "An AxiDraw", RobotError):
-            from plotink import ebb_serial
-        if self.settings.port is None:
-            port = ebb_serial.findPort()
-            if port is None:
-                raise RobotDisconnected("No AxiDraw was found; plug in its USB cable, or say which port it is at.")
-        else:
-            port = ebb_serial.find_named_ebb(self.settings.port) or self.settings.port
-        return str(port)
+            from serial.tools.list_ports import comports
+        wanted = self.settings.port
+        boards = [port for port in comports() if (port.vid, port.pid) == _BOARD]
+        if wanted is not None:  # a port, or the name that its owner gave to a board
+            named = (port.device for port in boards if wanted.lower() == str(port.serial_number).lower())
+            return str(next(named, wanted))
+        if not boards:
+            raise RobotDisconnected("No AxiDraw was found; plug in its USB cable, or say which port it is at.")
+        return str(boards[0].device)
 
     def _ready(self, label: str) -> Board:
         self._interlock.require_ready(label)

@@ -37,7 +37,6 @@ PRELOADED = [
     "frida_painter.lab.sweeps.runner",
     "frida_painter.brush.table_kernels",
     "frida_painter.render.scanline",
-    "sklearn.cluster",
 ]
 """Imports of a run, including late ones. They are loaded once, and every process starts with them."""
 _MB = 2**20
