@@ -105,7 +105,8 @@ def command_line() -> str:
     parts = [
         MADE,
         "# Command line",
-        "`frida-painter COMMAND --help` prints the same. A command that fails says in one sentence what to do. "
+        "`frida-painter COMMAND --help` prints the same; for `paint` and `plan`, `--help-all` does. "
+        "A command that fails says in one sentence what to do. "
         "Exit status: 0 done, 1 the answer is no (`check`, `doctor`), 2 something has to be mended, "
         "3 the painting has paused and can be resumed, 130 stopped.",
         "\n".join(f"- [`{name}`](#{_anchor(name)}): {_sentence(command)}" for name, command in _top()),

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 from importlib import import_module
@@ -99,6 +100,26 @@ def test_help_loads_no_more_than_it_shows() -> None:
     for page, loaded in zip(pages, json.loads(done.stdout), strict=True):
         assert not set(loaded) & set(HEAVY), page
         assert 100 < len(loaded) < 500, page
+
+
+def test_the_help_of_a_painting_is_one_screen_and_help_all_tells_every_option(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    for name in ("paint", "plan"):
+        command = next(entry for entry in all_commands() if entry.name == name).load()
+        flags = [param.opts[0] for param in command.params if param.param_type_name == "option"]
+        for word in ("--help", "--help-all"):
+            monkeypatch.setattr("sys.argv", ["frida-painter", name, word])
+            with pytest.raises(SystemExit) as end:
+                commands.main()
+            said = capsys.readouterr().out
+            assert not end.value.code and max(map(len, said.splitlines())) <= 80
+            listed = re.findall(r"^  (--[a-z-]+)", said, re.MULTILINE)
+            if word == "--help":
+                assert len(said.splitlines()) <= 45 and 10 <= len(listed) <= 15 and set(listed) < set(flags)
+            else:
+                assert set(flags) - {"--help"} <= set(listed)
 
 
 def test_a_command_without_arguments_is_not_run_by_its_entry(capsys: pytest.CaptureFixture[str]) -> None:

@@ -130,8 +130,9 @@ def test_a_painting_from_the_command_line_leaves_everything_in_its_folder(
 
 
 def test_help_is_written_for_painters(run: Run) -> None:
-    for command in ((), ("paint",), ("plan",), ("render",), ("export",), ("strokes",), ("strokes", "paint")):
-        text = run(*command, "--help")
+    pages = ("", "paint", "plan", "render", "export", "strokes", "strokes paint")
+    for words in (*(f"{page} --help" for page in pages), "paint --help-all", "plan --help-all"):
+        text = run(*words.split())
         assert len(text) > 300
         words = set(text.lower().replace("-", " ").replace("[", " ").replace("]", " ").split())
         jargon = {"tensor", "tensors", "none", "callable", "int", "integer", "float", "<str>", "<text>", "null"}

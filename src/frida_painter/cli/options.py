@@ -13,6 +13,7 @@ import typer
 from pydantic.fields import FieldInfo
 
 from frida_painter import registry
+from frida_painter.cli.brief_help import HelpAll
 from frida_painter.cli.imagining import IMAGINING, imagining_options
 from frida_painter.errors import ConfigError, FridaError, Interrupted, PlanError
 from frida_painter.objectives.objective import Gives, GoalKind, goal_kinds
@@ -227,6 +228,7 @@ TAKEN = frozenset(RunSpec.model_fields) - {"goal", "clip", "pictures"} | {
     "yes",
     "candidates",
     "brush",
+    "help_all",
     *IMAGINING,
 }
 """Names of options that no kind of goal can have."""
@@ -305,6 +307,7 @@ def planning_options() -> list[Parameter]:
         _keyword("palette", PaletteOption),
         _keyword("settings", SettingsFile),
         _keyword("out", Out),
+        _keyword("help_all", HelpAll, False),
     ]
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from frida_painter import registry
+from frida_painter.cli.brief_help import BriefCommand
 from frida_painter.cli.imagining import imagine_beginning
 from frida_painter.cli.options import (
     TAKEN,
@@ -347,8 +348,8 @@ def _show(run: "PaintingRun") -> None:
 def register(app: typer.Typer) -> None:
     """Adds the commands; prints which kinds of goals of other packages cannot be used."""
     tell_left_out(TAKEN)
-    app.command("paint")(taking(painting_options(), paint))
-    app.command("plan")(taking(planning_options(), plan))
+    app.command("paint", cls=BriefCommand)(taking(painting_options(), paint))
+    app.command("plan", cls=BriefCommand)(taking(planning_options(), plan))
     app.command("render")(render)
     app.command("resume")(resume)
     app.command("look")(look)

@@ -1,0 +1,72 @@
+"""Help of a command with many options: one screen of those that people use, and all of them with --help-all."""
+
+import inspect
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+from rich.padding import Padding
+from rich.table import Table
+
+COMMON = {
+    "What to paint, beside a PHOTO": ("text", "style", "sketch", "semantic"),
+    "How": ("strokes", "minutes", "colors", "canvas", "brushes", "seed"),
+    "On which machine": ("robot", "camera", "workspace", "calibration"),
+    "Where the painting goes": ("out",),
+}
+"""Names of the options that the short help shows, by its headings."""
+
+
+class BriefCommand(typer.core.TyperCommand):
+    """Command whose --help is short."""
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Prints the common options, each with the first sentence of its help."""
+        console, options = _begin(self, ctx, whole=False)
+        for heading, names in COMMON.items():
+            table = Table.grid(padding=(0, 2), pad_edge=True)
+            for option in (options[name] for name in names if name in options):
+                first, dot, _ = option.help.partition("[dim]")[0].strip().partition(". ")
+                table.add_row(_flags(option), first + "." * bool(dot))
+            if table.row_count:
+                console.print(f"\n[bold]{heading}[/]", table, sep="\n")
+        console.print(f"\n[bold]{ctx.command_path} --help-all[/] shows all {len(options)} options, whole.")
+
+
+def _begin(command: Any, ctx: Any, *, whole: bool) -> tuple[Console, dict[str, Any]]:
+    """Prints usage and description, and returns the console and the options by name."""
+    console = Console(highlight=False)
+    usage = escape(" ".join(command.collect_usage_pieces(ctx)).replace("[[", "[").replace("]]", "]"))
+    console.print(f"Usage: {ctx.command_path} {usage}\n")
+    said = inspect.cleandoc(command.help or "").split("\n\n")
+    console.print("\n\n".join(" ".join(one.split()) for one in (said if whole else said[:1])))
+    return console, {one.name: one for one in command.get_params(ctx) if one.param_type_name == "option"}
+
+
+def _flags(option: Any) -> str:
+    """Returns how an option is written, with rich's markup."""
+    value = "" if option.is_flag else f" {escape(option.metavar or option.type.name.upper())}"
+    return f"[cyan]{', '.join((*option.opts, *option.secondary_opts))}[/]{value}"
+
+
+def _show_all(ctx: typer.Context, asked: bool) -> None:
+    """Prints every option with its whole help, and ends the program."""
+    if not asked:
+        return
+    console, options = _begin(ctx.command, ctx, whole=True)
+    panels: dict[str, list[Any]] = {}
+    for option in options.values():
+        panels.setdefault(getattr(option, "rich_help_panel", None) or "How, and on which machine", []).append(option)
+    for heading, of_panel in sorted(panels.items(), reverse=True):
+        console.print(f"\n[bold]{heading}[/]")
+        for option in of_panel:
+            said = (option.help or "").replace("[dim]", "[dim]Default: ")
+            console.print(f"  {_flags(option)}", Padding(said, (0, 0, 0, 6)), sep="\n")
+    raise typer.Exit
+
+
+HelpAll = Annotated[
+    bool,
+    typer.Option("--help-all", is_eager=True, callback=_show_all, help="Show every option, with its whole help."),
+]
