@@ -297,19 +297,10 @@ def test_strokes_take_another_order_with_their_paints() -> None:
             plan.reorder(torch.tensor(wrong))
 
 
-def test_a_plan_with_tilted_strokes_is_of_version_5_and_comes_back(tmp_path: Path) -> None:
-    plan = made_up_plan()
-    upright = plan.edit(tilt=0)
-    assert upright.digest == plan.digest
-    upright.save(tmp_path / "upright.json")
-    assert json.loads((tmp_path / "upright.json").read_text())["version"] == 3
-    leaning = plan.edit(tilt=(0.5, -0.2))
-    assert leaning.digest != plan.digest
-    leaning.save(tmp_path / "plan.json")
-    assert json.loads((tmp_path / "plan.json").read_text())["version"] == 5
-    loaded = Plan.load(tmp_path / "plan.json")
-    assert loaded.strokes.tilt is not None and torch.equal(loaded.strokes.tilt, leaning.strokes.tilt)
-    assert loaded.digest == leaning.digest and loaded.part([3, 5]).strokes.is_tilted
-    assert not loaded.edit(tilt=0).strokes.is_tilted
-    with pytest.raises(PlanError, match=r"tilt was given in the shape \(3,\); 40 strokes need \(40, 2\)"):
-        plan.edit(tilt=torch.zeros(3))
+def test_a_plan_in_which_the_brush_leans_is_refused(tmp_path: Path) -> None:
+    """Version 0.3 wrote it as version 5."""
+    path = tmp_path / "plan.json"
+    made_up_plan().save(path)
+    storage.write_json(path, {**storage.read_json(path, "a plan", PlanError), "version": 5})
+    with pytest.raises(PlanError, match=r"plan\.json is a plan in which the brush leans.*plan anew"):
+        Plan.load(path)

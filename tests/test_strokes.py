@@ -1,7 +1,5 @@
 import math
-from dataclasses import replace
 
-import numpy as np
 import pytest
 import torch
 from hypothesis import given
@@ -9,7 +7,7 @@ from hypothesis import strategies as st
 
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import PlanError
-from frida_painter.strokes import GROUPS, MAX_TILT, StrokeLimits, Strokes
+from frida_painter.strokes import GROUPS, StrokeLimits, Strokes
 from support.plans import CANVAS, LIMITS, made_up_strokes
 
 SEEDS = st.integers(0, 2**31)
@@ -125,38 +123,3 @@ def test_groups_of_wrong_shape_are_refused() -> None:
     groups = made_up_strokes(4).arrays()
     with pytest.raises(PlanError, match=r"position of shape \(4, 3\); 4 strokes need \(4, 2\)"):
         Strokes(**{**groups, "position": torch.zeros(4, 3)})
-
-
-def tilted(count: int = 6) -> Strokes:
-    strokes = made_up_strokes(count)
-    return replace(strokes, tilt=torch.linspace(-0.4, 0.4, 2 * count).reshape(count, 2))
-
-
-def test_a_tilt_stays_with_its_stroke() -> None:
-    strokes, upright = tilted(), made_up_strokes(2)
-    assert strokes.is_tilted and not upright.is_tilted and "tilted" in repr(strokes)
-    assert not replace(strokes, tilt=torch.zeros(6, 2)).is_tilted
-    for part in (strokes[[4, 1]], strokes.to(torch.float64)[[4, 1]], strokes.detach()[4:][:1]):
-        assert part.tilt is not None and torch.equal(part.tilt[0].float(), strokes.tilt[4])
-    both = Strokes.join(upright, strokes)
-    assert both.tilt is not None and torch.equal(both.tilt, torch.cat((torch.zeros(2, 2), strokes.tilt)))
-    assert Strokes.join(upright, upright).tilt is None
-    assert torch.equal(strokes.with_groups(bend=strokes.bend * 0).tilt, strokes.tilt)
-    back = Strokes.from_array(np.asarray(strokes))
-    assert torch.equal(back.tilt, strokes.tilt) and torch.equal(back.position, strokes.position)
-    assert np.asarray(strokes).shape == (6, 11)
-
-
-def test_a_tilt_is_at_most_forty_degrees() -> None:
-    far = replace(tilted(), tilt=torch.tensor([[0.6, -0.6]]).expand(6, 2).clone().requires_grad_())
-    near = far.project(LIMITS, CANVAS)
-    assert near.tilt is not None and torch.allclose(near.tilt.norm(dim=1), torch.full((6,), MAX_TILT))
-    assert torch.allclose(near.tilt[:, 0], -near.tilt[:, 1])
-    near.check(LIMITS, CANVAS)
-    (gradient,) = torch.autograd.grad(near.tilt.sum(), far.tilt)
-    assert gradient.isfinite().all()
-    for wrong in (far.tilt, torch.full((6, 2), torch.nan)):
-        with pytest.raises(PlanError, match=r"Stroke 0 has tilt .*; allowed is 0 to 0.698"):
-            replace(made_up_strokes(6).project(LIMITS, CANVAS), tilt=wrong).check(LIMITS, CANVAS)
-    with pytest.raises(PlanError, match=r"tilt of shape \(6,\); 6 strokes need \(6, 2\)"):
-        replace(tilted(), tilt=torch.zeros(6))

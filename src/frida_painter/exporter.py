@@ -42,14 +42,12 @@ class ExporterKind:
     help: one sentence
     make: returns the content of the file; raises ConfigError
     options: options that it takes, as in `ExportOptions`
-    shows_tilt: True if what reads the file paints a stroke with a tilted brush as such
     """
 
     name: str
     help: str
     make: Callable[[Plan, ExportOptions], str | bytes]
     options: tuple[str, ...] = ()
-    shows_tilt: bool = False
 
     def export(self, plan: Plan, options: ExportOptions | None = None) -> str | bytes:
         """Returns the content of the file. Raises ConfigError for options of another format, PluginError."""

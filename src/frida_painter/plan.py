@@ -20,8 +20,9 @@ from frida_painter.storage import count_of
 from frida_painter.stroke_family import StrokeFamily, Taught, describe_kind
 from frida_painter.strokes import GROUPS, StrokeLimits, Strokes
 
-VERSION = 5
-_UPRIGHT, _WITHOUT_FAMILIES = 4, 3  # versions of a plan without tilted strokes, and without stroke families too
+VERSION = 4
+_WITHOUT_FAMILIES = 3  # version of a plan without stroke families
+_TILTED = 5  # version of 0.3 for plans in which a brush leans
 WHITE = (1.0, 1.0, 1.0)
 """sRGB of an untoned canvas."""
 MAX_STROKES = 100_000
@@ -151,14 +152,12 @@ class Plan:
         bend: ArrayLike | Tensor | None = None,
         thickness: ArrayLike | Tensor | None = None,
         color: ArrayLike | Tensor | None = None,
-        tilt: ArrayLike | Tensor | None = None,
         palette: Palette | Sequence[AnyColor] | Tensor | None = None,
     ) -> "Plan":
         """Returns the plan with other numbers in its strokes, projected to the limits of brush and canvas.
 
         position [n, 2], angle, length, bend, thickness [n]: new values, or one for all strokes, as in `Strokes`
         color [n, 3]: wanted colours; each stroke gets the nearest paint of its wells
-        tilt [n, 2]: lean of the brush to the left and forward in radians, for a robot that can tilt it; 0 for upright
         palette: other paints, as many as before, for the same strokes
         Raises PlanError if an array has another shape or a number that is not finite.
 
@@ -170,7 +169,7 @@ class Plan:
         """
         given = {
             "position": position, "angle": angle, "length": length, "bend": bend, "thickness": thickness,
-            "color": color, "tilt": tilt,
+            "color": color,
         }  # fmt: skip
         groups: dict[str, Any] = {name: self._edited(name, value) for name, value in given.items() if value is not None}
         paints = self.palette if palette is None else palette if isinstance(palette, Palette) else Palette(palette)
@@ -189,8 +188,7 @@ class Plan:
 
     def _edited(self, name: str, value: ArrayLike | Tensor) -> Tensor:
         """Returns new values of an array of the strokes. Raises PlanError."""
-        found: Tensor | None = getattr(self.strokes, name)
-        before = torch.zeros_like(self.strokes.position) if found is None else found
+        before: Tensor = getattr(self.strokes, name)
         try:
             given = torch.as_tensor(value).detach().to(before)
             after = given.expand(before.shape).clone()
@@ -390,11 +388,6 @@ class Plan:
         )
 
     @property
-    def _tilts(self) -> dict[str, Tensor]:
-        """Tilts of the strokes by name; empty for a plan in which the brush is always upright."""
-        return {"tilt": self.strokes.tilt} if self.strokes.tilt is not None and self.strokes.is_tilted else {}
-
-    @property
     def _codes(self) -> dict[str, Tensor]:
         """Families and codes of the strokes by name; empty for a plan without families."""
         taught = self.strokes.taught
@@ -412,10 +405,7 @@ class Plan:
         content = hashlib.sha256(repr(facts).encode())
         for layer in self.layers if self.families else ():
             content.update(b"" if layer.limits.family is None else layer.limits.family.digest.encode())
-        for tensor in (
-            *self.strokes.arrays().values(), *self._codes.values(), *self._tilts.values(), self.palette.color,
-            self.paint,
-        ):  # fmt: skip
+        for tensor in (*self.strokes.arrays().values(), *self._codes.values(), self.palette.color, self.paint):
             content.update(tensor.detach().cpu().contiguous().numpy().tobytes())
         return content.hexdigest()
 
@@ -426,10 +416,10 @@ class Plan:
         that plan may name them. Raises StorageError.
         """
         path = Path(path)
-        tensors = {**self.strokes.arrays(), **self._codes, **self._tilts}
+        tensors = {**self.strokes.arrays(), **self._codes}
         tensors |= {"palette": self.palette.color, "paint": self.paint}
         families = self.families
-        version = VERSION if self._tilts else _UPRIGHT if families else _WITHOUT_FAMILIES
+        version = VERSION if families else _WITHOUT_FAMILIES
         for number, family in enumerate(families):
             tensors |= {f"family_{number}_mean": family.mean, f"family_{number}_modes": family.modes}
         beside = path.with_name(f"{path.stem}-{self.digest[:12]}.safetensors")
@@ -473,6 +463,8 @@ class Plan:
         record = storage.read_json(path, "a plan (plan.json)", PlanError)
         if record.get("format") != "frida-painter plan":
             raise PlanError(f"{path} is not a plan; give the plan.json of a painting.")
+        if record.get("version") == _TILTED:
+            raise PlanError(f"{path} is a plan in which the brush leans, and brushes are upright now; plan anew.")
         if record.get("version") not in range(1, VERSION + 1):
             raise PlanError(
                 f"{path} is a plan of version {record.get('version')!r}; this program reads versions up to {VERSION}; "
@@ -498,7 +490,7 @@ class Plan:
                 used = dict.fromkeys(one.limits.family for one in layers if one.limits.family and one.strokes)
                 taught = Taught(tuple(used), tensors["family"], tensors["code"])
             plan = cls(
-                strokes=Strokes(**{name: tensors[name] for name in GROUPS}, taught=taught, tilt=tensors.get("tilt")),
+                strokes=Strokes(**{name: tensors[name] for name in GROUPS}, taught=taught),
                 palette=Palette(tensors["palette"]),
                 paint=tensors["paint"],
                 canvas=CanvasSize(*record["canvas_m"]),

@@ -1,6 +1,5 @@
 """Strokes of a plan as one struct of arrays, and the limits of a brush."""
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any, Self
@@ -18,10 +17,6 @@ from frida_painter.stroke_family import CODE_REACH, StrokeFamily, Taught, descri
 GROUPS = ("position", "angle", "length", "bend", "thickness", "color")
 COLUMNS = ("x", "y", "angle", "length", "bend", "thickness", "red", "green", "blue")
 """Columns of strokes as an array: metres, radians, and colours in [0, 1]."""
-TILT_COLUMNS = ("tilt_left", "tilt_forward")
-"""Further columns of strokes with a tilt: radians."""
-MAX_TILT = math.radians(40)
-"""Largest tilt of a brush from upright, radians."""
 _SIZES = {**dict.fromkeys(GROUPS, 1), "position": 2, "color": 3}  # columns of each array
 _TOLERANCE = 1e-6
 _SAMPLES = 65  # points of a taught path that bound it
@@ -63,8 +58,6 @@ class Strokes:
     thickness [n]: pressure in [0, 1]
     color [n, 3]: sRGB in [0, 1]
     taught: families and codes of strokes that a person taught; None if there are none
-    tilt [n, 2]: lean of the handle to the left of the path, and forward along it, in radians, at most `MAX_TILT`
-        in all; None or zeros for an upright brush
 
     The path of a stroke is the cubic Bezier (0, 0), (l/3, b), (2l/3, b), (l, 0), with length l and bend b
     (paper, "Brush Stroke Model"), or the trajectory of its family. Raises PlanError if the shapes do not fit.
@@ -86,7 +79,6 @@ class Strokes:
     thickness: Tensor
     color: Tensor
     taught: Taught | None = None
-    tilt: Tensor | None = None
 
     def __post_init__(self) -> None:
         n = len(self.angle)
@@ -97,8 +89,6 @@ class Strokes:
                 raise PlanError(
                     f"Strokes were given {name} of shape {shape}; {n} strokes need {wanted.get(name, (n,))}."
                 )
-        if self.tilt is not None and tuple(self.tilt.shape) != (n, 2):
-            raise PlanError(f"Strokes were given tilt of shape {tuple(self.tilt.shape)}; {n} strokes need {(n, 2)}.")
         if self.taught is not None and len(self.taught.number) != n:
             raise PlanError(f"Strokes were given codes of {len(self.taught.number)} strokes; there are {n} strokes.")
 
@@ -110,17 +100,11 @@ class Strokes:
         """Shape of each path, as a stroke model takes it: bends [n] in metres, or the codes [n, k] of a family."""
         return self.bend if self.taught is None else self.taught.code
 
-    @property
-    def is_tilted(self) -> bool:
-        """True if a stroke is painted with a tilted brush."""
-        return self.tilt is not None and bool((self.tilt != 0).any())
-
     def __repr__(self) -> str:
         if not len(self):
             return "Strokes(0)"
         short, long = (1000 * float(edge) for edge in self.length.detach().aminmax())
         taught = "" if self.taught is None else f", of {describe_families(self.taught.families)}"
-        taught += ", tilted" if self.is_tilted else ""
         kind, place = str(self.length.dtype).removeprefix("torch."), self.length.device.type
         return f"Strokes({len(self)}, {short:.0f} to {long:.0f} mm long{taught}, {kind} on {place})"
 
@@ -137,51 +121,43 @@ class Strokes:
                 raise IndexError(f"Stroke {number} was asked for; there are {len(self)}, counted from 0.")
             index = slice(number, number + 1 or None)
         taught = None if self.taught is None else self.taught[index]
-        tilt = None if self.tilt is None else self.tilt[index]
-        return replace(self, **{name: getattr(self, name)[index] for name in GROUPS}, taught=taught, tilt=tilt)
+        return replace(self, **{name: getattr(self, name)[index] for name in GROUPS}, taught=taught)
 
     def __iter__(self) -> Iterator[Self]:
         """Yields one stroke after another, each as strokes of length 1."""
         return (self[number] for number in range(len(self)))
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
-        """Returns a row for each stroke, as `numpy.asarray` wants it: [n, 9], in the order of `COLUMNS`.
-
-        With a tilt it is [n, 11]; its columns (`TILT_COLUMNS`) follow.
-        """
+        """Returns a row for each stroke, as `numpy.asarray` wants it: [n, 9], in the order of `COLUMNS`."""
         columns = [getattr(self, name).detach().cpu().reshape(len(self), size) for name, size in _SIZES.items()]
-        if self.tilt is not None:
-            columns.append(self.tilt.detach().cpu())
         return np.asarray(torch.cat(columns, 1).numpy(), dtype)
 
     @classmethod
     def from_array(cls, array: Any) -> Self:
         """Returns the strokes of rows [n, 9] in the order of `COLUMNS`, as `numpy.asarray` gives them.
 
-        array: whatever `numpy.asarray` takes, for example a pandas table with these nine columns; [n, 11] with a tilt
+        array: whatever `numpy.asarray` takes, for example a pandas table with these nine columns
         Raises PlanError if it has another shape, or a number that is not finite.
         """
         rows = np.array(array, np.float32)
-        if rows.ndim != 2 or rows.shape[1] not in (len(COLUMNS), len(COLUMNS) + 2) or not np.isfinite(rows).all():
+        if rows.ndim != 2 or rows.shape[1] != len(COLUMNS) or not np.isfinite(rows).all():
             raise PlanError(
                 f"Strokes were given as an array of shape {rows.shape}; it is [n, {len(COLUMNS)}] finite numbers: "
-                f"{', '.join(COLUMNS)}; {', '.join(TILT_COLUMNS)} may follow."
+                f"{', '.join(COLUMNS)}."
             )
-        parts = torch.split(torch.from_numpy(rows[:, : len(COLUMNS)]), list(_SIZES.values()), 1)
+        parts = torch.split(torch.from_numpy(rows), list(_SIZES.values()), 1)
         position, angle, length, bend, thickness, color = parts
-        tilt = torch.from_numpy(rows[:, len(COLUMNS) :]) if rows.shape[1] > len(COLUMNS) else None
-        return cls(position, angle[:, 0], length[:, 0], bend[:, 0], thickness[:, 0], color, tilt=tilt)
+        return cls(position, angle[:, 0], length[:, 0], bend[:, 0], thickness[:, 0], color)
 
     def to_frame(self) -> Any:
-        """Returns the strokes as a pandas table with the columns `COLUMNS`; tilts, families and codes follow, if any.
+        """Returns the strokes as a pandas table with the columns `COLUMNS`; families and codes follow, if any.
 
         Raises ConfigError if pandas is not installed.
         """
         require("table", "pandas", "A table of strokes")
         import pandas
 
-        columns = COLUMNS if self.tilt is None else (*COLUMNS, *TILT_COLUMNS)
-        frame = pandas.DataFrame(np.asarray(self), columns=list(columns))
+        frame = pandas.DataFrame(np.asarray(self), columns=list(COLUMNS))
         if self.taught is not None:
             frame["family"] = [self.taught.families[number].name for number in self.taught.number.tolist()]
             for number, code in enumerate(self.taught.code.detach().cpu().unbind(1)):
@@ -199,10 +175,8 @@ class Strokes:
     def join(cls, *parts: Self) -> Self:
         """Returns the strokes of all parts, one part after another."""
         groups = {name: torch.cat([getattr(part, name) for part in parts]) for name in GROUPS}
-        tilts = [part.position.new_zeros(len(part), 2) if part.tilt is None else part.tilt for part in parts]
-        tilt = torch.cat(tilts) if any(part.tilt is not None for part in parts) else None
         taught = Taught.join([(len(part), part.taught) for part in parts], groups["angle"])
-        return cls(**groups, taught=taught, tilt=tilt)
+        return cls(**groups, taught=taught)
 
     def arrays(self) -> dict[str, Tensor]:
         """Returns the arrays by name (`GROUPS`)."""
@@ -215,17 +189,13 @@ class Strokes:
     def to(self, target: torch.dtype | torch.device | str) -> Self:
         """Returns the strokes in another precision or on another device."""
         taught = None if self.taught is None else self.taught.to(target)
-        tilt = None if self.tilt is None else self.tilt.to(target)
         groups = {name: tensor.to(target) for name, tensor in self.arrays().items()}
-        return replace(self, **groups, taught=taught, tilt=tilt)
+        return replace(self, **groups, taught=taught)
 
     def detach(self) -> Self:
         """Returns the strokes without their autograd graph."""
         taught = None if self.taught is None else self.taught.detach()
-        tilt = None if self.tilt is None else self.tilt.detach()
-        return replace(
-            self, **{name: tensor.detach() for name, tensor in self.arrays().items()}, taught=taught, tilt=tilt
-        )
+        return replace(self, **{name: tensor.detach() for name, tensor in self.arrays().items()}, taught=taught)
 
     def path(self, fraction: Tensor) -> Tensor:
         """Returns points on the path of each stroke.
@@ -288,7 +258,7 @@ class Strokes:
     def project(self, limits: StrokeLimits, size: AnyCanvas) -> Self:
         """Returns the nearest strokes that a machine may paint.
 
-        Clamps lengths, bends, thickness, colours and tilts to their limits. Then moves each stroke, without bending
+        Clamps lengths, bends, thickness and colours to their limits. Then moves each stroke, without bending
         it, until its whole path lies on the canvas. A second projection changes nothing.
         """
         size = CanvasSize.of(size)
@@ -302,7 +272,6 @@ class Strokes:
             taught=None
             if self.taught is None
             else replace(self.taught, code=self.taught.code.clamp(-CODE_REACH, CODE_REACH)),
-            tilt=None if self.tilt is None else _limit_tilt(self.tilt),
         )
         extent = inside.extremes()  # [n, 4, 2]
         least, most = extent.amin(1), extent.amax(1)
@@ -327,7 +296,6 @@ class Strokes:
             "x": (self.extremes()[..., 0], 0.0, size.width),
             "y": (self.extremes()[..., 1], 0.0, size.height),
             "angle": (self.angle, -1e4, 1e4),
-            **({} if self.tilt is None else {"tilt": (self.tilt.norm(dim=1), 0.0, MAX_TILT)}),
             **({} if self.taught is None else {"code": (self.taught.code, -CODE_REACH, CODE_REACH)}),
         }
         for name, (values, least, most) in ranges.items():
@@ -339,9 +307,3 @@ class Strokes:
                     f"Stroke {first} has {name} {values[first].flatten().tolist()}; "
                     f"allowed is {least:g} to {most:g} on a canvas of {size}."
                 )
-
-
-def _limit_tilt(tilt: Tensor) -> Tensor:
-    """Returns tilts [n, 2] with the same direction and at most `MAX_TILT`. Differentiable, also at zero."""
-    square = tilt.square().sum(1, keepdim=True)
-    return torch.where(square > MAX_TILT**2, tilt * (MAX_TILT / square.clamp(min=MAX_TILT**2).sqrt()), tilt)

@@ -223,13 +223,3 @@ def test_a_machine_that_cannot_paint_like_this_is_told(
     name = f"gcode:{cable.name},sinks=yes"
     assert run(monkeypatch, "check", plan, "--robot", name, "--workspace", workspace()) == 1
     assert "the brush would sink" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(("to", "says"), [("gcode", True), ("csv", False)])
-def test_an_export_that_loses_the_tilt_of_the_brush_says_so(monkeypatch, plan, capsys, to: str, says: bool) -> None:
-    made_up_plan(3, 2).edit(tilt=[[0.0, 0.0], [0.3, 0.0], [0.0, -0.2]]).save(plan)
-    assert run(monkeypatch, "export", plan, "--to", to) == 0
-    told = " ".join(capsys.readouterr().out.split())
-    assert ("2 strokes of this plan are for a tilted brush; what reads gcode paints upright" in told) == says
-    made_up_plan(3, 2).save(plan)
-    assert run(monkeypatch, "export", plan, "--to", to) == 0 and "tilted" not in capsys.readouterr().out

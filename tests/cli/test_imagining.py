@@ -112,7 +112,6 @@ def test_what_cannot_be_is_one_sentence_and_plans_nothing(
         (("--robot", "no-such"), "There is no robot 'no-such'"),
         (("--robot", "axidraw", "--camera", "none"), "needs a workspace file"),
         (("--robot", "axidraw", "--camera", "none", "--workspace", "no.toml"), "no.toml"),
-        (("--robot", "human", "--camera", "opencv:0", "--tilt", "20"), "--tilt 20 was given"),
         (("--replan-policy", "no-such"), "no-such"),
     ],
 )

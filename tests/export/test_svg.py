@@ -1,4 +1,3 @@
-import math
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -140,12 +139,3 @@ def test_a_paint_that_comes_back_in_another_layer_of_the_plan_gets_its_own_even_
             ("1", "1"), ("1", "2"), ("2", "1"), ("2", "2")
         ]  # fmt: skip
     assert parsed(plan).findall(f"{SVG}g")[2].attrib[LABEL].endswith("1 stroke layer 2")
-
-
-def test_tilts_are_attributes_of_tilted_strokes_alone() -> None:
-    plan = made_up_plan(2, 1)
-    assert "tilt" not in svg(plan, torch.full((2,), 0.006))
-    leaning = plan.edit(tilt=[[0.0, 0.0], [math.radians(30), math.radians(-5)]])
-    first, second = parsed(leaning).iter(f"{SVG}path")
-    assert "data-tilt-left" not in first.attrib
-    assert (second.attrib["data-tilt-left"], second.attrib["data-tilt-forward"]) == ("30.000", "-5.000")

@@ -41,10 +41,3 @@ def test_the_bezier_begins_and_ends_where_the_stroke_does() -> None:
 def test_rows_tell_their_layer() -> None:
     plan = in_layers(made_up_plan(6, 2), 4, 2)
     assert [row["layer"] for row in csv.DictReader(io.StringIO(table(plan)))] == ["1"] * 4 + ["2"] * 2
-
-
-def test_tilts_are_in_the_table_if_there_are_any() -> None:
-    plan = made_up_plan(4, 2)
-    assert tuple(next(csv.reader(io.StringIO(table(plan.edit(tilt=0)))))) == COLUMNS
-    rows = list(csv.DictReader(io.StringIO(table(plan.edit(tilt=(math.radians(30), 0))))))
-    assert [(row["tilt_left_deg"], row["tilt_forward_deg"]) for row in rows] == [("30.000", "0.000")] * 4

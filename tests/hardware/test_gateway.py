@@ -9,7 +9,6 @@ import pytest
 import frida_painter
 from frida_painter.easel.guard import GuardedRobot
 from frida_painter.errors import PoseMismatch, RobotDisconnected, WorkspaceViolation
-from frida_painter.hardware.drivers.franka_kinematics import FrankaReach
 from frida_painter.hardware.gateway import RobotGateway
 from frida_painter.hardware.latch import Latch
 from frida_painter.hardware.robot import ArmLength, MotionReport, Waypoints
@@ -155,36 +154,3 @@ def test_nothing_above_the_hardware_moves_a_robot_but_through_the_gateway() -> N
 def test_the_reader_of_sources_can_fail(source: str) -> None:
     assert moves(source)
     assert not moves(source.replace("robot", "page"))
-
-
-@pytest.mark.parametrize(
-    ("lean", "most", "says"),
-    [
-        ([[0.3, 0.0]], 0.0, "tilted by 17 degrees, and this robot can tilt it not at all"),
-        ([[0.6, 0.6]], 0.7, "tilted by 49 degrees, and this robot can tilt it at most 40 degrees"),
-        ([[math.nan, 0.0]], 0.7, "the brush is to be tilted by nan degrees"),
-        ([[0.1, 0.0, 0.0]], 0.7, "tilts of shape"),
-    ],
-)
-def test_a_brush_is_tilted_only_as_far_as_the_robot_can(
-    lean: list[list[float]], most: float, says: str, tmp_path: Path
-) -> None:
-    leaning = replace(motion("leaning", 0.1), lean=np.array(lean))
-    gateway = RobotGateway(replace(stub_easel(robot := NotingRobot()), max_tilt=most))
-    with pytest.raises(WorkspaceViolation, match=f"leaning: .*{says}.*Nothing was sent"):
-        gateway.perform([motion("good", 0.1), leaning])
-    guarded = GuardedRobot(robot, WORKSPACE, Latch(tmp_path / "stopped.json", "the arm"))
-    with pytest.raises(WorkspaceViolation, match="leaning"):
-        guarded.follow(leaning)  # a driver that cannot tilt never gets such a motion
-    assert robot.motions == []
-    aside = replace(stub_easel(NotingRobot()), max_tilt=0.7, handle_length=10.0)
-    with pytest.raises(WorkspaceViolation, match=r"leaning: .*leaning by 29 degrees, its handle of 10000 mm is at x"):
-        RobotGateway(aside).perform([replace(leaning, lean=np.array([[0.5, 0.0]]))])
-    far = replace(leaning, position=np.array([[0.7, 0.0, 0.1]]), lean=np.array([[0.6, 0.0]]))
-    wide = replace(stub_easel().workspace, lower=(-2.0, -2.0, -2.0), upper=(2.0, 2.0, 2.0))
-    arm = replace(stub_easel(), reach=FrankaReach(0.1), max_tilt=0.7, workspace=wide)
-    with pytest.raises(WorkspaceViolation, match=r"leaning: .* not reach .* leaning by 34 degrees, only upright.*less"):
-        RobotGateway(arm).check([far])
-    RobotGateway(arm).check([replace(far, lean=-far.lean), replace(far, lean=None)])
-    upright = replace(leaning, lean=np.zeros((1, 2)))
-    gateway.check([upright])

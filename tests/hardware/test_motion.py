@@ -10,7 +10,6 @@ from frida_painter.hardware import gateway
 from frida_painter.hardware.motion import Motion
 from frida_painter.strokes import Strokes
 from support.easel import CALIBRATION, WORKSPACE
-from support.plans import made_up_strokes
 
 MOTION = Motion(WORKSPACE, CALIBRATION)
 HOVER = CALIBRATION.touch_height + WORKSPACE.hover
@@ -125,19 +124,3 @@ def test_all_travel_is_above_the_highest_thing_whatever_lies_lower():
     assert uneven.travel_height == pytest.approx(0.15 + WORKSPACE.hover)
     for motion in (uneven.dip(0), uneven.rinse(), uneven.wipe(), uneven.stroke(stroke(), 0)):
         assert motion.position[[0, -1], 2] == pytest.approx(uneven.travel_height)
-
-
-def test_a_tilted_brush_leans_along_its_path_and_is_upright_again_above_it() -> None:
-    strokes = made_up_strokes(2)
-    motion = MOTION
-    assert all(way.lean is None for way in motion.swift_stroke(strokes, 0, "stroke 1"))
-    leaning = replace(strokes, tilt=torch.tensor([[0.5, 0.0], [0.0, 0.2]]))
-    above, stroke, up = motion.swift_stroke(leaning, 0, "stroke 1")
-    assert up.lean is None and above.lean is not None and stroke.lean is not None
-    assert np.allclose(above.lean[0], stroke.lean[0]) and len(stroke.lean) == len(stroke.position)
-    ahead = np.diff(stroke.position[1:-1, :2], axis=0)
-    ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
-    left = np.stack((-ahead[:, 1], ahead[:, 0]), -1)
-    assert np.allclose(stroke.lean[1:-2], 0.5 * left, atol=0.02)
-    _, forward, _ = motion.swift_stroke(leaning, 1, "stroke 2")
-    assert forward.lean is not None and np.allclose(np.linalg.norm(forward.lean, axis=1), 0.2)

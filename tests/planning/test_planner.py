@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from frida_painter.errors import ConfigError, PlanningDiverged
+from frida_painter.errors import PlanningDiverged
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
@@ -274,20 +274,3 @@ def test_failures_of_another_kind_are_told(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setattr("frida_painter.planning.layers.optimize_together", broken)
     with pytest.raises(RuntimeError, match="shapes"):
         planner().replan(planned(8), BARE * 0.7, lambda step: None)
-
-
-@pytest.mark.slow
-def test_a_plan_for_a_tilted_brush_leans_within_its_limit() -> None:
-    by = Planner(goal(), plain(CANVAS, small_table(), rows=64, effort=Effort().scale(0.05), tilt=30.0))
-    plan = by.plan(BARE, 12, 3, lambda step: None)
-    plan.strokes.check(plan.layers[0].limits, CANVAS)
-    leans = plan.strokes.tilt
-    assert leans is not None and float(leans.norm(dim=1).max()) <= math.radians(30.0) + 1e-6
-    assert bool((leans[:, 0].abs() > math.radians(10.0)).any()) and bool((leans[:, 1] == 0).all())
-    assert planned(6, 2, effort=Effort().scale(0.02)).strokes.tilt is None
-
-
-@pytest.mark.parametrize("wrong", [-1.0, 41.0, math.nan])
-def test_a_tilt_that_no_brush_can_have_is_refused(wrong: float) -> None:
-    with pytest.raises(ConfigError, match=r"A tilt of \S+ degrees was given; it is from 0, upright, to 40"):
-        Planner(goal(), plain(CANVAS, small_table(), tilt=wrong))

@@ -1,21 +1,17 @@
 from dataclasses import replace
 
-import pytest
 import torch
 
 from frida_painter.palette import to_lab
-from frida_painter.planning import refine
 from frida_painter.planning.refine import (
     anneal_to_palette,
     discretize,
-    lean_over,
     loss_without,
     relocate,
     visible_area,
 )
 from frida_painter.planning.variables import Paints
-from frida_painter.render import composite
-from frida_painter.strokes import MAX_TILT, Strokes
+from frida_painter.strokes import Strokes
 from support.planning import CANVAS, problem, some_strokes, target
 
 PROBLEM = problem(64)
@@ -132,23 +128,3 @@ def test_drawing_together_goes_so_much_of_the_way_to_the_paints() -> None:
     torch.testing.assert_close(torch.cdist(halfway.color, paints.color).amin(1), nearest / 2, atol=1e-5, rtol=0)
     assert torch.equal(halfway.position, strokes.position)  # nothing else changes, not even the order
     assert squared_error(bound) != squared_error(halfway) != squared_error(strokes)
-
-
-def test_strokes_lean_to_the_side_on_which_the_picture_is_soft(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The wanted marks are those of tilted brushes, moved back to where the upright marks are."""
-    leaning, upright = replace(PROBLEM, max_tilt=MAX_TILT), some_strokes(6, seed=3)
-    tilt = torch.tensor([[MAX_TILT, 0.0], [0.0, 0.0]]).repeat(3, 1) * torch.tensor([1.0, 1, -1, 1, 1, 1])[:, None]
-    with torch.no_grad():
-        soft, still = (PROBLEM.marks(replace(upright, tilt=each)) for each in (tilt, None))
-        wanted = composite(soft.magnitude, still.affine, upright.color, PROBLEM.canvas)
-    assert lean_over(upright, PROBLEM, wanted, chance()) is upright
-    found = lean_over(upright, leaning, wanted, chance())
-    assert found.tilt is not None
-    right = found.tilt.sign() == tilt.sign()
-    assert bool(right[tilt[:, 0] == 0].all()) and int(right[tilt[:, 0] != 0].all(1).sum()) >= 2
-    assert bool((found.tilt.norm(dim=1) <= MAX_TILT + 1e-6).all())
-    with torch.no_grad():
-        before, after = ((PROBLEM.render(each) - wanted).square().sum() for each in (upright, found))
-    assert after < 0.5 * before
-    monkeypatch.setattr(refine, "_UNSURE", 10.0)  # as if tilted marks were hardly known
-    assert not lean_over(upright, leaning, wanted, chance()).is_tilted

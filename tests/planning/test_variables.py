@@ -1,5 +1,4 @@
 import math
-from dataclasses import replace
 
 import pytest
 import torch
@@ -183,29 +182,3 @@ def test_a_shape_that_is_not_finite_stays_so() -> None:
             variables.shape[1, 3] = math.nan
         variables.bring_inside(LIMITS, SIZE, lambda color: color)
         assert variables.shape.isfinite().all(1).tolist() == [True, False, True]
-
-
-def test_a_stroke_keeps_its_tilt_while_it_is_planned() -> None:
-    strokes = some_strokes(5, 3, F64)
-    tilt = torch.linspace(-0.3, 0.3, 10, dtype=F64).reshape(5, 2)
-    variables = Variables(replace(strokes, tilt=tilt), None, vary_colors=True, light_to_dark=True)
-    order = variables.order()
-    ordered = variables.strokes(order)
-    assert ordered.tilt is not None and torch.equal(ordered.tilt, tilt[order])
-    assert torch.equal(variables.strokes().tilt, tilt)
-
-
-def test_a_tilt_is_a_leaf_only_if_it_may_change_and_stays_within_what_the_arm_can() -> None:
-    kept = Variables(some_strokes(3), None, vary_colors=True, light_to_dark=True)
-    assert len(kept.leaves) == 2 and kept.strokes().tilt is None
-    given = replace(some_strokes(3), tilt=torch.tensor([[0.1, 0.0], [-0.2, 0.3], [0.0, 0.0]]))
-    free = Variables(given, None, vary_colors=True, light_to_dark=True, max_tilt=0.5)
-    back = free.strokes(torch.tensor([2, 0, 1])).detach().tilt
-    assert back is not None and given.tilt is not None and torch.allclose(back, given.tilt[[2, 0, 1]])
-    assert free.lean is not None and len(free.leaves) == 3
-    with torch.no_grad():
-        free.lean.copy_(torch.tensor([100.0, -100.0, 1.0]))
-    free.bring_inside(LIMITS, SIZE, lambda color: color)
-    back = free.strokes().detach().tilt
-    assert back is not None and torch.allclose(back[:, 1], given.tilt[:, 1])
-    assert torch.allclose(back.norm(dim=1)[:2], torch.tensor(0.5)) and float(back[2, 0]) == 0

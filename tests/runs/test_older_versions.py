@@ -52,6 +52,17 @@ def test_every_setting_is_kept(stopped: Path) -> None:
         assert kept[name] == value or name == "pace", name  # a painting is resumed at another pace
 
 
+def test_settings_of_an_upright_brush_are_read_and_those_of_a_leaning_one_refused(stopped: Path) -> None:
+    """Version 0.3 wrote `tilt`, in degrees."""
+    file, before = stopped / "settings.json", RunSpec.read(stopped / "settings.json")
+    told = json.loads(file.read_text())
+    file.write_text(json.dumps(told | {"tilt": 0.0}))
+    assert RunSpec.read(file) == before
+    file.write_text(json.dumps(told | {"tilt": 30.0}))
+    with pytest.raises(ConfigError, match=r"tilt = 30\.0"):
+        RunSpec.read(file)
+
+
 @pytest.mark.slow
 def test_a_stopped_painting_is_resumed_to_its_last_stroke(stopped: Path) -> None:
     with PaintingRun.reopen(stopped) as run:

@@ -1,18 +1,13 @@
 import itertools
-import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from frida_painter.errors import ConfigError
-from frida_painter.runs.painting_easel import require_tilt
 from frida_painter.runs.settle import darkest_paint, replan_policy, wanted_ground
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.replan_policy import EvenlySpaced, EveryNth, looks_on_the_way
 from frida_painter.virtual.paint import BANDS, absorption_and_scattering, film_over, to_srgb
-from support.easel import stub_easel
 
 
 @pytest.mark.parametrize(
@@ -76,12 +71,3 @@ def test_the_studio_knows_its_darkest_paint_and_others_are_told() -> None:
 def film(paint: NDArray[np.float64]) -> NDArray[np.float64]:
     """What a film of paint, a millimetre thick, reflects over white, three bands."""
     return np.array([film_over(paint[band], paint[BANDS + band], 1.0, 1.0) for band in range(BANDS)])
-
-
-def test_a_tilt_that_the_robot_cannot_paint_is_refused_before_anything_is_planned() -> None:
-    spec = RunSpec.of(goal=[{"image": "photo.jpg"}], tilt=30.0)
-    for most, says in ((0.0, "holds its brush upright"), (20.0, "tilts its brush by at most 20 degrees")):
-        with pytest.raises(ConfigError, match=f"--tilt 30 was given, and --robot virtual {says}"):
-            require_tilt(spec, replace(stub_easel(), max_tilt=math.radians(most)))
-    require_tilt(spec, replace(stub_easel(), max_tilt=math.radians(30.0)))
-    require_tilt(spec.with_values(tilt=0.0), stub_easel())

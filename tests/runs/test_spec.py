@@ -80,8 +80,6 @@ def test_few_strokes_bring_their_own_colors_and_replans() -> None:
         ({"focus": "cats"}, "--focus was given 'cats'; it is one of faces, subject, none"),
         ({"sharpness": float("nan")}, "--sharpness was given nan; it is a number from 0 to 2"),
         ({"sharpness": -0.1}, "--sharpness was given -0.1; it is a number from 0 to 2"),
-        ({"tilt": float("nan")}, "--tilt was given nan; it is a number from 0 to 40"),
-        ({"tilt": 41.0}, "--tilt was given 41.0; it is a number from 0 to 40"),
         ({"paints": ""}, "--paints was given ''"),
         ({"darkest": "black"}, "--darkest: 'black' is not a colour; give one such as #202020"),
         ({"darkest": "#30303"}, "--darkest: '#30303' is not a colour"),

@@ -8,7 +8,6 @@ import pytest
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import RobotError, RobotStopped, WorkspaceViolation
 from frida_painter.hardware.robot import Waypoints
-from frida_painter.virtual.robot import Nobody
 from virtual.hand import Hand
 
 mujoco = pytest.importorskip("mujoco")
@@ -82,41 +81,6 @@ def test_what_it_cannot_reach_is_refused_before_it_moves(place, says):
     assert (hand.studio.robot.pose() == before).all()
     assert hand.studio.clock.now == clock
     hand.easel.robot.home()
-
-
-@pytest.mark.slow
-def test_the_brush_leans_about_its_tip_as_asked_and_comes_up_again(hand):
-    """Angle and side of the handle, and the tip's path, by the joints of the simulation and by its own body."""
-    courses = []
-    watcher = hand.studio.robot.watcher = Nobody()
-    watcher.watch = courses.append
-    here, robot = hand.easel.workspace, hand.easel.robot
-    along = np.linspace(0.05, 0.1, 26)
-    way = here.to_robot(np.c_[along, np.full(26, 0.07)], np.full(26, here.canvas_origin[2] + 0.01))
-    turn = np.linspace(0.0, 1.0, 26)
-    lean = np.radians(35.0) * np.c_[np.cos(turn), -np.sin(turn)]
-    robot.follow(Waypoints("above", way[:1], 0.1))
-    robot.follow(Waypoints("stroke 1", way, 0.05, lean=lean))
-    robot.follow(Waypoints("up", way[-1:] + np.array([0, 0, 0.02]), 0.1))
-    model = hand.studio.robot._arm._kinematics.model
-    data, tip, handle = mujoco.MjData(model), [], []
-    for angles in courses[1].angles:
-        data.qpos[:] = angles
-        mujoco.mj_kinematics(model, data)
-        tip.append(data.site("tip").xpos.copy())
-        handle.append(data.body("brush").xpos - tip[-1])
-    tip, handle = np.array(tip), np.array(handle) / np.linalg.norm(handle, axis=1, keepdims=True)
-    still = np.linalg.norm(tip - way[0], axis=1) < 2e-3
-    assert still.sum() > 100, "it is turned about its tip"
-    tilt, toward = np.degrees(np.arccos(handle[:, 2])), np.arctan2(handle[:, 1], handle[:, 0])
-    painting = len(tilt) - int(still[::-1].argmax())
-    assert tilt[painting:] == pytest.approx(35.0, abs=0.5)
-    assert toward[painting] == pytest.approx(0.0, abs=0.05) and toward[-1] == pytest.approx(-1.0, abs=0.02)
-    assert np.abs(tip[painting:, 2] - way[0, 2]).max() < 1e-3 and np.abs(tip[painting:, 0] - way[0, 0]).max() < 1e-3
-    assert np.hypot(*courses[1].lean[painting:].T) == pytest.approx(np.radians(35.0), abs=0.01)
-    hand.studio.robot.watcher = Nobody()
-    upright = hand.studio.robot._arm._kinematics.lean(courses[2].angles[-1])
-    assert np.hypot(*upright) < 0.01
 
 
 def stop_on_the_way(robot, way, after):

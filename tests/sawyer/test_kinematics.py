@@ -10,7 +10,6 @@ from frida_painter.virtual.bristles import find_brush
 from frida_painter.virtual.tabletop import sawyer_layout
 
 pytest.importorskip("mink")
-from frida_painter.sawyer.arm import SawyerReach
 from frida_painter.sawyer.body import Kinematics
 from frida_painter.sawyer.surroundings import Surroundings
 
@@ -71,20 +70,6 @@ def test_hindrances_are_told(kinematics, place, says):
     told = kinematics.hindrance(kinematics.posture(place)[None], place[None], 0.01)
     assert told is not None
     assert says in told
-
-
-def test_a_lean_is_within_reach_on_one_side_only(kinematics):
-    place, lean = np.array([[0.79, -0.25, 0.05]]), np.array([[0.69, 0.0]])
-    upright = kinematics.posture(place[0])
-    out, back = (kinematics.posture(place[0], upright, side * lean[0])[None] for side in (1, -1))
-    told = kinematics.hindrance(out, place, 1.0, lean)
-    assert told is not None and "with the brush leaning by 40 degrees (lean it less)" in told
-    assert kinematics.hindrance(back, place, 1.0, -lean) is None
-    assert kinematics.lean(back[0]) == pytest.approx(-lean[0], abs=1e-4)
-    reach = SawyerReach(LAYOUT.workspace, CANVAS)
-    assert reach.reachable_leaning(np.repeat(place, 3, 0), np.array([*lean, *-lean, [np.nan, 0]])).tolist() == [
-        False, True, False,
-    ]  # fmt: skip
 
 
 def test_racing_joints_are_told(kinematics):

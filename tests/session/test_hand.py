@@ -199,15 +199,3 @@ def test_a_damaged_library_is_told(tmp_path: Path) -> None:
     (tmp_path / "strokes.npz").write_bytes(b"PK")
     with pytest.raises(LibraryError, match=r"strokes\.npz"):
         with_measured_dip(SMALL, record, simulated=False)
-
-
-def test_a_plan_that_is_tilted_further_than_the_robot_can_is_refused_as_a_whole() -> None:
-    plan = plan_of_paints([0, 1, 2])
-    leaning = plan.edit(tilt=[[0.0, 0.0], [0.3, 0.0], [0.6, 0.0]])
-    for most, first in ((0.0, 2), (0.4, 3)):
-        hand = Hand(replace(stub_easel(), max_tilt=most), BRUSH)
-        with pytest.raises(WorkspaceViolation, match=rf"stroke {first}: the brush is to be tilted by .* Nothing was"):
-            hand.require_tilt(leaning)
-        hand.require_tilt(plan)
-        assert hand.easel.robot.labels() == []
-    Hand(replace(stub_easel(), max_tilt=0.7), BRUSH).require_tilt(leaning)

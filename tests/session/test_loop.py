@@ -19,7 +19,6 @@ from frida_painter.errors import (
     PaintingPaused,
     PlanError,
     PoseMismatch,
-    WorkspaceViolation,
 )
 from frida_painter.event_log import EventLog
 from frida_painter.palette import Palette
@@ -264,16 +263,6 @@ def test_a_plan_that_was_made_before_is_painted_as_it_is() -> None:
     assert setup.painted() == [1, 2, 3, 4, 5, 6]
     planned = [event for event in setup.heard if isinstance(event, Planned)]
     assert planned[0].plan is made and not any(isinstance(event, PlanningStep) for event in setup.heard)
-
-
-def test_a_tilted_plan_is_refused_before_anything_moves_if_the_robot_holds_its_brush_upright() -> None:
-    setup = SessionSetup(6, replans=0, colors=2)
-    made = setup.planner.plan(torch.ones(3, 48, 64), 6, 2, lambda step: None)
-    tilt = torch.zeros(6, 2)
-    tilt[4] = 0.3
-    with pytest.raises(WorkspaceViolation, match=r"stroke 5: the brush is to be tilted by 24 degrees"):
-        setup.session.run(6, 2, made.edit(tilt=tilt))
-    assert setup.robot.motions == []
 
 
 @pytest.mark.slow

@@ -49,11 +49,3 @@ def test_another_canvas_and_too_few_wells_are_both_named() -> None:
 
 def test_a_millimetre_is_not_another_canvas() -> None:
     assert rehearse(PLAN, WORKSPACE, CanvasSize(CANVAS.width + 0.0009, CANVAS.height), CALIBRATION).passed
-
-
-def test_tilted_strokes_are_told_for_a_robot_that_holds_its_brush_upright() -> None:
-    tilt = torch.zeros(len(PLAN), 2)
-    tilt[4] = 0.2
-    found = rehearse(PLAN.edit(tilt=tilt), WORKSPACE, CANVAS, CALIBRATION)
-    assert list(found.strokes) == [4] and "this robot can tilt it not at all" in found.strokes[4].reason
-    assert rehearse(PLAN.edit(tilt=tilt), WORKSPACE, CANVAS, CALIBRATION, max_tilt=0.7).passed

@@ -44,18 +44,18 @@ def test_how_sharp_a_plan_is_is_asked_for_as_on_the_command_line() -> None:
             request_of(sharpness=wrong)
 
 
-def test_how_far_the_brush_leans_is_asked_for_as_on_the_command_line() -> None:
-    assert request_of().tilt == 0 and request_of(tilt=40).tilt == 40
-    for wrong in (-1, 41, float("nan")):
-        with pytest.raises(ValidationError, match="tilt"):
-            request_of(tilt=wrong)
-
-
 def test_how_free_colors_are_is_asked_for_as_on_the_command_line() -> None:
     assert request_of().freedom == RunSpec.model_fields["freedom"].default and request_of(freedom=1).freedom == 1
     for wrong in (-0.1, 1.1, float("nan")):
         with pytest.raises(ValidationError, match="freedom"):
             request_of(freedom=wrong)
+
+
+def test_a_request_of_an_upright_brush_is_read_and_one_of_a_leaning_brush_refused() -> None:
+    """Version 0.3 kept `tilt`, in degrees."""
+    assert request_of(tilt=0.0) == request_of()
+    with pytest.raises(ValidationError, match="tilt"):
+        request_of(tilt=20.0)
 
 
 def test_people_who_do_not_mix_say_so() -> None:

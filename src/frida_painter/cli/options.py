@@ -234,7 +234,7 @@ TAKEN = frozenset(RunSpec.model_fields) - {"goal", "clip", "pictures"} | {
 """Names of options that no kind of goal can have."""
 _PLAN = (
     *("strokes", "layers", "colors", "canvas", "fit", "ground", "brushes", "strokes_of", "new_paints", "paints"),
-    *("darkest", "focus", "sharpness", "freedom", "tilt", "render_height", "effort", "planner", "initialiser", "seed"),
+    *("darkest", "focus", "sharpness", "freedom", "render_height", "effort", "planner", "initialiser", "seed"),
     *("beginning", "avoid", "phrases", "cutouts", "first_steps"),
 )
 _PAINT = ("together", "minutes", "replans", "replan_policy", "drying", "timelapse_frames", "listener")

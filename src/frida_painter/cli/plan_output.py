@@ -31,8 +31,6 @@ from frida_painter.hardware.robot import (
     TimedRobot,
     Waypoints,
     Workspace,
-    handle_length_of,
-    max_tilt_of,
 )
 from frida_painter.hardware.timing import AxisTiming, Timing
 from frida_painter.hardware.travel import TravelLimits
@@ -94,7 +92,7 @@ GCODE = ExporterKind(
     _make_gcode,
     ("flavour", "press", "lift", "workspace", "calibration", "drying", "own"),
 )
-CSV = ExporterKind("csv", "A table with one row per stroke.", lambda plan, options: table(plan), shows_tilt=True)
+CSV = ExporterKind("csv", "A table with one row per stroke.", lambda plan, options: table(plan))
 
 
 def _program(
@@ -164,7 +162,7 @@ def check_plan(
     known = _load_record(calibration, there.calibration, camera)
     if camera == NO_CAMERA:
         print(NOBODY_LOOKS)
-    found = rehearse(loaded, place, there.canvas, known, there.reach, there.travel, *there.leaning)
+    found = rehearse(loaded, place, there.canvas, known, there.reach, there.travel)
     found = replace(found, mismatches=(*there.refusals, *found.mismatches))
     if found.passed:
         print(
@@ -186,7 +184,6 @@ def check_plan(
 class _Place:
     """Data of an easel for a check; nothing moves.
 
-    leaning: radians by which the robot can tilt its brush, and metres from the tip to the hand
     refusals: sentences of a controller that cannot paint like this
     """
 
@@ -197,7 +194,6 @@ class _Place:
     timing: Timing | AxisTiming | None
     simulated: bool
     travel: TravelLimits | None = None
-    leaning: tuple[float, float] = (0.0, 0.0)
     refusals: tuple[str, ...] = ()
 
 
@@ -235,13 +231,10 @@ def _place(plan: Plan, robot: str | None, workspace: Path | None) -> _Place:
         reach: Reach | None = workcell.reach
         timing: Timing | AxisTiming | None = None
         told: Examination | None = None
-        max_tilt = handle = 0.0
         if robot is not None and require_known(robot) in MACHINES:
             driver = make_robot(robot, workcell.workspace)
             reach = find_reach(workcell, driver)
             timing = driver.timing() if isinstance(driver, TimedRobot) else None
-            max_tilt = max_tilt_of(driver)
-            handle = handle_length_of(driver)
             _tell_play(driver, workcell)
             told = _examine(robot, workcell.workspace)
             timing = timing if told is None or told.timing is None else told.timing
@@ -251,21 +244,12 @@ def _place(plan: Plan, robot: str | None, workspace: Path | None) -> _Place:
         known, simulated = workcell.calibration(first, others=others), robot in SIMULATED
         travel, facts = (None, ()) if told is None else (told.travel, told.facts)
         refusals = tuple(fact.text for fact in facts if fact.weight == "refusal")
-        leaning = (max_tilt, handle)
-        return _Place(workcell.workspace, workcell.canvas, known, reach, timing, simulated, travel, leaning, refusals)
+        return _Place(workcell.workspace, workcell.canvas, known, reach, timing, simulated, travel, refusals)
     if robot is not None and require_known(robot) in MACHINES:
         raise ConfigError(f"Where things stand around {robot[:60]!r} is not known; say it with --workspace FILE.")
     order = EaselOrder(robot or VIRTUAL, plan.canvas, plan.brushes, 0, state_folder(), camera=_SOME_CAMERA)
     easel = open_easel(order).easel
-    return _Place(
-        easel.workspace,
-        easel.canvas,
-        easel.calibration,
-        easel.reach,
-        easel.timing,
-        easel.simulated,
-        leaning=(easel.max_tilt, easel.handle_length),
-    )
+    return _Place(easel.workspace, easel.canvas, easel.calibration, easel.reach, easel.timing, easel.simulated)
 
 
 def _load_record(record: Path | None, default: Calibration, camera: str = "") -> Calibration:

@@ -213,12 +213,6 @@ def export(
     loaded = Plan.load(plan)
     export_plan(loaded, path, kind.name, options)
     typer.echo(f"{len(loaded)} strokes in {len(loaded.palette)} paints: {path}")
-    tilted = sum(stroke.is_tilted for stroke in loaded.strokes)
-    if tilted and not kind.shows_tilt:
-        typer.echo(
-            f"{count_of(tilted, 'stroke')} of this plan {'is' if tilted == 1 else 'are'} for a tilted brush; what "
-            f"reads {kind.name} paints upright, so the soft sides of the marks get lost."
-        )
 
 
 PictureOut = Annotated[Path, typer.Option(parser=out_file, metavar="FILE", help="The picture to write, .png or .jpg.")]

@@ -46,8 +46,6 @@ from frida_painter.hardware.robot import (
     Workspace,
     Zero,
     ZeroedRobot,
-    handle_length_of,
-    max_tilt_of,
 )
 from frida_painter.hardware.timing import AxisTiming
 from frida_painter.hardware.travel import TravelLimits
@@ -102,16 +100,6 @@ class GuardedRobot:
         self._lifted = False
         self._zero = Zero()
         self._timing: AxisTiming | None = None
-
-    @property
-    def max_tilt(self) -> float:
-        """Radians by which the robot can tilt its brush; 0 if it cannot."""
-        return max_tilt_of(self.robot)
-
-    @property
-    def handle_length(self) -> float:
-        """Metres from the tip to the hand, which a tilted brush takes along; 0 if that does not count."""
-        return handle_length_of(self.robot)
 
     @property
     def moving(self) -> bool:
@@ -279,7 +267,7 @@ class GuardedRobot:
         Raises WorkspaceViolation before anything moves, RobotStopped if the robot is stopped, RobotError and its
         subclasses.
         """
-        gateway.check([waypoints], self.workspace, max_tilt=self.max_tilt, handle=self.handle_length)
+        gateway.check([waypoints], self.workspace)
         self._require_zero(waypoints.label)
         self._lift_first()
         seconds = self._seconds(waypoints.position, waypoints.speed, self._tip)

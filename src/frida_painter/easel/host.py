@@ -53,8 +53,6 @@ from frida_painter.hardware.robot import (
     Workspace,
     Zero,
     ZeroedRobot,
-    handle_length_of,
-    reaches,
 )
 from frida_painter.hardware.timing import AxisTiming, Timing
 from frida_painter.hardware.travel import TravelLimits
@@ -174,7 +172,7 @@ class Host:
                 return {}, {"pose": robot.pose()}
             case "robot.follow":
                 cue = None if words.get("cue") is None else (str(words["cue"][0]), str(words["cue"][1]))
-                way = Waypoints(str(words["label"]), arrays["position"], float(words["speed"]), cue, arrays.get("lean"))
+                way = Waypoints(str(words["label"]), arrays["position"], float(words["speed"]), cue)
                 return _report(robot.follow(way))
             case "robot.feels":
                 return {"feels": robot.feels() if isinstance(robot, GuardedRobot) else None}, {}
@@ -183,7 +181,7 @@ class Host:
             case "robot.close":
                 robot.close()
             case "robot.reaches" if self.reach is not None:
-                found = reaches(self.reach, arrays["position"], arrays.get("lean"), handle_length_of(robot))
+                found = self.reach.reachable(arrays["position"])
                 return {}, {"reachable": found.astype(np.uint8)}
             case "camera.connect":
                 camera.connect()
@@ -423,8 +421,6 @@ def _about(easel: Easel) -> dict[str, Any]:
         "has_camera": easel.has_camera,
         "person_brushes": TypeAdapter(tuple[PersonBrush, ...]).dump_python(easel.person_brushes, mode="json"),
         "pace": easel.pace,
-        "max_tilt": easel.max_tilt,
-        "handle_length": easel.handle_length,
         "timing": TypeAdapter(Timing | AxisTiming | None).dump_python(easel.timing, mode="json"),
     }
 

@@ -29,7 +29,7 @@ from frida_painter.easel.order import EaselOrder
 from frida_painter.errors import ConfigError, FridaError
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.kinds import CameraKind, MachineName, RobotKind, by_name
-from frida_painter.hardware.robot import Camera, Reach, Robot, Workspace, handle_length_of, max_tilt_of, reaches
+from frida_painter.hardware.robot import Camera, Reach, Robot, Workspace
 from frida_painter.hardware.workcell import WorkcellConfig
 
 
@@ -97,31 +97,20 @@ def _open_real(order: EaselOrder) -> OpenEasel:
         calibration=workcell.calibration(order.brushes[0], camera=order.camera, others=order.brushes[1:]),
         canvas=workcell.canvas,
         reach=find_reach(workcell, robot),
-        max_tilt=max_tilt_of(robot),
-        handle_length=handle_length_of(robot),
     )
     return OpenEasel(easel, lambda: None)
 
 
 @dataclass(frozen=True)
 class _BothReach:
-    """Reach by two judgements: a position counts as reached if both agree. Implements hardware.robot.LeaningReach.
-
-    handle: of the robot's brush, metres (`reaches`)
-    """
+    """Reach by two judgements: a position counts as reached if both agree. Implements hardware.robot.Reach."""
 
     one: Reach
     other: Reach
-    handle: float
 
     def reachable(self, position: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Returns True for each position [k, 3] that both reach: [k]."""
         return self.one.reachable(position) & self.other.reachable(position)
-
-    def reachable_leaning(self, position: NDArray[np.float64], lean: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Returns True for each position [k, 3] that both reach with leans [k, 2]: [k]."""
-        both = [reaches(each, position, lean, self.handle) for each in (self.one, self.other)]
-        return np.logical_and(*both)
 
 
 def find_reach(workcell: WorkcellConfig, robot: Robot) -> Reach | None:
@@ -129,7 +118,7 @@ def find_reach(workcell: WorkcellConfig, robot: Robot) -> Reach | None:
     own = robot if isinstance(robot, Reach) else None
     if own is None or workcell.reach is None:
         return own or workcell.reach
-    return _BothReach(workcell.reach, own, handle_length_of(robot))
+    return _BothReach(workcell.reach, own)
 
 
 def make_robot(text: str, workspace: Workspace) -> Robot:

@@ -281,8 +281,7 @@ class RemoteRobot:
         )
         seconds = self._seconds(path, waypoints.speed) if waypoints.speed > 0 else 0.0
         words = {"label": waypoints.label, "speed": float(waypoints.speed), "cue": waypoints.cue}
-        lean = {} if waypoints.lean is None else {"lean": np.asarray(waypoints.lean, np.float64)}
-        return self._report("robot.follow", seconds, {"position": position, **lean}, **words)
+        return self._report("robot.follow", seconds, {"position": position}, **words)
 
     def feels(self) -> Sense | None:
         """Returns how the robot feels a touch; None if it does not. Raises RobotError and its subclasses."""
@@ -315,21 +314,14 @@ class RemoteRobot:
 
 
 class RemoteReach:
-    """Reach of the arm in the easel's process. Implements hardware.robot.LeaningReach."""
+    """Reach of the arm in the easel's process. Implements hardware.robot.Reach."""
 
     def __init__(self, link: Link) -> None:
         self._link = link
 
     def reachable(self, position: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Returns True for each position [k, 3] (m) that the tip reaches: [k]."""
-        return self._ask(position=position)
-
-    def reachable_leaning(self, position: NDArray[np.float64], lean: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Returns True for each position [k, 3] (m) that the tip reaches with its brush leaning (rad, [k, 2]): [k]."""
-        return self._ask(position=position, lean=lean)
-
-    def _ask(self, **arrays: NDArray[np.float64]) -> NDArray[np.bool_]:
-        _, result = self._link.ask("robot.reaches", {name: np.asarray(rows, float) for name, rows in arrays.items()})
+        _, result = self._link.ask("robot.reaches", {"position": np.asarray(position, float)})
         return result["reachable"].astype(np.bool_)
 
 
@@ -518,6 +510,4 @@ def _easel(about: dict[str, Any], link: Link) -> Easel:
         has_camera=about["has_camera"],
         person_brushes=TypeAdapter(tuple[PersonBrush, ...]).validate_python(about["person_brushes"]),
         pace=about["pace"],
-        max_tilt=about["max_tilt"],
-        handle_length=about["handle_length"],
     )

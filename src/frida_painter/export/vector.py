@@ -113,8 +113,7 @@ def svg(plan: Plan, width: Tensor, *, keep_order: bool = True, dips: Collection[
 
     In painting order a new SVG layer begins at each change of paint, so that the layers give the plan's picture if
     painted from first to last. There is one SVG layer per palette colour if each colour is painted in one go, and
-    more if the plan has several layers or colours return. Degrees of tilt are in `data-tilt-left` and
-    `data-tilt-forward`, which no other program obeys.
+    more if the plan has several layers or colours return.
     Raises PlanError if a width is not above 0 and below 1 m, or if dips are given without painting order.
     """
     if dips and not keep_order:
@@ -169,31 +168,21 @@ def _draw(number: int, plan: Plan, layer: _Layer, paths: list[str]) -> str:
 
 
 def _paths(plan: Plan, width: Tensor) -> list[str]:
-    families, tilts = _families(plan), _tilts(plan)
+    families = _families(plan)
     return [
         f'    <path d="{_curves(plan.canvas.on_page(path.double().cpu()) * 1000)}"'
-        f' stroke-width="{_millimetres(metres)}" data-stroke="{index}" data-thickness="{thickness:.4f}"{family}{tilt}/>'
-        for index, (path, metres, thickness, family, tilt) in enumerate(
+        f' stroke-width="{_millimetres(metres)}" data-stroke="{index}" data-thickness="{thickness:.4f}"{family}/>'
+        for index, (path, metres, thickness, family) in enumerate(
             zip(
                 bezier_paths(plan.strokes),
                 width.tolist(),
                 plan.strokes.thickness.tolist(),
                 (f" data-family={quoteattr(name)}" if name else "" for name in families),
-                (
-                    f' data-tilt-left="{left:.3f}" data-tilt-forward="{forward:.3f}"' if left or forward else ""
-                    for left, forward in tilts or [[0.0, 0.0]] * len(plan)
-                ),
                 strict=True,
             ),
             start=1,
         )
     ]
-
-
-def _tilts(plan: Plan) -> list[list[float]] | None:
-    """Returns the tilt of each stroke to the left and forward, degrees; None if no stroke is tilted."""
-    strokes = plan.strokes
-    return (strokes.tilt * (180 / math.pi)).tolist() if strokes.tilt is not None and strokes.is_tilted else None
 
 
 def _families(plan: Plan) -> list[str]:
@@ -226,8 +215,6 @@ COLUMNS = (
 )
 
 
-TILT_COLUMNS = ("tilt_left_deg", "tilt_forward_deg")
-"""Further columns of a plan with tilted strokes."""
 FAMILY_COLUMNS = ("family", *(f"code{number}" for number in range(1, MAX_CODES + 1)))
 """Further columns of a plan with strokes of families; such strokes have no single Bezier curve."""
 
@@ -252,13 +239,11 @@ def table(plan: Plan) -> str:
 
     Lengths are millimetres from the canvas's bottom-left corner, x right, y up. Angles are degrees,
     counter-clockwise from x, in [-180, 180). Thickness is in [0, 1]. Strokes, layers and wells count from 1.
-    If a stroke is tilted, two more columns give the tilts in degrees.
     """
     content = io.StringIO()
     rows = csv.writer(content, lineterminator="\n")
     strokes = plan.strokes
-    tilts = _tilts(plan)
-    rows.writerow((*COLUMNS, *(FAMILY_COLUMNS if plan.families else ()), *(() if tilts is None else TILT_COLUMNS)))
+    rows.writerow((*COLUMNS, *(FAMILY_COLUMNS if plan.families else ())))
     points = (control_points(strokes).double() * 1000).flatten(1).tolist()  # n rows of x, y of four points
     paths = bezier_paths(strokes)
     families, codes = _families(plan), _codes(plan)
@@ -283,6 +268,5 @@ def table(plan: Plan) -> str:
         shape = (*ends[:2], *ends[-2:], angle, length, bend)
         numbers = (*(f"{value:.3f}" for value in shape), f"{thickness:.4f}", *(f"{value:.3f}" for value in path))
         taught = (*([""] * (8 - len(path))), family, *codes[number - 1]) if plan.families else ()
-        tilt = () if tilts is None else (f"{degrees:.3f}" for degrees in tilts[number - 1])
-        rows.writerow((number, layer + 1, brushes[layer], paint + 1, color, *numbers, *taught, *tilt))
+        rows.writerow((number, layer + 1, brushes[layer], paint + 1, color, *numbers, *taught))
     return content.getvalue()

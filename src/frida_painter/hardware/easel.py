@@ -123,9 +123,6 @@ class Easel:
         stroke
     person_brushes: brushes with which a person can paint through this program; none on a real easel, on which
         people paint with a real brush. The operator is then a PersonCanvas.
-    max_tilt: radians by which the robot can tilt the brush (TiltingRobot); 0 if it holds it upright
-    handle_length: metres from the tip to the hand, which a tilted brush takes along (LongHandledRobot); 0 if that
-        does not count
     """
 
     robot: Robot
@@ -142,8 +139,6 @@ class Easel:
     pace: float = 1.0
     foretell: Callable[[Sequence[Waypoints]], None] = _unheard
     person_brushes: tuple[PersonBrush, ...] = ()
-    max_tilt: float = 0.0
-    handle_length: float = 0.0
 
     @property
     def drying_pace(self) -> float:

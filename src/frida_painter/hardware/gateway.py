@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import PoseMismatch, WorkspaceViolation
 from frida_painter.hardware.easel import Easel
-from frida_painter.hardware.robot import MotionReport, Reach, Waypoints, Workspace, handle_direction, reaches
+from frida_painter.hardware.robot import MotionReport, Reach, Waypoints, Workspace
 from frida_painter.hardware.travel import TravelLimits
 from frida_painter.surface_map import SurfaceMap
 
@@ -61,18 +61,14 @@ def check(
     surface: Surface | None = None,
     reach: Reach | None = None,
     travel: TravelLimits | None = None,
-    max_tilt: float = 0.0,
-    handle: float = 0.0,
 ) -> None:
     """Raises WorkspaceViolation, which names motion and axis, unless every motion is allowed.
 
     surface: depth limit over the canvas; None if unknown
     reach: of the robot's arm; None if it reaches every point
     travel: limits of the machine itself; None without
-    max_tilt: radians by which the robot can tilt the brush; 0 for a robot that cannot
-    handle: metres from the tip to the hand, which a leaning brush takes along; 0 if that does not count
     """
-    for fault in faults(batch, workspace, surface, reach, travel, max_tilt, handle):
+    for fault in faults(batch, workspace, surface, reach, travel):
         raise WorkspaceViolation(f"{fault.label}: {fault.reason}. Nothing was sent to the robot; {fault.remedy}.")
 
 
@@ -82,15 +78,12 @@ def faults(
     surface: Surface | None = None,
     reach: Reach | None = None,
     travel: TravelLimits | None = None,
-    max_tilt: float = 0.0,
-    handle: float = 0.0,
 ) -> Iterator[Fault]:
     """Yields each motion that is not allowed, with its first fault."""
     for motion in batch:
-        found = _of_form(motion) or _too_tilted(motion, max_tilt) or _outside(motion, workspace)
+        found = _of_form(motion) or _outside(motion, workspace)
         found = found or (_too_deep(motion, workspace, surface) if surface else None)
-        found = found or _handle_outside(motion, workspace, handle)
-        found = found or (_out_of_reach(motion, reach, handle) if reach else None)
+        found = found or (_out_of_reach(motion, reach) if reach else None)
         found = found or (_beyond_travel(motion, travel) if travel else None)
         if found:
             yield Fault(motion.label, *found)
@@ -106,37 +99,17 @@ def _of_form(motion: Waypoints) -> tuple[str, str] | None:
     return None
 
 
-def _too_tilted(motion: Waypoints, max_tilt: float) -> tuple[str, str] | None:
-    if motion.lean is None:
-        return None
-    if motion.lean.shape != (len(motion.position), 2):
-        return f"tilts of shape {motion.lean.shape} were planned; each waypoint needs two numbers", "report this"
-    tilt = np.hypot(*motion.lean.T)
-    if (tilt <= max_tilt + _TOLERANCE).all():
-        return None
-    most = f"at most {np.degrees(max_tilt):.0f} degrees" if max_tilt else "not at all"
-    reason = f"the brush is to be tilted by {np.degrees(tilt.max()):.0f} degrees, and this robot can tilt it {most}"
-    return reason, "paint upright strokes, as plan.edit(tilt=0) makes them, or take a robot that can"
-
-
 def _outside(motion: Waypoints, workspace: Workspace) -> tuple[str, str] | None:
-    outside = _beyond_bounds(motion.position, workspace)
-    if outside is None:
+    lower, upper = np.array(workspace.lower) - _TOLERANCE, np.array(workspace.upper) + _TOLERANCE
+    outside = np.argwhere(~((motion.position >= lower) & (motion.position <= upper)))
+    if not len(outside):
         return None
-    point, axis = outside
+    point, axis = outside[0]
     reason = (
         f"{_axis(motion, point, axis)}; the workspace reaches from {workspace.lower[axis]:.4f} to "
         f"{workspace.upper[axis]:.4f} m"
     )
     return reason, "move the canvas into reach or make the workspace true"
-
-
-def _beyond_bounds(places: NDArray[np.float64], workspace: Workspace) -> tuple[int, int] | None:
-    """Returns the first place [k, 2 or 3] beyond the workspace's bounds, with its axis; None if all are inside."""
-    axes = places.shape[1]
-    lower, upper = np.array(workspace.lower[:axes]) - _TOLERANCE, np.array(workspace.upper[:axes]) + _TOLERANCE
-    outside = np.argwhere(~((places >= lower) & (places <= upper)))
-    return (int(outside[0, 0]), int(outside[0, 1])) if len(outside) else None
 
 
 def _too_deep(motion: Waypoints, workspace: Workspace, surface: Surface) -> tuple[str, str] | None:
@@ -152,41 +125,15 @@ def _too_deep(motion: Waypoints, workspace: Workspace, surface: Surface) -> tupl
     return reason, "repeat the brush calibration or make the workspace true"
 
 
-def _handle_outside(motion: Waypoints, workspace: Workspace, handle: float) -> tuple[str, str] | None:
-    """Returns the fault of a brush that leans so far that its handle is beside the workspace's bounds."""
-    if motion.lean is None:
-        return None
-    top = motion.position + handle * handle_direction(motion.lean)
-    outside = _beyond_bounds(top[:, :2], workspace)
-    if outside is None:
-        return None
-    point, axis = outside
-    reason = (
-        f"with the brush leaning by {_degrees(motion.lean[point])} degrees, its handle of {1000 * handle:.0f} mm is at "
-        f"{'xyz'[axis]} = {top[point, axis]:.4f} m at waypoint {point}; the workspace reaches from "
-        f"{workspace.lower[axis]:.4f} to {workspace.upper[axis]:.4f} m"
-    )
-    return reason, "lean the brush less there (plan.edit(tilt=...)), or widen the bounds if there is room"
-
-
-def _out_of_reach(motion: Waypoints, reach: Reach, handle: float) -> tuple[str, str] | None:
+def _out_of_reach(motion: Waypoints, reach: Reach) -> tuple[str, str] | None:
     asked = np.unique(np.r_[np.arange(0, len(motion.position), _ASKED_EVERY), len(motion.position) - 1])
     position: NDArray[np.float64] = motion.position[asked]
-    lean = None if motion.lean is None else motion.lean[asked]
-    within = reaches(reach, position, lean, handle)
+    within = reach.reachable(position)
     if within.all():
         return None
     point = int((~within).argmax())
     place = "({:.3f}, {:.3f}, {:.3f}) m".format(*position[point])
-    nearer = "move what is to be reached nearer to the robot"
-    if lean is None or not reach.reachable(position[point : point + 1])[0]:
-        return f"the arm does not reach {place}", nearer
-    reason = f"the arm does not reach {place} with the brush leaning by {_degrees(lean[point])} degrees, only upright"
-    return reason, f"lean the brush less there (plan.edit(tilt=...)), or {nearer}"
-
-
-def _degrees(lean: NDArray[np.float64]) -> str:
-    return f"{np.degrees(np.hypot(*lean)):.0f}"
+    return f"the arm does not reach {place}", "move what is to be reached nearer to the robot"
 
 
 def _beyond_travel(motion: Waypoints, travel: TravelLimits) -> tuple[str, str] | None:
@@ -231,12 +178,9 @@ class RobotGateway:
         """Raises WorkspaceViolation unless every motion of the batch is allowed; nothing is clamped.
 
         A motion is refused if it contains NaN, leaves the workspace, is faster than 1 m/s, goes over the canvas
-        below the hardest press, is out of the arm's reach or beyond the machine's own limits, or tilts the brush
-        further than the robot can, or its handle out of the workspace.
+        below the hardest press, or is out of the arm's reach or beyond the machine's own limits.
         """
-        easel = self.easel
-        known = (easel.reach, easel.travel, easel.max_tilt, easel.handle_length)
-        check(motions, easel.workspace, self._surface, *known)
+        check(motions, self.easel.workspace, self._surface, self.easel.reach, self.easel.travel)
 
     def perform(self, motions: Iterable[Waypoints]) -> bool:
         """Makes the motions if all are allowed; returns True if a person who paints by hand left one out.

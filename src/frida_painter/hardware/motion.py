@@ -45,28 +45,13 @@ class Motion:
         above = path[[0, -1]].copy()
         above[:, 2] = self.travel_height
         position = np.concatenate([above[:1], path, above[1:]])
-        lean = self._lean(strokes, index, on_canvas)
-        return Waypoints(name or f"stroke {index}", position, self.workspace.painting_speed, lean=lean)
-
-    def _lean(self, strokes: Strokes, index: int, path: NDArray[np.float64]) -> NDArray[np.float64] | None:
-        """Returns the lean of the brush at each waypoint of a stroke; None for an upright brush.
-
-        path [k, 2]: canvas metres. The lean turns with the path, so that the same side of the mark stays soft.
-        """
-        if strokes.tilt is None or not bool((strokes.tilt[index] != 0).any()):
-            return None
-        left, forward = strokes.tilt[index].tolist()
-        ahead = np.gradient(path, axis=0)
-        ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-12)
-        lean = forward * ahead + left * np.stack((-ahead[:, 1], ahead[:, 0]), -1)
-        return self.workspace.turn_to_robot(lean[[0, *range(len(lean)), -1]])
+        return Waypoints(name or f"stroke {index}", position, self.workspace.painting_speed)
 
     def swift_stroke(self, strokes: Strokes, index: int, name: str) -> tuple[Waypoints, Waypoints, Waypoints]:
         """Returns the same stroke as three motions: to above its start, the stroke, and up; the outer two are fast.
 
         A robot goes to the first waypoint of a motion at travel speed. The stroke itself begins and ends slightly
-        above the canvas, so that only a short way is gone at painting speed. A tilted brush is turned on the way to
-        above its start, and turned back on the way up.
+        above the canvas, so that only a short way is gone at painting speed.
         """
         slow = self.stroke(strokes, index, name)
         above, low = slow.position[[0, -1]], slow.position[[0, -1]]
@@ -74,8 +59,8 @@ class Motion:
         position = np.concatenate([low[:1], slow.position[1:-1], low[1:]])
         speed = self.workspace.travel_speed
         return (
-            Waypoints(f"above {name}", above[:1], speed, lean=None if slow.lean is None else slow.lean[:1]),
-            Waypoints(name, position, slow.speed, lean=slow.lean),
+            Waypoints(f"above {name}", above[:1], speed),
+            Waypoints(name, position, slow.speed),
             Waypoints(f"up from {name}", above[1:], speed),
         )
 

@@ -80,10 +80,6 @@ class Workspace:
         """Converts positions in the robot's frame [k, 3] to canvas metres [k, 2], as seen from above."""
         return (position[:, :2] - np.array(self.canvas_origin[:2])) @ self._turn.T
 
-    def turn_to_robot(self, direction: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Converts directions on the canvas [k, 2] to directions of the robot's frame [k, 2]."""
-        return np.asarray(direction @ self._turn)
-
     @property
     def _turn(self) -> NDArray[np.float64]:
         cos, sin = np.cos(self.canvas_angle), np.sin(self.canvas_angle)
@@ -102,29 +98,6 @@ class Reach(Protocol):
 
     def reachable(self, position: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Returns True for each position [k, 3] in the robot's frame (m) that the tip reaches with its brush: [k]."""
-
-
-@runtime_checkable
-class LeaningReach(Reach, Protocol):
-    """Reach of an arm that can tilt its brush."""
-
-    def reachable_leaning(self, position: NDArray[np.float64], lean: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Returns True for each position [k, 3] that the tip reaches with its brush leaning (`Waypoints.lean`): [k]."""
-
-
-def reaches(
-    reach: Reach, position: NDArray[np.float64], lean: NDArray[np.float64] | None, handle: float = 0.0
-) -> NDArray[np.bool_]:
-    """Returns True for each position [k, 3] that the tip reaches with leans [k, 2], or upright with None: [k].
-
-    handle: metres from the tip to the hand. A reach that knows upright brushes only is asked for the place at which
-        an upright brush would have the same hand.
-    """
-    if lean is None:
-        return reach.reachable(position)
-    if isinstance(reach, LeaningReach):
-        return reach.reachable_leaning(position, lean)
-    return reach.reachable(position) & reach.reachable(position + handle * (handle_direction(lean) - (0, 0, 1)))
 
 
 @dataclass(frozen=True)
@@ -149,45 +122,17 @@ class Waypoints:
     position: waypoints [k, 3] in metres of the robot's frame, z up
     speed: m/s
     cue: ("dip", number of the well from 1) or ("change", name of the brush) for such a motion; None for others
-    lean: x and y [k, 2] of the direction to which the handle leans at each waypoint, as long as the tilt in radians;
-        None for an upright brush
     """
 
     label: str
     position: NDArray[np.float64]
     speed: float
     cue: tuple[str, str] | None = None
-    lean: NDArray[np.float64] | None = None
 
     @property
     def length(self) -> float:
         """Length of the path in metres."""
         return float(np.linalg.norm(np.diff(self.position, axis=0), axis=1).sum())
-
-
-def lean_along(here: NDArray[np.float64], waypoints: Waypoints, places: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns the lean of the brush [n, 2] at dense places [n, 3] of a motion from `here` [3] through its waypoints.
-
-    The brush is turned before the tip comes to the first waypoint. Without leans it is upright.
-    """
-    if waypoints.lean is None:
-        return np.zeros((len(places), 2))
-    path = np.concatenate([here[None], waypoints.position])
-    done, planned = (np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))] for way in (places, path))
-    meant = np.concatenate([waypoints.lean[:1], waypoints.lean])
-    return np.stack([np.interp(done, planned, column) for column in meant.T], -1)
-
-
-def handle_direction(lean: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns the direction [k, 3] from the tip along the handle, for leans [k, 2] (`Waypoints.lean`)."""
-    angle = np.hypot(*lean.T)[:, None]
-    return np.c_[np.sinc(angle / np.pi) * lean, np.cos(angle)]
-
-
-def lean_of(handle: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns the lean [2] of a brush whose handle has this direction [3] from the tip; see `handle_direction`."""
-    aside = float(np.hypot(*handle[:2]))
-    return np.asarray(handle[:2] * (np.arctan2(aside, handle[2]) / max(aside, 1e-12)))
 
 
 def plan_way_home(here: NDArray[np.float64], home: Point, speed: float) -> Waypoints:
@@ -355,38 +300,6 @@ class ExaminedRobot(Protocol):
 
         A machine in an alarm is examined, too. Raises RobotError if nobody answers or it is another device.
         """
-
-
-@runtime_checkable
-class TiltingRobot(Protocol):
-    """Robot that can tilt its brush while the tip follows the waypoints. All others hold it upright.
-
-    max_tilt: largest tilt from upright, radians; 0 if it cannot
-    """
-
-    max_tilt: float
-
-
-@runtime_checkable
-class LongHandledRobot(Protocol):
-    """Robot whose handle counts if it leans: it stays above the workspace's bounds, as the tip does.
-
-    handle_length: from the tip to the hand that holds the brush, metres
-    """
-
-    handle_length: float
-
-
-def max_tilt_of(robot: object) -> float:
-    """Returns the radians by which a robot can tilt its brush; 0 if it cannot."""
-    told = robot.max_tilt if isinstance(robot, TiltingRobot) else 0.0
-    return told if isinstance(told, int | float) else 0.0
-
-
-def handle_length_of(robot: object) -> float:
-    """Returns the metres from the tip to the hand, which a tilted brush takes along; 0 if that does not count."""
-    told = robot.handle_length if isinstance(robot, LongHandledRobot) else 0.0
-    return told if isinstance(told, int | float) else 0.0
 
 
 @runtime_checkable

@@ -17,14 +17,7 @@ from frida_painter.planning.effort import Effort
 from frida_painter.planning.initialisers import GROWTH, InitialiserKind, InitialTask
 from frida_painter.planning.optimize import PictureChange, Step, StrokesInScene, optimize, optimize_together
 from frida_painter.planning.problem import PlanningProblem, PlanningProblems
-from frida_painter.planning.refine import (
-    HARDLY_APART,
-    MOVED,
-    PROPOSALS,
-    lean_over,
-    relocate,
-    without_twins,
-)
+from frida_painter.planning.refine import HARDLY_APART, MOVED, PROPOSALS, relocate, without_twins
 from frida_painter.planning.variables import Paints, as_palette
 from frida_painter.strokes import Strokes
 
@@ -91,7 +84,6 @@ def free_strokes(
     return found
 
 
-_LEANING_SEED = 0  # of the signs with which squares are estimated
 _CLOSED = 0.05  # share of a layer that shows through; below it, the layer's colour does not matter
 
 
@@ -164,26 +156,7 @@ def optimize_layers(
             found = _relocate_strokes(found, canvas, problems, grid, share, generator)
         found = _descend(found, canvas, problems, grid, refining, begin)
     last, polishing = fine
-    if problems.max_tilt == 0:
-        return _descend(found, canvas, problems, last, polishing, begin, pace, change)
-    # Brushes lean at the end only. Until then the plan is that of an upright brush, and it is never worse.
-    leaning = replace(problems, leans=True)
-    for part in (polishing // 2, polishing - polishing // 2):
-        found = _lean_strokes(found, canvas, leaning, last)
-        found = _descend(found, canvas, leaning, last, part, begin, pace, change)
-    return found
-
-
-def _lean_strokes(
-    layers: Sequence[LayerAtWork], canvas: Tensor, problems: PlanningProblems, grid: PixelGrid
-) -> list[LayerAtWork]:
-    """Returns the layers with brushes leaning to a side if that is better."""
-    generator = torch.Generator().manual_seed(_LEANING_SEED)
-
-    def lean(layer: LayerAtWork, seen: PlanningProblem, wanted: Tensor) -> LayerAtWork:
-        return replace(layer, strokes=lean_over(layer.strokes, seen, wanted, generator))
-
-    return _change_in_turn(layers, canvas, problems, grid, lean)
+    return _descend(found, canvas, problems, last, polishing, begin, pace, change)
 
 
 def _descend(
@@ -218,29 +191,7 @@ def _relocate_strokes(
     share: float,
     generator: torch.Generator,
 ) -> list[LayerAtWork]:
-    """Returns the layers after some strokes of each moved to places of a larger gain."""
-
-    def move(layer: LayerAtWork, seen: PlanningProblem, wanted: Tensor) -> LayerAtWork:
-        strokes, paints = relocate(
-            layer.strokes, layer.paints, seen, wanted, share=share, proposals=PROPOSALS, generator=generator
-        )
-        assert paints is not None
-        return replace(layer, strokes=strokes, paints=paints)
-
-    return _change_in_turn(layers, canvas, problems, grid, move)
-
-
-def _change_in_turn(
-    layers: Sequence[LayerAtWork],
-    canvas: Tensor,
-    problems: PlanningProblems,
-    grid: PixelGrid,
-    change: Callable[[LayerAtWork, PlanningProblem, Tensor], LayerAtWork],
-) -> list[LayerAtWork]:
-    """Returns the layers, each changed on the changed ones before it.
-
-    change: gets a layer, its scene and the wanted picture, both as they are seen below the later layers
-    """
+    """Returns the layers after some strokes of each moved to places of a larger gain, one layer after another."""
     found, below = list(layers), canvas
     for number, layer in enumerate(found):
         problem = problems.of(below, grid, layer.kind)
@@ -249,7 +200,11 @@ def _change_in_turn(
             return found
         above = [(later.strokes, problems.of(canvas, grid, later.kind)) for later in found[number + 1 :]]
         seen, wanted = beneath(above, layer.strokes, problem, guide) if above else (problem, guide)
-        found[number] = change(layer, seen, wanted)
+        strokes, paints = relocate(
+            layer.strokes, layer.paints, seen, wanted, share=share, proposals=PROPOSALS, generator=generator
+        )
+        assert paints is not None
+        found[number] = replace(layer, strokes=strokes, paints=paints)
         below = problem.render(found[number].strokes).detach()
     return found
 

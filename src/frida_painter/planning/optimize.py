@@ -294,7 +294,6 @@ def optimize_together(
             part.paints,
             vary_colors=part.vary_colors,
             light_to_dark=light_to_dark,
-            max_tilt=part.problem.max_tilt,
         )
         for part in working
     ]

@@ -1,7 +1,6 @@
 """Planner: makes a plan for a goal and a canvas, and replans the rest of a plan from a photograph."""
 
 import copy
-import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -49,7 +48,6 @@ from frida_painter.planning.settings import PlannerSettings, layer_sizes, usual_
 from frida_painter.planning.variables import Paints, as_palette
 from frida_painter.planning.wet_paint import Wetness
 from frida_painter.provenance import describe_here, hash_code, identify
-from frida_painter.strokes import MAX_TILT
 
 
 def stroke_models(given: AnyBrush | Sequence[AnyBrush]) -> tuple[StrokeModel, ...]:
@@ -114,9 +112,6 @@ class Planner:
             settings, size=size, model=models, effort=spent, layers=layers, ground=ground, darkest=darkest
         )
         self.effort: Final = spent
-        most = math.degrees(MAX_TILT)
-        if not 0 <= settings.tilt <= most + 1e-6:
-            raise ConfigError(f"A tilt of {settings.tilt:g} degrees was given; it is from 0, upright, to {most:.0f}.")
         find_planner(settings.planner)  # before anything is prepared for it
         self._initialiser = find_initialiser(settings.initialiser)
         self.fine: Final = PixelGrid.of_height(size, settings.rows)
@@ -140,7 +135,6 @@ class Planner:
             device=self.device,
             region=settings.region,
             darkest=darkest,
-            max_tilt=math.radians(settings.tilt),
         )
 
     @property

@@ -43,7 +43,6 @@ class PlanningProblem:
     sparing: maker of the objective for one optimisation if some of its terms are slow. None: none is.
     rows: rows of the canvas that are rendered and judged.
     darkest [3]: sRGB of the darkest available paint. None: black.
-    max_tilt: radians by which strokes may lean to a side. 0: they are as they are.
     """
 
     canvas: Tensor
@@ -58,7 +57,6 @@ class PlanningProblem:
     sparing: Callable[[], Sparing] | None = None
     rows: Rows = ALL_ROWS
     darkest: Tensor | None = None
-    max_tilt: float = 0.0
 
     @property
     def limits(self) -> StrokeLimits:
@@ -301,8 +299,6 @@ class PlanningProblems:
     device: device of models, objectives and scenes.
     region: part of the canvas that strokes keep clear of.
     darkest: sRGB of the darkest paint. None: black.
-    max_tilt: radians by which a brush's own strokes may lean to a side.
-    leans: True if they may lean now.
     """
 
     size: CanvasSize
@@ -313,8 +309,6 @@ class PlanningProblems:
     device: torch.device
     region: Region | None = None
     darkest: tuple[float, float, float] | None = None
-    max_tilt: float = 0.0
-    leans: bool = False
 
     def of(
         self, canvas: Tensor, grid: PixelGrid, kind: str, objective: WeightedObjective | None = None
@@ -334,7 +328,6 @@ class PlanningProblems:
         floor = None if self.darkest is None else torch.tensor(self.darkest, device=self.device)
         problem = PlanningProblem(
             picture, self.size, model, objective, judge, matters, way, price, some, objective.sparing, darkest=floor,
-            max_tilt=self.max_tilt if self.leans and model.limits.family is None else 0.0,
         )  # fmt: skip
         return problem if self.region is None else self.region.guard(problem)
 

@@ -1,6 +1,6 @@
 """Work between rounds of gradient descent: weak strokes move, and free colours become paints."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 
 import torch
@@ -11,7 +11,7 @@ from frida_painter.planning.initialize import best_proposals, insert
 from frida_painter.planning.optimize import Step, optimize
 from frida_painter.planning.problem import PlanningProblem
 from frida_painter.planning.variables import Paints
-from frida_painter.render import Marks, composite, composite_moments
+from frida_painter.render import composite
 from frida_painter.strokes import Strokes
 
 # Distinct paints: paints that are hardly told apart are merged, and the free well gets an accent colour.
@@ -105,102 +105,18 @@ def loss_of_paint(
     """
     with torch.no_grad():
         marks = problem.marks(strokes)
-    slope, square = _loss_of_changes(strokes, marks, [-marks.magnitude], problem, target, generator)
-    return slope[0], square[0]
-
-
-def _loss_of_changes(
-    strokes: Strokes,
-    marks: Marks,
-    changes: Sequence[Tensor],
-    problem: PlanningProblem,
-    target: Tensor,
-    generator: torch.Generator,
-) -> tuple[Tensor, Tensor]:
-    """Returns the cost of a share f of each change [n, h, w] of the maps of single strokes, f slope + f^2 square.
-
-    See `loss_of_paint`; each is [changes, n].
-    """
     affine, magnitude = marks.affine, marks.magnitude.detach().requires_grad_()
     picture = composite(magnitude, affine, strokes.color, problem.canvas, bare_cells_answer=False)
 
     def along(direction: Tensor) -> Tensor:
-        """direction . (-D_i) for every change and stroke."""
+        """-direction . D_i for every stroke."""
         (slope,) = torch.autograd.grad(picture, magnitude, direction, retain_graph=True)
-        return torch.stack([(slope * change).sum((1, 2)).detach() for change in changes])
+        return -(slope * magnitude).sum((1, 2)).detach()
 
     matters = torch.ones_like(target[0]) if problem.importance is None else problem.importance
     signs = [torch.randint(0, 2, picture.shape, generator=generator).to(picture) * 2 - 1 for _ in range(_PROBES)]
     squared = torch.stack([along(sign * matters.sqrt()).square() for sign in signs]).mean(0)
     return -2 * along((matters * (target - picture)).detach()), squared
-
-
-_LEANS = (-1.0, -0.75, 0.75, 1.0)  # shares of the largest tilt
-_HARDER = (0.0, 0.2)  # further thickness, because a mark gets narrower as it gets a soft side
-# Further squared error of a tilted mark's model, as a share of the squared change that the stroke makes: measured as
-# up to 0.02 (docs/lab/virtual-studio.md), and doubled.
-_UNSURE = 0.04
-_MAX_TRIED = 100  # strokes of a layer
-
-
-def lean_over(strokes: Strokes, problem: PlanningProblem, target: Tensor, generator: torch.Generator) -> Strokes:
-    """Returns the strokes with the brush leaning to the side that is best for some of them; others stay as they are.
-
-    target [3, H, W]: as for `loss_without`. Gradient descent does not find these tilts, because the marks of slightly
-    tilted brushes are all alike. The expected squared error to the target never rises. A stroke leans only if the
-    error falls by more than what the painted mark of a tilted brush is off its model, beyond that of an upright one.
-    """
-    if problem.max_tilt == 0 or len(strokes) == 0:
-        return strokes
-    tilt = torch.zeros_like(strokes.position) if strokes.tilt is None else strokes.tilt
-    most = (problem.max_tilt**2 - tilt[:, 1].square()).clamp(min=0).sqrt()
-    pairs = [(share, more) for share in _LEANS for more in _HARDER]
-    ways = torch.stack([torch.stack((share * most, tilt[:, 1]), 1) for share, _ in pairs])  # [ways, n, 2]
-    pressed = torch.stack([(strokes.thickness + more).clamp(max=1) for _, more in pairs])  # [ways, n]
-    with torch.no_grad():
-        now = problem.marks(replace(strokes, tilt=tilt))
-        leaning = [
-            problem.marks(replace(strokes, tilt=way, thickness=harder))
-            for way, harder in zip(ways, pressed, strict=True)
-        ]
-    changes = [there.magnitude - now.magnitude for there in leaning]
-    magnitude = now.magnitude.detach().requires_grad_()
-    error = _expected_error(strokes, Marks(magnitude, now.affine), problem, target)
-    (rise,) = torch.autograd.grad(error, magnitude)
-    slope = torch.stack([(rise * change).sum((1, 2)) for change in changes])
-    _, square = _loss_of_changes(strokes, now, [*changes, -now.magnitude], problem, target, generator)
-    unsure = _UNSURE * square[-1]  # [n]
-    cost, best = (slope + square[:-1] + unsure).min(0)
-    each = torch.arange(len(best), device=best.device)
-    rows = torch.stack([there.affine[:, 1, 2] - now.affine[:, 1, 2] for there in leaning])[best, each]
-    # The mark moves with the tilt. The stroke moves back, so that its mark stays where it was.
-    aside = torch.stack((-strokes.angle.sin(), strokes.angle.cos()), -1)
-    position = strokes.position - aside * (rows * problem.model.frame.pitch[1])[:, None]
-    leans = ways[best, each]
-    wanted = replace(strokes, tilt=leans, thickness=pressed[best, each], position=position)
-    wanted = wanted.project(problem.limits, problem.size)
-    found, least = replace(strokes, tilt=tilt), float(error.detach())
-    # The estimates are noisy, and neighbours may want the same place: each is tried.
-    for number in torch.argsort(cost)[: min(_MAX_TRIED, int((cost < 0).sum()))].tolist():
-        this = (each == number)[:, None]
-        other = replace(
-            found,
-            tilt=torch.where(this, leans, tilt),
-            thickness=torch.where(this[:, 0], wanted.thickness, found.thickness),
-            position=torch.where(this, wanted.position, found.position),
-        )
-        with torch.no_grad():
-            reached = float(_expected_error(other, problem.marks(other), problem, target))
-        if reached + float(unsure[number]) < least:
-            found, least, tilt = other, reached, torch.where(this, leans, tilt)
-    return found
-
-
-def _expected_error(strokes: Strokes, marks: Marks, problem: PlanningProblem, target: Tensor) -> Tensor:
-    """Returns the summed squared error to target [3, H, W] that is expected of paintings of the strokes."""
-    mean, variance = composite_moments(*marks, strokes.color, problem.canvas, problem.spread, bare_cells_answer=False)
-    error = (mean - target).square() + variance
-    return (error if problem.importance is None else problem.importance * error).sum()
 
 
 def visible_area(strokes: Strokes, problem: PlanningProblem) -> Tensor:

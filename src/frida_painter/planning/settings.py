@@ -44,7 +44,6 @@ class PlannerSettings:
     darkest: colour of the darkest available paint; no stroke is planned darker. None: black.
     paints: paints from which the palettes are mixed: "acrylics", a file of paints, or "any" for every colour.
     region: part of the canvas that strokes keep clear of.
-    tilt: degrees by which the brush may lean to a side, from 0, upright, to 40.
     planner, initialiser: names of the registered ways to plan, and to place the first strokes.
 
         >>> import frida_painter as fp
@@ -71,7 +70,6 @@ class PlannerSettings:
     darkest: AnyColor | None = None
     paints: PaintSet | str = "acrylics"
     region: Region | None = None
-    tilt: float = 0.0
     planner: str = "layers"
     initialiser: str = "growth"
 

@@ -25,7 +25,6 @@ from frida_painter.strokes import GROUPS, StrokeLimits, Strokes
 # First steps of x and y in metres, angle in radians, length and bend in metres, and thickness; then of each code.
 _UNITS = (0.0015, 0.0015, 0.06, 0.002, 0.001, 0.04)
 _CODE_UNIT = 0.1
-_TILT_UNIT = 0.05
 _COLOR_UNIT = 0.03
 
 
@@ -49,10 +48,6 @@ class Variables:
     With `paints`, each stroke has a colour of the palette, and the palette may vary too. Without `paints`, each
     stroke has its own colour. With `light_to_dark`, the painting order is from light to dark; otherwise it is the
     given order. The strokes belong to one family, or to none; a family has one more column for each code.
-
-    max_tilt: radians by which a leaning brush may lean to the left or to the right. 0: each stroke keeps its tilt. A
-    brush that does not lean to a side stays so, because slight tilts win nothing. The lean along the path is always
-    kept, because it changes neither side of the mark.
     """
 
     def __init__(
@@ -62,17 +57,8 @@ class Variables:
         *,
         vary_colors: bool,
         light_to_dark: bool,
-        max_tilt: float = 0.0,
     ) -> None:
         self._taught = None if strokes.taught is None else strokes.taught.detach()
-        self._tilt = None if strokes.tilt is None else strokes.tilt.detach()  # of a stroke that keeps it
-        self.lean: Tensor | None = None  # [n], to the left
-        if max_tilt > 0:
-            kept = strokes.position.new_zeros(len(strokes), 2) if self._tilt is None else self._tilt
-            self._forward = kept[:, 1]
-            self._most_lean = (max_tilt**2 - self._forward.square()).clamp(min=0).sqrt() / _TILT_UNIT
-            self._leans = kept[:, 0] != 0
-            self.lean = (kept[:, 0] / _TILT_UNIT).requires_grad_()
         codes = 0 if self._taught is None else self._taught.code.shape[1]
         self._unit = strokes.angle.new_tensor((*_UNITS, *[_CODE_UNIT] * codes))
         self.shape = self._shape_of(strokes).requires_grad_()  # [n, 6], or more with codes
@@ -85,8 +71,7 @@ class Variables:
     @property
     def leaves(self) -> list[Tensor]:
         """Tensors that the optimiser varies."""
-        leaves = (self.shape, self.color) if self.lean is None else (self.shape, self.color, self.lean)
-        return [leaf for leaf in leaves if leaf.requires_grad]
+        return [leaf for leaf in (self.shape, self.color) if leaf.requires_grad]
 
     def strokes(self, order: Tensor | None = None) -> Strokes:
         """Returns the current strokes, differentiable in the leaves.
@@ -98,11 +83,7 @@ class Variables:
             groups, taught = look(self.shape, self.color, self._unit, order, self.paint), None
         else:
             groups, taught = self._plainly(order), self._coded(order)
-        tilt = self._tilt
-        if self.lean is not None:
-            tilt = torch.stack((torch.where(self._leans, self.lean * _TILT_UNIT, 0), self._forward), 1)
-        tilt = tilt if tilt is None or order is None else tilt[order]
-        return Strokes(**dict(zip(GROUPS, groups, strict=True)), taught=taught, tilt=tilt)
+        return Strokes(**dict(zip(GROUPS, groups, strict=True)), taught=taught)
 
     def _coded(self, order: Tensor | None) -> Taught | None:
         """Returns the families and codes of the strokes in the given order."""
@@ -146,8 +127,6 @@ class Variables:
                 torch.autograd.graph.increment_version(self.shape)
             else:
                 self.shape.copy_(self._shape_of(self.strokes().project(limits, size)))
-            if self.lean is not None:
-                self.lean.copy_(torch.minimum(torch.maximum(self.lean, -self._most_lean), self._most_lean))
             if self.color.requires_grad:
                 self.color.copy_(in_paint(self.color * _COLOR_UNIT) / _COLOR_UNIT)
 

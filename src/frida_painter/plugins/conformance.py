@@ -30,7 +30,6 @@ from frida_painter.hardware.robot import (
     Camera,
     ExaminedRobot,
     GuidedRobot,
-    LeaningReach,
     LimitedRobot,
     LiveCamera,
     LooseRobot,
@@ -71,7 +70,7 @@ _CANVAS = CanvasSize(0.12, 0.09)
 _ROWS = 48
 _COUNT = 6
 _ABILITIES = (
-    *(Reach, LeaningReach, ZeroedRobot, TimedRobot, LimitedRobot),
+    *(Reach, ZeroedRobot, TimedRobot, LimitedRobot),
     *(ExaminedRobot, GuidedRobot, PausableRobot, LooseRobot, TouchProbe),
 )
 """Optional protocols of a robot."""

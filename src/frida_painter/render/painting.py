@@ -14,7 +14,6 @@ from torch import Tensor, nn
 
 from frida_painter.brush.kinds import CoverageSpread, StrokeModel, growth_of, spread_of
 from frida_painter.brush.table import StrokeTable
-from frida_painter.brush.tilt import tilt_marks
 from frida_painter.brush.weights import AnyBrush, load_models_of, load_stroke_model
 from frida_painter.canvas_size import AnyCanvas, CanvasSize
 from frida_painter.compiled import compiles_for
@@ -61,13 +60,8 @@ def marks_of(strokes: Strokes, model: StrokeModel, grid: PixelGrid, rows: Rows =
         affine = scale_maps(affine, model.frame, growth)
     if isinstance(model, StrokeTable):
         magnitude, shift = model.windows(strokes.thickness, strokes.length, shape)
-        marks, corner = Marks(magnitude, affine - shift), shift[:, :, 2]
-    else:
-        marks = Marks(model(strokes.thickness, strokes.length, shape), affine)
-        corner = affine.new_zeros(len(strokes), 2)
-    if strokes.tilt is None or not (strokes.tilt.requires_grad or strokes.is_tilted):
-        return marks
-    return Marks(*tilt_marks(*marks, corner, strokes, model))
+        return Marks(magnitude, affine - shift)
+    return Marks(model(strokes.thickness, strokes.length, shape), affine)
 
 
 def composite(
@@ -334,4 +328,4 @@ def _draw_png(plan: Plan, options: ExportOptions) -> bytes:
     return content.getvalue()
 
 
-PNG = ExporterKind("png", "A picture of the plan.", _draw_png, shows_tilt=True)
+PNG = ExporterKind("png", "A picture of the plan.", _draw_png)

@@ -1,6 +1,5 @@
 """Easel of a run and its calibration: selection of the easel, the procedures, and the renewed record."""
 
-import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -38,8 +37,6 @@ from frida_painter.virtual.studio import open_studio
 from frida_painter.virtual.tabletop import PlacementError
 
 # Easel of a run: the one that its description names, and the person beside it.
-
-_TILT_TOLERANCE = 1e-6  # degrees
 
 
 def order(spec: RunSpec, brushes: Sequence[str], folder: Path | None, state: Path | None = None) -> EaselOrder:
@@ -108,17 +105,6 @@ def require_sensible(spec: RunSpec) -> None:
         raise ConfigError(
             f"{' and '.join(named)} {'is' if len(named) == 1 else 'are'} for {whose} robots, and --robot "
             f"{spec.robot[:60]} is a {is_a} one; leave {them} out, or name another robot."
-        )
-
-
-def require_tilt(spec: RunSpec, easel: Easel) -> None:
-    """Raises ConfigError if the robot cannot tilt its brush as far as the description wants."""
-    most = math.degrees(easel.max_tilt)
-    if not spec.tilt <= most + _TILT_TOLERANCE:
-        can = f"tilts its brush by at most {most:.0f} degrees; give less" if most > 0 else "holds its brush upright"
-        raise ConfigError(
-            f"--tilt {spec.tilt:g} was given, and --robot {spec.robot[:60]} {can}; leave it out, or name a robot that "
-            f"can, such as {VIRTUAL}."
         )
 
 

@@ -53,7 +53,7 @@ from frida_painter.report.recorder import Recorder
 from frida_painter.runs.event_file import open_listener
 from frida_painter.runs.goals import open_goal
 from frida_painter.runs.look_folder import REFUSED, USED, GivenPicture, LookFolder
-from frida_painter.runs.painting_easel import needed_calibrations, order, require_sensible, require_tilt, with_operator
+from frida_painter.runs.painting_easel import needed_calibrations, order, require_sensible, with_operator
 from frida_painter.runs.painting_folder import (
     CALIBRATION,
     NOW,
@@ -500,11 +500,7 @@ class PaintingRun:
             return RunOutcome(self.folder, painting, recorder.finish(painting))
 
     def _on_record(self, easel: Easel) -> Easel:
-        """Returns the easel with its calibration record; a simulated easel may ignore the record of another easel.
-
-        Raises ConfigError if the robot cannot tilt its brush as far as the description wants.
-        """
-        require_tilt(self.spec, easel)
+        """Returns the easel with its calibration record; a simulated easel may ignore the record of another easel."""
         try:
             self._record = None if self.spec.calibration is None else Calibration.load(self.spec.calibration)
             return on_record(easel, self.spec.calibration, needed_calibrations(self.spec))

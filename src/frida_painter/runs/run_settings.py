@@ -43,7 +43,6 @@ class RunSettings(TypedDict, total=False):
     focus: Literal["faces", "subject", "none"]
     sharpness: float
     freedom: float
-    tilt: float
     drying: float
     effort: float
     planner: str

@@ -260,7 +260,6 @@ def planner_settings(spec: RunSpec, model: StrokeModel | Sequence[StrokeModel] |
         new_paints=spec.new_paints is not False and spec.palette is None,
         focus=spec.focus,
         sharpness=spec.sharpness,
-        tilt=spec.tilt,
         ground=ground_color(wanted_ground(spec)) or WHITE,
         darkest=darkest_paint(spec),
         paints=spec.paints if spec.palette is None else ANY_PAINTS,

@@ -254,15 +254,6 @@ class RunSpec(BaseModel):
         description="How far the colours of a painting by content (--semantic) may leave those of the picture: 0 is "
         "faithful, 1 is wild.",
     )
-    tilt: float = Field(
-        _OF_PLANS["tilt"],
-        ge=0,
-        le=40,
-        allow_inf_nan=False,
-        description="How far the brush may lean to a side. A leaning brush leaves a mark with a sharp and a soft side. "
-        "The robot has to be able to tilt it. Paintings in the studio have hardly come nearer to their pictures by it.",
-        json_schema_extra={"metavar": "DEGREES"},
-    )
     drying: float = Field(
         20.0,
         ge=0,
@@ -666,4 +657,10 @@ def upgrade_record(plain: Mapping[str, Any]) -> dict[str, Any]:
             f"The settings are of version {version!r}, and this program reads version {VERSION}; use the program that "
             "the painting was begun with, or a newer one."
         )
+    if plain.get("tilt", 0) != 0:  # of 0.3
+        raise ConfigError(
+            f"The settings say tilt = {str(plain['tilt'])[:20]}, and brushes are upright now; use the program that the "
+            "painting was begun with, or delete it there and plan anew."
+        )
+    plain = {name: value for name, value in plain.items() if name != "tilt"}
     return {"ground": "white", "focus": "none", "sharpness": 0.0, **plain}  # 0.2 may lack these, which were fixed then

@@ -1,6 +1,5 @@
 """The simulated Sawyer as an arm of the studio: plans a whole path, refuses or follows it, and reports the course."""
 
-import math
 import threading
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -11,9 +10,8 @@ from numpy.typing import NDArray
 from frida_painter import registry
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import RobotError, WorkspaceViolation
-from frida_painter.hardware.robot import Waypoints, Workspace, lean_along
+from frida_painter.hardware.robot import Workspace
 from frida_painter.hardware.timing import Timing
-from frida_painter.strokes import MAX_TILT
 from frida_painter.virtual.bristles import BristleBrush
 from frida_painter.virtual.robot import Course, FreeArm, Way
 from frida_painter.virtual.studio import ArmAndTable, StudioArm
@@ -63,14 +61,12 @@ class SawyerArm:
         """
         body, kinematics = self._alive(way.label)
         places = TIMING.places(way.path, way.speeds())
-        leans = _lean_at(way, places)
-        places, leans = _turn_first(kinematics.lean(body.angles), places, leans)
         if len(places) == 1:
             return Course(body.tip[None], 0.0)  # it is there already
-        angles = kinematics.follow(places, body.angles, stopped, leans)
+        angles = kinematics.follow(places, body.angles, stopped)
         if len(angles) < len(places):
             return Course(body.tip[None], 0.0, stopped=True)
-        hindrance = kinematics.hindrance(angles, places, TIMING.period, leans)
+        hindrance = kinematics.hindrance(angles, places, TIMING.period)
         if hindrance is not None:
             raise WorkspaceViolation(
                 f"{way.label}: {hindrance}. The arm did not move; bring what is to be reached nearer to it."
@@ -79,8 +75,7 @@ class SawyerArm:
         # After a stop the arm brakes; its intended position stays that of the stop.
         braking = np.repeat(places[-1:], max(0, len(track.places) - len(places)), axis=0)
         meant = np.concatenate([places, braking])[: len(track.places)]
-        real = None if way.lean is None else np.array([kinematics.lean(one) for one in track.angles])
-        return Course(track.places, track.seconds, track.stopped, meant, track.angles, real)
+        return Course(track.places, track.seconds, track.stopped, meant, track.angles)
 
     def state(self) -> Sequence[float]:
         """Returns the state of the physics, which determines the next motion."""
@@ -101,43 +96,16 @@ class SawyerArm:
         return self._body, self._kinematics
 
 
-# Leaning the brush: about its tip, which stays in its place.
-
-_TURNING = 0.5  # rad/s
-_UPRIGHT = 0.01  # radians of a real lean that count as none
-
-
-def _lean_at(way: Way, places: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns the wanted lean [n, 2] at each place [n, 3] of a way."""
-    if way.lean is None:
-        return np.zeros((len(places), 2))
-    return lean_along(way.path[0], Waypoints(way.label, way.path[1:], way.speed, lean=way.lean[1:]), places)
-
-
-def _turn_first(
-    now: NDArray[np.float64], places: NDArray[np.float64], leans: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Returns the places and leans of a way, after a turn in its first place from the lean `now` [2] to its first."""
-    now = now if np.hypot(*now) > _UPRIGHT else np.zeros(2)
-    far = float(np.hypot(*(leans[0] - now)))
-    if far <= _UPRIGHT:
-        return places, leans
-    share = np.linspace(0, 1, math.ceil(far / _TURNING / TIMING.period) + 1)[:-1, None]
-    turning = now + share**2 * (3 - 2 * share) * (leans[0] - now)
-    return np.concatenate([np.repeat(places[:1], len(share), 0), places]), np.concatenate([turning, leans])
-
-
 # Reach of the simulated Sawyer, checked before anything moves.
 
 # All positions in a cube of this side (m) get the same answer, because strokes are dense on a canvas.
 _CUBE = 0.005
-_ANGLE = 0.05  # and all leans of a square of this side (rad)
 
 
 class SawyerReach:
     """Reach by inverse kinematics: True if the tip gets there, without touching anything.
 
-    Implements hardware.robot.LeaningReach.
+    Implements hardware.robot.Reach.
     """
 
     def __init__(self, workspace: Workspace, canvas: CanvasSize) -> None:
@@ -152,21 +120,11 @@ class SawyerReach:
         cubes = np.round(position / _CUBE).astype(int)
         return np.array([self._answer((*cube.tolist(),)) for cube in cubes], bool)
 
-    def reachable_leaning(self, position: NDArray[np.float64], lean: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Returns True for each position [k, 3] that it reaches with its brush leaning (radians, [k, 2]): [k]."""
-        finite = np.isfinite(position).all(1) & np.isfinite(lean).all(1)
-        rows = np.c_[np.nan_to_num(position) / _CUBE, np.nan_to_num(lean) / _ANGLE]
-        return finite & np.array([self._answer((*row.tolist(),)) for row in np.round(rows).astype(int)], bool)
-
     def _answer(self, cube: tuple[int, ...]) -> bool:
-        """Returns the answer of a cube, followed by the two steps of a lean if there is one."""
         if cube not in self._answers:
-            place, kinematics = np.array(cube[:3]) * _CUBE, self._load_kinematics()
-            lean = np.array(cube[3:]) * _ANGLE if any(cube[3:]) else np.zeros(2)
+            place, kinematics = np.array(cube) * _CUBE, self._load_kinematics()
             angles = kinematics.posture(place)
-            if lean.any():  # it is turned there from upright
-                angles = kinematics.posture(place, angles, lean)
-            self._answers[cube] = kinematics.hindrance(angles[None], place[None], 1.0, lean[None]) is None
+            self._answers[cube] = kinematics.hindrance(angles[None], place[None], 1.0) is None
         return self._answers[cube]
 
     def _load_kinematics(self) -> "Kinematics":
@@ -187,8 +145,7 @@ _STEADY = HandNoise(0.0, 0.0)
 def _with_sawyer(canvas: CanvasSize, brush: BristleBrush, seed: int) -> ArmAndTable:
     layout = sawyer_layout(canvas, brush)
     reach = SawyerReach(layout.workspace, canvas)
-    # Its kinematics know all surroundings, so that a leaning handle needs no bounds.
-    return ArmAndTable(layout, SawyerArm(layout.workspace, canvas, seed), _STEADY, reach, TIMING, max_tilt=MAX_TILT)
+    return ArmAndTable(layout, SawyerArm(layout.workspace, canvas, seed), _STEADY, reach, TIMING)
 
 
 def _with_kinematic_sawyer(canvas: CanvasSize, brush: BristleBrush, seed: int) -> ArmAndTable:

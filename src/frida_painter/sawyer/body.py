@@ -16,12 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from frida_painter.hardware.robot import (
-    handle_direction,
-    lean_of,
-)
-
-# Inverse kinematics: joint angles for positions of the tip with an upright or leaning brush, by mink (differential, a
+# Inverse kinematics: joint angles for positions of the tip with an upright brush, by mink (differential, a
 # small QP). The position and the brush's direction leave two of the seven joints free. They take the values nearest to
 # the resting posture, so that the same position always has the same posture.
 
@@ -32,7 +27,6 @@ _UPRIGHT, _RESTING = 0.3, 0.001
 _STEPS, _CLOSE = 60, 2e-6
 # Greatest error (m) of a reached position; every how many references a posture is checked.
 _MISSED, _LOOK_EVERY = 2e-4, 8
-_UPRIGHT_DEGREES = 0.5  # below which a brush is called upright
 # Greatest speeds of the joints, rad/s (the maker's figures, as in sawyer.xml).
 _FASTEST = np.array([1.74, 1.328, 1.957, 1.957, 3.485, 3.485, 4.545])
 
@@ -59,22 +53,14 @@ class Kinematics:
         mujoco.mj_kinematics(self.model, self._around)
         return self._around.site_xpos[self._tip].copy()
 
-    def lean(self, angles: Angles) -> NDArray[np.float64]:
-        """Returns the lean of the brush [2] (`Waypoints.lean`) for joint angles [7]."""
-        self._around.qpos[:] = angles
-        mujoco.mj_kinematics(self.model, self._around)
-        return lean_of(-self._around.site_xmat[self._tip][2::3])
-
     def follow(
         self,
         places: NDArray[np.float64],
         start: Angles,
         stopped: threading.Event,
-        leans: NDArray[np.float64] | None = None,
     ) -> Angles:
         """Returns joint angles [n, 7] that lead the tip through dense positions [n, 3], starting near `start`.
 
-        leans [n, 2]: of the brush at each position; None for upright
         Unreachable positions are approached as far as possible; `miss` measures the error. Returns fewer rows if
         `stopped` is set.
         """
@@ -83,30 +69,27 @@ class Kinematics:
         for k, place in enumerate(places):
             if stopped.is_set():
                 return found[:k]
-            self._iterate(place, None if leans is None else leans[k])
+            self._iterate(place)
             found[k] = self._arm.q
         return found
 
-    def posture(
-        self, place: NDArray[np.float64], start: Angles | None = None, lean: NDArray[np.float64] | None = None
-    ) -> Angles:
+    def posture(self, place: NDArray[np.float64], start: Angles | None = None) -> Angles:
         """Returns the joint angles [7] for a single position [3].
 
         start: initial angles, at any distance; None for the resting posture
-        lean [2]: of the brush; None for upright
         """
         self._arm.update(self.resting if start is None else start)
         for _ in range(_STEPS):
             before = self._arm.q.copy()
-            self._iterate(place, lean)
+            self._iterate(place)
             if np.abs(self._arm.q - before).max() < _CLOSE:
                 break
         return self._arm.q.copy()
 
-    def miss(self, angles: Angles, place: NDArray[np.float64], lean: NDArray[np.float64] | None = None) -> float:
-        """Returns the error of the tip (m) at a position [3] for joint angles; that of the brush's lean adds to it."""
+    def miss(self, angles: Angles, place: NDArray[np.float64]) -> float:
+        """Returns the error of the tip (m) at a position [3] for joint angles; one of the brush adds to it."""
         off = float(np.linalg.norm(self.tip(angles) - place))
-        return off + 1 - float(self._around.site_xmat[self._tip][2::3] @ _pointing(lean))
+        return off + 1 + float(self._around.site_xmat[self._tip][8])
 
     def touching(self, angles: Angles) -> str | None:
         """Returns the contact of the arm at these joint angles in words; None if it touches nothing."""
@@ -123,22 +106,17 @@ class Kinematics:
         angles: Angles,
         places: NDArray[np.float64],
         period: float,
-        leans: NDArray[np.float64] | None = None,
     ) -> str | None:
         """Returns the reason why the arm cannot follow the angles [n, 7]; None if it can.
 
         angles: [n, 7], one row every `period` s
         places: [n, 3], intended positions of the tip
-        leans: [n, 2], intended leans of the brush; None for upright
         """
         turning = np.abs(np.diff(angles, axis=0)) / period
         # Reach first: near its limit the joints already race before the arm misses.
         for k in range(0, len(angles), _LOOK_EVERY):
-            lean = None if leans is None else leans[k]
-            if not self.miss(angles[k], places[k], lean) <= _MISSED:
-                tilt = 0.0 if lean is None else float(np.degrees(np.hypot(*lean)))
-                how = f"leaning by {tilt:.0f} degrees (lean it less)" if tilt > _UPRIGHT_DEGREES else "upright"
-                return f"the arm does not reach {_describe(places[k])} with the brush {how}"
+            if not self.miss(angles[k], places[k]) <= _MISSED:
+                return f"the arm does not reach {_describe(places[k])} with the brush upright"
             touched = self.touching(angles[k])
             if touched is not None:
                 return f"on the way to {_describe(places[k])} {touched}"
@@ -148,18 +126,12 @@ class Kinematics:
             return f"joint {joint} would have to turn at {fastest:.1f} rad/s; it can at {_FASTEST[joint]:.1f}"
         return None
 
-    def _iterate(self, place: NDArray[np.float64], lean: NDArray[np.float64] | None = None) -> None:
-        self._upright.set_target(_pointing(lean))
+    def _iterate(self, place: NDArray[np.float64]) -> None:
         self._place.set_target(mink.SE3.from_translation(place))
         velocity = mink.solve_ik(
             self._arm, (self._place, self._upright, self._posture), 1.0, solver="daqp", limits=self._limits
         )
         self._arm.integrate_inplace(velocity, 1.0)
-
-
-def _pointing(lean: NDArray[np.float64] | None) -> NDArray[np.float64]:
-    """Returns the direction [3] from the handle to the tip for a lean [2] of the brush; None for upright."""
-    return np.array([0.0, 0.0, -1.0]) if lean is None else -handle_direction(lean[None])[0]
 
 
 def _describe(place: NDArray[np.float64]) -> str:

@@ -313,18 +313,6 @@ class Hand:
         motion = self._choreography().motion
         self._gateway.check(each for name in names for each in motion.change(name, name))
 
-    def require_tilt(self, plan: Plan) -> None:
-        """Checks, before anything moves, that the robot can tilt its brush as the whole plan wants.
-
-        Raises WorkspaceViolation that names the first stroke that is tilted too far.
-        """
-        if not plan.strokes.is_tilted:
-            return
-        choreography = self._choreography()
-        for number, stroke in enumerate(plan.strokes, 1):
-            if stroke.is_tilted:
-                self._gateway.check([choreography.motion.stroke(stroke, 0, f"stroke {number}")])
-
     def changing(self, brush: str) -> list[tuple[Waypoints, str]]:
         """Returns the motions that change the brush with the rack, and the held brush after each motion.
 

@@ -191,11 +191,7 @@ class PaintingSession:
         return self._monitor if isinstance(self._monitor, OpenLoopMonitor) else None
 
     def paint_instead(self, rest: Plan) -> None:
-        """Replaces the unpainted rest of the plan, with the same palette and canvas; also in a pause.
-
-        Raises WorkspaceViolation if it has tilted strokes and the robot cannot tilt its brush like that.
-        """
-        self.hand.require_tilt(rest)
+        """Replaces the unpainted rest of the plan, with the same palette and canvas; also in a pause."""
         self._plans.replace(rest)
 
     @property
@@ -223,8 +219,6 @@ class PaintingSession:
         return None if seen is None else self._progress.as_painting(seen)
 
     def _begin(self, strokes: int, colors: int, plan: Plan | None) -> None:
-        if plan is not None:
-            self.hand.require_tilt(plan)
         canvas, ground = self.look(), self.planner.ground
         if ground != WHITE and not (self.hand.easel.has_camera and has_ground(canvas, ground)):
             canvas = self._tone(ground)
@@ -267,7 +261,6 @@ class PaintingSession:
         return canvas
 
     def _begin_again(self, where: ResumeState) -> None:
-        self.hand.require_tilt(where.plan)
         self._progress.go_on_from(where)
         self._began_at = self.hand.last_motion
         self._tell(Resumed(where.plan, where.painted, self.planner.expected(self.rest, where.now)))

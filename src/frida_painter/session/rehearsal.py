@@ -108,15 +108,11 @@ def rehearse(
     calibration: Calibration,
     reach: Reach | None = None,
     travel: TravelLimits | None = None,
-    max_tilt: float = 0.0,
-    handle: float = 0.0,
 ) -> Rehearsal:
     """Checks every motion of a plan on an easel with a canvas of that size.
 
     reach: reach of the arm, if it does not cover the whole workspace.
     travel: limits of the machine itself. None: it has none, or was not asked.
-    max_tilt: radians by which the robot can tilt the brush; 0 for a robot that cannot.
-    handle: metres from the tip to the hand, which a tilted brush takes along.
     Raises CalibrationError if the plan has several brushes and the calibration lacks one of them.
     """
     strokes: dict[int, Fault] = {}
@@ -129,7 +125,7 @@ def rehearse(
         for index in range(len(part)):
             path = motion.stroke(part.strokes, index, f"stroke {before + index + 1}")
             ends += [path.position.min(0), path.position.max(0)]
-            for fault in gateway.faults([path], workspace, surface, reach, fixed, max_tilt, handle):
+            for fault in gateway.faults([path], workspace, surface, reach, fixed):
                 strokes[before + index] = fault
         before += len(part)
     motion, surface = Motion(workspace, calibration), Surface(canvas, calibration.press_height, calibration.surface)

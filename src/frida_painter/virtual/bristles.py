@@ -5,11 +5,6 @@ pressure, closes slowly when it is raised, and fans out across its path while it
 begins round, cuts its bends, and ends blunt and torn: locks of bristles differ in length and leave the canvas at
 different heights. The model follows W. Baxter and M. Lin, "A versatile interactive 3D brush model" (2004), and Z.
 Chen et al., "WetBrush" (2015), reduced to the effects that are visible in the mark.
-
-A tilted brush lies on its belly, beside its tip. Its spine bends away from the handle, so the bristles at the tip
-crowd together and press, and those under the handle fan out and press less (N. Chu and C.-L. Tai, "Real-time painting
-with an expressive virtual Chinese brush", 2004). Each bristle lays paint by its own pressure (S. Strassmann, "Hairy
-brushes", 1986). So the mark has a sharp side at the tip and a soft, broken one under the handle.
 """
 
 import math
@@ -84,9 +79,6 @@ _FANNED = 0.74
 # A light touch already lays the tuft down: its distance behind the handle grows with this power of the depth.
 _LYING = 0.3
 _LEVELLING = 0.4
-# A tilted brush, per sine of its tilt: distance of the belly from the tip in radii, crowding of the bristles at the
-# tip and fanning of those under the handle, and pressure that the outermost of these lose.
-_BELLY, _CROWDING, _HEEL = 0.5, 0.6, 1.5
 
 
 class Tuft:
@@ -173,32 +165,6 @@ class Tuft:
 
         The tuft takes a slightly different shape with every stroke.
         """
-        feet, travelled, _ = self._contact(path)
-        return feet, travelled
-
-    def leaning_feet(
-        self, path: NDArray[np.float64], lean: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.float64]]:
-        """Returns the contacts and drags of a tilted brush, as `feet`, and the share of its pressure on each bristle.
-
-        lean [k, 2]: direction on the canvas to which the handle leans, as long as the angle in radians
-        Returns shares [k, n] in [0, 1].
-        """
-        feet, travelled, disc = self._contact(path)
-        angle = np.hypot(*lean.T)
-        toward = lean / np.maximum(angle, 1e-9)[:, None]
-        sine, radius = np.sin(angle)[:, None], disc[:, None, 2]
-        place = ((feet[..., :2] - disc[:, None, :2]) * toward[:, None]).sum(-1) / radius  # -1 at the tip, 1 at the heel
-        crowded = place * (1 + np.where(place > 0, _CROWDING, -_CROWDING) * sine)
-        feet[..., :2] += ((crowded - place + _BELLY * sine) * radius)[..., None] * toward[:, None]
-        share = np.clip(1 - _HEEL * sine * np.clip((1 + place) / 2, 0, 1), 0, 1)
-        feet[..., 2] *= np.where(feet[..., 2] > 0, share, 1)
-        return feet, travelled, share
-
-    def _contact(
-        self, path: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.float64]]:
-        """Returns contacts and drags, and the tuft's disc [k, 3] in each step: its middle and radius in mm."""
         random, n, lock = self._random, len(self.load), self._lock
         self._luck = None
         shear = np.eye(2) + random.normal(0, 0.05, (2, 2))
@@ -213,10 +179,11 @@ class Tuft:
         strand = np.clip((aside + 1.2) / 2.4 * _STRANDS, 0, _STRANDS - 1).astype(int)
         grip = random.random(_STRANDS)[strand] * random.uniform(0.8, 1, n)
         brush = self.brush
-        return _trail(
+        found: tuple[NDArray[np.float32], NDArray[np.float64]] = _trail(
             path, offset, onset, grip, lag, lock, shake,
             brush.light_radius, brush.hard_radius, brush.press_depth, brush.drag, brush.closing,
         )  # fmt: skip
+        return found
 
 
 @numba.njit(cache=True, nogil=True)
@@ -226,7 +193,6 @@ def _trail(  # type: ignore[no-untyped-def]
     steps, n = path.shape[0], offset.shape[0]
     locks = shake.shape[1] - 2
     feet = np.empty((steps, n, 3), np.float32)
-    disc = np.empty((steps, 3))
     travelled = np.zeros(steps)
     touching = np.zeros(n, np.bool_)
     middle_x, middle_y = path[0, 0], path[0, 1]
@@ -258,7 +224,6 @@ def _trail(  # type: ignore[no-untyped-def]
         travelled[step] = max(pulled, math.hypot(moved, rise))
         fanned = 1.0 - _FANNED * min(1.0, trail / max(rope, 0.05 * drag))
         radius = spread * (1.0 + 0.03 * shake[step, locks])
-        disc[step, 0], disc[step, 1], disc[step, 2] = middle_x, middle_y, radius
         swerve = spread * 0.03 * shake[step, locks + 1]
         for i in range(n):
             jolt = shake[step, lock[i]]
@@ -277,7 +242,7 @@ def _trail(  # type: ignore[no-untyped-def]
                 press = min(press, 0.0)
             touching[i] = press > 0.0
             feet[step, i, 2] = press
-    return feet, travelled, disc
+    return feet, travelled
 
 
 def _in_disc(random: np.random.Generator, count: int) -> NDArray[np.float64]:

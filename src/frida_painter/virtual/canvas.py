@@ -72,15 +72,9 @@ class Canvas:
         self.ground = (ground * (1 - 0.012 * (self.tooth[..., None] - 0.5))).astype(np.float32)
         self._changed[:] = True
 
-    def touch(self, tuft: Tuft, path: NDArray[np.float64], now: float, lean: NDArray[np.float64] | None = None) -> None:
-        """Moves a tuft along a path (see Tuft.feet) at time `now` (s); both exchange paint.
-
-        lean [k, 2]: tilt of the brush along the path (see Tuft.leaning_feet); None for an upright brush
-        """
-        if lean is None:
-            share, (feet, travelled) = None, tuft.feet(path)
-        else:
-            feet, travelled, share = tuft.leaning_feet(path, lean)
+    def touch(self, tuft: Tuft, path: NDArray[np.float64], now: float) -> None:
+        """Moves a tuft along a path (see Tuft.feet) at time `now` (s); both exchange paint."""
+        feet, travelled = tuft.feet(path)
         reach = 2 * tuft.brush.hard_radius + tuft.brush.drag
         low = np.maximum(0, (path[:, :2].min(0) - reach) / self.cell).astype(int)
         high = np.maximum(0, (path[:, :2].max(0) + reach) / self.cell).astype(int)
@@ -92,7 +86,6 @@ class Canvas:
         _exchange(
             feet, travelled / self.cell, tuft.load, tuft.pigment, tuft.capacity, tuft.bite,
             self.wet, self.tooth, self._changed, self.cell, tuft.brush.film,
-            share,
         )  # fmt: skip
 
     def dry_until(self, now: float) -> None:
@@ -141,12 +134,8 @@ def _film(wet, thickness, ground, out):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _exchange(feet, travelled, load, pigment, capacity, bite, wet, tooth, changed, cell, film, share):  # type: ignore[no-untyped-def]
-    """Exchanges paint between each bristle and the four cells around it, at every step; travelled [k] is in cells.
-
-    share [k, n]: pressure on each bristle of a tilted brush in [0, 1], by which it lays its film. None: upright.
-    The compiler makes a version of its own for each, so an upright brush pays nothing.
-    """
+def _exchange(feet, travelled, load, pigment, capacity, bite, wet, tooth, changed, cell, film):  # type: ignore[no-untyped-def]
+    """Exchanges paint between each bristle and the four cells around it, at every step; travelled [k] is in cells."""
     rows, columns = tooth.shape
     area = cell * cell
     for step in range(feet.shape[0]):
@@ -157,12 +146,8 @@ def _exchange(feet, travelled, load, pigment, capacity, bite, wet, tooth, change
                 continue
             full = load[i] / capacity[i]
             wanted = film * math.sqrt(full)
-            laid = wanted
             # Little paint or little pressure reaches only the tops of the weave: dry brush.
             reaching = _TOOTH * (0.12 + (2.2 + bite[i]) * full + 0.5 * press + 0.6 * bite[i])
-            if share is not None:
-                laid = wanted * share[step, i]
-                reaching = _TOOTH * (0.12 + ((2.2 + bite[i]) * full + 0.6 * bite[i]) * share[step, i] + 0.5 * press)
             x, y = feet[step, i, 0] / cell - 0.5, feet[step, i, 1] / cell - 0.5
             left, below = math.floor(x), math.floor(y)
             if left < 0 or below < 0 or left > columns - 2 or below > rows - 2:
@@ -177,8 +162,6 @@ def _exchange(feet, travelled, load, pigment, capacity, bite, wet, tooth, change
                 there, held = wet[r, c, 0] * area, load[i]
                 # Towards the film that a bristle with this load leaves; a thicker film is taken up.
                 given = _GIVING * part * (wanted * area - there)
-                if share is not None:  # a light bristle lays a thin film, and takes up only a thick one
-                    given = max(min(given, 0.0), _GIVING * part * (laid * area - there))
                 if given > 0.0:
                     given = min(given, 0.5 * held)
                 else:

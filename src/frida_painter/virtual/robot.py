@@ -1,6 +1,5 @@
 """Robot of the studio: an arm moves the brush tip along its waypoints, by the studio's clock."""
 
-import math
 import threading
 import time
 from collections.abc import Sequence
@@ -11,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frida_painter.errors import MotionFailed, RobotDisconnected, RobotError, RobotStopped, WorkspaceViolation
-from frida_painter.hardware.robot import MotionReport, Waypoints, lean_along
+from frida_painter.hardware.robot import MotionReport, Waypoints
 from frida_painter.hardware.timing import Timing
 from frida_painter.virtual.faults import NO_FAULTS, Faults
 from frida_painter.virtual.simulation_log import Note, ignore_entry
@@ -30,19 +29,16 @@ class Way:
     speed: speed in m/s after the first waypoint.
     travel_speed: speed in m/s to the first waypoint.
     label: name for messages.
-    lean [k, 2]: wanted lean of the brush at each point (`Waypoints.lean`). None: upright.
     """
 
     label: str
     path: NDArray[np.float64]
     speed: float
     travel_speed: float
-    lean: NDArray[np.float64] | None = None
 
     def to_waypoint(self, number: int) -> "Way":
         """Returns the part of the way up to waypoint `number`; the path's first point is the start of the tip."""
-        lean = None if self.lean is None else self.lean[: number + 2]
-        return replace(self, path=self.path[: number + 2], lean=lean)
+        return replace(self, path=self.path[: number + 2])
 
     def when(self) -> NDArray[np.float64]:
         """Returns the seconds after the start [k] at each point, for a tip that always has its full speed."""
@@ -63,7 +59,6 @@ class Course:
     stopped: True if the motion was stopped.
     meant [n, 3]: wanted positions at the same moments, for an arm with joints.
     angles [n, joints]: joint angles in radians, for an arm with joints. The moments are then evenly spaced.
-    lean [n, 2]: real lean of the brush, for an arm with joints on a way with leans.
     """
 
     places: NDArray[np.float64]
@@ -71,7 +66,6 @@ class Course:
     stopped: bool = False
     meant: NDArray[np.float64] | None = None
     angles: NDArray[np.float64] | None = None
-    lean: NDArray[np.float64] | None = None
 
 
 class Watcher(Protocol):
@@ -194,13 +188,9 @@ class VirtualRobot:
     motions: number of motions that began.
     note: receives the arm's state after every motion.
     watcher: observer of the motions.
-    max_tilt: radians by which the arm can tilt the brush; 0 if it cannot.
     """
 
-    def __init__(
-        self, table: Table, layout: StudioLayout, arm: Arm, clock: Clock, pace: float = 0.0, max_tilt: float = 0.0
-    ) -> None:
-        self.max_tilt = max_tilt
+    def __init__(self, table: Table, layout: StudioLayout, arm: Arm, clock: Clock, pace: float = 0.0) -> None:
         self.faults: Faults = NO_FAULTS
         self.motions = 0
         self.note: Note = ignore_entry
@@ -266,10 +256,7 @@ class VirtualRobot:
             raise
         self._clock.now += course.seconds
         # The canvas gets the way as a whole, so that marks do not depend on the checks for a stop.
-        lean = course.lean
-        if lean is None and waypoints.lean is not None:
-            lean = lean_along(self._tip, waypoints, course.places)
-        self._table.move(course.places, self._clock.now, self.faults, lean)
+        self._table.move(course.places, self._clock.now, self.faults)
         self._tip = course.places[-1].copy()
         if state := self._arm.state():
             self.note({"did": "arm", "state": list(state)})
@@ -297,8 +284,7 @@ class VirtualRobot:
         faults, label = self.faults, waypoints.label
         slowness = _SLOW if number in faults.slow_motions else 1.0
         path = np.concatenate([self._tip[None], waypoints.position])
-        lean = None if waypoints.lean is None else np.concatenate([waypoints.lean[:1], waypoints.lean])
-        way = Way(label, path, waypoints.speed / slowness, self._workspace.travel_speed / slowness, lean)
+        way = Way(label, path, waypoints.speed / slowness, self._workspace.travel_speed / slowness)
         halfway = way.to_waypoint(max(0, len(path) // 2 - 2))
         if number in faults.hanging_motions:
             threading.Event().wait()
@@ -337,11 +323,6 @@ class VirtualRobot:
         if not 0 < waypoints.speed <= _FASTEST:
             raise WorkspaceViolation(
                 f"{waypoints.label}: {waypoints.speed} m/s was asked for; allowed is above 0 to {_FASTEST} m/s."
-            )
-        if waypoints.lean is not None and not (np.hypot(*waypoints.lean.T) <= self.max_tilt + _TOLERANCE).all():
-            raise WorkspaceViolation(
-                f"{waypoints.label}: a tilted brush was wanted; this robot tilts it by at most "
-                f"{math.degrees(self.max_tilt):.0f} degrees. It did not move; plan with upright strokes."
             )
         lower, upper = np.array(self._workspace.lower), np.array(self._workspace.upper)
         inside = (position >= lower - _TOLERANCE) & (position <= upper + _TOLERANCE)

@@ -159,7 +159,12 @@ def relive(
             case "move":
                 clock.now = entry["now"]
                 path = np.array(entry["path"])
-                table.move(path, clock.now, robot.faults, np.array(entry["lean"]) if "lean" in entry else None)
+                if "lean" in entry:
+                    raise StorageError(
+                        "The brush leaned in this painting, and brushes are upright now; go on with the version that "
+                        "began the painting."
+                    )
+                table.move(path, clock.now, robot.faults)
                 robot.remember(path[-1])
                 if table.tuft.volume != entry["brush"]:
                     raise other
@@ -195,7 +200,6 @@ _MAX_CELLS = 3_000_000
 FREE = "free"
 """Name of the studio's own arm, which follows its way exactly. Other arms come from entry points."""
 _MAX_RISE = 0.02
-_MAX_TILT = math.radians(40)
 _SLOWEST = 100.0
 # Film thickness that sets in the drying time; the rate is the same for all films.
 _FILM = 0.06
@@ -204,14 +208,13 @@ _PICTURE_ROWS = 700
 
 @dataclass(frozen=True)
 class ArmAndTable:
-    """Arm with its surroundings: layout, hand noise, reach, timing, and radians by which it can tilt the brush."""
+    """Arm with its surroundings: layout, hand noise, reach and timing."""
 
     layout: StudioLayout
     arm: Arm
     noise: HandNoise
     reach: Reach | None = None
     timing: Timing | None = None
-    max_tilt: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -234,9 +237,7 @@ def _find_arm(name: str) -> StudioArm:
         return StudioArm(
             FREE,
             "virtual studio",
-            lambda canvas, brush, _: ArmAndTable(
-                free_layout(canvas, brush), FreeArm(), HandNoise(), max_tilt=_MAX_TILT
-            ),
+            lambda canvas, brush, _: ArmAndTable(free_layout(canvas, brush), FreeArm(), HandNoise()),
         )
     return registry.parts(registry.STUDIO_ARMS)[name].load(StudioArm)
 
@@ -353,7 +354,7 @@ class VirtualStudio:
             self._fresh_canvas(), tuft, layout.workspace, self.touch_height, self.placement_error,
             settings.noise or here.noise, for_hand,
         )  # fmt: skip
-        self.robot = VirtualRobot(self.table, layout, here.arm, self.clock, settings.pace, here.max_tilt)
+        self.robot = VirtualRobot(self.table, layout, here.arm, self.clock, settings.pace)
         self.camera = VirtualCamera(settings.camera, self.table, self.clock, for_camera)
         calibration = Calibration(
             easel=f"{arm.easel} {seed}",
@@ -376,7 +377,6 @@ class VirtualStudio:
         self.easel = Easel(
             self.robot, self.camera, self._operator, layout.workspace, calibration, canvas, here.reach, here.timing,
             simulated=True, pace=settings.pace, person_brushes=self.person.brushes,
-            max_tilt=here.max_tilt,
         )  # fmt: skip
         self._log, self._note = log, ignore_entry
         if log is not None:

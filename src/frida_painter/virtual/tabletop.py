@@ -190,26 +190,20 @@ class Table:
         self.canvas = canvas
         self.knock = PlacementError((0.0, 0.0), 0.0)
 
-    def move(
-        self, path: NDArray[np.float64], now: float, faults: Faults, lean: NDArray[np.float64] | None = None
-    ) -> None:
-        """Moves the tip along a polyline [k, 3] (metres, robot frame) that ends at time `now` (s).
-
-        lean [k, 2]: tilt of the brush, as in `Waypoints.lean`; None for upright
-        """
+    def move(self, path: NDArray[np.float64], now: float, faults: Faults) -> None:
+        """Moves the tip along a polyline [k, 3] (metres, robot frame) that ends at time `now` (s)."""
         self._feel(faults.bumps)
         touches = self.touches
         on_canvas = self.on_canvas(path)
         self.tip = on_canvas[-1, :2]
         near = on_canvas[:, 2] > 0
         if (near[1:] | near[:-1]).any():
-            tilted = None if lean is None else self._lean_on_canvas(path, lean)
-            self._over_canvas(on_canvas, now, faults, tilted)
+            self._over_canvas(on_canvas, now, faults)
         if len(path) > 1:
             self._among_vessels(_resample(path, _LOOK), faults)
         # A stroke survives a power cut, as on a real canvas; travel through the air need not.
         entry = {"did": "move", "path": path.tolist(), "now": now, "brush": self.tuft.volume}
-        self.note(entry if lean is None else {**entry, "lean": lean.tolist()}, flush=self.touches > touches)
+        self.note(entry, flush=self.touches > touches)
 
     def _feel(self, bumps: tuple[Bump, ...]) -> None:
         for bump in bumps:
@@ -228,18 +222,10 @@ class Table:
         depth = (self._touch_height - path[:, 2]) * _MM / self.tuft.brush.press_depth
         return np.c_[place, np.minimum(depth, 1.25)]
 
-    def _lean_on_canvas(self, path: NDArray[np.float64], lean: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Returns leans [k, 2] of the robot's frame along the real canvas, which may lie turned."""
-        step = np.c_[lean / _MM, np.zeros(len(lean))]
-        return np.asarray((self.on_canvas(path + step) - self.on_canvas(path))[:, :2])
-
-    def _over_canvas(
-        self, path: NDArray[np.float64], now: float, faults: Faults, lean: NDArray[np.float64] | None
-    ) -> None:
+    def _over_canvas(self, path: NDArray[np.float64], now: float, faults: Faults) -> None:
         millimetres = np.array([1, 1, _FINER_LIFT * self.tuft.brush.press_depth])
         place = _subdivide(path * millimetres, _CELLS_PER_STEP * self.canvas.cell)
         fine = _at(place, path * millimetres) / millimetres
-        tilted = None if lean is None else _at(place, lean)
         margin = 2 * self.tuft.brush.hard_radius
         size = np.array([self.canvas.width, self.canvas.height])
         reaches = (fine[:, 2] > -0.08) & (fine[:, :2] > -margin).all(1) & (fine[:, :2] < size + margin).all(1)
@@ -251,7 +237,7 @@ class Table:
                 + np.r_[self._random.normal(0, self._noise.place * _MM, 2), self._random.normal(0, self._noise.depth)]
             )
             if self.touches not in faults.dropped_touches:
-                self.canvas.touch(self.tuft, touch, now, None if tilted is None else tilted[first:last])
+                self.canvas.touch(self.tuft, touch, now)
                 self.tuft.settle()
             self.touches += 1
 

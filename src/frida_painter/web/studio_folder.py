@@ -148,7 +148,6 @@ class PaintingRequest(_Checked):
     focus: Focus = RunSpec.model_fields["focus"].default
     sharpness: float = _field_like_spec("sharpness")
     freedom: float = _field_like_spec("freedom")
-    tilt: float = _field_like_spec("tilt")
     paints: Literal["acrylics", "any"] = "acrylics"
     drying: float = _field_like_spec("drying")
     minutes: float | None = _field_like_spec("minutes")
@@ -157,12 +156,12 @@ class PaintingRequest(_Checked):
 
     @model_validator(mode="before")
     @classmethod
-    def _upgrade_brush(cls, given: Any) -> Any:
-        """Converts an old request with a single brush."""
-        if not isinstance(given, dict) or "brush" not in given:
+    def _upgrade(cls, given: Any) -> Any:
+        """Converts an old request with a single brush, or that of 0.3 with an upright one."""
+        if not isinstance(given, dict):
             return given
-        known = {name: value for name, value in given.items() if name != "brush"}
-        return {"brushes": given["brush"], **known}
+        known = {name: value for name, value in given.items() if name != "brush" and (name, value) != ("tilt", 0)}
+        return {"brushes": given["brush"], **known} if "brush" in given else known
 
     @model_validator(mode="after")
     def _is_possible(self) -> Self:

@@ -118,7 +118,6 @@ class Job:
             focus=request.focus,
             sharpness=request.sharpness,
             freedom=request.freedom,
-            tilt=request.tilt,
             drying=request.drying,
             minutes=request.minutes,
             effort=request.effort,

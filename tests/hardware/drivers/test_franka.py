@@ -5,7 +5,6 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +23,7 @@ from frida_painter.hardware.drivers import franka, interlock
 from frida_painter.hardware.drivers.franka import FrankaRobot, FrankaSettings
 from frida_painter.hardware.drivers.franka_kinematics import FrankaReach, resume_path
 from frida_painter.hardware.latch import Latch
-from frida_painter.hardware.robot import TouchProbe, Waypoints, Workspace, handle_direction
+from frida_painter.hardware.robot import TouchProbe, Waypoints, Workspace
 from machines.franky_arm import BRUSH, HEIGHT, TABLE_AT, FrankyArm, tip_positions
 from machines.paths import NOT_PATHS
 
@@ -106,66 +105,6 @@ def test_speed_is_kept_along_a_stroke_and_the_brush_stays_upright(arm: FrankyArm
     middle = (tips[50:-50, 0] > 0.46) & (tips[50:-50, 0] < 0.50) & (tips[50:-50, 2] < 0.1)
     assert middle.sum() > 500
     assert pace[middle].min() > 0.9 * SPEED and pace[middle].max() < 1.1 * SPEED
-
-
-def test_the_brush_leans_about_its_tip_as_asked_and_comes_up_again(arm: FrankyArm, robot: FrankaRobot) -> None:
-    """Angle and side of the handle, and the tip's path, by the simulator's joints and the published table."""
-    stroke = a_stroke(points=31)
-    turn = np.linspace(0.0, 1.0, len(stroke.position))
-    lean = np.radians(35.0) * np.c_[np.cos(turn), -np.sin(turn)]
-    robot.follow(Waypoints("above", stroke.position[:1], 0.1))
-    turning = len(arm.joints())
-    robot.follow(Waypoints("above", stroke.position[:1], 0.1, lean=lean[:1]))
-    time.sleep(0.3)
-    since = len(arm.joints())
-    assert np.linalg.norm(tip_positions(arm.joints()[turning:]) - stroke.position[0], axis=1).max() < 1e-3
-    robot.follow(replace(stroke, lean=lean))
-    tips, joints = painted(arm, since), arm.joints()[since:]
-    assert np.sqrt((off_path(tips, stroke) ** 2).mean()) < 3e-4
-    handle = tip_positions(joints, 0.0) - tip_positions(joints, BRUSH)
-    handle /= np.linalg.norm(handle, axis=1, keepdims=True)
-    assert np.degrees(np.arccos(handle[:, 2])) == pytest.approx(35.0, abs=0.3)
-    toward = np.arctan2(handle[:, 1], handle[:, 0])
-    assert toward[0] == pytest.approx(0.0, abs=0.01) and toward[-1] == pytest.approx(-1.0, abs=0.01)
-    robot.follow(Waypoints("up", stroke.position[-1:] + np.array([0, 0, 0.02]), 0.1))
-    rotation = robot._pose_of(arm.joints()[-1], robot._state("test"))[1]
-    assert rotation == pytest.approx(robot.settings.upright, abs=0.01)
-
-
-def test_leans_beyond_the_limits_are_refused_before_anything_moves(arm: FrankyArm, robot: FrankaRobot) -> None:
-    far, moves = np.array([[0.7, 0.0, 0.1]]), arm.moves()
-    out, back = np.array([[0.6, 0.0]]), np.array([[-0.6, 0.0]])
-    assert robot.reachable(far)[0] and robot.reachable_leaning(far, back)[0]
-    assert not robot.reachable_leaning(far, out)[0]
-    with pytest.raises(
-        MotionFailed, match=r"stroke 1: .* not reach .* leaning by \d+ degrees; lean it less.* not move"
-    ):
-        robot.follow(Waypoints("stroke 1", far, 0.1, lean=out))
-    robot.close()
-    robot.connect()
-    with pytest.raises(MotionFailed, match=r"stroke 1: .* up to 57 degrees; .* up to 40 degrees are allowed"):
-        robot.follow(Waypoints("stroke 1", far, 0.1, lean=np.array([[1.0, 0.0]])))
-    assert arm.moves() == moves
-    assert FrankaRobot(FrankaSettings(arm.address, HOME)).max_tilt == 0, "its handle's length is not known"
-
-
-@given(
-    radius=st.floats(0.35, 0.6), azimuth=st.floats(-0.8, 0.8), toward=st.floats(-3.1, 3.1), angle=st.floats(0.0, 0.69),
-    turn=st.floats(-60, 60),
-)  # fmt: skip
-def test_the_leaning_reach_that_is_known_before_agrees_with_the_published_table(
-    radius: float, azimuth: float, toward: float, angle: float, turn: float
-) -> None:
-    place = np.array([[radius * np.cos(azimuth), radius * np.sin(azimuth), 0.1]])
-    lean = angle * np.array([[np.cos(toward), np.sin(toward)]])
-    reach = FrankaReach(BRUSH, turn)
-    joints, met = reach._turn_to(reach.solve(place), place, lean)
-    if met[0]:
-        tip = tip_positions(joints)
-        assert tip == pytest.approx(place, abs=1e-5)
-        assert tip_positions(joints, BRUSH - 1.0) - tip == pytest.approx(handle_direction(lean), abs=1e-5)
-    else:
-        assert not reach.reachable_leaning(place, lean)[0]
 
 
 @given(

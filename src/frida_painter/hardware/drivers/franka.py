@@ -1,8 +1,8 @@
 """The robot kind `franka`: Franka Research 3 and Panda through franky, a client of libfranka.
 
 A motion is planned as a whole before anything moves: the tip's path in time (Timing), the arm's joint angles along it
-by the arm's own model, with the brush upright or leaning about its tip, and their limits. It is sent as one motion in
-joint angles. Neither franky nor this program clears an error: a person does that, at the arm.
+by the arm's own model, with the brush upright, and their limits. It is sent as one motion in joint angles. Neither
+franky nor this program clears an error: a person does that, at the arm.
 """
 
 import math
@@ -24,7 +24,6 @@ from frida_painter.hardware.drivers.franka_kinematics import (
     LOWER_JOINTS,
     UPPER_JOINTS,
     FrankaReach,
-    lean_rotation,
     make_rotation,
     resume_path,
     rotation_vector,
@@ -39,11 +38,9 @@ from frida_painter.hardware.robot import (
     MotionReport,
     Sense,
     Waypoints,
-    lean_along,
     plan_way_home,
 )
 from frida_painter.hardware.timing import AxisTiming, Timing
-from frida_painter.strokes import MAX_TILT
 
 _NEEDED = Needed(module="franky", extra="franka")
 _POLL = 0.01
@@ -96,7 +93,7 @@ _REMEDY = {
 
 class FrankaRobot:
     """Robot through franky. Implements hardware.robot.Robot, Reach, TimedRobot, ExaminedRobot,
-    GuidedRobot, TouchProbe, TiltingRobot, LongHandledRobot and LeaningReach.
+    GuidedRobot and TouchProbe.
 
     The arm allows one client. A stop goes over the same connection, beside the motion's thread.
     """
@@ -105,8 +102,6 @@ class FrankaRobot:
 
     def __init__(self, settings: FrankaSettings) -> None:
         self.settings = settings
-        self.handle_length = settings.brush_length
-        self.max_tilt = MAX_TILT if settings.brush_length > 0 else 0.0  # a handle of unknown length is not turned
         self._interlock = Interlock(f"the Franka at {settings.address}")
         self._timing = Timing(settings.acceleration, smoothing=0.1, period=_PERIOD)
         self._told_at, self._alive_at = -1.0, -math.inf
@@ -186,10 +181,6 @@ class FrankaRobot:
         """Returns True for each position [k, 3] that the arm reaches with its hand and the brush upright: [k]."""
         return FrankaReach(self.settings.brush_length, self.settings.turn).reachable(position)
 
-    def reachable_leaning(self, position: NDArray[np.float64], lean: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Returns True for each position [k, 3] that the arm reaches with its brush leaning ([k, 2], radians): [k]."""
-        return FrankaReach(self.settings.brush_length, self.settings.turn).reachable_leaning(position, lean)
-
     def timing(self) -> AxisTiming:
         """Returns the limits of the planned motions. Implements hardware.robot.TimedRobot."""
         return self._timing.tell(FASTEST, _RESTING)
@@ -248,14 +239,14 @@ class FrankaRobot:
     def follow(self, waypoints: Waypoints) -> MotionReport:
         """Moves along the waypoints as one motion; returns when the arm stands.
 
-        The brush is turned about its tip before that: upright, or as it leans at the first waypoint. The tip slows
+        The brush is turned upright about its tip before that. The tip slows
         down before corners and stops in sharp ones.
         Raises MotionFailed before anything moves if a waypoint is beyond the arm's reach or a joint would be too fast.
         Raises MotionFailed with the arm's error, RobotDisconnected, or RobotStopped if it was stopped here or at the
         arm. The arm then stands.
         """
         self._interlock.require_ready(waypoints.label)
-        self._interlock.require_path(waypoints, self.max_tilt)
+        self._interlock.require_path(waypoints)
         started = time.monotonic()
         try:
             self._require_idle(waypoints.label)
@@ -371,9 +362,8 @@ class FrankaRobot:
         speed = np.r_[approach or self.settings.approach, np.full(len(waypoints.position) - 1, waypoints.speed)]
         places = self._timing.places(path, speed)
         elbow = np.zeros(len(places))
-        leans = lean_along(tip, waypoints, places)
-        rotations = np.array([lean_rotation(lean) @ self.settings.upright for lean in leans])
-        first = self._into_posture(waypoints.label, start, tip, rotation, rotations[0], state)
+        rotations = np.broadcast_to(self.settings.upright, (len(places), 3, 3))
+        first = self._into_posture(waypoints.label, start, tip, rotation, state)
         joints = np.concatenate(
             [start[None], first, self._solve(waypoints.label, first[-1], places, rotations, elbow, state)]
         )
@@ -386,14 +376,14 @@ class FrankaRobot:
         start: NDArray[np.float64],
         tip: NDArray[np.float64],
         rotation: NDArray[np.float64],
-        wanted: NDArray[np.float64],
         state: Any,
     ) -> NDArray[np.float64]:
-        """Returns joint angles [k, 7] that turn the hand as wanted and the elbow up, while the tip stays in place.
+        """Returns joint angles [k, 7] that turn the hand upright and the elbow up, while the tip stays in place.
 
-        rotation, wanted: of the tool [3, 3]
+        rotation: of the tool [3, 3]
         """
-        angle = float(np.linalg.norm(rotation_vector(self.settings.upright @ rotation.T)))
+        off = rotation_vector(self.settings.upright @ rotation.T)
+        angle = float(np.linalg.norm(off))
         if not (angle <= _MAX_TURNED and abs(start[2]) <= _MAX_BENT):
             raise MotionFailed(
                 f"{label}: the hand of {self._interlock.name} is turned by {math.degrees(angle):.0f} degrees from "
@@ -401,8 +391,7 @@ class FrankaRobot:
                 f"{math.degrees(_MAX_TURNED):.0f} and {math.degrees(_MAX_BENT):.0f} are put right by itself. Guide "
                 "the arm by hand until the brush points straight down and the elbow up. It did not move."
             )
-        off = rotation_vector(wanted @ rotation.T)
-        steps = max(1, math.ceil(max(float(np.linalg.norm(off)), abs(start[2])) / _TURNING / _PERIOD))
+        steps = max(1, math.ceil(max(angle, abs(start[2])) / _TURNING / _PERIOD))
         share = np.linspace(0, 1, steps + 1)[1:]
         share = share**2 * (3 - 2 * share)
         rotations = np.array([make_rotation(part * off) @ rotation for part in share])
@@ -446,9 +435,9 @@ class FrankaRobot:
     def _out_of_reach(self, label: str, tip: NDArray[np.float64], rotation: NDArray[np.float64]) -> MotionFailed:
         place = ", ".join(f"{metres:.3f}" for metres in tip)
         angle = math.degrees(math.acos(min(1.0, max(-1.0, -float(rotation[2, 2])))))
-        how, less = ("upright", "") if angle < _UPRIGHT else (f"leaning by {angle:.0f} degrees", "lean it less, or ")
+        how = "upright" if angle < _UPRIGHT else f"still {angle:.0f} degrees from upright"
         return MotionFailed(
-            f"{label}: {self._interlock.name} does not reach ({place}) m with the brush {how}; {less}move the canvas "
+            f"{label}: {self._interlock.name} does not reach ({place}) m with the brush {how}; move the canvas "
             "nearer to it, or the other way round. It did not move."
         )
 

@@ -21,23 +21,12 @@ _STARTING = 10  # periods of a path in which the arm comes from rest to its spee
 # the hand.
 _SHOULDER, _UPPER, _FORE, _ELBOW, _WRIST, _HAND = 0.333, 0.316, 0.384, 0.0825, 0.088, 0.107 + 0.1034
 
-# Denavit-Hartenberg table of joints 1 to 7 in Craig's convention: a and d in metres, alpha.
-_QUARTER = math.pi / 2
-_TABLE = (
-    (0.0, _SHOULDER, 0.0), (0.0, 0.0, -_QUARTER), (0.0, _UPPER, _QUARTER), (_ELBOW, 0.0, _QUARTER),
-    (-_ELBOW, _FORE, -_QUARTER), (0.0, 0.0, _QUARTER), (_WRIST, 0.0, _QUARTER),
-)  # fmt: skip
-_TURNING_JOINTS = [0, 1, 3, 4, 5, 6]  # the third stays at rest
-_LEANING_STEPS, _LEANING_ITERATIONS = 3, 12
-_LEANING_CONVERGED, _LEANING_MISSED = 1e-8, 1e-6
-_SINGULAR, _LONGEST_TURN = 1e-9, 0.3
-
 
 @dataclass(frozen=True)
 class FrankaReach:
     """Reach of a Franka with its hand, the brush upright and the elbow up: inverse kinematics in closed form.
 
-    Implements hardware.robot.LeaningReach. The driver itself solves with the model that the arm sends; this one is
+    Implements hardware.robot.Reach. The driver itself solves with the model that the arm sends; this one is
     known before the arm is.
 
     brush_length, turn: as in FrankaSettings
@@ -52,66 +41,6 @@ class FrankaReach:
         with np.errstate(invalid="ignore"):
             inside = (joints >= LOWER_JOINTS + JOINT_MARGIN) & (joints <= UPPER_JOINTS - JOINT_MARGIN)
         return np.asarray(inside.all(1))
-
-    def reachable_leaning(self, position: NDArray[np.float64], lean: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Returns True for each position [k, 3] that the tip reaches with leans [k, 2] (`Waypoints.lean`): [k].
-
-        The brush is turned there from upright, so each lean in between must be within the limits, too.
-        """
-        lower, upper = LOWER_JOINTS + JOINT_MARGIN, UPPER_JOINTS - JOINT_MARGIN
-        place = np.asarray(position, np.float64)
-        joints = self.solve(place)
-        with np.errstate(invalid="ignore"):
-            inside = np.isfinite(lean).all(1) & ((joints >= lower) & (joints <= upper)).all(1)
-        good = np.array(inside, bool)
-        for share in np.arange(1, _LEANING_STEPS + 1) / _LEANING_STEPS:
-            if not good.any():
-                break
-            found, met = self._turn_to(joints[good], place[good], share * lean[good])
-            joints[good] = found
-            good[good] = met & ((found >= lower) & (found <= upper)).all(1)
-        return good
-
-    def _turn_to(
-        self, start: NDArray[np.float64], position: NDArray[np.float64], lean: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """Returns joint angles [k, 7] near `start` with the third at rest, and True for each that is there: [k].
-
-        Newton's method, all places at once.
-        """
-        upright = make_upright(self.turn)
-        wanted = np.array([lean_rotation(one) @ upright for one in lean])
-        joints = start.copy()
-        for _ in range(_LEANING_ITERATIONS):
-            tip, rotation, origins, axes = self._chain(joints)
-            turned = wanted @ np.swapaxes(rotation, 1, 2)
-            off = np.c_[position - tip, np.array([rotation_vector(one) for one in turned])]
-            if np.abs(off).max() <= _LEANING_CONVERGED:
-                break
-            plain = np.concatenate([np.cross(axes, tip[:, None] - origins), axes], 2)  # [k, 7, 6]
-            jacobian = np.swapaxes(plain[:, _TURNING_JOINTS], 1, 2)
-            step = np.linalg.solve(jacobian + _SINGULAR * np.eye(6), off[..., None])[..., 0]
-            step *= np.minimum(1.0, _LONGEST_TURN / np.maximum(np.abs(step).max(1, keepdims=True), 1e-12))
-            joints[:, _TURNING_JOINTS] += step
-        tip, rotation, _, _ = self._chain(joints)
-        near = np.abs(tip - position).max(1) <= _LEANING_MISSED
-        return joints, near & (np.abs(rotation - wanted).max((1, 2)) <= _LEANING_MISSED)
-
-    def _chain(self, joints: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
-        """Returns tip [k, 3], the hand's rotation [k, 3, 3], and origin and axis of each joint [k, 7, 3]."""
-        frame = np.broadcast_to(np.eye(4), (len(joints), 4, 4))
-        origins, axes = np.empty((2, *joints.shape, 3))
-        for number, (along, down, twist) in enumerate(_TABLE):
-            cos, sin = np.cos(joints[:, number]), np.sin(joints[:, number])
-            link = np.zeros((len(joints), 4, 4))
-            link[:, 0, 0], link[:, 0, 1] = cos, -sin
-            link[:, 1, 0], link[:, 1, 1], link[:, 1, 2] = sin * math.cos(twist), cos * math.cos(twist), -math.sin(twist)
-            link[:, 2, 0], link[:, 2, 1], link[:, 2, 2] = sin * math.sin(twist), cos * math.sin(twist), math.cos(twist)
-            link[:, :, 3] = (along, -math.sin(twist) * down, math.cos(twist) * down, 1.0)
-            frame = frame @ link
-            origins[:, number], axes[:, number] = frame[:, :3, 3], frame[:, :3, 2]
-        tip = frame[:, :3, 3] + (_HAND + self.brush_length) * frame[:, :3, 2]
-        return tip, frame[:, :3, :3] @ make_rotation(np.array([0.0, 0.0, -math.pi / 4])), origins, axes
 
     def solve(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
         """Returns the joint angles [k, 7] (radians) at positions [k, 3] (m); NaN at those beyond the arm's length."""
@@ -150,11 +79,6 @@ def make_upright(turn: float) -> NDArray[np.float64]:
     """Returns the rotation of the tool [3, 3] with the brush pointing straight down. turn: of the hand, degrees"""
     cos, sin = math.cos(math.radians(turn)), math.sin(math.radians(turn))
     return np.array([[cos, sin, 0.0], [sin, -cos, 0.0], [0.0, 0.0, -1.0]])
-
-
-def lean_rotation(lean: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns the rotation [3, 3] that leans an upright handle by `lean` [2] (`Waypoints.lean`)."""
-    return make_rotation(np.array([-lean[1], lean[0], 0.0]))
 
 
 def rotation_vector(rotation: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -22,7 +22,6 @@ from frida_painter.hardware.deadline import in_our_errors, one_line, within
 from frida_painter.hardware.robot import Waypoints
 
 Answer = TypeVar("Answer")
-_TILT_TOLERANCE = 1e-6  # radians
 PATIENCE = 5.0
 """Seconds within which any machine answers a question that moves nothing."""
 
@@ -83,25 +82,13 @@ class Interlock:
         if self._stopped.is_set():
             raise RobotStopped(f"{label}: {self.name} was stopped; look at it before it is connected anew.")
 
-    def require_path(self, waypoints: Waypoints, max_tilt: float = 0.0) -> None:
-        """Raises MotionFailed, before anything is sent, if the waypoints are no valid path.
-
-        max_tilt: radians by which the driver can tilt the brush; 0 if it holds it upright
-        """
+    def require_path(self, waypoints: Waypoints) -> None:
+        """Raises MotionFailed, before anything is sent, if the waypoints are no valid path."""
         position = waypoints.position
         if position.ndim != 2 or position.shape[1] != 3 or len(position) == 0 or not np.isfinite(position).all():
             raise MotionFailed(
                 f"{waypoints.label}: {self.name} was given waypoints of shape {position.shape} or numbers that are "
                 "not finite; one or more (x, y, z) in metres are needed. It did not move."
-            )
-        lean = waypoints.lean
-        if lean is not None and not (
-            lean.shape == (len(position), 2) and (np.hypot(*lean.T) <= max_tilt + _TILT_TOLERANCE).all()
-        ):
-            raise MotionFailed(
-                f"{waypoints.label}: {self.name} was given leans of its brush of shape {lean.shape}, up to "
-                f"{math.degrees(np.abs(lean).max(initial=0)):.0f} degrees; two numbers for each waypoint and up to "
-                f"{math.degrees(max_tilt):.0f} degrees are allowed. It did not move; lean the brush less."
             )
         if not 0 < waypoints.speed < math.inf:
             raise MotionFailed(

@@ -29,12 +29,9 @@ from frida_painter.hardware.robot import (
     StopLine,
     Waypoints,
     Workspace,
-    handle_direction,
-    lean_of,
     plan_way_home,
 )
 from frida_painter.hardware.timing import AxisTiming
-from frida_painter.strokes import MAX_TILT
 
 Answer = TypeVar("Answer")
 
@@ -43,7 +40,6 @@ _OPENING, _CLOSING = 5.0, 1.0
 _POLL = 0.02
 _TURNING, _TURN_STEP = 0.5, math.radians(2)  # rad/s about the tip, in straight lines of the tool's centre
 _UPRIGHT = math.radians(0.1)  # lean that counts as none
-_ASKED_EVERY = 10  # waypoints; they are a millimetre apart
 _STILL = 1e-4  # metres between two polls
 _MOVING, _STANDING, _PAUSED, _RESET, _STOPPED = 1, (0, 2), 3, 5, (4, 6)
 _AFTER_START = 0.15  # seconds after set_state within which the arm ignores moves: 0.1 (SDK issue 59)
@@ -140,8 +136,6 @@ class XarmSettings:
 class XarmRobot:
     """Robot through UFACTORY's SDK. Implements Robot, TimedRobot, ExaminedRobot and GuidedRobot.
 
-    It leans the brush if the length of its handle is known: TiltingRobot, LongHandledRobot and LeaningReach.
-
     Stops use a separate connection.
 
     Its joints have absolute encoders, so its zero survives everything.
@@ -149,8 +143,6 @@ class XarmRobot:
 
     def __init__(self, settings: XarmSettings) -> None:
         self.settings = settings
-        self.handle_length = settings.brush_length
-        self.max_tilt = MAX_TILT if settings.brush_length > 0 else 0.0
         self._interlock = Interlock(f"the xArm at {settings.address}")
         self._arm: Any = None
         self._stopper: Any = None
@@ -239,40 +231,9 @@ class XarmRobot:
         """Returns the tip [3] (m) for the place [6] of the tool's centre."""
         return place[:3] / 1000 + self.settings.brush_length * _along_tool(np.radians(place[3:]))
 
-    def reachable(self, position: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Returns True for each position [k, 3] with an upright brush: the control box judges these as it goes."""
-        return np.asarray(np.isfinite(position).all(1), bool)
-
-    def reachable_leaning(self, position: NDArray[np.float64], lean: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Returns True for each position [k, 3] that is in reach with leans [k, 2], as the control box says: [k].
-
-        Before the arm is connected nobody knows, and it is True.
-        """
-        finite: NDArray[np.bool_] = np.isfinite(np.c_[position, lean]).all(1)
-        if self._arm is None:
-            return finite
-        for row in np.flatnonzero(finite).tolist():
-            finite[row] = self._in_reach("reach", self._leaning(position[row], lean[row]))
-        return finite
-
-    def _in_reach(self, label: str, place: NDArray[np.float64]) -> bool:
-        """Returns True if the control box finds joint angles for a place [6] of the tool's centre."""
-        answer = self._interlock.asking(label, lambda: self._arm.is_tcp_limit(place.tolist(), is_radian=False))
-        if isinstance(answer, tuple | list) and len(answer) == 2:
-            if answer[0] == 0 and isinstance(answer[1], bool):
-                return not answer[1]
-            self._require_line(label, answer[0])
-        raise RobotError(f"{label}: {self._interlock.name} answered {str(answer)[:80]} to is_tcp_limit; look at it.")
-
-    def _leaning(self, tip: NDArray[np.float64], lean: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Returns the place [6] of the tool's centre, in mm and degrees, for a tip [3] (m) and a lean [2]."""
-        if not lean.any():
-            above = tip + np.array([0.0, 0.0, self.settings.brush_length])
-            return np.r_[above * 1000, self.settings.tool]
-        upright = Rotation.from_euler("xyz", self.settings.tool, degrees=True)
-        turned = Rotation.from_rotvec((-lean[1], lean[0], 0.0)) * upright
-        center = tip + self.settings.brush_length * handle_direction(lean[None])[0]
-        return np.r_[center * 1000, turned.as_euler("xyz", degrees=True)]
+    def _upright(self, tip: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Returns the place [6] of the tool's centre, in mm and degrees, for a tip [3] (m) of an upright brush."""
+        return np.r_[(tip + np.array([0.0, 0.0, self.settings.brush_length])) * 1000, self.settings.tool]
 
     def _place(self, label: str) -> NDArray[np.float64]:
         """Returns x, y and z of the tool's centre in mm, and roll, pitch and yaw in degrees: [6]."""
@@ -292,25 +253,23 @@ class XarmRobot:
     def follow(self, waypoints: Waypoints) -> MotionReport:
         """Moves along the waypoints in straight lines with slightly rounded corners; returns when the arm stands.
 
-        The brush is turned about its tip before that, if it is to lean otherwise than it does.
+        A brush of known length that leans, as after guiding, is turned upright about its tip before that.
         Raises MotionFailed with UFACTORY's code, RobotDisconnected, or RobotStopped if it was stopped here or at
         the arm. The arm is then stopped.
         """
         self._interlock.require_ready(waypoints.label)
-        self._interlock.require_path(waypoints, self.max_tilt)
+        self._interlock.require_path(waypoints)
         started = time.monotonic()
         try:
             self._require_no_fault(waypoints.label, None)
             self._require_ready(waypoints.label)
             place = self._place(waypoints.label)
             here = self._tip(place)
-            turning = self._turn(here, place, waypoints)
+            turning = self._turn_upright(here, place)
             until = started + motion_timeout(waypoints.length, waypoints.speed)
             until += motion_timeout(float(np.linalg.norm(waypoints.position[0] - here)), self.settings.approach)
             until += 2 * _TURN_STEP * len(turning) / _TURNING
-            lean = np.zeros((len(waypoints.position), 2)) if waypoints.lean is None else waypoints.lean
-            targets = [*turning, *(self._leaning(*row) for row in zip(waypoints.position, lean, strict=True))]
-            self._require_reach(waypoints, targets[len(turning) :])
+            targets = [*turning, *map(self._upright, waypoints.position)]
             pace = waypoints.speed * len(waypoints.position) / max(waypoints.length, _SHORT)  # waypoints per second
             ahead = int(np.clip(_AHEAD_SECONDS * pace, _FEWEST, _AHEAD))
             radii = self._blend(np.array([place, *targets])[:, :3] / 1000)
@@ -459,32 +418,24 @@ class XarmRobot:
                 raise MotionFailed(f"{label}: {self._interlock.name} does not go on, and is stopped; look at it, then "
                                    "connect anew.")  # fmt: skip
 
-    def _turn(
-        self, tip: NDArray[np.float64], place: NDArray[np.float64], waypoints: Waypoints
-    ) -> list[NDArray[np.float64]]:
-        """Returns the places of the tool's centre that turn the brush about its tip to its first lean, in steps."""
-        now = lean_of(-_along_tool(np.radians(place[3:])))
-        now = now if float(np.hypot(*now)) > _UPRIGHT else np.zeros(2)
-        wanted = np.zeros(2) if waypoints.lean is None else waypoints.lean[0]
-        far = float(np.hypot(*(wanted - now)))
-        if self.max_tilt == 0 or far <= _UPRIGHT:
+    def _turn_upright(self, tip: NDArray[np.float64], place: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+        """Returns the places of the tool's centre that turn a leaning brush upright about its tip, in steps."""
+        handle = -_along_tool(np.radians(place[3:]))
+        aside = float(np.hypot(*handle[:2]))
+        leans = math.atan2(aside, handle[2])
+        if self.settings.brush_length == 0 or leans <= _UPRIGHT:
             return []
-        share = np.linspace(0, 1, math.ceil(far / _TURN_STEP) + 1)[1:]
-        return [self._leaning(tip, now + part * (wanted - now)) for part in share]
-
-    def _require_reach(self, waypoints: Waypoints, targets: list[NDArray[np.float64]]) -> None:
-        """Raises MotionFailed, before anything moves, if the arm does not reach a place with its brush leaning."""
-        if waypoints.lean is None:
-            return
-        for index in (*range(0, len(targets), _ASKED_EVERY), len(targets) - 1):
-            if not self._in_reach(waypoints.label, targets[index]):
-                place = ", ".join(f"{metres:.3f}" for metres in waypoints.position[index])
-                raise MotionFailed(
-                    f"{waypoints.label}: {self._interlock.name} does not reach ({place}) m with the brush leaning by "
-                    f"{math.degrees(float(np.hypot(*waypoints.lean[index]))):.0f} degrees; lean it less, or move the "
-                    "canvas nearer to it. It did not move.",
-                    waypoint=index,
-                )
+        axis = np.array((-handle[1], handle[0], 0.0)) / aside
+        upright = Rotation.from_euler("xyz", self.settings.tool, degrees=True)
+        turned = [
+            Rotation.from_rotvec(angle * axis)
+            for angle in np.linspace(leans, 0, math.ceil(leans / _TURN_STEP) + 1)[1:-1]
+        ]
+        along = np.array([0.0, 0.0, self.settings.brush_length])
+        return [
+            *(np.r_[(tip + one.apply(along)) * 1000, (one * upright).as_euler("xyz", degrees=True)] for one in turned),
+            self._upright(tip),
+        ]
 
     def _send(self, waypoints: Waypoints, index: int, target: NDArray[np.float64], radius: float | None) -> None:
         """Puts one waypoint into the arm's queue. Raises MotionFailed if the arm dropped it.

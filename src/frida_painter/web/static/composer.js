@@ -173,8 +173,6 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
           choices({ legend: "Most careful with", name: "focus", value: wish.focus ?? "faces", options: FOCUS, onchange: set("focus") }),
           slider({ label: "Sharpness", min: 0, max: 10, value: Math.round(10 * (wish.sharpness ?? 0.3)),
             words: (tenths) => (tenths ? `${tenths / 10} times sharper than the picture` : "as sharp as the picture"), oninput: (tenths) => set("sharpness")(tenths / 10) }),
-          house.robot === "human" ? null : slider({ label: "Tilt of the brush", min: 0, max: 40, value: wish.tilt ?? 0,
-            words: (degrees) => (degrees ? `up to ${degrees}° to a side, for marks with a soft side` : "upright"), oninput: set("tilt") }),
           !house.watched ? null : slider({ label: "Replans", min: 0, max: 12, value: wish.replans, words: (looks) => (looks ? `${looks} times it looks at the canvas and replans` : "none"), oninput: set("replans") })),
         group("Canvas and beginning",
           h("label", { class: "field" }, h("span", {}, "Canvas"), house.canvas ? h("span", {}, `${Math.round(wish.width)} × ${Math.round(wish.height)} mm, from the workspace file of the robot`) : canvasChoice()),
