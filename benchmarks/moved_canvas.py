@@ -41,10 +41,9 @@ from frida_painter.planning.settings import PlannerSettings
 from frida_painter.session.hand import Hand
 from frida_painter.strokes import Strokes
 from frida_painter.virtual.camera import CameraSpec, VirtualCamera
-from frida_painter.virtual.faults import Bump, Faults, LightChange
+from frida_painter.virtual.faults import Bump, Faults, LightChange, PlacementError
 from frida_painter.virtual.robot import Clock
 from frida_painter.virtual.studio import VirtualStudio, open_studio
-from frida_painter.virtual.tabletop import PlacementError
 from measure import Table, arguments, publish
 
 EDGES = ("dark", "white", "patterned", "framed", "vignetted", "striped")

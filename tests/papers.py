@@ -9,9 +9,8 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.hardware.robot import Frame
 from frida_painter.strokes import StrokeLimits
 from frida_painter.virtual.camera import CameraSpec
-from frida_painter.virtual.faults import NO_FAULTS, Faults
+from frida_painter.virtual.faults import NO_FAULTS, Faults, PlacementError
 from frida_painter.virtual.studio import StudioSettings, VirtualStudio, open_studio
-from frida_painter.virtual.tabletop import PlacementError
 
 KIND = BrushKind("fine", StrokeLimits((0.010, 0.030), (-0.010, 0.010)), 0.010)
 SHEET = CanvasSize(0.10, 0.07)

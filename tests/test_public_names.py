@@ -117,6 +117,15 @@ def test_the_package_alone_loads_nothing() -> None:
 
 
 @pytest.mark.slow
+def test_a_painting_loads_neither_calibration_procedures_nor_a_simulated_studio() -> None:
+    """The studio is the business of the easel's process."""
+    loaded = modules_after("from frida_painter.cli import painting; from frida_painter.runs.run import PaintingRun")
+    edges = ("procedures", "virtual.studio", "virtual.canvas", "lab", "web", "sawyer", "env", "picture_makers")
+    found = {name for name in loaded for edge in edges if f"{name}.".startswith(f"frida_painter.{edge}.")}
+    assert not found
+
+
+@pytest.mark.slow
 def test_the_planner_loads_no_network_and_no_rare_format() -> None:
     loaded = modules_after("from frida_painter import Planner")
     assert "torch" in loaded and "frida_painter.planning.planner" in loaded

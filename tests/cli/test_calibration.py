@@ -12,7 +12,7 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.cli import commands
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
-from frida_painter.runs.painting_easel import default_record
+from frida_painter.runs.calibrating import default_record
 from frida_painter.runs.settle import open_planner
 from frida_painter.runs.spec import RunSpec
 from frida_painter.virtual.studio import open_studio

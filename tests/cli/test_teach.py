@@ -44,7 +44,7 @@ def keyboard(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
 @pytest.fixture
 def workspace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(guiding, "state_folder", lambda: tmp_path / "state")
-    monkeypatch.setattr("frida_painter.runs.painting_easel.default_record", lambda easel: tmp_path / "record.json")
+    monkeypatch.setattr("frida_painter.runs.calibrating.default_record", lambda easel: tmp_path / "record.json")
     path = tmp_path / "studio.toml"
     path.write_text(example())
     return path

@@ -28,8 +28,9 @@ from frida_painter.session.journal import Journal
 from frida_painter.session.loop import PaintingSession
 from frida_painter.session.observer import CanvasObserver
 from frida_painter.session.replan_policy import EvenlySpaced
+from frida_painter.virtual.faults import PlacementError
 from frida_painter.virtual.robot import Course, Way
-from frida_painter.virtual.studio import ArmAndTable, HandNoise, PlacementError, StudioArm, StudioSettings, open_studio
+from frida_painter.virtual.studio import ArmAndTable, HandNoise, StudioArm, StudioSettings, open_studio
 from frida_painter.virtual.tabletop import StudioLayout
 from support.virtual_painting import CANVAS, VirtualPainting
 

@@ -14,9 +14,8 @@ from frida_painter.perception.landmarks import match_dots
 from frida_painter.procedures.canvas import canvas
 from frida_painter.procedures.robot import RobotFinding, dot_places, robot
 from frida_painter.strokes import Strokes
-from frida_painter.virtual.faults import Bump, Faults
+from frida_painter.virtual.faults import Bump, Faults, PlacementError
 from frida_painter.virtual.studio import VirtualStudio, open_studio
-from frida_painter.virtual.tabletop import PlacementError
 
 SIZE = CanvasSize(0.24, 0.18)
 

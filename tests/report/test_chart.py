@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 import torch
 
-from frida_painter.report.page import Series, chart, log_ticks
+from frida_painter.report.chart import Series, chart, log_ticks
 
 BLUE = torch.tensor([0, 114, 178])[:, None, None] / 255
 ORANGE = torch.tensor([213, 94, 0])[:, None, None] / 255

@@ -21,8 +21,8 @@ from frida_painter.procedures.robot import robot
 from frida_painter.session.hand import Hand
 from frida_painter.session.opening import on_record, planning_device
 from frida_painter.strokes import Strokes
+from frida_painter.virtual.faults import PlacementError
 from frida_painter.virtual.studio import VirtualStudio, open_studio
-from frida_painter.virtual.tabletop import PlacementError
 from support.easel import CALIBRATION, CANVAS, stub_easel
 
 SIZE = CanvasSize(0.20, 0.15)

@@ -12,8 +12,8 @@ import pytest
 
 from frida_painter.session.events import Event, TouchCorrected
 from frida_painter.virtual.camera import CameraSpec
+from frida_painter.virtual.faults import PlacementError
 from frida_painter.virtual.studio import StudioSettings
-from frida_painter.virtual.tabletop import PlacementError
 from support.coffee import OFF, error, error_with_looks, paint_coffee
 from support.small_world import small_world
 

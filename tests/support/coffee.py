@@ -27,8 +27,8 @@ from frida_painter.session.loop import PaintingSession
 from frida_painter.session.observer import CanvasObserver
 from frida_painter.session.progress import Painting
 from frida_painter.session.replan_policy import EvenlySpaced
+from frida_painter.virtual.faults import PlacementError
 from frida_painter.virtual.studio import StudioSettings, VirtualStudio, open_studio
-from frida_painter.virtual.tabletop import PlacementError
 from support.planning import plain
 
 CANVAS = CanvasSize(0.20, 0.16)

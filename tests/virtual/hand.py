@@ -8,8 +8,9 @@ import torch
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.hardware.robot import Waypoints
 from frida_painter.palette import Palette
+from frida_painter.virtual.faults import PlacementError
 from frida_painter.virtual.studio import StudioSettings, open_studio
-from frida_painter.virtual.tabletop import HandNoise, PlacementError
+from frida_painter.virtual.tabletop import HandNoise
 
 EXACT = PlacementError((0.0, 0.0), 0.0)
 STEADY = HandNoise(0.0, 0.0)

@@ -119,7 +119,7 @@ def calibrate(
     from frida_painter.calibration import PROCEDURES
     from frida_painter.cli.calibration import easel_spec, enter_heights, lead_all, learn_from_marks
     from frida_painter.devices import prepare_process
-    from frida_painter.runs.painting_easel import CalibrationSetup, default_record, easel_of
+    from frida_painter.runs.calibrating import CalibrationSetup, default_record, easel_of
 
     prepare_process()
     spec = easel_spec(robot, camera, workspace, canvas, brush, seed, placement_error)
@@ -158,7 +158,7 @@ def doctor(
         if workspace is None or not camera:
             raise typer.Exit(0 if fit else 1)
     from frida_painter.cli.calibration import easel_spec
-    from frida_painter.runs.painting_easel import default_record, easel_of
+    from frida_painter.runs.calibrating import default_record, easel_of
 
     with easel_of(easel_spec(robot, camera, workspace, canvas, brush, seed, None)) as easel:
         here = easel.calibration

@@ -23,7 +23,7 @@ from frida_painter.perception.snapshot import find_corners
 from frida_painter.procedures.strokes import StrokesFinding
 from frida_painter.procedures.surface import read_surface
 from frida_painter.procedures.surface_marks import learn_surface, look_at_marks, paint_marks, read_marks
-from frida_painter.runs.painting_easel import CalibrationSetup, begin_procedure, learn_from, record_to_renew
+from frida_painter.runs.calibrating import CalibrationSetup, begin_procedure, learn_from, record_to_renew
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.opening import require_basis
 

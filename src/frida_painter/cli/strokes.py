@@ -62,7 +62,7 @@ def evaluate_model(
     from frida_painter.brush.library import StrokeLibrary
     from frida_painter.brush.weights import load_stroke_model
     from frida_painter.devices import prepare_process
-    from frida_painter.report.page import evaluation_page
+    from frida_painter.report.training_page import evaluation_page
 
     if page is not None and page.suffix != ".html":
         raise ConfigError(f"--page was given {str(page)!r}; a page goes into a file that ends in .html.")
@@ -181,7 +181,7 @@ def train(
     from frida_painter.brush.library import StrokeLibrary
     from frida_painter.brush.training import TrainingProgress
     from frida_painter.devices import prepare_process
-    from frida_painter.report.page import training_page
+    from frida_painter.report.training_page import training_page
 
     if out.suffix != ".safetensors" or out.is_dir():
         raise ConfigError(f"--out was given {str(out)!r}; weights go into a file that ends in .safetensors.")
@@ -280,8 +280,8 @@ def paint(
     from frida_painter.brush.library import Flaw
     from frida_painter.devices import prepare_process
     from frida_painter.easel.dialogue import lead
+    from frida_painter.easel.virtual_easel import open_virtual_easel
     from frida_painter.procedures.strokes import StrokesProgress, strokes, unfinished_folder
-    from frida_painter.session.opening import open_virtual_easel
 
     kind = brush_kind(brush)
     if out.suffix != ".npz":

@@ -150,7 +150,7 @@ def guide(robot: str, workspace: Path | None, brush: str, path: Path) -> None:
     from frida_painter.calibration import Calibration
     from frida_painter.easel.guiding import guide_arm
     from frida_painter.hardware.workcell import WorkcellConfig
-    from frida_painter.runs.painting_easel import default_record
+    from frida_painter.runs.calibrating import default_record
 
     if workspace is None:
         raise ConfigError(f"Where the canvas of {robot[:60]!r} is, is not known; say it with --workspace FILE.")
@@ -196,8 +196,8 @@ def _paint(kind: "BrushKind", count: int, seed: int, out: Path) -> "StrokeLibrar
     """Returns the strokes that the virtual studio paints; kept beside `out`."""
     from frida_painter.brush.library import Flaw
     from frida_painter.easel.dialogue import lead
+    from frida_painter.easel.virtual_easel import open_virtual_easel
     from frida_painter.procedures.strokes import StrokesProgress, strokes
-    from frida_painter.session.opening import open_virtual_easel
 
     with training_bar() as bar:
         task = bar.add_task("painting strokes", total=count)

@@ -14,8 +14,8 @@ from frida_painter.easel.kinds import NO_CAMERA
 from frida_painter.errors import ConfigError, Interrupted
 from frida_painter.hardware.gateway import RobotGateway
 from frida_painter.plan import Plan
+from frida_painter.runs.calibrating import easel_of
 from frida_painter.runs.look_folder import GivenPicture, LookFolder, check_picture, is_finished
-from frida_painter.runs.painting_easel import easel_of
 from frida_painter.runs.painting_folder import history_of, read_spec
 from frida_painter.runs.run import PaintingRun
 from frida_painter.session.opening import load_record

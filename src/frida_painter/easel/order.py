@@ -9,8 +9,7 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError
-from frida_painter.virtual.faults import NO_FAULTS, Faults
-from frida_painter.virtual.tabletop import PlacementError
+from frida_painter.virtual.faults import NO_FAULTS, Faults, PlacementError
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from frida_painter import registry
+from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.kinds import SIMULATION_LOG, EaselKind, OpenEasel
 
 if TYPE_CHECKING:
@@ -13,6 +14,8 @@ if TYPE_CHECKING:
     from frida_painter.hardware.easel import Easel
     from frida_painter.virtual.camera import CameraSpec
     from frida_painter.virtual.studio import StudioSettings, VirtualStudio
+
+PAPER = CanvasSize(0.42, 0.297)
 
 
 def assemble_easel(order: "EaselOrder", arm: str, **furniture: Any) -> "tuple[VirtualStudio, Easel]":
@@ -91,6 +94,17 @@ def _open_virtual(order: "EaselOrder") -> OpenEasel:
 
     studio, easel = assemble_easel(order, FREE)
     return OpenEasel(easel, studio.close)
+
+
+def open_virtual_easel(brush: str, seed: int) -> "Easel":
+    """Opens a virtual studio for painting a stroke library: paper, and a robot without a placement error."""
+    from frida_painter.virtual.faults import PlacementError
+    from frida_painter.virtual.studio import open_studio
+
+    studio = open_studio(PAPER, studio_brush(brush), seed=seed, placement_error=PlacementError((0.0, 0.0), 0.0))
+    studio.easel.robot.connect()
+    studio.easel.camera.connect()
+    return with_brush(studio.easel, brush)
 
 
 def load_loops() -> None:

@@ -38,9 +38,8 @@ from frida_painter.report.sheets import Cell, FigureRow, page
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import Paused
-from frida_painter.virtual.faults import Bump, Faults
+from frida_painter.virtual.faults import Bump, Faults, PlacementError
 from frida_painter.virtual.studio import VirtualStudio
-from frida_painter.virtual.tabletop import PlacementError
 
 NAME = "disturbances"
 LOOKING, BLIND = "with looks", "without looking"

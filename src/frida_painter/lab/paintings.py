@@ -18,7 +18,7 @@ from frida_painter.brush.library import StrokeLibrary
 from frida_painter.easel.dialogue import lead
 from frida_painter.easel.kinds import OpenEasel
 from frida_painter.easel.order import EaselOrder
-from frida_painter.easel.virtual_easel import assemble_easel
+from frida_painter.easel.virtual_easel import assemble_easel, open_virtual_easel
 from frida_painter.hardware.easel import Easel, Operator
 from frida_painter.lab import ExperimentScale
 from frida_painter.lab.trials import (
@@ -43,10 +43,10 @@ from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import Event, Looked, Paused, Planned, StrokePainted, TimelapseFrame
 from frida_painter.session.hand import Hand
 from frida_painter.session.observer import CanvasObserver
-from frida_painter.session.opening import open_virtual_easel
 from frida_painter.virtual.camera import CameraSpec
+from frida_painter.virtual.faults import PlacementError
 from frida_painter.virtual.studio import FREE, VirtualStudio
-from frida_painter.virtual.tabletop import HandNoise, PlacementError, Table
+from frida_painter.virtual.tabletop import HandNoise, Table
 
 # Direct work with the virtual robot, for experiments about strokes and arms: given strokes, or a stroke library.
 # Paintings do not use this; they go through PaintingRun.

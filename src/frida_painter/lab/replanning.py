@@ -20,7 +20,7 @@ from frida_painter.lab import paintings
 from frida_painter.lab.paintings import PLACEMENT, Painted, PaintingTrial
 from frida_painter.lab.targets import Target
 from frida_painter.lab.trials import Experiment, Measurement, Outcome, Results, ResultTable, Row, mse, psnr
-from frida_painter.report.page import Series, chart
+from frida_painter.report.chart import Series, chart
 from frida_painter.report.sheets import Cell, FigureRow, page
 from frida_painter.runs.spec import RunSpec
 

@@ -21,6 +21,7 @@ from frida_painter.brush.kinds import brush_kind
 from frida_painter.brush.library import Flaw, StrokeLibrary, clean, judge
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.dialogue import Answer, Question, lead
+from frida_painter.easel.virtual_easel import PAPER
 from frida_painter.errors import FridaError
 from frida_painter.lab import ExperimentScale
 from frida_painter.lab.paintings import EXACT, connect_studio, virtual_library
@@ -29,12 +30,10 @@ from frida_painter.lab.trials import Notify, Outcome, Progress, ResultTable, Row
 from frida_painter.procedures.color import color
 from frida_painter.procedures.robot import robot
 from frida_painter.procedures.strokes import StrokesFinding, contact_sheet, strokes, unfinished_folder
-from frida_painter.session.opening import PAPER
 from frida_painter.sheet import INK, LINE, SOFT, Grid, Sheet, font
 from frida_painter.sheet import PAPER as WHITE
-from frida_painter.virtual.faults import Bump, Faults, LightChange, LostFocus
+from frida_painter.virtual.faults import Bump, Faults, LightChange, LostFocus, PlacementError
 from frida_painter.virtual.studio import VirtualStudio, open_studio
-from frida_painter.virtual.tabletop import PlacementError
 
 Found = TypeVar("Found")
 

@@ -26,7 +26,7 @@ from frida_painter.lab.trials import (
     ResultTable,
     Row,
 )
-from frida_painter.report.page import Series, chart
+from frida_painter.report.chart import Series, chart
 
 NAME = "strokes-needed"
 

@@ -28,7 +28,7 @@ from frida_painter.brush.library import StrokeLibrary, clean
 from frida_painter.brush.teaching import TaughtMark, align_marks, find_modes, reconstruct
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.easel.dialogue import lead
-from frida_painter.easel.virtual_easel import studio_brush
+from frida_painter.easel.virtual_easel import open_virtual_easel, studio_brush
 from frida_painter.lab import ExperimentScale
 from frida_painter.lab.paintings import connect_studio, execute
 from frida_painter.lab.trials import (
@@ -47,7 +47,6 @@ from frida_painter.procedures.strokes import strokes
 from frida_painter.report.sheets import Cell, FigureRow, page
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.spec import RunSpec
-from frida_painter.session.opening import open_virtual_easel
 from frida_painter.virtual.studio import open_studio
 
 NAME = "taught-strokes"

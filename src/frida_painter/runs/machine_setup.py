@@ -37,7 +37,7 @@ from frida_painter.procedures.workspace import (
     try_lift,
 )
 from frida_painter.report.machine_sheet import draw_machine
-from frida_painter.runs.painting_easel import default_record, record_to_renew
+from frida_painter.runs.calibrating import default_record, record_to_renew
 from frida_painter.surface_map import SurfaceMap
 
 STEPS = {

@@ -10,11 +10,8 @@ from frida_painter import storage
 from frida_painter.calibration import PROCEDURES, Calibration, Done, LearnedFile
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.kinds import NO_CAMERA
-from frida_painter.easel.virtual_easel import studio_brush, with_brush
 from frida_painter.errors import CalibrationError, StorageError
 from frida_painter.hardware.easel import Easel
-from frida_painter.virtual.studio import open_studio
-from frida_painter.virtual.tabletop import PlacementError
 
 # Status of a calibration record: valid procedures, and procedures to repeat.
 
@@ -163,9 +160,6 @@ def _days(done: Done | None, now: datetime) -> int | None:
         return None
 
 
-PAPER = CanvasSize(0.42, 0.297)
-
-
 def planning_device() -> torch.device:
     """Returns the planning device: the first GPU of PyTorch if there is one, else the CPU.
 
@@ -230,11 +224,3 @@ def adopt_camera(known: Calibration, default: Calibration) -> Calibration:
         name: getattr(default, name) for name in ("camera", "canvas", "corners", "photograph", "color", "lens", "bare")
     }
     return replace(known, **seen, done=done)
-
-
-def open_virtual_easel(brush: str, seed: int) -> Easel:
-    """Opens a virtual studio for painting a stroke library: paper, and a robot without a placement error."""
-    studio = open_studio(PAPER, studio_brush(brush), seed=seed, placement_error=PlacementError((0.0, 0.0), 0.0))
-    studio.easel.robot.connect()
-    studio.easel.camera.connect()
-    return with_brush(studio.easel, brush)

@@ -1,7 +1,11 @@
 """Faults of the studio, for tests; none happens unless it is requested."""
 
+import math
 from dataclasses import dataclass
 from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
 
 
 @dataclass(frozen=True)
@@ -125,3 +129,37 @@ class Faults:
 
 
 NO_FAULTS = Faults()
+
+
+# Placement of the canvas, which is a little off on every easel.
+
+
+@dataclass(frozen=True)
+class PlacementError:
+    """Offset of the canvas from the place where the robot expects it.
+
+    shift: metres along the canvas's x and y.
+    turn: radians counter-clockwise about its centre.
+    """
+
+    shift: tuple[float, float]
+    turn: float
+
+    @classmethod
+    def sample(cls, random: np.random.Generator) -> "PlacementError":
+        """Returns a usual error: about 2 mm in a random direction, and a turn of about 0.4 degrees."""
+        direction, size = random.uniform(0, 2 * math.pi), random.uniform(0.0015, 0.0025)
+        turn = math.radians(random.uniform(0.3, 0.5)) * random.choice((-1, 1))
+        return cls((size * math.cos(direction), size * math.sin(direction)), float(turn))
+
+    def displace(self, position: NDArray[np.float64], center: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Returns canvas positions [k, 2] with the error."""
+        return (position - center) @ self._rotation() + center + self.shift
+
+    def undone(self, position: NDArray[np.float64], center: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Returns canvas positions [k, 2] without the error."""
+        return (position - center - self.shift) @ self._rotation().T + center
+
+    def _rotation(self) -> NDArray[np.float64]:
+        cos, sin = math.cos(self.turn), math.sin(self.turn)
+        return np.array([[cos, sin], [-sin, cos]])

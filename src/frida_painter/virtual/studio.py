@@ -26,7 +26,7 @@ from frida_painter.palette import Palette
 from frida_painter.virtual.bristles import BristleBrush, Tuft, brush_names, find_brush
 from frida_painter.virtual.camera import CameraSpec, VirtualCamera
 from frida_painter.virtual.canvas import Canvas
-from frida_painter.virtual.faults import NO_FAULTS, Faults
+from frida_painter.virtual.faults import NO_FAULTS, Faults, PlacementError
 from frida_painter.virtual.paint import absorption_and_scattering, to_linear, to_srgb
 from frida_painter.virtual.person_hand import PersonHand
 from frida_painter.virtual.robot import Arm, Clock, FreeArm, VirtualRobot
@@ -34,7 +34,6 @@ from frida_painter.virtual.simulation_log import Entry, Note, SimulationLog, ign
 from frida_painter.virtual.tabletop import (
     Checker,
     HandNoise,
-    PlacementError,
     StudioLayout,
     Table,
     free_layout,

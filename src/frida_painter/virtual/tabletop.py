@@ -16,7 +16,7 @@ from frida_painter.hardware.robot import Point, Workspace
 from frida_painter.palette import MAX_COLORS
 from frida_painter.virtual.bristles import BristleBrush, Tuft
 from frida_painter.virtual.canvas import Canvas
-from frida_painter.virtual.faults import Bump, Faults
+from frida_painter.virtual.faults import Bump, Faults, PlacementError
 from frida_painter.virtual.paint import to_linear
 from frida_painter.virtual.simulation_log import Note, ignore_entry
 
@@ -113,37 +113,6 @@ _LOOK = 0.002
 _CELLS_PER_STEP = 0.9
 # A lifted tuft springs forward faster than it rises, so lifts need smaller steps.
 _FINER_LIFT = 3.0
-
-
-@dataclass(frozen=True)
-class PlacementError:
-    """Offset of the canvas from the place where the robot expects it.
-
-    shift: metres along the canvas's x and y.
-    turn: radians counter-clockwise about its centre.
-    """
-
-    shift: tuple[float, float]
-    turn: float
-
-    @classmethod
-    def sample(cls, random: np.random.Generator) -> "PlacementError":
-        """Returns a usual error: about 2 mm in a random direction, and a turn of about 0.4 degrees."""
-        direction, size = random.uniform(0, 2 * math.pi), random.uniform(0.0015, 0.0025)
-        turn = math.radians(random.uniform(0.3, 0.5)) * random.choice((-1, 1))
-        return cls((size * math.cos(direction), size * math.sin(direction)), float(turn))
-
-    def displace(self, position: NDArray[np.float64], center: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Returns canvas positions [k, 2] with the error."""
-        return (position - center) @ self._rotation() + center + self.shift
-
-    def undone(self, position: NDArray[np.float64], center: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Returns canvas positions [k, 2] without the error."""
-        return (position - center - self.shift) @ self._rotation().T + center
-
-    def _rotation(self) -> NDArray[np.float64]:
-        cos, sin = math.cos(self.turn), math.sin(self.turn)
-        return np.array([[cos, sin], [-sin, cos]])
 
 
 @dataclass(frozen=True)

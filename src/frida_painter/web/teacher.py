@@ -15,10 +15,10 @@ from frida_painter.brush.library import StrokeLibrary
 from frida_painter.brush.teaching import learn_family, read_marks
 from frida_painter.brush.training import TrainingProgress
 from frida_painter.easel.dialogue import lead
+from frida_painter.easel.virtual_easel import open_virtual_easel
 from frida_painter.procedures.strokes import StrokesProgress, strokes
 from frida_painter.report.family_sheet import family_sheet
 from frida_painter.session.events import FamilyTaught
-from frida_painter.session.opening import open_virtual_easel
 from frida_painter.web.studio_folder import PaintingFolder
 from frida_painter.web.teaching_progress import TeachingRequest
 

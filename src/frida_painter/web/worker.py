@@ -32,15 +32,9 @@ from frida_painter.planning.mixable import mixing_changes
 from frida_painter.planning.optimize import Step
 from frida_painter.procedures.strokes import StrokesFinding
 from frida_painter.report.painters import PAINTERS, PERSON, find_painters
+from frida_painter.runs.calibrating import CalibrationSetup, begin_procedure, easel_of, learn_from, record_to_renew
 from frida_painter.runs.look_folder import GivenPicture
-from frida_painter.runs.painting_easel import (
-    CalibrationSetup,
-    begin_procedure,
-    easel_of,
-    learn_from,
-    record_to_renew,
-    with_operator,
-)
+from frida_painter.runs.painting_easel import with_operator
 from frida_painter.runs.run import PaintingRun, RunOutcome
 from frida_painter.runs.settle import Controls, brushes_of, ground_of, paints_for_recipes
 from frida_painter.runs.setup_dialogue import SetupEvent, SetupOrder, lead_setup

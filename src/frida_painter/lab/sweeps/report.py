@@ -18,7 +18,8 @@ import numpy as np
 from frida_painter import images, registry, storage
 from frida_painter.lab.sweeps.sweep_folder import TABLE, FileHashes, SweepFolder, expand_runs
 from frida_painter.lab.sweeps.sweep_spec import SweepRun, SweepSpec, Value
-from frida_painter.report.page import Series, chart, template
+from frida_painter.report.chart import Series, chart
+from frida_painter.report.page import template
 from frida_painter.session.time_left import Pace, duration
 
 if TYPE_CHECKING:
