@@ -16,6 +16,7 @@ PARTS = ("tutorial", "how-to", "explanation", "reference", "lab")
 OUTSIDE = ("index.md", "benchmarks.md")  # the home page, and what `make benchmarks` writes
 MADE = "<!-- `make reference` writes this page"
 MAX_WORDS, MAX_WORDS_A_PAGE = 20_000, 2_500
+MAX_WORDS_OF_THE_LABORATORY = 12_000
 MAX_LINES = 2_600  # of the ten files that CONTRIBUTING.md names first
 
 
@@ -55,8 +56,10 @@ def test_the_readers_part_stays_short() -> None:
     assert {name: words for name, words in pages.items() if words > MAX_WORDS_A_PAGE} == {}
 
 
-def test_notes_of_the_laboratory_are_dated() -> None:
-    notes = [path for path in (DOCS / "lab").glob("*.md") if path.name != "index.md"]
+def test_notes_of_the_laboratory_are_short_and_dated() -> None:
+    pages = list((DOCS / "lab").rglob("*.md"))
+    assert sum(len(path.read_text(encoding="utf-8").split()) for path in pages) <= MAX_WORDS_OF_THE_LABORATORY
+    notes = [path for path in pages if path.name != "index.md"]
     undated = [path.name for path in notes if not re.search(r"last changed on \d{4}-\d\d-\d\d", path.read_text())]
     assert undated == []
 
