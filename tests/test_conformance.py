@@ -86,13 +86,12 @@ KIND = lambda device: Net()
 """
 LIBRARY = """
 import torch
-from types import SimpleNamespace
 class Pictures:
     name, credit, is_own = "calm", "", False
-    def list_captioned(self):
-        return [SimpleNamespace(file="a.png", captions={captions}, realism=0.5)]
-    def pictures(self, file):
-        return [{picture}]
+    def captions(self):
+        return {{"a.png": {captions}}}
+    def picture(self, file):
+        return {picture}
 KIND = Pictures
 """
 ARM = """

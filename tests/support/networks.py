@@ -175,7 +175,7 @@ class QuickEncoders(EncoderRegistry):
 
     def keep(self, name: str, make: Callable[[], Kept]) -> Kept:
         """Knows only the pictures that a test put under "picture index"."""
-        known = {"picture index": PictureIndex([], self.sentences(), Path()), **self.own}
+        known = {"picture index": PictureIndex([], self.sentences(), Path(), self.remark), **self.own}
         if name not in known:
             known[name] = self.own[name] = make()
         return cast(Kept, known[name])
@@ -189,7 +189,7 @@ class QuickEncoders(EncoderRegistry):
 def index_of(folder: Path) -> PictureIndex:
     """The pictures of `write_drawings`, found by a bag of words."""
     drawings = PictureArchive("drawings", "Somebody, CC BY-SA 4.0", write_drawings(folder / "pictures.zip"))
-    return PictureIndex([drawings], WordBag(), folder)
+    return PictureIndex([drawings], WordBag(), folder, print)
 
 
 def write_drawings(path: Path) -> Path:

@@ -4,6 +4,7 @@ import pytest
 
 from frida_painter.errors import ConfigError
 from frida_painter.words.reading import LONGEST, contents, read, singular, stem
+from frida_painter.words.text import TextTerm
 
 NOUNS = "fox cat dog man child boat robot violin street cup coffee orange horse tulip elephant dancing".split()  # noqa: SIM905
 
@@ -84,3 +85,22 @@ def test_words_of_any_kind_are_read(said: str) -> None:
 def test_forms_of_a_word_have_one_stem(same: tuple[str, ...]) -> None:
     assert len({stem(word) for word in same}) == 1
     assert stem("lady") != stem("lad") and stem("king") == "king"
+
+
+@pytest.mark.parametrize(
+    "said",
+    ["no dogs, no cats", "without people", "No people!", "not a cat", "without any people or cars",
+     "neither dogs nor cats", "no dogs, and no cats", "no red dogs"],
+)  # fmt: skip
+def test_words_that_say_only_what_must_not_be_seen_are_refused_by_every_network(said: str) -> None:
+    with pytest.raises(ConfigError):
+        TextTerm(said)
+
+
+@pytest.mark.parametrize(
+    "said",
+    ["no dog, a cat", "a street without people", "no people in the street", "no country for old men", "no man's land",
+     "no more war", "no dogs but a cat", "noah and the ark", "nothing", "no people, only trees"],
+)  # fmt: skip
+def test_words_that_say_more_are_taken(said: str) -> None:
+    assert TextTerm(said).words == said

@@ -7,12 +7,11 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
-import torch
 from PIL import Image
 
 from frida_painter.words.libraries import SHIPPED, PictureArchive, PictureFolder
 from frida_painter.words.reading import read
-from frida_painter.words.retrieval import FoundPicture, PictureIndex, worth_of
+from frida_painter.words.retrieval import FoundPicture, PictureIndex
 from support.networks import WordBag
 
 DRAWN = {
@@ -50,13 +49,13 @@ def index(tmp_path_factory: pytest.TempPathFactory) -> PictureIndex:
         PictureArchive("fluent", "Somebody", archive(folder / "found.zip", FOUND)),
         PictureArchive(SHIPPED, "", archive(folder / "drawn.zip", DRAWN)),
     ]
-    return PictureIndex(libraries, WordBag(), folder)
+    return PictureIndex(libraries, WordBag(), folder, print)
 
 
 def subject(index: PictureIndex, said: str) -> str | None:
     reading = read(said, index.knows)
     found = index.find_subject(reading.subjects[0], reading)
-    return None if found is None else found.caption
+    return None if found is None else found.caption.text
 
 
 @pytest.mark.parametrize(
@@ -78,14 +77,13 @@ def subject(index: PictureIndex, said: str) -> str | None:
         ("a meadow", None),  # a ground
         ("joy", None),
         ("a fox without animals", "fox"),
+        ("a woman without violins", "a woman playing the cello"),
+        ("a young woman playing the violin", "a woman playing the violin"),
+        ("a man reading", None),  # an old man is another
     ],
 )
 def test_a_picture_stands_only_for_what_its_caption_names(index: PictureIndex, said: str, caption: str | None) -> None:
     assert subject(index, said) == caption
-
-
-def test_a_picture_that_says_what_must_not_be_seen_is_not_taken(index: PictureIndex) -> None:
-    assert subject(index, "a woman without violins") == "a woman playing the cello"
 
 
 @pytest.mark.parametrize(
@@ -94,30 +92,20 @@ def test_a_picture_that_says_what_must_not_be_seen_is_not_taken(index: PictureIn
      ("in the rain", "a street in the rain"), ("in a bathtub", None)],
 )  # fmt: skip
 def test_a_ground_has_the_place_the_light_or_the_weather(index: PictureIndex, words: str, caption: str | None) -> None:
-    found = index.find_ground(words, read(f"a fox {words}", index.knows))
-    assert (None if found is None else found.caption) == caption
+    found = index.find_ground(read(f"a fox {words}", index.knows))
+    assert (None if found is None else found.caption.text) == caption
 
 
 def test_a_mood_is_the_nearest(index: PictureIndex) -> None:
     found = index.find_mood(read("happiness", index.knows))
-    assert isinstance(found, FoundPicture) and found.caption == "happiness" and "joy" in found.says
+    assert isinstance(found, FoundPicture) and found.caption.text == "happiness" and "joy" in found.caption.says
 
 
 def test_the_persons_own_pictures_come_first_and_need_only_have_the_word(tmp_path: Path) -> None:
     Image.new("RGB", (40, 40), "red").save(tmp_path / "our fox at home.png")
     (tmp_path / "our dog.png").write_bytes(b"damaged")
     found = PictureArchive("fluent", "Somebody", archive(tmp_path / "found.zip", FOUND))
-    index = PictureIndex([PictureFolder(tmp_path), found], WordBag(), tmp_path)
+    told: list[str] = []
+    index = PictureIndex([PictureFolder(tmp_path), found], WordBag(), tmp_path, told.append)
     assert subject(index, "a fox") == "our fox at home" and subject(index, "a dog") == "dog"
-    assert len(index.faults) == 1 and "our dog.png" in index.faults[0]
-
-
-def test_photographs_are_worth_more_than_drawings_and_these_more_than_lines() -> None:
-    photograph = torch.rand(4, 300, 300, generator=torch.Generator().manual_seed(0))
-    photograph[3] = (torch.arange(300) < 240).float()
-    drawn, lines = photograph.clone(), photograph.clone()
-    drawn[:3], lines[:3] = torch.tensor([0.8, 0.2, 0.2])[:, None, None], 0.1
-    lines[3] = (torch.arange(300) % 10 == 0).float()
-    worth = [worth_of(one, realism) for one, realism in ((photograph, 0.8), (drawn, 0.4), (lines, 0.4))]
-    assert worth == sorted(worth, reverse=True)
-    assert worth_of(torch.cat((photograph[:3], torch.ones(1, 300, 300))), 0.8) < worth[0], "a ground of its own"
+    assert len(told) == 1 and "our dog.png" in told[0]

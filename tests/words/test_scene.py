@@ -3,13 +3,12 @@
 from pathlib import Path
 
 import pytest
-import torch
 
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.frames import PixelGrid
 from frida_painter.words.libraries import SHIPPED, PictureArchive
 from frida_painter.words.retrieval import PictureIndex
-from frida_painter.words.scene import find_cutout, paint_of, scene_of
+from frida_painter.words.scene import find_cutout, scene_of
 from support.networks import QuickEncoders, WordBag
 from words.test_retrieval import DRAWN, FOUND, archive
 
@@ -23,7 +22,7 @@ def encoders(tmp_path: Path) -> QuickEncoders:
         PictureArchive(SHIPPED, "", archive(tmp_path / "drawn.zip", DRAWN)),
     ]
     quick = QuickEncoders()
-    quick.own["picture index"] = PictureIndex(libraries, WordBag(), tmp_path)
+    quick.own["picture index"] = PictureIndex(libraries, WordBag(), tmp_path, quick.remark)
     return quick
 
 
@@ -46,35 +45,24 @@ def encoders(tmp_path: Path) -> QuickEncoders:
 def test_the_account_is_true_and_what_is_missing_is_told(
     encoders: QuickEncoders, said: str, account: str, sentences: int
 ) -> None:
-    scene = scene_of(said, GRID, encoders, 0)
+    scene = scene_of(said, GRID, encoders)
     assert scene.picture.shape == (3, GRID.rows, GRID.columns) and bool(scene.picture.isfinite().all())
     assert f"Your words: {account}." in encoders.remarks and len(encoders.remarks) == sentences
 
 
-def test_the_authors_of_a_picture_are_told(encoders: QuickEncoders) -> None:
-    scene_of("a fox", GRID, encoders, 0)
-    assert "Somebody, MIT" in encoders.remarks[0]
-
-
 def test_copies_fill_the_count(encoders: QuickEncoders) -> None:
-    widths = [
-        (scene_of(said, GRID, encoders, 0).where > 0.5).any(0).sum() for said in ("a fox", "two foxes", "3 foxes")
-    ]
+    widths = [(scene_of(said, GRID, encoders).where > 0.5).any(0).sum() for said in ("a fox", "two foxes", "3 foxes")]
     assert widths == sorted(widths) and widths[0] < widths[-1]
 
 
-def test_a_mood_fills_the_canvas(encoders: QuickEncoders) -> None:
-    assert bool((scene_of("grief", GRID, encoders, 0).where == 1).all())
+def test_a_mood_fills_the_canvas_and_authors_are_told(encoders: QuickEncoders) -> None:
+    scene_of("a fox", GRID, encoders)
+    assert "Somebody, MIT" in encoders.remarks[0]
+    assert bool((scene_of("grief", GRID, encoders).where == 1).all())
 
 
 def test_a_thing_for_a_photograph_is_cut_out(encoders: QuickEncoders) -> None:
     cutout = find_cutout("a blue fox", encoders, "laid in")
-    assert cutout is not None and cutout.has_color and float(cutout.picture[3].min()) == 0
+    assert cutout is not None and cutout.phrase.color and float(cutout.picture[3].min()) == 0
     assert float(cutout.picture[2, 30, 30]) > float(cutout.picture[0, 30, 30])
     assert find_cutout("a meadow", encoders, "laid in") is None
-
-
-def test_shades_of_colours() -> None:
-    blue, dark = paint_of("blue"), paint_of("dark blue")
-    assert blue is not None and dark is not None and float(dark.sum()) < float(blue.sum())
-    assert paint_of("") is None and torch.equal(paint_of("black white"), paint_of("black"))  # type: ignore[arg-type]

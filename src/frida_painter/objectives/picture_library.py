@@ -1,24 +1,9 @@
-"""Protocol of libraries of pictures of things, from which words are composed."""
+"""Protocol of libraries of pictures with captions, from which words are composed."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 from torch import Tensor
-
-
-@dataclass(frozen=True)
-class Captioned:
-    """Picture of a library with its captions.
-
-    file: name of the picture
-    captions: a title, and possibly keywords after it
-    realism: from 0 for a sign to 1 for a photograph
-    """
-
-    file: str
-    captions: tuple[str, ...]
-    realism: float = 0.5
 
 
 class PictureLibrary(Protocol):
@@ -32,10 +17,14 @@ class PictureLibrary(Protocol):
     credit: str
     is_own: bool
 
-    def list_captioned(self) -> Sequence[Captioned]:
-        """Returns all pictures. Raises WeightsError or ConfigError if the library cannot be read."""
+    def captions(self) -> Mapping[str, Sequence[str]]:
+        """Returns each picture's captions by its file: a title, and possibly keywords after it.
+
+        In the folders "subject", "ground" and "mood" all captions are titles. Grounds and moods fill the canvas.
+        Raises WeightsError or ConfigError if the library cannot be read.
+        """
         ...
 
-    def pictures(self, file: str) -> list[Tensor]:
-        """Returns the variants of a picture, colour and opacity [4, h, w] in [0, 1]. Raises ImageError."""
+    def picture(self, file: str) -> Tensor:
+        """Returns a picture, colour and opacity [4, h, w] in [0, 1]. Raises ImageError."""
         ...

@@ -57,7 +57,7 @@ if TYPE_CHECKING:
         Term,
         require_weight,
     )
-    from frida_painter.objectives.picture_library import Captioned, PictureLibrary
+    from frida_painter.objectives.picture_library import PictureLibrary
     from frida_painter.palette import Palette
     from frida_painter.plan import Layer, Plan
     from frida_painter.planning.initialisers import InitialiserKind, InitialTask
@@ -94,7 +94,7 @@ _HOMES = {
     "objectives.objective": (
         *("Gives", "Goal", "GoalKind", "Objective", "ObjectiveContext", "ObjectiveTerm", "Term", "require_weight"),
     ),
-    "objectives.picture_library": ("Captioned", "PictureLibrary"),
+    "objectives.picture_library": ("PictureLibrary",),
     "palette": ("Palette",),
     "plan": ("Layer", "Plan"),
     "planning.initialisers": ("InitialTask", "InitialiserKind"),
@@ -121,7 +121,6 @@ __all__ = [
     "CameraKind",
     "CanvasSeen",
     "CanvasSize",
-    "Captioned",
     "ConfigError",
     "Easel",
     "EaselKind",

@@ -133,20 +133,20 @@ class NamedWeights:
 
 
 def all_weights() -> tuple[NamedWeights, ...]:
-    """Returns all weights."""
+    """Returns all weights; of picture libraries, those with the better pictures first."""
     return (
         _lite(0, 18_826_032, "579344248a93e23026e6b78f1f6faf0bc1d282386f6c881cdbaacd49cabf77db", 17_364_911),
         _lite(1, 21_946_926, "77cc7160d37bebc1e0d68dc9e8d1e836a263e063f0825ec80d85670b2c913850", 20_221_428),
         _lite(2, 24_666_229, "9656183eaeafe8cbf0cf560089305d34668787f6a26377ccbe5be192ed3f855d", 22_716_958),
         _minilm(),
-        _openclipart(),
         _stamps(),
         _abcs(),
-        _flashcards(),
         _fluent(),
         _gcompris(),
-        _costumes(),
         _furniture(),
+        _openclipart(),
+        _flashcards(),
+        _costumes(),
         _silhouettes(),
         _hed(),
         _vgg16(),

@@ -3,7 +3,12 @@
 Without a CLIP, which reads words itself, the scene replaces the words: the plan is grown towards it alone.
 """
 
+from __future__ import annotations
+
+from collections.abc import Sequence
 from dataclasses import replace
+from itertools import islice
+from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
@@ -15,37 +20,35 @@ from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal, ObjectiveContext, Term
 from frida_painter.objectives.pixel_loss import spread
+from frida_painter.objectives.pyramid import color_in
 from frida_painter.objectives.sketch_loss import color_drawing, filled_areas
 from frida_painter.objectives.style_marks import in_style
 from frida_painter.objectives.style_places import change_by_place, styles_of
 from frida_painter.objectives.text_loss import Text, wish
-from frida_painter.objectives.word_settings import WordSettings
-from frida_painter.words.pyramid import color_in
-from frida_painter.words.scene import find_cutout, scene_of, words_of
-from frida_painter.words.style_scene import composite_into_style
+from frida_painter.objectives.word_settings import USUAL
+from frida_painter.words.composition import lay_in
+from frida_painter.words.scene import find_cutout, scene_of
+
+if TYPE_CHECKING:
+    from frida_painter.words.text import TextTerm
 
 _APART = 104_729  # added to the seed, so that the views of the choice are not those of the optimiser
 _KEPT = 60.0  # weight of the composition against the words that a CLIP reads
 _AMONG = 3.0  # the same if a style or a sketch has a term too
 _STAGED = 20.0  # the same for a style picture, or a photograph, that is begun with
 _MATTERS = 8.0  # weight of a thing, relative to its surroundings
-_SIZES, _OWN = (0.6, 0.5, 0.4), 0.5  # of a thing in a photograph: possible sizes, and share of its colours
-_STANDS = (0.65, 1.0)  # its position in the free space, down
+_OWN = 0.5  # share of its own colours that a thing in a photograph keeps
 
 
-def with_beginning(
-    goal: Goal, context: ObjectiveContext, prompt: str | None, settings: WordSettings, *, is_alone: bool
-) -> Goal:
-    """Returns the goal with an initial picture, if its words come without one.
+def with_beginning(goal: Goal, context: ObjectiveContext, said: Sequence[TextTerm]) -> Goal:
+    """Returns the goal with an initial picture, if its words come without one. said: its terms that are words
 
-    prompt: words of the largest weight, with their settings; None if only the beginning has words
-    is_alone: True if the goal has nothing but words
-
-    Words with a CLIP need no other network: without the one that composes scenes, a goal of words alone begins with
-    coarse colours, and another goal is returned unchanged.
-    Raises ConfigError if the settings need a network that is not here; WeightsError if no network reads
-    the words.
+    With a CLIP but no network that composes scenes, words alone begin with coarse colours; other goals stay unchanged.
+    Raises ConfigError if the settings need a network that is not here; WeightsError if none reads the words.
     """
+    main = max(said, key=lambda term: term.weight, default=None)
+    settings = USUAL if main is None else main.settings
+    is_alone = len(said) == len(goal.terms) and not goal.initial
     encoders, how = context.encoders, settings.beginning
     by_clip = encoders.reads_by_clip
     if how == "scene" and by_clip and not encoders.composes:
@@ -60,15 +63,15 @@ def with_beginning(
         )
     if how == "nothing" or (by_clip and not encoders.composes and not is_alone):
         return goal
-    if prompt is None or not is_alone or how == "scene" or not by_clip:
-        return initial_composition(goal, context.grid, encoders, context.seed)
+    if main is None or not is_alone or how == "scene" or not by_clip:
+        return initial_composition(goal, context.grid, encoders)
     readers, size = encoders.readers(), (context.grid.rows, context.grid.columns)
-    wanted = wish(prompt, readers[0], settings)
+    wanted = wish(main.prompt, readers[0], settings)
     colors = color_in(wanted, readers[0], size, context.seed, settings.first_steps, encoders.tell, encoders.heed)
     told, remarks = "coloured for the words", list(encoders.remarks)
     if how == "auto" and encoders.composes:
-        (scene,) = initial_composition(goal, context.grid, encoders, context.seed).initial
-        judge = Text(prompt, readers, context.seed + _APART, settings=settings)
+        (scene,) = initial_composition(goal, context.grid, encoders).initial
+        judge = Text(main.prompt, readers, context.seed + _APART, settings=settings)
         with torch.no_grad():
             if scene.picture is not None and bool(judge.validation(scene.picture) < judge.validation(colors)):
                 return replace(goal, initial=(ImageTerm(scene.picture),))
@@ -78,42 +81,40 @@ def with_beginning(
     return replace(goal, initial=(ImageTerm(colors),))
 
 
-def initial_composition(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, seed: int) -> Goal:
+def initial_composition(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry) -> Goal:
     """Returns the goal with an initial picture, if it has words and no other picture to begin with.
 
     The picture is also a term, beside the words that a CLIP reads and in place of others. It has the colours and the
     marks of the styles, in proportion if these are lighter than the words. A sketch is filled with the picture's
     colours, or with those of the heaviest style; a style picture or a photograph gets the thing of the words laid in.
     """
-    words, weight = words_of(goal)
+    every = sorted((term for term in goal.terms if term.words is not None), key=lambda term: -term.weight)
+    words = " and ".join(dict.fromkeys(term.words for term in every if term.words))
+    weight = every[0].weight if every else 0.0
     said = goal.terms if encoders.reads_by_clip else tuple(term for term in goal.terms if term.words is None)
     pictured = next((term for term in goal.initial or goal.terms if term.picture is not None), None)
-    if pictured is not None or not (words or goal.initial):
-        if not words or encoders.reads_by_clip:
-            return goal
-        return goal if pictured is None else _lay_into_photograph(goal, pictured, said, words, weight, encoders)
+    base = pictured or next((term for term in goal.initial if term.colors is not None), None)
+    if base is not None:
+        by_clip = pictured is not None and encoders.reads_by_clip
+        return _lay_in(goal, base, said, words, weight, encoders) if words and not by_clip else goal
     if goal.initial:
-        first = next((term.words for term in goal.initial if term.words is not None), None)
-        staged = next((term.colors for term in goal.initial if term.colors is not None), None)
-        if staged is not None and words:
-            return _start_with_style(goal, staged, said, words, weight, encoders, grid)
-        if staged is not None or first is None:
-            return goal
-        scene = scene_of(first, grid, encoders, seed)
-        return replace(goal, initial=(_term(scene.picture, scene.where), *goal.initial))
+        scenes = (_term(*scene_of(term.words, grid, encoders)) for term in goal.initial if term.words is not None)
+        return replace(goal, initial=(*islice(scenes, 1), *goal.initial))
+    if not words:
+        return goal
     styles = styles_of(goal)
-    style = max(styles, key=lambda term: term.weight).colors if styles else None
     drawing = next((term.drawing for term in goal.terms if term.drawing is not None), None)
     if drawing is None:
-        scene = scene_of(words, grid, encoders, seed)
+        scene = scene_of(words, grid, encoders)
         kept = _AMONG if any(term.words is None for term in goal.terms) else _KEPT if said else 1.0
         picture = scene.picture
         if styles:
-            shown = change_by_place(picture, styles, lambda style: in_style(scene.picture, scene.where, style))
+            shown = change_by_place(picture, styles, lambda style: in_style(*scene, style))
             picture = torch.lerp(picture, shown, min(1.0, sum(one.weight for one in styles) / weight))
         begun = _term(picture, scene.where, weight * kept)
     else:
-        like = scene_of(words, grid, encoders, seed, "coloured like").picture if style is None else style
+        style = max(styles, key=lambda term: term.weight).colors if styles else None
+        like = scene_of(words, grid, encoders, "coloured like").picture if style is None else style
         filled = color_drawing(images.fit(drawing, grid.rows, grid.columns), like)
         begun = _term(filled, filled_areas(filled), weight * _AMONG)
     return Goal((*said, begun), (replace(begun, weight=1.0),))
@@ -130,37 +131,28 @@ def _term(picture: Tensor, where: Tensor, weight: float = 1.0, importance: Tenso
 
 
 @torch.no_grad()
-def _start_with_style(
-    goal: Goal, style: Tensor, said: tuple[Term, ...], words: str, weight: float, encoders: EncoderRegistry,
-    grid: PixelGrid,
-) -> Goal:  # fmt: skip
-    """Returns the goal that begins with the style picture, with the thing of the words in it, and keeps to it."""
-    thing = find_cutout(words, encoders, "laid into the style picture")
-    if thing is None:
-        return replace(goal, terms=said) if said else goal
-    scene = images.fit(style, grid.rows, grid.columns)
-    kept = _term(*composite_into_style(thing.picture, scene, own=float(thing.has_color)), _STAGED * weight)
-    return Goal((*said, kept), (replace(kept, weight=1.0),))
-
-
-@torch.no_grad()
-def _lay_into_photograph(
-    goal: Goal, pictured: Term, said: tuple[Term, ...], words: str, weight: float, encoders: EncoderRegistry
+def _lay_in(
+    goal: Goal, base: Term, said: tuple[Term, ...], words: str, weight: float, encoders: EncoderRegistry
 ) -> Goal:
-    """Returns the goal with the thing of the words in its photograph, and without the words."""
-    photograph = pictured.picture
-    assert photograph is not None
-    shown, where = photograph, torch.zeros(photograph.shape[1:])
-    if any(term.drawing is not None for term in goal.terms):
+    """Returns the goal with the thing of the words in the photograph or style picture of `base`.
+
+    said: terms that stay; the words are none of them if nothing can read them
+    """
+    picture, into = (base.colors, "style picture") if base.picture is None else (base.picture, "photograph")
+    assert picture is not None
+    is_drawn = base.picture is not None and any(term.drawing is not None for term in goal.terms)
+    if is_drawn:
         encoders.remark(f"{words[:60]!r} adds nothing to the drawing on the photograph; that needs a CLIP.")
-    elif (thing := find_cutout(words, encoders, "laid into the photograph")) is not None:
-        shown, where = composite_into_style(thing.picture, photograph, own=_OWN, sizes=_SIZES, rows=_STANDS)
-    begun = _term(shown, where, importance=pictured.importance)
+    thing = None if is_drawn else find_cutout(words, encoders, f"laid into the {into}")
+    if thing is None:
+        return Goal(said or (ImageTerm(picture),), goal.initial)
+    own = float(bool(thing.phrase.color)) if base.picture is None else _OWN
+    shown, where = lay_in(thing.picture, picture, own)
+    begun = _term(shown, where, _STAGED * weight, base.importance)
     if goal.initial:
-        return Goal((*said, replace(begun, weight=_STAGED * weight)), (replace(begun, weight=1.0),))
+        return Goal((*said, begun), (replace(begun, weight=1.0),))
     matters = begun.importance
     assert matters is not None
     return Goal(tuple(
-        term.with_picture(shown).weigh(matters) if term.picture is photograph and shown is not photograph else term
-        for term in said
+        term.with_picture(shown).weigh(matters) if term.picture is picture else term for term in said
     ))  # fmt: skip

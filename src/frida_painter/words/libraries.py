@@ -4,9 +4,8 @@ import json
 import re
 import zipfile
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from importlib.metadata import entry_points
 from itertools import islice
 from pathlib import Path
 
@@ -18,16 +17,122 @@ from torch.nn import functional
 
 from frida_painter import images, picture_file, python_process, registry, storage, weights
 from frida_painter.errors import ConfigError, ImageError, WeightsError
-from frida_painter.objectives.picture_library import Captioned, PictureLibrary
+from frida_painter.objectives.picture_library import PictureLibrary
 from frida_painter.weights.archive import CAPTIONS, FILE
 from frida_painter.words import svg_process
 
-# Pictures with opacity from untrusted files: SVG drawings and pixels.
-
+_SUFFIXES = (*picture_file.SUFFIXES, ".svg")
+_MAX_BYTES = 64 * 2**20  # of a picture in the user's folder
+_MAX_FILES = 20_000  # in the user's folder; their captions are read in about a minute
+_MAX_CAPTION, _MAX_CAPTIONS = 300, 2**20  # bytes of the first line, and of the file
+_LATIN = re.compile("[A-Za-z]{2}")
+_LONGEST = 1024  # pixels of the longer side of a ground
+SHIPPED = "drawn"
+"""Name of the library that ships with this package."""
+KINDS = SUBJECT, GROUND, MOOD = "subject", "ground", "mood"
+"""Folders in which all captions of a picture are titles. Grounds and moods fill the canvas."""
 _SEEN = 0.05  # opacity above which a pixel is part of a thing
 _PLAIN = 0.83  # share of the edge of a picture that has the colour of its ground
 _SPECK = 0.03  # size of a remnant of the ground, by that of the largest piece of a thing
 _ALIKE = 14.5 / 255  # by which the colours of a plain ground may differ
+
+
+class PictureArchive:
+    """Fetched library: a zip of pictures with their captions."""
+
+    is_own = False
+
+    def __init__(self, name: str, credit: str, archive: Path) -> None:
+        self.name, self.credit, self._archive = name, credit, archive
+
+    def captions(self) -> Mapping[str, Sequence[str]]:
+        """Returns the archive's own list. Raises WeightsError."""
+        known: dict[str, list[str]] = json.loads(self._read(CAPTIONS))
+        return known
+
+    def picture(self, file: str) -> Tensor:
+        """Returns the picture. Raises WeightsError if the archive is damaged, ImageError if the picture is."""
+        content, name = self._read(file), f"{self.name}: {file}"
+        if file.partition("/")[0] in (GROUND, MOOD):
+            return images.load_with_opacity(content, name, longest=_LONGEST)
+        return read_picture(content, name)
+
+    def _read(self, file: str) -> bytes:
+        try:
+            with zipfile.ZipFile(self._archive) as opened:
+                return opened.read(file)
+        except (OSError, zipfile.BadZipFile, zlib.error, EOFError, KeyError) as cause:
+            raise WeightsError(f"{self._archive} is damaged ({cause}); fetch {self.name} again.") from cause
+
+
+class PictureFolder:
+    """Library of the user's own pictures.
+
+    The caption of a picture is the text file beside it (`cat.txt` for `cat.png`), or its name. Subfolders are
+    included; links to folders are not followed.
+    unnamed: number of pictures without a usable caption
+    Raises ConfigError if the folder does not exist.
+    """
+
+    name, credit, is_own = "your pictures", "", True
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self.unnamed = 0
+        if not folder.is_dir():
+            raise ConfigError(f"--pictures {folder} is no folder; give a folder with pictures of things.")
+
+    def captions(self) -> Mapping[str, Sequence[str]]:
+        """Returns the pictures that have a caption in words. Raises ConfigError for none or too many pictures."""
+        every = (path for path in self._folder.rglob("[!.]*") if path.suffix.lower() in _SUFFIXES and not path.is_dir())
+        files = sorted(islice(every, _MAX_FILES + 1))
+        if len(files) > _MAX_FILES:
+            raise ConfigError(
+                f"--pictures {self._folder} holds more than {_MAX_FILES} pictures, which would take long to read; "
+                "give a folder with those of the things that you want to paint."
+            )
+        found = {str(path): (words,) for path in files if (words := _read_caption(path))}
+        self.unnamed = len(files) - len(found)
+        if not found:
+            raise ConfigError(
+                f"--pictures {self._folder} holds no picture with a name; name PNG, JPEG or SVG files by what they "
+                "show, like red-fox.png, or put a text beside them, like IMG_1.txt."
+            )
+        return found
+
+    def picture(self, file: str) -> Tensor:
+        """Returns the picture. Raises ImageError."""
+        return read_picture(storage.read_bytes(Path(file), "a picture", _MAX_BYTES, ImageError), Path(file).name)
+
+
+def _read_caption(path: Path) -> str:
+    """Returns the caption of one of the user's pictures; "" if there is none."""
+    said, beside = "", path.with_suffix(".txt")
+    if beside.is_file() and not beside.is_symlink():
+        with suppress(ImageError), storage.open_checked(beside, "a caption", _MAX_CAPTIONS, ImageError) as file:
+            said = " ".join(file.readline(_MAX_CAPTION).decode("utf-8", "replace").split())
+    if not _LATIN.search(said):  # the sentence encoder knows English
+        said = " ".join(re.sub(r"[^a-zA-Z]+|(?<=[a-z])(?=[A-Z])", " ", path.stem).split()).lower()
+        said = re.sub(r"^(img|dsc|dscn|pict?|image|photo|picture|screenshot|scan|untitled|unnamed|copy of)\b", "", said)
+    return said.strip() if _LATIN.search(said) else ""
+
+
+def libraries_at_hand(cache: Path | None = None, own: Path | None = None) -> list[PictureLibrary]:
+    """Returns the user's own folder, the libraries of installed packages, the shipped one, and the fetched ones.
+
+    Of two pictures of a thing, that of the earlier library is usually taken. A package adds a library by an entry point
+    of the group `frida_painter.picture_libraries`: a callable without arguments that returns it.
+    Raises WeightsError if a fetched library was altered, PluginError if a package's library cannot be loaded, and
+    ConfigError if the user's folder does not exist.
+    """
+    found: list[PictureLibrary] = [] if own is None else [PictureFolder(own)]
+    found += [part.load(Callable)() for part in registry.parts(registry.PICTURE_LIBRARIES).values()]  # type: ignore[type-abstract]
+    found.append(PictureArchive(SHIPPED, "", Path(__file__).with_name(f"{SHIPPED}.zip")))
+    for known in weights.all_weights():
+        folder = weights.find(known.name, cache) if known.kept[0].name == FILE else None
+        if folder is not None:
+            found.append(PictureArchive(known.name, f"{known.credit}, {known.licence}", folder / FILE))
+    return found
 
 
 def read_picture(content: bytes, name: str) -> Tensor:
@@ -78,132 +183,3 @@ def _draw_svg(svg: bytes, name: str) -> bytes:
         said = said if ended.returncode > 0 else "it takes too long, or too much memory"
         raise ImageError(f"{name} cannot be drawn ({said}); save it as PNG.")
     return ended.stdout
-
-
-GROUP = "frida_painter.picture_libraries"
-"""Group of entry points for the picture libraries of packages."""
-
-_SUFFIXES = (*picture_file.SUFFIXES, ".svg")
-_MAX_BYTES = 64 * 2**20  # of a picture in the user's folder
-_MAX_FILES = 20_000  # in the user's folder; their captions are read in about a minute
-_MAX_CAPTION, _MAX_CAPTIONS = 300, 2**20  # bytes of the first line, and of the file
-_LATIN = re.compile("[A-Za-z]{2}")
-_LONGEST = 1024  # pixels of the longer side of a ground
-_PHOTOGRAPH, _DRAWN = 0.8, 0.4  # realism of a photograph, and of a drawing
-SHIPPED, GROUND, MOOD = "drawn", "ground", "mood"
-"""Name of the library that ships with this package, and its folders of pictures that fill the canvas."""
-_DRAWN_IN = {"flashcards": 0.2, "costumes": 0.2, "furniture": 0.6, "silhouettes": 0.0, SHIPPED: 0.5}
-
-
-class PictureArchive:
-    """Fetched library: a zip of pictures with their captions."""
-
-    is_own = False
-
-    def __init__(self, name: str, credit: str, archive: Path) -> None:
-        self.name, self.credit, self._archive = name, credit, archive
-
-    def list_captioned(self) -> Sequence[Captioned]:
-        """Returns the pictures of the archive's own list. Raises WeightsError."""
-        try:
-            known: dict[str, list[str]] = json.loads(self._read(CAPTIONS))
-        except ValueError as cause:
-            raise WeightsError(f"{self._archive} has damaged captions ({cause}); fetch {self.name} again.") from cause
-        drawn, is_drawn = _DRAWN_IN.get(self.name, _DRAWN), self.name == SHIPPED
-        return [
-            Captioned(
-                file, tuple(captions), drawn if is_drawn or file.endswith(".svg") or "cartoon" in file else _PHOTOGRAPH
-            )
-            for file, captions in sorted(known.items())
-        ]
-
-    def pictures(self, file: str) -> list[Tensor]:
-        """Returns the picture. Raises WeightsError if the archive is damaged, ImageError if the picture is."""
-        content, name = self._read(file), f"{self.name}: {file}"
-        if self.name == SHIPPED and file.partition("/")[0] in (GROUND, MOOD):
-            return [images.load_with_opacity(content, name, longest=_LONGEST)]
-        return [read_picture(content, name)]
-
-    def _read(self, file: str) -> bytes:
-        try:
-            with zipfile.ZipFile(self._archive) as opened:
-                return opened.read(file)
-        except (OSError, zipfile.BadZipFile, zlib.error, EOFError, KeyError) as cause:
-            raise WeightsError(f"{self._archive} is damaged ({cause}); fetch {self.name} again.") from cause
-
-
-class PictureFolder:
-    """Library of the user's own pictures.
-
-    The caption of a picture is the text file beside it (`cat.txt` for `cat.png`), or its name. Subfolders are
-    included; links to folders are not followed.
-    unnamed: number of pictures without a usable caption
-    Raises ConfigError if the folder does not exist.
-    """
-
-    name, credit, is_own = "your pictures", "", True
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        self.unnamed = 0
-        if not folder.is_dir():
-            raise ConfigError(f"--pictures {folder} is no folder; give a folder with pictures of things.")
-
-    def list_captioned(self) -> Sequence[Captioned]:
-        """Returns the pictures that have a caption in words. Raises ConfigError for none or too many pictures."""
-        every = (path for path in self._folder.rglob("[!.]*") if path.suffix.lower() in _SUFFIXES and not path.is_dir())
-        files = sorted(islice(every, _MAX_FILES + 1))
-        if len(files) > _MAX_FILES:
-            raise ConfigError(
-                f"--pictures {self._folder} holds more than {_MAX_FILES} pictures, which would take long to read; "
-                "give a folder with those of the things that you want to paint."
-            )
-        said = {path: _read_caption(path) for path in files}
-        found = [Captioned(str(path), (words,), 1.0) for path, words in said.items() if words]
-        self.unnamed = len(said) - len(found)
-        if not found:
-            raise ConfigError(
-                f"--pictures {self._folder} holds no picture with a name; name PNG, JPEG or SVG files by what they "
-                "show, like red-fox.png, or put a text beside them, like IMG_1.txt."
-            )
-        return found
-
-    def pictures(self, file: str) -> list[Tensor]:
-        """Returns the picture. Raises ImageError."""
-        return [read_picture(storage.read_bytes(Path(file), "a picture", _MAX_BYTES, ImageError), Path(file).name)]
-
-
-def _read_caption(path: Path) -> str:
-    """Returns the caption of one of the user's pictures; "" if there is none."""
-    said, beside = "", path.with_suffix(".txt")
-    if beside.is_file() and not beside.is_symlink():
-        with suppress(ImageError), storage.open_checked(beside, "a caption", _MAX_CAPTIONS, ImageError) as file:
-            said = " ".join(file.readline(_MAX_CAPTION).decode("utf-8", "replace").split())
-    if not _LATIN.search(said):  # the sentence encoder knows English
-        said = " ".join(re.sub(r"[^a-zA-Z]+|(?<=[a-z])(?=[A-Z])", " ", path.stem).split()).lower()
-        said = re.sub(r"^(img|dsc|dscn|pict?|image|photo|picture|screenshot|scan|untitled|unnamed|copy of)\b", "", said)
-    return said.strip() if _LATIN.search(said) else ""
-
-
-def libraries_at_hand(cache: Path | None = None, own: Path | None = None) -> list[PictureLibrary]:
-    """Returns the user's own folder, the libraries of installed packages, the fetched ones, and the shipped one.
-
-    A package adds a library by an entry point of the group `frida_painter.picture_libraries`: a callable without
-    arguments that returns the library.
-    Raises WeightsError if a fetched library was altered, or a package's library cannot be used.
-    Raises ConfigError if the user's folder does not exist.
-    """
-    found: list[PictureLibrary] = [] if own is None else [PictureFolder(own)]
-    for point in entry_points(group=GROUP):
-        try:
-            found.append(point.load()())
-        except Exception as error:  # code of others may raise any exception
-            raise WeightsError(
-                f"The picture library {point.name!r} cannot be used ({type(error).__name__}: {error}); mend or remove "
-                "the package that brings it."
-            ) from error
-    for known in weights.all_weights():
-        folder = weights.find(known.name, cache) if known.kept[0].name == FILE else None
-        if folder is not None:
-            found.append(PictureArchive(known.name, f"{known.credit}, {known.licence}", folder / FILE))
-    return [*found, PictureArchive(SHIPPED, "", Path(__file__).with_name(f"{SHIPPED}.zip"))]

@@ -8,56 +8,55 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import dropwhile, takewhile
 
 from frida_painter.objectives.word_settings import refuse_absent
 
 COLORS = {"black": (30, 30, 32), "white": (245, 245, 242), "red": (205, 35, 40), "green": (50, 140, 60),
-          "yellow": (245, 205, 45), "blue": (45, 85, 185), "brown": (115, 72, 42), "purple": (115, 50, 145),
-          "pink": (240, 130, 170), "orange": (235, 125, 35), "gray": (130, 130, 132),
-          "grey": (130, 130, 132)}  # fmt: skip
+          "yellow": (245, 205, 45), "blue": (45, 85, 185), "brown": (115, 72, 42), "purple": (115, 50, 145), "pink":
+          (240, 130, 170), "orange": (235, 125, 35), "gray": (130, 130, 132), "grey": (130, 130, 132)}  # fmt: skip
 """Common names of colours, and sRGB that paints can have, 0 to 255."""
 SHADES = {"dark": -18, "light": 18, "bright": 6, "pale": 22}
 """Words before a colour, and what they add to its L*."""
-AGES = ("old", "elderly", "young")
+OLD = ("old", "elderly")
 """Words that make another person of a person."""
 LONGEST = 400
 """Characters of a prompt that are read; a longer text is no description of one picture."""
-MAX_COPIES = 5
-"""Greatest number of a subject's copies."""
 NUMBERS = ("zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
-_GROUPS = {"pair": 2, "couple": 2, "trio": 3, **dict.fromkeys(re.findall(
-    r"\w+", "group row herd flock pack school swarm crowd bunch lot lots pile bouquet"))}  # fmt: skip
-_PLACING = re.findall(
-    r"\w+", "in on at by under over near behind above below beneath beside through across along inside into onto among "
-    "between before against around outside next during after underneath atop amid upon")  # fmt: skip
-_OTHERS = re.findall(
-    r"\w+", "a an the my our your his her its their this that these those of and or with to is are was were be as it "
-    "who which while from for me us you i he she they there very front top middle back out up many several some few "
-    "both day")  # fmt: skip
+_WORDS = re.compile(r"\w+")
+_GROUPS = {"pair": 2, "couple": 2, "trio": 3, **dict.fromkeys(_WORDS.findall(
+    "group row herd flock pack school swarm crowd bunch lot lots pile bouquet"))}  # fmt: skip
+_PLACING = _WORDS.findall(
+    "in on at by under over near behind above below beneath beside through across along inside into onto among between "
+    "before against around outside next during after underneath atop amid upon")  # fmt: skip
+_OTHERS = _WORDS.findall(
+    "a an the my our your his her its their this that these those of and or with to is are was were be as it who which "
+    "while from for me us you i he she they there very front top middle back out up many several some few both day"
+)
 FUNCTION_WORDS = frozenset((*_PLACING, *_OTHERS))
 """Words that name nothing to be seen."""
+_PLACE = rf"\b(?:{'|'.join(_PLACING)})\b"
+_BETWEEN = r"\band\b|[,;&]"  # two things
+_TWO_COLORS = re.compile(rf"\b({'|'.join(COLORS)}) and (?=(?:{'|'.join(COLORS)})\b)")
 _ASKED = re.compile(
-    r"(please|(can|could|would|will) you|i (want|wish|need|would like|'d like)( you)?( to)?|"
-    r"(paint|draw|sketch|show|make|give|create)( (me|us)|(?= (an?|the|my|our|some)\b)))[, ]+",
-    re.I,
+    r"(?i)(please|(can|could|would|will) you|i (want|wish|need|would like|'d like)( you)?( to)?|"
+    r"(paint|draw|sketch|show|make|give|create)( (me|us)|(?= (an?|the|my|our|some)\b)))[, ]+"
 )
 _DEPICTED = re.compile(
-    r"((an?|the|some) )?([\w-]+ )?(painting|picture|portrait|drawing|sketch|photo|photograph|image|watercolou?r|"
-    r"illustration|still life)s? (of|showing|with) ",
-    re.I,
+    r"(?i)((an?|the|some) )?([\w-]+ )?(painting|picture|portrait|drawing|sketch|photo|photograph|image|watercolou?r|"
+    r"illustration|still life)s? (of|showing|with) "
 )
 _STYLE = re.compile(
-    r",? *\b(in|after) (the|a|an) ([\w-]+ )?(style|manner|spirit)( of [^,;.]+)?|,? *\bin [\w-]+ style\b", re.I
+    r"(?i),? *\b(in|after) (the|an?) ([\w-]+ )?(style|manner|spirit)( of [^,;.]+)?|,? *\bin [\w-]+ style\b"
 )
 _ABSENT = re.compile(
-    r",? *\b(?:and |but |with )?(?:no|not|without|neither|nor)\b(?! (?:more|longer|\w+'s)\b)(?: any| an?| the)?"
-    rf"((?: (?!(?:{'|'.join(_PLACING)}|with|for|but|only|and an?|and the)\b)[\w'-]+)+)",
-    re.I,
+    r"(?i),? *\b(?:and |but |with )?(?:no|not|without|neither|nor)\b(?! (?:more|longer|\w+'s)\b)(?: any| an?| the)?"
+    rf"((?: (?!{_PLACE}|(?:with|for|but|only|and an?|and the)\b)[\w'-]+)+)"
 )
 _PLURALS = {"children": "child", "people": "person", "mice": "mouse", "geese": "goose", "feet": "foot"}
 _ARTICLES = ("a", "an", "the", "my", "his", "her", "their")
 _SHORT = 3  # letters of a word that keeps its ending
-_WORD = re.compile(r"[^\W\d_][\w'’-]*|\d+|[,;&]")
+_WORD = re.compile(r"[^\W\d_][\w'’-]*|\d+")
 
 
 @dataclass(frozen=True)
@@ -78,11 +77,6 @@ class Phrase:
     proper: tuple[str, ...] = ()
 
     @property
-    def text(self) -> str:
-        """The words as a text."""
-        return " ".join(self.words)
-
-    @property
     def noun(self) -> str:
         """Stem of the noun; of the first word that names something, if it has none."""
         known = self.name or [word for word in self.words if word not in FUNCTION_WORDS]
@@ -95,11 +89,6 @@ class Phrase:
         of = read_phrase(self.words[at + 1 :], lambda word: True)
         return of if self.name and at > self.words.index(self.name[-1]) else Phrase((), ())
 
-    @property
-    def content(self) -> frozenset[str]:
-        """Stems of all words that name something."""
-        return contents(self.words)
-
 
 @dataclass(frozen=True)
 class Reading:
@@ -108,6 +97,7 @@ class Reading:
     text: the prompt without request, style and absent things
     subjects: of the words before the first preposition of place
     ground: the words after it
+    places: stems of the nouns there
     absent: words for absent things
     style: words for a style, or ""
     """
@@ -115,6 +105,7 @@ class Reading:
     text: str
     subjects: tuple[Phrase, ...]
     ground: str
+    places: frozenset[str]
     absent: tuple[str, ...]
     style: str
 
@@ -139,10 +130,19 @@ def singular(word: str) -> str:
     return f"{word[:-3]}y" if word.endswith("ies") else word[:-1]
 
 
+def noun_of(title: str) -> str:
+    """Returns the noun of a title in the singular: its last word before a preposition, an article or a verb in -ing."""
+    words = list(dropwhile(FUNCTION_WORDS.__contains__, title.split()))
+    named = list(takewhile(lambda word: word not in FUNCTION_WORDS, words))
+    while named and named[-1].endswith("ing") and (len(named) > 1 or (*words, "")[1] in _ARTICLES):
+        named.pop()
+    return singular(named[-1]) if named else ""
+
+
 def contents(words: Sequence[str] | str) -> frozenset[str]:
     """Returns the stems of the words that name something."""
     words = _WORD.findall(words.lower()) if isinstance(words, str) else words
-    return frozenset(stem(word) for word in words if word not in FUNCTION_WORDS and word[0] not in ",;&")
+    return frozenset(stem(word) for word in words if word not in FUNCTION_WORDS)
 
 
 def split_absent(prompt: str) -> tuple[str, tuple[str, ...]]:
@@ -164,17 +164,18 @@ def read(prompt: str, knows: Callable[[str], bool]) -> Reading:
     text, absent = split_absent(_STYLE.sub("", text))
     if absent and not contents(text):
         raise refuse_absent(prompt)
-    words = _WORD.findall(text.lower())
-    first = next((at for at, word in enumerate(words) if word in _PLACING), len(words))
-    parts, part = list[Phrase](), list[str]()
-    for word in [*words[:first], "."]:
-        is_color = word != "." and contents(part) <= {stem(color) for color in (*COLORS, *SHADES)}
-        if word in (",", ";", "&", "and", ".") and not is_color:  # black and white is one
-            parts += [read_phrase(part, knows, names)] if contents(part) else []
-            part = []
-        elif word[0] not in ",;&":
-            part.append(word)
-    return Reading(text, tuple(parts), " ".join(words[first:]), absent, style)
+    said = _TWO_COLORS.sub(r"\1 ", text.lower())  # black and white is one
+    things = re.split(_PLACE, said)[0]
+    places = {one.noun for one in _phrases(rf"{_PLACE}|\bwith\b|{_BETWEEN}", said[len(things) :], knows)}
+    subjects = _phrases(_BETWEEN, things, knows, names)
+    return Reading(text, subjects, said[len(things) :], frozenset(places), absent, style)
+
+
+def _phrases(
+    between: str, text: str, knows: Callable[[str], bool], names: frozenset[str] = frozenset()
+) -> tuple[Phrase, ...]:
+    parts = (_WORD.findall(part) for part in re.split(between, text))
+    return tuple(read_phrase(part, knows, names) for part in parts if contents(part))
 
 
 def read_phrase(words: Sequence[str], knows: Callable[[str], bool], names: frozenset[str] = frozenset()) -> Phrase:
@@ -211,18 +212,17 @@ def read_phrase(words: Sequence[str], knows: Callable[[str], bool], names: froze
 
 def _is_verb(word: str, before: str, after: str, knows: Callable[[str], bool], names: frozenset[str]) -> bool:
     """Returns True if a word between two others is a verb: a cat sleeps, a robot painting a door, Einstein dancing."""
-    if before in names and word.endswith(("ing", "ed")):
-        return True
-    return knows(before) and word.endswith(("ing", "ed", "s")) and (not knows(word) or after in _ARTICLES)
+    is_noun = knows(word) and after not in _ARTICLES and before not in names
+    return not is_noun and (word.endswith(("ing", "ed")) or (word.endswith("s") and knows(before)))
 
 
 def _proper_names(prompt: str) -> frozenset[str]:
     """Returns the words of proper names in small letters: capitals inside a sentence that has small letters too."""
     words = [word for word in _WORD.findall(prompt) if word != "I"]
-    capital = [word[0].isupper() for word in words]
-    if (all(capital) and len(words) > 3) or any(
-        is_capital and word.lower() in FUNCTION_WORDS for word, is_capital in zip(words[1:], capital[1:], strict=True)
-    ):
-        return frozenset()  # a title
-    capital[:1] = capital[:1] and [capital[0] and any(capital[1:2]) and words[0].lower() not in FUNCTION_WORDS]
-    return frozenset(word.lower() for word, is_capital in zip(words, capital, strict=True) if is_capital)
+    later = [word for word in words[1:] if word[0].isupper()]
+    begins = bool(words) and words[0][0].isupper() and words[0].lower() not in FUNCTION_WORDS
+    is_title = len(words) > 3 and len(later) == len(words) - 1 and words[0][0].isupper()
+    if is_title or any(word.lower() in FUNCTION_WORDS for word in later):
+        return frozenset()
+    first = words[:1] if begins and later and words[1] == later[0] else []
+    return frozenset(word.lower() for word in (*first, *later))

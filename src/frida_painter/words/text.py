@@ -19,7 +19,6 @@ from frida_painter.objectives.objective import (
 from frida_painter.objectives.word_settings import USUAL, WordSettings, refuse_absent
 from frida_painter.words.reading import LONGEST, contents, split_absent
 
-_NEGATION = re.compile(r"\b(?:no|not|without|neither|never)\b", re.IGNORECASE)
 _LASTS = 10  # iterations for which one gradient of a CLIP serves
 _HELD_OUT = 7919  # added to the seed of views by which a CLIP judges what it has optimised
 
@@ -41,10 +40,7 @@ class TextTerm(Term):
         if not self.prompt.strip():
             raise ConfigError("Words to paint were given that are empty; say what shall be painted.")
         if not re.search("[A-Za-z]", unicodedata.normalize("NFKD", self.prompt)):
-            raise ConfigError(
-                f"{self.prompt[:40]!r} has no word in Latin letters; the networks that read it know English, "
-                "so say it in English."
-            )
+            raise ConfigError(f"{self.prompt[:40]!r} has no word in Latin letters; say it in English.")
         rest, absent = split_absent(self.prompt[:LONGEST])
         if absent and not contents(rest):
             raise refuse_absent(self.prompt)
@@ -67,12 +63,10 @@ class TextTerm(Term):
 
         readers = context.encoders.readers()
         if not all(reader.reads_all(said) for reader in readers for said in self.settings.say(self.prompt)):
+            context.encoders.remark(f"The words {self.prompt[:40]!r}... are too many; the last were cut off.")
+        if not self.settings.avoid and (absent := " ".join(split_absent(self.prompt)[1])):
             context.encoders.remark(
-                f"The words {self.prompt[:40]!r}... are too many to be read; the last were cut off."
-            )
-        if not self.settings.avoid and (negation := _NEGATION.search(self.prompt)):
-            context.encoders.remark(
-                f"A network like this hardly understands {negation[0]!r}: name what must not be seen with --avoid."
+                f"A network like this hardly understands that there shall be no {absent!r}: --avoid it."
             )
         sights = context.shared.setdefault(f"words seen in {self.settings.cutouts} views", (Sight(), Sight()))
         words = Text(self.prompt, readers, context.seed, self.settings, sights[0])
@@ -84,11 +78,7 @@ class TextTerm(Term):
         """Returns the goal with an initial picture, if its words come without one."""
         from frida_painter.words.beginnings import with_beginning
 
-        said = [term for term in goal.terms if isinstance(term, cls)]
-        main = max(said, key=lambda term: term.weight, default=None)
-        prompt, settings = (None, USUAL) if main is None else (main.prompt, main.settings)
-        is_alone = len(said) == len(goal.terms) and not goal.initial
-        return with_beginning(goal, context, prompt, settings, is_alone=is_alone)
+        return with_beginning(goal, context, [term for term in goal.terms if isinstance(term, cls)])
 
 
 KIND = GoalKind(
