@@ -29,7 +29,7 @@ sys.path.insert(0, str(HERE.parent))
 from shape_world import judge, world  # noqa: E402 (the tests are no package)
 
 SETTINGS = {"strokes": 100, "canvas": "30x30cm", "colors": 6, "render_height": 96, "effort": 0.5,
-            "beginning": "colors", "first_steps": 150}  # fmt: skip
+            "beginning": "colors"}  # fmt: skip
 _SHOWN = 96  # rows of a picture on the sheet
 _ACROSS = 5  # sentences in a row of the sheet
 

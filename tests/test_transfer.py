@@ -33,6 +33,15 @@ def test_what_was_here_before_is_no_speed() -> None:
     assert follow(10, 600, before=10**9)[0] == 60
 
 
+def test_a_wait_before_the_first_bytes_is_no_speed() -> None:
+    clock, told = Clock(), list[str]()
+    transfer = Transfer("Fetched", 4 * 10**6, told.append, clock)
+    for second, done in ((0, 0), (5, 0), (6, 16_384), (11, 16_384 + 5 * 10**5), (17, 10**6)):
+        clock.now = 100.0 + second
+        assert transfer.hear(done)
+    assert "left" not in told[0] and all(sentence.endswith("about 1 min left.") for sentence in told[1:])
+
+
 def test_it_is_told_ever_more_seldom() -> None:
     told = follow(10**6, 1800, 3 * 10**9)[1]
     assert told[0] == "Fetched 5 MB of 3000 MB, about 50 min left." and told[-1].endswith("about 21 min left.")

@@ -61,6 +61,19 @@ def write_pipeline(folder: Path, *, bias: float = 0.0) -> Path:
     return folder
 
 
+def fetch_imagine(cache: Path, *, bias: float = 0.0) -> Path:
+    """The tiny pipeline where `models fetch imagine` puts the generator, with its record; returns its folder."""
+    from frida_painter import storage
+    from frida_painter.weights import find_weights
+
+    folder = write_pipeline(cache / "imagine", bias=bias)
+    files = [path for path in folder.rglob("*") if path.is_file()]
+    hashes = {path.relative_to(folder).as_posix(): storage.sha256(path, "a file") for path in files}
+    record = {"version": 1, "name": "imagine", "originals": find_weights("imagine").pins, "files": hashes}
+    storage.write_json(folder / "record.json", record)
+    return folder
+
+
 def write_flux(folder: Path, *, guided: bool = True) -> Path:
     """A Flux of random weights; with `guided`, of the kind of dev, else of schnell."""
     import torch

@@ -302,6 +302,8 @@ def require(extra: str, package: str, user: str, error: type[FridaError] = Confi
 
 VARIABLE = "FRIDA_PAINTER_MODELS"
 RECORD = "record.json"
+IMAGINE = "imagine"
+"""Name of the generator that makes pictures from words, among the weights."""
 
 
 def cache_folder(cache: Path | None = None) -> Path:

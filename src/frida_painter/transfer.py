@@ -7,6 +7,7 @@ from frida_painter.storage import megabytes
 
 _MIN_SPEED, _WINDOW = 2000, 60.0  # bytes a second, and the seconds over which they are counted
 _FIRST, _LAST = 5.0, 60.0  # seconds between two sentences: at the beginning, and at most
+_SURE = 4.0  # seconds of flow after which its speed tells how long the rest takes
 TOO_SLOW = f"less than {_MIN_SPEED // 1000} kB a second came for {_WINDOW:.0f} s"
 """Reason why a transfer was ended, as part of a sentence."""
 
@@ -30,6 +31,7 @@ class Transfer:
         self._what, self._size, self._tell, self._clock = what, size, tell, clock
         self._began = self._since = clock()
         self._first: int | None = None  # bytes that were there before
+        self._flow: tuple[float, int] | None = None  # time at which the first bytes came, and the bytes then
         self._counted = 0
         self._told_at = self._began
 
@@ -38,6 +40,8 @@ class Transfer:
         now = self._clock()
         if self._first is None:
             self._first = self._counted = done
+        elif self._flow is None and done > self._first:
+            self._flow = now, done
         if now - self._since >= _WINDOW:
             if done - self._counted < _MIN_SPEED * _WINDOW:
                 return False
@@ -51,6 +55,8 @@ class Transfer:
         """Returns the progress in words."""
         if self._size is None or done > self._size:
             return megabytes(done)
-        speed = (done - (self._first or 0)) / max(now - self._began, 1e-9)
-        left = f", about {max(1, round((self._size - done) / speed / 60))} min left" if speed > 0 else ""
+        left = ""
+        if self._flow is not None and now - self._flow[0] >= _SURE and done > self._flow[1]:  # not the wait for the hub
+            seconds = (self._size - done) * (now - self._flow[0]) / (done - self._flow[1])
+            left = f", about {max(1, round(seconds / 60))} min left" if seconds >= _FIRST else ""
         return f"{megabytes(done)} of {megabytes(self._size)}{left}"

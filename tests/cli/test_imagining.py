@@ -14,6 +14,7 @@ from frida_painter.cli.imagining import choose_picture
 from frida_painter.errors import Interrupted
 from frida_painter.runs import picture_making
 from frida_painter.runs.picture_making import MadePicture, Making
+from tiny_pipelines import fetch_imagine
 
 PAINTER = """
 import sys
@@ -64,6 +65,44 @@ def test_a_plan_from_words_by_a_program(say: Callable[..., str], tmp_path: Path)
     record = json.loads((tmp_path / "planned" / "goal" / "1" / "making.json").read_text())
     assert record["words"] == "a red tower" and record["chosen"] == "a-red-tower-1.png"
     assert "image = " in (tmp_path / "planned" / "goal" / "goal.toml").read_text()
+
+
+SMALL = (
+    *("--strokes", 8, "--colors", 2, "--canvas", "120x90mm", "--render-height", 64, "--effort", 0.05),
+    *("--out", "planned"),
+)
+
+
+@pytest.mark.slow
+def test_the_fetched_generator_makes_the_first_picture_of_words(
+    say: Callable[..., str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("FRIDA_PAINTER_MODELS", str(tmp_path / "models"))
+    folder = fetch_imagine(tmp_path / "models")
+    said = say("plan", "--text", "a red tower", "--imagine-pictures", 2, *SMALL)
+    assert said.startswith("0: ") and "A picture is made from the words first" in said and "--beginning scene" in said
+    assert "by diffusers, SimianLuo/LCM_Dreamshaper_v7, StableDiffusionPipeline, 4 steps" in said
+    record = json.loads((tmp_path / "planned" / "goal" / "1" / "making.json").read_text())
+    assert record["words"] == "a red tower" and len(record["pictures"]) == 2
+    with next(folder.glob("unet/*.safetensors")).open("r+b") as file:
+        file.seek(-1, 2)
+        file.write(b"?")
+    said = say("plan", "--text", "a red tower", *SMALL[:-1], "again")
+    assert said.startswith("2: ") and "was altered after it was fetched (unet/" in said, said
+    assert "or go on without it by --beginning" in said.splitlines()[-1] and not (tmp_path / "again").exists()
+
+
+@pytest.mark.parametrize("options", [("--beginning", "scene"), ("--beginning", "colors"), ("--pictures", ".")])
+def test_words_that_say_how_they_begin_go_the_old_way(
+    say: Callable[..., str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: tuple[str, ...]
+) -> None:
+    monkeypatch.setenv("FRIDA_PAINTER_MODELS", str(tmp_path / "models"))
+    (tmp_path / "models" / "imagine").mkdir(parents=True)
+    (tmp_path / "models" / "imagine" / "record.json").write_text("{}")
+    said = say("plan", "--text", "a red tower", *options, *SMALL)
+    assert said.startswith("2: ") and "models fetch" in said and "made from the words" not in said, said
+    said = say("plan", "--text", "a red tower", *SMALL)
+    assert said.startswith("2: ") and "models fetch imagine" in said and "Traceback" not in said, said
 
 
 @pytest.mark.parametrize(

@@ -66,7 +66,7 @@ def test_the_eye_reads_the_order_of_words() -> None:
 def test_words_become_the_painting_that_they_say(number: int) -> None:
     spec = RunSpec.of(
         goal=[{"text": ASKED[number].say()}], clip=str(FOLDER / "eye"), strokes=80, canvas="30x30cm", colors=6,
-        render_height=96, effort=0.2, beginning="colors", first_steps=120,
+        render_height=96, effort=0.2, beginning="colors",
     )  # fmt: skip
     planner = open_planner(spec, open_goal(spec))
     planner, *_ = settle_ground(spec, planner)

@@ -4,8 +4,8 @@ import torch
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.interpretation import prepare
 from frida_painter.objectives.objective import Goal
-from frida_painter.objectives.text_loss import Sight, Text, wish
-from frida_painter.objectives.word_settings import WordSettings
+from frida_painter.objectives.text_loss import Sight, Text, holding_weight, wish
+from frida_painter.objectives.word_settings import Budget, WordSettings
 from frida_painter.words.text import TextTerm
 from support.networks import QuickEncoders, RandomReader
 from support.planning import CANVAS
@@ -14,7 +14,7 @@ from support.planning import CANVAS
 class Toy:
     """Sees the mean colour, and reads the names of colours."""
 
-    name, side = "toy", 24
+    name, side, work = "toy", 24, 1.0
 
     def reads_all(self, prompt: str) -> bool:
         return True
@@ -95,10 +95,49 @@ def test_a_clip_sees_a_picture_once_for_all_words_and_each_counts_as_if_it_looke
 
 def test_a_clip_sees_few_views_at_first_and_more_of_them_later() -> None:
     reader = Counting()
-    red = Text("red", [reader], seed=0, settings=WordSettings(cutouts=3))
-    for _ in range(64):
+    red = Text("red", [reader], seed=0)
+    for _ in range(80):
         red(flat(0.5, 0.5, 0.5))
-    assert [reader.seen.count(views) for views in (1, 2, 3)] == [16, 16, 32] and sorted(reader.seen) == reader.seen
+    assert [reader.seen.count(views) for views in (1, 2, 3, 4)] == [16, 16, 16, 32]
+    assert sorted(reader.seen) == reader.seen
+
+
+@pytest.mark.parametrize(
+    ("effort", "work", "found"),
+    [
+        (1.0, 1.0, Budget(4, 24, 10)),  # a processor and a ViT-B/32
+        (0.05, 1.0, Budget(4, 24, 10)),  # the plan has fewer iterations
+        (100.0, 1.0, Budget(24, 400, 1)),  # a GPU
+        (3.0, 0.001, Budget(24, 400, 1)),  # a small network
+        (1.0, 18.0, Budget(4, 24, 10)),  # a large one on a processor
+    ],
+)
+def test_the_work_of_a_network_follows_the_effort_and_the_network(effort: float, work: float, found: Budget) -> None:
+    reader = Toy()
+    reader.work = work
+    assert WordSettings(effort=effort).budget([reader]) == found
+    more = WordSettings(effort=2 * effort).budget([reader])
+    assert more.views >= found.views and more.first_steps >= found.first_steps and more.lasts <= found.lasts
+
+
+def test_words_move_the_picture_that_they_begin_with_a_little() -> None:
+    """The sum of both terms is least about a tenth away, whatever the words' distance is multiplied by."""
+    begun = torch.rand(3, 24, 24, generator=torch.Generator().manual_seed(1)) / 4 + 0.4
+
+    class Strong(Toy):
+        def embed_pictures(self, pictures: torch.Tensor) -> torch.Tensor:
+            return 50 * super().embed_pictures(pictures)
+
+    for reader in (Toy(), Strong()):
+        text = Text("red", [reader], seed=0)
+        weight = holding_weight(text, begun)
+        at = begun.clone().requires_grad_()
+        for _ in range(60):
+            loss = text.validation(at) + weight * (at - begun).square().mean()
+            (slope,) = torch.autograd.grad(loss, at)
+            at = (at - slope * at.numel() / (4 * weight)).detach().requires_grad_()
+        moved = float((at.detach() - begun).square().mean().sqrt())
+        assert weight >= 1.0 and moved < 0.25
 
 
 def test_words_that_are_cut_off_are_told_of_once(monkeypatch: pytest.MonkeyPatch) -> None:

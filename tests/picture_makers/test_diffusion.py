@@ -50,8 +50,25 @@ def test_pictures_follow_their_seeds_and_steps_are_told(tmp_path: Path, pipeline
     first, second, again = (images.load(Path(str(file))) for file in maker.make(ask(tmp_path / "a", told, (7, 8, 7))))
     assert first.shape == (3, 56, 72), "4 to 3 in about as many pixels as its networks were made for"
     assert torch.equal(first, again) and not torch.equal(first, second)
-    assert told[0] == "Loading tiny on cpu." and told[1:3] == [f"Picture 1 of 3: step {n} of 2." for n in (1, 2)]
-    assert len(told) == 7 and maker.facts["steps"] == "2 steps" and len(maker.facts["sha256"].split()) == 3
+    assert told[:2] == ["Reading tiny.", "Loading tiny on cpu."]
+    assert told[2:4] == [f"Picture 1 of 3: step {n} of 2." for n in (1, 2)]
+    assert len(told) == 8 and maker.facts["steps"] == "2 steps" and len(maker.facts["sha256"].split()) == 3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "words", ["a lemon " * 1200, "καράβι 帆船", "🙂"], ids=["10,000 characters", "alphabets", "emoji"]
+)
+def test_any_words_make_a_picture_and_a_tokenizer_need_not_say_how_many_it_takes(
+    tmp_path: Path, pipeline: Path, words: str
+) -> None:
+    folder = copytree(pipeline, tmp_path / "endless")
+    settings = json.loads((folder / "tokenizer" / "tokenizer_config.json").read_text())
+    del settings["model_max_length"]
+    (folder / "tokenizer" / "tokenizer_config.json").write_text(json.dumps(settings))
+    request = replace(ask(tmp_path / "made"), words=words)
+    (made,) = DiffusionMaker.parse(f"{folder},steps=1").make(request)
+    assert images.load(Path(str(made))).shape == (3, 56, 72)
 
 
 @pytest.mark.slow
@@ -240,7 +257,10 @@ def test_a_stop_and_the_end_of_its_time_end_a_pipeline(tmp_path: Path, pipeline:
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("", "was given no pipeline; write for example diffusers:"),
+        (
+            "",
+            "was given no pipeline; fetch one with `frida-painter models fetch imagine`, or write for example",
+        ),
         ("no such folder", "'no such folder' is neither a folder that is here nor a name on the hub"),
         ("/no/such/folder", "is neither a folder"),
         ("holidays", "is neither a folder"),

@@ -60,6 +60,14 @@ def make(monkeypatch: pytest.MonkeyPatch, folder: Path, maker: Maker, **more: An
     return make_pictures("a lighthouse", "fake", folder, SPEC, **{"encoders": NoNetworks(), **more})
 
 
+@dataclass
+class Here:
+    """The networks that are here."""
+
+    sees_meaning: bool = False
+    reads_by_clip: bool = False
+
+
 class NoNetworks:
     def readers(self) -> tuple[Any, ...]:
         raise ConfigError("None is here.")
@@ -185,7 +193,7 @@ def test_a_chosen_picture_is_an_ordinary_goal_and_its_record_follows_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     making = make(monkeypatch, tmp_path / "made", Maker(), count=2)
-    spec = imagine(SPEC, lambda words, number: making.choose(1, "a person chose it"))
+    spec = imagine(SPEC, lambda words, number: making.choose(1, "a person chose it"), Here())
     (item,) = spec.goal
     assert (item.kind, item.weight, spec.title, spec.name) == ("image", 2.0, "A lighthouse", "a-lighthouse-2")
     (fact,) = making_facts(spec)
@@ -210,11 +218,71 @@ def test_a_clip_that_cannot_be_loaded_is_told_before_anything_is_made(
 
 def test_a_clip_that_chose_among_made_pictures_was_of_use(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     making = make(monkeypatch, tmp_path / "made", Maker(), count=2)
-    spec = imagine(SPEC, lambda words, number: making.choose(1, "it is the nearest")).with_values(clip="my/clip")
+    spec = imagine(SPEC, lambda words, number: making.choose(1, "it is the nearest"), Here()).with_values(
+        clip="my/clip"
+    )
     open_planner(spec, open_goal(spec))
     (making.folder / "making.json").unlink()
     with pytest.raises(ConfigError, match="nothing of this goal is seen through a CLIP"):
         open_planner(spec, open_goal(spec))
+
+
+@pytest.mark.parametrize(
+    ("here", "goal"),
+    [
+        (Here(), [("style", 1.0), ("image", 2.0)]),
+        (Here(sees_meaning=True), [("style", 1.0), ("semantic", 2.0)]),
+        (Here(sees_meaning=True, reads_by_clip=True), [("style", 1.0), ("semantic", 2.0), ("text", 1.0)]),
+    ],
+)
+def test_a_made_picture_is_painted_by_its_content_and_the_words_are_a_second_term(
+    tmp_path: Path, here: Here, goal: list[tuple[str, float]]
+) -> None:
+    images.save(scene(1), tmp_path / "made.png")
+    wish = RunSpec.of(goal=[{"style": str(tmp_path / "made.png")}, {"text": "a lighthouse", "weight": 2.0}])
+    spec = imagine(wish, lambda words, number: tmp_path / "made.png", here)
+    assert [(item.kind, item.weight) for item in spec.goal] == goal
+
+
+@pytest.mark.parametrize(
+    ("wish", "made"),
+    [
+        ({"goal": [{"text": "a ship"}]}, True),
+        ({"goal": [{"text": "a ship"}, {"style": "waves.png"}]}, True),
+        ({"goal": [{"text": "a storm"}], "initial": [{"text": "a ship"}]}, True),
+        ({"goal": [{"text": "a ship"}], "beginning": "scene"}, False),
+        ({"goal": [{"text": "a ship"}], "beginning": "nothing"}, False),
+        ({"goal": [{"text": "a ship"}], "pictures": "."}, False),
+        ({"goal": [{"text": "a ship"}, {"image": "photo.png"}]}, False),
+        ({"goal": [{"text": "a ship"}], "initial": [{"image": "photo.png"}]}, False),
+        ({"goal": [{"style": "waves.png"}]}, False),
+    ],
+)
+def test_the_fetched_maker_begins_words_that_come_without_a_picture(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, wish: dict[str, Any], *, made: bool
+) -> None:
+    monkeypatch.setenv("FRIDA_PAINTER_MODELS", str(tmp_path))
+    assert picture_making.usual_maker(RunSpec.of(**wish)) is None
+    (tmp_path / "imagine").mkdir()
+    (tmp_path / "imagine" / "record.json").write_text("{}")
+    assert (picture_making.usual_maker(RunSpec.of(**wish)) == "diffusers") == made
+
+
+def test_a_maker_that_says_nothing_is_said_to_be_at_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    now, told = [0.0], list[str]()
+    monkeypatch.setattr(picture_making.time, "monotonic", lambda: now[0])
+
+    class Silent(Maker):
+        def make(self, request: PictureRequest) -> Sequence[Path | MakingFailed]:
+            for now[0] in (1.0, 9.0, 11.0, 12.0):
+                assert not request.stop_asked()
+            request.tell("Half is done.")
+            for now[0] in (20.0, 23.0):
+                assert not request.stop_asked()
+            return super().make(request)
+
+    make(monkeypatch, tmp_path / "made", Silent(), tell=told.append)
+    assert told == ["fake is at work, 11 s so far.", "Half is done.", "fake is at work, 23 s so far."]
 
 
 def test_words_of_the_start_are_made_and_those_of_the_goal_stay(tmp_path: Path) -> None:
@@ -226,10 +294,10 @@ def test_words_of_the_start_are_made_and_those_of_the_goal_stay(tmp_path: Path) 
         asked.append((words, number))
         return tmp_path / "made.png"
 
-    spec = imagine(both, made)
+    spec = imagine(both, made, Here(sees_meaning=True, reads_by_clip=True))
     assert [item.kind for item in (*spec.goal, *spec.initial)] == ["text", "image"] and asked == [("a ship", 1)]
     with pytest.raises(ConfigError, match="--imagine makes a picture from words, and there are none"):
-        imagine(RunSpec.of(goal=[{"image": str(tmp_path / "made.png")}]), made)
+        imagine(RunSpec.of(goal=[{"image": str(tmp_path / "made.png")}]), made, Here())
 
 
 @pytest.mark.parametrize("spoilt", ["{", "[]", '{"format": "frida-painter making"}', ""])

@@ -1,5 +1,7 @@
+import hashlib
 import json
 import pickle
+import re
 import shutil
 import socket
 import subprocess
@@ -14,8 +16,10 @@ from safetensors import SafetensorError
 
 from frida_painter import storage, weights
 from frida_painter.errors import WeightsError
-from frida_painter.weights.sources import DownloadSite
-from tiny_weights import NETWORK, WHEEL, WORDS, Trap, archive, original, tiny, write_wheel
+from frida_painter.weights import cache as cache_module
+from frida_painter.weights.catalogue import NamedWeights
+from frida_painter.weights.sources import DownloadSite, Hub
+from tiny_weights import NETWORK, WHEEL, WORDS, Trap, archive, original, serving, tiny, write_wheel
 
 
 @pytest.fixture
@@ -128,16 +132,77 @@ def test_nothing_is_written_through_a_link_that_waits_in_the_place_of_a_download
 
 def test_a_file_that_is_swapped_after_its_check_is_not_kept(catalogue, tmp_path, monkeypatch):
     write_wheel(tmp_path / "brought")
-    copy = shutil.copyfile
+    check = cache_module._check
 
-    def swapped(source, target):
-        Path(source).write_bytes(b"another")
-        return copy(source, target)
+    def swapped(wanted, path):
+        check(wanted, path)
+        if wanted.name == "vocab.txt":
+            path.write_bytes(b"another")
 
-    monkeypatch.setattr("frida_painter.weights.cache.shutil.copyfile", swapped)
+    monkeypatch.setattr(cache_module, "_check", swapped)
     with pytest.raises(WeightsError, match="became another file while it was kept"):
         weights.fetch("tiny", tmp_path / "cache", origin=tmp_path / "brought")
     assert weights.find("tiny", tmp_path / "cache") is None
+
+
+REVISION = "0123456789abcdef0123456789abcdef01234567"
+LISTED = {"model_index.json": b"{}", "unet/config.json": b"{}", "unet/model.safetensors": b"S" * 300}
+
+
+@pytest.fixture
+def listing(catalogue, monkeypatch):
+    """Answers of a hub, by their addresses, for weights of which the catalogue knows the revision alone."""
+    catalogue(
+        NamedWeights(
+            "tiny", "to be tested", "MIT", "nobody", (), (Hub("some/net", REVISION),),
+            listed=(re.compile(r"model_index\.json|unet/(config\.json|model\.safetensors)"), 304),
+        )
+    )  # fmt: skip
+    monkeypatch.delenv("HF_HUB_OFFLINE", raising=False)
+    siblings = [{"rfilename": "unet/model.onnx", "size": 3, "blobId": "0" * 40}]
+    for name, content in LISTED.items():
+        git = hashlib.sha1(b"blob %d\0" % len(content) + content).hexdigest()
+        siblings.append({"rfilename": name, "size": len(content), "blobId": git})
+        if name.endswith("safetensors"):
+            siblings[-1]["lfs"] = {"sha256": hashlib.sha256(content).hexdigest(), "size": len(content)}
+    told = {"sha": REVISION, "siblings": siblings}
+    files = {f"some/net/resolve/{REVISION}/{name}": content for name, content in LISTED.items()}
+    with serving(files | {f"api/models/some/net/revision/{REVISION}?blobs=true": json.dumps(told).encode()}) as hub:
+        monkeypatch.setenv("HF_ENDPOINT", hub.address)
+        yield hub
+
+
+def test_files_that_a_hub_lists_at_a_pinned_revision_are_kept_in_their_folders(listing, tmp_path):
+    folder = weights.fetch("tiny", tmp_path)
+    kept = {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    record = json.loads(kept.pop("record.json"))
+    assert kept == LISTED and record["originals"] == [REVISION] and set(record["files"]) == set(LISTED)
+    listing.files.clear()
+    assert weights.fetch("tiny", tmp_path) == weights.find("tiny", tmp_path) == folder
+    (folder / "unet" / "config.json").write_bytes(b"[]")
+    with pytest.raises(WeightsError, match="was altered or lost"):
+        weights.find("tiny", tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("name", "content"), [("unet/config.json", b"[]"), ("unet/model.safetensors", b"T" * 300)], ids=["git", "sha256"]
+)
+def test_a_file_with_another_hash_than_the_listed_one_is_refused(listing, tmp_path, name, content):
+    listing.files[f"some/net/resolve/{REVISION}/{name}"] = content
+    with pytest.raises(WeightsError, match="is another file than the one that is known"):
+        weights.fetch("tiny", tmp_path)
+    assert weights.find("tiny", tmp_path) is None
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [b"", b"[]", b'{"sha": "main"}', b'{"sha": "%s", "siblings": []}' % REVISION.encode(), b"[" * 10**5],
+)
+def test_a_list_of_files_that_is_none_is_one_sentence(listing, tmp_path, answer):
+    listing.files[f"api/models/some/net/revision/{REVISION}?blobs=true"] = answer
+    with pytest.raises(WeightsError, match=r"^tiny cannot be had from ") as told:
+        weights.fetch("tiny", tmp_path)
+    assert "\n" not in str(told.value)
 
 
 def test_an_altered_file_gets_the_command_that_mends_it(cache, tmp_path):

@@ -20,6 +20,7 @@ def test_every_entry_is_whole():
             assert re.fullmatch(r"[0-9a-f]{64}", original.sha256) and original.size > 0
             prefix = re.search(r"-([0-9a-f]{8})\.pth$", original.path)
             assert prefix is None or original.sha256.startswith(prefix[1]), "published names carry their hash"
+        assert bool(entry.kept) != bool(entry.listed) and all(entry.pins)
         for source in entry.sources:
             if isinstance(source, Hub):
                 assert re.fullmatch(r"[0-9a-f]{40}", source.revision), "a branch may move"
@@ -44,3 +45,24 @@ def test_a_published_network_can_really_be_fetched(tmp_path):
     assert tensors["_fc.weight"].shape == (1000, 1280)
     assert all(torch.isfinite(tensor).all() for tensor in tensors.values())
     assert [path.name for path in tmp_path.iterdir()] == ["efficientnet-lite0"]
+
+
+@pytest.mark.parametrize(
+    ("name", "fetched"),
+    [
+        ("model_index.json", True),
+        ("unet/diffusion_pytorch_model.safetensors", True),
+        ("text_encoder/model.safetensors", True),
+        ("tokenizer/merges.txt", True),
+        ("scheduler/scheduler_config.json", True),
+        ("unet/model.onnx", False),
+        ("vae_decoder/config.json", False),
+        ("LCM_Dreamshaper_v7_4k.safetensors", False),
+        ("lcm_pipeline.py", False),
+        ("unet/diffusion_pytorch_model.bin", False),
+        ("../unet/config.json", False),
+    ],
+)
+def test_of_the_generator_only_settings_and_safetensors_of_its_parts_are_fetched(name: str, *, fetched: bool) -> None:
+    listed = weights.find_weights("imagine").listed
+    assert listed is not None and bool(listed[0].fullmatch(name)) == fetched

@@ -14,7 +14,7 @@ from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal, ObjectiveContext
 from frida_painter.objectives.pyramid import draw_pyramid
 from frida_painter.objectives.text_loss import Text, wish
-from frida_painter.objectives.word_settings import Beginning, WordSettings
+from frida_painter.objectives.word_settings import Beginning, Budget, WordSettings
 from frida_painter.runs.goals import open_goal
 from frida_painter.runs.settle import open_planner
 from frida_painter.runs.spec import RunSpec
@@ -36,7 +36,7 @@ def alone(folder: Path, tmp_path: Path) -> EncoderRegistry:
 
 
 def begin(encoders: EncoderRegistry, beginning: Beginning, *more: ImageTerm) -> Goal:
-    goal = Goal((TextTerm("a fox", settings=WordSettings(beginning)), *more))
+    goal = Goal((TextTerm("a fox", settings=WordSettings(beginning, effort=0.05)), *more))
     return TextTerm.interpret(goal, ObjectiveContext(GRID, encoders, 0))
 
 
@@ -68,7 +68,7 @@ class TestAClipAlone:
     def test_it_validates_what_it_optimised_in_views_that_the_optimiser_never_sees(
         self, alone: EncoderRegistry, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        term = TextTerm("a fox").prepare(ObjectiveContext(GRID, alone, 0))
+        term = TextTerm("a fox", settings=WordSettings(effort=0.05)).prepare(ObjectiveContext(GRID, alone, 0))
         assert term.recognizes and term.lasts > 1 and term.validation is not None
         seen: list[torch.Tensor] = []
         look = Clip.embed_pictures
@@ -110,15 +110,21 @@ class TestSettings:
             wish("a fox", clip, settings)(pictures), (said[0] + said[1]) / 2 - 0.5 * said[2], atol=1e-5, rtol=0
         )
 
-    def test_the_first_picture_takes_as_many_steps_as_asked_for(
+    def test_the_first_picture_takes_as_many_steps_as_the_effort_allows(
         self, alone: EncoderRegistry, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        seen: list[object] = []
-        monkeypatch.setattr("frida_painter.words.beginnings.color_in", lambda *given: seen.append(given[4]))
-        TextTerm.interpret(
-            Goal((TextTerm("a fox", settings=WordSettings("colors", first_steps=7)),)), ObjectiveContext(GRID, alone, 0)
-        )
-        assert seen == [7]
+        seen: list[int] = []
+
+        def color_in(wish: object, reader: object, size: tuple[int, int], seed: int, budget: Budget, *_: object):  # type: ignore[no-untyped-def]
+            seen.append(budget.first_steps)
+            return torch.zeros(3, *size)
+
+        monkeypatch.setattr("frida_painter.words.beginnings.color_in", color_in)
+        for effort in (0.05, 20):
+            settings = WordSettings("colors", effort=effort)
+            TextTerm.interpret(Goal((TextTerm("a fox", settings=settings),)), ObjectiveContext(GRID, alone, 0))
+            assert seen[-1] == settings.budget(alone.readers()).first_steps
+        assert seen[0] < seen[1]
 
     @pytest.mark.parametrize("phrase", ["a painting", "{} and {}"])
     def test_a_phrase_has_one_place_for_the_words(self, phrase: str) -> None:

@@ -11,7 +11,7 @@ import typer
 
 from frida_painter import registry
 from frida_painter.cli.stop_signal import stop_on_signals
-from frida_painter.errors import ConfigError, Interrupted
+from frida_painter.errors import ConfigError, Interrupted, MakingFailed, PluginError
 from frida_painter.options import number_within, whole_number_within
 
 if TYPE_CHECKING:
@@ -23,6 +23,7 @@ _PANEL = "What to paint"
 _MAX_PICTURES, _USUAL_PICTURES = 16, 4
 _MAX_MINUTES, _USUAL_MINUTES = 1440, 30
 _FOLDER = Path("paintings") / "imagined"
+_WITHOUT = "go on without it by --beginning scene, or --beginning colors with a CLIP"
 
 
 def imagining_options() -> dict[str, Any]:
@@ -36,7 +37,7 @@ def imagining_options() -> dict[str, Any]:
                 metavar="NAME:TEXT",
                 help="Make a picture from the words first, and paint that: of --init-text if it is given, else of "
                 f"--text. Makers: {makers}; for example diffusers:FOLDER, command:PROGRAM, http:URL. "
-                "[dim]nothing is made[/]",
+                "[dim]diffusers, if `models fetch imagine` got it, for words without --beginning[/]",
                 rich_help_panel=_PANEL,
             ),
         ],
@@ -46,7 +47,7 @@ def imagining_options() -> dict[str, Any]:
                 "--imagine-pictures",
                 parser=whole_number_within(1, _MAX_PICTURES),
                 metavar="N",
-                help=f"Number of pictures that --imagine makes, each with a seed of its own, to choose from. "
+                help=f"Number of pictures that are made, each with a seed of its own, to choose from. "
                 f"[dim]{_USUAL_PICTURES}[/]",
                 rich_help_panel=_PANEL,
             ),
@@ -69,18 +70,23 @@ IMAGINING = ("imagine", "imagine_pictures", "imagine_minutes")
 
 
 def imagine_beginning(spec: "RunSpec", given: Mapping[str, Any], *, asked: bool, paints: bool) -> "RunSpec":
-    """Returns the description, with made pictures in place of words if --imagine was given.
+    """Returns the description, with made pictures in place of words if a maker was named or fetched.
 
     given: options by name
     asked: True if a person at the terminal chooses among several pictures
     paints: True if the description is painted, False if it is only planned
     Raises MakingFailed, Interrupted after a signal, and the errors of `PaintingRun`, as far as they are known before.
     """
-    if given.get("imagine") is None:
+    from frida_painter.runs.picture_making import usual_maker
+
+    named = given.get("imagine")
+    maker = named or usual_maker(spec)
+    if maker is None:
         for name in IMAGINING[1:]:
             if given.get(name) is not None:
                 raise ConfigError(
-                    f"--{name.replace('_', '-')} was given without --imagine, which names a maker; give both."
+                    f"--{name.replace('_', '-')} was given without --imagine, which names a maker; give both, or fetch "
+                    "one with `frida-painter models fetch imagine`."
                 )
         return spec
     from frida_painter.objectives.encoders.loading import EncoderRegistry
@@ -105,20 +111,27 @@ def imagine_beginning(spec: "RunSpec", given: Mapping[str, Any], *, asked: bool,
         _check(spec, given.get("out"), encoders, paints=paints)
 
         def make(words: str, number: int) -> Path:
-            making = make_pictures(
-                words,
-                given["imagine"],
-                _FOLDER / f"{name_of(words)}-{now}-{number}",
-                spec,
-                count=given.get("imagine_pictures") or _USUAL_PICTURES,
-                minutes=_USUAL_MINUTES if minutes is None else minutes,
-                stop_asked=lambda: stop.asked,
-                tell=_tell,
-                encoders=encoders,
-            )
+            try:
+                making = make_pictures(
+                    words,
+                    maker,
+                    _FOLDER / f"{name_of(words)}-{now}-{number}",
+                    spec,
+                    count=given.get("imagine_pictures") or _USUAL_PICTURES,
+                    minutes=_USUAL_MINUTES if minutes is None else minutes,
+                    stop_asked=lambda: stop.asked,
+                    tell=_tell,
+                    encoders=encoders,
+                )
+            except (MakingFailed, PluginError, ConfigError) as fault:
+                if named is not None:
+                    raise
+                raise type(fault)(f"{str(fault).rstrip('.')}; or {_WITHOUT}.") from fault
             return choose_picture(making, input if chooses else None)
 
-        return imagine(spec, make)
+        if named is None:
+            _tell(f"A picture is made from the words first, by the fetched generator; {_WITHOUT}.")
+        return imagine(spec, make, encoders)
 
 
 def _check(spec: "RunSpec", out: Path | None, encoders: "EncoderRegistry", *, paints: bool) -> None:
@@ -134,7 +147,7 @@ def _check(spec: "RunSpec", out: Path | None, encoders: "EncoderRegistry", *, pa
     with TemporaryDirectory() as place:
         anything = Path(place) / "picture.png"
         images.save(torch.linspace(0, 1, 64).expand(3, 64, 64), anything)
-        painted = imagine(spec, lambda words, number: anything)
+        painted = imagine(spec, lambda words, number: anything, encoders)
         if spec.clip is not None:
             encoders.clip()  # it is of use at least to choose among made pictures
         PaintingRun(painted, out, encoders=encoders).check(paints=paints)

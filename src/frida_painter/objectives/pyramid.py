@@ -14,13 +14,13 @@ from torch.nn import functional
 
 from frida_painter.objectives.encoders.base import Reader
 from frida_painter.objectives.semantic_loss import Views
-from frida_painter.objectives.word_settings import USUAL
+from frida_painter.objectives.word_settings import Budget
 
 _LEVELS = (1, 3, 6, 12, 20)  # cells of the shorter side
 _BEGUN = (1.0, 1.0, 0.3, 0.3, 0.3)  # standard deviation of each level at the beginning, before the logistic function
 _FROM = (0.0, 0.0, 0.0, 0.3, 0.6)  # share of the steps after which a level takes part
 _COLORED = 2  # pictures; the best one is taken
-_VIEWS, _AT_A_TIME = 24, 2
+_VIEWS = 24
 _ROWS = 48  # of a picture while it is coloured
 _RATE = 0.08
 _NOISE = 0.05  # standard deviation, of sRGB
@@ -39,7 +39,7 @@ def color_in(
     reader: Reader,
     size: tuple[int, int],
     seed: int,
-    steps: int = USUAL.first_steps,
+    budget: Budget,
     tell: Callable[[str], None] = lambda sentence: None,
     heed: Callable[[], None] = lambda: None,
 ) -> Tensor:
@@ -48,10 +48,11 @@ def color_in(
     wish: distances [n] of pictures [n, 3, h, w] from the words
     reader: network that measures them; only its size counts here
     size: H and W
-    steps: number of steps in which the colours change
+    budget: number of steps in which the colours change, and of views, half of them for each picture
     tell: receives a sentence about the expected time, after the second step, and again if it takes much longer
     heed: called before each step; may raise to end the work
     """
+    steps, at_a_time = budget.first_steps, max(1, budget.views // _COLORED)
     rows, columns = (side * _ROWS // min(size) for side in size)
     views, judge = (Views(_VIEWS, reader.side, seed + number, _VIEWS // 2 - 1) for number in (0, 1))
     generator = torch.Generator().manual_seed(seed)
@@ -68,8 +69,8 @@ def color_in(
         done = step / steps
         taking_part = [level for level, first in zip(levels, _FROM, strict=True) if done >= first]
         picture = draw_pyramid(taking_part, rows, columns)
-        which = views.some(_AT_A_TIME, generator)
-        seen = torch.cat([views.of_squares(one, which, [0.5] * _AT_A_TIME) for one in picture])
+        which = views.some(at_a_time, generator)
+        seen = torch.cat([views.of_squares(one, which, [0.5] * at_a_time) for one in picture])
         distance = wish(seen + _NOISE * torch.randn(seen.shape, generator=generator)).sum()
         uneven = (picture.diff(dim=2).abs().mean() + picture.diff(dim=3).abs().mean()) * _COLORED
         adam.zero_grad()

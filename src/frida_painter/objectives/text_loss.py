@@ -12,13 +12,15 @@ from frida_painter.objectives.encoders.base import Reader
 from frida_painter.objectives.semantic_loss import Views
 from frida_painter.objectives.word_settings import USUAL, WordSettings
 
-_VIEWS = 24
-_WHOLES = 11  # views of the whole picture for a CLIP, of these: it knows places and counts, which a crop changes
+_VIEWS = 72
+_WHOLES = 35  # views of the whole picture for a CLIP, of these: it knows places and counts, which a crop changes
 _STEADY = 2  # number of fixed views for validation
-_MIDDLE = 5  # views of the middle square; the others lie anywhere
+_MIDDLE = 15  # views of the middle square; the others lie anywhere
 _CALLS_A_VIEW = 16  # calls after which a CLIP sees one view more, from one view on: forms stand before their details
 _NOISE = 0.03  # standard deviation, of sRGB
 _AVOIDED = 0.5  # weight of words to avoid, relative to the prompt's
+_DRIFT = 0.1  # mean change of sRGB by which words may move the picture that they begin with
+_COARSE = 24  # cells along each side of a picture, about the size of strokes
 _BALANCE = 1.0  # weight against a picture's squared difference, if both terms have weight 1
 
 
@@ -49,7 +51,7 @@ class Text:
     prompt: text to be shown
     readers: networks, used in turn, so that strokes cannot satisfy only one of them
     seed: of the views and the noise
-    settings: words to avoid, phrases, and the largest number of views of a CLIP
+    settings: words to avoid, phrases, and the effort
     sight: shared with objectives of other words, with the same readers, seed and settings of views; a CLIP then sees
         a picture once for all of them
 
@@ -67,7 +69,7 @@ class Text:
     ) -> None:
         self._readers, self._seed, self._sight = tuple(readers), seed, sight or Sight()
         self._calls = 0
-        self._most = settings.cutouts
+        self._most = settings.budget(readers).views
         self._views = [Views(_VIEWS, reader.side, seed, wholes=_WHOLES) for reader in readers]
         self._generator = torch.Generator().manual_seed(seed)
         self._next = 0
@@ -137,6 +139,20 @@ class _Meaning:
     def of_embeddings(self, seen: Tensor) -> Tensor:
         """Returns the distances [n] of embeddings [n, d]."""
         return self._level - seen @ self._meaning.like(seen)
+
+
+def holding_weight(text: Text, picture: Tensor) -> float:
+    """Returns the weight of the squared difference from a picture [3, H, W] with which words move it little.
+
+    It is so large that at first the words pull the picture's coarse colours `_DRIFT` away from it in the mean, and no
+    further. Fine patterns do not count: no stroke can follow them.
+    """
+    with torch.enable_grad():
+        at = picture.detach().clone().requires_grad_()
+        (slope,) = torch.autograd.grad(text.validation(at), at)
+    rows, columns = picture.shape[1:]
+    coarse = functional.adaptive_avg_pool2d(slope, (min(rows, _COARSE), min(columns, _COARSE)))
+    return max(1.0, float(coarse.square().mean().sqrt()) * slope.numel() / (2 * _DRIFT))
 
 
 def wish(prompt: str, reader: Reader, settings: WordSettings) -> Callable[[Tensor], Tensor]:

@@ -1,5 +1,7 @@
-"""Settings of words: how they become a painting."""
+"""Settings of words: how they become a painting, and how much a network looks at it."""
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -16,16 +18,14 @@ class WordSettings:
     by the network that reads the words; nothing: none. auto: a scene, or what a CLIP likes best of the two.
     avoid: words that the painting should not look like; "" for none
     phrases: sentences with {} in the place of the words; the network compares with the mean of their meanings
-    cutouts: number of views in which a CLIP sees the picture at a time
-    first_steps: number of steps in which a coarse picture is made
+    effort: work of the network that reads the words; 1 is what a processor can do with a ViT-B/32
     Raises ConfigError if a phrase has no {}.
     """
 
     beginning: Beginning = "auto"
     avoid: str = ""
     phrases: tuple[str, ...] = ("{}",)
-    cutouts: int = 4
-    first_steps: int = 24
+    effort: float = 1.0
 
     def __post_init__(self) -> None:
         for phrase in self.phrases:
@@ -36,6 +36,34 @@ class WordSettings:
         """Returns the prompt in each of the phrases."""
         return tuple(phrase.replace("{}", prompt) for phrase in self.phrases)
 
+    def budget(self, readers: Sequence[object]) -> "Budget":
+        """Returns the work for these networks, between the least and the most.
+
+        A network may have the attribute `work`: that of one view, relative to a ViT-B/32; else it counts as one.
+        """
+        work = max(_OF_VIEWS, *(float(getattr(reader, "work", 1.0)) for reader in readers))
+        along = min(1.0, max(0.0, math.log(self.effort / work) / math.log(_TIMES)))
+        views, steps, lasts = (few * (most / few) ** along for few, most in zip(_LEAST, _MOST, strict=True))
+        return Budget(round(views), round(steps), round(lasts))
+
+
+@dataclass(frozen=True)
+class Budget:
+    """Work of a network that reads words.
+
+    views: number of views in which it sees the picture at a time
+    first_steps: number of steps in which a coarse picture is made
+    lasts: number of iterations of a plan that one of its gradients serves
+    """
+
+    views: int
+    first_steps: int
+    lasts: int
+
+
+_LEAST, _MOST = (4, 24, 10), (24, 400, 1)  # views, first steps, and iterations that a gradient serves
+_OF_VIEWS = 0.05  # work of a view without the network
+_TIMES = 60  # the most work in a plan, relative to the least
 
 USUAL = WordSettings()
 """Settings of words that come without any."""

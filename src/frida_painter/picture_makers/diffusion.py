@@ -18,6 +18,8 @@ from frida_painter.picture_makers.pipeline_folder import (
 )
 from frida_painter.picture_makers.program import run_child
 from frida_painter.runs.picture_making import PictureMakerKind, PictureRequest
+from frida_painter.weights.catalogue import find_weights
+from frida_painter.weights.sources import Hub
 
 _HUB_NAME = re.compile(r"[A-Za-z0-9][\w.-]{0,95}/[A-Za-z0-9][\w.-]{0,95}")
 _STEPS = re.compile(r"(.*),\s*steps=(\d{1,4})")
@@ -53,8 +55,13 @@ class DiffusionMaker:
         source, steps = (match[1], int(match[2])) if match else (text, None)
         if steps is not None and not 1 <= steps <= _MAX_STEPS:
             raise ConfigError(f"{steps} steps were asked for; a pipeline takes 1 to {_MAX_STEPS}.")
+        if not source and registry.are_here(registry.IMAGINE):
+            return cls(registry.IMAGINE, _fetched(), steps)
         if not source.strip() or "\0" in source:
-            raise ConfigError(f"The picture maker diffusers was given no pipeline; write for example {_EXAMPLE}.")
+            raise ConfigError(
+                "The picture maker diffusers was given no pipeline; fetch one with `frida-painter models fetch "
+                f"{registry.IMAGINE}`, or write for example {_EXAMPLE}."
+            )
         folder = storage.in_home(source)
         try:
             if folder.is_dir():
@@ -78,6 +85,7 @@ class DiffusionMaker:
         task = {
             "name": pipeline.name, "folder": str(pipeline.folder), "pipeline": pipeline.pipeline,
             "variant": pipeline.variant, "weights": [str(file) for file in pipeline.weights], "steps": steps,
+            "record": str(pipeline.folder / registry.RECORD) if pipeline.folder == _fetched_folder() else None,
             "few": usual < USUAL_STEPS, "words": request.words, "seeds": list(request.seeds),
             "width": request.width, "height": request.height, "device": str(request.device),
         }  # fmt: skip
@@ -111,6 +119,22 @@ class DiffusionMaker:
         return read_pipeline_folder(Path(answer["folder"]), self.source)
 
 
+def _fetched_folder() -> Path:
+    return (registry.cache_folder() / registry.IMAGINE).resolve()
+
+
+def _fetched() -> PipelineFolder:
+    """Returns the pipeline that `models fetch imagine` got; the process that loads it checks its hashes."""
+    hubs = [source.repository for source in find_weights(registry.IMAGINE).sources if isinstance(source, Hub)]
+    try:
+        return read_pipeline_folder(_fetched_folder(), hubs[0])
+    except ConfigError as cause:
+        raise ConfigError(
+            f"The fetched generator is damaged ({str(cause).rstrip('.')}); `frida-painter models fetch "
+            f"{registry.IMAGINE}` mends it."
+        ) from cause
+
+
 def _find(name: str) -> PipelineFolder | None:
     """Returns the pipeline of that name in the cache of the hub; None if it has to be fetched. Raises ConfigError."""
     from huggingface_hub import try_to_load_from_cache
@@ -126,6 +150,7 @@ def _find(name: str) -> PipelineFolder | None:
 
 DIFFUSERS = PictureMakerKind(
     "diffusers",
-    "A pipeline of diffusers: a folder, or a name on the hub, which is fetched once; FOLDER,steps=N sets the steps.",
+    "A pipeline of diffusers: a folder, or a name on the hub, which is fetched once; FOLDER,steps=N sets the steps. "
+    f"Without a folder: that of `models fetch {registry.IMAGINE}`.",
     DiffusionMaker.parse,
 )

@@ -11,22 +11,27 @@ import torch
 from frida_painter import images, storage
 from frida_painter.errors import MakingFailed
 from frida_painter.picture_makers.child import ANSWER, run_task, tell
+from frida_painter.registry import IMAGINE
 
 _STEP = 64  # pixels; sizes are multiples of it; for small networks, of an eighth of their usual size
 _BLACK = 1 / 255
+_MANY_TOKENS, _USUAL_TOKENS = 10**6, 77
 
 
 def _make(task: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     """Returns facts, and the file of each picture or the fault in its place. Raises MakingFailed.
 
-    task: name, folder, pipeline, variant, weights, steps, few, words, seeds, width, height and device
+    task: name, folder, pipeline, variant, weights, record of the hashes if there is one, steps, few, words, seeds,
+    width, height and device
     The answer is also written after each picture, so that those before an end stay.
     """
     name, device = task["name"], torch.device(task["device"])
+    tell(f"Reading {name}.")
+    hashes = [storage.sha256(Path(file), "the weights of a pipeline", MakingFailed) for file in task["weights"]]
+    _require_recorded(task, hashes)
     pipeline = _load(task, device)
     width, height = _size(pipeline, task["width"], task["height"])
     arguments = inspect.signature(pipeline.__call__).parameters
-    hashes = [storage.sha256(Path(file), "the weights of a pipeline", MakingFailed) for file in task["weights"]]
     pictures: list[dict[str, str]] = []
     answer = {"made": pictures, "size": f"{width} x {height}", "hashes": hashes}
     for number, seed in enumerate(task["seeds"], 1):
@@ -46,6 +51,19 @@ def _make(task: Mapping[str, Any], folder: Path) -> dict[str, Any]:
             pictures.append({"file": f"{number}.png"})
         storage.write_json(folder / ANSWER, answer)
     return answer
+
+
+def _require_recorded(task: Mapping[str, Any], hashes: list[str]) -> None:
+    """Raises MakingFailed if weights are not those that were fetched."""
+    if task["record"] is None:
+        return
+    known = storage.read_json(Path(task["record"]), "the record of fetched weights", MakingFailed).get("files", {})
+    for file, sha256 in zip(task["weights"], hashes, strict=True):
+        if known.get(Path(file).relative_to(task["folder"]).as_posix()) != sha256:
+            raise MakingFailed(
+                f"{task['name']} was altered after it was fetched ({Path(file).parent.name}/{Path(file).name}); "
+                f"`frida-painter models fetch {IMAGINE}` mends it."
+            )
 
 
 def _load(task: Mapping[str, Any], device: torch.device) -> Any:
@@ -75,6 +93,11 @@ def _load(task: Mapping[str, Any], device: torch.device) -> Any:
     except torch.OutOfMemoryError as cause:
         raise MakingFailed(f"{name} does not fit into the memory of the GPU; name a smaller one.") from cause
     pipeline.set_progress_bar_config(disable=True)
+    for part, tokenizer in pipeline.components.items():
+        if getattr(tokenizer, "model_max_length", 0) > _MANY_TOKENS:  # its settings do not tell: no number holds it
+            encoder = getattr(pipeline, part.replace("tokenizer", "text_encoder"), None)
+            most = getattr(getattr(encoder, "config", None), "max_position_embeddings", _USUAL_TOKENS)
+            tokenizer.model_max_length = min(int(most), _USUAL_TOKENS)
     return pipeline
 
 

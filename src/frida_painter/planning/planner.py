@@ -612,14 +612,16 @@ class Planner:
         random number, so the plan stays the same.
         """
         objective = self.problems.objectives[self.fine]
-        if objective.sparing is None or objective.validation is None or not self.encoders.reads_by_clip:
+        said = any(term.words is not None for term in self.goal.terms)
+        if objective.validation is None or not said or not self.encoders.reads_by_clip:
             return None
         bare = images.fit(self.bare.to(self.device), self.fine.rows, self.fine.columns)
         began = time.thread_time()
         with torch.enable_grad():
             torch.autograd.grad(objective.validation(picture := bare.requires_grad_()), picture)
         step = time.thread_time() - began
-        return _STEPS_OF_CLIP * step * self.iterations(strokes) / objective.sparing().lasts
+        lasts = 1 if objective.sparing is None else objective.sparing().lasts
+        return _STEPS_OF_CLIP * step * self.iterations(strokes) / lasts
 
     def _as_plan(self, layer: LayerAtWork) -> Plan:
         if layer.mixes:

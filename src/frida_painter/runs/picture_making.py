@@ -6,6 +6,7 @@ one picture alone, as NAME.making.json beside NAME.png.
 """
 
 import math
+import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -34,6 +35,8 @@ MAKING = "making.json"
 """Record of a making, beside its pictures."""
 _FORMAT, _VERSION = "frida-painter making", 1
 _PIXELS, _STEP = 512 * 512, 64
+_SILENCE = 10.0  # seconds after which a maker that says nothing is said to be at work
+_SECOND = 0.5  # weight of words that a CLIP reads, relative to the picture that was made from them
 _PLAIN = 3 / 255  # a picture whose channels differ less than this over all its pixels shows nothing
 
 
@@ -94,6 +97,23 @@ def make_each(request: PictureRequest, make: Callable[[int], Path]) -> list[Path
         except MakingFailed as fault:
             made.append(fault)
     return made
+
+
+class _Watch:
+    """Progress of a maker: if it says nothing for long, the person hears that it is at work."""
+
+    def __init__(self, name: str, tell: Callable[[str], None], stop_asked: Callable[[], bool]) -> None:
+        self._name, self._tell, self._stop_asked = name, tell, stop_asked
+        self._began = self._told = time.monotonic()
+
+    def tell(self, sentence: str) -> None:
+        self._told = time.monotonic()
+        self._tell(sentence)
+
+    def stop_asked(self) -> bool:
+        if time.monotonic() - self._told >= _SILENCE:
+            self.tell(f"{self._name} is at work, {time.monotonic() - self._began:.0f} s so far.")
+        return self._stop_asked()
 
 
 @dataclass(frozen=True)
@@ -224,7 +244,10 @@ def make_pictures(
     pictures: list[MadePicture] = []
     try:
         with TemporaryDirectory(dir=folder, prefix=".making-") as place:
-            request = PictureRequest(words, seeds, width, height, Path(place), device, 60 * minutes, stop_asked, tell)
+            watch = _Watch(name, tell, stop_asked)
+            request = PictureRequest(
+                words, seeds, width, height, Path(place), device, 60 * minutes, watch.stop_asked, watch.tell
+            )
             files = _ask(name, opened, request)
             for number, (file, made_from) in enumerate(zip(files, seeds, strict=True), 1):
                 try:
@@ -314,26 +337,45 @@ def _rank(
     return int(near.argmax()), f"it is the nearest to the words by {' and '.join(reader.name for reader in readers)}"
 
 
-def imagine(spec: RunSpec, make: Callable[[str, int], Path]) -> RunSpec:
+def usual_maker(spec: RunSpec) -> str | None:
+    """Returns the fetched maker if it makes the first picture of words; None if none is here, or is wanted.
+
+    It is wanted for words without another picture to begin with, unless the description says how to begin them.
+    """
+    kinds = {item.kind for item in spec.goal}
+    free = spec.beginning == "auto" and spec.pictures is None and all(item.kind == "text" for item in spec.initial)
+    return (
+        "diffusers" if free and {"text"} <= kinds <= {"text", "style"} and registry.are_here(registry.IMAGINE) else None
+    )
+
+
+def imagine(spec: RunSpec, make: Callable[[str, int], Path], networks: EncoderRegistry) -> RunSpec:
     """Returns the description with pictures in place of words.
 
     Words of the start become pictures of the start, and the words of the goal stay. Without words of the start, those
-    of the goal become pictures of the goal, with their weights.
+    of the goal become pictures of the goal, with their weights: painted by their content if a network for it is here,
+    else pixel by pixel. A CLIP also reads the words, which then stay as a second term.
 
     make: makes the picture of words, from the words and their number, from 1
+    networks: those of the painting
     Raises ConfigError if there are no words, and the errors of `make`.
     """
     table = "initial" if any(item.kind == "text" for item in spec.initial) else "goal"
     items: Sequence[GoalItem] = getattr(spec, table)
     if all(item.kind != "text" for item in items):
         raise ConfigError('--imagine makes a picture from words, and there are none; give them with --text "...".')
+    kind = "semantic" if table == "goal" and networks.sees_meaning else "image"
+    stays = table == "goal" and networks.reads_by_clip
     made: list[GoalItem] = []
     number = 0
     for item in items:
-        if item.kind == "text":
-            number += 1
-            item = GoalItem(kind="image", value=str(make(item.value, number)), weight=item.weight)
-        made.append(item)
+        if item.kind != "text":
+            made.append(item)
+            continue
+        number += 1
+        made.append(GoalItem(kind=kind, value=str(make(item.value, number)), weight=item.weight))
+        if stays:
+            made.append(item.model_copy(update={"weight": _SECOND * item.weight}))
     changes: dict[str, Any] = {table: tuple(made), "title": spec.title or spec.heading[:80]}
     return spec.with_values(**changes)
 

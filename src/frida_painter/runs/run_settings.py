@@ -53,8 +53,6 @@ class RunSettings(TypedDict, total=False):
     beginning: Literal["auto", "scene", "colors", "nothing"]
     avoid: str
     phrases: str
-    cutouts: int
-    first_steps: int
     pictures: str | Path | None
     palette: str | Path | None
     film: bool

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Unpack
 
@@ -163,6 +163,9 @@ class Controls:
     adapt: Adapt = answer_usually
 
 
+_ON_GPU = 100.0  # work of a network on a GPU in the time of a processor, at least
+
+
 def wanted_ground(spec: RunSpec) -> str:
     """Returns the ground of the description, or the default one.
 
@@ -213,9 +216,9 @@ def open_planner(
     """
     device = planning_device()
     networks = encoders or EncoderRegistry(clip=spec.clip, device=device, pictures=spec.pictures, tell=tell, heed=heed)
-    planner = Planner(
-        tell_terms(goal, spec.words, spec.freedom), planner_settings(spec, model), encoders=networks, device=device
-    )
+    work = spec.effort * (_ON_GPU if device.type == "cuda" else 1.0)
+    told = tell_terms(goal, replace(spec.words, effort=work), spec.freedom)
+    planner = Planner(told, planner_settings(spec, model), encoders=networks, device=device)
     if networks.idle_clip is not None and not making_facts(spec):  # else it has chosen among made pictures
         raise ConfigError(
             f"--clip was given {networks.idle_clip[:60]!r}, and nothing of this goal is seen through a CLIP; leave it "

@@ -268,7 +268,7 @@ class RunSpec(BaseModel):
         ge=0.05,
         le=20,
         allow_inf_nan=False,
-        description="Planning effort. 2 plans twice as long, 0.5 half as long.",
+        description="Planning effort. 2 plans twice as long, 0.5 half as long; a CLIP looks more, or less.",
     )
     planner: str = Field(
         _OF_PLANS["planner"],
@@ -313,18 +313,6 @@ class RunSpec(BaseModel):
         description="How the words are said to a network: sentences with {} in the place of the words, divided by ; as "
         'in "a painting of {}; a drawing of {}".',
         json_schema_extra={"metavar": "SENTENCES", "default": "the words alone"},
-    )
-    cutouts: int = Field(
-        USUAL.cutouts,
-        ge=1,
-        le=24,
-        description="Number of views in which a CLIP sees the picture at a time. More of them take longer.",
-    )
-    first_steps: int = Field(
-        USUAL.first_steps,
-        ge=2,
-        le=2000,
-        description="Number of steps in which a CLIP makes the first picture. More of them take longer.",
     )
     pictures: File = None
     palette: File = None
@@ -543,8 +531,6 @@ class RunSpec(BaseModel):
             self.beginning,
             self.avoid,
             tuple(part.strip() for part in self.phrases.split(";")),
-            self.cutouts,
-            self.first_steps,
         )
 
     @property

@@ -13,7 +13,7 @@ from urllib.parse import urlsplit
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
-from frida_painter import python_process, storage
+from frida_painter import python_process, registry, storage
 from frida_painter.errors import ConfigError
 from frida_painter.session.events import Failed, ProcedureProgress, Stopped, Written
 from frida_painter.session.making_events import MakingStarted, PicturesMade
@@ -26,6 +26,7 @@ MAX_MAKINGS = 8
 """Number of the last makings that are kept to choose from."""
 _MAX_FILE = 2**28  # bytes of a made picture
 _PATIENCE = 120.0  # seconds
+_CLIPS = ("clip-vit-b-32", "clip-vit-l-14")
 _Side = Annotated[float, Field(ge=60, le=2000, allow_inf_nan=False)]
 
 
@@ -200,8 +201,9 @@ class ChosenPicture(BaseModel):
 def take_picture(
     chosen: ChosenPicture, makings: Sequence[PicturesMade], folder: PaintingFolder, pictures: Path
 ) -> dict[str, str]:
-    """Copies a made picture to the pictures for goals, with the record of its making; returns its id, and a line.
+    """Copies a made picture to the pictures for goals, with the record of its making.
 
+    Returns its id, a line about it, and "yes" or "no" if a CLIP is here, which also reads the words.
     Raises ConfigError if it is gone, StorageError.
     """
     found = ((making, one) for making in makings for one in making.pictures if one["picture"] == chosen.picture)
@@ -214,7 +216,9 @@ def take_picture(
     identifier = secrets.token_hex(16)
     storage.copy(source, pictures / f"{identifier}.png", "a made picture", _MAX_FILE)
     storage.write_json(pictures / f"{identifier}{MAKING_SUFFIX}", record)
-    return {"id": identifier, "made": f"Made from “{making.words}” by {making.maker}, seed {one['seed']}"}
+    reads = any(registry.are_here(name) for name in _CLIPS)
+    told = f"Made from “{making.words}” by {making.maker}, seed {one['seed']}"
+    return {"id": identifier, "made": told, "read": "yes" if reads else "no"}
 
 
 def plain_fact(fact: str) -> str:

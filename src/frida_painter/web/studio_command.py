@@ -85,7 +85,8 @@ def studio(
         typer.Option(
             metavar="NAME:TEXT",
             help="A picture maker that people at the page may choose, as in paint: they type words, look at its "
-            "pictures and begin with one. May be repeated. No page can name another one. [dim]none[/]",
+            "pictures and begin with one. May be repeated. No page can name another one. "
+            "[dim]diffusers, if `models fetch imagine` got it[/]",
         ),
     ] = None,
     imagine_minutes: Annotated[
@@ -130,7 +131,14 @@ def studio(
     record = calibration or store.calibration.path / "calibration.json"
     easel = WebAppEasel(record.absolute(), robot, camera, workspace, pace).validate()
 
-    makers = AllowedMakers.check(imagine or (), imagine_minutes)
+    try:
+        fetched = ("diffusers",) if registry.are_here(registry.IMAGINE) else ()
+        makers = AllowedMakers.check(imagine or fetched, imagine_minutes)
+    except ConfigError as fault:
+        if imagine:
+            raise
+        print(f"The page makes no pictures from words: {fault}")
+        makers = AllowedMakers()
     certified = Certificate.from_files(certificate, key)
 
     def tell(links: "Links") -> None:

@@ -192,6 +192,11 @@ def fetch(
             f"{name} is not here, and nothing may be fetched offline; fetch it where there is a network, "
             f"or bring its files in a folder: `frida-painter models fetch {name} --from FOLDER`."
         )
+    if weights.listed is not None and origin is not None:
+        raise WeightsError(
+            f"{name} comes from {weights.sources[0].words} alone, which lists the hashes of its files; a folder of a "
+            "pipeline is used as it is: --imagine diffusers:FOLDER."
+        )
     hear = notify or _unheard
     place = cache_folder(cache)
     try:
@@ -206,6 +211,10 @@ def fetch(
 
 
 def _fetch(weights: NamedWeights, sources: tuple[WeightsSource, ...], cache: Path, hear: Listener) -> Path:
+    try:
+        pins, weights = weights.pins, weights.list_files()
+    except WeightsError as cause:
+        raise WeightsError(f"{weights.name} cannot be had from {weights.sources[0].words}: {cause}.") from cause
     scratch = cache / _PARTIAL
     scratch.mkdir(parents=True, exist_ok=True)
     for original in weights.originals:  # a link would be followed when writing
@@ -218,7 +227,7 @@ def _fetch(weights: NamedWeights, sources: tuple[WeightsSource, ...], cache: Pat
         hear(Announced(weights.name, source.words, size, source.remote))
         try:
             source.bring(weights.originals, scratch, _counter(weights.name, size, hear))
-            return _keep(weights, source, scratch, cache / weights.name)
+            return _keep(weights, pins, source, scratch, cache / weights.name)
         except WeightsError as error:
             reason = str(error).rstrip(".")
             reasons.append(f"{source.words}: {reason}")
@@ -233,7 +242,7 @@ def _fetch(weights: NamedWeights, sources: tuple[WeightsSource, ...], cache: Pat
     raise WeightsError(f"{weights.name} cannot be had from {'; nor from '.join(reasons)}{advice}.")
 
 
-def _keep(weights: NamedWeights, source: WeightsSource, scratch: Path, folder: Path) -> Path:
+def _keep(weights: NamedWeights, pins: list[str], source: WeightsSource, scratch: Path, folder: Path) -> Path:
     """Checks the new files, converts them and moves them to their folder, the record last. Raises WeightsError."""
     for original in weights.originals:
         _check(original, original.in_folder(scratch))
@@ -249,7 +258,7 @@ def _keep(weights: NamedWeights, source: WeightsSource, scratch: Path, folder: P
             "licence": weights.licence,
             "credit": weights.credit,
             "source": source.words,
-            "originals": [original.sha256 for original in weights.originals],
+            "originals": pins,
             "files": hashes,
         },
     )
@@ -257,7 +266,7 @@ def _keep(weights: NamedWeights, source: WeightsSource, scratch: Path, folder: P
 
 
 def _check(original: Original, path: Path) -> None:
-    if _sha256(path) != original.sha256:
+    if not original.is_in(path):
         path.unlink()
         raise WeightsError(f"its {original.name} is another file than the one that is known (its sha256 differs)")
 
@@ -265,17 +274,18 @@ def _check(original: Original, path: Path) -> None:
 def _keep_file(file: CachedFile, scratch: Path, folder: Path) -> str:
     """Puts one file into the folder and returns its sha256."""
     brought = file.original.in_folder(scratch)
+    (folder / file.name).parent.mkdir(exist_ok=True)
     try:
         read = file.convert(brought) if file.convert else None
         with storage.replacing(folder / file.name) as temporary:
             if file.repack is not None:
                 file.repack(brought, temporary)
             elif read is None:
-                shutil.copyfile(brought, temporary)
+                brought.replace(temporary)
             else:
                 save_file(read, temporary, metadata={"format": "pt"})
             sha256 = _sha256(temporary)
-            if not file.is_converted and sha256 != file.original.sha256:
+            if not file.is_converted and sha256 != file.original.sha256 and not file.original.is_in(temporary):
                 raise WeightsError(f"its {file.original.name} became another file while it was kept")
     except SafetensorError as cause:
         raise OSError(str(cause)) from cause
@@ -295,14 +305,17 @@ def _read_hashes(weights: NamedWeights, folder: Path) -> dict[str, str]:
     except WeightsError as cause:
         raise WeightsError(f"{folder / RECORD} is damaged; {mend}.") from cause
     originals, files = record.get("originals"), record.get("files")
-    current = record.get("version") == _VERSION and originals == [file.original.sha256 for file in weights.kept]
-    if not current or not isinstance(files, dict) or set(files) != {file.name for file in weights.kept}:
+    current = record.get("version") == _VERSION and originals == weights.pins and isinstance(files, dict)
+    if not current or not (weights.listed or set(files) == {file.name for file in weights.kept}):
         raise WeightsError(f"{folder} holds other files than this version uses; {mend}.")
+    if weights.listed:
+        return {str(name): str(sha256) for name, sha256 in files.items()}
     return {file.name: str(files[file.name]) if file.is_converted else file.original.sha256 for file in weights.kept}
 
 
 def _require_space(weights: NamedWeights, source: WeightsSource, cache: Path) -> None:
-    needed = 2 * sum(original.size for original in weights.originals) + source.scratch(weights.originals) + _MARGIN
+    twice = sum(file.original.size for file in weights.kept if file.is_converted)  # others are moved
+    needed = sum(file.original.size for file in weights.kept) + twice + source.scratch(weights.originals) + _MARGIN
     free = shutil.disk_usage(cache).free
     if free < needed:
         raise WeightsError(

@@ -1,8 +1,9 @@
 """Catalogue of pretrained weights: purpose, licence, files with their hashes, sources; and file conversions."""
 
+import re
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -108,9 +109,10 @@ class NamedWeights:
     purpose: use in a few words
     licence: licence of the weights
     credit: authors
-    kept: files in the cache
+    kept: files in the cache; none if a hub lists them at a pinned revision
     sources: sources in the order of use
     needs: extra and package that read the published files, if any
+    listed: names of the files that the hub lists, and their bytes together, about
     """
 
     name: str
@@ -120,6 +122,14 @@ class NamedWeights:
     kept: tuple[CachedFile, ...]
     sources: tuple[WeightsSource, ...]
     needs: tuple[str, str] | None = None
+    listed: tuple[re.Pattern[str], int] | None = None
+
+    @property
+    def pins(self) -> list[str]:
+        """Hashes that decide which files these are: of the published files, or the revision of a hub."""
+        if self.listed is not None:
+            return [source.revision for source in self.sources if isinstance(source, Hub)]
+        return [file.original.sha256 for file in self.kept]
 
     @property
     def originals(self) -> tuple[Original, ...]:
@@ -129,7 +139,15 @@ class NamedWeights:
     @property
     def size(self) -> int:
         """Bytes to download from the last source, which most people use."""
-        return self.sources[-1].transfer(self.originals)
+        return self.sources[-1].transfer(self.originals) if self.listed is None else self.listed[1]
+
+    def list_files(self) -> "NamedWeights":
+        """Returns these weights with their files, as a hub lists them if they are listed. Raises WeightsError."""
+        if self.listed is None:
+            return self
+        (hub,) = (source for source in self.sources if isinstance(source, Hub))
+        files = hub.list_files(self.listed[0])
+        return replace(self, kept=tuple(CachedFile(file, file.path) for file in files), listed=None)
 
 
 def all_weights() -> tuple[NamedWeights, ...]:
@@ -151,6 +169,8 @@ def all_weights() -> tuple[NamedWeights, ...]:
         _hed(),
         _vgg16(),
         _clip(),
+        _large_clip(),
+        _imagine(),
     )
 
 
@@ -447,6 +467,45 @@ def _clip() -> NamedWeights:
             _whole("merges.txt", 524_657, "f526393189112391ce6f9795d4695f704121ce452c3aad1f5335cc41337eba85"),
         ),
         (Hub("openai/clip-vit-base-patch32", "3d74acf9a28c67741b2f4f2ea7635f0aaf6f0268"),),
+    )
+
+
+def _large_clip() -> NamedWeights:
+    return NamedWeights(
+        "clip-vit-l-14",
+        "words and meaning; 18 times the work",
+        "MIT",
+        "CLIP (Radford et al. 2021) by OpenAI",
+        (
+            _whole(
+                "model.safetensors", 1_710_540_580, "a2bf730a0c7debf160f7a6b50b3aaf3703e7e88ac73de7a314903141db026dcb"
+            ),
+            _whole("config.json", 4_519, "8a09b467700c58138c29d53c605b34ebc69beaadd13274a8a2af8ad2c2f4032a"),
+            _whole("preprocessor_config.json", 316, "910e70b3956ac9879ebc90b22fb3bc8a75b6a0677814500101a4c072bd7857bd"),
+            _whole("tokenizer.json", 2_224_003, "a83e0809aa4c3af7208b2df632a7a69668c6d48775b3c3fe4e1b1199d1f8b8f4"),
+            _whole("tokenizer_config.json", 905, "deef455e52fa5e8151e339add0582e4235f066009601360999d3a9cda83b1129"),
+            _whole("special_tokens_map.json", 389, "f8c0d6c39aee3f8431078ef6646567b0aba7f2246e9c54b8b99d55c22b707cbf"),
+            _whole("vocab.json", 961_143, "3f0c4f7d2086b61b38487075278ea9ed04edb53a03cbb045b86c27190fa8fb69"),
+            _whole("merges.txt", 524_619, "9fd691f7c8039210e0fced15865466c65820d09b63988b0174bfe25de299051a"),
+        ),
+        (Hub("openai/clip-vit-large-patch14", "32bd64288804d66eefd0ccbe215aa642df71cc41"),),
+    )
+
+
+def _imagine() -> NamedWeights:
+    """Returns the generator of pictures: its revision is pinned, and the hub lists the hash of each file there."""
+    parts = "feature_extractor|safety_checker|scheduler|text_encoder|tokenizer|unet|vae"
+    files = re.compile(
+        rf"model_index\.json|({parts})/([a-z_]+\.(json|txt)|(model|diffusion_pytorch_model)\.safetensors)"
+    )
+    return NamedWeights(
+        registry.IMAGINE,
+        "pictures from words, in four steps",
+        "MIT",
+        "LCM Dreamshaper v7 (Luo et al. 2023) by S. Luo and Y. Tan, from Dreamshaper by Lykon",
+        (),
+        (Hub("SimianLuo/LCM_Dreamshaper_v7", "a85df6a8bd976cdd08b4fd8f3b73f229c9e54df5"),),
+        listed=(files, 5_490_000_000),
     )
 
 

@@ -4,8 +4,11 @@ Each source is tried once with a short timeout, so an unreachable site costs sec
 kept, and the next one continues it.
 """
 
+import hashlib
+import json
 import lzma
 import os
+import re
 import shlex
 import shutil
 import subprocess
@@ -34,6 +37,9 @@ _PATIENCE = 10.0  # seconds without data
 _FIRST_ANSWER = 30.0  # seconds until a site has answered, with all its redirects
 _CHUNK = 2**18
 _WRONG_RANGE = 416
+_SHA256 = 64  # digits
+_HASH = re.compile("[0-9a-f]{40}|[0-9a-f]{64}")
+_MAX_LIST = 10**7  # bytes of a hub's list of files
 
 Counter = Callable[[int], None]
 
@@ -45,7 +51,7 @@ class Original:
     path: path below the source's folder. `*.ext` means all such files, packed in the order of their names into
     one archive.
     size: bytes
-    sha256: hash of the file or of that archive
+    sha256: hash of the file or of that archive; of a file that a hub lists without one, git's own hash (40 digits)
     """
 
     path: str
@@ -58,8 +64,16 @@ class Original:
         return PurePosixPath(self.path).name
 
     def in_folder(self, scratch: Path) -> Path:
-        """Returns the path of the download, named by its hash, so that parts of two versions do not mix."""
-        return scratch / self.sha256
+        """Returns the path of the download, named by its hash too, so that parts of two versions do not mix."""
+        return scratch / f"{self.sha256}-{re.sub('[/*]', '-', self.path)}"
+
+    def is_in(self, path: Path) -> bool:
+        """Returns True if a file has this hash."""
+        with path.open("rb") as file:
+            if len(self.sha256) == _SHA256:
+                return hashlib.file_digest(file, "sha256").hexdigest() == self.sha256
+            of_git = hashlib.sha1(b"blob %d\0" % path.stat().st_size, usedforsecurity=False)
+            return hashlib.file_digest(file, lambda: of_git).hexdigest() == self.sha256
 
 
 class WeightsSource(Protocol):
@@ -145,6 +159,34 @@ class Hub:
         """Downloads the files at that revision. Raises WeightsError."""
         _require_online()
         self._site.bring(originals, scratch, received)
+
+    def list_files(self, wanted: re.Pattern[str]) -> tuple[Original, ...]:
+        """Returns the files with these names at that revision, with the sizes and hashes that the hub lists.
+
+        Raises WeightsError.
+        """
+        _require_online()
+        address = f"{self.endpoint}/api/models/{self.repository}/revision/{self.revision}?blobs=true"
+        try:
+            with _open(urllib.request.Request(address, headers={"User-Agent": "frida-painter"})) as answer:
+                told = json.loads(answer.read(_MAX_LIST))
+            if told["sha"] != self.revision:
+                raise WeightsError(f"it answers with the revision {str(told['sha'])[:40]} in place of {self.revision}")
+            found = [(one["rfilename"], one.get("lfs") or {}, one) for one in told["siblings"]]
+            files = tuple(
+                Original(name, int(one["size"]), str(large.get("sha256") or one["blobId"]))
+                for name, large, one in found
+                if wanted.fullmatch(name)
+            )
+        except urllib.error.HTTPError as cause:
+            raise WeightsError(f"it answers {cause.code} {cause.reason}") from cause
+        except (TimeoutError, HTTPException, urllib.error.URLError, ConnectionError) as cause:
+            raise WeightsError(f"it cannot be reached ({_plain(cause)})") from cause
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as cause:
+            raise WeightsError("it lists its files in a way that nobody understands") from cause
+        if not files or not all(_HASH.fullmatch(file.sha256) and file.size > 0 for file in files):
+            raise WeightsError("it does not list the files with their sizes and hashes")
+        return files
 
     def require(self, *paths: str) -> None:
         """Requests the header of one of these files: an unreachable hub costs only seconds. Raises WeightsError."""

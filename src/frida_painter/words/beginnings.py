@@ -24,7 +24,7 @@ from frida_painter.objectives.pyramid import color_in
 from frida_painter.objectives.sketch_loss import color_drawing, filled_areas
 from frida_painter.objectives.style_marks import in_style
 from frida_painter.objectives.style_places import change_by_place, styles_of
-from frida_painter.objectives.text_loss import Text, wish
+from frida_painter.objectives.text_loss import Text, holding_weight, wish
 from frida_painter.objectives.word_settings import USUAL
 from frida_painter.words.composition import lay_in
 from frida_painter.words.scene import find_cutout, scene_of
@@ -33,8 +33,7 @@ if TYPE_CHECKING:
     from frida_painter.words.text import TextTerm
 
 _APART = 104_729  # added to the seed, so that the views of the choice are not those of the optimiser
-_KEPT = 60.0  # weight of the composition against the words that a CLIP reads
-_AMONG = 3.0  # the same if a style or a sketch has a term too
+_AMONG = 3.0  # weight of the composition against the words that a CLIP reads, beside a style or a sketch
 _STAGED = 20.0  # the same for a style picture, or a photograph, that is begun with
 _MATTERS = 8.0  # weight of a thing, relative to its surroundings
 _OWN = 0.5  # share of its own colours that a thing in a photograph keeps
@@ -63,22 +62,36 @@ def with_beginning(goal: Goal, context: ObjectiveContext, said: Sequence[TextTer
         )
     if how == "nothing" or (by_clip and not encoders.composes and not is_alone):
         return goal
-    if main is None or not is_alone or how == "scene" or not by_clip:
+    if how == "scene" and by_clip and is_alone:
+        (scene,) = initial_composition(goal, context.grid, encoders).initial
+        return _hold(goal, scene.picture, scene.importance, context)
+    if main is None or not is_alone or not by_clip:
         return initial_composition(goal, context.grid, encoders)
     readers, size = encoders.readers(), (context.grid.rows, context.grid.columns)
     wanted = wish(main.prompt, readers[0], settings)
-    colors = color_in(wanted, readers[0], size, context.seed, settings.first_steps, encoders.tell, encoders.heed)
+    budget = settings.budget(readers)
+    colors = color_in(wanted, readers[0], size, context.seed, budget, encoders.tell, encoders.heed)
     told, remarks = "coloured for the words", list(encoders.remarks)
     if how == "auto" and encoders.composes:
         (scene,) = initial_composition(goal, context.grid, encoders).initial
         judge = Text(main.prompt, readers, context.seed + _APART, settings=settings)
         with torch.no_grad():
             if scene.picture is not None and bool(judge.validation(scene.picture) < judge.validation(colors)):
-                return replace(goal, initial=(ImageTerm(scene.picture),))
+                return _hold(goal, scene.picture, scene.importance, context)
         encoders.remarks[:] = remarks
         told = "in which the words are seen better than in a scene"
     encoders.remark(f"Begun with a coarse picture, {told}.")
-    return replace(goal, initial=(ImageTerm(colors),))
+    return _hold(goal, colors, None, context)
+
+
+def _hold(goal: Goal, picture: Tensor | None, importance: Tensor | None, context: ObjectiveContext) -> Goal:
+    """Returns the goal that begins with a picture [3, H, W] and holds on to it while a CLIP changes it."""
+    assert picture is not None
+    said = max((term for term in goal.terms if term.words), key=lambda term: term.weight)
+    text = Text(said.words or "", context.encoders.readers(), context.seed + _APART)
+    seen = images.fit(picture, context.grid.rows, context.grid.columns)
+    begun = ImageTerm(picture, 1.0, importance)
+    return Goal((*goal.terms, replace(begun, weight=said.weight * holding_weight(text, seen))), (begun,))
 
 
 def initial_composition(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry) -> Goal:
@@ -106,7 +119,7 @@ def initial_composition(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry) 
     drawing = next((term.drawing for term in goal.terms if term.drawing is not None), None)
     if drawing is None:
         scene = scene_of(words, grid, encoders)
-        kept = _AMONG if any(term.words is None for term in goal.terms) else _KEPT if said else 1.0
+        kept = _AMONG if any(term.words is None for term in goal.terms) else 1.0
         picture = scene.picture
         if styles:
             shown = change_by_place(picture, styles, lambda style: in_style(*scene, style))

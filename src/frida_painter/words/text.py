@@ -19,7 +19,6 @@ from frida_painter.objectives.objective import (
 from frida_painter.objectives.word_settings import USUAL, WordSettings, refuse_absent
 from frida_painter.words.reading import LONGEST, contents, split_absent
 
-_LASTS = 10  # iterations for which one gradient of a CLIP serves
 _HELD_OUT = 7919  # added to the seed of views by which a CLIP judges what it has optimised
 
 
@@ -68,10 +67,11 @@ class TextTerm(Term):
             context.encoders.remark(
                 f"A network like this hardly understands that there shall be no {absent!r}: --avoid it."
             )
-        sights = context.shared.setdefault(f"words seen in {self.settings.cutouts} views", (Sight(), Sight()))
+        budget = self.settings.budget(readers)
+        sights = context.shared.setdefault(f"words seen in {budget.views} views", (Sight(), Sight()))
         words = Text(self.prompt, readers, context.seed, self.settings, sights[0])
         judge = Text(self.prompt, readers, context.seed + _HELD_OUT, self.settings, sights[1])
-        return ObjectiveTerm(words, judge.validation, recognizes=True, lasts=_LASTS)
+        return ObjectiveTerm(words, judge.validation, recognizes=True, lasts=budget.lasts)
 
     @classmethod
     def interpret(cls, goal: Goal, context: ObjectiveContext) -> Goal:

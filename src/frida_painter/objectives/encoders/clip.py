@@ -40,6 +40,7 @@ _SIZES = {
     "max_position_embeddings": 2**16,
 }  # fmt: skip
 """Largest number of each kind in the settings of a network."""
+_WORK = 4.25e9  # weights times tokens of a ViT-B/32
 _TRIED = ("a red apple", "the sea at night")  # sentences that mean different things to every network
 
 
@@ -72,6 +73,7 @@ class Clip:
     model, tokenizer: objects of `transformers`
     name: name in messages
     mean, spread: statistics of the sRGB channels in training. None: those that were published.
+    work: work of a view, relative to a ViT-B/32
     """
 
     def __init__(
@@ -86,7 +88,10 @@ class Clip:
         self._tokenizer = tokenizer
         self._family = _FAMILIES[model.config.model_type]
         self.name = name
-        self.side = int(model.config.vision_config.image_size)
+        vision = model.config.vision_config
+        self.side = int(vision.image_size)
+        weights = sum(weight.numel() for weight in model.vision_model.encoder.parameters())
+        self.work = weights * ((self.side // vision.patch_size) ** 2 + 1) / _WORK
         statistics = mean or self._family.mean, spread or self._family.spread
         self._mean, self._spread = (Constant(torch.tensor(part)[:, None, None]) for part in statistics)
 

@@ -23,7 +23,8 @@ Kept = TypeVar("Kept")
 
 GROUP = registry.ENCODERS
 """Group of entry points in which packages register their encoders."""
-_CLIP = "clip-vit-b-32"
+_CLIPS = {"clip-vit-b-32": "CLIP ViT-B/32", "clip-vit-l-14": "CLIP ViT-L/14"}  # the first that is here is used
+_CLIP = next(iter(_CLIPS))
 CLIP_MISSING = f"CLIP: frida-painter models fetch {_CLIP}"
 """Message for a purpose that CLIP would serve better, if it is not available."""
 
@@ -139,8 +140,10 @@ class EncoderRegistry:
         if self._clip is None:
             if self._clip_source is not None:
                 self._clip = self._load_clip(self._clip_source)
-            elif (folder := weights.find(_CLIP, self.cache)) is not None:
-                self._clip = Clip.load(folder, "CLIP ViT-B/32")
+                return self._clip
+            for known, called in _CLIPS.items():
+                if self._clip is None and (folder := weights.find(known, self.cache)) is not None:
+                    self._clip = Clip.load(folder, called)
         return self._clip
 
     def shapes(self) -> "Vgg16 | None":
@@ -185,6 +188,11 @@ class EncoderRegistry:
     def reads_by_clip(self) -> bool:
         """True if a CLIP, or another encoder of words and pictures in one space, reads the words."""
         return isinstance(self.clip(), Reader)
+
+    @property
+    def sees_meaning(self) -> bool:
+        """True if the network for content is here."""
+        return self.clip() is not None or self._has("efficientnet-lite0")
 
     @property
     def composes(self) -> bool:

@@ -37,18 +37,27 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
 
   const making = house.makers.length && house.role !== "watch" ? pictureMaking(house, wish, begin) : null;
 
-  /** A made picture takes the place of its words. */
-  function begin(term, { id, made }) {
+  /** A made picture takes the place of its words, and is painted by its content if the networks can; a CLIP reads the words beside it. */
+  function begin(term, { id, made, read }) {
     for (const [terms, list] of [[wish.terms, cards], [wish.initial, first]]) {
       const at = terms.indexOf(term);
       if (at < 0) continue;
       if (!goalsOnly && !wish.title) wish.title = term.words.trim().slice(0, 80);
-      terms[at] = { kind: "image", picture: id, weight: term.weight, made };
+      const goal = terms === wish.terms;
+      const stays = goal && read === "yes";
+      const again = stays && terms[at - 1]?.made; // another picture of the same words
+      const kind = goal && house.abilities.semantic?.ready ? "semantic" : "image";
+      const picture = { kind, picture: id, weight: again ? terms[at - 1].weight : term.weight, made };
+      terms.splice(again ? at - 1 : at, again || !stays ? 1 : 0, picture);
+      if (stays && !again) term.weight /= 2;
       draw();
       changed();
-      reveal(list.children[at], list.children[at].querySelector(".remove"));
+      reveal(list.children[terms.indexOf(picture)], list.children[terms.indexOf(picture)].querySelector(".remove"));
     }
   }
+
+  /** Words of which a picture could be made first: those that come without another picture. */
+  const bare = () => (making && !wish.initial.length && wish.terms.every((each) => each.kind === "text" || each.kind === "style") ? wish.terms.find((each) => each.kind === "text") : undefined);
 
   const uploads = new Set(); // pictures on their way to the studio
 
@@ -272,7 +281,7 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
     changed();
   }
 
-  return { element, add, addText, choose, settled, isBusy: () => uploads.size > 0, close: () => making?.close(), drawTerms: draw, drawButton: () => element.querySelector("[data-kind=sketch]") };
+  return { element, add, addText, choose, settled, isBusy: () => uploads.size > 0, bare, make: making?.make, close: () => making?.close(), drawTerms: draw, drawButton: () => element.querySelector("[data-kind=sketch]") };
 }
 
 const DRAFT = "draft"; // under which name a goal is kept until its plan is asked for
@@ -314,6 +323,7 @@ function composing(house, wish) {
   const missing = h("p", { class: "label beneath", role: "status" });
   const over = h("button", { type: "button", class: "quiet", onclick: startOver }, "Start over");
   let doing = ""; // what the button says while it works
+  let offered = ""; // words of which pictures are made before the plan
   let takeDrawing = async () => true; // takes in what is on the pad, while that is open; false if it could not
   const form = wishForm(house, wish, changed, { ondraw: sketch });
   const preview = goalPreview(wish, cropped);
@@ -378,6 +388,14 @@ function composing(house, wish) {
     doing = whole && (wish.terms.length || wish.together) ? "Starting the plan …" : ""; // what could not be taken in was refused in words
     changed();
     if (!doing) return;
+    const bare = form.bare();
+    if (bare?.words && bare.words !== offered && await form.make?.(bare)) {
+      offered = bare.words;
+      doing = "";
+      changed();
+      house.notice("Pictures are made from the text first: choose one of them, or press Make a plan again to go on without.");
+      return;
+    }
     const words = wish.terms.find((term) => term.words)?.words.trim().slice(0, 80);
     const begun = await house.attempt(() => api.post("/api/paintings", { ...wish, title: wish.title || words || "" }));
     doing = "";

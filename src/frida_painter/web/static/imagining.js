@@ -20,7 +20,7 @@ export function nextSeed(makings, words, first) {
 
 /**
  * Places under the words of a form's goals where pictures of them are made and chosen; `chosen` takes the one that a person chose.
- * @param {House} house @param {Wish} wish @param {(term: Term, picture: { id: string, made: string }) => void} chosen
+ * @param {House} house @param {Wish} wish @param {(term: Term, picture: { id: string, made: string, read: "yes" | "no" }) => void} chosen
  */
 export function pictureMaking(house, wish, chosen) {
   /** @type {Map<HTMLElement, { term: Term, tell: () => void }>} */
@@ -48,8 +48,9 @@ export function pictureMaking(house, wish, chosen) {
     }
   }
 
+  /** Asks for pictures of the words of a goal; whether they are being made. */
   async function make(/** @type {Term} */ term) {
-    if (asking) return;
+    if (asking) return false;
     const words = (term.words ?? "").trim();
     asking = true;
     const before = state?.version ?? 0;
@@ -57,6 +58,7 @@ export function pictureMaking(house, wish, chosen) {
     const begun = await house.attempt(() => api.post(`${PLACE}/start`, { words, maker, seed, width: wish.width, height: wish.height }));
     asking = false;
     if (begun) { awaited = before + 1; stopFollowing(); follow(); }
+    return Boolean(begun);
   }
 
   async function choose(/** @type {Term} */ term, /** @type {string} */ picture) {
@@ -109,5 +111,5 @@ export function pictureMaking(house, wish, chosen) {
   }
 
   api.get(PLACE).then((told) => { hear(told); if (told.working) follow(); }).catch(() => {}); // it is told at the next order
-  return { place, tell, close() { closed = true; stopFollowing(); } };
+  return { place, tell, make, close() { closed = true; stopFollowing(); } };
 }
