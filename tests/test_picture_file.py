@@ -16,7 +16,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-import tifffile
+import pyvips
 from PIL import Image
 
 from frida_painter import picture_file
@@ -115,10 +115,58 @@ def png(stored: np.ndarray, bits: int, kind: int, *chunks: tuple[bytes, bytes]) 
     return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + extra + chunk(b"IDAT", content) + chunk(b"IEND", b"")
 
 
-def tiff(stored: np.ndarray, **options: object) -> bytes:
-    content = io.BytesIO()
-    tifffile.imwrite(content, stored, **options)
-    return content.getvalue()
+Tag = int | bytes | tuple[int, ...]
+Page = tuple[np.ndarray, int, dict[int, Tag]]  # numbers [H, W, channels], photometric interpretation, further tags
+
+
+def tiff(*pages: Page, inside: tuple[Page, ...] = ()) -> bytes:
+    """A TIFF of these pages, the first with SubIFDs `inside`; TIFF 6.0, section 2, and its supplement 1.
+
+    A tag is a short, several, fractions (the chromaticities), places (of SubIFDs) or bytes; 284: 2 stores planes.
+    """
+    content = bytearray(b"II*\0" + bytes(4))
+
+    def place(data: bytes) -> int:
+        at = len(content)
+        content.extend(data + b"\0" * (len(data) % 2))
+        return at
+
+    def write(stored: np.ndarray, photometric: int, tags: dict[int, Tag], link: int) -> int:
+        """Writes a page, its place to `link`, and returns where the place of the next one stands."""
+        rows, columns, channels = stored.shape
+        strips = [stored[..., at] for at in range(channels)] if tags.get(284) == 2 else [stored]
+        bits = 1 if stored.dtype == bool else 8 * stored.itemsize
+        data = [np.packbits(strip, 1).tobytes() if bits == 1 else strip.tobytes() for strip in strips]
+        sizes, places = tuple(map(len, data)), tuple(map(place, data))
+        sample = {"b": 1, "u": 1, "i": 2, "f": 3}[stored.dtype.kind]
+        told: dict[int, Tag] = {256: columns, 257: rows, 258: (bits,) * channels, 259: 1, 262: photometric}
+        told |= {273: places, 277: channels, 278: rows, 279: sizes, 339: (sample,) * channels} | tags
+        entries = b""
+        for number, value in sorted(told.items()):
+            if isinstance(value, int):
+                entries += struct.pack("<HHIHH", number, 3, 1, value, 0)
+                continue
+            kind = 7 if isinstance(value, bytes) else {273: 4, 279: 4, 318: 5, 319: 5, 330: 4}.get(number, 3)
+            packed = value if kind == 7 else struct.pack(f"<{len(value)}{'H' if kind == 3 else 'I'}", *value)
+            field = packed.ljust(4, b"\0") if len(packed) <= 4 else struct.pack("<I", place(packed))
+            entries += struct.pack("<HHI", number, kind, len(value) // (2 if kind == 5 else 1)) + field
+        at = place(struct.pack("<H", len(told)) + entries + bytes(4))
+        content[link : link + 4] = struct.pack("<I", at)
+        return at + 2 + len(entries)
+
+    link, links = 4, tuple(place(bytes(4)) for _ in inside)
+    for page, at in zip(inside, links, strict=True):
+        write(*page, at)
+    for number, (stored, photometric, tags) in enumerate(pages):
+        of_first: dict[int, Tag] = {}
+        if inside and number == 0:
+            of_first = {330: tuple(int.from_bytes(content[at : at + 4], "little") for at in links)}
+        link = write(stored, photometric, tags | of_first, link)
+    return bytes(content)
+
+
+def vips(stored: np.ndarray, **options: object) -> bytes:
+    return bytes(pyvips.Image.new_from_array(stored, interpretation="auto").tiffsave_buffer(**options))
 
 
 def pillow(stored: np.ndarray, kind: str, **options: object) -> bytes:
@@ -209,111 +257,70 @@ def colored() -> dict[str, Case]:
     }  # fmt: skip
 
 
+GREY_KIND, WHITE_IS_ZERO, RGB, PALETTE, MASK, CMYK, LAB = 1, 0, 2, 3, 4, 5, 8  # photometric interpretations
+
+
 def tiffs() -> dict[str, Case]:
     cases: dict[str, Case] = {}
-    rgb: dict[str, object] = {"photometric": "rgb"}
-    for bits in (8, 16, 32):
+    for bits in (8, 16):
         color, grey, opacity = (numbers(values, bits) for values in (SCENE, GREY, OPACITY))
         most = 2.0**bits - 1
         exact, plain, share = color / most, grey / most, opacity / most
-        both = np.concatenate((color, opacity), 2)
+        both, greys = np.concatenate((color, opacity), 2), np.concatenate((grey, opacity), 2)
         held = np.concatenate((numbers(exact * share, bits), opacity), 2)
-        greys = np.concatenate((grey, opacity), 2)
-        contiguous: dict[str, object] = {"planarconfig": "contig"}
+        ink = np.concatenate((color, numbers(GREY / 2, bits)), 2)
         cases |= {
-            f"grey {bits}": (tiff(grey[..., 0], photometric="minisblack"), plain, EXACT),
-            f"white is zero {bits}": (tiff(grey[..., 0], photometric="miniswhite"), 1 - plain, EXACT),
-            f"rgb {bits}": (tiff(color, **rgb), exact, EXACT),
-            f"rgb {bits} in planes": (tiff(color.transpose(2, 0, 1), planarconfig="separate", **rgb), exact, EXACT),
-            f"rgb {bits} in tiles": (tiff(color, tile=(16, 16), compression="zlib", **rgb), exact, EXACT),
-            f"rgb {bits} predicted": (tiff(color, compression="zlib", predictor=True, **rgb), exact, EXACT),
-            f"rgb {bits} big": (tiff(color, bigtiff=True, byteorder=">", **rgb), exact, EXACT),
-            f"rgba {bits}": (tiff(both, extrasamples=["unassalpha"], **rgb), on_white(exact, share), EXACT),
-            f"rgbx {bits}": (tiff(both, extrasamples=["unspecified"], **rgb), exact, EXACT),
-            f"grey {bits} with opacity": (
-                tiff(greys, photometric="minisblack", extrasamples=["unassalpha"], **contiguous),
-                on_white(plain, share), EXACT,
-            ),
+            f"grey {bits}": (tiff((grey, GREY_KIND, {})), plain, EXACT),
+            f"white is zero {bits}": (tiff((grey, WHITE_IS_ZERO, {})), 1 - plain, EXACT),
+            f"rgb {bits}": (tiff((color, RGB, {})), exact, EXACT),
+            f"rgb {bits} in planes": (tiff((color, RGB, {284: 2})), exact, EXACT),
+            f"rgb {bits} in tiles": (vips(color, tile=True, tile_width=16, tile_height=16), exact, EXACT),
+            f"rgb {bits} predicted": (vips(color, compression="deflate", predictor="horizontal"), exact, EXACT),
+            f"rgb {bits} big": (vips(color, bigtiff=True), exact, EXACT),
+            f"rgba {bits}": (tiff((both, RGB, {338: 2})), on_white(exact, share), EXACT),
+            f"rgbx {bits}": (tiff((both, RGB, {338: 0})), exact, EXACT),
+            f"rgba {bits} premultiplied": (tiff((held, RGB, {338: 1})), held[..., :3] / most + 1 - share, 2 * EXACT),
+            f"grey {bits} with opacity": (tiff((greys, GREY_KIND, {338: 2})), on_white(plain, share), EXACT),
+            f"grey {bits} and another": (tiff((both, GREY_KIND, {338: (0, 0, 0)})), exact[..., :1], EXACT),
+            f"cmyk {bits}": (tiff((ink, CMYK, {})), (1 - exact) * (1 - ink[..., 3:] / most), EXACT),
         }  # fmt: skip
-        if bits < 32:
-            content = tiff(held, extrasamples=["assocalpha"], **rgb)
-            cases[f"rgba {bits} premultiplied"] = (content, held[..., :3] / most + 1 - share, 2 * EXACT)
-            ink = np.concatenate((color, numbers(GREY / 2, bits)), 2)
-            printed = (1 - exact) * (1 - ink[..., 3:] / most)
-            cases[f"cmyk {bits}"] = (tiff(ink, photometric="separated"), printed, EXACT)
-    for kind in (np.float16, np.float32):
-        name = np.dtype(kind).name
-        color = SCENE.astype(kind)
-        cases[f"{name} rgb"] = (tiff(color, **rgb), color.astype(float), 1e-4)
-        cases[f"{name} grey"] = (tiff(color[..., 0], photometric="minisblack"), color[..., :1].astype(float), 1e-4)
-        white = tiff(color[..., 0], photometric="miniswhite")
-        cases[f"{name} white is zero"] = (white, 1 - color[..., :1].astype(float), 1e-4)
-    table = np.random.default_rng(4).integers(0, 256, (3, 256)).astype(np.uint16) * 257
-    places = numbers(GREY, 8)[..., 0]
-    cases["palette"] = (tiff(places, photometric="palette", colormap=table), table.T[places] / 65535, EXACT)
-    black = GREY[..., 0] > 0.5
-    cases["two tones"] = (tiff(black, photometric="minisblack"), black[..., None] * 1.0, EXACT)
-    cases["two tones, white is zero"] = (tiff(black, photometric="miniswhite"), 1.0 - black[..., None], EXACT)
-    gamma = profile(b"RGB ", 1.0, SRGB_XYZ)
-    deep = numbers(SCENE, 16)
-    fractions = [(round(value * 1e4), 10000) for value in (*P3_POINTS[2:], *P3_POINTS[:2])]
-    told = [(318, 5, 2, sum(fractions[6:], ()), True), (319, 5, 6, sum(fractions[:6], ()), True)]
-    soft = numbers(SCENE * 0.2 + 0.5, 16)
-    cases["primaries of P3"] = (tiff(soft, extratags=told, **rgb), of_p3(soft / 65535), 0.004)
-    cases["profile"] = (tiff(deep, iccprofile=gamma, **rgb), seen(deep / 65535), 0.004)
-    cases["float with profile"] = (tiff(SCENE.astype(np.float32), iccprofile=gamma, **rgb), seen(SCENE), 0.004)
+    table = np.random.default_rng(4).integers(0, 256, (3, 256)) * 257
+    places, black = numbers(GREY, 8), GREY > 0.5
+    colors = table.T[places[..., 0]] / 65535
+    cases["palette"] = (tiff((places, PALETTE, {320: tuple(table.ravel().tolist())})), colors, EXACT)
+    cases["two tones"] = (tiff((black, GREY_KIND, {})), black * 1.0, EXACT)
+    cases["two tones, white is zero"] = (tiff((black, WHITE_IS_ZERO, {})), 1.0 - black, EXACT)
+    deep, soft = numbers(SCENE, 16), numbers(SCENE * 0.2 + 0.5, 16)
+    told = [part for value in P3_POINTS for part in (round(value * 1e4), 10000)]
+    primaries: dict[int, Tag] = {318: tuple(told[:4]), 319: tuple(told[4:])}
+    cases["primaries of P3"] = (tiff((soft, RGB, primaries)), of_p3(soft / 65535), 0.004)
+    cases["profile"] = (tiff((deep, RGB, {34675: profile(b"RGB ", 1.0, SRGB_XYZ)})), seen(deep / 65535), 0.004)
     return cases
 
 
-def lab() -> dict[str, Case]:
-    """CIE L*a*b* as TIFF and the ICC encode it: greys, so that every white point gives the same."""
-    lightness = np.broadcast_to(GREY * 100, (ROWS, COLUMNS, 1))
-    share = (lightness + 16) / 116
-    grey = seen(np.where(lightness > 8, share**3, lightness / 903.3))
-    nothing = np.zeros((ROWS, COLUMNS, 2))
-
-    def stored(scale: float, middle: int, kind: type) -> np.ndarray:
-        return np.concatenate((np.round(lightness * scale), nothing + middle), 2).astype(kind)
-
-    return {
-        "CIE Lab 8": (tiff(stored(2.55, 0, np.uint8), photometric="cielab"), grey, 2 * EXACT),
-        "CIE Lab 16": (tiff(stored(655.35, 0, np.uint16), photometric="cielab"), grey, 2 * EXACT),
-        "ICC Lab 8": (tiff(stored(2.55, 128, np.uint8), photometric="icclab"), grey, 2 * EXACT),
-        "ICC Lab 16": (tiff(stored(652.80, 32768, np.uint16), photometric="icclab"), grey, 2 * EXACT),
-    }
-
-
 def paged() -> dict[str, Case]:
-    """TIFF of several pages, and turned ones."""
+    """TIFF of several pages and SubIFDs, and turned ones."""
     color = numbers(SCENE, 8)
-    small, other = 255 - color[::2, ::2], 255 - color
-
-    def pages(*written: tuple[np.ndarray, int]) -> bytes:
-        content = io.BytesIO()
-        with tifffile.TiffWriter(content) as file:
-            for page, kind in written:
-                file.write(page, photometric="mask" if kind == 4 else "rgb", subfiletype=kind)
-        return content.getvalue()
-
+    full, small, other = (color, RGB), (255 - color[::2, ::2], RGB), (255 - color, RGB)
+    mask, thumbnail = (color[..., :1] > 99, MASK, {254: 4}), {254: 1}
     turned = {
         1: color, 2: color[:, ::-1], 3: color[::-1, ::-1], 4: color[::-1],
         5: color.transpose(1, 0, 2), 6: np.rot90(color, 1), 7: color.transpose(1, 0, 2)[::-1, ::-1],
         8: np.rot90(color, -1),
     }  # fmt: skip
-    cases = {
-        f"orientation {number}": (
-            tiff(np.ascontiguousarray(stored), photometric="rgb", extratags=[(274, 3, 1, number, False)]),
-            color / 255, EXACT,
-        )
-        for number, stored in turned.items()
-    }  # fmt: skip
-    return cases | {
-        "thumbnail first": (pages((small, 1), (color, 0)), color / 255, EXACT),
-        "thumbnail last": (pages((color, 0), (small, 1)), color / 255, EXACT),
-        "mask first": (pages((color[..., 0] > 99, 4), (color, 0)), color / 255, EXACT),
-        "two pages": (pages((color, 2), (other, 2)), color / 255, EXACT),
-        "nothing but a thumbnail": (pages((color, 1)), color / 255, EXACT),
+    files = {f"orientation {number}": tiff((stored, RGB, {274: number})) for number, stored in turned.items()}
+    files |= {
+        "thumbnail first": tiff((*small, thumbnail), (*full, {})),
+        "thumbnail last": tiff((*full, {}), (*small, thumbnail)),
+        "mask first": tiff(mask, (*full, {})),
+        "two pages": tiff((*full, {}), (*other, {})),
+        "nothing but a thumbnail": tiff((*full, thumbnail)),
+        "thumbnail with the picture inside": tiff((*small, thumbnail), inside=(mask, (*full, {}))),
+        "unmarked thumbnail with the picture inside": tiff((*small, {}), inside=((*full, {}),)),
+        "thumbnail inside the picture": tiff((*full, {}), (*other, {}), inside=((*small, thumbnail),)),
+        "thumbnail of the same size first": tiff((*other, thumbnail), inside=((*full, {}), (*small, {}))),
     }
+    return {name: (content, color / 255, EXACT) for name, content in files.items()}
 
 
 def others() -> dict[str, Case]:
@@ -343,6 +350,7 @@ def others() -> dict[str, Case]:
                                       seen(exact), LOSSY),
         "BMP": (pillow(color, "BMP"), exact, EXACT),
         "BMP grey": (pillow(color[..., 0], "BMP"), exact[..., :1], EXACT),
+        "GIF grey": (pillow(color[..., 0], "GIF"), exact[..., :1], EXACT),
         "AVIF": (pillow(color, "AVIF", **full), exact, LOSSY),
         "AVIF with opacity": (pillow(both, "AVIF", **full), veiled, LOSSY),
         "AVIF turned": (pillow(quarter, "AVIF", exif=note, **full), exact, LOSSY),
@@ -353,7 +361,7 @@ def others() -> dict[str, Case]:
 
 CORPUS = {
     f"{family.__name__}: {name}": case
-    for family in (pngs, colored, tiffs, lab, paged, others)
+    for family in (pngs, colored, tiffs, paged, others)
     for name, case in family().items()
 }
 
@@ -382,21 +390,19 @@ def test_what_a_file_says_of_itself_is_seen(tmp_path: Path, name: str, capfd: py
     assert capfd.readouterr() == ("", "")
 
 
-@pytest.mark.parametrize("name", [name for name in CORPUS if name.startswith(("tiffs", "pngs"))])
+OPENCV_CANNOT = {"planes", "tiles", "cmyk"}
+
+
+@pytest.mark.parametrize(
+    "name", [name for name in CORPUS if name.startswith(("tiffs", "pngs")) and not OPENCV_CANNOT & set(name.split())]
+)
 def test_the_files_are_what_this_test_believes(name: str) -> None:
-    """OpenCV and tifffile read the numbers back that the formulas begin with, if neither adds a meaning of its own."""
+    """OpenCV reads the numbers back that the formulas begin with, if it adds no meaning of its own."""
     content, right, _ = CORPUS[name]
-    if name.startswith("tiffs"):
-        with tifffile.TiffFile(io.BytesIO(content)) as file:
-            assert file.pages[0].imagelength == ROWS and file.pages[0].imagewidth == COLUMNS
-            stored = file.asarray()
-    else:
-        stored = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
+    stored = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
     if stored.shape == right.shape and stored.shape[2] == 3 and not {"hole", "profile", "P3"} & set(name.split()):
-        stored = stored[..., ::-1] if name.startswith("pngs") else stored
-        most = 1.0 if stored.dtype.kind == "f" else np.iinfo(stored.dtype).max
-        assert np.abs(stored / most - right).max() < EXACT
-    assert stored.shape[:2] == (ROWS, COLUMNS) or stored.shape[1:] == (ROWS, COLUMNS)
+        assert np.abs(stored[..., ::-1] / np.iinfo(stored.dtype).max - right).max() < EXACT
+    assert stored.shape[:2] == (ROWS, COLUMNS)
 
 
 # HEIC, of which there is no encoder here
@@ -447,8 +453,7 @@ def test_a_telephone_says_when_it_took_a_photograph() -> None:
         (b"#?RADIANCE\n", "Radiance"),
         (b"\0\0\0\x0cjP  \r\n\x87\n", "JPEG 2000"),
         (b"\xff\x0a", "JPEG XL"),
-        (b"P6 32 24 255\n", "a PPM picture"),
-        (b"Pf\n32 24\n", "a PFM picture"),
+        (b"P6 32 24 255\n", "a PPM, PGM"),
         (b"\0\0\x01\0\x01\0", "an ICO"),
         (b"\0\0\0\x18ftypisom\0\0\0\0", "a film"),
         (b"\0\0\0\x18ftypcrx \0\0\0\0", "raw photograph"),
@@ -456,19 +461,14 @@ def test_a_telephone_says_when_it_took_a_photograph() -> None:
         (b"\0\0\0\x18ftypheic\0\0\0\0", "a damaged HEIC picture"),
         (b"\0\0\0\x1cftypmif1\0\0\0\0mif1avif", "a damaged AVIF picture"),
         (b"RIFF\0\0\0\0WAVE", "a sound"),
-        (tiff(SCENE, photometric="rgb"), r"TIFF of a kind that cannot be read \(64-bit float RGB\)"),
-        (tiff(numbers(GREY, 8)[..., 0].astype(np.int16), photometric="minisblack"), "16-bit signed grey"),
-        (
-            tiff(
-                np.concatenate((numbers(SCENE, 32), numbers(OPACITY, 32)), 2),
-                photometric="rgb",
-                extrasamples=["assocalpha"],
-            ),
-            "premultiplied opacity",
-        ),
-        (tiff(SCENE.astype(np.float32) * 3, photometric="rgb"), r"32-bit float RGB\) with values from 0 to 3"),
-        (tiff(np.full((ROWS, COLUMNS), np.nan, np.float32)), "no numbers"),
-        (tiff(numbers(GREY, 16)[..., 0], photometric="cfa", extratags=[(50706, 1, 4, b"\1\4\0\0", False)]), "DNG"),
+        (tiff((SCENE, RGB, {})), r"TIFF of a kind that cannot be read \(64-bit float RGB\)"),
+        (tiff((SCENE.astype(np.float32), RGB, {})), "32-bit float RGB"),
+        (tiff((numbers(GREY, 8).astype(np.int16), GREY_KIND, {})), "16-bit signed BlackIsZero"),
+        (tiff((numbers(SCENE, 32), RGB, {})), "32-bit unsigned RGB"),
+        (tiff((numbers(SCENE, 8), RGB, {258: (5, 6, 5)})), "5/6-bit"),
+        (tiff((numbers(SCENE, 8), LAB, {})), "CieLAB"),
+        (tiff((numbers(SCENE, 8), RGB, {254: 1}), inside=((numbers(GREY, 16), 32803, {}),)), "unsigned CFA"),
+        (b"MM\0+\0\x08\0\0", "BigTIFF"),
         (png(numbers(SCENE, 8), 8, 2, (b"cICP", bytes((9, 16, 0, 1)))), r"high dynamic range \(PQ\)"),
         ((HEIC / "pq.heic").read_bytes(), "high dynamic range"),
         ((HEIC / "plain.heic").read_bytes()[:600], "damaged HEIC"),
