@@ -74,6 +74,32 @@ def fetch_imagine(cache: Path, *, bias: float = 0.0) -> Path:
     return folder
 
 
+def write_stable_diffusion_xl(folder: Path) -> Path:
+    """A Stable Diffusion XL of random weights that makes pictures of about 64 x 64 pixels."""
+    import torch
+    from diffusers import EulerDiscreteScheduler, StableDiffusionXLPipeline, UNet2DConditionModel
+    from transformers import CLIPTextModel, CLIPTextModelWithProjection
+
+    with torch.random.fork_rng(devices=()), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        torch.manual_seed(0)
+        (one, first), (two, second) = _clip(CLIPTextModel), _clip(CLIPTextModelWithProjection)
+        unet = UNet2DConditionModel(
+            sample_size=8, layers_per_block=1, block_out_channels=(8, 16), norm_num_groups=4,
+            down_block_types=("DownBlock2D", "CrossAttnDownBlock2D"),
+            up_block_types=("CrossAttnUpBlock2D", "UpBlock2D"),
+            cross_attention_dim=16, attention_head_dim=4, addition_embed_type="text_time", addition_time_embed_dim=2,
+            projection_class_embeddings_input_dim=6 * 2 + 8,
+        )  # fmt: skip
+        pipeline = StableDiffusionXLPipeline(
+            vae=_vae(latent_channels=4), unet=unet, text_encoder=one, tokenizer=first, text_encoder_2=two,
+            tokenizer_2=second, scheduler=EulerDiscreteScheduler(beta_schedule="scaled_linear"),
+            add_watermarker=False,
+        )  # fmt: skip
+        pipeline.save_pretrained(folder)
+    return folder
+
+
 def write_flux(folder: Path, *, guided: bool = True) -> Path:
     """A Flux of random weights; with `guided`, of the kind of dev, else of schnell."""
     import torch

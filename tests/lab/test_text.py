@@ -5,7 +5,7 @@ import torch
 
 from frida_painter.lab import paintings, text
 from frida_painter.lab.text import PROMPTS, QUICK, WAYS
-from frida_painter.objectives.encoders.classifiers import EfficientNetLite, class_names
+from frida_painter.objectives.encoders.classifiers import EfficientNetLite
 from support.networks import QuickEncoders, random_lite_tensors
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("small_world")]
@@ -52,12 +52,3 @@ def test_numbers_are_the_judges_for_the_photograph(outcome, kept):
 def test_what_was_finished_is_not_painted_again(outcome, kept, monkeypatch):
     monkeypatch.setattr(paintings, "PaintingRun", lambda *args, **kwargs: pytest.fail("it was finished"))
     assert run(kept).tables == outcome.tables
-
-
-def test_prompts_mean_classes_that_are_called_so():
-    assert len(PROMPTS) == 20 and len({prompt.words for prompt in PROMPTS}) == 20
-    names = class_names()
-    for prompt in PROMPTS:
-        assert all(0 <= number < 1000 for number in prompt.classes)
-    classes = {prompt.words: prompt.classes[0] for prompt in PROMPTS}
-    assert "lighthouse" in names[classes["a lighthouse"]] and "pizza" in names[classes["a pizza"]][0]

@@ -25,7 +25,7 @@ def test_the_time_of_a_plan_is_measured_before_it_begins_and_changes_nothing(tmp
 
     images.save(torch.rand(3, 30, 40, generator=torch.Generator().manual_seed(0)), tmp_path / "ground.png")
     timed, other = planner("a fox"), planner("a fox")
-    short, long = timed.measure_clip_plan(6), timed.measure_clip_plan(60)
+    short, long = timed.measure_plan(6), timed.measure_plan(60)
     assert short is not None and long is not None and 0 < short < 60
     assert timed.plan(timed.bare, 6, 2).digest == other.plan(other.bare, 6, 2).digest
-    assert planner("").measure_clip_plan(6) is None, "no network reads anything"
+    assert planner("").measure_plan(6) is None, "no network reads anything"

@@ -163,7 +163,7 @@ def ready_planner(run: PaintingRun, stop: StopSignal, out: Path | None = None) -
         print(f"Seeing {choice.purpose} through {choice.used}{better}.", file=sys.stderr)
     for remark in (*encoders.remarks, *run.remarks):
         print(remark, file=sys.stderr)
-    seconds = run.planner.measure_clip_plan(run.spec.strokes)
+    seconds = run.planner.measure_plan(run.spec.strokes)
     if seconds is not None:
         took = count_of(max(1, round(seconds / 60)), "minute")
         print(f"A plan with this network takes about {took}, longer if this machine is busy.", file=sys.stderr)

@@ -235,7 +235,7 @@ TAKEN = frozenset(RunSpec.model_fields) - {"goal", "clip", "pictures"} | {
 _PLAN = (
     *("strokes", "layers", "colors", "canvas", "fit", "ground", "brushes", "strokes_of", "new_paints", "paints"),
     *("darkest", "focus", "sharpness", "freedom", "render_height", "effort", "planner", "initialiser", "seed"),
-    *("beginning", "avoid", "phrases"),
+    *("beginning", "avoid", "phrases", "guide"),
 )
 _PAINT = ("together", "minutes", "replans", "replan_policy", "drying", "timelapse_frames", "listener")
 

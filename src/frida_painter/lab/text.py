@@ -19,7 +19,7 @@ from frida_painter import images, weights
 from frida_painter.lab import paintings
 from frida_painter.lab.paintings import Painted, PaintingTrial
 from frida_painter.lab.trials import Experiment, Measurement, Outcome, Results, ResultTable, Row
-from frida_painter.objectives.encoders.classifiers import EfficientNetLite, class_names
+from frida_painter.objectives.encoders.classifiers import EfficientNetLite
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.planning.initialize import uniform
 from frida_painter.render import render
@@ -32,6 +32,7 @@ NAME = "text"
 JUDGE = "efficientnet-lite2"
 PAINTED, PIXELS, BEGUN, RANDOM = "words", "pixels of the beginning", "the beginning itself", "random strokes"
 WAYS = (PAINTED, PIXELS, BEGUN, RANDOM)
+_CLASSES = 1000
 _SEEN = 260  # pixels of the judge's input square
 
 
@@ -161,7 +162,7 @@ def log_probabilities(judge: EfficientNetLite, picture: Tensor) -> Tensor:
 
 def _of(finding: Measurement, way: str) -> Tensor:
     """Returns the judge's log probabilities of one way, [1000]."""
-    return torch.tensor([finding.numbers[f"{way} {number}"] for number in range(len(class_names()))])
+    return torch.tensor([finding.numbers[f"{way} {number}"] for number in range(_CLASSES)])
 
 
 def rank_of(logs: Tensor, prompt: Prompt) -> int:
@@ -192,17 +193,8 @@ def _row(prompt: Prompt, seed: int, prompts: Sequence[Prompt], results: Results)
         "rank": rank_of(logs, prompt),
         "probability": float(logs[list(prompt.classes)].exp().sum()),
         "first among all": _first(prompt, seed, PAINTED, prompts, results) == 1,
-        "taken for": ", ".join(_top(logs)),
         **{f"rank, {way}": rank_of(_of(finding, way), prompt) for way in WAYS[1:]},
     }
-
-
-def _top(logs: Tensor) -> list[str]:
-    best = logs.exp().topk(3)
-    return [
-        f"{class_names()[number][0]} {100 * share:.0f} %"
-        for share, number in zip(best.values.tolist(), best.indices.tolist(), strict=True)
-    ]
 
 
 def _summary(way: str, prompts: Sequence[Prompt], seeds: Sequence[int], results: Results) -> Row:
@@ -234,6 +226,6 @@ def _sheet(prompts: Sequence[Prompt], seed: int, results: Results) -> Tensor:
     for prompt in prompts:
         finding = results.one(prompt=prompt.words, seed=seed)
         logs = _of(finding, PAINTED)
-        label = "\n".join((f"“{prompt.words}”", f"rank {rank_of(logs, prompt)}", "", *_top(logs)))
+        label = f"“{prompt.words}”\nrank {rank_of(logs, prompt)}"
         lines.append(FigureRow(label, [Cell(finding.pictures[name]) for name in ("begun", "plan", "painting")]))
     return page("Painted towards words", ("begun with", "planned", "painted, photographed"), lines, width=260)

@@ -1,7 +1,9 @@
 """Conversion of a goal to one objective: interpretation of the terms, preparation, weighted sum."""
 
 import math
+import time
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -20,6 +22,7 @@ from frida_painter.objectives.objective import (
     require_objective,
 )
 
+_STEPS_OF_CLIP = 1.35  # time of a plan between two gradients of a CLIP, in steps of the validation (docs/lab/words.md)
 _INSISTENCE = 4.0  # weight of a recognition that is worse than that of the beginning
 
 
@@ -92,6 +95,15 @@ class WeightedObjective:
         """Returns how far a picture [3, H, W] is from being recognised as the wish; 0 if no term measures it."""
         return self._validate(picture, None)[1]
 
+    def measure_step(self, picture: Tensor) -> float | None:
+        """Returns the seconds that an iteration spends in networks that recognise; None if there is no such network.
+
+        If a term does not know its time, a processor's time of its validation of a picture [3, H, W] is measured,
+        which draws no random number, so the plan stays the same.
+        """
+        slow = [term for _, term in self._terms if term.recognizes]
+        return sum(_time_gradient(term, picture) / term.lasts for term in slow) if slow else None
+
     def _validation(self, picture: Tensor, variance: Tensor | None = None) -> Tensor:
         total, recognition = self._validate(picture, variance)
         return total + _INSISTENCE * (recognition - self._limit).clamp(min=0)
@@ -105,6 +117,16 @@ class WeightedObjective:
             if term.recognizes:
                 recognition = recognition + value
         return total, recognition
+
+
+def _time_gradient(term: ObjectiveTerm, picture: Tensor) -> float:
+    """Returns the seconds of a gradient of a slow term, with the iterations until the next one."""
+    if term.seconds is not None or term.validation is None:
+        return term.seconds or 0.0
+    began = time.thread_time()
+    with torch.enable_grad():
+        torch.autograd.grad(term.validation(at := picture.detach().requires_grad_()), at)
+    return _STEPS_OF_CLIP * (time.thread_time() - began)
 
 
 class _Tangents:
@@ -145,17 +167,30 @@ def _of_variance(term: ObjectiveTerm, variance: Tensor | None) -> Tensor | float
     return 0.0 if variance is None or term.of_variance is None else term.of_variance(variance)
 
 
-def prepare(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry | None = None, seed: int = 0) -> WeightedObjective:
+def prepare(
+    goal: Goal,
+    grid: PixelGrid,
+    encoders: EncoderRegistry | None = None,
+    seed: int = 0,
+    *,
+    iterations: int = 0,
+    shared: dict[str, Any] | None = None,
+) -> WeightedObjective:
     """Returns the objective of a goal for pictures on `grid`.
 
     encoders: networks for terms that need them; by default those that were fetched
+    iterations: number of iterations of a plan
+    shared: what the objectives of several grids have in common, empty at first
     Raises WeightsError if a network is missing, ConfigError if an objective cannot be used.
     """
     picture = next((term.picture for term in goal.initial if term.picture is not None), None)
     begun = None if picture is None else images.fit(picture, grid.rows, grid.columns)
     in_style = any(term.colors is not None for term in goal.terms)
     is_held = any(term.is_pixelwise for term in goal.terms)
-    context = ObjectiveContext(grid, encoders or EncoderRegistry(), seed, begun, in_style=in_style, is_held=is_held)
+    common: dict[str, Any] = {} if shared is None else shared
+    context = ObjectiveContext(
+        grid, encoders or EncoderRegistry(), seed, begun, 0.0, in_style, is_held, common, iterations
+    )
     return WeightedObjective([(term.weight, _prepare_term(term, context)) for term in goal.terms], begun)
 
 

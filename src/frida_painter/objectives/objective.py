@@ -383,6 +383,7 @@ class ObjectiveContext:
     in_style: True if a term of the goal is a style
     is_held: True if a term is compared pixel by pixel, so that others may be computed seldom
     shared: what terms of one goal have in common, by names that they agree on, such as a network's last sight
+    iterations: number of iterations of a plan
     """
 
     grid: PixelGrid
@@ -393,6 +394,7 @@ class ObjectiveContext:
     in_style: bool = False
     is_held: bool = False
     shared: dict[str, Any] = field(default_factory=dict)
+    iterations: int = 0
 
 
 @dataclass(frozen=True)
@@ -402,12 +404,12 @@ class ObjectiveTerm:
     objective: loss of a picture
     validation: steady judgement of a finished picture, best by a network that the optimiser does not use. None
     if `objective` is deterministic and cannot be fooled.
-    of_variance: mean increase of the loss by the variance [H, W] of the pixels, exact for squared errors; None
-    if unknown
+    of_variance: mean increase of the loss by the variance [H, W] of the pixels; None if unknown
     recognizes: True if `validation` measures how well the picture is recognised as the wish
     on_rows: makes the term for pictures with some rows of the grid only; None if the loss is no mean over pixels
     lasts: number of iterations that one gradient of `objective` may serve: above 1 if it is slow
     smooth: True if `lasts` counts full steps of the optimiser
+    seconds: time of one gradient, if it was measured
     """
 
     objective: Objective
@@ -417,6 +419,7 @@ class ObjectiveTerm:
     on_rows: Callable[[Rows], ObjectiveTerm] | None = None
     lasts: int = 1
     smooth: bool = False
+    seconds: float | None = None
 
 
 def require_objective(objective: Objective, what: str, rows: int, columns: int, device: torch.device) -> None:

@@ -9,22 +9,14 @@ from pathlib import Path
 from frida_painter import registry, storage
 from frida_painter.errors import ConfigError, MakingFailed
 from frida_painter.picture_makers.child import ANSWER
-from frida_painter.picture_makers.pipeline_folder import (
-    INDEX,
-    USUAL_STEPS,
-    HalfDownload,
-    PipelineFolder,
-    read_pipeline_folder,
-)
 from frida_painter.picture_makers.program import run_child
 from frida_painter.runs.picture_making import PictureMakerKind, PictureRequest
 from frida_painter.weights.catalogue import find_weights
+from frida_painter.weights.pipeline_folder import USUAL_STEPS, PipelineFolder, find_pipeline, read_pipeline_folder
 from frida_painter.weights.sources import Hub
 
-_HUB_NAME = re.compile(r"[A-Za-z0-9][\w.-]{0,95}/[A-Za-z0-9][\w.-]{0,95}")
 _STEPS = re.compile(r"(.*),\s*steps=(\d{1,4})")
 _MAX_STEPS = 200
-_EXAMPLE = "diffusers:stabilityai/sd-turbo"
 _OFFLINE = {"HF_HUB_OFFLINE": "1", "TRANSFORMERS_OFFLINE": "1", "HF_HUB_DISABLE_TELEMETRY": "1"}
 
 
@@ -57,24 +49,7 @@ class DiffusionMaker:
             raise ConfigError(f"{steps} steps were asked for; a pipeline takes 1 to {_MAX_STEPS}.")
         if not source and registry.are_here(registry.IMAGINE):
             return cls(registry.IMAGINE, _fetched(), steps)
-        if not source.strip() or "\0" in source:
-            raise ConfigError(
-                "The picture maker diffusers was given no pipeline; fetch one with `frida-painter models fetch "
-                f"{registry.IMAGINE}`, or write for example {_EXAMPLE}."
-            )
-        folder = storage.in_home(source)
-        try:
-            if folder.is_dir():
-                return cls(source, read_pipeline_folder(folder.resolve(), folder.resolve().name), steps)
-            if folder.exists():
-                raise ConfigError(f"{source[:80]} is a file; name the folder of a pipeline, or a name on the hub.")
-        except OSError as cause:
-            raise ConfigError(f"{source[:80]} cannot be read ({cause.strerror}); name a folder.") from cause
-        if not _HUB_NAME.fullmatch(source):
-            raise ConfigError(
-                f"{source[:80]!r} is neither a folder that is here nor a name on the hub; write for example {_EXAMPLE}."
-            )
-        return cls(source, _find(source), steps)
+        return cls(source, find_pipeline(source, "The picture maker diffusers"), steps)
 
     def make(self, request: PictureRequest) -> Sequence[Path | MakingFailed]:
         """Returns a picture file for each seed, or a reason. Raises MakingFailed, ConfigError and Interrupted."""
@@ -133,19 +108,6 @@ def _fetched() -> PipelineFolder:
             f"The fetched generator is damaged ({str(cause).rstrip('.')}); `frida-painter models fetch "
             f"{registry.IMAGINE}` mends it."
         ) from cause
-
-
-def _find(name: str) -> PipelineFolder | None:
-    """Returns the pipeline of that name in the cache of the hub; None if it has to be fetched. Raises ConfigError."""
-    from huggingface_hub import try_to_load_from_cache
-
-    index = try_to_load_from_cache(name, INDEX)
-    if not isinstance(index, str):
-        return None
-    try:
-        return read_pipeline_folder(Path(index).parent, name)
-    except HalfDownload:
-        return None
 
 
 DIFFUSERS = PictureMakerKind(

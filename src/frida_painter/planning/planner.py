@@ -1,7 +1,6 @@
 """Planner: makes a plan for a goal and a canvas, and replans the rest of a plan from a photograph."""
 
 import copy
-import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -64,7 +63,6 @@ def stroke_models(given: AnyBrush | Sequence[AnyBrush]) -> tuple[StrokeModel, ..
 
 
 _POLISHING_PACE = 0.5
-_STEPS_OF_CLIP = 1.35  # time of a plan between two gradients of a CLIP, in steps of the validation (docs/lab/words.md)
 
 
 class Planner:
@@ -121,16 +119,17 @@ class Planner:
         seen = weight_by_focus(goal, settings.focus, self.encoders)
         self.goal: Final = interpret_goal(seen, self.fine, self.encoders, settings.seed, settings.sharpness)
         near, grids = self.goal.to(self.device), (self.fine, self.coarse)
+        prepared = partial(
+            prepare, encoders=self.encoders, seed=settings.seed, iterations=self.iterations(settings.strokes), shared={}
+        )
         initial = (
-            prepare(Goal(near.initial_terms), self.coarse, self.encoders, settings.seed)
-            if self.goal.initial_terms is not self.goal.terms
-            else None
+            prepared(Goal(near.initial_terms), self.coarse) if self.goal.initial_terms is not self.goal.terms else None
         )
         self.problems = PlanningProblems(
             size=size,
             models={name: on_device(one, self.device) for name, one in self.models.items()},
             goal=self.goal,
-            objectives={grid: prepare(near, grid, self.encoders, settings.seed) for grid in grids},
+            objectives={grid: prepared(near, grid) for grid in grids},
             initial_objective=initial,
             device=self.device,
             region=settings.region,
@@ -605,23 +604,14 @@ class Planner:
             seen = images.fit(as_picture(picture).to(self.device), self.fine.rows, self.fine.columns)
             return float((objective.validation or objective)(seen))
 
-    def measure_clip_plan(self, strokes: int) -> float | None:
+    def measure_plan(self, strokes: int) -> float | None:
         """Returns the time in seconds of a plan with this many strokes if nothing else runs on this machine.
 
-        None if no CLIP reads its words. The processor's time of one step of the validation is measured, which draws no
-        random number, so the plan stays the same.
+        None if no CLIP and no guide reads its words.
         """
-        objective = self.problems.objectives[self.fine]
-        said = any(term.words is not None for term in self.goal.terms)
-        if objective.validation is None or not said or not self.encoders.reads_by_clip:
-            return None
         bare = images.fit(self.bare.to(self.device), self.fine.rows, self.fine.columns)
-        began = time.thread_time()
-        with torch.enable_grad():
-            torch.autograd.grad(objective.validation(picture := bare.requires_grad_()), picture)
-        step = time.thread_time() - began
-        lasts = 1 if objective.sparing is None else objective.sparing().lasts
-        return _STEPS_OF_CLIP * step * self.iterations(strokes) / lasts
+        step = self.problems.objectives[self.fine].measure_step(bare)
+        return None if step is None else step * self.iterations(strokes)
 
     def _as_plan(self, layer: LayerAtWork) -> Plan:
         if layer.mixes:

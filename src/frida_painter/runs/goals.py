@@ -9,6 +9,7 @@ from torch import Tensor
 
 from frida_painter.errors import ConfigError
 from frida_painter.images import AnyPicture, as_picture
+from frida_painter.objectives.guidance import GuidanceTerm, GuideSource
 from frida_painter.objectives.image import ImageTerm, PictureTerm
 from frida_painter.objectives.objective import (
     Gives,
@@ -60,11 +61,18 @@ def open_goal(spec: RunSpec) -> Goal:
     )
 
 
-def tell_terms(goal: Goal, settings: WordSettings, freedom: float) -> Goal:
-    """Returns the goal with these settings of its words, and this freedom of its colours."""
+def tell_terms(goal: Goal, settings: WordSettings, freedom: float, guide: str | None = None) -> Goal:
+    """Returns the goal with these settings of its words, and this freedom of its colours.
+
+    guide: diffusion pipeline that its words follow too. Raises ConfigError if it cannot be used.
+    """
     terms, initial = (
         tuple(term.say(settings).free_colors(freedom) for term in some) for some in (goal.terms, goal.initial)
     )
+    if guide is not None:
+        source = GuideSource.parse(guide)
+        said = ((term.words, term.weight) for term in goal.terms)
+        terms += tuple(GuidanceTerm(words, source, weight, settings) for words, weight in said if words is not None)
     return replace(goal, terms=terms, initial=initial)
 
 

@@ -53,6 +53,7 @@ class RunSettings(TypedDict, total=False):
     beginning: Literal["auto", "scene", "colors", "nothing"]
     avoid: str
     phrases: str
+    guide: str | None
     pictures: str | Path | None
     palette: str | Path | None
     film: bool

@@ -212,12 +212,12 @@ def open_planner(
     tell: receives a sentence about each wait.
     heed: called often in waits; may raise to end them.
     Raises CalibrationError if the record is damaged, WeightsError if a brush or a network is missing, ConfigError
-    if --clip or --pictures has no use.
+    if --clip or --pictures has no use, or --guide cannot be used.
     """
     device = planning_device()
     networks = encoders or EncoderRegistry(clip=spec.clip, device=device, pictures=spec.pictures, tell=tell, heed=heed)
     work = spec.effort * (_ON_GPU if device.type == "cuda" else 1.0)
-    told = tell_terms(goal, replace(spec.words, effort=work), spec.freedom)
+    told = tell_terms(goal, replace(spec.words, effort=work), spec.freedom, spec.guide)
     planner = Planner(told, planner_settings(spec, model), encoders=networks, device=device)
     if networks.idle_clip is not None and not making_facts(spec):  # else it has chosen among made pictures
         raise ConfigError(

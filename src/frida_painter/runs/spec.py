@@ -40,6 +40,7 @@ from frida_painter.runs.fields import (
     File,
     Focus,
     Ground,
+    Guide,
     InitialItems,
     Items,
     PaintsInUse,
@@ -314,6 +315,14 @@ class RunSpec(BaseModel):
         'in "a painting of {}; a drawing of {}".',
         json_schema_extra={"metavar": "SENTENCES", "default": "the words alone"},
     )
+    guide: Guide = Field(
+        None,
+        min_length=1,
+        description="A diffusion pipeline that leads the plan of words, by score distillation: diffusers:NAME is a "
+        "folder, or a name on the hub, fetched once. diffusers:NAME,scale=X says how strongly the words count, 100 by "
+        "default.",
+        json_schema_extra={"metavar": "diffusers:NAME", "default": "a CLIP alone, if there is one"},
+    )
     pictures: File = None
     palette: File = None
     film: bool = True
@@ -393,6 +402,8 @@ class RunSpec(BaseModel):
         except ConfigError as error:
             raise ValueError(f"--phrases: {error}") from error
         kinds = {item.kind for item in (*self.goal, *self.initial)}
+        if self.guide is not None and all(item.kind != "text" for item in self.goal) and (self.goal or self.together):
+            raise ValueError("--guide follows words, and the goal has none; leave it out, or give --text")
         if kinds and "text" not in kinds and settings != USUAL:
             option = next(
                 name

@@ -415,7 +415,7 @@ def make_plan(job: Job, place: PlanFolder) -> None:
             feed.tell(PlanPreview(name, place.number))
 
         growing = Growing(place.path, bare, planner.models, planner.size, grown)
-        expected_time = planner.measure_clip_plan(run.spec.strokes)
+        expected_time = planner.measure_plan(run.spec.strokes)
         if expected_time is not None:
             feed.step(0.0, expected_time, place.number)
         plan_time = PlanTime(expected_time)

@@ -6,8 +6,6 @@ halves the work.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
-from importlib import resources
 
 import torch
 from torch import Tensor
@@ -91,10 +89,7 @@ class EfficientNetLite:
 
     def logits(self, views: Tensor) -> Tensor:
         """Returns logits [n, 1000] of ImageNet's classes for views [n, 3, h, w], sRGB in [0, 1]."""
-        return self.classify(self.features(views)[1])
-
-    def classify(self, deepest: Tensor) -> Tensor:
-        """Converts features of the last layer [n, 1280, h, w] to logits [n, 1000]."""
+        deepest = self.features(views)[1]
         weight, bias = self._classes
         return deepest.mean((2, 3)) @ weight.to(deepest).T + bias.to(deepest)
 
@@ -122,16 +117,3 @@ def _fold(tensors: Mapping[str, Tensor], convolution: str, norm: str, stride: in
     scale = tensors[f"{norm}.weight"] * torch.rsqrt(tensors[f"{norm}.running_var"] + _EPSILON)
     bias = tensors[f"{norm}.bias"] - tensors[f"{norm}.running_mean"] * scale
     return _Convolution(tensors[f"{convolution}.weight"] * scale[:, None, None, None], bias, stride)
-
-
-FILE = "class_names.txt"
-
-
-@cache
-def class_names() -> tuple[tuple[str, ...], ...]:
-    """Returns the names of each class in the order of the logits, for example ("beacon", "lighthouse", ...).
-
-    They are lemmas of WordNet 3.0 (Princeton University 2006). The licence lies beside this file.
-    """
-    text = (resources.files(__package__) / FILE).read_text("utf-8")
-    return tuple(tuple(line.split(", ")) for line in text.splitlines())

@@ -125,7 +125,7 @@ class Clip:
             try:
                 if (missing := missing_file(whole)) is not None:
                     raise WeightsError(f"it has no {missing}")
-                with _quietly():
+                with quietly():
                     model = _read_model(whole)
                     try:
                         tokenizer = _read_tokenizer(whole, model.config)
@@ -291,7 +291,7 @@ def _read_tokenizer(folder: Path, settings: Any) -> Any:
 
 
 @contextmanager
-def _quietly() -> Iterator[None]:
+def quietly() -> Iterator[None]:
     """Hides bars and reports of `transformers`, which would lie between the lines of the terminal."""
     from transformers import utils
 

@@ -36,11 +36,13 @@ class Choice:
     purpose: its task
     used: name of the network
     better: name of a better network that was missing, with the command that fetches it; "" if there is none
+    hashes: SHA-256 of its files, if a person named them
     """
 
     purpose: str
     used: str
     better: str = ""
+    hashes: str = ""
 
 
 _ASIDE = Choice("progress", "EfficientNet-Lite2, kept aside")

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from frida_painter.errors import ConfigError
-from frida_painter.picture_makers.pipeline_folder import HalfDownload, choose_weights, read_pipeline_folder
+from frida_painter.weights.pipeline_folder import HalfDownload, choose_weights, read_pipeline_folder
 from tiny_pipelines import INDEX, write_lookalike
 
 

@@ -2,14 +2,16 @@
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from frida_painter import storage
-from frida_painter.errors import ConfigError
+from frida_painter import registry, storage
+from frida_painter.errors import ConfigError, WeightsError
+from frida_painter.weights.hub_folder import ask_hub, fetch_from_hub
+from frida_painter.weights.sources import Hub
 
 INDEX = "model_index.json"
 """List of a pipeline's parts."""
@@ -18,6 +20,9 @@ _FEW = re.compile("turbo|lcm|lightning|schnell|hyper|tcd|flash", re.IGNORECASE)
 _LIBRARIES = ("diffusers", "transformers")
 _WEIGHTS = re.compile(r"(?:model|diffusion_pytorch_model)(?:\.(\w+))?(?:-(\d{5})-of-(\d{5}))?\.safetensors")
 _PICKLES = (".bin", ".ckpt", ".pt", ".pth", ".pkl", ".pickle")
+_SETTINGS = (".json", ".txt", ".model", ".jinja")
+_HUB_NAME = re.compile(r"[A-Za-z0-9][\w.-]{0,95}/[A-Za-z0-9][\w.-]{0,95}")
+_EXAMPLE = "diffusers:stabilityai/sd-turbo"
 _MAX_HEADER, _MAX_WEIGHTS = 10**8, 500 * 10**9  # bytes
 _MAX_JSON = 100 * 10**6  # bytes; the tokenizers of large language models have some 20 MB
 
@@ -45,6 +50,69 @@ class PipelineFolder:
     steps: int
 
 
+def find_pipeline(source: str, user: str) -> PipelineFolder | None:
+    """Returns the pipeline of a folder, or of a name that was fetched from the hub; None if it has to be fetched.
+
+    user: who wants it, at the beginning of a sentence
+    Raises ConfigError if the source is neither, or a pipeline that is refused.
+    """
+    if not source.strip() or "\0" in source:
+        raise ConfigError(
+            f"{user} was given no pipeline; fetch one with `frida-painter models fetch {registry.IMAGINE}`, or write "
+            f"for example {_EXAMPLE}."
+        )
+    folder = storage.in_home(source)
+    try:
+        if folder.is_dir():
+            return read_pipeline_folder(folder.resolve(), folder.resolve().name)
+        if folder.exists():
+            raise ConfigError(f"{source[:80]} is a file; name the folder of a pipeline, or a name on the hub.")
+    except OSError as cause:
+        raise ConfigError(f"{source[:80]} cannot be read ({cause.strerror}); name a folder.") from cause
+    if not _HUB_NAME.fullmatch(source):
+        raise ConfigError(
+            f"{source[:80]!r} is neither a folder that is here nor a name on the hub; write for example {_EXAMPLE}."
+        )
+    from huggingface_hub import try_to_load_from_cache
+
+    index = try_to_load_from_cache(source, INDEX)
+    if not isinstance(index, str):
+        return None
+    try:
+        return read_pipeline_folder(Path(index).parent, source)
+    except HalfDownload:
+        return None
+
+
+def fetch_pipeline(name: str, tell: Callable[[str], None], heed: Callable[[], None] = lambda: None) -> PipelineFolder:
+    """Fetches a pipeline from the hub into its cache: only settings and safetensors, and never code.
+
+    tell, heed: as in `fetch_from_hub`
+    Raises WeightsError if the hub does not give it, and the errors of `read_pipeline_folder`.
+    """
+    try:
+        Hub(name, "main").require(INDEX)  # an unreachable hub costs seconds, not minutes of retries
+        index = Path(ask_hub("fetch", name, [INDEX])) / INDEX
+        _, parts = parse_index(json.loads(storage.read_bytes(index, "the list of a pipeline", 10**6)), name)
+        fetch_from_hub(name, lambda sizes: _choose_files(sizes, parts), tell, heed)
+    except (WeightsError, ValueError) as cause:
+        why = str(cause).rstrip(".")
+        raise WeightsError(
+            f"{name} cannot be fetched from the hub ({why}); check the name and the network, or give a folder."
+        ) from cause
+    return read_pipeline_folder(index.parent, name)
+
+
+def _choose_files(sizes: Mapping[str, int], parts: Mapping[str, str]) -> list[str]:
+    """Returns the settings and weights of the parts; no programs and no pickles."""
+    wanted = []
+    for part in parts:
+        names = [file.removeprefix(f"{part}/") for file in sizes if file.startswith(f"{part}/")]
+        settings = [name for name in names if Path(name).suffix in _SETTINGS and "/" not in name]
+        wanted += [f"{part}/{name}" for name in (*settings, *choose_weights(names))]
+    return wanted
+
+
 def read_pipeline_folder(folder: Path, name: str) -> PipelineFolder:
     """Reads a pipeline's folder and the headers of its weights; loads nothing.
 
@@ -54,7 +122,7 @@ def read_pipeline_folder(folder: Path, name: str) -> PipelineFolder:
     if not (folder / INDEX).is_file():
         error = HalfDownload if any(folder.glob("*/*.safetensors")) else ConfigError
         raise error(f"{name} has no {INDEX}, so it is no pipeline of diffusers; name the folder that has it.")
-    index = _read_json(folder / INDEX, name)
+    index = read_settings(folder / INDEX, name)
     pipeline, parts = parse_index(index, name)
     code = next((path for path in sorted(folder.rglob("*.py")) if path.is_file()), None)
     if code is not None:
@@ -119,7 +187,7 @@ def _read_part(part: Path, kind: str, name: str) -> tuple[list[Path], str]:
     if not part.is_dir() or not any(part.iterdir()):
         raise _half(name, f"the folder {part.name} is missing or empty")
     for path in part.glob("*.json"):
-        if "auto_map" in _read_json(path, name):
+        if "auto_map" in read_settings(path, name):
             raise _wants_code(name, f"{part.name}/{path.name} names code")
     if any(word in kind for word in ("Scheduler", "Tokenizer", "Processor", "FeatureExtractor")):
         if not any(path.suffix in (".json", ".model", ".txt") and path.is_file() for path in part.iterdir()):
@@ -159,7 +227,7 @@ def _is_whole(file: Path) -> bool:
             return False
 
 
-def _read_json(path: Path, name: str) -> Mapping[str, Any]:
+def read_settings(path: Path, name: str) -> Mapping[str, Any]:
     """Returns the object in a JSON file; an empty one if it holds something else. Raises HalfDownload."""
     try:
         found = json.loads(storage.read_bytes(path, "the settings of a pipeline", _MAX_JSON, ConfigError))
