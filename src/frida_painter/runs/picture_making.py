@@ -340,10 +340,12 @@ def _rank(
 def usual_maker(spec: RunSpec) -> str | None:
     """Returns the fetched maker if it makes the first picture of words; None if none is here, or is wanted.
 
-    It is wanted for words without another picture to begin with, unless the description says how to begin them.
+    It is wanted for words without another picture to begin with, unless the description says how to begin them, or
+    who guides them.
     """
     kinds = {item.kind for item in spec.goal}
-    free = spec.beginning == "auto" and spec.pictures is None and all(item.kind == "text" for item in spec.initial)
+    free = spec.beginning == "auto" and spec.pictures is None and spec.guide is None
+    free = free and all(item.kind == "text" for item in spec.initial)
     return (
         "diffusers" if free and {"text"} <= kinds <= {"text", "style"} and registry.are_here(registry.IMAGINE) else None
     )
