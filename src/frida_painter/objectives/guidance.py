@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 _SOURCE = re.compile(r"diffusers:(.*?)(?:,\s*scale=([\d.]{1,8}))?")
 _EXAMPLE = "diffusers:stable-diffusion-v1-5/stable-diffusion-v1-5"
 _USUAL_SCALE, _MAX_SCALE = 100.0, 1000.0
-_LEAST, _MOST, _LAST = 0.02, 0.98, 0.5  # timesteps: the least, the most at first, and the most at the end
+_MIN_NOISE, _MAX_NOISE, _MAX_AT_END = 0.02, 0.98, 0.5  # as shares of the timesteps
 _CLOSEST = 0.85  # share of the picture's sides in the tightest crop
 _JUDGED = (0.3, 0.5, 0.7)  # timesteps of the validation
 _LASTS = {"cuda": 2}  # iterations for which one gradient serves
@@ -88,8 +88,9 @@ class GuidanceTerm(Term):
 
     @classmethod
     def interpret(cls, goal: Goal, context: ObjectiveContext) -> Goal:
-        """Returns the goal without the words if nothing else here can read them; the guide still follows them."""
-        if context.encoders.reads_by_clip or context.encoders.composes:
+        """Returns the goal without the words if nothing else reads them, or shall; the guide still follows them."""
+        bare = any(isinstance(term, cls) and term.settings.beginning == "nothing" for term in goal.terms)
+        if context.encoders.reads_by_clip or (context.encoders.composes and not bare):
             return goal
         return replace(goal, terms=tuple(term for term in goal.terms if term.words is None))
 
@@ -142,7 +143,7 @@ class Guidance:
         """Returns a number whose gradient is the guidance for a picture [3, H, W]; half its mean square."""
         share = _CLOSEST + (1 - _CLOSEST) * torch.rand((), generator=self._generator).item()
         down, across = torch.rand(2, generator=self._generator).tolist()
-        most = _MOST + (_LAST - _MOST) * min(1.0, self._calls / self._of)
+        most = _MAX_NOISE + (_MAX_AT_END - _MAX_NOISE) * min(1.0, self._calls / self._of)
         chance = torch.rand((), generator=self._generator).item()
         wanted = self._words[self._calls % (len(self._words) - 1)]
         self._calls += 1
@@ -151,7 +152,7 @@ class Guidance:
         top, left = round(down * (rows - height)), round(across * (columns - width))
         latents = self._latents(picture[:, top : top + height, left : left + width])
         noise = self._noise(latents, self._generator)
-        timestep = self._timestep(_LEAST + (most - _LEAST) * chance)
+        timestep = self._timestep(_MIN_NOISE + (most - _MIN_NOISE) * chance)
         slope = self.slope(latents.detach(), timestep, noise, wanted)
         return 0.5 * (latents - (latents - slope).detach()).square().mean()
 
