@@ -184,8 +184,8 @@ def lay_in(thing: Tensor, picture: Tensor, own: float) -> tuple[Tensor, Tensor]:
     first = round(_LOW * (len(rough) - 1))
     down, across = divmod(int(rough[first:].argmin()), rough.shape[1])
     free = rows - one.shape[1], columns - one.shape[2]
-    top = round((first + down) / max(1, len(rough) - 1) * free[0])
-    left = round(across / max(1, rough.shape[1] - 1) * free[1])
+    top = round((0.05 + 0.9 * (first + down) / max(1, len(rough) - 1)) * free[0])
+    left = round((0.05 + 0.9 * across / max(1, rough.shape[1] - 1)) * free[1])
     behind = to_lab_picture(picture[:, top : top + one.shape[1], left : left + one.shape[2]])[0].mean()
     colors, seen = style_colors(picture), one[3] > 0.5
     painted = [torch.lerp(tone(one, colors, *tones), one, own) for tones in (_TONES if own < 1 else _TONES[:1])]
