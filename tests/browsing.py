@@ -23,6 +23,21 @@ PATIENCE = 60_000  # ms; the machine that tests may be busy
 SCREENSHOTS = Path(__file__).parents[1] / ".screenshots"  # of every run, for people to look at
 ENOUGH = 600.0  # seconds for everything here; a browser that hangs is not waited for by any other clock
 ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"]
+BEGIN = """async () => {
+  const api = await import("/static/api.js");
+  await api.post("/api/lead");
+  const sheet = document.createElement("canvas");
+  [sheet.width, sheet.height] = [120, 90];
+  const paper = sheet.getContext("2d");
+  paper.fillStyle = "#eadfcb"; paper.fillRect(0, 0, 120, 90);
+  paper.fillStyle = "#20603a"; paper.fillRect(30, 20, 60, 50);
+  const picture = await api.upload(await new Promise((resolve) => sheet.toBlob(resolve)));
+  const wish = { title: "Beside", strokes: 8, effort: 0.05, colors: 2, replans: 1, width: 160, height: 120 };
+  const begun = await api.post("/api/paintings", { terms: [{ kind: "image", picture }], ...wish });
+  location.hash = `#/p/${begun.id}`;
+  return begun.id;
+}"""
+"""Begins a small painting on the page, and returns its id."""
 WITH_CHROMIUM = pytest.mark.skipif(
     CHROMIUM is None, reason="there is no chromium; `make browser` installs it where it can"
 )

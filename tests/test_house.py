@@ -86,7 +86,7 @@ DELETING = {
     "lab/sweeps/sweep_folder.py": 2,  # the failure of a run, and a copy that it just made
     "procedures/strokes.py": 4,  # numbered strokes of the recording in a folder that was empty before it
     "runs/look_folder.py": 1,  # moves a picture beside others of its name
-    "runs/picture_making.py": 4,  # pictures that its record names; empty folders
+    "runs/picture_making.py": 5,  # pictures that its record names; a canvas without pictures; empty folders
     "runs/run.py": 2,  # empty folders
     "sawyer/arm_film.py": 1,  # the end of the film, which it just made
     "storage.py": 2,  # temporary files, named by PART

@@ -28,13 +28,19 @@ def write_lookalike(folder: Path, index: dict[str, Any] | None = None) -> Path:
     return folder
 
 
-def write_pipeline(folder: Path, *, bias: float = 0.0) -> Path:
+_INPUTS = {"StableDiffusionInstructPix2PixPipeline": 8, "StableDiffusionInpaintPipeline": 9}
+"""Channels of a network's input, if they are not the four of a picture."""
+
+
+def write_pipeline(folder: Path, *, bias: float = 0.0, kind: str = "StableDiffusionPipeline") -> Path:
     """A Stable Diffusion of random weights that makes pictures of about 64 x 64 pixels in few steps (LCM).
 
     bias: added to every pixel of its pictures, whose values lie around 0 in -1 to 1
+    kind: class of its pipeline
     """
+    import diffusers
     import torch
-    from diffusers import AutoencoderKL, LCMScheduler, StableDiffusionPipeline, UNet2DConditionModel
+    from diffusers import AutoencoderKL, LCMScheduler, UNet2DConditionModel
     from transformers import CLIPTextModel
 
     with torch.random.fork_rng(devices=()), warnings.catch_warnings():
@@ -44,7 +50,7 @@ def write_pipeline(folder: Path, *, bias: float = 0.0) -> Path:
             sample_size=32, layers_per_block=1, block_out_channels=(8, 16), norm_num_groups=4,
             down_block_types=("DownBlock2D", "CrossAttnDownBlock2D"),
             up_block_types=("CrossAttnUpBlock2D", "UpBlock2D"),
-            cross_attention_dim=8, attention_head_dim=4,
+            cross_attention_dim=8, attention_head_dim=4, in_channels=_INPUTS.get(kind, 4),
         )  # fmt: skip
         vae = AutoencoderKL(
             block_out_channels=(8, 8), norm_num_groups=4, down_block_types=("DownEncoderBlock2D",) * 2,
@@ -53,7 +59,7 @@ def write_pipeline(folder: Path, *, bias: float = 0.0) -> Path:
         with torch.no_grad():
             vae.decoder.conv_out.bias.add_(bias)
         text_encoder, tokenizer = _clip(CLIPTextModel)
-        pipeline = StableDiffusionPipeline(
+        pipeline = getattr(diffusers, kind)(
             vae=vae, unet=unet, text_encoder=text_encoder, tokenizer=tokenizer, scheduler=LCMScheduler(steps_offset=1),
             safety_checker=None, feature_extractor=None, requires_safety_checker=False,
         )  # fmt: skip

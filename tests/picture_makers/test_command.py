@@ -5,6 +5,7 @@ import re
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -13,7 +14,7 @@ from PIL import Image
 
 from frida_painter.errors import ConfigError, Interrupted, MakingFailed
 from frida_painter.picture_makers import program
-from frida_painter.picture_makers.command import CommandMaker
+from frida_painter.picture_makers.command import COMMAND, CommandMaker
 from frida_painter.runs.picture_making import PictureRequest
 
 PRINTS = """
@@ -121,7 +122,7 @@ def test_a_program_that_hangs_is_ended_with_its_children(tmp_path: Path, command
 
 def test_a_stop_ends_it_at_once(tmp_path: Path, command: Callable[..., str]) -> None:
     began = time.monotonic()
-    with pytest.raises(Interrupted, match="nothing was painted"):
+    with pytest.raises(Interrupted, match="You stopped the making"):
         CommandMaker.parse(command(HANGS, str(tmp_path / "child"))).make(
             ask(tmp_path, stop=lambda: time.monotonic() - began > 1)
         )
@@ -142,3 +143,18 @@ def test_a_stop_ends_it_at_once(tmp_path: Path, command: Callable[..., str]) -> 
 def test_commands_that_cannot_be_are_refused_before_anything(text: str, says: str) -> None:
     with pytest.raises(ConfigError, match=says):
         CommandMaker.parse(text)
+
+
+def test_a_program_begins_from_the_canvas_and_before_a_painting_it_is_told_that_there_is_none(
+    tmp_path: Path, command: Callable[..., str]
+) -> None:
+    source = "import sys, json, pathlib; pathlib.Path(sys.argv[1]).write_text(json.dumps(sys.argv[2:4]))"
+    text = command(source, "{out}", "--begin={canvas}", "{free}")
+    assert COMMAND.begins_from_canvas(text) and not COMMAND.begins_from_canvas(command(source, "{out}"))
+    request = ask(tmp_path)
+    (alone,) = CommandMaker.parse(text).make(request)
+    (begun,) = CommandMaker.parse(text).make(
+        replace(request, folder=tmp_path, canvas=tmp_path / "c.png", free=tmp_path / "f.png")
+    )
+    assert json.loads(Path(str(alone)).read_text()) == ["--begin=", ""]
+    assert json.loads(Path(str(begun)).read_text()) == [f"--begin={tmp_path / 'c.png'}", str(tmp_path / "f.png")]

@@ -5,7 +5,7 @@ import re
 import socket
 import time
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -104,15 +104,62 @@ def test_pipelines_of_transformers_make_pictures(
 
 def load(folder: Path) -> Any:
     """The pipeline of a folder, as the process loads it."""
+    kind = json.loads((folder / "model_index.json").read_text())["_class_name"]
+    task = {"name": "net", "folder": str(folder), "pipeline": kind, "variant": None, "canvas": ""}
+    with as_alone():
+        return pipeline_process._load(task, torch.device("cpu"))
+
+
+@contextmanager
+def as_alone() -> Iterator[None]:
+    """Lets this process do what a pipeline's process does, which ends with the methods that it replaces."""
     from diffusers import ModelMixin
     from transformers import PreTrainedModel
 
-    kind = json.loads((folder / "model_index.json").read_text())["_class_name"]
-    task = {"name": "net", "folder": str(folder), "pipeline": kind, "variant": None}
-    with pytest.MonkeyPatch.context() as usual:  # the process ends with these methods, and this one goes on
+    with pytest.MonkeyPatch.context() as usual:
         for network in (ModelMixin, PreTrainedModel):
             usual.setattr(network, "from_pretrained", vars(network)["from_pretrained"])
-        return pipeline_process._load(task, torch.device("cpu"))
+        yield
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")  # of both libraries, about their own settings
+@pytest.mark.parametrize(
+    ("kind", "protected", "used"),
+    [
+        ("StableDiffusionPipeline", False, "StableDiffusionImg2ImgPipeline"),
+        ("StableDiffusionPipeline", True, "StableDiffusionInpaintPipeline"),
+        ("StableDiffusionImg2ImgPipeline", False, "StableDiffusionImg2ImgPipeline"),
+        ("StableDiffusionInpaintPipeline", True, "StableDiffusionInpaintPipeline"),
+        ("StableDiffusionInstructPix2PixPipeline", False, "StableDiffusionInstructPix2PixPipeline"),
+    ],
+)
+def test_each_kind_of_pipeline_begins_from_the_canvas(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], kind: str, protected: bool, used: str
+) -> None:
+    """The networks are random, so that only this shows: a pipeline runs as that kind, and follows the canvas."""
+    canvas, free = torch.full((3, 48, 64), 0.9), torch.zeros(3, 48, 64)
+    canvas[:, :, :32], free[:, :, 32:] = 0.1, 1.0
+    made = {}
+    for name, seen in (("dark", canvas), ("grey", torch.full_like(canvas, 0.5))):
+        folder = tmp_path / name
+        folder.mkdir()
+        images.save(seen, folder / "canvas.png")
+        images.save(free, folder / "free.png")
+        task = {
+            "name": "net", "folder": str(write_pipeline(tmp_path / "net", kind=kind)), "pipeline": kind,
+            "variant": None, "weights": [], "steps": 2, "few": True, "words": "a storm", "seeds": [7], "width": 512,
+            "height": 384, "device": "cpu", "strength": 0.7, "canvas": str(folder / "canvas.png"),
+            "free": str(folder / "free.png") if protected else "",
+        }  # fmt: skip
+        with as_alone():
+            answer = pipeline_process._make(task, folder)
+        assert answer["pipeline"] == used, "which the record tells"
+        made[name] = images.load(folder / answer["made"][0]["file"])
+    assert made["dark"].shape == (3, 56, 72) and not torch.equal(made["dark"], made["grey"])
+    if kind != "StableDiffusionPipeline":
+        with as_alone(), pytest.raises(MakingFailed, match="makes no picture from words alone"):
+            pipeline_process._load({**task, "canvas": ""}, torch.device("cpu"))
 
 
 @pytest.mark.filterwarnings("ignore")  # of both libraries, about their own settings
@@ -244,7 +291,7 @@ def test_what_a_pipeline_may_not_return(made: Any, says: str) -> None:
 @pytest.mark.slow
 def test_a_stop_and_the_end_of_its_time_end_a_pipeline(tmp_path: Path, pipeline: Path) -> None:
     began, told = time.monotonic(), []
-    with pytest.raises(Interrupted, match="nothing was painted"):
+    with pytest.raises(Interrupted, match="You stopped the making"):
         DiffusionMaker.parse(f"{pipeline},steps=50").make(
             ask(tmp_path / "a", told, tuple(range(16)), stop=lambda: any("step" in one for one in told))
         )

@@ -7,6 +7,7 @@ import re
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from dataclasses import replace
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from threading import Event, Thread
@@ -20,7 +21,7 @@ from frida_painter import transfer
 from frida_painter.errors import ConfigError, Interrupted, MakingFailed
 from frida_painter.picture_makers import service, service_process
 from frida_painter.picture_makers.service import ServiceMaker
-from frida_painter.runs.picture_making import PictureRequest
+from frida_painter.runs.picture_making import STRENGTH, PictureRequest
 
 Answer = Callable[[BaseHTTPRequestHandler], None]
 
@@ -45,7 +46,8 @@ class _Handler(BaseHTTPRequestHandler):
         pass
 
     def do_POST(self) -> None:
-        self.server.asked.append(json.loads(self.rfile.read(int(self.headers["Content-Length"]))))
+        asked = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
+        self.server.asked.append({"path": self.path, **asked})
         self.server.answer(self)
 
     def do_GET(self) -> None:
@@ -113,6 +115,21 @@ def ask(folder: Path, told: list[str] | None = None, seeds: tuple[int, ...] = (7
 CODED = base64.b64encode(picture()).decode()
 
 
+def test_a_service_is_sent_the_canvas_as_the_web_ui_of_stable_diffusion_takes_it(
+    tmp_path: Path, server: Service
+) -> None:
+    server.answer, told = sends(picture()), list[str]()
+    (tmp_path / "canvas.png").write_bytes(picture(1))
+    (tmp_path / "free.png").write_bytes(picture(2))
+    request = replace(ask(tmp_path, told), canvas=tmp_path / "canvas.png", free=tmp_path / "free.png")
+    (made,) = ServiceMaker.parse(f"http://{server.host}/sdapi/v1/txt2img?key=1").make(request)
+    assert isinstance(made, Path) and made.read_bytes() == picture()
+    (asked,) = server.asked
+    assert asked["path"] == "/sdapi/v1/img2img?key=1" and asked["denoising_strength"] == STRENGTH
+    assert base64.b64decode(asked["init_images"][0]) == picture(1) and base64.b64decode(asked["mask"]) == picture(2)
+    assert told[0].startswith("Your words and the canvas are sent to 127.0.0.1")
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "answer",
@@ -129,7 +146,8 @@ def test_a_picture_comes_as_a_file_or_in_base64(tmp_path: Path, server: Service,
     told: list[str] = []
     (made,) = ServiceMaker.parse(f"http://{server.host}/make").make(ask(tmp_path, told))
     assert isinstance(made, Path) and made.read_bytes() == picture()
-    assert server.asked == [{"words": "a lemon", "prompt": "a lemon", "seed": 7, "width": 128, "height": 64}]
+    question = {"words": "a lemon", "prompt": "a lemon", "seed": 7, "width": 128, "height": 64}
+    assert server.asked == [{"path": "/make", **question}]
     assert told[0] == f"Your words, the seed and the size are sent to {server.host}, unencrypted."
 
 
@@ -189,7 +207,7 @@ def test_a_service_that_hangs_is_left_in_time_and_at_a_stop(tmp_path: Path, serv
     (fault,) = maker.make(ask(tmp_path, seconds=3.0))
     assert re.search(f"{server.host} (was not finished after|cannot be asked)", str(fault))
     (tmp_path / "place").rename(tmp_path / "before")
-    with pytest.raises(Interrupted, match="nothing was painted"):
+    with pytest.raises(Interrupted, match="You stopped the making"):
         maker.make(ask(tmp_path, stop=lambda: len(server.asked) > 1))
     assert time.monotonic() - began < 50
 
@@ -208,7 +226,14 @@ def test_a_service_that_drips_a_picture_is_left(
 
     server.answer = drip
     monkeypatch.setattr(transfer, "_WINDOW", 0.3)
-    task = {"address": f"http://{server.host}/", "question": {}, "most": 10**6, "seconds": 60.0}
+    task = {
+        "address": f"http://{server.host}/",
+        "question": {},
+        "most": 10**6,
+        "seconds": 60.0,
+        "canvas": "",
+        "free": "",
+    }
     with pytest.raises(MakingFailed, match=r"is too slow: less than 2 kB a second came for 60 s; mend it, or name"):
         service_process._ask(task, tmp_path)
 

@@ -10,8 +10,9 @@ import pytest
 import torch
 from torch import Tensor
 
-from frida_painter import images, registry
+from frida_painter import images, registry, storage
 from frida_painter.errors import ConfigError, Interrupted, MakingFailed, PluginError, WeightsError
+from frida_painter.planning.problem import Region
 from frida_painter.runs import picture_making
 from frida_painter.runs.goals import open_goal
 from frida_painter.runs.painting_folder import keep_goal, read_goal
@@ -19,11 +20,13 @@ from frida_painter.runs.picture_making import (
     Making,
     PictureMakerKind,
     PictureRequest,
+    SeenCanvas,
     imagine,
     make_each,
     make_pictures,
     making_facts,
     read_making,
+    require_canvas_maker,
 )
 from frida_painter.runs.settle import open_planner
 from frida_painter.runs.spec import RunSpec
@@ -85,6 +88,51 @@ def test_a_making_asks_once_for_all_seeds_in_the_canvas_s_proportions(
     assert making.made_by == "fake, a fake" and making.best == 0 and "it is the first" in making.rule
     assert torch.equal(making.pictures[1].picture, images.load(making.pictures[1].file)), "no bit is lost"
     assert not [path for path in making.folder.iterdir() if path.name.startswith(".")]
+
+
+def half_dark(rows: int = 60, columns: int = 80) -> Tensor:
+    picture = torch.full((3, rows, columns), 0.9)
+    picture[:, :, : columns // 2] = 0.1
+    return picture
+
+
+def test_pictures_begin_from_the_canvas_and_keep_what_is_protected(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A maker that is given the canvas returns it darker, ignores it, and returns another size."""
+    closed = torch.zeros(60, 80, dtype=torch.bool)
+    closed[:20, 60:] = True
+    canvas = SeenCanvas(half_dark(), SPEC.canvas, Region(closed))
+    pictures = {5: 0.7 * half_dark(30, 40), 6: half_dark().flip(2), 7: scene(0).expand(3, 30, 40)[:, :, :30]}
+    maker, told = Maker(lambda seed: pictures[seed]), list[str]()
+    making = make(monkeypatch, tmp_path / "made", maker, count=3, canvas=canvas, tell=told.append)
+    (request,) = maker.asked
+    assert request.canvas is not None and request.free is not None
+    assert (images.load(request.canvas) - canvas.picture).abs().max() < 0.01
+    assert torch.equal(images.load(request.free)[0] < 0.5, closed)
+    first, second = (one.picture for one in making.pictures)
+    assert first.shape == canvas.picture.shape and (first - 0.7 * canvas.picture)[:, 20:].abs().mean() < 0.02
+    for made in (first, second):
+        assert torch.equal(made[:, closed], canvas.picture[:, closed])
+    assert "30 x 30 pixels, and the canvas 80 x 60" in told[0] and told[1] == "Picture 2 shows nothing of the canvas."
+    making.choose(0, "a person chose it")
+    assert read_making(making.pictures[0].file)[0]["canvas"] == storage.sha256(request.canvas, "")  # type: ignore[index]
+
+
+@pytest.mark.parametrize(("turned", "ignored"), [(False, False), (True, True)])
+def test_nobody_can_tell_who_ignores_a_bare_canvas(turned: bool, ignored: bool) -> None:
+    made = scene(1)
+    bare, other = (SeenCanvas(each, SPEC.canvas) for each in (torch.ones(3, 30, 40), made.flip(1) if turned else made))
+    assert not bare.is_ignored_by(made) and other.is_ignored_by(made) is ignored
+
+
+def test_a_maker_that_takes_no_canvas_is_not_asked_for_a_painting() -> None:
+    with pytest.raises(ConfigError, match="is not given the canvas"):
+        require_canvas_maker("command:true {words}")
+    require_canvas_maker("command:true {canvas}")
+    require_canvas_maker("http://localhost/sdapi/v1/txt2img")
+    with pytest.raises(ConfigError, match="no picture maker called 'crystal'"):
+        require_canvas_maker("crystal:ball")
 
 
 def test_the_nearest_to_the_words_is_best(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

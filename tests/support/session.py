@@ -37,6 +37,9 @@ class NotingPlanner:
 
     ground = (1.0, 1.0, 1.0)
     region = None
+    seed = 0
+    size = CANVAS
+    encoders = None
     layers: tuple[int, ...] = ()
     brushes: tuple[str, ...] = ()
     fresh: list[bool] = field(default_factory=list)

@@ -1,6 +1,8 @@
+import json
 import os
 import shutil
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -33,11 +35,13 @@ from frida_painter.session.events import (
     kind_of,
 )
 from frida_painter.session.journal import Journal
+from frida_painter.session.making_events import MakingStarted, PicturesMade
 from frida_painter.session.person_events import GoalChanged, PersonPaintShown, RegionProtected
 from frida_painter.session.progress import ResumeState
 from frida_painter.web.commands import (
     ChangeGoal,
     Command,
+    EndMaking,
     FinishDrawing,
     Free,
     GivePicture,
@@ -45,14 +49,17 @@ from frida_painter.web.commands import (
     LeaveOut,
     LookAgain,
     Pause,
+    Propose,
     Protect,
     TakeTurns,
     tell_painter,
 )
 from frida_painter.web.painter import PauseController
+from frida_painter.web.picture_choosing import AllowedMakers, MakingOrder
 from frida_painter.web.stop import StopPressed, StopWatch
 from frida_painter.web.studio_folder import Feed, FeedReader, PaintingFolder, PaintingRequest
 from killing import kill_when
+from support.boat import BOAT
 from support.planning import CANVAS, goal, picture, plain, small_table
 from support.session import SessionSetup
 from support.virtual_painting import RESTS_ON, STROKES, VirtualPainting
@@ -113,11 +120,10 @@ class Table:
         return self.controller.pause_cause() or ("person" if self.setup.pausing else None)
 
     def _go_on(self, paused: Paused) -> bool:
-        def answer() -> None:
-            for command in self.says:
-                tell_painter(self.folder, command, "browser")
-
-        threading.Timer(0.05, answer).start()
+        for command in self.says:
+            tell_painter(self.folder, command, "browser")
+        while len(self.controller._commands) < len(self.says) and not self.stop.asked:
+            time.sleep(0.01)  # a command is good for seconds, and what the first one asks for may take longer
         return self.controller.go_on(paused)
 
 
@@ -220,6 +226,98 @@ def _ask(*commands: Command) -> Callable[[PaintingFolder], None]:
     return ask
 
 
+WAVE = "sh -c 'cp $1 $2' sh {here}/wave.png {out} {canvas} {words}"
+"""A maker that is quick."""
+
+
+def order(folder: PaintingFolder, command: str = WAVE, minutes: float = 1.0) -> Propose:
+    """Has the studio allow a maker, and returns the command of a person who asks it."""
+    images.save(picture(60, 80), folder.path / "wave.png")
+    allowed = AllowedMakers({"boats": f"command:{command.format_map(Places(here=folder.path))}"}, minutes)
+    MakingOrder.of("add a boat", "boats", allowed).keep(folder)
+    return Propose("add a boat", "boats")
+
+
+class Places(dict[str, Any]):
+    """Places in a command; those that it does not know stay."""
+
+    def __missing__(self, name: str) -> str:
+        return f"{{{name}}}"
+
+
+def _ask_maker(*commands: Command) -> Callable[[PaintingFolder], None]:
+    return lambda folder: _ask(order(folder), *commands)(folder)
+
+
+def _proposals(table: Table) -> list[dict[str, Any]]:
+    return [one for made in table.told(PicturesMade)[-1:] for one in made.pictures]
+
+
+@pytest.mark.slow
+def test_pictures_begin_from_the_canvas_and_nobody_has_to_choose_one(folder: PaintingFolder) -> None:
+    folder.painting.mkdir()
+    (folder.path / "boat.py").write_text(BOAT)
+    table = Table(folder, 6, journal=Journal.begin(folder.painting, {}, {}))
+    command = f"{sys.executable} {{here}}/boat.py {{seed}} {{canvas}} {{out}} {{words}}"
+    table.says = [order(folder, command), GoOn()]
+    assert table.setup.run().painted == 6
+    table.setup.session.journal.close()
+    assert table.told(MakingStarted) == [MakingStarted("add a boat", "boats")]
+    (made,) = table.told(PicturesMade)
+    canvas = images.load(folder.painting / "changes" / "1" / "canvas.png")
+    for one in made.pictures:
+        boat = images.load(folder.painting / one["file"])
+        assert boat.shape == canvas.shape and 0.01 < float(((boat - canvas).abs().mean(0) > 0.1).float().mean()) < 0.2
+        assert folder.find_shown("live", one["picture"]) is not None
+    assert len({one["seed"] for one in made.pictures}) == 4
+    record = json.loads((folder.painting / "changes" / "1" / "making.json").read_text())
+    assert record["words"] == "add a boat" and str(folder.path) not in json.dumps(record["facts"])
+    history = Journal.reopen(folder.painting)[1]
+    assert history.goal == "" and history.request == {} and history.proposed is None, "it has painted on"
+
+
+FAULTS = {
+    "another size": ("sh -c 'cp {here}/square.png $1' sh {out} {canvas} {words}", "does not show the whole canvas"),
+    "one colour": ("sh -c 'cp {here}/red.png $1' sh {out} {canvas} {words}", "it is of one colour all over"),
+    "no picture": ("sh -c 'echo Sign in > $1' sh {out} {canvas} {words}", "cannot be painted"),
+    "nothing": ("true {out} {canvas} {words}", "wrote no file {out}"),
+    "fails": (
+        "sh -c 'echo out of paint >&2; exit 3' sh {canvas} {words}",
+        "status 3 and made no picture; it said: out",
+    ),
+    "takes an hour": ("sh -c 'sleep 3600' sh {canvas} {words}", "was not finished after"),
+    "no canvas": ("true {words}", "is not given the canvas here"),
+    "gone": ("no-such-program {canvas}", "is not here, or may not be run"),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("command", "says"), FAULTS.values(), ids=FAULTS)
+def test_a_maker_that_fails_is_one_sentence_and_the_painting_keeps_its_goal(
+    folder: PaintingFolder, command: str, says: str
+) -> None:
+    folder.painting.mkdir()
+    images.save(torch.rand(3, 30, 30), folder.path / "square.png")
+    images.save(torch.full((3, 60, 80), 0.5), folder.path / "red.png")
+    table = Table(folder, 4, journal=Journal.begin(folder.painting, {}, {}))
+    table.says = [order(folder, command, minutes=0.02 if "sleep" in command else 1.0), GoOn()]
+    assert table.setup.run().painted == 4
+    (remark,) = (event.sentence for event in table.told(Remark))
+    assert says in remark and "\n" not in remark and str(folder.path) not in remark
+    assert not table.told(PicturesMade) and not table.told(GoalChanged)
+    assert not list((folder.painting / "changes").glob("*/*"))
+
+
+@pytest.mark.slow
+def test_the_person_ends_a_making_and_no_other_work(folder: PaintingFolder) -> None:
+    folder.painting.mkdir()
+    table = Table(folder, 4, journal=Journal.begin(folder.painting, {}, {}))
+    table.says = [order(folder, "sleep 3600 {canvas}"), EndMaking(), GoOn()]
+    assert table.setup.run().painted == 4
+    assert [event.sentence for event in table.told(Remark)] == ["You stopped the making of pictures."]
+    assert len(table.told(WentOn)) == 1
+
+
 NEW_GOAL = ChangeGoal(PaintingRequest.model_validate({"terms": [{"kind": "image", "picture": PICTURE, "weight": 2}]}))
 REGION = Protect(DRAWING, only=False)
 Asked = tuple[Callable[[PaintingFolder], None], str, int, Callable[[Table, list[Path]], bool]]
@@ -232,6 +330,11 @@ SAID_TO_BE_DONE: dict[str, Asked] = {
     "leave out": (_ask(LeaveOut(3)), "paused", 2, lambda table, seen: table.setup.session.so_far.painted == 3),  # type: ignore[union-attr]
     "turns": (_ask(TakeTurns(1)), "turns", 1, lambda table, seen: table.controller._game == TakeTurns(1)),
     "picture": (_ask(GivePicture(PICTURE)), "considering", 1, lambda table, seen: len(seen) == 1),
+    "propose": (_ask_maker(), "considering", 1, lambda table, seen: len(_proposals(table)) == 4),
+    "propose, while it makes": (_ask_maker(), "making_started", 1, lambda table, seen: len(_proposals(table)) == 4),
+    "propose, made": (_ask_maker(), "pictures_made", 1, lambda table, seen: len(table.told(PicturesMade)) == 2
+        and len(table.told(MakingStarted)) == 1),
+    "propose, chosen": (_ask_maker(NEW_GOAL), "goal_changed", 1, lambda table, seen: _weight(table) == 2),
     "look": (_ask(LookAgain()), "considering", 1, lambda table, seen: True),
 }  # fmt: skip
 
@@ -288,7 +391,7 @@ def test_what_the_page_said_it_does_is_done_although_the_painter_was_killed_at_t
     region = resuming.region(folder.painting, history)
     table.setup.session.planner = planner.keeping_clear(region)
     table.controller.look_at = seen.append
-    table.controller.owe(history.request)
+    table.controller.owe(history.request, history.proposed)
     table.says = 6 * [GoOn()]
     now = table.setup.session.look()
     table.setup.session.resume(ResumeState(kept.plan, 2, kept.planning.done, None, now))

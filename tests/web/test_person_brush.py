@@ -8,6 +8,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from browsing import (
+    BEGIN,
     PATIENCE,
     SCREENSHOTS,
     WITH_CHROMIUM,
@@ -25,20 +26,6 @@ from frida_painter.web.commands import ROBOT_MOVES
 
 pytestmark = [pytest.mark.slow, WITH_CHROMIUM, pytest.mark.timeout(560)]  # on a busy machine
 
-BEGIN = """async () => {
-  const api = await import("/static/api.js");
-  await api.post("/api/lead");
-  const sheet = document.createElement("canvas");
-  [sheet.width, sheet.height] = [120, 90];
-  const paper = sheet.getContext("2d");
-  paper.fillStyle = "#eadfcb"; paper.fillRect(0, 0, 120, 90);
-  paper.fillStyle = "#20603a"; paper.fillRect(30, 20, 60, 50);
-  const picture = await api.upload(await new Promise((resolve) => sheet.toBlob(resolve)));
-  const wish = { title: "Beside", strokes: 8, effort: 0.05, colors: 2, replans: 1, width: 160, height: 120 };
-  const begun = await api.post("/api/paintings", { terms: [{ kind: "image", picture }], ...wish });
-  location.hash = `#/p/${begun.id}`;
-  return begun.id;
-}"""
 PAINT = """async (id) => {
   const api = await import("/static/api.js");
   const stroke = { kind: "paint", brush: "broad", paint: 0, points: [[0.5, 0.5, 0.5, 0, 0, 0]] };

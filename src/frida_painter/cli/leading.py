@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -14,6 +15,7 @@ from rich.console import Console
 from torch import Tensor
 
 from frida_painter import storage
+from frida_painter.cli.by_words import Proposer
 from frida_painter.cli.options import Wells
 from frida_painter.cli.stop_signal import StopSignal
 from frida_painter.cli.terminal import PaintingLine, terminal_at
@@ -23,7 +25,7 @@ from frida_painter.errors import Interrupted, RobotStopped
 from frida_painter.runs.painting_folder import NOW, PAUSE_FILE
 from frida_painter.runs.run import PaintingRun, RunOutcome
 from frida_painter.runs.spec import RunSpec
-from frida_painter.session.events import Paused
+from frida_painter.session.events import PauseCause, Paused
 from frida_painter.session.time_left import duration
 from frida_painter.storage import count_of
 
@@ -37,6 +39,7 @@ class Leader:
     asked: True if a person answers questions.
     asks_for_paints: True if the person may enter the mixed paints.
     repaint: decision about a stroke in doubt. None: the person is asked.
+    propose: picture maker for changes by words. None: none is wanted.
     started: start time of the command, monotonic seconds.
     """
 
@@ -49,7 +52,13 @@ class Leader:
         started: float,
         asks_for_paints: bool = False,
         repaint: bool | None = None,
+        propose: str | None = None,
     ) -> None:
+        self._proposer = (
+            None
+            if propose is None
+            else Proposer(run, propose, lambda: stop.asked, input, partial(confirm, default=True))
+        )
         self._run, self._stop, self._started = run, stop, started
         self._asked, self._repaint = asked, repaint
         self._console = Console(stderr=True, highlight=False)
@@ -60,7 +69,7 @@ class Leader:
         run.controls = replace(
             run.controls,
             stop_asked=lambda: stop.asked,
-            pause_cause=lambda: "person" if self._pause_file.exists() else None,
+            pause_cause=self._pause_cause,
             go_on=self._go_on,
             mixed=wells.fill,
             answer=self._answer if asked else None,
@@ -91,12 +100,20 @@ class Leader:
     def _pause_file(self) -> Path:
         return self._run.folder / PAUSE_FILE
 
+    def _pause_cause(self) -> PauseCause | None:
+        talks = self._proposer is not None and self._proposer.wants_pause()
+        return "person" if talks or self._pause_file.exists() else None
+
     def _go_on(self, paused: Paused) -> bool:
         """Waits until the pause file is removed, or asks the person; returns True to go on."""
         if self._pause_file.exists():
             self._console.print(f"Paused after {paused.done} strokes; to go on, remove {self._pause_file}")
             while self._pause_file.exists() and not self._stop.asked:
                 time.sleep(_GLANCE)
+            return not self._stop.asked
+        if paused.cause == "person" and self._proposer is not None:
+            with self._bar.aside():
+                self._proposer.talk()
             return not self._stop.asked
         if paused.cause == "button":
             return self._await_button(paused)

@@ -11,6 +11,7 @@ import typer
 
 from frida_painter import registry
 from frida_painter.cli.brief_help import BriefCommand
+from frida_painter.cli.by_words import ProposeOption, require_proposer
 from frida_painter.cli.imagining import imagine_beginning
 from frida_painter.cli.options import (
     TAKEN,
@@ -59,6 +60,7 @@ def paint(
     candidates: Candidates = 1,
     ask: AskOption = False,
     yes: FilledOption = False,
+    propose: ProposeOption = None,
     **given: Any,
 ) -> None:
     """Paint a photograph or a text prompt. Plans, paints some strokes, looks at the canvas and replans the rest.
@@ -76,14 +78,22 @@ def paint(
     spec = spec_of(photo, given)
     require_person(spec, asked=not yes)
     _require_canvas_for_two(spec, candidates, asked=not yes)
+    require_proposer(propose, together=spec.together)
     spec = imagine_beginning(spec, given, asked=not yes, paints=True)
     with LoopCompiler():
         spec, chosen = (spec, None) if candidates == 1 else _best_of(candidates, spec)
-        _paint(spec, chosen, started, given["out"], asked=not yes, asks_for_paints=ask)
+        _paint(spec, chosen, started, given["out"], asked=not yes, asks_for_paints=ask, propose=propose)
 
 
 def _paint(
-    spec: "RunSpec", chosen: "Plan | None", started: float, out: Path | None, *, asked: bool, asks_for_paints: bool
+    spec: "RunSpec",
+    chosen: "Plan | None",
+    started: float,
+    out: Path | None,
+    *,
+    asked: bool,
+    asks_for_paints: bool,
+    propose: str | None,
 ) -> None:
     """Paints a description; with `chosen`, by that plan."""
     with EaselLaunch(spec.robot) as launch:  # loads in parallel with this process
@@ -98,7 +108,9 @@ def _paint(
             run.load_easel(launch)
             ready_planner(run, stop, out)
             stop.at_once = run.open_easel(hear_signals=True, answer=answer_early(run) if asked else None).robot.stop
-            with Leader(run, stop, asked=asked, asks_for_paints=asks_for_paints, started=started) as leader:
+            with Leader(
+                run, stop, asked=asked, asks_for_paints=asks_for_paints, started=started, propose=propose
+            ) as leader:
                 outcome = run.start(chosen)
     leader.conclude(outcome)
 
@@ -222,6 +234,7 @@ def resume(
     yes: Yes = False,
     accept_changes: AcceptChanges = False,
     pace: PaceOption = 0.0,
+    propose: ProposeOption = None,
 ) -> None:
     """Continue a painting that was stopped, paused or killed, from its folder.
 
@@ -251,6 +264,7 @@ def resume(
         stack.enter_context(LoopCompiler())
         run = stack.enter_context(PaintingRun.reopen(folder, accept_changes=accept_changes, pace=pace))
         require_person(run.spec, asked=not yes)
+        require_proposer(propose, together=run.spec.together)
         _show(run)
         if not (yes or confirm(f"{_next_motion(run.spec)} Go on?", default=True)):
             raise Interrupted("Nothing was moved; the painting stays as it is.")
@@ -259,7 +273,9 @@ def resume(
         ready_planner(run, stop)
         asks = None if yes else answer_early(run)
         stop.at_once = run.open_easel(hear_signals=True, answer=asks).robot.stop
-        leader = stack.enter_context(Leader(run, stop, asked=not yes, repaint=repaint, started=started))
+        leader = stack.enter_context(
+            Leader(run, stop, asked=not yes, repaint=repaint, started=started, propose=propose)
+        )
         run.listeners.append(_show_canvas(run))
         outcome = run.resume()
     leader.conclude(outcome)

@@ -13,7 +13,7 @@ from frida_painter.errors import ConfigError, MakingFailed
 from frida_painter.picture_makers.program import run_program
 from frida_painter.runs.picture_making import MAX_BYTES, PictureMakerKind, PictureRequest, make_each
 
-_PLACES = ("words", "seed", "width", "height", "out")
+_PLACES = ("words", "seed", "width", "height", "out", "canvas", "free")
 _PLACE = re.compile("{(" + "|".join(_PLACES) + ")}")
 _WORDS = re.compile(r"[\w.,:=/@+-]*{words}")  # with more around it, a shell could read the words as commands
 _EXAMPLE = "command:my-maker --prompt {words} --seed {seed} --out {out}"
@@ -24,8 +24,9 @@ class CommandMaker:
     """Program that is run once for each picture.
 
     arguments: the program and its arguments. {words}, {seed}, {width}, {height} and {out}, the file to write, are
-    filled in. {words} ends an argument, which has no space. Without it, the words are the last argument; without {out},
-    the program prints the file.
+    filled in; in a painting also {canvas}, a photograph of it, and {free}, a mask of its free part (white).
+    Both are empty if there is none. {words} ends an argument, which has no space. Without it, the words are the last
+    argument; without {out}, the program prints the file.
     facts: program, arguments and the hash of its file
     """
 
@@ -74,6 +75,7 @@ class CommandMaker:
         filled = {
             "words": request.words, "seed": str(request.seeds[number]), "out": str(out),
             "width": str(request.width), "height": str(request.height),
+            "canvas": str(request.canvas or ""), "free": str(request.free or ""),
         }  # fmt: skip
         arguments = [_PLACE.sub(lambda place: filled[place[1]], part) for part in self.arguments]
         writes = any("{out}" in part for part in self.arguments)
@@ -91,5 +93,8 @@ class CommandMaker:
 
 
 COMMAND = PictureMakerKind(
-    "command", "A program of yours that prints a picture file, or writes one to {out}.", CommandMaker.parse
+    "command",
+    "A program of yours that prints a picture file, or writes one to {out}; in a painting it begins from {canvas}.",
+    CommandMaker.parse,
+    lambda text: "{canvas}" in text,
 )

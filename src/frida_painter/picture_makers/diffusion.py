@@ -10,7 +10,7 @@ from frida_painter import registry, storage
 from frida_painter.errors import ConfigError, MakingFailed
 from frida_painter.picture_makers.child import ANSWER
 from frida_painter.picture_makers.program import run_child
-from frida_painter.runs.picture_making import PictureMakerKind, PictureRequest
+from frida_painter.runs.picture_making import STRENGTH, PictureMakerKind, PictureRequest
 from frida_painter.weights.catalogue import find_weights
 from frida_painter.weights.pipeline_folder import USUAL_STEPS, PipelineFolder, find_pipeline, read_pipeline_folder
 from frida_painter.weights.sources import Hub
@@ -63,6 +63,7 @@ class DiffusionMaker:
             "record": str(pipeline.folder / registry.RECORD) if pipeline.folder == _fetched_folder() else None,
             "few": usual < USUAL_STEPS, "words": request.words, "seeds": list(request.seeds),
             "width": request.width, "height": request.height, "device": str(request.device),
+            "canvas": str(request.canvas or ""), "free": str(request.free or ""), "strength": STRENGTH,
         }  # fmt: skip
         folder = request.folder / "pipeline"
         missing = MakingFailed("The pipeline was ended before this picture.")
@@ -76,7 +77,7 @@ class DiffusionMaker:
                 raise
             answer, missing = storage.read_json(folder / ANSWER, "the answer of a picture maker", MakingFailed), fault
         self.facts.update(
-            model=pipeline.name, pipeline=pipeline.pipeline, steps=f"{steps} steps", size=str(answer["size"]),
+            model=pipeline.name, pipeline=answer["pipeline"], steps=f"{steps} steps", size=str(answer["size"]),
             sha256=" ".join(answer["hashes"]),
         )  # fmt: skip
         made = [
@@ -115,4 +116,5 @@ DIFFUSERS = PictureMakerKind(
     "A pipeline of diffusers: a folder, or a name on the hub, which is fetched once; FOLDER,steps=N sets the steps. "
     f"Without a folder: that of `models fetch {registry.IMAGINE}`.",
     DiffusionMaker.parse,
+    lambda text: True,
 )

@@ -1,12 +1,16 @@
 """Process of a diffusion pipeline: loads it, makes the pictures, and gives its memory back by ending."""
 
 import inspect
+import math
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
+from PIL import Image
 
 from frida_painter import images, storage
 from frida_painter.errors import MakingFailed
@@ -16,13 +20,15 @@ from frida_painter.registry import IMAGINE
 _STEP = 64  # pixels; sizes are multiples of it; for small networks, of an eighth of their usual size
 _BLACK = 1 / 255
 _MANY_TOKENS, _USUAL_TOKENS = 10**6, 77
+_OF_A_PICTURE = {"mask_image", "strength", "image_guidance_scale"}
+"""Arguments that only pipelines have that begin from a picture."""
 
 
 def _make(task: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     """Returns facts, and the file of each picture or the fault in its place. Raises MakingFailed.
 
     task: name, folder, pipeline, variant, weights, record of the hashes if there is one, steps, few, words, seeds,
-    width, height and device
+    width, height, device, strength, and the files of canvas and mask, "" for none
     The answer is also written after each picture, so that those before an end stay.
     """
     name, device = task["name"], torch.device(task["device"])
@@ -32,11 +38,16 @@ def _make(task: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     pipeline = _load(task, device)
     width, height = _size(pipeline, task["width"], task["height"])
     arguments = inspect.signature(pipeline.__call__).parameters
+    begins_from = _canvas_for(arguments, task, width, height)
+    # Of these steps, an img2img pipeline does the share that is its strength.
+    steps = math.ceil(task["steps"] / begins_from.get("strength", 1.0))
     pictures: list[dict[str, str]] = []
-    answer = {"made": pictures, "size": f"{width} x {height}", "hashes": hashes}
+    answer = {
+        "made": pictures, "size": f"{width} x {height}", "hashes": hashes, "pipeline": type(pipeline).__name__
+    }  # fmt: skip
     for number, seed in enumerate(task["seeds"], 1):
         given = {
-            "prompt": task["words"], "width": width, "height": height, "num_inference_steps": task["steps"],
+            "prompt": task["words"], "width": width, "height": height, "num_inference_steps": steps, **begins_from,
             "generator": torch.Generator().manual_seed(seed), "output_type": "np",
             "callback_on_step_end": _Progress(f"Picture {number} of {len(task['seeds'])}", task["steps"]).hear,
             **({"guidance_scale": 0.0} if task["few"] and not _knows_guidance(pipeline) else {}),
@@ -78,7 +89,7 @@ def _load(task: Mapping[str, Any], device: torch.device) -> Any:
             "another pipeline."
         )
     asked = inspect.signature(getattr(diffusers, kind).__call__).parameters
-    if "prompt" not in asked or "mask_image" in asked or {"image", "strength"} <= set(asked):
+    if "prompt" not in asked or (not task["canvas"] and _OF_A_PICTURE & set(asked)):
         raise MakingFailed(f"{name} is a {kind}, which makes no picture from words alone; name one that does.")
     logging.set_verbosity_error()
     logging.disable_progress_bar()
@@ -92,6 +103,8 @@ def _load(task: Mapping[str, Any], device: torch.device) -> Any:
         ).to(device)  # fmt: skip
     except torch.OutOfMemoryError as cause:
         raise MakingFailed(f"{name} does not fit into the memory of the GPU; name a smaller one.") from cause
+    if task["canvas"] and "image" not in asked:
+        pipeline = _for_canvas(pipeline, name, masked=bool(task["free"]))
     pipeline.set_progress_bar_config(disable=True)
     for part, tokenizer in pipeline.components.items():
         if getattr(tokenizer, "model_max_length", 0) > _MANY_TOKENS:  # its settings do not tell: no number holds it
@@ -99,6 +112,34 @@ def _load(task: Mapping[str, Any], device: torch.device) -> Any:
             most = getattr(getattr(encoder, "config", None), "max_position_embeddings", _USUAL_TOKENS)
             tokenizer.model_max_length = min(int(most), _USUAL_TOKENS)
     return pipeline
+
+
+def _for_canvas(pipeline: Any, name: str, *, masked: bool) -> Any:
+    """Returns the pipeline of the same networks that begins from a picture, and keeps what is masked if it can.
+
+    Raises MakingFailed if diffusers has none for these networks.
+    """
+    from diffusers import AutoPipelineForImage2Image, AutoPipelineForInpainting
+
+    kinds: tuple[Any, ...] = (AutoPipelineForInpainting,) if masked else ()
+    for kind in (*kinds, AutoPipelineForImage2Image):
+        with suppress(ValueError):  # it has no such pipeline for them
+            return kind.from_pipe(pipeline)
+    raise MakingFailed(
+        f"{name} is a {type(pipeline).__name__}, which makes no picture from the canvas; name one of Stable Diffusion, "
+        "or one that edits pictures."
+    )
+
+
+def _canvas_for(arguments: Mapping[str, Any], task: Mapping[str, Any], width: int, height: int) -> dict[str, Any]:
+    """Returns what a pipeline is given of the canvas: nothing before a painting."""
+    if not task["canvas"]:
+        return {}
+    seen = images.load_exactly(Path(task["canvas"]))
+    free = images.load_exactly(Path(task["free"])) if task["free"] else np.full_like(seen, 255)
+    canvas, mask = (Image.fromarray(each).resize((width, height), Image.Resampling.BOX) for each in (seen, free))
+    given = {"image": canvas, "mask_image": mask.convert("L"), "strength": task["strength"]}
+    return {name: value for name, value in given.items() if name in arguments}
 
 
 def _require_whole(name: str) -> None:

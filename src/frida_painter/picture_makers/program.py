@@ -62,7 +62,7 @@ def run_program(
         try:
             while process.poll() is None:
                 if stop_asked():
-                    raise Interrupted("You stopped the making of pictures, and nothing was painted.")
+                    raise Interrupted("You stopped the making of pictures.")
                 if not time.monotonic() < until:
                     raise MakingFailed(
                         f"{name} was not finished after {time.monotonic() - began:.0f} s and was ended; {_MORE_TIME}."

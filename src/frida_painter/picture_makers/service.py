@@ -1,14 +1,15 @@
 """Picture maker `http`: a service of the person's own, which is sent the words and returns a picture."""
 
+import re
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from urllib.parse import SplitResult, urlsplit
+from urllib.parse import SplitResult, urlsplit, urlunsplit
 
 from frida_painter.errors import ConfigError, MakingFailed
 from frida_painter.picture_makers.program import run_child
-from frida_painter.runs.picture_making import MAX_BYTES, PictureMakerKind, PictureRequest, make_each
+from frida_painter.runs.picture_making import MAX_BYTES, STRENGTH, PictureMakerKind, PictureRequest, make_each
 
 _EXAMPLE = "http:http://localhost:7860/picture"
 
@@ -53,8 +54,15 @@ class ServiceMaker:
         until = time.monotonic() + request.seconds
         parts = urlsplit(self.address)
         plain = ", unencrypted" if parts.scheme == "http" else ""
-        request.tell(f"Your words, the seed and the size are sent to {parts.netloc}{plain}.")
+        sent = "Your words, the seed and the size" if request.canvas is None else "Your words and the canvas"
+        request.tell(f"{sent} are sent to {parts.netloc}{plain}.")
         return make_each(request, lambda number: self._ask(request, number, until))
+
+    @property
+    def _address_for_canvas(self) -> str:
+        """Address that makes pictures from a picture: of txt2img, it is img2img."""
+        parts = urlsplit(self.address)
+        return urlunsplit(parts._replace(path=re.sub("txt2img$", "img2img", parts.path)))
 
     def _ask(self, request: PictureRequest, number: int, until: float) -> Path:
         host, count = urlsplit(self.address).netloc, len(request.seeds)
@@ -63,10 +71,12 @@ class ServiceMaker:
         question = {
             "words": request.words, "prompt": request.words, "seed": request.seeds[number],
             "width": request.width, "height": request.height,
+            **({} if request.canvas is None else {"denoising_strength": STRENGTH}),
         }  # fmt: skip
         task = {
-            "address": self.address, "question": question, "most": MAX_BYTES,
-            "seconds": max(0.1, until - time.monotonic()),
+            "address": self.address if request.canvas is None else self._address_for_canvas,
+            "question": question, "most": MAX_BYTES, "seconds": max(0.1, until - time.monotonic()),
+            "canvas": str(request.canvas or ""), "free": str(request.free or ""),
         }  # fmt: skip
         run_child(
             "frida_painter.picture_makers.service_process", f"The service {host}", task, folder, request, until,
@@ -87,6 +97,7 @@ def _split(address: str) -> SplitResult | None:
 HTTP = PictureMakerKind(
     "http",
     "A service of yours at an address: it is sent JSON with words, seed, width and height, and returns a picture file, "
-    "or JSON with one in base64 as image.",
+    "or JSON with one in base64 as image. In a painting it is sent the canvas too, as init_images.",
     ServiceMaker.parse,
+    lambda text: True,
 )

@@ -43,11 +43,16 @@ class _SameHost(urllib.request.HTTPRedirectHandler):
 def _ask(task: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     """Asks once, and writes the picture file. Raises MakingFailed.
 
-    task: address, question, most bytes of a picture file, and seconds
+    task: address, question, most bytes of a picture file, seconds, and the files of canvas and mask, "" for none
     """
     host = urlsplit(task["address"]).netloc
+    question = dict(task["question"])
+    if task["canvas"]:  # as the API of the Stable Diffusion web UI has it
+        question["init_images"] = [_in_base64(task["canvas"], task["most"])]
+    if task["free"]:
+        question["mask"] = _in_base64(task["free"], task["most"])
     request = urllib.request.Request(
-        task["address"], data=json.dumps(task["question"]).encode(), method="POST",
+        task["address"], data=json.dumps(question).encode(), method="POST",
         headers={
             "Content-Type": "application/json", "Accept": "image/*, application/json", "User-Agent": "frida-painter"
         },
@@ -83,6 +88,10 @@ def _ask(task: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         raise MakingFailed(f"The service {host} cannot be asked ({why}); start it, or mend the address.") from cause
     storage.write_bytes(folder / _FILE, content if kind.startswith("image/") else _picture_in(content, host))
     return {}
+
+
+def _in_base64(file: str, most: int) -> str:
+    return base64.b64encode(storage.read_bytes(Path(file), "the canvas", most, MakingFailed)).decode()
 
 
 def _said_in(fault: urllib.error.HTTPError) -> str:

@@ -27,6 +27,7 @@ from frida_painter.report.story import Comparison, Download, Look, Phase, Story,
 from frida_painter.session.events import (
     Dipped,
     Event,
+    GoalChanged,
     Looked,
     Planned,
     PlanningStep,
@@ -100,12 +101,14 @@ class Recorder:
     _expected_seconds: float | None = field(default=None, init=False)
     _forecasts: list[tuple[int, SimilarityForecast]] = field(default_factory=list, init=False)  # by strokes
     _touch: dict[str, str] = field(default_factory=dict, init=False)  # latest correction, by brush
+    _goals: list[GoalChanged] = field(default_factory=list, init=False)
 
     def __enter__(self) -> Self:
         self._started = time.monotonic()
         self._sketchbook, self._sheets = Sketchbook(self.folder), RecipeSheets(self.folder, self.owned)
         if self.before is not None:
             self._dips, self._cleanings = self.before.dips, self.before.cleanings
+            self._goals = list(self.before.goals)
             self._started -= self.before.seconds
         self._thread = ThreadPoolExecutor(1, "film")  # encodes while the robot goes on painting
         self._film = FilmWriter(self.folder / "film.mp4", self.timelapse_frames)
@@ -153,6 +156,8 @@ class Recorder:
                 self._touch[brush] = event.sentence
             case StrokeLeftOut(done=done):
                 self._strokes_left_out.append(done)
+            case GoalChanged():
+                self._goals.append(event)
             case Stopped():
                 self._stopped = True
             case _:
@@ -291,6 +296,10 @@ class Recorder:
         looked = f", {count_of(len(self._looks), 'look')} in between" if self._looks else ""
         facts = (
             *self.facts,
+            *(
+                ("Goal changed", f"after {count_of(each.done, 'stroke')}: {'; '.join(each.facts)}")
+                for each in self._goals
+            ),
             *mixing_changes(plan).items(),
             ("Strokes", f"{painted} of {of}"),
             *[(_forecast_by(done), str(one)) for done, one in self._forecasts[:1]],
@@ -354,6 +363,7 @@ class Recorder:
                 "stopped": self._stopped,
                 "photographed": self.watched,
                 "settings": self.settings,
+                "goal_changes": [{"strokes": each.done, "goal": list(each.facts)} for each in self._goals],
                 "strokes_planned": len(plan),
                 "strokes_painted": painting.painted - len(self._given_up),
                 "dips": self._dips,

@@ -2,7 +2,8 @@
 
 The chosen picture is then a goal like any other. The folder of the pictures has `making.json` beside them, the record
 of their maker, words and seeds; it follows a picture into the folder of its painting. A record may also stand beside
-one picture alone, as NAME.making.json beside NAME.png.
+one picture alone, as NAME.making.json beside NAME.png. In the middle of a painting, pictures begin from its canvas
+(`runs/proposing.py`).
 """
 
 import math
@@ -17,10 +18,14 @@ from typing import Any, Protocol, runtime_checkable
 
 import torch
 from torch import Tensor
+from torch.nn import functional
 
 from frida_painter import images, registry, storage
+from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError, FridaError, ImageError, MakingFailed, PluginError
+from frida_painter.frames import PixelGrid
 from frida_painter.objectives.encoders.loading import EncoderRegistry
+from frida_painter.planning.problem import Region
 from frida_painter.runs.goal_item import GoalItem, name_of
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.opening import planning_device
@@ -34,10 +39,16 @@ MAX_BYTES = 200 * 10**6
 MAKING = "making.json"
 """Record of a making, beside its pictures."""
 _FORMAT, _VERSION = "frida-painter making", 1
+CANVAS, FREE = "canvas.png", "free.png"
+"""Files of the canvas that pictures begin from, and of the mask of its free part (white), beside the pictures."""
+STRENGTH = 0.7
+"""Share of its steps in which a diffusion network changes the photograph of the canvas; 1 keeps nothing of it."""
 _PIXELS, _STEP = 512 * 512, 64
 _SILENCE = 10.0  # seconds after which a maker that says nothing is said to be at work
 _SECOND = 0.5  # weight of words that a CLIP reads, relative to the picture that was made from them
 _PLAIN = 3 / 255  # a picture whose channels differ less than this over all its pixels shows nothing
+_STRETCH = 1.15  # largest factor between the proportions of the canvas and those of a picture that begins from it
+_GLANCE = 32  # rows at which a picture is compared with the canvas
 
 
 @dataclass(frozen=True)
@@ -52,6 +63,8 @@ class PictureRequest:
     seconds: time for all pictures together
     stop_asked: True if the person has stopped the making; a maker asks at least once a second
     tell: receives a sentence about the progress
+    canvas: photograph of the canvas that the pictures begin from; None before a painting
+    free: mask of the same size, white if it may be painted; None if all of it may
     """
 
     words: str
@@ -63,6 +76,8 @@ class PictureRequest:
     seconds: float
     stop_asked: Callable[[], bool] = lambda: False
     tell: Callable[[str], None] = lambda sentence: None
+    canvas: Path | None = None
+    free: Path | None = None
 
 
 @runtime_checkable
@@ -123,11 +138,70 @@ class PictureMakerKind:
     name: as in `--imagine NAME:TEXT`
     help: one sentence
     open: returns the maker, from the text after the colon; fetches and starts nothing; raises ConfigError
+    begins_from_canvas: returns True if the maker of that text makes pictures from `PictureRequest.canvas`
     """
 
     name: str
     help: str
     open: Callable[[str], PictureMaker]
+    begins_from_canvas: Callable[[str], bool] = lambda text: False
+
+
+def require_canvas_maker(text: str) -> None:
+    """Raises ConfigError if the maker "NAME:TEXT" makes no pictures from the canvas, or if there is none."""
+    name, _ = open_picture_maker(text)
+    kind = registry.parts(registry.PICTURE_MAKERS)[name].load(PictureMakerKind)
+    if not kind.begins_from_canvas(text.partition(":")[2]):
+        raise ConfigError(
+            f"The picture maker {name!r} is not given the canvas here, so its pictures would not begin from it; a "
+            "command takes it as {canvas}."
+        )
+
+
+@dataclass(frozen=True)
+class SeenCanvas:
+    """Canvas in the middle of a painting, from which pictures begin.
+
+    picture: [3, H, W]
+    size: of the canvas
+    protected: part that no picture may change; None if there is none
+    """
+
+    picture: Tensor
+    size: CanvasSize
+    protected: Region | None = None
+
+    def save(self, folder: Path) -> tuple[Path, Path | None]:
+        """Writes the photograph, and a mask of its free part if the rest is protected; returns the files."""
+        images.save(self.picture, folder / CANVAS)
+        if self.protected is None:
+            return folder / CANVAS, None
+        closed = self.protected.on(PixelGrid(self.size, *self.picture.shape[1:]), widened=False)
+        images.save((~closed).float().expand(3, -1, -1), folder / FREE)
+        return folder / CANVAS, folder / FREE
+
+    def take(self, picture: Tensor) -> Tensor:
+        """Returns a made picture at the size of the canvas, with the protected part as it is. Raises ImageError."""
+        rows, columns = self.picture.shape[1:]
+        stretch = (picture.shape[2] / picture.shape[1]) / (columns / rows)
+        if not 1 / _STRETCH <= stretch <= _STRETCH:
+            raise ImageError(
+                f"it has {picture.shape[2]} x {picture.shape[1]} pixels, and the canvas {columns} x {rows}, so that it "
+                "does not show the whole canvas."
+            )
+        fitted = functional.interpolate(picture[None], (rows, columns), mode="bicubic", antialias=True)[0].clamp(0, 1)
+        return fitted if self.protected is None else self.protected.keep_forbidden(fitted, self.picture, self.size)
+
+    def is_ignored_by(self, picture: Tensor) -> bool:
+        """Returns True if a picture of its size is no nearer to it than to one of its mirror images.
+
+        Of a canvas that looks like its mirror images, nobody can tell.
+        """
+        seen, made = (images.resize_by_area(each, _GLANCE, _GLANCE) for each in (self.picture, picture))
+        turned = [seen.flip(dims) for dims in ((2,), (1,), (1, 2))]
+        told = [each for each in turned if float((each - seen).abs().mean()) > _PLAIN]
+        near = float((made - seen).abs().mean())
+        return any(float((made - each).abs().mean()) <= near for each in told)
 
 
 def open_picture_maker(text: str) -> tuple[str, PictureMaker]:
@@ -172,7 +246,7 @@ class Making:
     pictures: those that show something, at least one
     best: index of the picture that is taken if nobody chooses
     rule: phrase that says why
-    faults: sentences about pictures that were not made, or show nothing
+    faults: sentences about pictures that were not made, show nothing, or show nothing of the canvas
     """
 
     words: str
@@ -199,6 +273,7 @@ class Making:
                 for one in self.pictures
             ],
             "chosen": self.pictures[index].file.name, "because": why,
+            **({"canvas": storage.sha256(canvas, "the canvas")} if (canvas := self.folder / CANVAS).exists() else {}),
         }  # fmt: skip
         storage.write_json(self.folder / MAKING, record)
         return self.pictures[index].file
@@ -215,6 +290,7 @@ def make_pictures(
     stop_asked: Callable[[], bool] = lambda: False,
     tell: Callable[[str], None] = lambda sentence: None,
     encoders: EncoderRegistry | None = None,
+    canvas: SeenCanvas | None = None,
 ) -> Making:
     """Makes pictures from words, in a new folder; every picture is read and checked.
 
@@ -223,6 +299,7 @@ def make_pictures(
     count: number of pictures, each with a seed of its own
     minutes: time for all pictures
     encoders: networks that compare pictures with the words. None: the fetched ones
+    canvas: canvas that the pictures begin from, in the middle of a painting
     Raises ConfigError, WeightsError if the named CLIP cannot be loaded, MakingFailed if there is no picture to paint,
     Interrupted after a stop, and StorageError.
     """
@@ -241,17 +318,28 @@ def make_pictures(
     seeds = tuple((spec.seed + number) % 2**31 for number in range(count))
     width, height = _size(spec)
     faults: dict[str, MakingFailed] = {}
+    ignored: list[str] = []
     pictures: list[MadePicture] = []
     try:
         with TemporaryDirectory(dir=folder, prefix=".making-") as place:
             watch = _Watch(name, tell, stop_asked)
+            begins_from = (None, None) if canvas is None else canvas.save(folder)
             request = PictureRequest(
-                words, seeds, width, height, Path(place), device, 60 * minutes, watch.stop_asked, watch.tell
+                words,
+                seeds,
+                width,
+                height,
+                Path(place),
+                device,
+                60 * minutes,
+                watch.stop_asked,
+                watch.tell,
+                *begins_from,
             )
             files = _ask(name, opened, request)
             for number, (file, made_from) in enumerate(zip(files, seeds, strict=True), 1):
                 try:
-                    picture = _read(file)
+                    picture = _read(file) if canvas is None else canvas.take(_read(file))
                 except ImageError as cause:
                     why = str(cause).replace(str(file), "it", 1).rstrip(".")
                     faults[f"Picture {number} is left out: {why}."] = MakingFailed(
@@ -265,17 +353,21 @@ def make_pictures(
                 target = folder / f"{name_of(words)}-{number}.png"
                 images.save(picture, target)
                 pictures.append(MadePicture(target, made_from, picture))
+                if canvas is not None and canvas.is_ignored_by(picture):
+                    ignored.append(f"Picture {number} shows nothing of the canvas.")
         if not pictures:
             raise next(iter(faults.values()))
     except BaseException:
         with suppress(OSError):
+            for file in (CANVAS, FREE):
+                (folder / file).unlink(missing_ok=True)
             if made:
                 folder.rmdir()  # it is empty
         raise
-    for sentence in faults:
+    for sentence in (*faults, *ignored):
         tell(sentence)
     best, rule = _rank(words, [one.picture for one in pictures], encoders, request)
-    return Making(words, name, dict(opened.facts), folder, tuple(pictures), best, rule, tuple(faults))
+    return Making(words, name, dict(opened.facts), folder, tuple(pictures), best, rule, (*faults, *ignored))
 
 
 def _ask(name: str, maker: PictureMaker, request: PictureRequest) -> list[Path | MakingFailed]:

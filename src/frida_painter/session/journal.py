@@ -51,6 +51,7 @@ from frida_painter.session.events import (
     record,
     time_of,
 )
+from frida_painter.session.making_events import PicturesMade
 from frida_painter.session.person_events import (
     GoalChanged,
     PersonStrokeBegan,
@@ -101,14 +102,17 @@ class History:
     assumed: file of the last rendered canvas, if it is newer than every photograph.
     pictured: number of strokes in the last picture that a person took without a camera; 0 if there is none.
     looks, dips, cleanings, runs: their numbers.
+
     region: file of the region that a person drew, and True if only its inside may be painted; None without a
     region.
-    goal: folder of the changed goal, "" before a change.
+    goals: changes of the goal, in order.
     request: what a person asked for and the painter had not done yet; empty if there is nothing.
+    proposed: pictures that a maker proposed in the last pause, from which nobody has chosen; None if there are none.
 
     person: strokes of a person, in order; of the last one, the end may be unknown.
     person_painted: number of the person's last stroke that is certainly on the canvas.
     person_seen: number of the person's last stroke at the last look.
+    person_released: number of the person's last stroke when they last ended a protection.
 
     finished: True if the painting is complete.
     robot_seconds: robot time of a finished painting.
@@ -131,11 +135,13 @@ class History:
     pictured: int = 0
     photographs: dict[str, str | None] = field(default_factory=dict)
     region: tuple[str, bool] | None = None
-    goal: str = ""
+    goals: list[GoalChanged] = field(default_factory=list)
     request: dict[str, Any] = field(default_factory=dict)
+    proposed: PicturesMade | None = None
     person: list[PersonStrokeBegan] = field(default_factory=list)
     person_painted: int = 0
     person_seen: int = 0
+    person_released: int = 0
     dips: int = 0
     cleanings: int = 0
     runs: int = 0
@@ -150,6 +156,11 @@ class History:
     def left_out(self) -> frozenset[int]:
         """Indices in the plan, from 0, of the strokes that were given up."""
         return frozenset(number - 1 for number in self.given_up)
+
+    @property
+    def goal(self) -> str:
+        """Folder of the changed goal, "" before a change."""
+        return self.goals[-1].goal if self.goals else ""
 
     @property
     def person_in_doubt(self) -> PersonStrokeBegan | None:
@@ -220,7 +231,7 @@ class History:
             case CanvasPicture(picture):
                 self.assumed = picture
             case MotionBegan(stroke=int(stroke)):
-                self.in_doubt = stroke
+                self.in_doubt, self.proposed = stroke, None
             case StrokePainted(done=done):
                 self.painted, self.in_doubt = done, None
             case StrokeLeftOut(done=done):
@@ -235,10 +246,13 @@ class History:
                 self.cleanings += int(cleaned)
             case RegionProtected(region=region, only=only):
                 self.region = None if region is None else (region, only)
-            case GoalChanged(goal=goal):
-                self.goal = goal
+                self.person_released = self.person_painted if region is None else self.person_released
+            case GoalChanged():
+                self.goals, self.proposed = [*self.goals, event], None
             case RequestTaken(request):
                 self.request = request
+            case PicturesMade():
+                self.request, self.proposed = {}, event
             case PersonStrokeBegan(number):
                 self.person = [*self.person[: number - 1], event]
             case PersonStrokePainted(number):

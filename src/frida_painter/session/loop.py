@@ -40,6 +40,7 @@ from frida_painter.session.events import (
     Paused,
     Resumed,
     Stopped,
+    Written,
 )
 from frida_painter.session.executor import BatchExecutor, Interruptions, StopAsked
 from frida_painter.session.hand import Hand
@@ -161,6 +162,11 @@ class PaintingSession:
                 self._plans.replan()
             else:
                 self._plans.keep()
+
+    def note(self, event: Written) -> None:
+        """Notes in the journal what a person does in a pause, then tells it. Raises StorageError."""
+        self.journal.tell(event)
+        self._tell(event)
 
     @property
     def in_turns(self) -> bool:

@@ -1,4 +1,4 @@
-"""Events of the making of pictures from words, for the page."""
+"""Events of the making of pictures from words: for the page, and in a painting for its journal."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -17,7 +17,8 @@ class PicturesMade:
     """A maker made pictures of words, to choose from.
 
     maker: label of the maker
-    pictures: of each its file for the page, its file and folder of the making, and its seed
+    pictures: of each its file for the page, its file and folder of the making, and its seed; in a painting, the file is
+    in the painting's folder, and a person chooses one in the pause, or goes on without
     best: index of the best one, by a rule that `rule` tells
     faults: sentences about pictures that were left out
     """

@@ -30,10 +30,14 @@ class GoalChanged:
 
     goal: folder of the goal in the painting's folder.
     wish: request of the page.
+    done: number of painted strokes.
+    facts: descriptions of the goal, and of how its pictures were made.
     """
 
     goal: str
     wish: dict[str, Any]
+    done: int = 0
+    facts: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -8,13 +8,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError
-from frida_painter.hardware.easel import PersonStroke
+from frida_painter.hardware.easel import PersonBrush, PersonStroke
 from frida_painter.palette import Palette
 from frida_painter.session.person_events import PEN_LIMITS, PersonStrokeBegan
 
@@ -105,6 +106,16 @@ def thin(way: NDArray[np.float64]) -> NDArray[np.intp]:
             keep[middle] = True
             open_ends += [(first, middle), (middle, last)]
     return np.flatnonzero(keep)
+
+
+def draw_stroke(stroke: PersonStroke, brush: PersonBrush, size: CanvasSize, mask: NDArray[np.uint8]) -> None:
+    """Sets the pixels of a mask [H, W] of the whole canvas to 1 where the stroke of that brush is."""
+    rows, columns = mask.shape
+    pixels = stroke.place / (size.width, size.height) * (columns, -rows) + (0, rows)
+    width = (brush.light + (brush.hard - brush.light) * stroke.press) / size.height * rows
+    for start, end, wide in zip(pixels, np.r_[pixels[1:], pixels[-1:]], width, strict=True):
+        ends = [(round(float(x)), round(float(y))) for x, y in (start, end)]
+        cv2.line(mask, *ends, 1, max(1, round(float(wide))))
 
 
 def begin_stroke(stroke: PersonStroke, wells: Palette | None, done: int) -> PersonStrokeBegan:

@@ -26,7 +26,7 @@ from frida_painter.session.journal import Journal
 from frida_painter.session.observer import PHOTOGRAPH_ROWS, TIMELAPSE_ROWS, CanvasObserver
 from frida_painter.session.open_loop import OpenLoopMonitor
 from frida_painter.session.person_events import PersonStrokeBegan, PersonStrokePainted
-from frida_painter.session.person_strokes import PenStroke, begin_stroke
+from frida_painter.session.person_strokes import PenStroke, begin_stroke, draw_stroke
 from frida_painter.session.plan_keeper import ExecutionMonitor, PlanKeeper
 from frida_painter.session.progress import PaintingProgress
 from frida_painter.session.turn_policy import TurnTaken, take_turn
@@ -80,6 +80,7 @@ class PersonTurns:
         self._journal, self._interruptions, self._progress, self._tell = journal, interruptions, progress, tell
         self._begun: list[PersonStrokeBegan] = []  # all strokes of the person
         self._answered = 0  # number of the last stroke that the robot has answered
+        self._released = 0  # number of the last stroke that the robot may paint over
         self._before: Tensor | None = None  # canvas at the beginning of a pause, if only photographs tell of the person
 
     @property
@@ -123,9 +124,42 @@ class PersonTurns:
         self._begun.append(begun)
         self._tell_canvas(begun.color)
 
-    def remember(self, strokes: Sequence[PersonStrokeBegan], answered: int) -> None:
-        """Takes over the person's strokes of earlier runs; the robot has answered those up to number `answered`."""
-        self._begun, self._answered = list(strokes), answered
+    def remember(self, strokes: Sequence[PersonStrokeBegan], answered: int, released: int = 0) -> None:
+        """Takes over the person's strokes of earlier runs.
+
+        answered, released: numbers of the last one that the robot has answered, and that it may paint over.
+        """
+        self._begun, self._answered, self._released = list(strokes), answered, released
+
+    def release(self) -> None:
+        """Lets the robot paint over all that the person has painted so far."""
+        self._released = self._progress.person
+
+    def photograph(self) -> Tensor:
+        """Returns the canvas as it is now, [3, H, W], without the arm; that is no look, and nothing is noted.
+
+        Without a camera, it is the canvas as it should be. Raises CameraError.
+        """
+        if not self._hand.easel.has_camera:
+            return self._monitor.look()
+        frame = self._observer.photograph(self._hand.last_motion)
+        return self._observer.see(frame.image, PHOTOGRAPH_ROWS)
+
+    def find_own_paint(self) -> NDArray[np.bool_] | None:
+        """Returns a mask [H, W] of the person's paint, for a goal that may change all of the canvas.
+
+        That is all that they painted through this program and have not released, and what they added since
+        `await_paint` with a brush of their own, which is not found a second time. None if there is nothing.
+        """
+        if (found := self.find_paint()) is not None:
+            self.await_paint()
+            return found.painted
+        brushes = {brush.name: brush for brush in self._hand.easel.person_brushes}
+        size = self._hand.easel.canvas
+        mask = np.zeros((PHOTOGRAPH_ROWS, round(PHOTOGRAPH_ROWS * size.width / size.height)), np.uint8)
+        for stroke in (PersonStroke.of(each.stroke) for each in self._begun[self._released :]):
+            draw_stroke(stroke, brushes[stroke.brush], size, mask)
+        return mask > 0 if mask.any() else None
 
     def await_paint(self) -> None:
         """Photographs the canvas at the beginning of a pause, so that its end shows what a person painted.
@@ -136,14 +170,14 @@ class PersonTurns:
         self._before = None
         if self._hand.easel.has_camera and not self.may_paint and self._progress.plan is not None:
             with suppress(CameraError):
-                self._before = self._photograph()
+                self._before = self.photograph()
 
     def find_paint(self) -> FoundPaint | None:
         """Returns what a person painted since `await_paint`; None if nothing is found, or it cannot be known."""
         if self._before is None:
             return None
         try:
-            after = self._photograph()
+            after = self.photograph()
         except CameraError:
             return None
         painted = find_painted(self._before, after, MARK)
@@ -239,11 +273,6 @@ class PersonTurns:
         painted = PersonStrokePainted(stroke.number, self._progress.painted)
         self._journal.tell(painted)
         self._tell(painted)
-
-    def _photograph(self) -> Tensor:
-        """Returns the canvas as a photograph shows it now, [3, H, W], without the arm. Raises CameraError."""
-        frame = self._observer.photograph(self._hand.last_motion)
-        return self._observer.see(frame.image, PHOTOGRAPH_ROWS)
 
     def _tell_canvas(self, color: tuple[float, float, float]) -> None:
         """Reports a picture of the canvas for people and for the film."""

@@ -12,6 +12,7 @@ from frida_painter.easel.dialogue import Answer, Corners, EnterAddress, GuideMov
 from frida_painter.errors import ConfigError, Interrupted
 from frida_painter.event_log import FEED, EventLog, LogReader
 from frida_painter.session.person_events import PEN_LIMITS
+from frida_painter.web.picture_choosing import MakerLabel, PlainWords
 from frida_painter.web.studio_folder import Identifier, PaintingFolder, PaintingRequest
 
 LEAD_GOOD_FOR = 10.0
@@ -127,6 +128,26 @@ class ChangeGoal(_Command):
     kind: Literal["goal"] = "goal"
 
 
+@dataclass(frozen=True)
+class Propose(_Command):
+    """Command to have pictures made that begin from the canvas; the person then chooses one, or goes on.
+
+    words: what is to change.
+    maker: label of a maker that is allowed here; its order lies in the painting's folder.
+    """
+
+    words: PlainWords
+    maker: MakerLabel
+    kind: Literal["propose"] = "propose"
+
+
+@dataclass(frozen=True)
+class EndMaking(_Command):
+    """Command to end the making of pictures, and no other work."""
+
+    kind: Literal["end making"] = "end making"
+
+
 IN_A_PAUSE = "The robot is painting, and this can be done only in a pause: press Pause, wait, then ask for it again."
 ROBOT_MOVES = (
     "The robot is painting, and nobody paints beside an arm that moves: your stroke was not painted. Press Pause, wait "
@@ -183,6 +204,8 @@ Command = Annotated[
     | GivePicture
     | Free
     | ChangeGoal
+    | Propose
+    | EndMaking
     | PaintStroke,
     Field(discriminator="kind"),
 ]
@@ -211,6 +234,8 @@ def describe(command: Command) -> str:
             return f"turns of {count} strokes, {minutes:g} minutes, {policy}, {keep}"
         case LeaveOut(count):
             return f"{command.kind} {count}"
+        case Propose(_, maker):
+            return f"propose pictures by {maker}"
         case Protect(picture, only):
             return f"{'paint only in' if only else 'protect'} region {picture[:8]}"
         case PaintStroke(brush, paint, points):

@@ -5,15 +5,13 @@ import secrets
 from dataclasses import replace
 from pathlib import Path
 
-from torch import Tensor
-
 from frida_painter import images
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import Interrupted
-from frida_painter.runs.picture_making import MAX_PICTURES, make_pictures, remove_making
+from frida_painter.runs.picture_making import MAX_PICTURES, Making, make_pictures, remove_making
+from frida_painter.runs.proposing import record_making
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import ProcedureProgress
-from frida_painter.session.making_events import PicturesMade
 from frida_painter.web.picture_choosing import MADE, MAX_MAKINGS, MakingOrder, plain_fact
 from frida_painter.web.stop import StopWatch
 from frida_painter.web.studio_folder import Feed, PaintingFolder
@@ -46,25 +44,23 @@ def imagine(folder: PaintingFolder, feed: Feed, stop: StopWatch) -> None:
     except Interrupted:
         stop.heed()
         raise
-    making = replace(making, facts={name: plain_fact(fact) for name, fact in making.facts.items()})
-    making.choose(making.best, making.rule)  # until a person chooses
-    shown = [
-        {
-            "picture": _show(one.picture, folder.live / f"made-{place.name}-{number}.jpg"),
-            "file": f"{place.name}/{one.file.name}",
-            "seed": one.seed,
-        }
-        for number, one in enumerate(making.pictures, 1)
-    ]
-    feed.tell(PicturesMade(order.words, order.label, shown, making.best, making.rule, list(making.faults)))
+    shown = show_pictures(making, folder.live, place.name)
+    feed.tell(record_making(without_folders(making), order.label, place.parent, shown))
 
 
-def _show(picture: Tensor, file: Path) -> str:
-    """Writes a small copy of a picture, and returns its name."""
-    rows, columns = picture.shape[1:]
-    small = min(rows, _ROWS)
-    images.save(images.fit(picture, small, max(1, round(columns * small / rows))), file)
-    return file.name
+def without_folders(making: Making) -> Making:
+    """Returns a making whose facts name no folders of this machine, for everybody at the page."""
+    return replace(making, facts={name: plain_fact(fact) for name, fact in making.facts.items()})
+
+
+def show_pictures(making: Making, live: Path, secret: str) -> list[str]:
+    """Writes small copies of the pictures for the page, and returns their names, which hold what nobody can guess."""
+    names = [f"made-{secret}-{number}.jpg" for number, _ in enumerate(making.pictures, 1)]
+    for name, one in zip(names, making.pictures, strict=True):
+        rows, columns = one.picture.shape[1:]
+        small = min(rows, _ROWS)
+        images.save(images.fit(one.picture, small, max(1, round(columns * small / rows))), live / name)
+    return names
 
 
 def _forget_old(folder: PaintingFolder) -> None:

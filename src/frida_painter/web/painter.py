@@ -11,13 +11,11 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
-import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from frida_painter import images, storage
+from frida_painter import images
 from frida_painter.easel.dialogue import (
     JOG_STEPS,
     Answer,
@@ -30,14 +28,22 @@ from frida_painter.easel.dialogue import (
     PointCorners,
     SetupQuestion,
 )
-from frida_painter.errors import ConfigError, FridaError, Interrupted, StorageError
+from frida_painter.errors import FridaError, Interrupted, StorageError
 from frida_painter.event_log import LogReader
-from frida_painter.frames import PixelGrid
 from frida_painter.palette import to_hex
 from frida_painter.plan import Plan
-from frida_painter.planning.problem import Region, region_of
-from frida_painter.runs.goals import open_goal
-from frida_painter.runs.painting_folder import keep_goal
+from frida_painter.planning.problem import region_of
+from frida_painter.runs.picture_making import require_canvas_maker
+from frida_painter.runs.proposing import (
+    forbid,
+    keep_region,
+    propose,
+    pursue,
+    record_making,
+    require_goal,
+    resize_mask,
+    union_of,
+)
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import (
     Answered,
@@ -47,14 +53,15 @@ from frida_painter.session.events import (
     PauseCause,
     Paused,
     PersonMayPaint,
+    ProcedureProgress,
     Remark,
     StrokePainted,
     Turns,
     WentOn,
 )
 from frida_painter.session.loop import PaintingSession
-from frida_painter.session.observer import PHOTOGRAPH_ROWS
-from frida_painter.session.person_events import GoalChanged, PersonPaintShown, RegionProtected, RequestTaken
+from frida_painter.session.making_events import MakingStarted, PicturesMade
+from frida_painter.session.person_events import PersonPaintShown, RegionProtected, RequestTaken
 from frida_painter.session.person_strokes import PenStroke
 from frida_painter.session.person_turns import FoundPaint
 from frida_painter.session.turn_policy import Keep, TurnTaken, answer_turn, find_turn_policy
@@ -64,6 +71,7 @@ from frida_painter.web.commands import (
     ChangeGoal,
     Command,
     CommandReader,
+    EndMaking,
     FinishDrawing,
     Free,
     GivePicture,
@@ -72,12 +80,15 @@ from frida_painter.web.commands import (
     LookAgain,
     PaintStroke,
     Pause,
+    Propose,
     Protect,
     TakeTurns,
     command_of,
     parse_answer,
     to_plain,
 )
+from frida_painter.web.imaginer import show_pictures, without_folders
+from frida_painter.web.picture_choosing import MakingOrder
 from frida_painter.web.stop import StopWatch
 from frida_painter.web.studio_folder import Feed, FeedReader, PaintingFolder
 
@@ -177,7 +188,10 @@ def describe_question(question: SetupQuestion) -> dict[str, Any]:
 
 
 _KEEP: dict[str, Keep] = {"welcome": "welcome", "protect": "protect"}
-_ROUNDS = 3  # rounds of a replan after a change of the goal
+_YOURS_STAYS = (
+    "What you painted stays as it is in all of them. If it may be painted over, press Remove the protection, then ask "
+    "again."
+)
 _REASONS: dict[PauseCause, str] = {
     "button": "Somebody pressed the pause button of the machine: the brush is clean, the arm aside. Press it again, or "
     "let it go on here.",
@@ -227,12 +241,17 @@ class PauseController:
 
         threading.Thread(target=listen, daemon=True, name="commands").start()
 
-    def owe(self, request: dict[str, Any]) -> None:
-        """Takes over what a person asked for before the painting broke off: it is done before the next stroke."""
+    def owe(self, request: dict[str, Any], proposed: PicturesMade | None) -> None:
+        """Takes over what a person asked for before the painting broke off: it is done before the next stroke.
+
+        If pictures were proposed, or are to be, the painting then waits until the person chooses one or goes on.
+        """
         command = command_of(request)
         if command is not None:
-            self._commands.extend((command, *(() if isinstance(command, FinishDrawing) else (GoOn(),))))
-            self._owes = True
+            self._commands.extend((command, *(() if isinstance(command, FinishDrawing | Propose) else (GoOn(),))))
+        if proposed is not None:
+            self.feed.tell(proposed)
+        self._owes = command is not None or proposed is not None
 
     def hear(self, event: Event) -> None:
         """Counts strokes, for turns."""
@@ -310,7 +329,7 @@ class PauseController:
                 self._tell_answer()
                 return True
             try:
-                if not isinstance(command, LeaveOut | TakeTurns):  # these take no time
+                if not isinstance(command, LeaveOut | TakeTurns | EndMaking):  # these take no time
                     self._note(command)
                     self.feed.tell(Considering())
                 self._do(command)
@@ -387,7 +406,7 @@ class PauseController:
         covers = " Strokes that are still planned would cover some of it." if found.covered >= 0.01 else ""
         question = f"You painted what is outlined here, about {share}.{covers} Shall it stay as it is?"
         if found.matters and self.ask(Confirm(question, found.outlined, proposal=True)) is True:
-            self._forbid(_union_of(session.planner.region, found.painted))
+            self._forbid(union_of(session.planner.region, found.painted))
             self._answer = "What you painted stays as it is: the robot paints around it."
         else:
             self._answer = "The robot has seen what you painted, and goes on from it."
@@ -401,12 +420,7 @@ class PauseController:
 
     def _forbid(self, forbidden: NDArray[np.bool_]) -> None:
         """Forbids strokes on a part of the canvas [H, W], and notes and reports that; nothing is replanned."""
-        session = self._session
-        drawing = torch.from_numpy(forbidden).float().expand(3, -1, -1)
-        session.planner = session.planner.keeping_clear(region_of(drawing, only_inside=False))
-        region = RegionProtected(*self._keep_region(drawing, False))
-        session.journal.tell(region)
-        self.feed.tell(region)
+        self.feed.tell(forbid(self._session, self.folder.painting, forbidden, self._show_region))
 
     def adapt_alone(self, turn: TurnTaken) -> Plan | None:
         """Answers a turn as `adapt`, outside of a pause, and says how."""
@@ -419,7 +433,7 @@ class PauseController:
         session, game = self._session, self._game
         count = min(turn.room, game.count or turn.count)
         policy, region = find_turn_policy(game.policy), session.planner.region
-        protected = None if region is None else _resized(region.forbidden.numpy(), turn.painted.shape)
+        protected = None if region is None else resize_mask(region.forbidden.numpy(), turn.painted.shape)
         try:
             size = session.planner.size.height
             answer = answer_turn(policy, game.keep, replace(turn, count=count), size, protected)
@@ -449,18 +463,21 @@ class PauseController:
             case Protect(picture, only):
                 drawing = images.load(self.folder.pictures / f"{picture}.png")
                 session.planner = session.planner.keeping_clear(region_of(drawing, only_inside=only))
-                self._tell_region(RegionProtected(*self._keep_region(drawing, only)))
+                kept = keep_region(self.folder.painting, drawing)
+                self._tell_region(RegionProtected(kept, only, self._show_region(drawing)))
             case Free():
+                session.person.release()
                 session.planner = session.planner.keeping_clear(None)
                 self._tell_region(RegionProtected(None))
-            case ChangeGoal() if session.in_turns:
-                raise ConfigError("You draw together without a goal; begin another painting for a goal.")
-            case ChangeGoal():
-                self._pursue(command)
+            case ChangeGoal(request):
+                wanted = RunSpec.of(**request.goals(self.folder.pictures))
+                pursue(session, self.folder.painting, wanted, request.model_dump(mode="json"), self.feed.tell)
+            case Propose():
+                self._propose(command)
             case TakeTurns():
                 self._take_turns(command)
             case _:
-                pass  # the painting has paused already
+                pass  # the painting has paused already, or no picture is being made
 
     @property
     def _session(self) -> PaintingSession:
@@ -471,47 +488,40 @@ class PauseController:
     def _tell_region(self, region: RegionProtected) -> None:
         """Notes and reports a changed region, and replans the rest around it."""
         session = self._session
-        session.journal.tell(region)
+        session.note(region)
         self.feed.tell(region)
         session.look_again()
 
-    def _keep_region(self, drawing: Tensor, only: bool) -> tuple[str, bool, str]:
-        """Saves the drawing of a region into the painting's results and for the page; returns both names."""
-        name = f"regions/{self._next('regions')}.png"
+    def _show_region(self, drawing: Tensor) -> str:
+        """Writes the drawing of a region for the page, and returns its name."""
         shown = f"region-{secrets.token_hex(12)}.png"
-        images.save(drawing, self.folder.painting / name)
         images.save(drawing, self.folder.live / shown)
-        return name, only, shown
+        return shown
 
-    def _next(self, kind: str) -> int:
-        """Returns the number of the next region or change in the painting's results, from 1."""
-        return storage.next_number(self.folder.painting / kind, "")
+    def _propose(self, command: Propose) -> None:
+        """Has pictures made that begin from the canvas, and shows them; what the person painted is protected first."""
+        session, order = self._session, MakingOrder.load(self.folder)
+        require_goal(session)
+        require_canvas_maker(order.maker)
+        own = session.person.find_own_paint()
+        if own is not None:
+            self._forbid(union_of(session.planner.region, own))
+        self.feed.tell(MakingStarted(command.words, order.label))
+        making = propose(
+            session, self.folder.painting, command.words, order.maker, minutes=order.minutes,
+            stop_asked=self._must_end_making, tell=lambda sentence: self.feed.tell(ProcedureProgress(sentence)),
+        )  # fmt: skip
+        shown = show_pictures(making, self.folder.live, secrets.token_hex(12))
+        made = record_making(without_folders(making), order.label, self.folder.painting, shown)
+        session.note(made)
+        self.feed.tell(made)
+        if own is not None:
+            self.feed.tell(Remark(_YOURS_STAYS))
 
-    def _pursue(self, command: ChangeGoal) -> None:
-        """Changes the goal; the paints stay, because they are mixed already."""
-        session = self._session
-        grid = PixelGrid.of_height(session.planner.size, PHOTOGRAPH_ROWS)
-        wanted, kept = RunSpec.of(**command.request.goals(self.folder.pictures)), f"changes/{self._next('changes')}"
-        keep_goal(wanted, self.folder.painting / kept)
-        goal = open_goal(wanted).fit_to(grid.rows, grid.columns)
-        changed = GoalChanged(kept, command.request.model_dump(mode="json"))
-        session.journal.tell(changed)
-        session.planner = session.planner.towards(goal)
-        self.feed.tell(changed)
-        session.look_again(_ROUNDS)
+    def _must_end_making(self) -> bool:
+        """Returns True if the person ends the making of pictures, or all work; other commands wait."""
+        return self.stop.asked or EndMaking() in list(self._commands)
 
     def _take_turns(self, command: TakeTurns) -> None:
         self._game, self._since, self._since_time = command, 0, time.monotonic()
         self.feed.tell(Turns(command.count, command.minutes, command.policy, command.keep))
-
-
-def _union_of(region: Region | None, painted: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Returns what a region forbids, and the paint [H, W] with a small margin."""
-    side = 2 * max(1, painted.shape[0] // 100) + 1
-    grown = cv2.dilate(painted.astype(np.uint8), np.ones((side, side), np.uint8)) > 0
-    return grown if region is None else grown | _resized(region.forbidden.numpy(), painted.shape)
-
-
-def _resized(mask: NDArray[np.bool_], shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    rows, columns = shape
-    return cv2.resize(mask.astype(np.uint8), (columns, rows), interpolation=cv2.INTER_NEAREST) > 0

@@ -47,6 +47,7 @@ from frida_painter.session.events import (
     WentOn,
     Written,
 )
+from frida_painter.session.making_events import MakingStarted, PicturesMade
 from frida_painter.session.person_events import GoalChanged, PersonPaintShown, PersonStrokePainted, RegionProtected
 from frida_painter.web.studio_folder import PaintingFolder, working
 
@@ -205,6 +206,8 @@ class PaintState:
     region: protected region.
     remark: reason why a command could not be done as asked.
     wish: request of a changed goal.
+    making: words of the pictures that are being made, which begin from the canvas; None if none are.
+    proposed: pictures to choose one from; None if there are none.
     brush: brush in the hand, "" for none.
     first_paint: palette number, from 0, of the paint in the first well.
     paint: palette number of the paint on the brush, from 0.
@@ -244,6 +247,8 @@ class PaintState:
     region: dict[str, Any] | None = None
     remark: str = ""
     wish: dict[str, Any] | None = None
+    making: str | None = None
+    proposed: PicturesMade | None = None
     why: str = ""  # reason of the next look
     person: dict[str, Any] | None = None
     film: bool = False
@@ -362,7 +367,7 @@ def _hear_painting(painting: PaintState, event: Written) -> None:
     if isinstance(event, LookShown | WentOn | RestReplanned):
         painting.remark = ""
     if isinstance(event, Paused | WentOn | TakenUp):
-        painting.held = isinstance(event, Paused)
+        painting.held, painting.making = isinstance(event, Paused), None
     match event:
         case ProcedureProgress(words):
             painting.said = words
@@ -413,7 +418,13 @@ def _hear_painting(painting: PaintState, event: Written) -> None:
             painting.region = {"picture": picture, "only": only} if picture else None
             painting.why = ("only" if only else "region") if picture else "freed"
         case GoalChanged(wish=wish):
-            painting.wish, painting.why = wish, "goal"
+            painting.wish, painting.why, painting.proposed = wish, "goal", None
+        case MakingStarted(words):
+            painting.making, painting.said = words, ""
+        case PicturesMade():
+            painting.making, painting.proposed = None, event
+        case WentOn():
+            painting.proposed = None
         case PersonMayPaint(brushes, wells):
             strokes = 0 if painting.person is None else painting.person["strokes"]
             painting.person = {"brushes": brushes, "wells": wells, "strokes": strokes}

@@ -11,14 +11,14 @@ from pathlib import Path
 from typing import Annotated, Any, Self
 from urllib.parse import urlsplit
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from frida_painter import python_process, registry, storage
 from frida_painter.errors import ConfigError
 from frida_painter.session.events import Failed, ProcedureProgress, Stopped, Written
 from frida_painter.session.making_events import MakingStarted, PicturesMade
 from frida_painter.web.painting_state import Truth
-from frida_painter.web.studio_folder import MAKING_SUFFIX, KeptRequest, PaintingFolder, Words
+from frida_painter.web.studio_folder import MAKING_SUFFIX, KeptRequest, Words
 
 MADE = "made"
 """Folder of all makings in the folder for making pictures, each with a random name."""
@@ -75,6 +75,20 @@ def _last_part(word: str) -> str:
     return host or Path(word.strip("'\"").partition(",")[0]).name
 
 
+def _require_plain(words: str) -> str:
+    """Refuses what a program could take for an option or for a file, because a visitor may type anything."""
+    if not words.isprintable():
+        raise ValueError("The words hold characters that cannot be printed; type them anew.")
+    if not words[0].isalnum():
+        raise ValueError(f"The words begin with {words[0]!r}; begin them with a letter or a digit.")
+    return words
+
+
+PlainWords = Annotated[Words, AfterValidator(_require_plain)]
+"""Words that a picture maker may be given."""
+MakerLabel = Annotated[str, Field(max_length=200)]
+
+
 class MakingRequest(BaseModel):
     """Request for pictures of words.
 
@@ -85,21 +99,11 @@ class MakingRequest(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    words: Words
-    maker: str = Field(max_length=200)
+    words: PlainWords
+    maker: MakerLabel
     seed: int = Field(0, ge=0, le=2**31 - 1, strict=True)
     width: _Side = 14 * 25.4
     height: _Side = 11 * 25.4
-
-    @field_validator("words")
-    @classmethod
-    def _are_plain(cls, words: str) -> str:
-        """Refuses what a program could take for an option or for a file, because a visitor may type anything."""
-        if not words.isprintable():
-            raise ValueError("The words hold characters that cannot be printed; type them anew.")
-        if not words[0].isalnum():
-            raise ValueError(f"The words begin with {words[0]!r}; begin them with a letter or a digit.")
-        return words
 
 
 class MakingOrder(KeptRequest):
@@ -114,20 +118,20 @@ class MakingOrder(KeptRequest):
     words: str
     maker: str
     label: str
-    seed: int
-    width: float
-    height: float
     minutes: float
+    seed: int = 0
+    width: float = 14 * 25.4
+    height: float = 11 * 25.4
 
     @classmethod
-    def of(cls, request: MakingRequest, allowed: AllowedMakers) -> Self:
+    def of(cls, words: str, label: str, allowed: AllowedMakers, **more: float) -> Self:
         """Returns the order of a request. Raises ConfigError if its maker is not allowed here."""
-        maker = allowed.by_label.get(request.maker)
+        maker = allowed.by_label.get(label)
         if maker is None:
             known = ", ".join(allowed.by_label)
             advice = f"choose one of {known}" if known else "whoever starts the studio allows one with --imagine"
-            raise ConfigError(f"There is no picture maker {request.maker[:60]!r} here; {advice}.")
-        return cls(**{**request.model_dump(), "maker": maker, "label": request.maker, "minutes": allowed.minutes})
+            raise ConfigError(f"There is no picture maker {label[:60]!r} here; {advice}.")
+        return cls(words=words, maker=maker, label=label, minutes=allowed.minutes, **more)
 
 
 @dataclass
@@ -198,17 +202,17 @@ class ChosenPicture(BaseModel):
     picture: str = Field(max_length=80)
 
 
-def take_picture(
-    chosen: ChosenPicture, makings: Sequence[PicturesMade], folder: PaintingFolder, pictures: Path
-) -> dict[str, str]:
+def take_picture(chosen: ChosenPicture, makings: Sequence[PicturesMade], root: Path, pictures: Path) -> dict[str, str]:
     """Copies a made picture to the pictures for goals, with the record of its making.
+
+    root: folder in which the makings name their pictures
 
     Returns its id, a line about it, and "yes" or "no" if a CLIP is here, which also reads the words.
     Raises ConfigError if it is gone, StorageError.
     """
     found = ((making, one) for making in makings for one in making.pictures if one["picture"] == chosen.picture)
     making, one = next(found, (None, None))
-    source = folder.path / MADE / str(one["file"]) if one is not None else None
+    source = root / str(one["file"]) if one is not None else None
     if making is None or one is None or source is None or not source.is_file():
         raise ConfigError("This picture is gone; make pictures again.")
     record = storage.read_json(source.parent / MAKING_SUFFIX.removeprefix("."), "the record of a making")

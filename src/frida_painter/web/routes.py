@@ -555,6 +555,11 @@ def painting_routes(studio: Studio) -> APIRouter:
         studio.say(entry, command, by)
         return {"id": entry.id}
 
+    @router.post("/choose")
+    def choose(chosen: ChosenPicture, entry: Entry = this, by: Session = leader) -> dict[str, str]:
+        """Takes a proposed picture among the pictures for goals; returns its id, and how it was made."""
+        return studio.choose_proposal(entry, chosen, by)
+
     return router
 
 

@@ -22,6 +22,7 @@ from frida_painter.web.commands import (
     Command,
     GivePicture,
     PaintStroke,
+    Propose,
     Protect,
     Reply,
     Role,
@@ -32,6 +33,7 @@ from frida_painter.web.commands import (
 )
 from frida_painter.web.painting_state import PaintingState, Status, tell_status
 from frida_painter.web.picture_choosing import (
+    MADE,
     AllowedMakers,
     ChosenPicture,
     MakingOrder,
@@ -321,6 +323,10 @@ class Studio:
                 self._require_pictures({picture})
             case ChangeGoal(request):
                 self._require_possible(request)
+            case Propose(words, maker):
+                if self.painting(entry)["painting"]["making"] is not None:
+                    raise Interrupted("Pictures are being made here already; wait until they are there, or stop it.")
+                MakingOrder.of(words, maker, self.makers).keep(entry.folder)
             case TakeTurns(policy=policy) if policy not in registry.parts(registry.TURN_POLICIES):
                 known = ", ".join(registry.parts(registry.TURN_POLICIES))
                 raise ConfigError(f"There is no way of taking turns {policy!r}; take one of {known}.")
@@ -332,6 +338,15 @@ class Studio:
                     raise Interrupted("Nobody can paint through the page here; paint on the canvas with a real brush.")
         self.store.note(by.id, entry.id, describe(command))
         tell_painter(entry.folder, command, by.id)
+
+    def choose_proposal(self, entry: Entry, chosen: ChosenPicture, by: Session) -> dict[str, str]:
+        """Takes a proposed picture of a painting among the pictures for goals; returns its id, and how it was made."""
+        proposed = self.feeds.view(
+            entry.folder, PaintingState, lambda state, truth: state.painting and state.painting.proposed
+        )
+        made = take_picture(chosen, [proposed] if proposed else [], entry.folder.painting, self.store.pictures)
+        self.store.note(by.id, entry.id, f"choose {made['made']}")
+        return made
 
     def answer(self, entry: Entry, given: Reply, by: Session) -> None:
         """Answers a question of the painter."""
@@ -388,7 +403,9 @@ class Studio:
 
     def imagine(self, request: MakingRequest, by: Session) -> None:
         """Starts to make pictures by a maker that the owner of the studio allowed; no request names a program."""
-        order = MakingOrder.of(request, self.makers)
+        order = MakingOrder.of(
+            request.words, request.maker, self.makers, **request.model_dump(exclude={"words", "maker"})
+        )
         folder = self.store.imagining
         require_disk(folder.path, _ROOM_TO_BEGIN)
         if working(folder):
@@ -411,7 +428,7 @@ class Studio:
         """Takes a made picture among the pictures for goals; returns its id, and how it was made."""
         folder = self.store.imagining
         makings = self.feeds.view(folder, MakingProgress, lambda state, truth: list(state.makings))
-        made = take_picture(chosen, makings, folder, self.store.pictures)
+        made = take_picture(chosen, makings, folder.path / MADE, self.store.pictures)
         self.store.note(by.id, _IMAGINING, f"choose {made['made']}")
         return made
 

@@ -332,7 +332,8 @@ def _lead(job: Job, run: PaintingRun) -> None:
 
     pauses = PauseController(job.folder, job.feed, job.stop, job.began, lambda: run.session, look_at, job.asker.answer)
 
-    pauses.owe(run.history.request if run.history else {})
+    if run.history is not None:
+        pauses.owe(run.history.request, run.history.proposed)
 
     def paint_on(difference: str, photograph: Tensor) -> bool:
         question = f"{difference.split(' Look at ')[0]} Shall it be painted on as it is?"

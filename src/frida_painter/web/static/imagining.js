@@ -19,6 +19,21 @@ export function nextSeed(makings, words, first) {
 }
 
 /**
+ * Made pictures to choose from. @template {{ picture: string, seed: number }} P @param {string} words @param {P[]} pictures
+ * @param {{ source: (picture: string) => string, name: (one: P, index: number) => string, note?: (one: P) => string, choose: (picture: string) => void }} of
+ */
+export function shelfOf(words, pictures, { source, name, note = () => "", choose }) {
+  return h("ul", { class: "candidates", "aria-label": `Pictures of ${words}` }, pictures.map((one, index) => h("li", {},
+    h("button", { type: "button", "aria-label": name(one, index), onclick: () => choose(one.picture) },
+      h("img", { src: source(one.picture), alt: "" }), h("small", { "aria-hidden": "true" }, `seed ${one.seed}${note(one)}`)))));
+}
+
+/** A choice among the makers; nothing if there is one only. @param {House} house @param {string} chosen @param {(maker: string) => void} choose */
+export const makerChoice = (house, chosen, choose) => house.makers.length > 1
+  ? h("select", { "aria-label": "Picture maker", onchange: (event) => choose(event.target.value) }, house.makers.map((name) => h("option", { value: name, selected: name === chosen }, name)))
+  : null;
+
+/**
  * Places under the words of a form's goals where pictures of them are made and chosen; `chosen` takes the one that a person chose.
  * @param {House} house @param {Wish} wish @param {(term: Term, picture: { id: string, made: string, read: "yes" | "no" }) => void} chosen
  */
@@ -73,9 +88,7 @@ export function pictureMaking(house, wish, chosen) {
     const said = h("p", { class: "label", role: "status" });
     const trouble = h("div", { class: "trouble", role: "alert" });
     const shelf = h("div", {});
-    const names = house.makers.length > 1
-      ? h("select", { "aria-label": "Picture maker", onchange: (event) => { maker = event.target.value; } }, house.makers.map((name) => h("option", { value: name, selected: name === maker }, name)))
-      : null;
+    const names = makerChoice(house, maker, (name) => { maker = name; });
     const go = h("button", { type: "button", class: "quiet", title: `By ${house.makers.join(" or ")}`, onclick: () => make(term) }, "Make pictures from this text");
     const stop = h("button", { type: "button", class: "quiet", onclick: () => house.attempt(() => api.post(`${PLACE}/stop`)) }, "Stop making pictures");
     const bar = h("progress", { "aria-label": "Making pictures" });
@@ -100,9 +113,10 @@ export function pictureMaking(house, wish, chosen) {
       const files = pictures.map((one) => one.picture).join(" ");
       if (files === shown) return;
       shown = files;
-      show(shelf, pictures.length ? h("ul", { class: "candidates", "aria-label": `Pictures of ${words}` }, pictures.map((one, index) => h("li", {},
-        h("button", { type: "button", "aria-label": `Begin with picture ${index + 1} of ${pictures.length}, seed ${one.seed}${one.best ? ", the nearest to the words" : ""}`, onclick: () => choose(term, one.picture) },
-          h("img", { src: `${PLACE}/files/${one.picture}`, alt: "" }), h("small", { "aria-hidden": "true" }, `seed ${one.seed}${one.best ? ", nearest" : ""}`))))) : null);
+      show(shelf, pictures.length ? shelfOf(words, pictures, {
+        source: (picture) => `${PLACE}/files/${picture}`, note: (one) => (one.best ? ", nearest" : ""), choose: (picture) => choose(term, picture),
+        name: (one, index) => `Begin with picture ${index + 1} of ${pictures.length}, seed ${one.seed}${one.best ? ", the nearest to the words" : ""}`,
+      }) : null);
     }
 
     places.set(element, { term, tell: tellPlace });

@@ -3,6 +3,7 @@
 import * as api from "./api.js";
 import { wishForm } from "./composer.js";
 import { h, mainAction, reveal, show, slider } from "./dom.js";
+import { byWords } from "./bywords.js";
 import { pad } from "./pad.js";
 import { personBrush } from "./personbrush.js";
 import { turnForm } from "./turns.js";
@@ -85,6 +86,8 @@ export function togetherTools(house, here, wish, onPad) {
       form.element, button("Replan with this goal", replan, "second wide"));
   }
 
+  const words = byWords(house, here, wish, say);
+
   const turns = (state) => turnForm(house, state.painting, say, wish.together);
 
   function pausing() {
@@ -103,9 +106,10 @@ export function togetherTools(house, here, wish, onPad) {
     const { painting } = state;
     latest = state;
     if (brush && painting.held) { brush.update(painting); return; }
+    words.tell(painting);
     brush = null;
     const left = painting.of - painting.done;
-    const key = JSON.stringify([painting.status, painting.person?.wells, painting.held, painting.turns, painting.game, painting.region, painting.remark, left && painting.status === "paused" ? left : 0]);
+    const key = JSON.stringify([painting.status, painting.person?.wells, painting.held, painting.turns, painting.game, painting.region, painting.remark, left && painting.status === "paused" ? left : 0, painting.making, painting.proposed]);
     if (key === shown || (drawing && painting.status === "paused")) return;
     shown = key;
     drawing = element.hidden = false;
@@ -120,15 +124,16 @@ export function togetherTools(house, here, wish, onPad) {
           button("The drawing is finished", () => say({ kind: "finish" }), "second wide")),
         turns(state));
     } else if (painting.status === "paused") {
-      show(element, remark, h("p", {}, painting.reason),
+      const byWord = words.place(painting);
+      show(element, remark, h("p", {}, painting.reason), painting.proposed ? byWord : null,
         mainAction(button("Continue", () => say({ kind: "go on" }), "wide", "p")),
         h("p", { class: "stack" }, painting.person?.wells.length ? button("Paint on the canvas yourself", () => paintBeside(state), "second wide", "b") : null,
           house.watched ? button("Look at the canvas and replan", () => say({ kind: "look" }), "second wide", "l") : picturing(),
           button(painting.region ? "Protect another part" : "Protect a part", () => protecting(state), "second wide", "m"),
           painting.region ? button("Remove the protection", () => say({ kind: "free" }), "second wide") : null),
-        left > 0 ? leavingOut(left) : null, changing(state), turns(state));
+        painting.proposed ? null : byWord, left > 0 ? leavingOut(left) : null, changing(state), turns(state));
     } else if (painting.held && !["stopped", "failed", "finished"].includes(painting.status)) {
-      show(element, remark, h("p", {}, "It does what you asked for. Then it waits for you."));
+      show(element, remark, painting.making ? words.making(painting) : h("p", {}, "It does what you asked for. Then it waits for you."));
     } else if (["painting", "drying", "planning", "mixing"].includes(painting.status)) {
       show(element, remark, mainAction(pausing()), turns(state));
     } else {

@@ -1,0 +1,136 @@
+"""Painting together by words at the terminal: the talk of a pause, and of one that broke off."""
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from frida_painter import images
+from frida_painter.cli.by_words import Proposer, require_proposer
+from frida_painter.errors import ConfigError, Interrupted
+from frida_painter.event_log import EventLog
+from frida_painter.runs import proposing
+from frida_painter.session.events import Event, Paused, StrokePainted
+from frida_painter.session.journal import History, Journal
+from support.planning import picture
+from support.session import SessionSetup
+
+WAVE = "command:sh -c 'cp wave.png $1' sh {out} {canvas} {words}"
+
+
+@dataclass
+class Terminal:
+    """A person who types these lines in the pause after two strokes of six."""
+
+    folder: Path
+    lines: list[str]
+    maker: str = WAVE
+    history: History | None = None
+    asked: list[str] = field(default_factory=list)
+
+    def ask(self, prompt: str) -> str:
+        self.asked.append(prompt)
+        if not self.lines:
+            raise EOFError
+        return self.lines.pop(0)
+
+    def paint(self, journal: Journal) -> SessionSetup:
+        def pause_at(event: Event) -> bool:
+            return isinstance(event, StrokePainted) and event.done == 2
+
+        def go_on(paused: Paused) -> bool:
+            run = SimpleNamespace(session=setup.session, folder=self.folder, history=self.history)
+            Proposer(run, self.maker, lambda: False, self.ask, lambda question: True).talk()  # type: ignore[arg-type]
+            return True
+
+        setup = SessionSetup(6, replans=0, pause_at=pause_at, go_on=go_on, journal=journal)
+        try:
+            assert setup.run().painted == 6
+        finally:
+            journal.close()
+        return setup
+
+
+@pytest.fixture
+def pursued(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Names of the pictures that became a goal; the maker finds its picture here."""
+    images.save(picture(60, 80), tmp_path / "wave.png")
+    monkeypatch.chdir(tmp_path)
+    names: list[str] = []
+    monkeypatch.setattr(proposing, "pursue", lambda session, folder, spec, wish: names.append(spec.goal[0].path.name))
+    return names
+
+
+def kinds(folder: Path) -> list[str]:
+    wanted = ("request_taken", "pictures_made", "goal_changed")
+    return [str(entry["kind"]) for entry in EventLog.read(folder / "journal") if entry["kind"] in wanted]
+
+
+@pytest.mark.slow
+def test_a_person_says_what_shall_change_and_chooses_one_picture_or_none(
+    tmp_path: Path, pursued: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = ["a calm sea", "", "make it a stormy sea 🌊", "9", "2", ""]
+    Terminal(tmp_path, lines).paint(Journal.begin(tmp_path, {}, {}))
+    assert pursued == ["make-it-a-stormy-sea-water-wave-2.png"] and lines == []
+    asked, made = "request_taken", "pictures_made"
+    assert kinds(tmp_path) == [asked, made, asked, made, asked, asked]
+    record = json.loads((tmp_path / "changes" / "2" / "making.json").read_text())
+    assert record["because"] == "a person chose it" and record["chosen"] == pursued[0] and "canvas" in record
+    assert record["words"] == "make it a stormy sea water wave"
+    assert "changes/2/make-it-a-stormy-sea-water-wave-2.png  (seed" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("words", "maker", "says"),
+    [
+        ("a storm", "command:sh -c 'exit 3' sh {canvas}", "status 3"),
+        ("\u200b", WAVE, "no words"),
+        (10_001 * "x", WAVE, "at most 10000"),
+        ("a\x1bstorm", WAVE, "control character"),
+    ],
+)
+def test_each_trouble_is_one_sentence_and_the_painting_goes_on(
+    tmp_path: Path, pursued: list[str], capsys: pytest.CaptureFixture[str], words: str, maker: str, says: str
+) -> None:
+    Terminal(tmp_path, [words, ""], maker).paint(Journal.begin(tmp_path, {}, {}))
+    said = [line for line in capsys.readouterr().err.splitlines() if says in line]
+    assert len(said) == 1 and pursued == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("broke_off", ["asked", "made", "chosen"])
+def test_a_talk_that_broke_off_goes_on_from_there(tmp_path: Path, pursued: list[str], broke_off: str) -> None:
+    if broke_off != "asked":
+        with pytest.raises(Interrupted):
+            Terminal(tmp_path, ["a storm", *(["3"] if broke_off == "chosen" else [])]).paint(
+                Journal.begin(tmp_path, {}, {})
+            )
+    else:
+        Journal.begin(tmp_path, {}, {}).close()
+    journal, history = Journal.reopen(tmp_path)
+    told: dict[str, Any] = {
+        "asked": {"kind": "propose", "words": "a storm"},
+        "made": {},
+        "chosen": {"kind": "choose", "file": "changes/1/a-storm-3.png"},
+    }
+    history.request = told[broke_off]
+    history.proposed = history.proposed if broke_off == "made" else None
+    pursued.clear()
+    lines = {"asked": ["1", ""], "made": ["3", ""], "chosen": [""]}[broke_off]
+    Terminal(tmp_path, lines, history=history).paint(journal)
+    assert pursued == [f"a-storm-{1 if broke_off == 'asked' else 3}.png"]
+
+
+def test_a_maker_that_cannot_be_used_is_refused_before_anything_is_painted() -> None:
+    require_proposer(None, together=True)
+    for maker, together, says in (
+        (WAVE, True, "--together has none"),
+        ("command:true", False, "is not given the canvas"),
+    ):
+        with pytest.raises(ConfigError, match=says):
+            require_proposer(maker, together=together)
