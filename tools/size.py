@@ -1,6 +1,7 @@
-"""Prints how many files and lines each room of the source has, and how much that changed since the last tag.
+"""Prints how many files and lines each room of the source has, its budget, and the change since the last tag.
 
-`make size` calls it; `make size SINCE=COMMIT` compares with another state.
+`make size` calls it; `make size SINCE=COMMIT` compares with another state. budgets.toml has the budgets, which
+tests/test_house.py holds.
 """
 
 import argparse
@@ -8,6 +9,7 @@ import io
 import subprocess
 import sys
 import tarfile
+import tomllib
 from collections import defaultdict
 from collections.abc import Mapping
 from pathlib import Path
@@ -19,6 +21,16 @@ BESIDE = ("tests", "benchmarks", "examples", "tools")
 SHORT = 60  # lines, under which a module should have a reason to be alone
 
 Lines = Mapping[str, int]
+Budgets = Mapping[str, tuple[int, int]]
+"""Lines that a room may have, and those that it should come to."""
+
+
+def read_budgets(root: Path) -> Budgets:
+    """Returns the budgets by room as it is printed; none if there is no file."""
+    file = root / "budgets.toml"
+    return (
+        {room: (lines, aim) for room, (lines, aim) in tomllib.loads(file.read_text()).items()} if file.exists() else {}
+    )
 
 
 def lines_now(root: Path) -> dict[str, int]:
@@ -52,8 +64,8 @@ def room_of(path: str) -> str:
     return f"{place}/" if below else "(no room)"
 
 
-def report(now: Lines, before: Lines) -> list[str]:
-    """A line for each room, the largest first, then the sums; `before` may be empty."""
+def report(now: Lines, before: Lines, budgets: Budgets) -> list[str]:
+    """A line for each room, the largest first, then the sums; `before` and `budgets` may be empty."""
     rooms: dict[str, list[int]] = defaultdict(lambda: [0, 0, 0, 0])
     for columns, lines in (((0, 1), now), ((2, 3), before)):
         for path, count in lines.items():
@@ -63,12 +75,14 @@ def report(now: Lines, before: Lines) -> list[str]:
                 rooms[room][columns[1]] += count
     beside = [room for room in (f"all of {HOUSE}", *BESIDE) if room in rooms]
     inside = sorted(rooms.keys() - beside, key=lambda room: (-rooms[room][1], room))
-    head = f"{'room':24}{'files':>8}{'lines':>10}" + (f"{'± files':>10}{'± lines':>10}" if before else "")
+    head = f"{'room':24}{'files':>8}{'lines':>10}" + (f"{'budget':>10}{'aim':>10}" if budgets else "")
+    head += f"{'± files':>10}{'± lines':>10}" if before else ""
     told = [head]
     for room in [*inside, *beside]:
         files, lines, had_files, had_lines = rooms[room]
         change = f"{files - had_files:>+10}{lines - had_lines:>+10}" if before else ""
-        told.append(f"{room:24}{files:8}{lines:10}{change}")
+        allowed = "".join(f"{number:10}" for number in budgets.get(room, ())).ljust(20) if budgets else ""
+        told.append(f"{room:24}{files:8}{lines:10}{allowed}{change}".rstrip())
     return told
 
 
@@ -96,7 +110,7 @@ def main() -> int:
         print(f"git does not know {since!r}: {error.stderr.decode().strip()}", file=sys.stderr)
         return 2
     now = lines_now(ROOT)
-    print("\n".join(report(now, before)))
+    print("\n".join(report(now, before, read_budgets(ROOT))))
     print(f"\nNow: {shape(now)}.")
     print(f"At {since}: {shape(before)}." if since else "There is no tag yet; compare with SINCE=COMMIT.")
     return 0

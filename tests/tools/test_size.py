@@ -58,6 +58,12 @@ def test_rooms_are_compared_with_the_last_tag(repository: Path) -> None:
     assert " ".join(lines[-1]) == "At 1.0: median 2 lines, 2 files under 60 lines, the longest 3."
 
 
+def test_budgets_are_printed_beside_the_lines(repository: Path) -> None:
+    write(repository, {"budgets.toml": '"brush/" = [4, 2]'})
+    _, lines, _ = size(repository)
+    assert lines[0] == ["room", "files", "lines", "budget", "aim"] and ["brush/", "1", "3", "4", "2"] in lines
+
+
 def test_without_a_tag_there_is_nothing_to_compare_with(repository: Path) -> None:
     status, lines, _ = size(repository)
     assert status == 0 and ["brush/", "1", "3"] in lines and lines[-1][:4] == ["There", "is", "no", "tag"]
