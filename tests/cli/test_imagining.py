@@ -103,6 +103,9 @@ def test_words_that_say_how_they_begin_go_the_old_way(
     assert said.startswith("2: ") and "models fetch" in said and "made from the words" not in said, said
     said = say("plan", "--text", "a red tower", *SMALL)
     assert said.startswith("2: ") and "models fetch imagine" in said and "Traceback" not in said, said
+    for words in ("\u5e06\u8239", "no dogs", " "):
+        said = say("plan", "--text", words, *SMALL)
+        assert said.startswith("2: ") and said.count("\n") == 1 and "made from the words" not in said, said
 
 
 @pytest.mark.parametrize(

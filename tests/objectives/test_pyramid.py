@@ -6,10 +6,10 @@ import pytest
 import torch
 
 from frida_painter.objectives.pyramid import color_in
-from frida_painter.objectives.word_settings import Budget
+from frida_painter.objectives.word_settings import ClipWork
 from support.networks import RandomReader
 
-READER, BUDGET = RandomReader(), Budget(4, 24, 10)
+READER, BUDGET = RandomReader(), ClipWork(4, 24, 10)
 
 
 def test_a_network_finds_its_wish_in_coarse_colours() -> None:
@@ -24,7 +24,7 @@ def test_a_network_finds_its_wish_in_coarse_colours() -> None:
     assert found.shape == (3, 30, 40) and float(found.min()) >= 0 and float(found.max()) <= 1
     assert float(wish(found[None])) < 0.1
     assert torch.equal(found, color_in(wish, READER, (30, 40), 0, BUDGET))
-    hasty = color_in(wish, READER, (30, 40), 0, Budget(4, 2, 10))
+    hasty = color_in(wish, READER, (30, 40), 0, ClipWork(4, 2, 10))
     assert float(wish(hasty[None])) > 2 * float(wish(found[None]))
 
 
@@ -36,7 +36,7 @@ def test_the_time_is_told_after_the_second_step() -> None:
         looks.append(len(pictures))
         return pictures.mean((1, 2, 3))
 
-    color_in(wish, READER, (30, 40), 0, Budget(4, 5, 10), tell=lambda said: told.append((len(looks), said)))
+    color_in(wish, READER, (30, 40), 0, ClipWork(4, 5, 10), tell=lambda said: told.append((len(looks), said)))
     ((after, sentence),) = told
     assert after == 2 < len(looks) and sentence.startswith("A first picture is coloured for the words, in about ")
 
@@ -46,6 +46,6 @@ def test_a_first_picture_that_takes_longer_is_told_anew(monkeypatch: pytest.Monk
     times = iter([0, 9, *range(10, 12), *range(14, 90, 4)])
     monkeypatch.setattr("frida_painter.objectives.pyramid.time", SimpleNamespace(monotonic=lambda: next(times)))
     told: list[str] = []
-    color_in(lambda pictures: pictures.mean((1, 2, 3)), READER, (30, 40), 0, Budget(4, 9, 10), tell=told.append)
+    color_in(lambda pictures: pictures.mean((1, 2, 3)), READER, (30, 40), 0, ClipWork(4, 9, 10), tell=told.append)
     assert told[0].endswith("in about 7 s; the plan follows.")
     assert len(told) > 1 and told[1].startswith("The first picture takes longer, about ")

@@ -5,7 +5,7 @@ from frida_painter.frames import PixelGrid
 from frida_painter.objectives.interpretation import prepare
 from frida_painter.objectives.objective import Goal
 from frida_painter.objectives.text_loss import Sight, Text, holding_weight, wish
-from frida_painter.objectives.word_settings import Budget, WordSettings
+from frida_painter.objectives.word_settings import ClipWork, WordSettings
 from frida_painter.words.text import TextTerm
 from support.networks import QuickEncoders, RandomReader
 from support.planning import CANVAS
@@ -105,14 +105,14 @@ def test_a_clip_sees_few_views_at_first_and_more_of_them_later() -> None:
 @pytest.mark.parametrize(
     ("effort", "work", "found"),
     [
-        (1.0, 1.0, Budget(4, 24, 10)),  # a processor and a ViT-B/32
-        (0.05, 1.0, Budget(4, 24, 10)),  # the plan has fewer iterations
-        (100.0, 1.0, Budget(24, 400, 1)),  # a GPU
-        (3.0, 0.001, Budget(24, 400, 1)),  # a small network
-        (1.0, 18.0, Budget(4, 24, 10)),  # a large one on a processor
+        (1.0, 1.0, ClipWork(4, 24, 10)),  # a processor and a ViT-B/32
+        (0.05, 1.0, ClipWork(4, 24, 10)),  # the plan has fewer iterations
+        (100.0, 1.0, ClipWork(24, 400, 1)),  # a GPU
+        (3.0, 0.001, ClipWork(24, 400, 1)),  # a small network
+        (1.0, 18.0, ClipWork(4, 24, 10)),  # a large one on a processor
     ],
 )
-def test_the_work_of_a_network_follows_the_effort_and_the_network(effort: float, work: float, found: Budget) -> None:
+def test_the_work_of_a_network_follows_the_effort_and_the_network(effort: float, work: float, found: ClipWork) -> None:
     reader = Toy()
     reader.work = work
     assert WordSettings(effort=effort).budget([reader]) == found

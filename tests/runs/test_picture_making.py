@@ -290,6 +290,8 @@ def test_a_made_picture_is_painted_by_its_content_and_the_words_are_a_second_ter
     wish = RunSpec.of(goal=[{"style": str(tmp_path / "made.png")}, {"text": "a lighthouse", "weight": 2.0}])
     spec = imagine(wish, lambda words, number: tmp_path / "made.png", here)
     assert [(item.kind, item.weight) for item in spec.goal] == goal
+    wish = RunSpec.of(goal=[{"text": "\u5e06\u8239"}])
+    assert len(imagine(wish, lambda words, number: tmp_path / "made.png", here).goal) == 1, "a CLIP cannot read it"
 
 
 @pytest.mark.parametrize(

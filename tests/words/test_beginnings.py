@@ -14,7 +14,7 @@ from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal, ObjectiveContext
 from frida_painter.objectives.pyramid import draw_pyramid
 from frida_painter.objectives.text_loss import Text, wish
-from frida_painter.objectives.word_settings import Beginning, Budget, WordSettings
+from frida_painter.objectives.word_settings import Beginning, ClipWork, WordSettings
 from frida_painter.runs.goals import open_goal
 from frida_painter.runs.settle import open_planner
 from frida_painter.runs.spec import RunSpec
@@ -115,7 +115,7 @@ class TestSettings:
     ) -> None:
         seen: list[int] = []
 
-        def color_in(wish: object, reader: object, size: tuple[int, int], seed: int, budget: Budget, *_: object):  # type: ignore[no-untyped-def]
+        def color_in(wish: object, reader: object, size: tuple[int, int], seed: int, budget: ClipWork, *_: object):  # type: ignore[no-untyped-def]
             seen.append(budget.first_steps)
             return torch.zeros(3, *size)
 

@@ -91,6 +91,7 @@ def imagine_beginning(spec: "RunSpec", given: Mapping[str, Any], *, asked: bool,
         return spec
     from frida_painter.objectives.encoders.loading import EncoderRegistry
     from frida_painter.runs.goal_item import name_of
+    from frida_painter.runs.goals import open_goal
     from frida_painter.runs.picture_making import imagine, make_pictures
     from frida_painter.session.opening import planning_device
 
@@ -108,6 +109,8 @@ def imagine_beginning(spec: "RunSpec", given: Mapping[str, Any], *, asked: bool,
         encoders = EncoderRegistry(
             clip=spec.clip, device=planning_device(), pictures=spec.pictures, tell=_tell, heed=heed
         )
+        if named is None:
+            open_goal(spec)  # refuses words that the generator cannot read either
         _check(spec, given.get("out"), encoders, paints=paints)
 
         def make(words: str, number: int) -> Path:

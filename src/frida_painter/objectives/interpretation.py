@@ -22,7 +22,6 @@ from frida_painter.objectives.objective import (
     require_objective,
 )
 
-_STEPS_OF_CLIP = 1.35  # time of a plan between two gradients of a CLIP, in steps of the validation (docs/lab/words.md)
 _INSISTENCE = 4.0  # weight of a recognition that is worse than that of the beginning
 
 
@@ -126,7 +125,7 @@ def _time_gradient(term: ObjectiveTerm, picture: Tensor) -> float:
     began = time.thread_time()
     with torch.enable_grad():
         torch.autograd.grad(term.validation(at := picture.detach().requires_grad_()), at)
-    return _STEPS_OF_CLIP * (time.thread_time() - began)
+    return term.looks * (time.thread_time() - began)
 
 
 class _Tangents:

@@ -410,6 +410,7 @@ class ObjectiveTerm:
     lasts: number of iterations that one gradient of `objective` may serve: above 1 if it is slow
     smooth: True if `lasts` counts full steps of the optimiser
     seconds: time of one gradient, if it was measured
+    looks: time of a plan between two gradients, in gradients of the validation
     """
 
     objective: Objective
@@ -420,6 +421,7 @@ class ObjectiveTerm:
     lasts: int = 1
     smooth: bool = False
     seconds: float | None = None
+    looks: float = 1.0
 
 
 def require_objective(objective: Objective, what: str, rows: int, columns: int, device: torch.device) -> None:

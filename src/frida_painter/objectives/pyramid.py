@@ -14,7 +14,7 @@ from torch.nn import functional
 
 from frida_painter.objectives.encoders.base import Reader
 from frida_painter.objectives.semantic_loss import Views
-from frida_painter.objectives.word_settings import Budget
+from frida_painter.objectives.word_settings import ClipWork
 
 _LEVELS = (1, 3, 6, 12, 20)  # cells of the shorter side
 _BEGUN = (1.0, 1.0, 0.3, 0.3, 0.3)  # standard deviation of each level at the beginning, before the logistic function
@@ -39,7 +39,7 @@ def color_in(
     reader: Reader,
     size: tuple[int, int],
     seed: int,
-    budget: Budget,
+    budget: ClipWork,
     tell: Callable[[str], None] = lambda sentence: None,
     heed: Callable[[], None] = lambda: None,
 ) -> Tensor:

@@ -36,19 +36,19 @@ class WordSettings:
         """Returns the prompt in each of the phrases."""
         return tuple(phrase.replace("{}", prompt) for phrase in self.phrases)
 
-    def budget(self, readers: Sequence[object]) -> "Budget":
+    def budget(self, readers: Sequence[object]) -> "ClipWork":
         """Returns the work for these networks, between the least and the most.
 
         A network may have the attribute `work`: that of one view, relative to a ViT-B/32; else it counts as one.
         """
         work = max(_OF_VIEWS, *(float(getattr(reader, "work", 1.0)) for reader in readers))
         along = min(1.0, max(0.0, math.log(self.effort / work) / math.log(_TIMES)))
-        views, steps, lasts = (few * (most / few) ** along for few, most in zip(_LEAST, _MOST, strict=True))
-        return Budget(round(views), round(steps), round(lasts))
+        views, steps, lasts = (few * (most / few) ** along for few, most in zip(_MIN_WORK, _MAX_WORK, strict=True))
+        return ClipWork(round(views), round(steps), round(lasts))
 
 
 @dataclass(frozen=True)
-class Budget:
+class ClipWork:
     """Work of a network that reads words.
 
     views: number of views in which it sees the picture at a time
@@ -61,7 +61,7 @@ class Budget:
     lasts: int
 
 
-_LEAST, _MOST = (4, 24, 10), (24, 400, 1)  # views, first steps, and iterations that a gradient serves
+_MIN_WORK, _MAX_WORK = (4, 24, 10), (24, 400, 1)  # views, first steps, and iterations that a gradient serves
 _OF_VIEWS = 0.05  # work of a view without the network
 _TIMES = 60  # the most work in a plan, relative to the least
 

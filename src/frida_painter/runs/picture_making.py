@@ -468,7 +468,7 @@ def imagine(spec: RunSpec, make: Callable[[str, int], Path], networks: EncoderRe
             continue
         number += 1
         made.append(GoalItem(kind=kind, value=str(make(item.value, number)), weight=item.weight))
-        if stays:
+        if stays and any(mark.isascii() and mark.isalpha() for mark in item.value):  # a CLIP reads no other alphabet
             made.append(item.model_copy(update={"weight": _SECOND * item.weight}))
     changes: dict[str, Any] = {table: tuple(made), "title": spec.title or spec.heading[:80]}
     return spec.with_values(**changes)
