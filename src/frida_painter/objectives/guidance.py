@@ -32,9 +32,9 @@ _EXAMPLE = "diffusers:stable-diffusion-v1-5/stable-diffusion-v1-5"
 _USUAL_SCALE, _MAX_SCALE = 100.0, 1000.0
 _MIN_NOISE, _MAX_NOISE, _MAX_AT_END = 0.02, 0.98, 0.5  # as shares of the timesteps
 _CLOSEST = 0.85  # share of the picture's sides in the tightest crop
-_JUDGED = (0.3, 0.5, 0.7)  # timesteps of the validation
-_LASTS = {"cuda": 2}  # iterations for which one gradient serves
-_LASTS_ELSEWHERE = 10
+_JUDGED = (0.35, 0.65)  # timesteps of the validation, which takes about as long as one gradient
+_BETWEEN_JUDGEMENTS = 20  # iterations
+_LASTS, _LASTS_ON_CUDA = 10, 2  # iterations for which one gradient serves
 _APART = 15_485_863  # added to the seed of the validation's noise
 
 
@@ -102,7 +102,7 @@ class GuidanceTerm(Term):
         from frida_painter.objectives.encoders.latent_diffusion import LatentDiffusion
 
         encoders, source = context.encoders, self.source
-        lasts = _LASTS.get(encoders.device.type, _LASTS_ELSEWHERE)
+        lasts = _LASTS_ON_CUDA if encoders.device.type == "cuda" else _LASTS
 
         def load() -> "LatentDiffusion":
             here = source.here or fetch_pipeline(source.name, encoders.tell, encoders.heed)
@@ -122,7 +122,8 @@ class GuidanceTerm(Term):
         words, seconds = encoders.keep(name, measure)
         calls = max(1, context.iterations // lasts)
         guide = context.shared.setdefault(name, Guidance(network, words, source.scale, context.seed, calls))
-        return ObjectiveTerm(guide, guide.validation, recognizes=True, lasts=lasts, seconds=seconds)
+        took = seconds * (1 + lasts / _BETWEEN_JUDGEMENTS)
+        return ObjectiveTerm(guide, guide.validation, recognizes=True, lasts=lasts, seconds=took)
 
 
 class Guidance:
@@ -191,8 +192,7 @@ class Guidance:
             grey = torch.full((3, rows, columns), 0.5, device=device, requires_grad=True)
             with torch.enable_grad():
                 (slope,) = torch.autograd.grad(self(grey), grey)
-            is_sound = bool(slope.isfinite().all())
-        if not is_sound:
+        if not bool(slope.isfinite().all()):
             raise ConfigError(f"The guidance of {self._network.name} is not finite; name another pipeline.")
         return clock() - began
 
@@ -205,7 +205,7 @@ class Guidance:
         return send_to_device(torch.randn(latents.shape, generator=generator), latents.device)
 
     def _timestep(self, share: float) -> int:
-        return min(self._network.steps - 1, round(share * self._network.steps))
+        return min(len(self._network.kept) - 1, round(share * len(self._network.kept)))
 
     def _seen(self, latents: Tensor, timestep: int, noise: Tensor, wanted: "Words") -> Tensor:
         """Returns the noise [2, c, h, w] that is seen in noisy latents, without the words and with them."""

@@ -405,11 +405,11 @@ class ObjectiveTerm:
     validation: steady judgement of a finished picture, best by a network that the optimiser does not use. None
     if `objective` is deterministic and cannot be fooled.
     of_variance: mean increase of the loss by the variance [H, W] of the pixels; None if unknown
-    recognizes: True if `validation` measures how well the picture is recognised as the wish
+    recognizes: True if `validation` measures how well the wish is recognised
     on_rows: makes the term for pictures with some rows of the grid only; None if the loss is no mean over pixels
-    lasts: number of iterations that one gradient of `objective` may serve: above 1 if it is slow
+    lasts: number of iterations that one gradient may serve: above 1 if it is slow
     smooth: True if `lasts` counts full steps of the optimiser
-    seconds: time of one gradient, if it was measured
+    seconds: time of a gradient with its share of validations, if it was measured
     looks: time of a plan between two gradients, in gradients of the validation
     """
 

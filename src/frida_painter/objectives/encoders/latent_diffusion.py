@@ -35,15 +35,13 @@ class LatentDiffusion:
 
     name: name of the pipeline
     hashes: SHA-256 of each file of weights that is used
-    steps: number of timesteps, from the least noise to the most
-    kept [steps]: share of a picture's variance that is left at each timestep
+    kept [n]: share of a picture's variance that is left at each timestep, from the least noise to the most
     """
 
     def __init__(self, folder: PipelineFolder, noise: Any, vae: Any, unet: Any, hashes: str) -> None:
         self.name, self.hashes = folder.name, hashes
         self._folder, self._vae, self._unet, self._kind = folder, vae, unet, noise.config.prediction_type
         self.kept: Tensor = noise.alphas_cumprod
-        self.steps = len(self.kept)
 
     @classmethod
     def load(cls, folder: PipelineFolder, device: torch.device, tell: Callable[[str], None]) -> "LatentDiffusion":
@@ -67,8 +65,9 @@ class LatentDiffusion:
         _require_memory(name, files, settings, device, tell)
         tell(f"Loading {name} on {device.type}.")
         import diffusers
+        from diffusers.utils import logging
 
-        diffusers.utils.logging.set_verbosity_error()
+        logging.set_verbosity_error()
         hashes = " ".join(storage.sha256(file, "the weights of a pipeline", ConfigError) for file in files)
         vae = _load(diffusers.AutoencoderKL, folder, "vae", device)
         del vae.decoder
@@ -162,7 +161,8 @@ def _noise_schedule(folder: Path, name: str) -> Any:
     try:
         if not {"beta_schedule", "trained_betas"} & {key for key, value in settings.items() if value}:
             raise ValueError("it says no betas")
-        made: Any = DDPMScheduler.from_config(dict(settings))  # type: ignore[no-untyped-call]
+        kind: Any = DDPMScheduler  # has no types
+        made = kind.from_config(dict(settings))
         kept = made.alphas_cumprod
         if made.config.prediction_type not in ("epsilon", "v_prediction", "sample"):
             raise ValueError(f"it predicts {str(made.config.prediction_type)[:40]}")
