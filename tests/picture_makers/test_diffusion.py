@@ -148,8 +148,8 @@ def test_each_kind_of_pipeline_begins_from_the_canvas(
         images.save(free, folder / "free.png")
         task = {
             "name": "net", "folder": str(write_pipeline(tmp_path / "net", kind=kind)), "pipeline": kind,
-            "variant": None, "weights": [], "steps": 2, "few": True, "words": "a storm", "seeds": [7], "width": 512,
-            "height": 384, "device": "cpu", "strength": 0.7, "canvas": str(folder / "canvas.png"),
+            "variant": None, "weights": [], "record": None, "steps": 2, "few": True, "words": "a storm", "seeds": [7],
+            "width": 512, "height": 384, "device": "cpu", "strength": 0.7, "canvas": str(folder / "canvas.png"),
             "free": str(folder / "free.png") if protected else "",
         }  # fmt: skip
         with as_alone():

@@ -60,6 +60,7 @@ def test_a_person_asks_for_a_boat_chooses_one_and_what_they_painted_stays(tmp_pa
         (folder,) = studio.folder.glob(f"*-{painting[:6]}")
         kill_worker(folder)
         page.get_by_role("button", name="Continue this painting").click()
+        expect(shelf).to_have_count(0)  # it is taken up
         expect(shelf.get_by_role("button")).to_have_count(4, timeout=3 * PATIENCE)
         shelf.get_by_role("button", name="Paint towards picture 2 of 4, seed").press("Enter")
         expect(page.get_by_text("Made from “add a boat” by command")).to_be_visible(timeout=3 * PATIENCE)

@@ -410,7 +410,7 @@ def test_a_drawing_that_is_finished_is_finished_by_the_next_painter_too(folder: 
     )
     history = Journal.reopen(folder.painting)[1]
     controller = PauseController(folder, Feed(folder), StopWatch(folder.stop, folder.path.parent), time.time() + 1)
-    controller.owe(history.request)
+    controller.owe(history.request, history.proposed)
     assert controller.pause_cause() == "person" and list(controller._commands) == [FinishDrawing()]
 
 

@@ -127,7 +127,7 @@ class Proposer:
     def _choose(self, made: "PicturesMade") -> None:
         """Asks for a picture of a making, and plans towards it; none is chosen by Enter."""
         folder, count = self._run.folder, len(made.pictures)
-        _tell(f"From the canvas by {made.maker}, {made.words!r}:")
+        _tell(f"Made from the canvas, {made.words!r}, by {made.maker}:")
         for number, one in enumerate(made.pictures, 1):
             _tell(f"  {number}  {folder / one['file']}  (seed {one['seed']})")
         prompt = f"Number of the one to paint (1 to {count}; Enter: none): "
