@@ -30,6 +30,9 @@ _PRIMARIES = {  # H.273, table 2
     9: (0.708, 0.292, 0.170, 0.797, 0.131, 0.046, *_D65), 12: (0.680, 0.320, 0.265, 0.690, 0.150, 0.060, *_D65),
 }  # fmt: skip
 _EXPONENTS = {0: None, 1: None, 2: None, 4: 2.2, 5: 2.8, 6: None, 8: 1.0, 13: None, 14: None, 15: None}  # table 3
+_FROM_XYZ = np.array(  # to linear sRGB (Lindbloom)
+    [[3.2404542, -1.5371385, -0.4985314], [-0.9692660, 1.8760108, 0.0415560], [0.0556434, -0.2040259, 1.0572252]]
+)
 _SAME = 2 / 255  # a profile that moves no pixel further counts as sRGB
 
 
@@ -51,10 +54,10 @@ def light_of(exponent: float | None, primaries: Sequence[float]) -> Light:
     primaries: x, y of red, green, blue and white; if they are not such that span colours, those of sRGB count
     """
     exponent = None if exponent is None or 2.1 <= exponent <= 2.3 else exponent
-    own, standard = _to_xyz(primaries), _to_xyz(_SRGB)
+    own = _to_xyz(primaries)
     if own is None or np.allclose(primaries, _SRGB, atol=0.002):
         return Light(exponent)
-    matrix = np.linalg.solve(standard, own)
+    matrix = _FROM_XYZ @ own
     return Light(exponent, matrix / matrix.sum(1, keepdims=True))  # white becomes white
 
 
@@ -104,7 +107,7 @@ def to_srgb(image: "pyvips.Image", light: Light, longest: int, *, layered: bool)
         share = opacity / most
         colors = _whole(colors * share + share.linear(-most, most), most)
     pixels: Bytes = colors.numpy()
-    return pixels if most == 255 else pixels / np.float32(most)
+    return pixels if most == 255 else (pixels / np.float32(most)).astype(np.float32, copy=False)
 
 
 def _whole(image: "pyvips.Image", most: float) -> "pyvips.Image":
