@@ -8,7 +8,7 @@ from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.objectives.sketch import SketchTerm
 from frida_painter.objectives.style import StyleTerm
-from frida_painter.objectives.style_flow import flow_of
+from frida_painter.objectives.style_flow import brushwork_of
 from frida_painter.objectives.style_loss import in_style_colors
 from frida_painter.objectives.style_marks import fill_drawing_in_style, in_style_marks
 from frida_painter.objectives.style_places import change_by_place, styles_of
@@ -60,7 +60,8 @@ def test_photographs_and_drawings_get_the_marks_of_all_styles() -> None:
 
 def test_strokes_follow_each_style_at_its_places() -> None:
     even = torch.linspace(0.3, 0.7, 80).expand(3, 64, 80).contiguous()
-    found = flow_of(Goal((ImageTerm(even), StyleTerm(BLUE), StyleTerm(RED))), PixelGrid.of_height(CANVAS, 64))
+    styled = in_style_marks(in_style_colors(Goal((ImageTerm(even), StyleTerm(BLUE), StyleTerm(RED)))))
+    found = brushwork_of(styled, PixelGrid.of_height(CANVAS, 64))
     assert found is not None
     turned = found[0]  # 1 along the x axis, -1 across it
     assert float(turned[:, :16].mean()) < 0 < float(turned[:, -16:].mean())

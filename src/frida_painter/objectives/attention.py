@@ -15,6 +15,7 @@ from frida_painter.objectives.encoders.base import Seer
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal, Term
+from frida_painter.objectives.pixel_loss import rise, spread
 
 if TYPE_CHECKING:
     from frida_painter.objectives.encoders.vgg import Hed
@@ -91,6 +92,7 @@ def importance_of(found: list[Face], rows: int, columns: int) -> Tensor:
 FACES, SUBJECT, EVERYWHERE = "faces", "subject", "none"
 """Possible focus of a painting of a photograph."""
 _ROWS = 112  # rows of the examined picture
+_FLAT_ROWS = 256  # rows of the simplified picture
 _ATTENTION_AROUND = 9  # pixels: window over which an edge counts
 _SIDE = 224  # pixels of a side of the network's input
 _EDGES, _THINGS = 1.0, 0.7  # relative to the base importance of each place
@@ -115,9 +117,28 @@ def start_from_meaning(goal: Goal, encoders: EncoderRegistry) -> Goal:
         matters = importance(term.picture, seer, hed)
         if term.importance is not None:
             matters = matters * term.importance
-        return ImageTerm(term.picture, term.weight, matters / matters.mean())
+        return ImageTerm(simplify(term.picture, matters), term.weight, matters / matters.mean())
 
     return replace(goal, initial=tuple(map(begin_with, begins)))
+
+
+_FLAT = 0.04, 24.0  # share of the shorter side, and 8-bit difference of colours, over which an area becomes even
+_DETAILED = 3.0  # importance of a place, relative to the least, from which it keeps its details
+
+
+def simplify(picture: Tensor, importance: Tensor) -> Tensor:
+    """Returns a picture [3, H, W] with even areas where it matters little (mean shift; Comaniciu and Meer 2002).
+
+    importance [h, w]: importance of each place
+    """
+    import cv2
+
+    _, rows, columns = picture.shape
+    small = images.fit(picture, _FLAT_ROWS, max(16, round(_FLAT_ROWS * columns / rows)))
+    pixels = images.to_uint8(small)
+    even = cv2.pyrMeanShiftFiltering(pixels, _FLAT[0] * min(small.shape[1:]), _FLAT[1])
+    flat = images.fit(images.from_uint8(even).to(picture), rows, columns)
+    return torch.lerp(flat, picture, rise(spread(importance, rows, columns), _DETAILED).to(picture))
 
 
 def weight_by_focus(goal: Goal, focus: str, encoders: EncoderRegistry) -> Goal:

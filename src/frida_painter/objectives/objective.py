@@ -36,6 +36,7 @@ class Term(ABC):
     is_tried: True if the objective is tried on a picture of noise before planning (`require_objective`); False for
     objectives with networks, whose trial takes a second
     can_be_weighed: True if some places of the picture may matter more than others
+    is_loose: True if strokes may be large where the picture matters little
 
     Pictures are [3, H, W] in [0, 1]. Each kind of goal has a frozen dataclass for its terms
     (objectives/NAME.py). Terms of different kinds see each other only through the properties below. A subclass
@@ -47,6 +48,7 @@ class Term(ABC):
     interpretation_order: ClassVar[int] = 100
     is_tried: ClassVar[bool] = True
     can_be_weighed: ClassVar[bool] = False
+    is_loose: ClassVar[bool] = False
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
@@ -85,15 +87,7 @@ class Term(ABC):
 
     @property
     def colors(self) -> Tensor | None:
-        """Picture that sets colours, not composition."""
-        return None
-
-    @property
-    def brushwork(self) -> Tensor | None:
-        """Picture whose brush marks direct the strokes.
-
-        It counts only at places without a direction in the picture to paint.
-        """
+        """Style picture: sets colours and marks, not composition."""
         return None
 
     @property

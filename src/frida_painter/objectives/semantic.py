@@ -30,6 +30,7 @@ class SemanticTerm(PictureTerm):
     called = "a picture to be painted by its meaning"
     is_tried = False
     can_be_weighed = True
+    is_loose = True
     initial_order = 2
     interpretation_order = 4
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Self
 
 from frida_painter.errors import ConfigError
@@ -18,7 +18,12 @@ _FLAT = 0.01  # standard deviation below which a picture has a single colour
 
 @dataclass(frozen=True)
 class StyleTerm(PictureTerm):
-    """Term of a goal: paint in the style of a picture. Raises ConfigError if the picture has a single colour."""
+    """Term of a goal: paint in the style of a picture. Raises ConfigError if the picture has a single colour.
+
+    free [h, w]: places of the painting that are free of the style, such as faces, 1, and others, 0; None if none is
+    """
+
+    free: Tensor | None = None
 
     called = "a style"
     is_tried = False
@@ -36,32 +41,37 @@ class StyleTerm(PictureTerm):
         """Style picture."""
         return self.image
 
-    @property
-    def brushwork(self) -> Tensor:
-        """Style picture: strokes follow its marks."""
-        return self.image
-
     def fit_to(self, rows: int, columns: int, *, pad: bool = False) -> Self:
         """Returns the term unchanged: a style does not fill the canvas."""
         return self
 
     def prepare(self, context: ObjectiveContext) -> ObjectiveTerm:
-        """Returns the distance in style by VGG16."""
+        """Returns the distance in style by VGG16, and by a CLIP's layers too if there is one."""
         from frida_painter.objectives.style_loss import Style, pixels_of
 
-        judge = Style(self.image, context.encoders.style(), context.seed, pixels_of(context.grid))
+        encoders, pixels = context.encoders, pixels_of(context.grid)
+        judge = Style(self.image, encoders.style(), context.seed, pixels, self.free, encoders.clip_of_style())
         return ObjectiveTerm(judge, lasts=GRADIENT_LASTS, smooth=True)
 
     @classmethod
     def interpret(cls, goal: Goal, context: ObjectiveContext) -> Goal:
         """Moves the colours of the pictures to paint to those of the styles, and puts photographs into their marks.
 
-        A drawing without a photograph gets a picture in the style.
+        A drawing without a photograph gets a picture in the style. Faces are free of all styles.
         """
+        from frida_painter.objectives.pixel_loss import rise
+        from frida_painter.objectives.style_flow import FACE
         from frida_painter.objectives.style_loss import in_style_colors
         from frida_painter.objectives.style_marks import fill_drawing_in_style, in_style_marks
 
-        return fill_drawing_in_style(in_style_marks(in_style_colors(goal)), context.grid.rows, context.grid.columns)
+        made = fill_drawing_in_style(in_style_marks(in_style_colors(goal)), context.grid.rows, context.grid.columns)
+        matters = next((term.importance for term in made.terms if term.importance is not None), None)
+        if matters is None or any(term.words is not None for term in made.terms):
+            return made
+        free = rise(matters, FACE)
+        return replace(
+            made, terms=tuple(replace(one, free=free) if isinstance(one, cls) else one for one in made.terms)
+        )
 
 
 KIND = GoalKind(

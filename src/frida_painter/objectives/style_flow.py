@@ -1,9 +1,11 @@
-"""Directions of the brush marks in a style picture.
+"""Marks of a style picture: how wide and how long they are, and which way they go at each place of a painting.
 
 The direction is that of least change, from the structure tensor of the lightness (Bigün and Granlund 1987,
 "Optimal orientation detection of linear symmetry"). There is no direction if the lightness changes equally in
 all directions.
 """
+
+import math
 
 import torch
 from torch import Tensor
@@ -12,13 +14,17 @@ from torch.nn import functional
 from frida_painter import images
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.objective import Goal
+from frida_painter.objectives.pixel_loss import rise, spread
 from frida_painter.objectives.style_places import change_by_place, styles_of
+from frida_painter.palette import to_lab
 
 _ROWS = 160  # rows of the picture in which directions are measured
 _MARK = 1.0  # pixels of that picture: smoothing of its grain
 _AROUND = 5.0  # pixels of that picture: window of one direction, about a stroke's width
 _CLEAR = 0.5  # coherence above which a direction is certain
-_EDGE = 2.0  # times the mean slope: above it the content sets the direction
+_EDGE = 2.0  # times the mean slope: above it an edge is clear
+FACE = 3.0
+"""Importance of a place, relative to the least, from which it is free of a style, as faces are."""
 
 
 def directions(picture: Tensor) -> tuple[Tensor, Tensor, Tensor]:
@@ -44,45 +50,77 @@ def directions(picture: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     return doubled, coherence.clamp(0, 1), energy
 
 
-def flow_of(goal: Goal, grid: PixelGrid) -> Tensor | None:
-    """Returns `flow` on a grid for the styles of a goal and the guide of its beginning; None without a style.
-
-    Several styles have their places in the guide. Without a guide of their own, the first one has the canvas.
-    """
-    styles = [term.brushwork for term in goal.terms if term.brushwork is not None]
-    if not styles:
-        return None
-    guide = next((term.guide for term in goal.initial_terms if term.guide is not None), None)
-    if guide is None or any(guide is style for style in styles):
-        return flow(styles[0], None, grid.rows, grid.columns)
-    colored = styles_of(goal)
-    if len(colored) < 2:
-        return flow(styles[0], guide, grid.rows, grid.columns)
-    return change_by_place(guide, colored, lambda style: flow(style, guide, grid.rows, grid.columns))
-
-
-def flow(style: Tensor, content: Tensor | None, rows: int, columns: int) -> Tensor:
-    """Returns the directions of a style on a canvas, [3, rows, columns]; the content's own directions take precedence.
-
-    style, content [3, H, W]: pictures that fill the canvas. Content None: the style alone sets the composition.
-    Returns cosine and sine of twice the angle, and certainty in [0, 1]. The certainty is low at places with
-    directions in the content.
-    """
-    filled = images.fit(style, rows, columns)
-    doubled, coherence, _ = directions(filled)
-    sure = (coherence / _CLEAR).clamp(max=1)
-    if content is not None:
-        _, straight, energy = directions(images.fit(content, rows, columns))
-        sure = sure * (1 - straight * _clear(energy))
-    field = torch.stack((doubled.cos(), doubled.sin(), sure))[None]
-    return functional.interpolate(field, (rows, columns), mode="bilinear", align_corners=False)[0]
-
-
 def clear_edges(picture: Tensor, rows: int, columns: int) -> Tensor:
     """Returns how clear the edges at each place of a picture [3, H, W] are, in [0, 1]: [rows, columns]."""
     _, _, energy = directions(picture)
-    return images.fit(_clear(energy)[None], rows, columns)[0]
+    clear = (energy.sqrt() / (_EDGE * energy.sqrt().mean()).clamp(min=1e-4)).clamp(max=1)
+    return images.fit(clear[None], rows, columns)[0]
 
 
-def _clear(energy: Tensor) -> Tensor:
-    return (energy.sqrt() / (_EDGE * energy.sqrt().mean()).clamp(min=1e-4)).clamp(max=1)
+# Size of marks. Lightness and colours without their coarse part vary as often as marks follow each other: half a
+# period is pi times the deviation of the values over that of their slope (Rice 1944, "Mathematical analysis of random
+# noise").
+
+_SIDE = 360  # pixels of the shorter side of the picture in which marks are measured
+_GRAIN, _COARSE = 1.0, 0.05  # pixels of it, and share of its shorter side: blurs between which marks lie
+_LARGER, _MOST = 1.3, 3.0  # least and greatest magnification of marks on the canvas
+_LEAST = 0.047  # width of a mark on the canvas, of its shorter side, below which marks are magnified more
+_LONGEST = 6.0  # longest mark, in widths
+_LOOSE = 0.2, 0.085  # length and width of loose marks, as shares of the shorter side of the canvas
+
+
+def mark_width(style: Tensor) -> float:
+    """Returns the distance from one mark to the next in a style [3, H, W], as a share of its shorter side."""
+    scale = _SIDE / min(style.shape[1:])
+    small = images.fit(style, *(max(3, round(scale * side)) for side in style.shape[1:]))
+    lab = to_lab(small.permute(1, 2, 0)).permute(2, 0, 1)
+    marks = images.gaussian_blur(lab, _GRAIN) - images.gaussian_blur(lab, _COARSE * _SIDE)
+    slope = sum(float(part.square().mean()) for part in (marks.diff(dim=1), marks.diff(dim=2)))
+    return max(1.0, 2 * math.pi * math.sqrt(float(marks.square().mean()) / max(slope, 1e-12))) / _SIDE
+
+
+def magnification(style: Tensor) -> float:
+    """Returns how much larger the marks of a style [3, H, W] are on a canvas of its size: brushes paint none finer."""
+    return min(_MOST, max(_LARGER, _LEAST / mark_width(style)))
+
+
+def mark_size(style: Tensor) -> tuple[float, float]:
+    """Returns length and width of the marks of a style [3, H, W] on a canvas, as shares of its shorter side.
+
+    A mark of length l and width w has slopes across it on 2 l of its edge, and along it on 2 w.
+    """
+    _, coherence, energy = directions(style)
+    mean = float((coherence * energy).sum() / energy.sum().clamp(min=1e-8))
+    width = magnification(style) * mark_width(style)
+    return width * min(_LONGEST, (1 + mean) / max(1 - mean, 1e-3)), width
+
+
+def brushwork_of(goal: Goal, grid: PixelGrid) -> Tensor | None:
+    """Returns the marks that strokes should make at each place of a goal, [6, H, W]; None if it wants none.
+
+    Cosine and sine of twice the direction, and its certainty in [0, 1]; logarithms of length and width in metres; and
+    in [0, 1] how far strokes are held to all this. Directions are those of the picture that the plan begins with,
+    which has the marks of the styles (style_marks.py) beside its own edges; faces in photographs are free. Beside a
+    goal that is painted loosely, marks are large, and what matters is free.
+    """
+    styles = styles_of(goal)
+    if not styles and not any(term.is_loose for term in goal.terms):
+        return None
+    begun = next((term for term in goal.initial_terms if term.guide is not None), None)
+    picture = begun.guide if begun is not None else styles[0].colors if styles else None
+    if picture is None:
+        return None
+    shape = grid.rows, grid.columns
+    doubled, coherence, _ = directions(images.fit(picture, *shape))
+    held = torch.ones(shape)
+    if begun is not None and begun.importance is not None and all(term.words is None for term in goal.terms):
+        held = 1 - rise(spread(begun.importance, *shape), FACE)
+    shorter = min(grid.size.width, grid.size.height)
+
+    def sizes(sides: tuple[float, float]) -> Tensor:
+        return torch.tensor([math.log(shorter * side) for side in sides])[:, None, None].expand(2, *shape)
+
+    size = change_by_place(picture, styles, lambda style: sizes(mark_size(style))) if styles else sizes(_LOOSE)
+    field = torch.stack((doubled.cos(), doubled.sin(), (coherence / _CLEAR).clamp(max=1)))[None]
+    field = functional.interpolate(field, shape, mode="bilinear", align_corners=False)[0]
+    return torch.cat((field, size, held[None]))

@@ -2,12 +2,16 @@
 
 import torch
 from torch import Tensor
+from torch.nn import functional
 
+from frida_painter import images
 from frida_painter.devices import Constant, send_to_device
 from frida_painter.frames import PixelGrid
 from frida_painter.images import resize_to_pixels
+from frida_painter.objectives.encoders.base import Seer
 from frida_painter.objectives.encoders.vgg import Vgg16
 from frida_painter.objectives.objective import Goal, Term
+from frida_painter.objectives.style_flow import magnification
 from frida_painter.objectives.style_places import change_by_place, styles_of
 from frida_painter.palette import from_lab, to_lab
 
@@ -165,6 +169,8 @@ _PIXELS = 16_000  # pixels of the compared picture, about 112 x 143
 _FEWEST_PIXELS, _OF_GRID = 6_000, 0.4  # least number of them; share of the grid's pixels
 _BALANCE = 0.04  # relative to the squared difference to a picture, if both weights are 1
 _SAMPLES = 1024  # places at which features are compared
+_FEWEST_COUNT = 0.05  # share of places that count
+_SIDE = 224  # pixels of a side of a CLIP's input
 # Rows of the matrix from sRGB to lightness and two colour differences, which vary independently.
 _DECORRELATE = ((0.577, 0.577, 0.577), (-0.577, 0.789, -0.211), (0.577, 0.211, -0.789))
 
@@ -180,40 +186,63 @@ class Style:
     style [3, H, W]: style picture in [0, 1]
     vgg: network whose features are compared
     seed: places are sampled once from it, so the distance is deterministic
+    free [h, w]: places of the painting that do not count, such as faces: 1 for those, 0 for the others. None: all count
+    seer: network whose layers are compared too, such as a CLIP
     pixels: number of pixels of the compared pictures
 
     The distance is a sum of relaxed Earth Mover's Distances and differences of moments.
     """
 
-    def __init__(self, style: Tensor, vgg: Vgg16, seed: int, pixels: int = _PIXELS) -> None:
-        self._vgg = vgg
-        self._seed, self._pixels = seed, pixels
+    def __init__(
+        self,
+        style: Tensor,
+        vgg: Vgg16,
+        seed: int,
+        pixels: int = _PIXELS,
+        free: Tensor | None = None,
+        seer: Seer | None = None,
+    ) -> None:
+        self._vgg, self._seer = vgg, seer
+        self._seed, self._pixels, self._free = seed, pixels, free
+        larger = round(pixels * magnification(style) ** 2)
         self._decorrelate = Constant(torch.tensor(_DECORRELATE))
         with torch.no_grad():
-            self._clouds = [Cloud(rows, cosine=number > 0) for number, rows in enumerate(self._see(style))]
+            self._clouds = [
+                Cloud(rows, cosine=number > 0) for number, rows in enumerate(self._see(style, larger, None))
+            ]
 
     def __call__(self, picture: Tensor) -> Tensor:
-        """Returns the distance in style of a picture [3, H, W] in [0, 1]; 0 for the style picture itself.
+        """Returns the distance in style of a picture [3, H, W] in [0, 1]; near 0 for the style picture itself.
 
         Differentiable.
         """
-        colors, *layers = (cloud.distance(rows) for cloud, rows in zip(self._clouds, self._see(picture), strict=True))
-        return _BALANCE * (colors + torch.stack(layers).sum() / len(LAYERS))
+        colors, *layers = (
+            cloud.distance(rows)
+            for cloud, rows in zip(self._clouds, self._see(picture, self._pixels, self._free), strict=True)
+        )
+        return _BALANCE * (colors + torch.stack(layers).mean())
 
-    def _see(self, picture: Tensor) -> list[Tensor]:
+    def _see(self, picture: Tensor, pixels: int, free: Tensor | None) -> list[Tensor]:
         """Returns colours, then the features of each layer, at sampled places: [n, c] each."""
-        small = resize_to_pixels(picture, self._pixels)
+        small = resize_to_pixels(picture, pixels)
         maps = [small, *self._vgg.features(small, LAYERS)]
-        clouds = [_sample(one, self._seed) for one in maps]
+        if self._seer is not None:
+            view = functional.interpolate(picture[None], (_SIDE, _SIDE), mode="bilinear", antialias=True)
+            maps += [layer[0] for layer in self._seer.features(view)]
+        clouds = [_sample(one, self._seed, free) for one in maps]
         clouds[0] = clouds[0] @ self._decorrelate.like(clouds[0]).T
         # Features of each layer are scaled to one size, because their units have no meaning.
         return [clouds[0], *(cloud / (cloud.detach().square().mean().sqrt() + 1e-6) for cloud in clouds[1:])]
 
 
-def _sample(features: Tensor, seed: int) -> Tensor:
-    """Returns features [c, h, w] at up to 1024 places, [n, c]; the same places for each map of that shape."""
+def _sample(features: Tensor, seed: int, free: Tensor | None) -> Tensor:
+    """Returns features [c, h, w] at up to 1024 places, [n, c]; the same places for each map of that shape.
+
+    free [h, w]: as for `Style`; if hardly a place counts, all do
+    """
     rows = features.flatten(1).T
-    if len(rows) <= _SAMPLES:
-        return rows
-    places = torch.randperm(len(rows), generator=torch.Generator().manual_seed(seed))[:_SAMPLES]
-    return rows[send_to_device(places, rows.device)]
+    places = torch.randperm(len(rows), generator=torch.Generator().manual_seed(seed))
+    if free is not None:
+        counts = images.fit(free[None].cpu(), *features.shape[1:]).flatten()[places] < 0.5
+        places = places[counts] if float(counts.float().mean()) > _FEWEST_COUNT else places
+    return rows[send_to_device(places[:_SAMPLES], rows.device)]

@@ -19,7 +19,7 @@ from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal, Term
 from frida_painter.objectives.pixel_loss import rise, spread
 from frida_painter.objectives.sketch_loss import color_drawing, filled_areas
-from frida_painter.objectives.style_flow import clear_edges
+from frida_painter.objectives.style_flow import FACE, clear_edges, magnification, mark_width
 from frida_painter.objectives.style_places import change_by_place, styles_of
 from frida_painter.palette import Palette, from_lab, to_lab
 
@@ -27,9 +27,12 @@ from frida_painter.palette import Palette, from_lab, to_lab
 
 _ROWS = 128  # of the small picture that is put together
 _OWN = 0.8  # share of its own picture that a place with clear edges keeps
-_LAYOUT = 0.15  # share of the style's own composition, in even areas
+_LOST = 10.0  # difference in Lab of a place from its picture that counts as full
+_AREA = 0.6  # blur of the values of areas, in distances of marks
+_VALUES = 0.7  # share of the picture's own values of areas
+_BOLD = 1.8  # factor of the differences of marks from their surroundings, because a stroke averages its place
 _SHARES = 0.6  # share of the style's own shares of colours, in a picture without colours
-_FACE = 3.0  # importance of a place, relative to the least, from which it keeps its picture
+_FACES = 1.6  # exponent of importances: marks around a face compete with it for strokes
 _HELD = 4.0  # weight of a picture in the style's marks, relative to its own: it has the style, and shows the subject
 
 
@@ -53,6 +56,8 @@ def in_style_marks(goal: Goal) -> Goal:
         share = min(1.0, weight / term.weight)
         laid = change_by_place(picture, styles, lambda style: lay_marks(picture, style, term.importance))
         held: Any = term.with_picture(torch.lerp(picture, laid, share))  # terms are dataclasses
+        if term.importance is not None:
+            held = held.weigh(spread(term.importance**_FACES, *term.importance.shape))
         return replace(held, weight=term.weight * _HELD**share)
 
     return Goal(tuple(map(marked, goal.terms)), goal.initial)
@@ -85,29 +90,31 @@ def fill_drawing_in_style(goal: Goal, rows: int, columns: int) -> Goal:
 def lay_marks(picture: Tensor, style: Tensor, importance: Tensor | None = None) -> Tensor:
     """Returns a picture [3, H, W], which is in the colours of a style [3, h, w], in its marks and values, in sRGB.
 
+    A place keeps most of its picture if it has edges that the marks cannot show.
     importance [h, w]: places of three times the least importance, such as faces, keep their picture
     """
     rows, columns = picture.shape[1:]
     shape = shape_of_pieces(rows, columns)
     small, whole = to_lab_picture(images.fit(picture, *shape)), to_lab_picture(images.fit(style, *shape))
-    own = clear_edges(picture, *shape)
-    if importance is not None:
-        own = torch.maximum(own, rise(spread(importance, *shape), _FACE))
-    mixed = mix_composition(small, whole, own)
     colorless = 1 - float((_chroma_spread(small) / _chroma_spread(whole).clamp(min=1e-6)).clamp(max=1))
-    mixed = torch.lerp(mixed, in_colors(mixed, whole), _SHARES * colorless)
+    moved = torch.cat((small[:1], in_colors(small, whole)[1:]))  # values stay: those of even areas have no order
+    mixed = torch.lerp(small, moved, _SHARES * colorless)
     colored = torch.lerp(picture, images.fit(from_lab_picture(mixed), rows, columns), colorless)
-    laid = images.fit(from_lab_picture(quilt(mixed, pieces_of(style))), rows, columns)
-    return torch.lerp(laid, colored, _OWN * images.fit(own[None], rows, columns)).clamp(0, 1)
+    laid = marks_over(mixed, style)
+    lost = ((_soften(laid) - _soften(mixed)).norm(dim=0) / _LOST).clamp(max=1)
+    own = _OWN * clear_edges(picture, *shape) * lost
+    if importance is not None:
+        own = torch.maximum(own, rise(spread(importance, *shape), FACE))
+    marked = images.fit(from_lab_picture(laid), rows, columns)
+    return torch.lerp(marked, colored, images.fit(own[None], rows, columns)).clamp(0, 1)
 
 
-def mix_composition(picture: Tensor, style: Tensor, kept: Tensor) -> Tensor:
-    """Returns a picture [3, H, W] with a little of the composition of a style [3, H, W], both in Lab.
-
-    kept [H, W]: share of each place that does not change. Even areas have no order of light and dark of their own;
-    there the style's composition decides.
-    """
-    return picture + _LAYOUT * (1 - kept) * (style - style.mean((1, 2), keepdim=True))
+def marks_over(picture: Tensor, style: Tensor) -> Tensor:
+    """Returns a picture [3, H, W] in Lab in the marks of a style [3, h, w] of sRGB, with mostly its own values."""
+    laid = quilt(picture, pieces_of(style))
+    blur = _AREA * mark_width(style) * magnification(style) * min(picture.shape[1:])
+    values, around = (images.gaussian_blur(one, blur) for one in (picture, laid))
+    return torch.lerp(around, values, _VALUES) + _BOLD * (laid - around)
 
 
 def _chroma_spread(lab: Tensor) -> Tensor:
@@ -143,10 +150,10 @@ def in_style(scene: Tensor, where: Tensor, style: Tensor) -> Tensor:
     shape = shape_of_pieces(rows, columns)
     whole = to_lab_picture(images.fit(style, *shape))
     small, thing = images.fit(scene, *shape), (_CLEAR_SHAPE * images.fit(where[None], *shape)).clamp(max=1)
-    ground = in_colors(mix_composition(to_lab_picture(small), whole, thing), whole)
+    ground = in_colors(to_lab_picture(small), whole)
     own = tone(torch.cat((small, thing)), style_colors(style), 0.0, 1.0)[:3] if bool((thing > 0.5).any()) else small
     colored = torch.lerp(ground, to_lab_picture(own), thing)
-    painted = torch.lerp(quilt(colored, pieces_of(style)), colored, _OWN * thing)
+    painted = torch.lerp(marks_over(colored, style), colored, _OWN * thing)
     return images.fit(from_lab_picture(painted), rows, columns)
 
 
@@ -203,7 +210,7 @@ def in_colors(picture: Tensor, style: Tensor) -> Tensor:
 # Pieces of a style
 
 _LONGEST = 1.6  # longer side of the style that is used, in shorter ones
-_PIECE, _STEP, _APART = 22, 16, 3  # pixels: side of a piece, distance of pieces, and of candidates
+_PIECE, _STEP, _APART = 14, 10, 3  # pixels: side of a piece, distance of pieces, and of candidates
 _COARSE = 3  # pixels: radius within which a piece is compared with the picture
 _AGAIN, _NEAR = 1.0, 2  # cost of each further use of a piece, relative to its own; candidates that count as the same
 _ALIKE = 0.7  # weight of the likeness to the picture; the rest is that of fitting the neighbours
@@ -217,16 +224,18 @@ def shape_of_pieces(rows: int, columns: int) -> tuple[int, int]:
 def pieces_of(style: Tensor) -> Tensor:
     """Returns the part of a style [3, h, w] that pieces are taken from, small and in Lab: of a panorama the middle."""
     shorter = min(style.shape[1:])
-    rows, columns = (round(_ROWS * min(side / shorter, _LONGEST)) for side in style.shape[1:])
+    side = _ROWS * magnification(style)
+    rows, columns = (round(side * min(length / shorter, _LONGEST)) for length in style.shape[1:])
     return to_lab_picture(images.fit(style, rows, columns))
 
 
 def quilt(scene: Tensor, style: Tensor) -> Tensor:
     """Returns a picture [3, H, W] put together from pieces of the style [3, h, w], both in Lab."""
-    pieces, coarse = (functional.unfold(picture[None], _PIECE, stride=_APART)[0] for picture in (style, _soften(style)))
+    apart = max(1, round(_APART * min(style.shape[1:]) / _ROWS))
+    pieces, coarse = (functional.unfold(picture[None], _PIECE, stride=apart)[0] for picture in (style, _soften(style)))
     wanted, size = _soften(scene), 3 * _PIECE**2
     laid, weight = torch.zeros_like(scene), torch.zeros_like(scene)
-    down, across = ((side - _PIECE) // _APART + 1 for side in style.shape[1:])
+    down, across = ((side - _PIECE) // apart + 1 for side in style.shape[1:])
     used = torch.zeros(down, across)  # for each candidate, how often it or one near it was taken
     ramp = torch.arange(1.0, _PIECE + 1)
     ramp = torch.minimum(ramp, ramp.flip(0)).clamp(max=_PIECE - _STEP)

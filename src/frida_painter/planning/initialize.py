@@ -1,6 +1,5 @@
 """Start of a plan: strokes placed at random as in the paper, or at the places that a guide picture needs most."""
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -12,72 +11,13 @@ from frida_painter.brush.kinds import StrokeModel, growth_of, mark_width
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.frames import PixelGrid
 from frida_painter.palette import to_lab
+from frida_painter.planning.brushwork import along_brushwork
 from frida_painter.planning.optimize import Step, optimize
 from frida_painter.planning.problem import PlanningProblem
 from frida_painter.planning.variables import Paints
 from frida_painter.render import composite
 from frida_painter.stroke_family import CODE_REACH, StrokeFamily, Taught
 from frida_painter.strokes import StrokeLimits, Strokes
-
-# Strokes along the brushwork of a style: they follow its directions and curves, and end before it turns too far.
-
-_WAVERS = 0.15  # radians, standard deviation of strokes about the flow
-_TURN = math.pi / 3  # turn of the flow between the ends of a stroke that halves its length
-
-
-def along_flow(
-    strokes: Strokes, flow: Tensor, limits: StrokeLimits, size: CanvasSize, generator: torch.Generator
-) -> Strokes:
-    """Turns strokes of random direction into the flow about their middles.
-
-    The probability that a stroke is turned is the certainty of the flow there; it then points forwards or
-    backwards. It bends as the flow turns between its ends, and a stronger turn makes it shorter.
-    flow [3, H, W]: cosine and sine of twice the direction, and the certainty.
-    """
-    middle = strokes.path(strokes.angle.new_tensor([0.5]))[:, 0]
-    doubled, sure = _sample_flow(flow, middle, size)
-    if strokes.taught is not None:
-        return _turn_into_flow(strokes, doubled, sure, generator).project(limits, size)
-    count = len(strokes)
-    chance = torch.rand(2, count, generator=generator).to(sure)
-    wavers = _WAVERS * torch.randn(count, generator=generator).to(sure)
-    turned = chance[0] < sure
-    angle = torch.where(turned, doubled / 2 + math.pi * (chance[1] < 0.5) + wavers, strokes.angle)
-    along = torch.stack((angle.cos(), angle.sin()), -1)
-    half = along * strokes.length[:, None] / 2
-    ends = [_sample_flow(flow, middle + step, size)[0] for step in (-half, half)]
-    turn = (
-        torch.remainder((ends[1] - ends[0]) + math.pi, 2 * math.pi) / 2 - math.pi / 2
-    )  # of a direction, not of its double
-    length = torch.where(turned, strokes.length / (1 + turn.abs() / _TURN), strokes.length)
-    # The heading of a path differs from its chord by 3 b / l at the start, and by as much to the other side at the
-    # end.
-    bend = torch.where(turned, -turn * length / 6, strokes.bend)
-    across = torch.stack((-angle.sin(), angle.cos()), -1)
-    start = middle - along * length[:, None] / 2 - across * (0.75 * bend)[:, None]
-    return strokes.with_groups(position=start, angle=angle, length=length, bend=bend).project(limits, size)
-
-
-def _turn_into_flow(strokes: Strokes, doubled: Tensor, sure: Tensor, generator: torch.Generator) -> Strokes:
-    """Turns strokes of a family into the flow about their middles; their shapes stay.
-
-    doubled, sure [n]: twice the direction of the flow at the middles, and its certainty.
-    """
-    chance = torch.rand(2, len(strokes), generator=generator).to(sure)
-    angle = torch.where(chance[0] < sure, doubled / 2 + math.pi * (chance[1] < 0.5), strokes.angle)
-    half = strokes.angle.new_tensor([0.5])
-    turned = strokes.with_groups(angle=angle)
-    return turned.with_groups(position=strokes.position + (strokes.path(half) - turned.path(half))[:, 0])
-
-
-def _sample_flow(flow: Tensor, place: Tensor, size: CanvasSize) -> tuple[Tensor, Tensor]:
-    """Returns twice the direction of the flow and its certainty, [n] each, at canvas positions [n, 2]."""
-    at = torch.stack((2 * place[:, 0] / size.width - 1, 1 - 2 * place[:, 1] / size.height), -1)
-    cosine, sine, sure = functional.grid_sample(
-        flow[None], at[None, None].to(flow), align_corners=False, padding_mode="border"
-    )[0, :, 0]
-    return torch.atan2(sine, cosine), sure
-
 
 # Places for the next strokes: many strokes are proposed, their gains are computed, and the best are kept.
 #
@@ -408,8 +348,8 @@ def best_proposals(
     error = _blur(error)
     many = max(64, proposals * count)
     candidates = propose(error, many, problem.limits, problem.size, generator)
-    if problem.flow is not None:
-        candidates = along_flow(candidates, problem.flow.to(error), problem.limits, problem.size, generator)
+    if problem.brushwork is not None:
+        candidates = along_brushwork(candidates, problem.brushwork.to(error), problem.model, problem.size, generator)
     gain, candidates, paint = weigh(candidates, under, target, paints, problem)
     chosen = pick(candidates, gain, count, problem.model)
     if len(chosen) == 0:  # no stroke gains any more, but the rest must still be placed

@@ -188,9 +188,9 @@ def stacked_cost(
     the loss, because a decibel is worth as much in a dark picture as in a light one.
     """
     loss = stacked_loss(strokes, problems, objective)
-    if all(problem.paint_price == 0 for problem in problems):
+    if not any(problem.prices_strokes for problem in problems):
         return loss
-    return loss * (1 + sum(problem.paint_cost(part) for part, problem in zip(strokes, problems, strict=True)))
+    return loss * (1 + sum(problem.stroke_cost(part) for part, problem in zip(strokes, problems, strict=True)))
 
 
 _MAX_FAILURES = 3

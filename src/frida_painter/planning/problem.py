@@ -16,8 +16,9 @@ from frida_painter.frames import ALL_ROWS, PixelGrid, Rows
 from frida_painter.objectives.interpretation import WeightedObjective
 from frida_painter.objectives.objective import CanvasLoss, Goal, Sparing
 from frida_painter.objectives.pixel_loss import spread
-from frida_painter.objectives.style_flow import flow_of
+from frida_painter.objectives.style_flow import brushwork_of
 from frida_painter.plan import Plan
+from frida_painter.planning.brushwork import brushwork_cost
 from frida_painter.render import Marks, Moments, marks_of, render, render_moments
 from frida_painter.strokes import StrokeLimits, Strokes
 
@@ -36,7 +37,7 @@ class PlanningProblem:
 
     validation: objective that compares plans if `objective` cannot, because it is random or could be fooled.
     importance [H, W]: weight of errors when strokes are placed, with mean 1. None: the same everywhere.
-    flow [3, H, W]: direction of strokes when they are placed (objectives/style_flow.py). None: any direction.
+    brushwork [6, H, W]: wanted marks of strokes (objectives/style_flow.py). None: any marks.
     paint_price: share by which the loss must fall for the paint of the brush's largest mark.
 
     objective_on_rows: objective for pictures with some of the rows only. None: the objective needs whole pictures.
@@ -51,7 +52,7 @@ class PlanningProblem:
     objective: CanvasLoss
     validation: CanvasLoss | None = None
     importance: Tensor | None = None
-    flow: Tensor | None = None
+    brushwork: Tensor | None = None
     paint_price: float = 0.0
     objective_on_rows: Callable[[Rows], CanvasLoss] | None = None
     sparing: Callable[[], Sparing] | None = None
@@ -97,11 +98,17 @@ class PlanningProblem:
             return judge(self.render(strokes))
         return judge(*self.moments(strokes))
 
-    def paint_cost(self, strokes: Strokes) -> Tensor:
-        """Returns the price of the strokes' paint, as a share of the loss."""
+    @property
+    def prices_strokes(self) -> bool:
+        """True if `stroke_cost` is not 0."""
+        return self.paint_price > 0 or self.brushwork is not None
+
+    def stroke_cost(self, strokes: Strokes) -> Tensor:
+        """Returns the price of the strokes' paint and of unwanted marks, as a share of the loss."""
         family = self.model.limits.family
         longest = self.model.limits.length[1] * (1.0 if family is None else family.way)
-        return self.paint_price * painted_area(strokes.way() / longest, strokes.thickness, 1.0).sum()
+        cost = self.paint_price * painted_area(strokes.way() / longest, strokes.thickness, 1.0).sum()
+        return cost if self.brushwork is None else cost + brushwork_cost(strokes, self.brushwork, self.model, self.size)
 
 
 def is_bare(canvas: Tensor, ground: tuple[float, float, float]) -> bool:
@@ -322,7 +329,7 @@ class PlanningProblems:
             raise PlanError(f"The plan is for the brush {kind!r}, and here are {known}; name it in --brushes.")
         objective, model = objective or self.objectives[grid], self.models[kind]
         picture = images.fit(canvas.to(self.device), grid.rows, grid.columns)
-        matters, way = self._importance(grid), flow_of(self.goal, grid)
+        matters, way = self._importance(grid), self._brushwork(grid)
         price = PAINT_PRICE if all(term.is_pixelwise for term in self.goal.terms) else 0.0
         judge, some = objective.validation, objective.on_rows
         floor = None if self.darkest is None else torch.tensor(self.darkest, device=self.device)
@@ -350,6 +357,11 @@ class PlanningProblems:
             return None
         guide = images.fit(picture.to(self.device), *problem.canvas.shape[1:])
         return guide if self.region is None else self.region.keep_forbidden(guide, problem.canvas, self.size)
+
+    def _brushwork(self, grid: PixelGrid) -> Tensor | None:
+        """Returns the wanted marks of strokes at each place."""
+        found = brushwork_of(self.goal, grid)
+        return None if found is None else found.to(self.device)
 
     def _importance(self, grid: PixelGrid) -> Tensor | None:
         """Returns the weight of errors at each place while strokes are placed."""

@@ -14,8 +14,10 @@ from frida_painter.frames import PixelGrid
 from frida_painter.objectives.encoders import loading
 from frida_painter.objectives.encoders.loading import Choice, EncoderRegistry
 from frida_painter.objectives.interpretation import prepare
-from frida_painter.objectives.objective import Goal
+from frida_painter.objectives.objective import Goal, ObjectiveContext
+from frida_painter.objectives.style import StyleTerm
 from frida_painter.words.text import TextTerm
+from support.networks import QuickEncoders
 from support.planning import picture
 
 
@@ -83,6 +85,18 @@ def test_one_that_only_sees_is_asked_for_meaning_alone(bring: Callable[[Any], No
     assert torch.equal(seen, picture()[None])
     with pytest.raises(WeightsError, match=r"fetch clip-vit-b-32"):
         encoders.readers()
+
+
+def test_its_layers_describe_styles_too(bring: Callable[[Any], None], tmp_path: Path) -> None:
+    bring(Seeing)
+    grid = PixelGrid.of_height(CanvasSize(0.1, 0.1), 32)
+    given, without = QuickEncoders(tmp_path, clip="own"), QuickEncoders(tmp_path)
+    judged = [
+        float(StyleTerm(picture()).prepare(ObjectiveContext(grid, one, 0)).objective(1 - picture()))
+        for one in (given, without)
+    ]
+    assert abs(judged[0] - judged[1]) > 0.01 * judged[1]
+    assert "mean colours" in [choice.used for choice in given.choices]
 
 
 @pytest.mark.parametrize(

@@ -148,6 +148,13 @@ class EncoderRegistry:
                     self._clip = Clip.load(folder, called)
         return self._clip
 
+    def clip_of_style(self) -> Seer | None:
+        """Returns the CLIP whose layers describe style beside VGG16's; None if there is none."""
+        clip = self.clip()
+        if clip is not None:
+            self._note(Choice("style, beside VGG16", clip.name))
+        return clip
+
     def shapes(self) -> "Vgg16 | None":
         """Returns the network for shapes; None, with a note in `choices`, if neither VGG16 nor HED was fetched."""
         if self._vgg is None and all(weights.find(name, self.cache) is None for name in ("vgg16", "hed")):
