@@ -102,9 +102,9 @@ def test_in_a_style_the_scene_of_words_is_in_its_colours(encoders: QuickEncoders
 
 @pytest.mark.parametrize("beginning", ["colors", "nothing"])
 def test_what_only_a_clip_can_begin_with_is_refused(encoders: QuickEncoders, beginning: str) -> None:
-    goal = Goal((TextTerm("a strawberry", settings=WordSettings(beginning, effort=0.05)),))  # type: ignore[arg-type]
+    said = TextTerm("a strawberry", settings=WordSettings(beginning, effort=0.05))  # type: ignore[arg-type]
     with pytest.raises(ConfigError, match="fetch clip-vit-b-32"):
-        TextTerm.interpret(goal, ObjectiveContext(GRID, encoders, 0))
+        TextTerm.interpret(Goal((said,)), ObjectiveContext(GRID, encoders, 0))
 
 
 def test_without_any_network_what_helps_is_told(tmp_path: Path) -> None:

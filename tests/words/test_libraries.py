@@ -2,7 +2,6 @@
 
 import json
 import zipfile
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,8 +15,6 @@ from frida_painter.words.libraries import SHIPPED, PictureArchive, PictureFolder
 from plugins import install
 from small_libraries import DISC, MAKERS, SILHOUETTE
 from tiny_weights import original
-
-MIN = {"openclipart": 1500, "stamps": 600, "abcs": 250, "fluent": 1100, "flashcards": 350}
 
 
 def painted(path: Path) -> Path:
@@ -121,13 +118,7 @@ def test_a_package_becomes_a_library(name: str, tmp_path: Path, monkeypatch: pyt
         assert float((picture[:3, seen].mean(1) - color).abs().max()) < 0.05, file
 
 
-def test_libraries_that_a_person_has_fetched_hold_what_was_published() -> None:
-    """Tests do not fetch them: the small ones above are read in any case."""
-    for library in libraries_at_hand():
-        known = [*library.captions()]
-        assert len(known) >= MIN.get(library.name, 1) and bool(library.credit) == (library.name != SHIPPED)
-        read = 0
-        for file in known[:: max(1, len(known) // 12)]:
-            with suppress(ImageError):
-                read += library.picture(file).shape[0] == 4
-        assert read >= 11
+def test_the_shipped_library_is_whole(tmp_path: Path) -> None:
+    (library,) = libraries_at_hand(tmp_path)
+    known = [*library.captions()]
+    assert len(known) > 1000 and all(library.picture(file).shape[0] == 4 for file in known[::100])

@@ -48,8 +48,7 @@ def with_beginning(goal: Goal, context: ObjectiveContext, said: Sequence[TextTer
     main = max(said, key=lambda term: term.weight, default=None)
     settings = USUAL if main is None else main.settings
     is_alone = len(said) == len(goal.terms) and not goal.initial
-    encoders, how = context.encoders, settings.beginning
-    by_clip = encoders.reads_by_clip
+    encoders, how, by_clip = context.encoders, settings.beginning, context.encoders.reads_by_clip
     if how == "scene" and by_clip and not encoders.composes:
         raise ConfigError(
             "--beginning scene puts pictures of things together, and the network for it is not here; fetch it with "

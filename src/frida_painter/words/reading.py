@@ -18,7 +18,7 @@ COLORS = {"black": (30, 30, 32), "white": (245, 245, 242), "red": (205, 35, 40),
 """Common names of colours, and sRGB that paints can have, 0 to 255."""
 SHADES = {"dark": -18, "light": 18, "bright": 6, "pale": 22}
 """Words before a colour, and what they add to its L*."""
-OLD = ("old", "elderly")
+OLD = frozenset(("old", "elderly"))
 """Words that make another person of a person."""
 LONGEST = 400
 """Characters of a prompt that are read; a longer text is no description of one picture."""

@@ -103,7 +103,7 @@ class PictureIndex:
         named = [one for one in self._captions if one.library.is_own and wanted <= one.says]
         if not self._names_scene(phrase):
             nouns = (phrase.noun, *_SOME.get(phrase.noun, ()))
-            named += [one for noun in nouns for one in self._by_noun[noun] if self._names(one.phrase, phrase)]
+            named += [one for noun in nouns for one in self._called(noun, phrase)]
             if not phrase.name:  # dancing
                 named += [one for one in self._captions if one.kind and phrase.noun in one.says]
             part = phrase.part  # oranges may stand for a bowl of them, but no hot springs for a day of spring
@@ -140,19 +140,21 @@ class PictureIndex:
             one.kind == GROUND or (one.kind == MOOD and contents(one.phrase.words) == name) for one in called
         )
 
-    def _names(self, caption: Phrase, phrase: Phrase) -> bool:
-        """Returns True if a caption of the right noun, or of a kind of its thing, names a phrase.
+    def _called(self, noun: str, phrase: Phrase) -> list[Caption]:
+        """Returns the captions of a noun, that of a phrase or of a kind of its thing, that name the phrase.
 
         A proper name needs all its words. An old man is another person than a man.
         """
+        is_old, named = not OLD.isdisjoint(phrase.words), self._by_noun[noun]
         if phrase.proper:
-            return contents(phrase.proper) <= contents(caption.words)
-        if caption.noun in _PEOPLE and bool({*OLD} & {*phrase.words}) != bool({*OLD} & {*caption.words}):
-            return False
-        if contents(caption.name) == contents(phrase.name) or caption.noun != phrase.noun:
-            return True
-        names = [" ".join(one.name) or " ".join(one.words) for one in (phrase, caption)]
-        return float(self._similar(names[:1], names[1:])) >= _ABOUT
+            return [one for one in named if contents(phrase.proper) <= contents(one.phrase.words)]
+        if noun in _PEOPLE:
+            named = [one for one in named if is_old != OLD.isdisjoint(one.phrase.words)]
+        called = {one: " ".join(one.phrase.name or one.phrase.words) for one in named}
+        names, name = sorted({*called.values()}), " ".join(phrase.name or phrase.words)
+        like = dict(zip(names, self._similar(names, [name]).tolist(), strict=True))
+        same = {one for one in names if contents(one) == contents(name) or like[one] >= _ABOUT}
+        return [one for one in named if noun != phrase.noun or called[one] in same]
 
     def _same_noun(self, noun: str) -> str:
         """Returns the noun of a caption that means the same; "" if there is none."""

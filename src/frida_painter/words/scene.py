@@ -26,8 +26,8 @@ class Subject(NamedTuple):
     @property
     def says(self) -> frozenset[str]:
         """Stems of the words that the copies show."""
-        count = self.phrase.count if self.phrase.count == self.copies else None
-        numbers = {word for word in self.phrase.words if word in NUMBERS or word.isdecimal()} if count else set()
+        said = self.phrase.words if self.phrase.count == self.copies else ()
+        numbers = [word for word in said if word in NUMBERS or word.isdecimal()]
         return self.found.caption.says | contents([*numbers, *self.phrase.color.split()])
 
     @property
@@ -46,8 +46,7 @@ def scene_of(prompt: str, grid: PixelGrid, encoders: EncoderRegistry, use: str =
     reading, subjects = _read(prompt, encoders)
     whole = next((one for one in subjects if one.found.has_ground), None)
     subjects = subjects if whole is None else [whole._replace(copies=1)]
-    named = any(one.phrase.name for one in subjects)
-    mood = None if named else index.find_mood(reading, is_said=True)
+    mood = None if any(one.phrase.name for one in subjects) else index.find_mood(reading, is_said=True)
     ground = None
     if mood is not None:
         subjects = []
@@ -112,8 +111,7 @@ def _tell(
     by = f"; pictures by {'; '.join(credits)}" if credits else ""
     if parts:
         encoders.remark(f"{use.capitalize()}: {', '.join(parts)}{by}.")
-    around = [one.caption.says for one in (ground, mood) if one is not None]
-    says = frozenset().union(*(one.says for one in subjects), *around)
+    says = frozenset().union(*(one.says for one in subjects), *(one.caption.says for one in (ground, mood) if one))
     similar = {one.phrase.noun: one.found.caption.text for one in subjects if one.found.similar}
     encoders.remark(account_for(reading, says, similar))
     unseen = [one for one in reading.subjects if one.name and not {one.noun, one.part.noun} & {*says, *similar}]

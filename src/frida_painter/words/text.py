@@ -65,9 +65,7 @@ class TextTerm(Term):
         if not all(reader.reads_all(said) for reader in readers for said in self.settings.say(self.prompt)):
             context.encoders.remark(f"The words {self.prompt[:40]!r}... are too many; the last were cut off.")
         if not self.settings.avoid and (absent := " ".join(split_absent(self.prompt)[1])):
-            context.encoders.remark(
-                f"A network like this hardly understands that there shall be no {absent!r}: --avoid it."
-            )
+            context.encoders.remark(f"A CLIP hardly understands that there shall be no {absent!r}: give it to --avoid.")
         budget = self.settings.budget(readers)
         sights = context.shared.setdefault(f"words seen in {budget.views} views", (Sight(), Sight()))
         words = Text(self.prompt, readers, context.seed, self.settings, sights[0])
@@ -79,7 +77,10 @@ class TextTerm(Term):
         """Returns the goal with an initial picture, if its words come without one."""
         from frida_painter.words.beginnings import with_beginning
 
-        return with_beginning(goal, context, [term for term in goal.terms if isinstance(term, cls)])
+        said = [term for term in goal.terms if isinstance(term, cls)]
+        if not context.encoders.reads_by_clip and any(len(term.prompt) > LONGEST for term in said):
+            context.encoders.remark(f"Your words are long; only the first {LONGEST} characters are read.")
+        return with_beginning(goal, context, said)
 
 
 KIND = GoalKind(
