@@ -302,19 +302,19 @@ def _find_picture(file: BinaryIO) -> tuple[int, int, Tags]:
     file.seek(0)
     start = file.read(16)
     head = start if start[2] == 43 else start[:8]
-    page, first = Tags(head), None
+    page, seen = Tags(head), list[tuple[int, int, Tags]]()
     for number in range(_MAX_PARTS):
         page = tags_at(page.next)
         parts = [
             (number, -1, page),
             *((number, at, tags_at(to)) for at, to in enumerate(_values(page, 330)[:_MAX_PARTS])),
         ]
-        first = first or parts[0]
+        seen += parts
         if pictures := [part for part in parts if not _values(part[2], 254, 0)[0] & 5]:  # 1 a thumbnail, 4 a mask
             return max(pictures, key=lambda part: _values(part[2], 256, 0)[0] * _values(part[2], 257, 0)[0])
         if not page.next:
             break
-    return first
+    return seen[0]
 
 
 _GREY, _RGB = ("b-w", "grey16"), ("srgb", "rgb16")
@@ -362,7 +362,8 @@ def _read_heif(given: _Given) -> _Stored:
 
     given.file.seek(0)
     head = pi_heif.open_heif(given.file, convert_hdr_to_8bit=False)
-    require_size(given.path, *head.size, given.most_pixels)
+    width, height = head.size
+    require_size(given.path, width, height, given.most_pixels)
     light, profile, points = Light(), head.info.get("icc_profile"), head.info.get("nclx_profile")
     if points is not None and profile is None:
         light = light_of_code_points(given.path, points["color_primaries"], points["transfer_characteristics"])
