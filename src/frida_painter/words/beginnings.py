@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import islice
 from typing import TYPE_CHECKING
 
 import torch
@@ -24,7 +23,7 @@ from frida_painter.objectives.pyramid import color_in
 from frida_painter.objectives.sketch_loss import color_drawing, filled_areas
 from frida_painter.objectives.style_marks import in_style
 from frida_painter.objectives.style_places import change_by_place, styles_of
-from frida_painter.objectives.text_loss import Text, holding_weight, wish
+from frida_painter.objectives.text_loss import Text, hold_on, wish
 from frida_painter.objectives.word_settings import USUAL
 from frida_painter.words.composition import lay_in
 from frida_painter.words.scene import find_cutout, scene_of
@@ -62,8 +61,8 @@ def with_beginning(goal: Goal, context: ObjectiveContext, said: Sequence[TextTer
     if how == "nothing" or (by_clip and not encoders.composes and not is_alone):
         return goal
     if how == "scene" and by_clip and is_alone:
-        (scene,) = initial_composition(goal, context.grid, encoders).initial
-        return _hold(goal, scene.picture, scene.importance, context)
+        (begun,) = initial_composition(goal, context.grid, encoders).initial
+        return hold_on(goal, begun, context)
     if main is None or not is_alone or not by_clip:
         return initial_composition(goal, context.grid, encoders)
     readers, size = encoders.readers(), (context.grid.rows, context.grid.columns)
@@ -76,21 +75,11 @@ def with_beginning(goal: Goal, context: ObjectiveContext, said: Sequence[TextTer
         judge = Text(main.prompt, readers, context.seed + _APART, settings=settings)
         with torch.no_grad():
             if scene.picture is not None and bool(judge.validation(scene.picture) < judge.validation(colors)):
-                return _hold(goal, scene.picture, scene.importance, context)
+                return hold_on(goal, scene, context)
         encoders.remarks[:] = remarks
         told = "in which the words are seen better than in a scene"
     encoders.remark(f"Begun with a coarse picture, {told}.")
-    return _hold(goal, colors, None, context)
-
-
-def _hold(goal: Goal, picture: Tensor | None, importance: Tensor | None, context: ObjectiveContext) -> Goal:
-    """Returns the goal that begins with a picture [3, H, W] and holds on to it while a CLIP changes it."""
-    assert picture is not None
-    said = max((term for term in goal.terms if term.words), key=lambda term: term.weight)
-    text = Text(said.words or "", context.encoders.readers(), context.seed + _APART)
-    seen = images.fit(picture, context.grid.rows, context.grid.columns)
-    begun = ImageTerm(picture, 1.0, importance)
-    return Goal((*goal.terms, replace(begun, weight=said.weight * holding_weight(text, seen))), (begun,))
+    return hold_on(goal, ImageTerm(colors), context)
 
 
 def initial_composition(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry) -> Goal:
@@ -110,8 +99,8 @@ def initial_composition(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry) 
         by_clip = pictured is not None and encoders.reads_by_clip
         return _lay_in(goal, base, said, words, weight, encoders) if words and not by_clip else goal
     if goal.initial:
-        scenes = (_term(*scene_of(term.words, grid, encoders)) for term in goal.initial if term.words is not None)
-        return replace(goal, initial=(*islice(scenes, 1), *goal.initial))
+        first = [term.words for term in goal.initial if term.words is not None][:1]
+        return replace(goal, initial=(*(_term(*scene_of(one, grid, encoders)) for one in first), *goal.initial))
     if not words:
         return goal
     styles = styles_of(goal)
@@ -158,13 +147,11 @@ def _lay_in(
     thing = None if is_drawn else find_cutout(words, encoders, f"laid into the {into}")
     if thing is None:
         return Goal(said or (ImageTerm(picture),), goal.initial)
-    own = float(bool(thing.phrase.color)) if base.picture is None else _OWN
-    shown, where = lay_in(thing.picture, picture, own)
+    shown, where = lay_in(thing.picture, picture, float(bool(thing.phrase.color)) if base.picture is None else _OWN)
     begun = _term(shown, where, _STAGED * weight, base.importance)
     if goal.initial:
         return Goal((*said, begun), (replace(begun, weight=1.0),))
     matters = begun.importance
     assert matters is not None
-    return Goal(tuple(
-        term.with_picture(shown).weigh(matters) if term.picture is picture else term for term in said
-    ))  # fmt: skip
+    laid = (term.with_picture(shown).weigh(matters) if term.picture is picture else term for term in said)
+    return Goal(tuple(laid))

@@ -4,10 +4,11 @@ import json
 import re
 import zipfile
 import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -27,8 +28,7 @@ _MAX_FILES = 20_000  # in the user's folder; their captions are read in about a 
 _MAX_CAPTION, _MAX_CAPTIONS = 300, 2**20  # bytes of the first line, and of the file
 _LATIN = re.compile("[A-Za-z]{2}")
 _LONGEST = 1024  # pixels of the longer side of a ground
-SHIPPED = "drawn"
-"""Name of the library that ships with this package."""
+SHIPPED = "drawn"  # the library that comes with this package
 KINDS = SUBJECT, GROUND, MOOD = "subject", "ground", "mood"
 """Folders in which all captions of a picture are titles. Grounds and moods fill the canvas."""
 _SEEN = 0.05  # opacity above which a pixel is part of a thing
@@ -126,7 +126,8 @@ def libraries_at_hand(cache: Path | None = None, own: Path | None = None) -> lis
     ConfigError if the user's folder does not exist.
     """
     found: list[PictureLibrary] = [] if own is None else [PictureFolder(own)]
-    found += [part.load(Callable)() for part in registry.parts(registry.PICTURE_LIBRARIES).values()]  # type: ignore[type-abstract]
+    makers: list[Any] = [part.load(object) for part in registry.parts(registry.PICTURE_LIBRARIES).values()]
+    found += [make() for make in makers]
     found.append(PictureArchive(SHIPPED, "", Path(__file__).with_name(f"{SHIPPED}.zip")))
     for known in weights.all_weights():
         folder = weights.find(known.name, cache) if any(file.name == FILE for file in known.kept) else None

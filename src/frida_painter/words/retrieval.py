@@ -25,8 +25,7 @@ _LIKE, _SAID, _ADDED = 1.0, 0.1, 0.12  # score by similarity, for each word that
 _OWN, _LATER = 2.0, 0.06  # bonus of the person's own pictures, and loss for each library that comes before
 _READ = 48  # captions that are compared with the words, of those that name the thing
 _PEOPLE = frozenset(("man", "woman", "boy", "girl", "child", "person", "coupl", "lady", "gentleman"))
-_SOME = {"child": ("boy", "girl"), "kid": ("child", "boy", "girl"), "person": ("man", "woman", "boy", "girl")}
-"""Stems of nouns for people of several kinds, and those kinds."""
+_KINDS_OF = {"child": ("boy", "girl"), "kid": ("child", "boy", "girl"), "person": ("man", "woman", "boy", "girl")}
 _FILLED = 0.95  # share of its box above which a picture has a ground of its own
 
 
@@ -102,7 +101,7 @@ class PictureIndex:
         wanted, similar = contents(phrase.proper) or {phrase.noun}, False
         named = [one for one in self._captions if one.library.is_own and wanted <= one.says]
         if not self._names_scene(phrase):
-            nouns = (phrase.noun, *_SOME.get(phrase.noun, ()))
+            nouns = (phrase.noun, *_KINDS_OF.get(phrase.noun, ()))
             named += [one for noun in nouns for one in self._called(noun, phrase)]
             if not phrase.name:  # dancing
                 named += [one for one in self._captions if one.kind and phrase.noun in one.says]
