@@ -40,7 +40,7 @@ def lines_now(root: Path) -> dict[str, int]:
 
 
 def lines_at(root: Path, state: str) -> dict[str, int]:
-    """The lines of each Python file of a commit. Raises CalledProcessError where git does not know the state."""
+    """The lines of each Python file of a commit. Raises CalledProcessError if git does not know the state."""
     places = [place for place in (HOUSE, *BESIDE) if _git(root, "ls-tree", "-d", "--name-only", state, place)]
     archive = _git(root, "archive", "--format=tar", state, *places)
     with tarfile.open(fileobj=io.BytesIO(archive)) as opened:
@@ -49,7 +49,7 @@ def lines_at(root: Path, state: str) -> dict[str, int]:
 
 
 def last_tag(root: Path) -> str | None:
-    """The nearest tag of the commits before this one; None where there is none."""
+    """The nearest tag of the commits before this one; None if there is none."""
     try:
         return _git(root, "describe", "--tags", "--abbrev=0").decode().strip()
     except subprocess.CalledProcessError:

@@ -137,7 +137,7 @@ def simplify(picture: Tensor, importance: Tensor) -> Tensor:
     small = images.fit(picture, _FLAT_ROWS, max(16, round(_FLAT_ROWS * columns / rows)))
     pixels = images.to_uint8(small)
     even = cv2.pyrMeanShiftFiltering(pixels, _FLAT[0] * min(small.shape[1:]), _FLAT[1])
-    flat = images.fit(images.from_uint8(even).to(picture), rows, columns)
+    flat = images.fit(images.from_uint8(even.astype(pixels.dtype)).to(picture), rows, columns)
     return torch.lerp(flat, picture, rise(spread(importance, rows, columns), _DETAILED).to(picture))
 
 

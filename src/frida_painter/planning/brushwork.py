@@ -102,4 +102,4 @@ def brushwork_cost(strokes: Strokes, brushwork: Tensor, model: StrokeModel, size
     longer = torch.log(strokes.length / wanted.length.clamp(*limits.length))
     wider = torch.log(width / wanted.width.clamp(_THINNEST * widest, widest))
     parts = turned, wanted.held * longer.square(), wanted.held * wider.square()
-    return _PRICE * sum(weight * part.mean() for weight, part in zip(_WEIGHTS, parts, strict=True))
+    return _PRICE * torch.stack([weight * part.mean() for weight, part in zip(_WEIGHTS, parts, strict=True)]).sum()

@@ -359,8 +359,8 @@ def make_pictures(
             raise next(iter(faults.values()))
     except BaseException:
         with suppress(OSError):
-            for file in (CANVAS, FREE):
-                (folder / file).unlink(missing_ok=True)
+            for name in (CANVAS, FREE):
+                (folder / name).unlink(missing_ok=True)
             if made:
                 folder.rmdir()  # it is empty
         raise

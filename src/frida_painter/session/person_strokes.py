@@ -114,8 +114,8 @@ def draw_stroke(stroke: PersonStroke, brush: PersonBrush, size: CanvasSize, mask
     pixels = stroke.place / (size.width, size.height) * (columns, -rows) + (0, rows)
     width = (brush.light + (brush.hard - brush.light) * stroke.press) / size.height * rows
     for start, end, wide in zip(pixels, np.r_[pixels[1:], pixels[-1:]], width, strict=True):
-        ends = [(round(float(x)), round(float(y))) for x, y in (start, end)]
-        cv2.line(mask, *ends, 1, max(1, round(float(wide))))
+        first, last = ((round(float(x)), round(float(y))) for x, y in (start, end))
+        cv2.line(mask, first, last, 1, max(1, round(float(wide))))
 
 
 def begin_stroke(stroke: PersonStroke, wells: Palette | None, done: int) -> PersonStrokeBegan:

@@ -124,7 +124,7 @@ class MakingOrder(KeptRequest):
     height: float = 11 * 25.4
 
     @classmethod
-    def of(cls, words: str, label: str, allowed: AllowedMakers, **more: float) -> Self:
+    def of(cls, words: str, label: str, allowed: AllowedMakers, **more: Any) -> Self:
         """Returns the order of a request. Raises ConfigError if its maker is not allowed here."""
         maker = allowed.by_label.get(label)
         if maker is None:

@@ -305,8 +305,12 @@ def _read_hashes(weights: NamedWeights, folder: Path) -> dict[str, str]:
     except WeightsError as cause:
         raise WeightsError(f"{folder / RECORD} is damaged; {mend}.") from cause
     originals, files = record.get("originals"), record.get("files")
-    current = record.get("version") == _VERSION and originals == weights.pins and isinstance(files, dict)
-    if not current or not (weights.listed or set(files) == {file.name for file in weights.kept}):
+    current = record.get("version") == _VERSION and originals == weights.pins
+    if (
+        not isinstance(files, dict)
+        or not current
+        or not (weights.listed or set(files) == {file.name for file in weights.kept})
+    ):
         raise WeightsError(f"{folder} holds other files than this version uses; {mend}.")
     if weights.listed:
         return {str(name): str(sha256) for name, sha256 in files.items()}
