@@ -79,8 +79,7 @@ def imagine_beginning(spec: "RunSpec", given: Mapping[str, Any], *, asked: bool,
     """
     from frida_painter.runs.picture_making import usual_maker
 
-    named = given.get("imagine")
-    maker = named or usual_maker(spec)
+    maker = (named := given.get("imagine")) or usual_maker(spec)
     if maker is None:
         for name in IMAGINING[1:]:
             if given.get(name) is not None:
@@ -97,7 +96,6 @@ def imagine_beginning(spec: "RunSpec", given: Mapping[str, Any], *, asked: bool,
 
     minutes = given.get("imagine_minutes")
     now = f"{datetime.now():%Y%m%d-%H%M%S}"
-    chooses = asked and sys.stdin.isatty()
     with stop_on_signals(
         ("Ending the making of pictures.", "The making is being ended; a third Ctrl-C ends all.")
     ) as stop:
@@ -111,6 +109,7 @@ def imagine_beginning(spec: "RunSpec", given: Mapping[str, Any], *, asked: bool,
         )
         if named is None:
             open_goal(spec)  # refuses words that the generator cannot read either
+            _tell(f"A picture is made from the words first, by the fetched generator; {_WITHOUT}.")
         _check(spec, given.get("out"), encoders, paints=paints)
 
         def make(words: str, number: int) -> Path:
@@ -130,10 +129,8 @@ def imagine_beginning(spec: "RunSpec", given: Mapping[str, Any], *, asked: bool,
                 if named is not None:
                     raise
                 raise type(fault)(f"{str(fault).rstrip('.')}; or {_WITHOUT}.") from fault
-            return choose_picture(making, input if chooses else None)
+            return choose_picture(making, input if asked and sys.stdin.isatty() else None)
 
-        if named is None:
-            _tell(f"A picture is made from the words first, by the fetched generator; {_WITHOUT}.")
         return imagine(spec, make, encoders)
 
 

@@ -19,7 +19,6 @@ from frida_painter.objectives.objective import (
 from frida_painter.objectives.word_settings import USUAL, WordSettings, refuse_absent
 from frida_painter.words.reading import LONGEST, contents, split_absent
 
-_LOOKS = 0.34  # of the time of a plan for each view, in gradients of the validation, which has two views
 _HELD_OUT = 7919  # added to the seed of views by which a CLIP judges what it has optimised
 
 
@@ -70,7 +69,7 @@ class TextTerm(Term):
         sights = context.shared.setdefault(f"words seen in {budget.views} views", (Sight(), Sight()))
         words = Text(self.prompt, readers, context.seed, self.settings, sights[0])
         judge = Text(self.prompt, readers, context.seed + _HELD_OUT, self.settings, sights[1])
-        return ObjectiveTerm(words, judge.validation, recognizes=True, lasts=budget.lasts, looks=_LOOKS * budget.views)
+        return ObjectiveTerm(words, judge.validation, recognizes=True, lasts=budget.lasts, looks=0.34 * budget.views)
 
     @classmethod
     def interpret(cls, goal: Goal, context: ObjectiveContext) -> Goal:
