@@ -94,9 +94,8 @@ def _copies(phrase: Phrase, found: FoundPicture) -> int:
     if phrase.part.name and phrase.noun not in found.caption.says:  # the oranges of a bowl of oranges
         phrase = phrase.part
     noun = phrase.name[-1] if phrase.name else ""
-    if noun in found.caption.text.split() and noun != singular(noun):
-        return 1
-    return max(1, _SEVERAL if phrase.count is None else phrase.count)
+    is_several = noun in found.caption.text.split() and noun != singular(noun)
+    return 1 if is_several else max(1, _SEVERAL if phrase.count is None else phrase.count)
 
 
 def _tell(
