@@ -63,8 +63,8 @@ def clear_edges(picture: Tensor, rows: int, columns: int) -> Tensor:
 
 _SIDE = 360  # pixels of the shorter side of the picture in which marks are measured
 _GRAIN, _COARSE = 1.0, 0.05  # pixels of it, and share of its shorter side: blurs between which marks lie
-_LARGER, _MOST = 1.3, 3.0  # least and greatest magnification of marks on the canvas
-_LEAST = 0.047  # width of a mark on the canvas, of its shorter side, below which marks are magnified more
+_LARGER, _MAX_LARGER = 1.3, 3.0  # least and greatest magnification of marks on the canvas
+_MIN_WIDTH = 0.047  # width of a mark on the canvas, of its shorter side, below which marks are magnified more
 _LONGEST = 6.0  # longest mark, in widths
 _LOOSE = 0.2, 0.085  # length and width of loose marks, as shares of the shorter side of the canvas
 
@@ -81,7 +81,7 @@ def mark_width(style: Tensor) -> float:
 
 def magnification(style: Tensor) -> float:
     """Returns how much larger the marks of a style [3, H, W] are on a canvas of its size: brushes paint none finer."""
-    return min(_MOST, max(_LARGER, _LEAST / mark_width(style)))
+    return min(_MAX_LARGER, max(_LARGER, _MIN_WIDTH / mark_width(style)))
 
 
 def mark_size(style: Tensor) -> tuple[float, float]:

@@ -101,5 +101,5 @@ def brushwork_cost(strokes: Strokes, brushwork: Tensor, model: StrokeModel, size
     width = widest * (_THINNEST + (1 - _THINNEST) * strokes.thickness)
     longer = torch.log(strokes.length / wanted.length.clamp(*limits.length))
     wider = torch.log(width / wanted.width.clamp(_THINNEST * widest, widest))
-    parts = turned, wanted.held * longer.square(), wanted.held * wider.square()
-    return _PRICE * torch.stack([weight * part.mean() for weight, part in zip(_WEIGHTS, parts, strict=True)]).sum()
+    parts = torch.stack((turned, wanted.held * longer.square(), wanted.held * wider.square())).mean(1)
+    return _PRICE * (parts * parts.new_tensor(_WEIGHTS)).sum()
