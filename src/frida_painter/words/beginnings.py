@@ -3,11 +3,7 @@
 Without a CLIP, which reads words itself, the scene replaces the words: the plan is grown towards it alone.
 """
 
-from __future__ import annotations
-
-from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
@@ -24,12 +20,9 @@ from frida_painter.objectives.sketch_loss import color_drawing, filled_areas
 from frida_painter.objectives.style_marks import in_style
 from frida_painter.objectives.style_places import change_by_place, styles_of
 from frida_painter.objectives.text_loss import Text, hold_on, wish
-from frida_painter.objectives.word_settings import USUAL
+from frida_painter.objectives.word_settings import WordSettings
 from frida_painter.words.composition import lay_in
 from frida_painter.words.scene import find_cutout, scene_of
-
-if TYPE_CHECKING:
-    from frida_painter.words.text import TextTerm
 
 _APART = 104_729  # added to the seed, so that the views of the choice are not those of the optimiser
 _AMONG = 3.0  # weight of the composition against the words that a CLIP reads, beside a style or a sketch
@@ -38,15 +31,17 @@ _MATTERS = 8.0  # weight of a thing, relative to its surroundings
 _OWN = 0.5  # share of its own colours that a thing in a photograph keeps
 
 
-def with_beginning(goal: Goal, context: ObjectiveContext, said: Sequence[TextTerm]) -> Goal:
-    """Returns the goal with an initial picture, if its words come without one. said: its terms that are words
+def with_beginning(
+    goal: Goal, context: ObjectiveContext, prompt: str | None, settings: WordSettings, *, is_alone: bool
+) -> Goal:
+    """Returns the goal with an initial picture, if its words come without one.
+
+    prompt: words of the largest weight, with their settings; None if only the beginning has words
+    is_alone: True if the goal has nothing but words
 
     With a CLIP but no network that composes scenes, words alone begin with coarse colours; other goals stay unchanged.
     Raises ConfigError if the settings need a network that is not here; WeightsError if none reads the words.
     """
-    main = max(said, key=lambda term: term.weight, default=None)
-    settings = USUAL if main is None else main.settings
-    is_alone = len(said) == len(goal.terms) and not goal.initial
     encoders, how, by_clip = context.encoders, settings.beginning, context.encoders.reads_by_clip
     if how == "scene" and by_clip and not encoders.composes:
         raise ConfigError(
@@ -63,16 +58,16 @@ def with_beginning(goal: Goal, context: ObjectiveContext, said: Sequence[TextTer
     if how == "scene" and by_clip and is_alone:
         (begun,) = initial_composition(goal, context.grid, encoders).initial
         return hold_on(goal, begun, context)
-    if main is None or not is_alone or not by_clip:
+    if prompt is None or not is_alone or not by_clip:
         return initial_composition(goal, context.grid, encoders)
     readers, size = encoders.readers(), (context.grid.rows, context.grid.columns)
-    wanted = wish(main.prompt, readers[0], settings)
+    wanted = wish(prompt, readers[0], settings)
     budget = settings.budget(readers)
     colors = color_in(wanted, readers[0], size, context.seed, budget, encoders.tell, encoders.heed)
     told, remarks = "coloured for the words", list(encoders.remarks)
     if how == "auto" and encoders.composes:
         (scene,) = initial_composition(goal, context.grid, encoders).initial
-        judge = Text(main.prompt, readers, context.seed + _APART, settings=settings)
+        judge = Text(prompt, readers, context.seed + _APART, settings=settings)
         with torch.no_grad():
             if scene.picture is not None and bool(judge.validation(scene.picture) < judge.validation(colors)):
                 return hold_on(goal, scene, context)

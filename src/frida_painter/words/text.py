@@ -79,7 +79,10 @@ class TextTerm(Term):
         said = [term for term in goal.terms if isinstance(term, cls)]
         if not context.encoders.reads_by_clip and any(len(term.prompt) > LONGEST for term in said):
             context.encoders.remark(f"Your words are long; only the first {LONGEST} characters are read.")
-        return with_beginning(goal, context, said)
+        main = max(said, key=lambda term: term.weight, default=None)
+        prompt, settings = (None, USUAL) if main is None else (main.prompt, main.settings)
+        is_alone = len(said) == len(goal.terms) and not goal.initial
+        return with_beginning(goal, context, prompt, settings, is_alone=is_alone)
 
 
 KIND = GoalKind(
