@@ -25,13 +25,13 @@ from torch import Tensor
 
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.frames import MapFrame, PixelGrid, pixel_to_map
-from frida_painter.render import plain, reference, scanline
+from frida_painter.render import reference, scanline
 from measure import Table, arguments, publish
 
 CANVAS = CanvasSize(0.356, 0.279)
 FRAME = MapFrame(-0.020, 0.090, -0.034, 0.034, 48, 80)  # about 100 x 62 pixels at 256 rows
 CASES = ((256, 100), (256, 400), (512, 400), (512, 1000), (1024, 1000))
-PATHS = {"reference": reference.composite, "scanline": scanline.composite, "slices": plain.composite}
+PATHS = {"reference": reference.composite, "scanline": scanline.composite}
 REFERENCE_PIXELS = 10_000_000  # canvas pixels x strokes that the reference is timed on at most
 
 
@@ -123,7 +123,7 @@ def measure(rows: int, strokes: int, repeats: int, dense: bool) -> list[Figures]
     fewer = reference_strokes(rows, strokes)
     tensors = workload(rows, strokes, dense=dense)
     few = [tensor[:fewer] for tensor in tensors[:3]] + tensors[3:]
-    counts = {"reference": fewer, "scanline": strokes, "slices": strokes}
+    counts = {"reference": fewer, "scanline": strokes}
     times: dict[str, list[float]] = {path: [] for path in PATHS}
     for turn in range(repeats + 1):
         for path, composite in PATHS.items():

@@ -97,8 +97,8 @@ SECTIONS = (
         "Rendering",
         "The fast renderers are compared with the reference renderer, which works on the full canvas: forward and\n"
         "backward pass, with gradients for all inputs. Targets for `scanline`: at least 100x faster with 1/50 of the\n"
-        "memory, better 200x with 1/150. Targets for `slices` (plain PyTorch): at least 20x, better 40x.\n"
-        "[Renderer](explanation/renderer.md) explains both.",
+        "memory, better 200x with 1/150.\n"
+        "[Renderer](explanation/renderer.md) explains it.",
     ),
     Section(
         "iteration",

@@ -3,7 +3,6 @@
 import importlib.util
 import math
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
@@ -35,7 +34,6 @@ from frida_painter.planning.optimize import Step, optimize
 from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.problem import Region
-from frida_painter.render import reference
 from frida_painter.words.text import TextTerm
 from support.networks import QuickEncoders, RandomReader, random_hed_tensors, random_lite_tensors, random_vgg_tensors
 from support.planning import CANVAS, goal, picture, plain, small_table
@@ -149,17 +147,6 @@ def test_a_tensor_left_behind_would_be_found() -> None:
             by.plan(BARE, 4, 2, unheard)
 
 
-@pytest.fixture
-def laid_without_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The readable renderer in the place of the GPU's, which needs one: neither asks the device for anything."""
-    monkeypatch.setattr("frida_painter.render.plain.composite", without_answers(reference.composite))
-    monkeypatch.setattr("frida_painter.render.plain.composite_moments", without_answers(reference.composite_moments))
-
-
-def without_answers(composite: Callable[..., object]) -> Callable[..., object]:
-    return lambda *tensors, **how: composite(*tensors)
-
-
 class ThereEncoders(QuickEncoders):
     """Networks of random weights that lie on the device, as fetched ones do."""
 
@@ -192,7 +179,7 @@ def waited_for(by: Planner, iterations: int) -> list[str]:
 
 
 @pytest.mark.slow
-def test_no_iteration_waits_for_the_device(laid_without_waiting) -> None:
+def test_no_iteration_waits_for_the_device() -> None:
     with elsewhere() as device:
         by = planner(goal(), device)
         few, more = waited_for(by, 8), waited_for(by, 24)
@@ -240,9 +227,7 @@ def test_colours_are_as_light_on_the_device() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("failing", [{5}, {5, 6}, {5, 12, 20}])
-def test_losses_that_are_not_finite_are_noticed_late_on_a_device_and_do_no_harm(
-    failing: set[int], laid_without_waiting
-) -> None:
+def test_losses_that_are_not_finite_are_noticed_late_on_a_device_and_do_no_harm(failing: set[int]) -> None:
     """Fault F29: values that are not finite while planning. Eight iterations are read together."""
     calls = 0
 

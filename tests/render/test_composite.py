@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from torch import Tensor
 
 from composites import F64, Composite, Scene, assert_same, scene, upstream, with_gradients
-from frida_painter.render import plain, reference, scanline
+from frida_painter.render import reference, scanline
 
-pytestmark = pytest.mark.parametrize("composite", [scanline.composite, plain.composite], ids=["scanline", "slices"])
+pytestmark = pytest.mark.parametrize("composite", [scanline.composite], ids=["scanline"])
 
 
 def turned_a_quarter(tensors: Scene) -> Scene:

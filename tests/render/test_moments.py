@@ -8,11 +8,9 @@ from torch import Tensor
 
 from composites import F64, Scene, assert_same, scene, upstream
 from frida_painter.brush.kinds import CERTAIN, CoverageSpread
-from frida_painter.render import plain, reference, scanline
+from frida_painter.render import reference, scanline
 
-PATHS = pytest.mark.parametrize(
-    "composite", [scanline.composite_moments, plain.composite_moments], ids=["scanline", "slices"]
-)
+PATHS = pytest.mark.parametrize("composite", [scanline.composite_moments], ids=["scanline"])
 
 
 def uncertain(tensors: Scene) -> Tensor:
@@ -119,13 +117,6 @@ def test_any_number_of_threads_computes_the_same_bits() -> None:
     finally:
         torch.set_num_threads(before)
     assert all(torch.equal(one, other) for one, other in zip(*found, strict=True))
-
-
-def test_batches_of_strokes_leave_the_result_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    tensors, spread = scene(40, (12, 20), (60, 50)), CoverageSpread(0.4, 0.97)
-    whole = with_gradients(plain.composite_moments, tensors, spread)
-    monkeypatch.setattr(plain, "BATCH_PIXELS", 300)
-    assert_same(with_gradients(plain.composite_moments, tensors, spread), whole, within=1e-12)
 
 
 @PATHS

@@ -8,7 +8,7 @@ from frida_painter.brush.kinds import MEDIUM
 from frida_painter.brush.table import StrokeTable
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.frames import PixelGrid, pixel_to_map
-from frida_painter.render import composite, painting, plain, reference, render, scanline
+from frida_painter.render import composite, painting, reference, render, scanline
 from frida_painter.strokes import Strokes
 
 SIZE = CanvasSize(0.3, 0.2)
@@ -33,11 +33,11 @@ def strokes(**changes: Tensor) -> Strokes:
 
 def test_cpu_tensors_take_the_scanlines(monkeypatch: pytest.MonkeyPatch) -> None:
     tensors = scene(3, (4, 4), (6, 6))
-    monkeypatch.setattr(plain, "composite", lambda *_: pytest.fail("took the slices"))
+    monkeypatch.setattr(reference, "composite", lambda *_: pytest.fail("took the reference"))
     assert torch.equal(composite(*tensors), scanline.composite(*tensors))
 
 
-def test_without_numba_plain_pytorch_renders(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_numba_the_reference_renders(monkeypatch: pytest.MonkeyPatch) -> None:
     tensors = scene(3, (4, 4), (6, 6))
     monkeypatch.setattr(painting, "compiles_for", lambda canvas: False)
     monkeypatch.setattr(scanline, "composite", lambda *_: pytest.fail("took the scanlines"))

@@ -11,12 +11,12 @@ from torch import Tensor
 from composites import F64, Scene, assert_same, scene, upstream
 from frida_painter.brush.kinds import CERTAIN, CoverageSpread
 from frida_painter.frames import Rows
-from frida_painter.render import plain, reference, render, render_moments, scanline
+from frida_painter.render import reference, render, render_moments, scanline
 from marks import ribbon
 from support.planning import CANVAS, small_table, some_strokes
 
 VARIES = CoverageSpread(0.4, 0.9)
-PATHS = [scanline.composite_moments, plain.composite_moments]
+PATHS = [scanline.composite_moments]
 if importlib.util.find_spec("triton") is not None:
     from frida_painter.render import tiles
 

@@ -132,7 +132,12 @@ def test_with_its_record_a_studio_that_stands_askew_paints_nearly_like_one_that_
     assert left < 0.5 * off
 
 
-@pytest.mark.parametrize(("has_gpu", "chosen"), [(True, "cuda"), (False, "cpu")])
-def test_planning_runs_on_a_gpu_where_there_is_one(has_gpu: bool, chosen: str, monkeypatch) -> None:
+@pytest.mark.parametrize(
+    ("has_gpu", "has_triton", "chosen"), [(True, True, "cuda"), (True, False, "cpu"), (False, True, "cpu")]
+)
+def test_planning_runs_on_a_gpu_if_something_compiles_for_it(
+    has_gpu: bool, has_triton: bool, chosen: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(torch.cuda, "is_available", lambda: has_gpu)
+    monkeypatch.setattr("frida_painter.session.opening.is_installed", lambda package: has_triton)
     assert planning_device().type == chosen

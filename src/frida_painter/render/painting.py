@@ -23,6 +23,7 @@ from frida_painter.frames import ALL_ROWS, PixelGrid, Rows, pixel_to_map, scale_
 from frida_painter.images import AnyPicture, as_picture, to_uint8
 from frida_painter.palette import AnyColor, as_color
 from frida_painter.plan import Plan
+from frida_painter.render import reference
 from frida_painter.stroke_family import describe_families
 from frida_painter.strokes import Strokes
 
@@ -78,7 +79,7 @@ def composite(
     Returns the picture [3, H, W]. Differentiable in all four tensors.
 
     CPU tensors use compiled scanlines if numba is installed. CUDA tensors use compiled tiles if Triton is
-    installed. All other tensors use PyTorch on their device. All methods equal `reference.composite`.
+    installed. All other tensors use `reference.composite`, which the others equal, on their device: much slower.
     """
     if compiles_for(canvas):
         # Imported here because the compiler takes a second to load, which CUDA users do not need.
@@ -89,9 +90,7 @@ def composite(
         from frida_painter.render import tiles
 
         return tiles.composite(magnitude, affine, color, canvas, bare_cells_answer=bare_cells_answer)
-    from frida_painter.render import plain
-
-    return plain.composite(magnitude, affine, color, canvas)
+    return reference.composite(magnitude, affine, color, canvas)
 
 
 def _in_tiles(canvas: Tensor) -> bool:
@@ -249,9 +248,7 @@ def composite_moments(
 
         given = magnitude, affine, color, canvas, spread, variance
         return Moments(*tiles.composite_moments(*given, bare_cells_answer=bare_cells_answer))
-    from frida_painter.render import plain
-
-    return Moments(*plain.composite_moments(magnitude, affine, color, canvas, spread, variance))
+    return Moments(*reference.composite_moments(magnitude, affine, color, canvas, spread, variance))
 
 
 def render_moments(

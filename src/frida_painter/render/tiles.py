@@ -15,7 +15,6 @@ from torch.autograd.function import once_differentiable
 
 from frida_painter.brush.kinds import CERTAIN, CoverageSpread
 from frida_painter.render import tile_kernels
-from frida_painter.render.plain import painted_boxes, pixel_extents, whole_maps
 
 TILE = 16
 """Rows and columns of a tile, in pixels."""
@@ -42,7 +41,7 @@ def composite_moments(
 ) -> tuple[Tensor, Tensor]:
     """Paints strokes of mean coverage `magnitude` in order on a canvas, as `reference.composite_moments`.
 
-    Tensors as in `plain.composite`. Differentiable once in all five tensors. Gradients are integer sums, so
+    Tensors as in `reference.composite`. Differentiable once in all five tensors. Gradients are integer sums, so
     they have the same bits each time.
     """
     magnitude, affine, color = magnitude.to(canvas.dtype), affine.to(canvas.dtype), color.to(canvas.dtype)
@@ -128,8 +127,8 @@ def _lay(
 
 def _boxes(magnitude: Tensor, affine: Tensor, canvas: Tensor, *, bare: bool) -> Tensor:
     """Returns the box of pixels whose samples can touch each stroke's painted cells, or all cells: int32 [n, 4]."""
-    cells = whole_maps(magnitude) if bare else painted_boxes(magnitude)
-    return pixel_extents(affine, cells, canvas).int()
+    cells = _whole_maps(magnitude) if bare else _painted_boxes(magnitude)
+    return _pixel_extents(affine, cells, canvas).int()
 
 
 def _scale(magnitude: Tensor, affine: Tensor, color: Tensor, canvas: Tensor, gradients: Tensor) -> Tensor:
@@ -160,3 +159,47 @@ def _segment(strokes: int) -> int:
 def _grid(canvas: Tensor) -> tuple[int, int]:
     _, height, width = canvas.shape
     return -(-width // TILE), -(-height // TILE)
+
+
+def _whole_maps(magnitude: Tensor) -> Tensor:
+    """Returns the box of all cells of each map: [n, 4] (top, bottom, left, right)."""
+    n, h, w = magnitude.shape
+    none = magnitude.new_zeros((), dtype=torch.float64)  # made on the device of the maps, without a transfer
+    return torch.stack((none, none + h, none, none + w)).expand(n, 4)
+
+
+def _painted_boxes(magnitude: Tensor) -> Tensor:
+    """Returns the smallest box with all nonzero cells of each map: [n, 4]; NaN if there are none."""
+    painted = magnitude != 0
+    edges: list[Tensor] = []
+    for side in (painted.any(2), painted.any(1)):  # [n, h], [n, w]
+        edges += [side.int().argmax(1), side.shape[1] - side.flip(1).int().argmax(1)]
+    boxes = torch.stack(edges, 1).double()
+    return torch.where(painted.flatten(1).any(1)[:, None], boxes, torch.nan)
+
+
+def _pixel_extents(affine: Tensor, cells: Tensor, canvas: Tensor) -> Tensor:
+    """Returns the box of pixels whose samples can touch each box of cells [n, 4]: [n, 4]; zeros if there are none."""
+    _, height, width = canvas.shape
+    place = affine.detach().double()
+    a, b, c, d, e, f = place.flatten(1).unbind(1)
+    determinant = a * e - b * d
+    # Largest shift of the border by rounding, in cells.
+    slack = 8 * torch.finfo(affine.dtype).eps * place.abs().sum((1, 2)) * max(height, width)
+    top, bottom, left, right = cells.unbind(1)
+    above, below = top - 1 - slack - f, bottom + slack - f
+    before, past = left - 1 - slack - c, right + slack - c
+
+    def extent(by_column: Tensor, by_row: Tensor, pixels: int) -> tuple[Tensor, Tensor]:
+        across = torch.stack((by_column * before, by_column * past))
+        down = torch.stack((by_row * above, by_row * below))
+        least, most = across.amin(0) + down.amin(0), across.amax(0) + down.amax(0)
+        # A degenerate map has no inverse: all pixels are examined.
+        first = torch.where(least.isfinite(), least.floor(), 0).clamp(0, pixels)
+        return first, torch.where(most.isfinite(), most.ceil() + 1, pixels).clamp(0, pixels)
+
+    first_column, past_column = extent(e / determinant, -b / determinant, width)
+    first_row, past_row = extent(-d / determinant, a / determinant, height)
+    visible = (first_row < past_row) & (first_column < past_column) & slack.isfinite() & ~cells.isnan().any(1)
+    boxes = torch.stack((first_row, past_row, first_column, past_column), 1)
+    return torch.where(visible[:, None], boxes, 0).long()

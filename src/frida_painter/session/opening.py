@@ -12,6 +12,7 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.kinds import NO_CAMERA
 from frida_painter.errors import CalibrationError, StorageError
 from frida_painter.hardware.easel import Easel
+from frida_painter.registry import is_installed
 
 # Status of a calibration record: valid procedures, and procedures to repeat.
 
@@ -161,11 +162,11 @@ def _days(done: Done | None, now: datetime) -> int | None:
 
 
 def planning_device() -> torch.device:
-    """Returns the planning device: the first GPU of PyTorch if there is one, else the CPU.
+    """Returns the planning device: the first GPU of PyTorch if Triton can compile for it, else the CPU.
 
     `CUDA_VISIBLE_DEVICES=` hides the GPU. No other place in the project chooses a device.
     """
-    return torch.device("cuda" if torch.cuda.is_available() else "cpu")
+    return torch.device("cuda" if torch.cuda.is_available() and is_installed("triton") else "cpu")
 
 
 def on_record(easel: Easel, record: Path | None, needed: tuple[str, ...] = NEEDED) -> Easel:
