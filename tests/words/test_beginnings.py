@@ -102,10 +102,7 @@ class TestSettings:
         settings = WordSettings(avoid="a dog", phrases=("{}", "art of {}"))
         (clip,) = alone.readers()
         pictures = torch.rand(2, 3, 32, 32)
-
-        said = [
-            1 - clip.embed_pictures(pictures) @ clip.embed_text(words) for words in ("a fox", "art of a fox", "a dog")
-        ]
+        said = [1 - clip.embed_pictures(pictures) @ clip.embed_text(one) for one in ("a fox", "art of a fox", "a dog")]
         torch.testing.assert_close(
             wish("a fox", clip, settings)(pictures), (said[0] + said[1]) / 2 - 0.5 * said[2], atol=1e-5, rtol=0
         )

@@ -124,7 +124,6 @@ def entities() -> bytes:
         (lambda: svg(attributes='viewBox="0 0 1e7 1"'), "at least 16"),
         (lambda: svg(""), "shows nothing"),
         (lambda: b"<html></html>", "cannot be drawn .*root"),
-        (lambda: svg()[:90], "cannot be drawn"),
         (lambda: png(Image.new("RGBA", (40, 40), (1, 2, 3, 0))), "shows nothing"),
         (lambda: png(Image.new("RGB", (40, 40)))[:60], "damaged PNG picture"),
         (lambda: png(Image.new("1", (12_000, 10_000))), "at most"),

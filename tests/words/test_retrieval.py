@@ -19,14 +19,14 @@ DRAWN = {
     "subject/2.webp": ["a woman playing the violin"],
     "subject/3.webp": ["an old man reading"],
     "subject/4.webp": ["a boy flying a kite", "a child flying a kite"],
-    "ground/1.webp": ["a meadow"],
+    "ground/1.webp": ["a meadow", "a meadow with trees"],
     "ground/2.webp": ["a meadow at night"],
     "ground/3.webp": ["a street in the rain"],
     "mood/1.webp": ["joy", "happiness"],
     "mood/2.webp": ["grief"],
 }
 FOUND = {"1.png": ["fox", "animal", "grief"], "2.png": ["hot dog"], "3.png": ["dog"], "4.png": ["Napoleon Bonaparte"],
-         "5.png": ["tooth"]}  # fmt: skip
+         "5.png": ["tooth"], "6.png": ["owls"]}  # fmt: skip
 
 
 def archive(path: Path, captions: Mapping[str, list[str]]) -> Path:
@@ -62,7 +62,6 @@ def subject(index: PictureIndex, said: str) -> str | None:
     ("said", "caption"),
     [
         ("a fox in the snow", "fox"),
-        ("two foxes", "fox"),
         ("a dog", "dog"),
         ("a woman playing the cello", "a woman playing the cello"),
         ("a child flying a kite", "a child flying a kite"),
@@ -70,7 +69,6 @@ def subject(index: PictureIndex, said: str) -> str | None:
         ("Napoleon Bonaparte on a horse", "napoleon bonaparte"),
         ("an animal", None),  # a keyword names nothing
         ("a dentist", None),
-        ("a cat", None),
         ("an old woman", None),  # another woman
         ("Albert Einstein dancing", None),
         ("Joseph Bonaparte", None),  # his brother

@@ -101,13 +101,12 @@ def initial_composition(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry) 
     styles = styles_of(goal)
     drawing = next((term.drawing for term in goal.terms if term.drawing is not None), None)
     if drawing is None:
-        scene = scene_of(words, grid, encoders)
+        picture, where = scene_of(words, grid, encoders)
         kept = _AMONG if any(term.words is None for term in goal.terms) else 1.0
-        picture = scene.picture
         if styles:
-            shown = change_by_place(picture, styles, lambda style: in_style(*scene, style))
+            shown = change_by_place(picture, styles, lambda style: in_style(picture, where, style))
             picture = torch.lerp(picture, shown, min(1.0, sum(one.weight for one in styles) / weight))
-        begun = _term(picture, scene.where, weight * kept)
+        begun = _term(picture, where, weight * kept)
     else:
         style = max(styles, key=lambda term: term.weight).colors if styles else None
         like = scene_of(words, grid, encoders, "coloured like").picture if style is None else style

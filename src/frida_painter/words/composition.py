@@ -28,10 +28,8 @@ _PALE = 62.0  # mean L* from which subjects are light
 _FLOOR, _DEEP = 0.78, 9.0  # of a plain ground: position of the floor's edge, and its loss of L*
 _NEAR, _ALIKE = 0.016, 20.0  # of the height, and of 256 steps: neighbouring colours within both become one
 
-_TRIED = 96  # of the small picture on which places for the thing are tried
-_AREA = 4  # its pixels, half the width over which an edge is measured
-_SIZE = 0.65  # of the shorter side
-_LOW = 0.5  # of the free space: highest place, down; a thing stands
+_TRIED, _AREA = 96, 4  # rows of the small picture on which places are tried, and half the width of an edge there
+_SIZE, _LOW = 0.65, 0.5  # of the shorter side, and of the free space: highest place, down; a thing stands
 _TONES = ((0.0, 1.0), (0.0, 0.6), (0.4, 1.0))  # tones for a thing, 0 for the picture's darkest
 
 _DARKEST = 22.0  # L* below which a colour is an outline or a shadow, unless most of the thing is so dark
@@ -39,8 +37,7 @@ _STEP = 10.0  # Lab distance within which colours count as one
 _SHADED, _OTHER = 22.0, 44.0  # distances in hue and chroma up to which a colour is a shade, and from which it stays
 _PATCH = 0.45  # share of a thing below which its main colour is only that of a patch
 _PASSES, _SAME_HUE = 25.0, 0.9  # Lab distance, and cosine of vivid hues, at which a colour passes for its name
-_ENOUGH = 0.35  # share of a thing with a colour from which it has that colour
-_CONTRAST = 0.7  # share of the differences between shades that is kept
+_ENOUGH, _CONTRAST = 0.35, 0.7  # shares: of a thing with a colour that makes it its own, and of shades that is kept
 
 
 class ComposedScene(NamedTuple):
@@ -173,7 +170,6 @@ def lay_in(thing: Tensor, picture: Tensor, own: float) -> tuple[Tensor, Tensor]:
     """Returns a picture [3, H, W] with a thing, colour and opacity [4, h, w], in it, and the thing's opacity [H, W].
 
     It stands at the calmest place of the lower half. Its tones are far from those behind it.
-
     own: share of its own colours that the thing keeps; the rest are the picture's colours, from dark to light
     """
     _, rows, columns = picture.shape

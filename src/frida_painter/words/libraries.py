@@ -29,8 +29,7 @@ _MAX_CAPTION, _MAX_CAPTIONS = 300, 2**20  # bytes of the first line, and of the 
 _LATIN = re.compile("[A-Za-z]{2}")
 _LONGEST = 1024  # pixels of the longer side of a ground
 SHIPPED = "drawn"  # the library that comes with this package
-KINDS = SUBJECT, GROUND, MOOD = "subject", "ground", "mood"
-"""Folders in which all captions of a picture are titles. Grounds and moods fill the canvas."""
+KINDS = SUBJECT, GROUND, MOOD = "subject", "ground", "mood"  # folders of titles only; the last two fill the canvas
 _SEEN = 0.05  # opacity above which a pixel is part of a thing
 _PLAIN = 0.83  # share of the edge of a picture that has the colour of its ground
 _SPECK = 0.03  # size of a remnant of the ground, by that of the largest piece of a thing

@@ -16,12 +16,10 @@ COLORS = {"black": (30, 30, 32), "white": (245, 245, 242), "red": (205, 35, 40),
           "yellow": (245, 205, 45), "blue": (45, 85, 185), "brown": (115, 72, 42), "purple": (115, 50, 145), "pink":
           (240, 130, 170), "orange": (235, 125, 35), "gray": (130, 130, 132), "grey": (130, 130, 132)}  # fmt: skip
 """Common names of colours, and sRGB that paints can have, 0 to 255."""
-SHADES = {"dark": -18, "light": 18, "bright": 6, "pale": 22}
-"""Words before a colour, and what they add to its L*."""
-OLD = frozenset(("old", "elderly"))
-"""Words that make another person of a person."""
-LONGEST = 400
-"""Characters of a prompt that are read; a longer text is no description of one picture."""
+SHADES = {"dark": -18, "light": 18, "bright": 6, "pale": 22}  # words before a colour, and what they add to its L*
+OLD = frozenset(("old", "elderly"))  # words that make another person of a person
+Knows = Callable[[str], bool]  # returns True if a word is the noun of a caption
+LONGEST = 400  # characters of a prompt that are read; a longer text is no description of one picture
 NUMBERS = ("zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
 _WORDS = re.compile(r"\w+")
 _GROUPS = {"pair": 2, "couple": 2, "trio": 3, **dict.fromkeys(_WORDS.findall(
@@ -33,8 +31,7 @@ _OTHERS = _WORDS.findall(
     "a an the my our your his her its their this that these those of and or with to is are was were be as it who which "
     "while from for me us you i he she they there very front top middle back out up many several some few both day"
 )
-FUNCTION_WORDS = frozenset((*_PLACING, *_OTHERS))
-"""Words that name nothing to be seen."""
+FUNCTION_WORDS = frozenset((*_PLACING, *_OTHERS))  # words that name nothing to be seen
 _PLACE = rf"\b(?:{'|'.join(_PLACING)})\b"
 _BETWEEN = r"\band\b|[,;&]"  # two things
 _TWO_COLORS = re.compile(rf"\b({'|'.join(COLORS)}) and (?=(?:{'|'.join(COLORS)})\b)")
@@ -61,9 +58,8 @@ _WORD = re.compile(r"[^\W\d_][\w'’-]*|\d+")
 
 @dataclass(frozen=True)
 class Phrase:
-    """Phrase of a prompt or a caption, in small letters.
+    """Phrase of a prompt or a caption, in small letters: all its words, and what they say.
 
-    words: all its words
     name: words that name its thing, with their adjectives and without count and colour; the last one is the noun
     count: stated number; None for several without a number
     color: such as "dark blue", or ""
@@ -87,19 +83,15 @@ class Phrase:
         """Content or material of the thing, such as the coffee of a cup of coffee; without words if there is none."""
         at = self.words.index("of") if "of" in self.words else 0
         of = read_phrase(self.words[at + 1 :], lambda word: True)
-        return of if self.name and at > self.words.index(self.name[-1]) else Phrase((), ())
+        return of if self.name and at == self.words.index(self.name[-1]) + 1 else Phrase((), ())
 
 
 @dataclass(frozen=True)
 class Reading:
-    """Content of a prompt.
+    """Content of a prompt: its text without request, style and absent things, and the words for the latter two.
 
-    text: the prompt without request, style and absent things
     subjects: of the words before the first preposition of place
-    ground: the words after it
-    places: stems of the nouns there
-    absent: words for absent things
-    style: words for a style, or ""
+    ground, places: the words after it, and the stems of the nouns there
     """
 
     text: str
@@ -151,12 +143,8 @@ def split_absent(prompt: str) -> tuple[str, tuple[str, ...]]:
     return _ABSENT.sub("", prompt).strip(" ,.;!?"), tuple(absent)
 
 
-def read(prompt: str, knows: Callable[[str], bool]) -> Reading:
-    """Returns the content of a prompt.
-
-    knows: returns True if a word is the noun of a caption
-    Raises ConfigError if the prompt says only what must not be seen.
-    """
+def read(prompt: str, knows: Knows) -> Reading:
+    """Returns the content of a prompt. Raises ConfigError if it says only what must not be seen."""
     names, text = _proper_names(prompt[:LONGEST]), " ".join(prompt[:LONGEST].split())
     while (found := _ASKED.match(text) or _DEPICTED.match(text)) and found.end() < len(text):
         text = text[found.end() :]
@@ -171,18 +159,13 @@ def read(prompt: str, knows: Callable[[str], bool]) -> Reading:
     return Reading(text, subjects, said[len(things) :], frozenset(places), absent, style)
 
 
-def _phrases(
-    between: str, text: str, knows: Callable[[str], bool], names: frozenset[str] = frozenset()
-) -> tuple[Phrase, ...]:
+def _phrases(between: str, text: str, knows: Knows, names: frozenset[str] = frozenset()) -> tuple[Phrase, ...]:
     parts = (_WORD.findall(part) for part in re.split(between, text))
     return tuple(read_phrase(part, knows, names) for part in parts if contents(part))
 
 
-def read_phrase(words: Sequence[str], knows: Callable[[str], bool], names: frozenset[str] = frozenset()) -> Phrase:
-    """Returns the phrase of words in small letters.
-
-    names: words of proper names
-    """
+def read_phrase(words: Sequence[str], knows: Knows, names: frozenset[str] = frozenset()) -> Phrase:
+    """Returns the phrase of words in small letters. names: words of proper names."""
     count, color, name, single = None, list[str](), list[str](), False
     said = tuple(words)
     for word, after in zip(said, (*said, "of")[1:], strict=True):
@@ -210,7 +193,7 @@ def read_phrase(words: Sequence[str], knows: Callable[[str], bool], names: froze
     return Phrase(said, tuple(name), count, " ".join(color), proper)
 
 
-def _is_verb(word: str, before: str, after: str, knows: Callable[[str], bool], names: frozenset[str]) -> bool:
+def _is_verb(word: str, before: str, after: str, knows: Knows, names: frozenset[str]) -> bool:
     """Returns True if a word between two others is a verb: a cat sleeps, a robot painting a door, Einstein dancing."""
     is_noun = knows(word) and after not in _ARTICLES and before not in names
     return not is_noun and (word.endswith(("ing", "ed")) or (word.endswith("s") and knows(before)))

@@ -19,7 +19,7 @@ from frida_painter.words.libraries import GROUND, KINDS, MOOD, PictureFolder, li
 from frida_painter.words.reading import OLD, Phrase, Reading, contents, noun_of, read_phrase, singular, stem
 
 _SAME = 0.845  # similarity of two nouns from which they mean the same: couch and sofa, but not waiter and waitress
-_SAME_MOOD = 0.7  # similarity from which a mood is what a prompt says
+_SAME_MOOD, _NEAR_MOOD = 0.7, 0.5  # similarity from which a mood is what a prompt says, and is like one of its things
 _ABOUT = 0.42  # similarity of names from which two things with the same noun are alike: no hot dog for a dog
 _LIKE, _SAID, _ADDED = 1.0, 0.1, 0.12  # score by similarity, for each word that both say, and loss for an added one
 _OWN, _LATER = 2.0, 0.06  # bonus of the person's own pictures, and loss for each library that comes before
@@ -32,7 +32,7 @@ _FILLED = 0.95  # share of its box above which a picture has a ground of its own
 class Caption(NamedTuple):
     """Title of a picture, `text`. kind: its folder if all its captions are titles, otherwise "".
 
-    says: stems of the words of all titles of the picture
+    titles, says: all titles of the picture, and the stems of their words
     bonus: part of the score that does not depend on the prompt
     """
 
@@ -41,12 +41,13 @@ class Caption(NamedTuple):
     library: PictureLibrary
     file: str
     kind: str
+    titles: tuple[str, ...]
     says: frozenset[str]
     bonus: float
 
 
 class FoundPicture(NamedTuple):
-    """Picture found for a phrase, [4, h, w]. similar: True if its noun is another word of the same meaning."""
+    """Picture found for a phrase, [4, h, w]. similar: True for a like thing, another kind of it, or several for one."""
 
     picture: Tensor
     caption: Caption
@@ -60,14 +61,12 @@ class FoundPicture(NamedTuple):
 
 def clean_caption(caption: str) -> str:
     """Returns a caption in small letters without numbers of files, underscores and brackets."""
-    plain = " ".join(re.sub(r"\(.*?\)|(?<=[a-zA-Z])\d+|[^\w' -]+|_", " ", caption).lower().split())
-    return plain or caption.lower()
+    return " ".join(re.sub(r"\(.*?\)|(?<=[a-zA-Z])\d+|[^\w' -]+|_", " ", caption).lower().split()) or caption.lower()
 
 
 class PictureIndex:
-    """Index of the captions of several libraries.
+    """Index of the captions of several libraries, with embeddings that are computed once in the folder `keep`.
 
-    keep: folder of embeddings that are computed once
     tell: receives a sentence for each of the person's pictures that cannot be used
     """
 
@@ -75,12 +74,12 @@ class PictureIndex:
         self, libraries: Sequence[PictureLibrary], sentences: SentenceEncoder, keep: Path, tell: Callable[[str], None]
     ) -> None:
         self._sentences, self._keep, self._tell = sentences, keep, tell
-        listed = list[tuple[list[str], PictureLibrary, str, str, float]]()
+        listed = list[tuple[tuple[str, ...], PictureLibrary, str, str, float]]()
         for place, library in enumerate(libraries):
             for file, captions in library.captions().items():
                 kind = next((kind for kind in KINDS if file.startswith(f"{kind}/")), "")
                 # Keywords after a title may name anything in a picture, or nothing.
-                titles = [*map(clean_caption, captions if kind else captions[:1])]
+                titles = (*map(clean_caption, captions if kind else captions[:1]),)
                 listed.append((titles, library, file, kind, _OWN * library.is_own - _LATER * place))
         self._nouns = {noun_of(title) for titles, _, _, kind, _ in listed if kind != MOOD for title in titles}
         self._captions: list[Caption] = []
@@ -89,12 +88,12 @@ class PictureIndex:
             says = contents(" ".join(titles))
             for title in titles:
                 phrase = read_phrase(title.split(), self.knows)
-                self._captions.append(Caption(title, phrase, library, file, kind, says, bonus))
+                self._captions.append(Caption(title, phrase, library, file, kind, titles, says, bonus))
                 self._by_noun[phrase.noun].append(self._captions[-1])
 
     def knows(self, word: str) -> bool:
         """Returns True if a word is the noun of a title."""
-        return singular(word) in self._nouns
+        return singular(word.lower()) in self._nouns
 
     def find_subject(self, phrase: Phrase, reading: Reading) -> FoundPicture | None:
         """Returns the best picture of a subject; None if no caption names it, or a ground or a mood does."""
@@ -111,8 +110,13 @@ class PictureIndex:
             if not named and not phrase.proper:
                 named = self._by_noun[self._same_noun(phrase.noun)]
                 similar = bool(named)
-        found = self._best([one for one in named if one.kind not in (GROUND, MOOD)], reading, " ".join(phrase.words))
-        return found and found._replace(similar=similar)
+        named = [one for one in named if one.kind not in (GROUND, MOOD)]
+        fitting = [one for one in named if one.library.is_own or not _is_several(one, phrase)]
+        found = self._best(fitting or named, reading, " ".join(phrase.words))
+        kinds = {phrase.part.noun, *(stem(word) for word in phrase.name[-2:-1] if self.knows(word))}  # a sea lion
+        return found and found._replace(
+            similar=similar or _is_several(found.caption, phrase) or not kinds <= {"", *found.caption.says}
+        )
 
     def find_ground(self, reading: Reading, others: Sequence[str] = ()) -> FoundPicture | None:
         """Returns the best ground for a prompt; None if no caption has its place, its light or its weather.
@@ -132,6 +136,11 @@ class PictureIndex:
             return None
         return self._best([moods[int(like.argmax())]], reading)
 
+    def is_like(self, mood: Caption, phrase: Phrase) -> bool:
+        """Returns True if a title of a mood is near to the thing of a phrase, and one to its whole name."""
+        said = (" ".join(phrase.name), *phrase.name[-1:])
+        return all(float(self._similar(mood.titles, [one]).max()) >= _NEAR_MOOD for one in said)
+
     def _names_scene(self, phrase: Phrase) -> bool:
         """Returns True if a ground has the noun of a phrase, or a mood is called by all of it."""
         called, name = self._by_noun[phrase.noun], contents(phrase.name)
@@ -142,9 +151,10 @@ class PictureIndex:
     def _called(self, noun: str, phrase: Phrase) -> list[Caption]:
         """Returns the captions of a noun, that of a phrase or of a kind of its thing, that name the phrase.
 
-        A proper name needs all its words. An old man is another person than a man.
+        A proper name needs all its words. An old man is another person than a man, and a slice of cake another slice.
         """
-        is_old, named = not OLD.isdisjoint(phrase.words), self._by_noun[noun]
+        is_old, part = not OLD.isdisjoint(phrase.words), phrase.part.noun
+        named = [one for one in self._by_noun[noun] if part in ("", *one.says) or len(contents(one.phrase.words)) == 1]
         if phrase.proper:
             return [one for one in named if contents(phrase.proper) <= contents(one.phrase.words)]
         if noun in _PEOPLE:
@@ -193,6 +203,13 @@ class PictureIndex:
                 if one.library.is_own:
                     self._tell(f"Of your own pictures one cannot be used: {fault}")
         return None
+
+
+def _is_several(caption: Caption, phrase: Phrase) -> bool:
+    """Returns True if a caption says several things and a phrase one."""
+    is_part = caption.phrase.noun == phrase.part.noun
+    same = caption.phrase.count == 1 or caption.phrase.name[-1:] == phrase.name[-1:]  # a lens
+    return phrase.count == 1 and not is_part and not same
 
 
 def picture_index(encoders: EncoderRegistry) -> PictureIndex:

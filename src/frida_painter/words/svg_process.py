@@ -1,15 +1,11 @@
-"""Separate process that draws one SVG from its input as PNG, without other files, with limits of time and memory.
-
-It runs as a file, so that it imports only the package that draws.
-"""
+"""Process that draws one SVG as PNG with limits of time and memory. As a file, it imports only what draws."""
 
 import resource
 import sys
 from contextlib import suppress
 from xml.etree import ElementTree
 
-SIDE = 512
-"""Pixels of the longer side of a page and its margin."""
+SIDE = 512  # pixels of the longer side of a page and its margin
 _PAGE = 0.625  # share of a side that the page takes, because many drawings exceed their page
 _SECONDS, _BYTES = 10, 2 * 2**30
 
