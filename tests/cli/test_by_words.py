@@ -1,6 +1,8 @@
 """Painting together by words at the terminal: the talk of a pause, and of one that broke off."""
 
 import json
+import os
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import SimpleNamespace
@@ -9,7 +11,7 @@ from typing import Any
 import pytest
 
 from frida_painter import images
-from frida_painter.cli.by_words import Proposer, require_proposer
+from frida_painter.cli.by_words import Proposer, ask_until_stopped, read_typed, require_proposer
 from frida_painter.errors import ConfigError, Interrupted
 from frida_painter.event_log import EventLog
 from frida_painter.runs import proposing
@@ -134,3 +136,25 @@ def test_a_maker_that_cannot_be_used_is_refused_before_anything_is_painted() -> 
     ):
         with pytest.raises(ConfigError, match=says):
             require_proposer(maker, together=together)
+
+
+@pytest.fixture
+def typing(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
+    """The end of a terminal at which a test types; the other end is this process's standard input."""
+    keyboard, screen = os.openpty()
+    with os.fdopen(screen, encoding="utf-8", errors="strict") as stdin:
+        monkeypatch.setattr("sys.stdin", stdin)
+        yield keyboard
+    os.close(keyboard)
+
+
+def test_what_is_typed_in_another_encoding_is_read(typing: int) -> None:
+    os.write(typing, "une mer agit\u00e9e\n".encode("latin-1"))
+    assert read_typed() == "une mer agit\N{REPLACEMENT CHARACTER}e\n"
+    os.write(typing, "une mer agit\u00e9e\n".encode())
+    assert ask_until_stopped("What? ", lambda: False) == "une mer agit\u00e9e\n"
+
+
+def test_a_stop_ends_a_question(typing: int) -> None:
+    with pytest.raises(Interrupted):
+        ask_until_stopped("What? ", lambda: True)

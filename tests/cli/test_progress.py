@@ -194,6 +194,14 @@ def test_the_line_says_what_is_going_on() -> None:
     assert "finishing the film" in out and "left" in out
 
 
+def test_the_line_stays_away_while_a_person_is_asked() -> None:
+    with PaintingLine(Console(file=io.StringIO(), force_terminal=True), time_left()) as bar:
+        with bar.aside():
+            bar.hear(StrokePainted(3, STROKES, (0.0, 0.0, 0.0)))
+            assert not bar._bar.live.is_started
+        assert bar._bar.live.is_started
+
+
 def test_the_time_left_falls_as_the_paint_dries() -> None:
     expecting = RemainingTime(2, EvenlySpaced(0), 0.0, planning=0, replanning=0)
     expecting.hear(Scheduled(Timetable(strokes=20, drying=600, after=(10, 620)), 0), 0.0)

@@ -16,6 +16,7 @@ COMMON = {
     "Where the painting goes": ("out",),
 }
 """Names of the options that the short help shows, by its headings."""
+_SHORT = 36  # letters of a default that the short help tells
 
 
 class BriefCommand(typer.core.TyperCommand):
@@ -27,11 +28,13 @@ class BriefCommand(typer.core.TyperCommand):
         for heading, names in COMMON.items():
             table = Table.grid(padding=(0, 2), pad_edge=True)
             for option in (options[name] for name in names if name in options):
-                first, dot, _ = option.help.partition("[dim]")[0].strip().partition(". ")
-                table.add_row(_flags(option), first + "." * bool(dot))
+                said, _, default = option.help.partition("[dim]")
+                first, dot, _ = said.strip().partition(". ")
+                usual = f" [dim]({default.removesuffix('[/]')})[/]" if 0 < len(default) < _SHORT else ""
+                table.add_row(_flags(option), first + "." * bool(dot) + usual)
             if table.row_count:
                 console.print(f"\n[bold]{heading}[/]", table, sep="\n")
-        console.print(f"\n[bold]{ctx.command_path} --help-all[/] shows all {len(options)} options, whole.")
+        console.print(f"\n[bold]{ctx.command_path} --help-all[/] tells all of {len(options)} options.")
 
 
 def _begin(command: Any, ctx: Any, *, whole: bool) -> tuple[Console, dict[str, Any]]:

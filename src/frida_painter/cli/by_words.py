@@ -3,6 +3,7 @@
 import select
 import sys
 from collections.abc import Callable
+from io import TextIOWrapper
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -25,6 +26,7 @@ ProposeOption = Annotated[
         rich_help_panel="What to paint",
     ),
 ]
+_GLANCE = 0.2  # seconds between two looks whether the person has stopped
 _ASK = "What shall change? (Enter: paint on) "
 
 
@@ -60,6 +62,11 @@ class Proposer:
         history = run.history
         self._owed: dict[str, Any] = {} if history is None else history.request
         self._proposed = None if history is None else history.proposed
+        _tell(
+            "To change the painting, type what shall change and press Enter, at any time."
+            if sys.stdin.isatty()
+            else "--propose waits for typed words, and nobody can type here."
+        )
 
     def wants_pause(self) -> bool:
         """Returns True if the person has typed something, or if a talk broke off with the painting.
@@ -70,7 +77,7 @@ class Proposer:
         if self._talking or so_far is None or so_far.rest is None:
             return False
         if not self._typed and sys.stdin.isatty() and select.select([sys.stdin], [], [], 0)[0]:
-            self._typed = sys.stdin.readline().strip()
+            self._typed = read_typed().strip()
         return bool(self._typed or self._owed or self._proposed)
 
     def talk(self) -> None:
@@ -135,6 +142,7 @@ class Proposer:
             if line.isdecimal() and 1 <= int(line) <= count:
                 self._pursue(made.pictures[int(line) - 1]["file"])
                 return
+            _tell(f"Type a number from 1 to {count}, or nothing.")
 
     def _pursue(self, file: str) -> None:
         from frida_painter import storage
@@ -146,9 +154,29 @@ class Proposer:
         session, picture = self._run.session, self._run.folder / file
         assert session is not None
         session.note(RequestTaken({"kind": "choose", "file": file}))
+        _tell("The rest is planned towards it, with the paints that are mixed.")
         storage.write_json(picture.parent / MAKING, chosen_record(picture))
         pursue(session, self._run.folder, RunSpec.of(goal=[{"image": str(Path(picture))}]), {})
         session.note(RequestTaken({}))
+
+
+def ask_until_stopped(prompt: str, stop_asked: Callable[[], bool]) -> str:
+    """Returns the line that is typed after a prompt. Raises EOFError if nobody is there, Interrupted after a stop."""
+    print(prompt, end="", flush=True)
+    while sys.stdin.isatty() and not select.select([sys.stdin], [], [], _GLANCE)[0]:
+        if stop_asked():
+            print()
+            raise Interrupted("You stopped; what was painted is kept.")
+    if not (line := read_typed()):
+        raise EOFError
+    return line
+
+
+def read_typed() -> str:
+    """Returns the next line that is typed; bytes that are no text become marks."""
+    if not isinstance(sys.stdin, TextIOWrapper):
+        return sys.stdin.readline()
+    return sys.stdin.buffer.readline().decode(sys.stdin.encoding, "replace")
 
 
 def _tell(sentence: str) -> None:

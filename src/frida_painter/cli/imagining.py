@@ -85,7 +85,7 @@ def imagine_beginning(spec: "RunSpec", given: Mapping[str, Any], *, asked: bool,
             if given.get(name) is not None:
                 raise ConfigError(
                     f"--{name.replace('_', '-')} was given without --imagine, which names a maker; give both, or fetch "
-                    "one with `frida-painter models fetch imagine`."
+                    "one with `frida-painter models fetch imagine` and leave out --beginning, --pictures and --guide."
                 )
         return spec
     from frida_painter.objectives.encoders.loading import EncoderRegistry

@@ -95,7 +95,7 @@ class PaintingLine(Line):
     """Line on the terminal for a painting: the current work, its progress, and the time left."""
 
     def __init__(self, console: Console, time_left: RemainingTime) -> None:
-        self._time_left = time_left
+        self._time_left, self._is_aside = time_left, False
         self._started = time.monotonic()
         super().__init__(progress_bar(console))
         self._task = self._bar.add_task("getting ready", total=1.0, left=time_left.remaining)
@@ -105,7 +105,7 @@ class PaintingLine(Line):
         now = time.monotonic()
         if isinstance(event, Paused):
             self._bar.stop()
-        else:
+        elif not self._is_aside:
             self._bar.start()
         if isinstance(event, TouchCorrected | Remark):
             self._bar.console.print(event.sentence, markup=False)
@@ -121,11 +121,12 @@ class PaintingLine(Line):
     @contextmanager
     def aside(self) -> Iterator[None]:
         """Hides the line within the `with` block, for a question."""
-        shown = self._bar.live.is_started
+        shown, self._is_aside = self._bar.live.is_started, True
         self._bar.stop()
         try:
             yield
         finally:
+            self._is_aside = False
             if shown:
                 self._bar.start()
 

@@ -56,7 +56,7 @@ class GuideSource:
         """Returns the source of "diffusers:NAME" or "diffusers:NAME,scale=X"; fetches nothing. Raises ConfigError."""
         match = _SOURCE.fullmatch(text)
         if match is None:
-            raise ConfigError(f"{text[:80]!r} cannot guide; write for example {_EXAMPLE}.")
+            raise ConfigError(f"{text[:80]!r} cannot guide: it begins with diffusers:, like {_EXAMPLE}.")
         try:
             scale = float(match[2] or _USUAL_SCALE)
         except ValueError:
