@@ -257,7 +257,8 @@ def another_s(path: Path) -> None:
     [
         (half, "cut off or not JSON"),
         (one_digit, "was changed after it was written"),
-        (lambda path: mended(path, version=VERSION + 1), f"{VERSION + 1}; this program reads versions up to {VERSION}"),
+        (lambda path: mended(path, version=VERSION + 2), f"{VERSION + 2}; this program reads versions up to {VERSION}"),
+        (lambda path: mended(path, version=VERSION + 1), "a plan in which the brush leans"),
         (lambda path: mended(path, version="1"), f"of version '1'; this program reads versions up to {VERSION}"),
         (lambda path: mended(path, strokes=10_000_000), "at most 100000"),
         (lambda path: half(next(path.parent.glob("*.safetensors"))), "sha256 differs"),

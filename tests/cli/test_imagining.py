@@ -64,7 +64,7 @@ def test_a_plan_from_words_by_a_program(say: Callable[..., str], tmp_path: Path)
     assert said.startswith("0: ") and "Made from 'a red tower' by command" in said and "(seed 3)" in said, said
     record = json.loads((tmp_path / "planned" / "goal" / "1" / "making.json").read_text())
     assert record["words"] == "a red tower" and record["chosen"] == "a-red-tower-1.png"
-    assert "image = " in (tmp_path / "planned" / "goal" / "goal.toml").read_text()
+    assert '= "1/a-red-tower-1.png"' in (tmp_path / "planned" / "goal" / "goal.toml").read_text()
 
 
 SMALL = (

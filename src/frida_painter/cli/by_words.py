@@ -22,7 +22,7 @@ ProposeOption = Annotated[
         metavar="NAME:TEXT",
         help="Picture maker for changes by words: while it paints, type what shall change and press Enter, then choose "
         "one of its pictures, which begin from the canvas; diffusers:FOLDER, or command:PROGRAM with {canvas}. "
-        "[dim]none[/]",
+        "[dim]nothing is proposed[/]",
         rich_help_panel="What to paint",
     ),
 ]

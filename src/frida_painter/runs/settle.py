@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Unpack
 
@@ -369,7 +369,7 @@ def open_recorder(
     settings = {
         **({"photo": Path(first.value).name} if first is not None and first.kind == "image" else {}),
         "goal": [list(fact) for fact in (*spec.goal_facts, *making_facts(spec))],
-        "encoders": [asdict(choice) for choice in encoders.choices],
+        "encoders": [choice.record() for choice in encoders.choices],
         "remarks": list(encoders.remarks),
         **spec.record(),
     }

@@ -1,7 +1,7 @@
 """Networks of a painting: the best available one for each purpose, loaded at its first use."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
@@ -43,6 +43,10 @@ class Choice:
     used: str
     better: str = ""
     hashes: str = ""
+
+    def record(self) -> dict[str, str]:
+        """Returns the choice as plain values; hashes only if there are any."""
+        return {name: value for name, value in asdict(self).items() if value or name != "hashes"}
 
 
 _ASIDE = Choice("progress", "EfficientNet-Lite2, kept aside")
