@@ -13,6 +13,7 @@ from frida_painter.web.commands import (
     ChangeGoal,
     Command,
     CommandReader,
+    EndMaking,
     FinishDrawing,
     Free,
     GivePicture,
@@ -21,6 +22,7 @@ from frida_painter.web.commands import (
     LookAgain,
     PaintStroke,
     Pause,
+    Propose,
     Protect,
     SentCommand,
     TakeTurns,
@@ -79,6 +81,8 @@ EACH: dict[str, tuple[dict[str, Any], Command]] = {
     "picture": ({"picture": "c" * 32}, GivePicture("c" * 32)),
     "free": ({}, Free()),
     "paint": ({"brush": "fine", "paint": 1, "points": [[0.5, 0.5, 1, 0, 0, 0]]}, PaintStroke("fine", 1, (POINT,))),
+    "propose": ({"words": "a stormy sea", "maker": "mine"}, Propose("a stormy sea", "mine")),
+    "end making": ({}, EndMaking()),
     "goal": ({"request": REQUEST}, ChangeGoal(PaintingRequest.model_validate(REQUEST))),
 }
 

@@ -126,7 +126,7 @@ def _tell(
     unseen = [one for one in reading.subjects if one.name and not {one.noun, one.part.noun} & {*says, *similar}]
     if missing := [" ".join(one.proper).title() or " ".join(one.name) for one in unseen]:
         encoders.remark(
-            f"No picture here shows {' and '.join(missing)[:60]!r}, so it is not painted; give one with --pictures or "
+            f"No picture of {' and '.join(missing)[:60]!r} was taken; give one with --pictures or "
             "--image, or fetch a model: frida-painter models fetch clip-vit-b-32, or --imagine."
         )
     if reading.style:
