@@ -137,9 +137,7 @@ def test_a_sketch_is_drawn_on_its_photograph_before_the_photograph_takes_a_style
 def test_meaning_in_a_style_is_attended_to_where_it_is() -> None:
     goal = pursued(SemanticTerm(picture()), StyleTerm(1 - picture()))
     (begun,) = goal.initial
-    assert (
-        begun.importance is not None and begun.image.shape == goal.terms[0].image.shape
-    )  # its even parts are evened out
+    assert begun.importance is not None and begun.image.shape == goal.terms[0].image.shape  # it is evened out
 
 
 def lightness_recognized(weight: float, begun: torch.Tensor | None) -> WeightedObjective:
