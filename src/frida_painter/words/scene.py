@@ -127,7 +127,7 @@ def _tell(
     if missing := [" ".join(one.proper).title() or " ".join(one.name) for one in unseen]:
         encoders.remark(
             f"No picture of {' and '.join(missing)[:60]!r} was taken; give one with --pictures or "
-            "--image, or fetch a model: frida-painter models fetch clip-vit-b-32, or --imagine."
+            "--image, or fetch a generator of pictures: frida-painter models fetch imagine."
         )
     if reading.style:
         encoders.remark(f"{reading.style[:60]!r} is not painted from words; give a picture of that style with --style.")
