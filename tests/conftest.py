@@ -27,7 +27,7 @@ settings.register_profile("quick", deadline=None, max_examples=10)  # `make quic
 settings.load_profile("suite")
 
 _MB = 2**20
-MAX_MEMORY = 1536 * _MB  # of a test process, at any moment
+MAX_MEMORY = 2048 * _MB  # of a test process, at any moment
 _MAX_GROWTH = 128 * _MB  # since what is free went back to the system; then it does again
 _M_ARENA_MAX = -8  # malloc.h
 _MAX_UNTRIMMED = 640 * _MB  # in use, before free pages between blocks go back to the system during a test too

@@ -44,10 +44,11 @@ GROUPS = (
     ("planning",),
     ("runs", "report", "export", "tools"),
     ("sawyer", "hardware"),
-    ("words", "objectives", "weights"),
+    ("words", "weights"),
+    ("objectives",),
     ("render", "brush", "perception", "virtual"),
 )
-PARTS = {"session": 6, "web": 2, "lab": 14}  # rooms that are more than one group
+PARTS = {"session": 6, "web": 2, "lab": 14, "objectives": 3}  # rooms that are more than one group
 SLOW_TESTS = ROOT / "tests" / "slow_tests.txt"
 # No temporary file of Python: the first of the forked processes that ends would remove it.
 TIMES = ROOT / ".pytest_cache" / "times"
@@ -55,7 +56,7 @@ MAX_PROCESSOR_TIME, MAX_TIME = 0.15, 0.5  # seconds that a quick test takes, of 
 QUICK = ("-m", "not slow", "--hypothesis-profile", "quick")
 # Libraries that are loaded once. None of them is a plugin of pytest, which has to load those itself.
 LARGE = ("torch", "numba", "scipy.stats", "cv2", "pydantic")
-MAX_JOBS = 6  # each may take 1.5 GB of memory
+MAX_JOBS = 6  # each may take 2 GB of memory
 NO_TESTS = 5  # exit status of pytest
 # What PyTorch, its two libraries of kernels, numba, NumPy's linear algebra, OpenCV and libvips read as they are loaded.
 PLAIN_PROCESSOR = {
