@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from frida_painter import images
-from frida_painter.cli.by_words import Proposer, ask_until_stopped, read_typed, require_proposer
+from frida_painter.cli.by_words import Proposer, ask_at_terminal, read_line, require_proposer
 from frida_painter.errors import ConfigError, Interrupted
 from frida_painter.event_log import EventLog
 from frida_painter.runs import proposing
@@ -150,11 +150,11 @@ def typing(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
 
 def test_what_is_typed_in_another_encoding_is_read(typing: int) -> None:
     os.write(typing, "une mer agit\u00e9e\n".encode("latin-1"))
-    assert read_typed() == "une mer agit\N{REPLACEMENT CHARACTER}e\n"
+    assert read_line() == "une mer agit\N{REPLACEMENT CHARACTER}e\n"
     os.write(typing, "une mer agit\u00e9e\n".encode())
-    assert ask_until_stopped("What? ", lambda: False) == "une mer agit\u00e9e\n"
+    assert ask_at_terminal("What? ", lambda: False) == "une mer agit\u00e9e\n"
 
 
 def test_a_stop_ends_a_question(typing: int) -> None:
     with pytest.raises(Interrupted):
-        ask_until_stopped("What? ", lambda: True)
+        ask_at_terminal("What? ", lambda: True)

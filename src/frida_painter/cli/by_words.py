@@ -77,7 +77,7 @@ class Proposer:
         if self._talking or so_far is None or so_far.rest is None:
             return False
         if not self._typed and sys.stdin.isatty() and select.select([sys.stdin], [], [], 0)[0]:
-            self._typed = read_typed().strip()
+            self._typed = read_line().strip()
         return bool(self._typed or self._owed or self._proposed)
 
     def talk(self) -> None:
@@ -160,19 +160,19 @@ class Proposer:
         session.note(RequestTaken({}))
 
 
-def ask_until_stopped(prompt: str, stop_asked: Callable[[], bool]) -> str:
+def ask_at_terminal(prompt: str, stop_asked: Callable[[], bool]) -> str:
     """Returns the line that is typed after a prompt. Raises EOFError if nobody is there, Interrupted after a stop."""
     print(prompt, end="", flush=True)
     while sys.stdin.isatty() and not select.select([sys.stdin], [], [], _GLANCE)[0]:
         if stop_asked():
             print()
             raise Interrupted("You stopped; what was painted is kept.")
-    if not (line := read_typed()):
+    if not (line := read_line()):
         raise EOFError
     return line
 
 
-def read_typed() -> str:
+def read_line() -> str:
     """Returns the next line that is typed; bytes that are no text become marks."""
     if not isinstance(sys.stdin, TextIOWrapper):
         return sys.stdin.readline()

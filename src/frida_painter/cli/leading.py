@@ -15,7 +15,7 @@ from rich.console import Console
 from torch import Tensor
 
 from frida_painter import storage
-from frida_painter.cli.by_words import Proposer, ask_until_stopped
+from frida_painter.cli.by_words import Proposer, ask_at_terminal
 from frida_painter.cli.options import Wells
 from frida_painter.cli.stop_signal import StopSignal
 from frida_painter.cli.terminal import PaintingLine, terminal_at
@@ -54,7 +54,7 @@ class Leader:
         repaint: bool | None = None,
         propose: str | None = None,
     ) -> None:
-        ask = partial(ask_until_stopped, stop_asked=lambda: stop.asked)
+        ask = partial(ask_at_terminal, stop_asked=lambda: stop.asked)
         yes = partial(confirm, default=True, ask=ask)
         self._proposer = None if propose is None else Proposer(run, propose, lambda: stop.asked, ask, yes)
         self._run, self._stop, self._started = run, stop, started
