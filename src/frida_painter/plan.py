@@ -22,7 +22,7 @@ from frida_painter.strokes import GROUPS, StrokeLimits, Strokes
 
 VERSION = 4
 _WITHOUT_FAMILIES = 3  # version of a plan without stroke families
-_TILTED = 5  # version of 0.3 for plans in which a brush leans
+_TILTED = 5  # plans of release 0.3 whose brush leans have this version
 WHITE = (1.0, 1.0, 1.0)
 """sRGB of an untoned canvas."""
 MAX_STROKES = 100_000

@@ -8,7 +8,7 @@ from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.objectives.semantic import SemanticTerm
 from frida_painter.objectives.style import StyleTerm
-from frida_painter.objectives.style_flow import brushwork_of, directions, magnification, mark_size, mark_width
+from frida_painter.objectives.style_flow import brushwork_of, directions, magnification, mark_size, mark_spacing
 from support.planning import CANVAS
 
 
@@ -40,9 +40,9 @@ def dots(side: int) -> torch.Tensor:
 
 
 def test_marks_are_measured_by_how_often_they_follow_each_other() -> None:
-    fine, coarse = mark_width(stripes(0.3, 240, 320)), mark_width(dots(8))
+    fine, coarse = mark_spacing(stripes(0.3, 240, 320)), mark_spacing(dots(8))
     assert fine == pytest.approx(9 / 240, rel=0.15)
-    assert coarse == pytest.approx(16 / 240, rel=0.4) and mark_width(dots(4)) < 0.7 * coarse
+    assert coarse == pytest.approx(16 / 240, rel=0.4) and mark_spacing(dots(4)) < 0.7 * coarse
 
 
 def test_stripes_make_long_marks_and_dots_short_ones_and_fine_ones_become_larger() -> None:

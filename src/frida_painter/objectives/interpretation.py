@@ -186,10 +186,10 @@ def prepare(
     begun = None if picture is None else images.fit(picture, grid.rows, grid.columns)
     in_style = any(term.colors is not None for term in goal.terms)
     is_held = any(term.is_pixelwise for term in goal.terms)
-    common: dict[str, Any] = {} if shared is None else shared
     context = ObjectiveContext(
-        grid, encoders or EncoderRegistry(), seed, begun, 0.0, in_style, is_held, common, iterations
-    )
+        grid, encoders or EncoderRegistry(), seed, begun, in_style=in_style, is_held=is_held, iterations=iterations,
+        shared={} if shared is None else shared,
+    )  # fmt: skip
     return WeightedObjective([(term.weight, _prepare_term(term, context)) for term in goal.terms], begun)
 
 

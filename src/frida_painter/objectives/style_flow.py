@@ -61,7 +61,7 @@ def clear_edges(picture: Tensor, rows: int, columns: int) -> Tensor:
 # period is pi times the deviation of the values over that of their slope (Rice 1944, "Mathematical analysis of random
 # noise").
 
-_SIDE = 360  # pixels of the shorter side of the picture in which marks are measured
+_SIDE = 360  # pixels: marks are measured in a picture with a shorter side of this length
 _GRAIN, _COARSE = 1.0, 0.05  # pixels of it, and share of its shorter side: blurs between which marks lie
 _LARGER, _MAX_LARGER = 1.3, 3.0  # least and greatest magnification of marks on the canvas
 _MIN_WIDTH = 0.047  # width of a mark on the canvas, of its shorter side, below which marks are magnified more
@@ -69,7 +69,7 @@ _LONGEST = 6.0  # longest mark, in widths
 _LOOSE = 0.2, 0.085  # length and width of loose marks, as shares of the shorter side of the canvas
 
 
-def mark_width(style: Tensor) -> float:
+def mark_spacing(style: Tensor) -> float:
     """Returns the distance from one mark to the next in a style [3, H, W], as a share of its shorter side."""
     scale = _SIDE / min(style.shape[1:])
     small = images.fit(style, *(max(3, round(scale * side)) for side in style.shape[1:]))
@@ -81,7 +81,7 @@ def mark_width(style: Tensor) -> float:
 
 def magnification(style: Tensor) -> float:
     """Returns how much larger the marks of a style [3, H, W] are on a canvas of its size: brushes paint none finer."""
-    return min(_MAX_LARGER, max(_LARGER, _MIN_WIDTH / mark_width(style)))
+    return min(_MAX_LARGER, max(_LARGER, _MIN_WIDTH / mark_spacing(style)))
 
 
 def mark_size(style: Tensor) -> tuple[float, float]:
@@ -91,7 +91,7 @@ def mark_size(style: Tensor) -> tuple[float, float]:
     """
     _, coherence, energy = directions(style)
     mean = float((coherence * energy).sum() / energy.sum().clamp(min=1e-8))
-    width = magnification(style) * mark_width(style)
+    width = magnification(style) * mark_spacing(style)
     return width * min(_LONGEST, (1 + mean) / max(1 - mean, 1e-3)), width
 
 

@@ -19,7 +19,7 @@ from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal, Term
 from frida_painter.objectives.pixel_loss import rise, spread
 from frida_painter.objectives.sketch_loss import color_drawing, filled_areas
-from frida_painter.objectives.style_flow import FACE, clear_edges, magnification, mark_width
+from frida_painter.objectives.style_flow import FACE, clear_edges, magnification, mark_spacing
 from frida_painter.objectives.style_places import change_by_place, styles_of
 from frida_painter.palette import Palette, from_lab, to_lab
 
@@ -112,7 +112,7 @@ def lay_marks(picture: Tensor, style: Tensor, importance: Tensor | None = None) 
 def marks_over(picture: Tensor, style: Tensor) -> Tensor:
     """Returns a picture [3, H, W] in Lab in the marks of a style [3, h, w] of sRGB, with mostly its own values."""
     laid = quilt(picture, pieces_of(style))
-    blur = _AREA * mark_width(style) * magnification(style) * min(picture.shape[1:])
+    blur = _AREA * mark_spacing(style) * magnification(style) * min(picture.shape[1:])
     values, around = (images.gaussian_blur(one, blur) for one in (picture, laid))
     return torch.lerp(around, values, _VALUES) + _BOLD * (laid - around)
 

@@ -7,11 +7,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from frida_painter import images
 from frida_painter.devices import Constant, send_to_device
 from frida_painter.objectives.encoders.base import Reader
-from frida_painter.objectives.image import ImageTerm
-from frida_painter.objectives.objective import Goal, ObjectiveContext, Term
 from frida_painter.objectives.semantic_loss import Views
 from frida_painter.objectives.word_settings import USUAL, WordSettings
 
@@ -24,7 +21,6 @@ _NOISE = 0.03  # standard deviation, of sRGB
 _AVOIDED = 0.5  # weight of words to avoid, relative to the prompt's
 _DRIFT = 0.1  # mean change of sRGB by which words may move the picture that they begin with
 _COARSE = 24  # cells along each side of a picture, about the size of strokes
-_APART = 104_729  # added to the seed: what is held is weighed in views of its own
 _BALANCE = 1.0  # weight against a picture's squared difference, if both terms have weight 1
 
 
@@ -157,16 +153,6 @@ def holding_weight(text: Text, picture: Tensor) -> float:
     rows, columns = picture.shape[1:]
     coarse = functional.adaptive_avg_pool2d(slope, (min(rows, _COARSE), min(columns, _COARSE)))
     return max(1.0, float(coarse.square().mean().sqrt()) * slope.numel() / (2 * _DRIFT))
-
-
-def hold_on(goal: Goal, begun: Term, context: ObjectiveContext) -> Goal:
-    """Returns the goal that begins with a picture and holds on to it while a CLIP that reads its words changes it."""
-    assert begun.picture is not None
-    said = max((term for term in goal.terms if term.words), key=lambda term: term.weight)
-    text = Text(said.words or "", context.encoders.readers(), context.seed + _APART)
-    seen = images.fit(begun.picture, context.grid.rows, context.grid.columns)
-    held = ImageTerm(begun.picture, said.weight * holding_weight(text, seen), begun.importance)
-    return Goal((*goal.terms, held), (begun,))
 
 
 def wish(prompt: str, reader: Reader, settings: WordSettings) -> Callable[[Tensor], Tensor]:

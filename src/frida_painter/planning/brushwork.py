@@ -90,13 +90,13 @@ def brushwork_cost(strokes: Strokes, brushwork: Tensor, model: StrokeModel, size
         return strokes.length.new_zeros(())
     limits = model.limits.within(size)
     along = strokes.length.new_tensor(_ALONG)
-    place = strokes.path(along)
+    marks = [_marks_at(brushwork, at, size) for at in strokes.path(along).unbind(1)]
     turned = torch.stack([
         wanted.sure * (1 - torch.cos(2 * (strokes.angle + 3 * (1 - 2 * share) * strokes.bend / strokes.length)
                                      - wanted.doubled))
-        for share, wanted in zip(_ALONG, (_marks_at(brushwork, at, size) for at in place.unbind(1)), strict=True)
+        for share, wanted in zip(_ALONG, marks, strict=True)
     ]).mean(0)  # fmt: skip
-    wanted = _marks_at(brushwork, place[:, 1], size)
+    _, wanted, _ = marks
     widest = mark_width(model)
     width = widest * (_THINNEST + (1 - _THINNEST) * strokes.thickness)
     longer = torch.log(strokes.length / wanted.length.clamp(*limits.length))

@@ -42,7 +42,7 @@ _FORMAT, _VERSION = "frida-painter making", 1
 CANVAS, FREE = "canvas.png", "free.png"
 """Files of the canvas that pictures begin from, and of the mask of its free part (white), beside the pictures."""
 STRENGTH = 0.7
-"""Share of its steps in which a diffusion network changes the photograph of the canvas; 1 keeps nothing of it."""
+"""How much a diffusion network changes the photograph of the canvas, from 0 to 1; 1 keeps nothing of it."""
 _PIXELS, _STEP = 512 * 512, 64
 _SILENCE = 10.0  # seconds after which a maker that says nothing is said to be at work
 _SECOND = 0.5  # weight of words that a CLIP reads, relative to the picture that was made from them
@@ -324,18 +324,8 @@ def make_pictures(
         with TemporaryDirectory(dir=folder, prefix=".making-") as place:
             watch = _Watch(name, tell, stop_asked)
             begins_from = (None, None) if canvas is None else canvas.save(folder)
-            request = PictureRequest(
-                words,
-                seeds,
-                width,
-                height,
-                Path(place),
-                device,
-                60 * minutes,
-                watch.stop_asked,
-                watch.tell,
-                *begins_from,
-            )
+            asked = words, seeds, width, height, Path(place), device, 60 * minutes, watch.stop_asked, watch.tell
+            request = PictureRequest(*asked, *begins_from)
             files = _ask(name, opened, request)
             for number, (file, made_from) in enumerate(zip(files, seeds, strict=True), 1):
                 try:
@@ -359,8 +349,8 @@ def make_pictures(
             raise next(iter(faults.values()))
     except BaseException:
         with suppress(OSError):
-            for name in (CANVAS, FREE):
-                (folder / name).unlink(missing_ok=True)
+            for left in (CANVAS, FREE):
+                (folder / left).unlink(missing_ok=True)
             if made:
                 folder.rmdir()  # it is empty
         raise

@@ -19,7 +19,7 @@ from frida_painter.objectives.pyramid import color_in
 from frida_painter.objectives.sketch_loss import color_drawing, filled_areas
 from frida_painter.objectives.style_marks import in_style
 from frida_painter.objectives.style_places import change_by_place, styles_of
-from frida_painter.objectives.text_loss import Text, hold_on, wish
+from frida_painter.objectives.text_loss import Text, holding_weight, wish
 from frida_painter.objectives.word_settings import WordSettings
 from frida_painter.words.composition import lay_in
 from frida_painter.words.scene import find_cutout, scene_of
@@ -55,26 +55,25 @@ def with_beginning(
         )
     if how == "nothing" or (by_clip and not encoders.composes and not is_alone):
         return goal
-    if how == "scene" and by_clip and is_alone:
-        (begun,) = initial_composition(goal, context.grid, encoders).initial
-        return hold_on(goal, begun, context)
     if prompt is None or not is_alone or not by_clip:
         return initial_composition(goal, context.grid, encoders)
     readers, size = encoders.readers(), (context.grid.rows, context.grid.columns)
-    wanted = wish(prompt, readers[0], settings)
-    budget = settings.budget(readers)
-    colors = color_in(wanted, readers[0], size, context.seed, budget, encoders.tell, encoders.heed)
-    told, remarks = "coloured for the words", list(encoders.remarks)
-    if how == "auto" and encoders.composes:
-        (scene,) = initial_composition(goal, context.grid, encoders).initial
-        judge = Text(prompt, readers, context.seed + _APART, settings=settings)
+    judge, remarks, begun = Text(prompt, readers, context.seed + _APART, settings), [*encoders.remarks], None
+    if how != "colors" and encoders.composes:
+        (begun,) = initial_composition(goal, context.grid, encoders).initial
+    if how != "scene":
+        wanted, budget = wish(prompt, readers[0], settings), settings.budget(readers)
+        colors = color_in(wanted, readers[0], size, context.seed, budget, encoders.tell, encoders.heed)
         with torch.no_grad():
-            if scene.picture is not None and bool(judge.validation(scene.picture) < judge.validation(colors)):
-                return hold_on(goal, scene, context)
-        encoders.remarks[:] = remarks
-        told = "in which the words are seen better than in a scene"
-    encoders.remark(f"Begun with a coarse picture, {told}.")
-    return hold_on(goal, ImageTerm(colors), context)
+            scene = None if begun is None else begun.picture
+            if scene is None or not judge.validation(scene) < judge.validation(colors):
+                told = "coloured for the words" if scene is None else "in which they are seen better than in a scene"
+                encoders.remarks[:] = remarks
+                encoders.remark(f"Begun with a coarse picture, {told}.")
+                begun = ImageTerm(colors)
+    assert begun is not None and begun.picture is not None
+    weight = max(term.weight for term in goal.terms) * holding_weight(judge, images.fit(begun.picture, *size))
+    return Goal((*goal.terms, ImageTerm(begun.picture, weight, begun.importance)), (begun,))  # a CLIP changes it little
 
 
 def initial_composition(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry) -> Goal:
