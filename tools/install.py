@@ -4,7 +4,7 @@ The lock, constraints.txt, gives the version and the hashes of each package; a f
 pyproject.toml and the installed packages tell which others are needed, so that each platform gets its own.
 
 `make` calls it with the environment's own Python. pip's settings (pip.conf, PIP_INDEX_URL and the
-like) say where packages come from. uv does not read them, so they are handed to it; where one of
+like) say where packages come from. uv does not read them, so they are handed to it; if one of
 them has no counterpart, or uv fails, pip installs.
 """
 
@@ -60,7 +60,7 @@ SECTIONS = ("global", "install", ":env:")  # what `pip install` obeys; the later
 
 
 def pip_settings(listed: str) -> dict[str, str]:
-    """What `pip config list` printed, as far as `pip install` obeys it: names without their section."""
+    """Returns the settings that `pip config list` printed and `pip install` obeys, without their section."""
     found: dict[str, dict[str, str]] = {section: {} for section in SECTIONS}
     for line in listed.splitlines():
         key, _, value = line.partition("=")
@@ -71,7 +71,7 @@ def pip_settings(listed: str) -> dict[str, str]:
 
 
 def for_uv(settings: dict[str, str]) -> tuple[list[str], dict[str, str]] | None:
-    """The options and environment variables by which uv finds what pip would find; None where there are none."""
+    """Returns options and variables with which uv finds the packages that pip finds; None if there are none."""
     # Like pip, uv is to compare the versions of all indexes. Left alone, it stops at the first that knows the name.
     options, variables = ["--index-strategy", "unsafe-best-match"], {}
     for name, value in settings.items():
@@ -194,7 +194,7 @@ def find_uv() -> tuple[list[str], dict[str, str]] | None:
 def run(wanted: list[str]) -> str:
     """Has uv or pip install this, and returns what did it.
 
-    Raises Missing where a file is not that of the lock, CalledProcessError where pip fails, which has said why.
+    Raises Missing if a file is not that of the lock, CalledProcessError if pip fails, which has said why.
     """
     uv = find_uv()
     if uv is not None:
