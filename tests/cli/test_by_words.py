@@ -155,6 +155,11 @@ def test_what_is_typed_in_another_encoding_is_read(typing: int) -> None:
     assert ask_at_terminal("What? ", lambda: False) == "une mer agit\u00e9e\n"
 
 
+def test_the_end_of_typing_says_no_more_than_enter(typing: int) -> None:
+    os.write(typing, b"\x04")
+    assert ask_at_terminal("What? ", lambda: False) == ""
+
+
 def test_a_stop_ends_a_question(typing: int) -> None:
     with pytest.raises(Interrupted):
         ask_at_terminal("What? ", lambda: True)

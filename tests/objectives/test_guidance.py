@@ -281,6 +281,12 @@ def test_sources_that_are_none(pipeline: Path, text: str) -> None:
         GuideSource.parse(text.format(here=pipeline))
 
 
+@pytest.mark.parametrize("scale", ["abc", "", "7.5.1", "nan", "-3", "1" * 40])
+def test_scales_that_are_none(pipeline: Path, scale: str) -> None:
+    with pytest.raises(ConfigError, match="scale"):
+        GuideSource.parse(f"diffusers:{pipeline},scale={scale}")
+
+
 def test_a_scale_and_a_usual_one(pipeline: Path) -> None:
     assert GuideSource.parse(f"diffusers:{pipeline},scale=7.5").scale == 7.5
     assert GuideSource.parse(f"diffusers:{pipeline}").scale == 100

@@ -161,13 +161,17 @@ class Proposer:
 
 
 def ask_at_terminal(prompt: str, stop_asked: Callable[[], bool]) -> str:
-    """Returns the line that is typed after a prompt. Raises EOFError if nobody is there, Interrupted after a stop."""
+    """Returns the line that is typed after a prompt; "" after Ctrl-D, which says no more than Enter.
+
+    Raises EOFError if nobody can type, Interrupted after a stop.
+    """
     print(prompt, end="", flush=True)
     while sys.stdin.isatty() and not select.select([sys.stdin], [], [], _GLANCE)[0]:
         if stop_asked():
             print()
             raise Interrupted("You stopped; what was painted is kept.")
-    if not (line := read_line()):
+    line = read_line()
+    if not line and not sys.stdin.isatty():
         raise EOFError
     return line
 

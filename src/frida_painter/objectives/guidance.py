@@ -27,7 +27,7 @@ from frida_painter.weights.pipeline_folder import PipelineFolder, fetch_pipeline
 if TYPE_CHECKING:
     from frida_painter.objectives.encoders.latent_diffusion import LatentDiffusion, Words
 
-_SOURCE = re.compile(r"diffusers:(.*?)(?:,\s*scale=([\d.]{1,8}))?")
+_SOURCE = re.compile(r"diffusers:(.*?)(?:,\s*scale=(.*))?")
 _EXAMPLE = "diffusers:stable-diffusion-v1-5/stable-diffusion-v1-5"
 _USUAL_SCALE, _MAX_SCALE = 100.0, 1000.0
 _MIN_NOISE, _MAX_NOISE, _MAX_AT_END = 0.02, 0.98, 0.5  # as shares of the timesteps
@@ -58,11 +58,11 @@ class GuideSource:
         if match is None:
             raise ConfigError(f"{text[:80]!r} cannot guide: it begins with diffusers:, like {_EXAMPLE}.")
         try:
-            scale = float(match[2] or _USUAL_SCALE)
+            scale = _USUAL_SCALE if match[2] is None else float(match[2])
         except ValueError:
             scale = math.nan
         if not 1 <= scale <= _MAX_SCALE:
-            raise ConfigError(f"A guidance scale of {match[2]} was given; it is from 1 to {_MAX_SCALE:g}.")
+            raise ConfigError(f"A guidance scale of {match[2][:20]!r} was given; it is from 1 to {_MAX_SCALE:g}.")
         for package in ("diffusers", "transformers"):
             registry.require("imagine", package, "Guidance by diffusion")
         return cls(match[1], scale, find_pipeline(match[1], "Guidance by diffusion"))
