@@ -295,7 +295,7 @@ def count_dips(code: str, checkout: Path, picture: str, seed: int, quick: bool) 
     """One painting by a checkout."""
     settings: dict[str, Any] = {"seed": seed}
     if quick:
-        settings |= {"strokes": 6, "colors": 2, "replans": 0, "render_height": 64, "timelapse_frames": 0}
+        settings |= {"strokes": 6, "colors": 2, "replans": 0, "render_height": 64, "film": False}
     with tempfile.TemporaryDirectory() as folder:
         photo = Path(folder) / f"{picture}.png"
         images.save(photograph(picture), photo)

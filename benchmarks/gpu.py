@@ -25,9 +25,8 @@ from frida_painter.frames import PixelGrid, pixel_to_map
 from frida_painter.lab.targets import load_shipped_targets
 from frida_painter.objectives.encoders import classifiers, clip, vgg
 from frida_painter.objectives.encoders.loading import EncoderRegistry
-from frida_painter.objectives.image import ImageTerm
+from frida_painter.objectives.image import ImageTerm, StyleTerm
 from frida_painter.objectives.objective import Goal
-from frida_painter.objectives.style import StyleTerm
 from frida_painter.plan import Plan
 from frida_painter.planning.effort import Effort
 from frida_painter.planning.initialize import uniform

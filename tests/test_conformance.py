@@ -28,10 +28,6 @@ class Calm(Term):
 
 KIND = GoalKind("calm", Gives.WORDS, "Calm.", "Calm", Calm)
 """
-LISTENER = """
-from frida_painter.plugins import ListenerKind
-KIND = ListenerKind("calm", "Hears.", lambda text: {heard})
-"""
 MAKER = """
 from PIL import Image
 from frida_painter.plugins import PictureMakerKind
@@ -47,10 +43,6 @@ KIND = PictureMakerKind("calm", "Makes pictures.", lambda text: Calm())
 EXPORTER = """
 from frida_painter.plugins import ExporterKind
 KIND = ExporterKind("calm", {help!r}, lambda plan, options: {made})
-"""
-INITIALISER = """
-from frida_painter.plugins import InitialiserKind, Strokes
-KIND = InitialiserKind("calm", "Places.", lambda task: {placed})
 """
 POLICY = """
 class Policy:
@@ -155,9 +147,6 @@ def finding_of(
         (registry.OBJECTIVES, "KIND = 3\n", "is a int and should be a GoalKind"),
         (registry.OBJECTIVES, "1/0\n", "cannot be loaded .ZeroDivisionError"),
         (registry.OBJECTIVES, "raise SystemExit(3)\n", "cannot be loaded .SystemExit"),
-        (registry.LISTENERS, LISTENER.format(heard="print"), ""),
-        (registry.LISTENERS, LISTENER.format(heard="3"), "opened a int, and it is a function"),
-        (registry.LISTENERS, LISTENER.format(heard="lambda event: event.nothing"), "It raised AttributeError"),
         (registry.PICTURE_MAKERS, MAKER.format(count=2), ""),
         (registry.PICTURE_MAKERS, MAKER.format(count=1), "It made 1 pictures for 2 seeds"),
         (registry.PICTURE_MAKERS, MAKER.format(count=2).replace("Calm()", "3"), "has no facts"),
@@ -167,8 +156,6 @@ def finding_of(
         (registry.EXPORTERS, EXPORTER.format(help="A.", made="''"), "empty file"),
         (registry.EXPORTERS, EXPORTER.format(help="A.", made="str(__import__('time').monotonic_ns())"),
          "another file for the same plan"),
-        (registry.INITIALISERS, INITIALISER.format(placed="Strokes.empty()"), "returned 0 strokes for 6 strokes"),
-        (registry.INITIALISERS, INITIALISER.format(placed="None"), "returned a NoneType"),
         (registry.REPLAN_POLICIES, POLICY.format(look="of", wants="True"), ""),
         (registry.REPLAN_POLICIES, POLICY.format(look="done", wants="True"), r"next_look\(0, 100\) returned 0"),
         (registry.REPLAN_POLICIES, POLICY.format(look="of", wants="1"), "wants_replan returned a int"),
@@ -232,7 +219,7 @@ def test_a_driver_that_was_never_opened_does_not_conform(
 
 def test_a_part_that_hangs_is_a_finding(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     began = time.monotonic()
-    found = finding_of(tmp_path, monkeypatch, registry.LISTENERS, "import time\ntime.sleep(5)\nKIND = 3\n", 0.2)
+    found = finding_of(tmp_path, monkeypatch, registry.MIXERS, "import time\ntime.sleep(5)\nKIND = 3\n", 0.2)
     assert found.fault.startswith("It did not answer within 0.2 seconds") and time.monotonic() - began < 4
 
 
@@ -251,7 +238,7 @@ def test_all_of_ours_conform() -> None:
     assert [str(one) for one in found if not one.passed] == []
     assert {one.kind for one in found} == {
         "robots", "easels", "cameras", "stroke_models", "stroke_families", "objectives", "replan_policies", "planners",
-        "initialisers", "mixers", "listeners", "picture_makers", "exporters", "turn_policies", "studio_arms",
+        "mixers", "picture_makers", "exporters", "turn_policies", "studio_arms",
     }  # fmt: skip
 
 

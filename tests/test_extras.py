@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from frida_painter import extras, registry
+from frida_painter import registry
 from frida_painter.cli import commands
 from frida_painter.env import make_env
 from frida_painter.errors import CameraError, ConfigError, FridaError, RobotError, WeightsError
@@ -36,7 +36,7 @@ def test_the_studio_names_its_extra(
     said = " ".join(capsys.readouterr().err.split())
     assert end.value.code == 2
     assert said.startswith('frida-painter: The studio needs the extra "web", which is not installed; say: ')
-    assert said.endswith(extras.install_command("web"))
+    assert said.endswith(registry.install_command("web"))
     assert not (tmp_path / "kept").exists(), "nothing is made where the studio cannot open"
 
 
@@ -57,7 +57,7 @@ def test_what_is_missing_is_named(
     use: Callable[[Path], object],
 ) -> None:  # fmt: skip
     monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(error, match=re.escape(extras.install_command(extra))):
+    with pytest.raises(error, match=re.escape(registry.install_command(extra))):
         use(tmp_path)
 
 
@@ -92,10 +92,10 @@ def installation(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[str]]:
                 raise PackageNotFoundError(name)
             return list(declared)
 
-        monkeypatch.setattr(extras, "requires", requires)
-        monkeypatch.setattr(extras, "find_spec", lambda name: pip or None)
-        monkeypatch.setattr(extras.shutil, "which", lambda name: f"/bin/{name}" if uv else None)
-        return shlex.split(extras.install_command(extra))
+        monkeypatch.setattr(registry, "requires", requires)
+        monkeypatch.setattr(registry, "find_spec", lambda name: pip or None)
+        monkeypatch.setattr(registry.shutil, "which", lambda name: f"/bin/{name}" if uv else None)
+        return shlex.split(registry.install_command(extra))
 
     return command
 
@@ -117,7 +117,7 @@ def test_the_command_brings_what_this_installation_lacks(
 def test_a_python_of_the_system_is_told_that_a_person_decides(
     installation: Callable[..., list[str]], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(extras.sysconfig, "get_path", lambda name: str(tmp_path))
+    monkeypatch.setattr(registry.sysconfig, "get_path", lambda name: str(tmp_path))
     monkeypatch.setattr(sys, "prefix", sys.base_prefix)
     assert "--break-system-packages" not in installation()
     (tmp_path / "EXTERNALLY-MANAGED").touch()

@@ -50,7 +50,6 @@ OWN_FILES = {
     "hardware/workcell.py",
     "mixing/paint.py",
     "provenance.py",
-    "runs/event_file.py",
     "sawyer/surroundings.py",
     "web/studio_folder.py",
     "web/security.py",
@@ -66,7 +65,7 @@ STARTING = {
     "lab/sweeps/engine.py": {"multiprocessing", "concurrent.futures.ProcessPoolExecutor", "ray"},
     "picture_makers/program.py": {"subprocess.Popen"},
     "video.py": {"subprocess.Popen", "subprocess.run"},
-    "extras.py": {"sys.executable"},
+    "registry.py": {"sys.executable"},
     "weights/sources.py": {"subprocess.Popen", "sys.executable"},
 }
 STARTS = re.compile(

@@ -28,7 +28,6 @@ ASE = base64.b64decode(
     "PwmJigAA"
 )
 GPL = "GIMP Palette\nName: mine\nColumns: 4\n#\n" + "\n".join(f"{r:3d} {g:3d} {b:3d}\tname 12 of it" for r, g, b in RGB)
-ROWS = "\n".join(f"{r},{g},{b}" for r, g, b in RGB)
 
 
 @pytest.mark.parametrize(
@@ -46,19 +45,10 @@ ROWS = "\n".join(f"{r},{g},{b}" for r, g, b in RGB)
         "c.h": "\n".join(f"0x{text}," for text in BARE),
         "named.txt": "\n".join(f"{text} a facade in 1900" for text in BARE),
         "names-first.txt": "# my paints\n; and more\n" + "\n".join(f"paper white 3 {text}" for text in PAINTS),
-        "numbers.txt": "\n".join(f"rgb({r}, {g}, {b})" for r, g, b in RGB),
-        "shares.txt": "\n".join(f"{r / 255:.5f} {g / 255:.5f} {b / 255:.5f}" for r, g, b in RGB),
-        "paint.net.txt": ";paint.net Palette File\n;Colors: 4\n" + "\n".join(f"FF{text}" for text in BARE),
-        "jasc.pal": "JASC-PAL\r\n0100\r\n4\r\n" + ROWS.replace(",", " ").replace("\n", "\r\n") + "\r\n",
-        "rgb.csv": "name;r;g;b\n" + "\n".join(f"n {at};{r};{g};{b}" for at, (r, g, b) in enumerate(RGB)),
-        "hex.csv": 'name,hex,notes\n' + "\n".join(f'"a, b",{text},123456' for text in PAINTS),
-        "plain.csv": ROWS,
         "ours.json": json.dumps({"paints": PAINTS}),
         "list.json": json.dumps(PAINTS),
         "lospec.json": json.dumps({"name": "x", "author": "", "colors": BARE}),
-        "numbers.json": json.dumps([list(color) for color in RGB]),
         "entries.json": json.dumps({"palette": {"colors": [{"name": "x", "hex": text} for text in PAINTS]}}),
-        "bands.json": json.dumps({"swatches": [dict(zip("rgb", color, strict=True), name="x") for color in RGB]}),
         "named.json": json.dumps({f"paint {at}": text for at, text in enumerate(PAINTS)}),
         "utf-8-bom.hex": "\ufeff" + "\n".join(BARE),
         "utf-16.txt": "\n".join(PAINTS).encode("utf-16"),
@@ -105,19 +95,12 @@ def test_lab_of_adobe_is_what_little_cms_makes_of_it(tmp_path_factory: pytest.Te
         ("a.txt", "#f2e9dc\n#b97f2\n#12345g", "line 2: '#b97f2' is not a colour; write it like #b97f2c. line 3"),
         ("a.txt", "f2e9dc80", "'f2e9dc80' is not a colour"),
         ("a.txt", "#f2e9dc80", "'#f2e9dc80' is not opaque"),
-        ("a.txt", ";paint.net Palette File\n80f2e9dc", "'80f2e9dc' is not opaque"),
         ("a.txt", "facade decade 12", "is not a colour"),
-        ("a.txt", "1 2 256", "line 1: 1, 2, 256 are not from 0 to 255"),
-        ("a.txt", "0.5 0.5 0.5\n0.5 2 0", "line 2: 0.5, 2, 0 are not from 0 to 1"),
-        ("a.txt", "1 2", "is not a colour"),
+        ("a.txt", "1 2 250", "line 1: '1 2 250' is not a colour"),
+        ("a.json", '{"colors": [[1, 2, 3]]}', "paint 1: '[1, 2, 3]' is not a colour"),
         ("a.txt", "", "has 0 paints; a palette has 1 to 64"),
-        ("a.csv", "r,g,b\n1,2\n", "line 2: '1,2' is not a colour"),
-        ("a.csv", "r,g,b\n1,2,nan\n", "are not three numbers"),
         ("a.gpl", "GIMP Palette\nName: x\n1 2 300 x\n", "line 3: '1 2 300 x' is not a colour"),
         ("a.gpl", "GIMP Palette\n" + "1 2 3\n" * 65, "has 65 paints; a palette has 1 to 64"),
-        ("a.pal", "JASC-PAL\n0100\n3\n1 2 3\n", "is damaged: it has 1 colours"),
-        ("a.pal", "JASC-PAL\n0100\n1\n1 2 x\n", "is not a palette"),
-        ("a.json", '{"colors": [[1, 2, true]]}', "are not three numbers"),
         ("a.json", '{"colors": ["#111111"], "swatches": ["#222222"]}', "is not a palette"),
         ("a.json", "[" * 100_000, "is not JSON"),
         ("a.json", '{"colors": [{"name": "x"}]}', "paint 1: 'None' is not a colour"),

@@ -54,23 +54,6 @@ def test_the_hash_is_of_names_and_contents(tmp_path: Path) -> None:
     assert provenance.hash_code(tmp_path / "gone") == provenance.hash_code(tmp_path / "nothing")
 
 
-def test_the_commit_of_a_checkout_is_found(tmp_path: Path) -> None:
-    home = tmp_path / "src" / "package"
-    home.mkdir(parents=True)
-    assert provenance.find_commit(home / "x") == "" or provenance.find_commit(tmp_path)
-    git = tmp_path / ".git"
-    (git / "refs" / "heads").mkdir(parents=True)
-    (git / "HEAD").write_text("ref: refs/heads/main\n")
-    (git / "packed-refs").write_text("# pack-refs\n" + "a" * 40 + " refs/heads/main\n")
-    assert provenance.find_commit(home) == "a" * 40
-    (git / "refs" / "heads" / "main").write_text("b" * 40 + "\n")
-    assert provenance.find_commit(home) == "b" * 40
-    (git / "HEAD").write_text("c" * 40 + "\n")
-    assert provenance.find_commit(home) == "c" * 40
-    (git / "HEAD").write_bytes(b"\xff\xfe")
-    assert provenance.find_commit(home) == ""
-
-
 def test_what_does_not_decide_is_no_difference() -> None:
     facts = provenance.describe_here()
     assert provenance.compare_facts(facts, {**facts, "commit": "x", "processor": "y"}) == []

@@ -21,7 +21,7 @@ ROOT = Path(frida_painter.__file__).parent
 # A module that leaves a file with its name; it needs only what is built into Python.
 POISON = "import posix\nposix.close(posix.open({!r}, posix.O_CREAT | posix.O_WRONLY, 0o600))\n"
 OF_PYTHON = {*sys.stdlib_module_names, "sitecustomize", "usercustomize", "frida_painter"}
-PARTS = "[frida_painter.robots]\npoison = poison:KIND\n[frida_painter.listeners]\npoison = poison:KIND\n"
+PARTS = "[frida_painter.robots]\npoison = poison:KIND\n[frida_painter.mixers]\npoison = poison:KIND\n"
 ONE_TASK = """
 from frida_painter.lab.sweeps.engine import LocalEngine, RayEngine, TaskLimits
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from frida_painter.calibration import Calibration
+from frida_painter.calibration import MAX_UNEVENNESS, Calibration, SurfaceMap
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import CalibrationError
 from frida_painter.hardware import gateway
@@ -17,7 +17,6 @@ from frida_painter.hardware.gateway import Surface
 from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.robot import Waypoints
 from frida_painter.strokes import Strokes
-from frida_painter.surface_map import MAX_UNEVENNESS, SurfaceMap
 from support.easel import CALIBRATION, WORKSPACE
 
 SIZE = CanvasSize(0.3, 0.2)

@@ -26,10 +26,9 @@ from frida_painter.exporter import ExporterKind
 from frida_painter.hardware.kinds import CameraKind, RobotKind
 from frida_painter.mixing.recipe import MixerKind
 from frida_painter.objectives.objective import GoalKind
-from frida_painter.planning.initialisers import InitialiserKind
 from frida_painter.planning.planner import PlannerKind
-from frida_painter.runs.event_file import ListenerKind
 from frida_painter.runs.picture_making import PictureMakerKind
+from frida_painter.runs.settings import OF_PAINTINGS, about, help_of, usual_of
 from frida_painter.runs.spec import RunSpec
 from frida_painter.storage import megabytes
 
@@ -37,13 +36,6 @@ FOLDER = Path(__file__).parents[1] / "docs" / "reference"
 MADE = "<!-- `make reference` writes this page from the program itself. Do not edit it. -->"
 _DIM = re.compile(r"\s*\[dim\](.*?)\[/(?:dim)?\]\s*")
 _STYLE = re.compile(r"\[/?(?:bold|dim|italic|cyan)?\]")
-# Settings that no command has as an option, or that are arguments there.
-WITHOUT_OPTION = {
-    "version": "Version of these settings in a file.",
-    "title": "Title of the painting on its page.",
-    "goal": "What to paint: a list of goals, each with its kind and weight.",
-    "initial": "What to begin with, in the same form: image, text or style.",
-}
 GROUPS = (
     (registry.ROBOTS, RobotKind, "Robots (`--robot`)", "a `RobotKind`"),
     (registry.EASELS, EaselKind, "Whole easels (`--robot`)", "an `EaselKind`"),
@@ -53,7 +45,6 @@ GROUPS = (
     (registry.OBJECTIVES, GoalKind, "Kinds of goals", "a `GoalKind`"),
     (registry.REPLAN_POLICIES, object, "Replan policies (`--replan-policy`)", "a function of the text after the colon"),
     (registry.PLANNERS, PlannerKind, "Planners (`--planner`)", "a `PlannerKind`"),
-    (registry.INITIALISERS, InitialiserKind, "Initialisers (`--initialiser`)", "an `InitialiserKind`"),
     (registry.MIXERS, MixerKind, 'Mixers (`mixer = "NAME"` in a file of paints)', "a `MixerKind`"),
     (registry.EXPORTERS, ExporterKind, "Exporters (`export --to`)", "an `ExporterKind`"),
     (
@@ -62,7 +53,6 @@ GROUPS = (
         "Picture makers (`--imagine`)",
         "a `PictureMakerKind`",
     ),
-    (registry.LISTENERS, ListenerKind, "Listeners (`--listener`)", "a `ListenerKind`"),
 )
 # Groups of which the project has no part of its own, or whose parts are fetched.
 OTHER_GROUPS = (
@@ -120,15 +110,14 @@ def settings() -> str:
     """Every field of RunSpec: type, limits, default, the option that sets it, and what it is for."""
     options = {option.name: option for option in dict(_top())["paint"].params}
     rows = []
-    for name, field in RunSpec.model_fields.items():
-        extra = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
-        option = options.get(name)
-        words = field.description or WITHOUT_OPTION.get(name) or _cell(option.help or "")
-        if not words:
-            raise SystemExit(f"The setting {name!r} says nowhere what it is for; describe it in RunSpec.")
-        default = extra.get("default") or _plain(field.get_default(call_default_factory=True))
-        flag = ", ".join(f"`{flag}`" for flag in option.opts) if option is not None else ""
-        rows.append(f"| `{name}` | {_type(field)} | {_escape(str(default))} | {flag} | {_escape(str(words))} |")
+    for section in (*OF_PAINTINGS, RunSpec):
+        for name, field in section.model_fields.items():
+            if section is RunSpec and name != "version":
+                continue
+            option = options.get(name)
+            flag = ", ".join(f"`{flag}`" for flag in option.opts) if option is not None else ""
+            told = f"{_escape(usual_of(field))} | {flag} | {_escape(help_of(field))}"
+            rows.append(f"| `{name}` | {_type(field)} | {told} |")
     head = "| setting | value | default | option | what it sets |\n|---|---|---|---|---|"
     return "\n\n".join(
         (
@@ -164,8 +153,8 @@ def parts() -> str:
         head = "| written as | what it is | needs |\n|---|---|---|"
         found += [f"## {title}", f"Group `{group}`; the object is {given}.", *_members(kind)]
         found.append(f"{head}\n" + "\n".join(rows))
-    for group, title, about in OTHER_GROUPS:
-        found += [f"## {title}", f"Group `{group}`.", about]
+    for group, title, told in OTHER_GROUPS:
+        found += [f"## {title}", f"Group `{group}`.", told]
     return "\n\n".join(found) + "\n"
 
 
@@ -318,19 +307,12 @@ def _type(field: Any) -> str:
     inner = [one for one in get_args(wanted) if one is not NoneType]
     if get_origin(wanted) in (Union, UnionType) and len(inner) == 1:
         wanted = inner[0]
-    extra = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
     if get_origin(wanted) is Literal:
         return " or ".join(f"`{value}`" for value in get_args(wanted))
     name = {int: "whole number", float: "number", bool: "true or false", str: "text"}.get(wanted, "")
-    name = name or str(extra.get("metavar", "")) or "text"
+    name = name or about(field)["value"] or "text"
     span = f", {low:g} to {high:g}" if low is not None and high is not None else ""
     return _escape(name + (span or (f", at least {low:g}" if low is not None else "")))
-
-
-def _plain(value: Any) -> str:
-    if value is None or value == "" or value == ():
-        return "none"
-    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def main() -> None:

@@ -111,7 +111,7 @@ if not TYPE_CHECKING:  # a type checker would take any name, and a typo, for one
 
             found = version("frida-painter")
         elif name in _HOMES:
-            from frida_painter.forks import prepare_forks
+            from frida_painter.python_process import prepare_forks
 
             module, inside = _HOMES[name]
             prepare_forks()

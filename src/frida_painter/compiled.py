@@ -18,7 +18,6 @@ import sys
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
@@ -44,11 +43,8 @@ _PATIENCE = 60.0  # seconds, for a busy or small computer
 
 
 def compiles_for(tensor: "Tensor") -> bool:
-    """Returns True if compiled loops can use the tensor: it is on the CPU, and numba is installed.
-
-    Otherwise PyTorch computes.
-    """
-    return tensor.device.type == "cpu" and find_spec("numba") is not None
+    """Returns True if compiled loops can use the tensor, because it is on the CPU; otherwise PyTorch computes."""
+    return tensor.device.type == "cpu"
 
 
 def array(tensor: "Tensor") -> "NDArray[Any]":
@@ -71,7 +67,7 @@ class LoopCompiler:
 
     def __enter__(self) -> Self:
         missing = _missing(self._folder)
-        if find_spec("numba") is None or not missing:
+        if not missing:
             return self
         with suppress(OSError):
             self._folder.mkdir(parents=True, exist_ok=True)

@@ -73,10 +73,7 @@ def exporters() -> dict[str, ExporterKind]:
 
 def find_exporter(name: str) -> ExporterKind:
     """Returns the exporter of that name. Raises ConfigError if there is none, PluginError if it is broken."""
-    known = registry.parts(registry.EXPORTERS)
-    if name not in known:
-        raise ConfigError(f"A plan cannot be exported as {name[:40]!r}; there are {', '.join(known)}.")
-    return known[name].load(ExporterKind)
+    return registry.load_part(registry.EXPORTERS, name, ExporterKind, "exporter")
 
 
 def export_plan(

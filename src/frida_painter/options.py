@@ -59,6 +59,14 @@ def out_folder(text: str | Path) -> Path:
     return _place(text, folder=True)
 
 
+def picture_file(text: str | Path) -> Path:
+    """Reads the path of a picture to write. Raises StorageError, or typer.BadParameter for another ending."""
+    path = out_file(text)
+    if path.suffix.lower() not in (".png", ".jpg", ".jpeg"):
+        raise typer.BadParameter(f"{str(path)[-60:]!r} was given; the picture ends in .png or .jpg")
+    return path
+
+
 def _place(text: str | Path, *, folder: bool) -> Path:
     if not str(text):
         raise typer.BadParameter("it is empty; give a path")
@@ -81,6 +89,23 @@ class ListingOption(OptionInfo):
         return super().__getattribute__(name)
 
 
+class SettingOption(OptionInfo):
+    """Option for a setting of a painting; its help is that of the setting, read when it is shown."""
+
+    def __init__(self, setting: str, **more: Any) -> None:
+        super().__init__(default=..., param_decls=(f"--{setting.replace('_', '-')}",), **more)
+        self._setting = setting
+
+    def __getattribute__(self, name: str) -> Any:
+        if name in ("help", "metavar"):
+            from frida_painter.runs.settings import about, help_of
+            from frida_painter.runs.spec import RunSpec
+
+            field = RunSpec.model_fields[self._setting]
+            return help_of(field) if name == "help" else about(field)["value"] or "X"
+        return super().__getattribute__(name)
+
+
 def camera_name(text: str) -> str:
     """Returns the name of a camera with an absolute path if the name contains a path. Raises PluginError."""
     name, _, where = text.partition(":")
@@ -94,51 +119,15 @@ BrushOption = Annotated[
     str,
     ListingOption("--brush", metavar="NAME", groups=(registry.STROKE_MODELS,), says="The brush. Available:"),
 ]
-RobotOption = Annotated[
-    str,
-    ListingOption(
-        "--robot",
-        metavar="NAME",
-        groups=(registry.EASELS, registry.ROBOTS),
-        says="The robot that paints, like virtual or xarm:192.168.1.10. `doctor` shows how to write each "
-        "name. sawyer-sim is a physical simulation of the paper's arm. Available:",
-    ),
+SeedOption = Annotated[int, typer.Option(parser=whole_number_within(0, 2**31 - 1), metavar="N", help="Random seed.")]
+PlanFile = Annotated[
+    Path, typer.Argument(metavar="PLAN", help="A plan.json, or the folder of a painting.", show_default=False)
 ]
-CameraOption = Annotated[
-    str,
-    ListingOption(
-        "--camera",
-        parser=camera_name,
-        metavar="NAME",
-        groups=(registry.CAMERAS,),
-        says="The camera of a real easel, like opencv:0 or folder:PATH. `doctor` shows how to write each "
-        "name. Available:",
-    ),
+PictureOut = Annotated[
+    Path, typer.Option(parser=picture_file, metavar="FILE", help="The picture to write, .png or .jpg.")
 ]
-WorkspaceOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--workspace",
-        metavar="FILE",
-        help="The workspace file of a real robot (TOML): where canvas, wells, water and rag stand.",
-    ),
-]
-PaceOption = Annotated[
-    float,
-    typer.Option(
-        "--pace",
-        parser=any_number,
-        metavar="X",
-        help="Seconds that a second of the virtual robot takes. 1 is real time, 0.1 ten times as fast, 0 as fast as "
-        "possible.",
-    ),
-]
-PlacementErrorOption = Annotated[
-    str | None,
-    typer.Option(
-        "--placement-error",
-        metavar="X,Y,TURN",
-        help="Calibration error of the virtual studio: the offset and rotation between its canvas and where "
-        "its robot expects the canvas, like 4mm,2deg or 3mm,-2mm,1.5deg. [dim]about 2mm and 0.4deg, by the seed[/]",
-    ),
-]
+RobotOption = Annotated[str, SettingOption("robot")]
+CameraOption = Annotated[str, SettingOption("camera", parser=camera_name)]
+WorkspaceOption = Annotated[Path | None, SettingOption("workspace")]
+PaceOption = Annotated[float, SettingOption("pace", parser=any_number)]
+PlacementErrorOption = Annotated[str | None, SettingOption("placement_error")]

@@ -16,7 +16,7 @@ PROGRAM = "frida-painter"
 PLUGIN = "plug-in "
 """Beginning of the name of a plug-in among the facts."""
 NOT_DECISIVE = ("commit", "processor")
-"""Facts that are told, and do not decide what comes out: the hash of the code says more than its commit does."""
+"""Facts that are told, or were in earlier versions, and do not decide what comes out."""
 _DIGITS = 16
 _CODE = {".py", ".so", ".pyd", ".json", ".toml", ".csv", ".txt"}
 _MAX_FILES = 5000
@@ -31,7 +31,6 @@ def describe_here(device: str = "cpu") -> dict[str, str]:
     return {
         PROGRAM: version(PROGRAM),
         "code": hash_code(home),
-        **({"commit": commit} if (commit := find_commit(home)) else {}),
         "python": platform.python_version(),
         **{name: version(name) for name in LIBRARIES},
         **describe_plugins(),
@@ -114,28 +113,6 @@ def _digest(file: Path, size: int, changed: int) -> bytes:
         return hashlib.sha256(file.read_bytes()).digest()  # a source file that Python would import
     except OSError:
         return b""
-
-
-def find_commit(home: Path) -> str:
-    """Returns the commit of the checkout from which a package runs; "" if it runs from none."""
-    git = next((folder / ".git" for folder in home.parents if (folder / ".git").exists()), None)
-    if git is None or "site-packages" in home.parts:
-        return ""
-    try:
-        if git.is_file():  # a worktree
-            git = (git.parent / git.read_text("utf-8").removeprefix("gitdir:").strip()).resolve()
-        head = (git / "HEAD").read_text("utf-8").strip()
-        if not head.startswith("ref:"):
-            return head[:40]
-        shared = git / (git / "commondir").read_text("utf-8").strip() if (git / "commondir").exists() else git
-        name = head.removeprefix("ref:").strip()
-        for place in (git / name, shared / name):
-            if place.is_file():
-                return place.read_text("utf-8").strip()[:40]
-        packed = (shared / "packed-refs").read_text("utf-8").splitlines()
-        return next((line.split()[0] for line in packed if line.endswith(f" {name}")), "")[:40]
-    except (OSError, UnicodeDecodeError):
-        return ""
 
 
 def _processor() -> str:

@@ -11,6 +11,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -97,3 +98,17 @@ def _absolute(entry: str) -> str:
     if folder.is_absolute():
         return entry
     return str(_HOME) if folder.is_dir() and folder.samefile(_HOME) else ""
+
+
+@cache
+def prepare_forks() -> None:
+    """Keeps PyTorch in processes that are forked from this one from waiting for ever for threads of this one.
+
+    multiprocessing forks on Linux, and so does gymnasium's AsyncVectorEnv. PyTorch's own DataLoader does the same.
+    """
+    os.register_at_fork(after_in_child=_use_one_thread)
+
+
+def _use_one_thread() -> None:
+    if torch := sys.modules.get("torch"):
+        torch.set_num_threads(1)

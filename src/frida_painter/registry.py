@@ -6,29 +6,45 @@ name that a person types:
     [project.entry-points."frida_painter.robots"]
     mybot = "mybot.driver:KIND"
 
-The parts of this project are registered in the same way. They are also listed here, because the metadata of an
-editable installation may be out of date.
+The parts of this project are registered in the same way.
 """
 
+import inspect
 import os
+import shlex
+import shutil
 import sys
+import sysconfig
+import tomllib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import EntryPoint, distributions, entry_points
+from importlib.metadata import (
+    EntryPoint,
+    PackageNotFoundError,
+    distribution,
+    distributions,
+    entry_points,
+    requires,
+    version,
+)
 from importlib.util import find_spec
 from pathlib import Path, PurePath
 from traceback import walk_tb
-from typing import TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 import platformdirs
 
 from frida_painter.errors import ConfigError, FridaError, PluginError
-from frida_painter.extras import PROJECT as OURS
-from frida_painter.extras import install_command
+
+if TYPE_CHECKING:
+    from packaging.requirements import Requirement
 
 Kind = TypeVar("Kind")
+
+OURS = "frida-painter"
+"""Name of this project's distribution."""
 
 ROBOTS = "frida_painter.robots"
 EASELS = "frida_painter.easels"
@@ -43,103 +59,12 @@ REPLAN_POLICIES = "frida_painter.replan_policies"
 TURN_POLICIES = "frida_painter.turn_policies"
 EXPORTERS = "frida_painter.exporters"
 PLANNERS = "frida_painter.planners"
-INITIALISERS = "frida_painter.initialisers"
 MIXERS = "frida_painter.mixers"
-LISTENERS = "frida_painter.listeners"
 ENCODERS = "frida_painter.encoders"
 PICTURE_LIBRARIES = "frida_painter.picture_libraries"
 PICTURE_MAKERS = "frida_painter.picture_makers"
 
 _GROUPS = "frida_painter."
-OUR_PARTS: Mapping[str, Mapping[str, str]] = {
-    EASELS: {
-        "human": "frida_painter.session.human_easel:KIND",
-        "virtual": "frida_painter.easel.virtual_easel:VIRTUAL_KIND",
-        "sawyer-sim": "frida_painter.sawyer.easel:KIND",
-    },
-    ROBOTS: {
-        "xarm": "frida_painter.hardware.drivers.xarm:KIND",
-        "franka": "frida_painter.hardware.drivers.franka:KIND",
-        "so101": "frida_painter.hardware.drivers.so101:KIND",
-        "gcode": "frida_painter.hardware.drivers.gcode:GRBL",
-        "marlin": "frida_painter.hardware.drivers.gcode:MARLIN",
-        "axidraw": "frida_painter.hardware.drivers.axidraw:KIND",
-        "rosbridge": "frida_painter.hardware.drivers.rosbridge:KIND",
-    },
-    CAMERAS: {
-        "opencv": "frida_painter.hardware.cameras.opencv:KIND",
-        "gphoto": "frida_painter.hardware.cameras.gphoto:KIND",
-        "folder": "frida_painter.hardware.cameras.folder:KIND",
-        "none": "frida_painter.hardware.cameras.none:KIND",
-    },
-    STUDIO_ARMS: {
-        "sawyer": "frida_painter.sawyer.arm:SAWYER_ARM",
-        "kinematic-sawyer": "frida_painter.sawyer.arm:KINEMATIC_ARM",
-    },
-    STROKE_MODELS: {
-        "fine": "frida_painter.brush.weights:FINE_MODEL",
-        "medium": "frida_painter.brush.weights:MEDIUM_MODEL",
-        "broad": "frida_painter.brush.weights:BROAD_MODEL",
-    },
-    STROKE_FAMILIES: {
-        "comma": "frida_painter.brush.families:COMMA",
-        "zigzag": "frida_painter.brush.families:ZIGZAG",
-        "flourish": "frida_painter.brush.families:FLOURISH",
-    },
-    OBJECTIVES: {
-        "image": "frida_painter.objectives.image:KIND",
-        "semantic": "frida_painter.objectives.semantic:KIND",
-        "sketch": "frida_painter.objectives.sketch:KIND",
-        "text": "frida_painter.words.text:KIND",
-        "style": "frida_painter.objectives.style:KIND",
-    },
-    COMMANDS: {
-        "sweep": "frida_painter.lab:SWEEP",
-        "experiments": "frida_painter.lab:EXPERIMENTS",
-        "verify": "frida_painter.lab.verify_command:VERIFY",
-        "benchmark": "frida_painter.lab:BENCHMARK",
-    },
-    PLAN_CHOOSERS: {
-        "candidates": "frida_painter.lab.sweeps.sweep_command:choose_candidate",
-    },
-    REPLAN_POLICIES: {
-        "times": "frida_painter.session.replan_policy:EvenlySpaced.parse",
-        "every": "frida_painter.session.replan_policy:EveryNth.parse",
-        "when-off-by": "frida_painter.session.replan_policy:WhenOffBy.parse",
-        "when-it-pays": "frida_painter.session.replan_policy:WhenItPays.parse",
-    },
-    PLANNERS: {
-        "layers": "frida_painter.planning.planner:LAYERS_KIND",
-    },
-    INITIALISERS: {
-        "growth": "frida_painter.planning.initialisers:GROWTH",
-        "uniform": "frida_painter.planning.initialisers:UNIFORM",
-    },
-    MIXERS: {
-        "kubelka-munk": "frida_painter.mixing.recipe:KUBELKA_MUNK",
-    },
-    LISTENERS: {
-        "events": "frida_painter.runs.event_file:EVENTS",
-    },
-    PICTURE_MAKERS: {
-        "command": "frida_painter.picture_makers.command:COMMAND",
-        "diffusers": "frida_painter.picture_makers.diffusion:DIFFUSERS",
-        "http": "frida_painter.picture_makers.service:HTTP",
-    },
-    EXPORTERS: {
-        "svg": "frida_painter.cli.plan_output:SVG",
-        "gcode": "frida_painter.cli.plan_output:GCODE",
-        "csv": "frida_painter.cli.plan_output:CSV",
-        "png": "frida_painter.render.painting:PNG",
-    },
-    TURN_POLICIES: {
-        "alternate": "frida_painter.session.turn_policy:ALTERNATE",
-        "continue": "frida_painter.session.turn_policy:CONTINUE",
-        "fill": "frida_painter.session.turn_policy:FILL",
-        "side": "frida_painter.session.turn_policy:SIDE",
-    },
-}
-"""Parts of this project: "module:object" by group and name, as in pyproject.toml."""
 
 
 @dataclass(frozen=True)
@@ -186,10 +111,40 @@ class Part:
         return found
 
 
+@cache
+def our_parts() -> Mapping[str, Mapping[str, str]]:
+    """Returns the parts of this project, "module:object" by group and name.
+
+    A checkout's own pyproject.toml counts, because the metadata of an editable installation may be out of date.
+    """
+    checkout = Path(__file__).parents[2] / "pyproject.toml"
+    if checkout.is_file():
+        project: Mapping[str, Any] = tomllib.loads(checkout.read_text("utf-8"))["project"]
+        return dict(project["entry-points"])
+    found: dict[str, dict[str, str]] = {}
+    for point in distribution(OURS).entry_points:
+        found.setdefault(point.group, {})[point.name] = point.value
+    return found
+
+
+@dataclass(frozen=True)
+class Later:
+    """Function or class of a module that is imported when it is called, not before.
+
+    target: "module:object"
+    """
+
+    target: str
+
+    def __call__(self, *arguments: Any, **named: Any) -> Any:
+        """Imports the target and calls it. Raises ImportError if it is not there."""
+        return EntryPoint("", self.target, "").load()(*arguments, **named)
+
+
 def names_of_others(group: str) -> tuple[str, ...]:
     """Returns the names that other packages register in a group, without those of this project; imports nothing."""
-    ours = OUR_PARTS.get(group, {})
-    return tuple(sorted({point.name for point in _points_of_others(tuple(sys.path)) if point.group == group} - {*ours}))
+    theirs = {point.name for point in _points_of_others(tuple(sys.path)) if point.group == group}
+    return tuple(sorted(theirs - our_parts().get(group, {}).keys()))
 
 
 def modules_of_others() -> Mapping[str, tuple[str, ...]]:
@@ -231,7 +186,7 @@ def parts(group: str) -> Mapping[str, Part]:
     Reads metadata and imports nothing. A name of this project always means its own part. If several other
     packages register one name, `Part.load` raises an error. Packages with unreadable metadata are skipped.
     """
-    ours = {name: Part(group, name, target, (OURS,)) for name, target in OUR_PARTS.get(group, {}).items()}
+    ours = {name: Part(group, name, target, (OURS,)) for name, target in our_parts().get(group, {}).items()}
     others: dict[str, Part] = {}
     for point in _points(group):
         package = point.dist.name if point.dist is not None else "unknown"
@@ -240,6 +195,17 @@ def parts(group: str) -> Mapping[str, Part]:
             before = known.packages if known is not None else ()
             others[point.name] = Part(group, point.name, point.value, (*before, package))
     return ours | dict(sorted(others.items()))
+
+
+def load_part(group: str, name: str, kind: type[Kind], what: str) -> Kind:
+    """Returns a registered part. Raises ConfigError if there is none of that name, PluginError if it is broken.
+
+    what: kind of the part in messages, such as "planner"
+    """
+    known = parts(group)
+    if name not in known:
+        raise ConfigError(f"There is no {what} called {name[:40]!r}; there are {', '.join(known)}.")
+    return known[name].load(kind)
 
 
 _DAMAGES = (TypeError, ValueError, OSError)
@@ -256,6 +222,55 @@ def _points(group: str) -> list[EntryPoint]:
             with suppress(*_DAMAGES):
                 found.setdefault(package.name, list(package.entry_points.select(group=group)))
         return [point for points in found.values() for point in points]
+
+
+# Comparison of an object with a protocol: its members, and whether its functions take what the protocol gives.
+
+
+def require_like(made: object, protocol: type[Any], what: str, error: type[FridaError] = PluginError) -> None:
+    """Raises `error` unless an object has all members of a protocol, and its functions take what the protocol gives.
+
+    what: subject of the sentence, such as "Its driver"
+    """
+    for name in _members(protocol):
+        declared = inspect.getattr_static(protocol, name, None)
+        is_function = inspect.isfunction(declared)
+        try:
+            found = getattr(made, name)
+        except AttributeError as lack:
+            called = f"{name}{_arguments(declared)}" if is_function else name
+            raise error(f"{what} has no {called}; {protocol.__name__} of frida_painter.plugins has it.") from lack
+        if is_function and not takes(found, declared):
+            raise error(
+                f"{what} has a {name} that cannot be called as {name}{_arguments(declared)}; give it these arguments, "
+                f"as {protocol.__name__} of frida_painter.plugins does."
+            )
+
+
+def _members(protocol: type[Any]) -> list[str]:
+    """Returns the names of all members of a protocol, in the order in which they are declared."""
+    bases = [base for base in reversed(protocol.__mro__) if base not in (object, Generic, Protocol)]
+    names = dict.fromkeys(name for base in bases for name in (*inspect.get_annotations(base), *vars(base)))
+    return [name for name in names if not name.startswith("_") or name == "__call__"]
+
+
+def _arguments(declared: Any) -> str:
+    return f"({', '.join([*inspect.signature(declared).parameters][1:])})"
+
+
+def takes(found: Any, declared: Any) -> bool:
+    """Returns True if `found` can be called with all arguments of `declared` but the first, which is `self`."""
+    given = [*inspect.signature(declared).parameters.values()][1:]
+    named = {one.name: None for one in given if one.kind is one.KEYWORD_ONLY}
+    if not callable(found):
+        return False
+    try:
+        inspect.signature(found).bind(*[None] * (len(given) - len(named)), **named)
+    except TypeError:
+        return False
+    except ValueError:  # a compiled function does not tell
+        return True
+    return True
 
 
 # Optional packages
@@ -296,6 +311,42 @@ def require(extra: str, package: str, user: str, error: type[FridaError] = Confi
     """
     if not is_installed(package):
         raise error(advice(extra, user))
+
+
+def install_command(extra: str) -> str:
+    """Returns the command that installs what an extra of this project lacks into this installation, for a shell.
+
+    It names packages and versions from the metadata, because the project itself need not be on any index. Without
+    metadata it names the folder of the project.
+    """
+    from packaging.requirements import Requirement
+
+    try:
+        declared = [Requirement(line) for line in requires(OURS) or ()]
+    except PackageNotFoundError:
+        declared = []
+    wanted = [one for one in declared if _is_for(one, extra) and not _is_for(one, "")]
+    lacking = [one for one in wanted if not _is_satisfied(one)] or wanted  # all, if one is here but broken
+    packages = [str(one).partition(";")[0] for one in lacking] or [f"{Path(__file__).parents[2]}[{extra}]"]
+    python = shlex.quote(sys.executable)
+    command = f"{python} -m pip install"
+    if find_spec("pip") is None:
+        uses_uv = shutil.which("uv") is not None
+        command = f"uv pip install --python {python}" if uses_uv else f"{python} -m ensurepip && {command}"
+    if sys.prefix == sys.base_prefix and Path(sysconfig.get_path("stdlib"), "EXTERNALLY-MANAGED").is_file():
+        command += " --break-system-packages"  # this project was installed so
+    return f"{command} {shlex.join(packages)}"
+
+
+def _is_for(one: "Requirement", extra: str) -> bool:
+    return one.marker is None or one.marker.evaluate({"extra": extra})
+
+
+def _is_satisfied(one: "Requirement") -> bool:
+    try:
+        return one.specifier.contains(version(one.name), prereleases=True)
+    except PackageNotFoundError:
+        return False
 
 
 # Cache of network weights: <cache>/<name>/, with a record that is written last.

@@ -282,10 +282,10 @@ def test_plans_that_are_damaged_edited_or_of_the_future(
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (("render", "kept", "--height", "0"), "--height was given 0; it is from 16 to 10000"),
+        (("render", "kept", "--height", "0"), "0 is not from 16 to 10000"),
         (("render", "kept", "--height", "20000"), "from 16 to 10000"),
         (("render", "kept", "--height", "nan"), "'nan' is not a whole number"),
-        (("render", "kept", "--out", "picture"), "'picture'; the picture ends in .png or .jpg"),
+        (("render", "kept", "--out", "picture"), "'picture' was given; the picture ends in .png or .jpg"),
         (("render", "kept", "--out", "picture.gif"), "ends in .png or .jpg"),
         (("render", "kept", "--height", "32", "--out", "kept/plan.json/p.png"), "cannot be written"),
         (("render", "kept", "--height", "32", "--out", "/proc/p.png"), "cannot be written"),

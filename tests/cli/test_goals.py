@@ -13,11 +13,8 @@ from frida_painter.cli import commands
 from frida_painter.cli.options import read_goal_options
 from frida_painter.errors import ConfigError, FridaError, WeightsError
 from frida_painter.objectives.encoders.loading import EncoderRegistry
-from frida_painter.objectives.image import ImageTerm
+from frida_painter.objectives.image import ImageTerm, SemanticTerm, SketchTerm, StyleTerm
 from frida_painter.objectives.objective import Goal
-from frida_painter.objectives.semantic import SemanticTerm
-from frida_painter.objectives.sketch import SketchTerm
-from frida_painter.objectives.style import StyleTerm
 from frida_painter.runs.goals import open_goal, picture_of
 from frida_painter.runs.spec import RunSpec
 from frida_painter.words.retrieval import picture_index
@@ -232,4 +229,4 @@ def test_words_without_networks_say_what_to_fetch(tmp_path: Path) -> None:
     with pytest.raises(WeightsError, match=r"needs minilm.*fetch words"):
         picture_index(encoders)
     with pytest.raises(WeightsError, match="fetch clip-vit-b-32"):
-        encoders.readers()
+        encoders.reader()

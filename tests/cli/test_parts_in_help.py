@@ -15,7 +15,7 @@ def test_the_help_names_parts_of_other_packages(tmp_path: Path, monkeypatch: pyt
         return {one.name: one.annotation.__metadata__[0].help for one in planning_options() if one.name in wanted}
 
     wanted = {"brushes": registry.STROKE_MODELS, "strokes_of": registry.STROKE_FAMILIES,
-              "planner": registry.PLANNERS, "initialiser": registry.INITIALISERS}  # fmt: skip
+              "planner": registry.PLANNERS}  # fmt: skip
     assert not any("Installed packages" in text for text in said().values())
     points = {group: {f"my-{name}": "calm_parts:KIND"} for name, group in wanted.items()}
     install(tmp_path, monkeypatch, "calm", points, {"calm_parts": "1/0\n"})

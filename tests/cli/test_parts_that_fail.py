@@ -23,16 +23,6 @@ FAILS = {
         def work(task):
             return task.strokes / 0
         KIND = PlannerKind("sad", "Sad.", work)""", "division by zero"),
-    "an initialiser that gives us nonsense": (registry.INITIALISERS, ["--initialiser", "sad"], """
-        from frida_painter.plugins import InitialiserKind, Strokes
-        def work(task):
-            return Strokes(1, 2, 3, 4, 5, 6).project(task, task)
-        KIND = InitialiserKind("sad", "Sad.", work)""", ""),
-    "a listener": (registry.LISTENERS, ["--listener", "sad"], """
-        from frida_painter.plugins import ListenerKind
-        def work(event):
-            raise KeyError("bell")
-        KIND = ListenerKind("sad", "Sad.", lambda text: work)""", "KeyError: 'bell'"),
 }  # fmt: skip
 
 

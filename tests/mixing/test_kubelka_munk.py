@@ -3,7 +3,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from frida_painter.mixing.finish import Finish
+from frida_painter.mixing import Finish
 from frida_painter.mixing.kubelka_munk import film_over, inside, mix_reflectance, ratio, reflectance
 
 positive = st.floats(0.01, 5)

@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from frida_painter.errors import ConfigError
-from frida_painter.mixing.finish import Finish
+from frida_painter.mixing import Finish
 from frida_painter.mixing.kubelka_munk import inside
 from frida_painter.mixing.paint import (
     MAX_PAINTS,

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from frida_painter.errors import ConfigError
-from frida_painter.mixing.finish import Finish
+from frida_painter.mixing import Finish
 from frida_painter.mixing.kubelka_munk import mix_reflectance
 from frida_painter.mixing.paint import color_of, find_acrylic, usual_paints
 from frida_painter.mixing.recipe import (

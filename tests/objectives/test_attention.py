@@ -5,17 +5,14 @@ from frida_painter.objectives import attention
 from frida_painter.objectives.attention import (
     EVERYWHERE,
     FACES,
-    SUBJECT,
     Face,
     importance,
     start_from_meaning,
     weight_by_focus,
 )
-from frida_painter.objectives.image import ImageTerm
+from frida_painter.objectives.image import ImageTerm, SemanticTerm, StyleTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.objectives.pixel_loss import spread
-from frida_painter.objectives.semantic import SemanticTerm
-from frida_painter.objectives.style import StyleTerm
 from support.networks import NoEncoderRegistry, QuickEncoders, QuickHed
 from support.planning import picture
 
@@ -96,8 +93,3 @@ def test_a_face_matters_more_for_its_content_too(monkeypatch: pytest.MonkeyPatch
     more = (begun.importance / before.importance)[rows // 2, columns // 2]
     assert float(more) > 5 * float((begun.importance / before.importance)[0, 0])
     assert float(begun.importance.mean()) == pytest.approx(1, abs=1e-4)
-
-
-def test_the_subject_is_what_networks_see() -> None:
-    (found,) = weight_by_focus(Goal((ImageTerm(picture()),)), SUBJECT, QuickEncoders()).terms
-    assert found.importance is not None and float(found.importance.mean()) == pytest.approx(1, abs=1e-4)

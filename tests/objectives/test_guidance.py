@@ -148,14 +148,9 @@ def test_the_most_noise_falls_during_the_work(pipeline: Path, monkeypatch: pytes
     assert max(heard[:30]) > 600 and max(heard[30:]) <= 500 and min(heard) >= 20
 
 
-def test_phrases_are_taken_in_turn_and_what_to_avoid_counts(pipeline: Path) -> None:
-    made = guide(pipeline, "a lemon", "one lemon", "grey")
-    plain, many = guide(pipeline, "a lemon", ""), guide(pipeline, "a lemon", "a lemon", "")
-    picture = noise_picture()
+def test_what_to_avoid_counts(pipeline: Path) -> None:
+    plain, picture = guide(pipeline, "a lemon", ""), noise_picture()
     assert not torch.equal(plain.validation(picture), guide(pipeline, "a lemon", "grey").validation(picture))
-    assert torch.equal(plain(picture), many(picture)) and torch.equal(plain(picture), many(picture))
-    made(picture)
-    assert not torch.equal(made(picture), plain(picture))
 
 
 @pytest.mark.parametrize("kind", ["epsilon", "v_prediction", "sample"])

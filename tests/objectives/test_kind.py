@@ -22,7 +22,7 @@ from frida_painter.web.studio_folder import GoalRequest
 from frida_painter.web.web_studio import abilities
 from frida_painter.words.text import TextTerm
 
-OURS = ["image", "semantic", "sketch", "text", "style"]
+OURS = ["image", "semantic", "sketch", "style", "text"]
 Install = Callable[..., KnownKinds]
 
 

@@ -36,31 +36,17 @@ def test_distance_is_the_cosine_distance_of_the_meanings() -> None:
 
 
 def test_the_nearer_to_the_words_the_less() -> None:
-    red = Text("red", [Toy()], seed=0)
+    red = Text("red", Toy(), seed=0)
     assert float(red.validation(flat(0.9, 0.1, 0.1))) < float(red.validation(flat(0.5, 0.5, 0.5)))
     assert float(red(flat(0.9, 0.1, 0.1))) < float(red(flat(0.1, 0.1, 0.9)))
 
 
 def test_views_come_from_the_seed_and_the_judge_is_steady() -> None:
     picture = torch.rand(3, 30, 40, generator=torch.Generator().manual_seed(1))
-    one, two, other = (Text("red", [Toy()], seed=seed) for seed in (3, 3, 4))
+    one, two, other = (Text("red", Toy(), seed=seed) for seed in (3, 3, 4))
     assert [float(one(picture)) for _ in range(3)] == [float(two(picture)) for _ in range(3)]
     assert float(one(picture)) != float(other(picture))
     assert float(one.validation(picture)) == float(one.validation(picture))
-
-
-def test_readers_take_turns() -> None:
-    class Other(Toy):
-        asked = 0
-
-        def embed_pictures(self, pictures: torch.Tensor) -> torch.Tensor:
-            Other.asked += 1
-            return super().embed_pictures(pictures)
-
-    both = Text("red", [Toy(), Other()], seed=0)
-    for _ in range(4):
-        both(flat(0.5, 0.5, 0.5))
-    assert Other.asked == 2
 
 
 class Counting(Toy):
@@ -77,8 +63,8 @@ class Counting(Toy):
 def test_a_clip_sees_a_picture_once_for_all_words_and_each_counts_as_if_it_looked_alone() -> None:
     random = torch.rand(3, 30, 40, generator=torch.Generator().manual_seed(1))
     reader, sight = Counting(), Sight()
-    apart = [Text(words, [Toy()], seed=3) for words in ("red", "blue")]
-    together = [Text(words, [reader], seed=3, sight=sight) for words in ("red", "blue")]
+    apart = [Text(words, Toy(), seed=3) for words in ("red", "blue")]
+    together = [Text(words, reader, seed=3, sight=sight) for words in ("red", "blue")]
     found = []
     for texts in (apart, together):
         picture = random.clone().requires_grad_()
@@ -95,7 +81,7 @@ def test_a_clip_sees_a_picture_once_for_all_words_and_each_counts_as_if_it_looke
 
 def test_a_clip_sees_few_views_at_first_and_more_of_them_later() -> None:
     reader = Counting()
-    red = Text("red", [reader], seed=0)
+    red = Text("red", reader, seed=0)
     for _ in range(80):
         red(flat(0.5, 0.5, 0.5))
     assert [reader.seen.count(views) for views in (1, 2, 3, 4)] == [16, 16, 16, 32]
@@ -115,8 +101,8 @@ def test_a_clip_sees_few_views_at_first_and_more_of_them_later() -> None:
 def test_the_work_of_a_network_follows_the_effort_and_the_network(effort: float, work: float, found: ClipWork) -> None:
     reader = Toy()
     reader.work = work
-    assert WordSettings(effort=effort).budget([reader]) == found
-    more = WordSettings(effort=2 * effort).budget([reader])
+    assert WordSettings(effort=effort).budget(reader) == found
+    more = WordSettings(effort=2 * effort).budget(reader)
     assert more.views >= found.views and more.first_steps >= found.first_steps and more.lasts <= found.lasts
 
 
@@ -129,7 +115,7 @@ def test_words_move_the_picture_that_they_begin_with_a_little() -> None:
             return 50 * super().embed_pictures(pictures)
 
     for reader in (Toy(), Strong()):
-        text = Text("red", [reader], seed=0)
+        text = Text("red", reader, seed=0)
         weight = holding_weight(text, begun)
         at = begun.clone().requires_grad_()
         for _ in range(60):
@@ -142,7 +128,7 @@ def test_words_move_the_picture_that_they_begin_with_a_little() -> None:
 
 def test_words_that_are_cut_off_are_told_of_once(monkeypatch: pytest.MonkeyPatch) -> None:
     encoders, grid = QuickEncoders(), PixelGrid.of_height(CANVAS, 24)
-    monkeypatch.setattr(encoders, "readers", lambda: (RandomReader(),))
+    monkeypatch.setattr(encoders, "reader", RandomReader)
     prepare(Goal((TextTerm("ship " * 60),)), grid, encoders)
     assert not encoders.remarks
     prepare(Goal((TextTerm("ship " * 100), TextTerm("ship " * 100))), grid, encoders)
@@ -159,6 +145,6 @@ def test_what_is_seen_is_square_and_not_squeezed() -> None:
 
     y, x = torch.meshgrid(torch.arange(60) - 29.5, torch.arange(120) - 59.5, indexing="ij")
     disc = ((x.square() + y.square()).sqrt() > 20).float().expand(3, -1, -1)
-    words = Text("red", [Circle()], seed=0)
+    words = Text("red", Circle(), seed=0)
     words._views[0]._maps = torch.eye(3).expand(24, 3, 3)
     words.validation(disc)

@@ -18,12 +18,9 @@ from frida_painter.objectives.encoders.classifiers import EfficientNetLite
 from frida_painter.objectives.encoders.clip import Clip
 from frida_painter.objectives.encoders.clip_resnet import ClipResNet
 from frida_painter.objectives.encoders.vgg import Hed, Vgg16
-from frida_painter.objectives.image import ImageTerm
+from frida_painter.objectives.image import ImageTerm, SemanticTerm, SketchTerm, StyleTerm
 from frida_painter.objectives.interpretation import WeightedObjective, prepare
 from frida_painter.objectives.objective import Goal, ObjectiveTerm, Term
-from frida_painter.objectives.semantic import SemanticTerm
-from frida_painter.objectives.sketch import SketchTerm
-from frida_painter.objectives.style import StyleTerm
 from frida_painter.objectives.text_loss import wish
 from frida_painter.objectives.word_settings import WordSettings
 from frida_painter.palette import Palette, to_lab
@@ -161,8 +158,8 @@ class ThereEncoders(QuickEncoders):
     def edges(self) -> Hed:
         return Hed(on(self.device, random_hed_tensors()))
 
-    def readers(self) -> tuple[Reader, ...]:
-        return (RandomReader(),)
+    def reader(self) -> Reader:
+        return RandomReader()
 
 
 def on(device: torch.device, tensors: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:

@@ -72,7 +72,7 @@ class Here:
 
 
 class NoNetworks:
-    def readers(self) -> tuple[Any, ...]:
+    def reader(self) -> Any:
         raise ConfigError("None is here.")
 
 
@@ -146,8 +146,8 @@ def test_the_nearest_to_the_words_is_best(tmp_path: Path, monkeypatch: pytest.Mo
             return torch.nn.functional.normalize(pictures.mean((2, 3)), dim=1)
 
     class Networks:
-        def readers(self) -> tuple[Any, ...]:
-            return (Reader(),)
+        def reader(self) -> Any:
+            return Reader()
 
     shades = {5: (0.5, 0.1, 0.1), 6: (0.1, 0.5, 0.1), 7: (0.1, 0.1, 0.5)}
     maker = Maker(lambda seed: 0.9 * torch.tensor(shades[seed])[:, None, None] + 0.1 * scene(seed))

@@ -141,7 +141,7 @@ def test_without_a_goal_every_policy_continues_the_drawing(name: str) -> None:
 
 
 def test_every_policy_of_ours_is_found_by_its_name_and_no_other() -> None:
-    assert [find_turn_policy(name).name for name in registry.OUR_PARTS[registry.TURN_POLICIES]] == [
+    assert [find_turn_policy(name).name for name in registry.our_parts()[registry.TURN_POLICIES]] == [
         "alternate", "continue", "fill", "side",
     ]  # fmt: skip
     with pytest.raises(ConfigError, match="no way of taking turns 'dance'"):

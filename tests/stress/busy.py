@@ -23,7 +23,7 @@ from pathlib import Path
 from PIL import Image
 
 _SMALL = ("--canvas", "120x90mm", "--fit", "crop", "--render-height", "64", "--effort", "0.05", "--brush", "fine",
-          "--colors", "3", "--replans", "1", "--timelapse-frames", "4", "--yes")  # fmt: skip
+          "--colors", "3", "--replans", "1", "--yes")  # fmt: skip
 
 
 def main() -> int:

@@ -27,7 +27,7 @@ from frida_painter.event_log import EventLog
 from frida_painter.runs.painting_folder import are_there
 
 _PAINT = ("--canvas", "120x90mm", "--fit", "crop", "--render-height", "64", "--effort", "0.05", "--brush", "fine",
-          "--colors", "3", "--replans", "1", "--timelapse-frames", "6")  # fmt: skip
+          "--colors", "3", "--replans", "1")  # fmt: skip
 _PAINTING = 0.75  # share of the kills that come between the first record of the journal and the last; then it finishes
 _FINISHED = -1
 _LONGEST = 600.0  # seconds that one process may take on a busy machine

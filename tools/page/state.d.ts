@@ -3,7 +3,7 @@
 interface Term { kind: string; picture?: string | null; words?: string | null; weight: number; crop?: number[] | null; made?: string | null }
 interface Wish {
   title: string; terms: Term[]; initial: Term[]; together: boolean; strokes: number; colors: number; width: number; height: number;
-  brushes: string; strokes_of?: string; replans: number; ground: string | null; on_canvas: boolean; focus: "faces" | "subject" | "none"; sharpness: number; freedom?: number; paints: "acrylics" | "any"; drying: number; minutes: number | null; effort: number; seed: number;
+  brushes: string; strokes_of?: string; replans: number; ground: string | null; on_canvas: boolean; focus: "faces" | "none"; freedom?: number; paints: "acrylics" | "any"; drying: number; minutes: number | null; effort: number; seed: number;
 }
 interface Paint { number: number; hex: string; strokes: number; share: number }
 interface Mixture { recipe: string; millilitres: number; near: boolean }

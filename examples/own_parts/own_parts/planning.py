@@ -1,21 +1,15 @@
-"""A planner, an initialiser, a mixer, an exporter and a listener, each in a few lines."""
+"""A planner, a mixer and an exporter, each in a few lines."""
 
 import json
 
 import torch
 from torch.nn import functional
 
-import frida_painter as fp
 from frida_painter.plugins import (
-    Event,
     ExporterKind,
     ExportOptions,
     Finish,
-    InitialiserKind,
-    InitialTask,
-    ListenerKind,
     MixerKind,
-    Notify,
     Palette,
     Plan,
     PlannerKind,
@@ -43,16 +37,6 @@ def plan_rows(task: PlanningTask) -> Plan:
     return Plan.of(inside, palette, paint, **facts)
 
 
-def place_columns(task: InitialTask) -> Strokes:
-    """Upright strokes at random places, in the colours that the target has there."""
-    size, (rows, columns) = task.problem.size, task.target.shape[1:]
-    share = torch.rand(task.count, 2, generator=task.generator)
-    color = task.target[:, ((1 - share[:, 1]) * (rows - 1)).long(), (share[:, 0] * (columns - 1)).long()].T
-    one = torch.ones(task.count)
-    position = share * torch.tensor([size.width, size.height])
-    return Strokes(position, 1.5708 * one, task.problem.limits.length[1] * one, 0 * one, 0.5 * one, color.contiguous())
-
-
 def mix_light(parts: torch.Tensor, absorption: torch.Tensor, scattering: torch.Tensor, finish: Finish) -> torch.Tensor:
     """The mean of the paints' reflectances, as of tiny dots side by side."""
     ratio = absorption / scattering
@@ -66,19 +50,6 @@ def write_paths(plan: Plan, options: ExportOptions) -> str:
     return json.dumps([[[round(x, 2), round(y, 2)] for x, y in path] for path in points.tolist()])
 
 
-def open_counter(text: str) -> Notify:
-    """Says after every so many strokes how many are painted."""
-    every = int(text) if text.isdigit() and int(text) else 100
-
-    def hear(event: Event) -> None:
-        if isinstance(event, fp.events.StrokePainted) and event.done % every == 0:
-            print(f"{event.done} of {event.of} strokes")
-
-    return hear
-
-
 ROWS = PlannerKind("rows", "Level strokes in rows.", plan_rows)
-COLUMNS = InitialiserKind("columns", "Upright strokes at random places.", place_columns)
 DOTS = MixerKind("dots", "Dots side by side.", mix_light)
 PATHS = ExporterKind("paths", "Middle lines in millimetres, as JSON.", write_paths)
-COUNTER = ListenerKind("counter", "Counts painted strokes.", open_counter)

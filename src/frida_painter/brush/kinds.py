@@ -10,7 +10,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from frida_painter import protocols, registry
+from frida_painter import registry
 from frida_painter.errors import ConfigError, FridaError, PlanError, WeightsError
 from frida_painter.frames import MapFrame
 from frida_painter.stroke_family import StrokeFamily, describe_kind
@@ -129,7 +129,7 @@ def require_stroke_model(model: object, what: str, error: type[FridaError] = Wei
     Raises `error` if something is missing, or if its maps have another shape than its frame, are not in [0, 1], or
     mark nothing. Errors of the model itself pass through.
     """
-    protocols.require_like(model, StrokeModel, what, error)
+    registry.require_like(model, StrokeModel, what, error)
     known: StrokeModel = model  # type: ignore[assignment]
     if not (isinstance(known.frame, MapFrame) and isinstance(known.limits, StrokeLimits)):
         raise error(f"{what} has a frame or limits of another type; they are a MapFrame and StrokeLimits.")

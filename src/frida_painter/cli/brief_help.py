@@ -1,6 +1,7 @@
 """Help of a command with many options: one screen of those that people use, and all of them with --help-all."""
 
 import inspect
+from collections.abc import Iterable
 from typing import Annotated, Any
 
 import typer
@@ -9,13 +10,11 @@ from rich.markup import escape
 from rich.padding import Padding
 from rich.table import Table
 
-COMMON = {
-    "What to paint, beside a PHOTO": ("text", "style", "sketch", "semantic"),
-    "How": ("strokes", "minutes", "colors", "canvas", "brushes", "seed"),
-    "On which machine": ("robot", "camera", "workspace", "calibration"),
-    "Where the painting goes": ("out",),
-}
-"""Names of the options that the short help shows, by its headings."""
+from frida_painter.runs.settings import about
+from frida_painter.runs.spec import RunSpec
+
+_OTHERS = ("text", "style", "sketch", "semantic", "out")
+"""Options of the short help beside those of common settings."""
 _SHORT = 36  # letters of a default that the short help tells
 
 
@@ -25,15 +24,15 @@ class BriefCommand(typer.core.TyperCommand):
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Prints the common options, each with the first sentence of its help."""
         console, options = _begin(self, ctx, whole=False)
-        for heading, names in COMMON.items():
+        common = {*_OTHERS, *(name for name, field in RunSpec.model_fields.items() if about(field)["common"])}
+        for heading, of_panel in _panels(option for name, option in options.items() if name in common):
             table = Table.grid(padding=(0, 2), pad_edge=True)
-            for option in (options[name] for name in names if name in options):
+            for option in of_panel:
                 said, _, default = option.help.partition("[dim]")
                 first, dot, _ = said.strip().partition(". ")
                 usual = f" [dim]({default.removesuffix('[/]')})[/]" if 0 < len(default) < _SHORT else ""
                 table.add_row(_flags(option), first + "." * bool(dot) + usual)
-            if table.row_count:
-                console.print(f"\n[bold]{heading}[/]", table, sep="\n")
+            console.print(f"\n[bold]{heading}[/]", table, sep="\n")
         console.print(f"\n[bold]{ctx.command_path} --help-all[/] tells all of {len(options)} options.")
 
 
@@ -47,6 +46,15 @@ def _begin(command: Any, ctx: Any, *, whole: bool) -> tuple[Console, dict[str, A
     return console, {one.name: one for one in command.get_params(ctx) if one.param_type_name == "option"}
 
 
+def _panels(options: Iterable[Any]) -> list[tuple[str, list[Any]]]:
+    """Returns options by the headings of their panels, in the order of the first option of each."""
+    panels: dict[str, list[Any]] = {}
+    for option in options:
+        heading = getattr(option, "rich_help_panel", None) or "The command itself"
+        panels.setdefault(heading, []).append(option)
+    return list(panels.items())
+
+
 def _flags(option: Any) -> str:
     """Returns how an option is written, with rich's markup."""
     value = "" if option.is_flag else f" {escape(option.metavar or option.type.name.upper())}"
@@ -58,10 +66,7 @@ def _show_all(ctx: typer.Context, asked: bool) -> None:
     if not asked:
         return
     console, options = _begin(ctx.command, ctx, whole=True)
-    panels: dict[str, list[Any]] = {}
-    for option in options.values():
-        panels.setdefault(getattr(option, "rich_help_panel", None) or "How, and on which machine", []).append(option)
-    for heading, of_panel in sorted(panels.items(), reverse=True):
+    for heading, of_panel in _panels(options.values()):
         console.print(f"\n[bold]{heading}[/]")
         for option in of_panel:
             said = (option.help or "").replace("[dim]", "[dim]Default: ")

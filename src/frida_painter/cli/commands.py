@@ -144,11 +144,32 @@ COMMANDS = (
 
 def all_commands() -> tuple[Deferred, ...]:
     """Returns all commands in list order, without those of other packages that cannot be loaded."""
-    entries = {entry.name: entry for entry in COMMANDS}
-    for name, part in registry.parts(registry.COMMANDS).items():
-        with suppress(PluginError):  # `doctor` shows the reason
-            entries.setdefault(name, part.load(Deferred))
-    return tuple(entries.values())
+    return (*COMMANDS, *filter(None, map(_added, _names_added())))
+
+
+def _names_added() -> list[str]:
+    """Returns the names of the commands that entry points add to those of the core; imports nothing."""
+    known = {entry.name for entry in COMMANDS}
+    return [name for name in registry.parts(registry.COMMANDS) if name not in known]
+
+
+def _added(name: str) -> Deferred | None:
+    """Returns a command of an entry point; None if it cannot be loaded (`doctor` shows the reason)."""
+    with suppress(PluginError):
+        return registry.parts(registry.COMMANDS)[name].load(Deferred)
+    return None
+
+
+class _AllCommands(TyperGroup):
+    """Group of all commands: those of entry points are loaded if one is called, or if all are listed."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        return [entry.name for entry in all_commands()]
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        own = {entry.name: entry for entry in COMMANDS}
+        entry = own.get(cmd_name) or (_added(cmd_name) if cmd_name in _names_added() else None)
+        return None if entry is None else _DeferredCommand(entry)
 
 
 # Command line: builds the app, runs it and reports errors.
@@ -169,7 +190,7 @@ def build() -> typer.Typer:
         rich_markup_mode="rich",
         context_settings={"help_option_names": ["-h", "--help"]},
         callback=nothing_first,
-        cls=group_of(all_commands()),
+        cls=_AllCommands,
     )
 
 

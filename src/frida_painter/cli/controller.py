@@ -172,10 +172,8 @@ def _about(path: Path, easel: Calibration, record: Calibration | None) -> Table:
 
 _WAYS = {
     "planners": registry.PLANNERS,
-    "initialisers": registry.INITIALISERS,
     "mixers": registry.MIXERS,
     "exporters": registry.EXPORTERS,
-    "listeners": registry.LISTENERS,
     "picture makers": registry.PICTURE_MAKERS,
 }
 """Groups of parts that are told by their names alone."""

@@ -2,7 +2,7 @@
 
 import inspect
 import sys
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from functools import wraps
 from inspect import Parameter, Signature, signature
@@ -12,21 +12,12 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args
 import typer
 from pydantic.fields import FieldInfo
 
-from frida_painter import registry
 from frida_painter.cli.brief_help import HelpAll
 from frida_painter.cli.imagining import IMAGINING, imagining_options
 from frida_painter.errors import ConfigError, FridaError, Interrupted, PlanError
 from frida_painter.objectives.objective import Gives, GoalKind, goal_kinds
-from frida_painter.options import (
-    CameraOption,
-    PaceOption,
-    PlacementErrorOption,
-    RobotOption,
-    WorkspaceOption,
-    any_number,
-    out_folder,
-    whole_number,
-)
+from frida_painter.options import any_number, camera_name, out_folder, whole_number
+from frida_painter.runs.settings import OF_PAINTINGS, OF_PLANS, GoalSettings, Section, about, help_of, usual_of
 from frida_painter.runs.spec import RunSpec
 
 if TYPE_CHECKING:
@@ -35,32 +26,12 @@ if TYPE_CHECKING:
 
 # Options of goals: one for each kind of goal.
 
-_PANEL = "What to paint"
+_PANEL = GoalSettings.panel
 _PHOTO = "image"  # kind of the goal PHOTO
 
 GoalFile = Annotated[
     Path | None,
     typer.Option("--goal", metavar="FILE", help="A TOML file with goals and their weights.", rich_help_panel=_PANEL),
-]
-ClipSource = Annotated[
-    str | None,
-    typer.Option(
-        "--clip",
-        metavar="NAME|FOLDER",
-        help="The CLIP model for text and meaning: a name on the hub, a folder or its file of weights, or "
-        "a safetensors file of a CLIP ResNet. [dim]clip-vit-b-32 if it was downloaded, else smaller networks[/]",
-        rich_help_panel=_PANEL,
-    ),
-]
-Pictures = Annotated[
-    Path | None,
-    typer.Option(
-        "--pictures",
-        metavar="FOLDER",
-        help="A folder with your own pictures of things, named by what they show (red-fox.png, or a text beside each). "
-        "Text prompts use them first. [dim]the libraries that were downloaded[/]",
-        rich_help_panel=_PANEL,
-    ),
 ]
 
 
@@ -68,12 +39,12 @@ def goal_options() -> list[inspect.Parameter]:
     """Returns the goal options as keyword parameters for Typer, in the order of the help.
 
     Each kind NAME has values and weights, NAME and NAME_weight. Then follow goals of the start, init_NAME, then
-    goal (a file), clip and pictures. `read_goal_options` reads them.
+    goal (a file). `read_goal_options` reads them.
     """
     kinds = list(goal_kinds().by_name.values())
     options = [parameter for kind in kinds for parameter in _options(kind)]
     options += [_repeat_option(f"init_{kind.name}", kind, kind.initial_help) for kind in kinds if kind.initial_help]
-    return [*options, _parameter("goal", GoalFile), _parameter("clip", ClipSource), _parameter("pictures", Pictures)]
+    return [*options, _keyword("goal", GoalFile)]
 
 
 def free_goal_options(taken: Collection[str]) -> list[inspect.Parameter]:
@@ -124,7 +95,7 @@ def _options(kind: GoalKind) -> list[inspect.Parameter]:
     weight = typer.Option(parser=any_number, metavar="X", help=text, rich_help_panel=_PANEL)
     return [
         _repeat_option(kind.name, kind, kind.help),
-        _parameter(f"{kind.name}_weight", Annotated[list[float] | None, weight]),
+        _keyword(f"{kind.name}_weight", Annotated[list[float] | None, weight]),
     ]
 
 
@@ -132,26 +103,12 @@ def _repeat_option(name: str, kind: GoalKind, text: str) -> inspect.Parameter:
     """Returns an option that may be given more than once."""
     option = typer.Option(metavar=kind.gives.value, help=f"{text} May be repeated.", rich_help_panel=_PANEL)
     if kind.gives is Gives.WORDS:
-        return _parameter(name, Annotated[list[str] | None, option])
-    return _parameter(name, Annotated[list[Path] | None, option])
-
-
-def _parameter(name: str, annotation: Any) -> inspect.Parameter:
-    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=annotation)
+        return _keyword(name, Annotated[list[str] | None, option])
+    return _keyword(name, Annotated[list[Path] | None, option])
 
 
 # Wells before painting: a person sees the paints to mix, confirms them, and may enter the mixed ones.
 
-PaletteOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--palette",
-        metavar="FILE",
-        help="The paints that you really mixed: a palette of GIMP (.gpl), Adobe (.ase) or Paint.NET, "
-        'colours like #f2e9dc one a line, CSV, JSON like {"paints": ["#f2e9dc", ...]}, a picture of them, '
-        "or a photograph of a strip with bare paper and one swatch of each paint.",
-    ),
-]
 AskOption = Annotated[
     bool,
     typer.Option(
@@ -220,7 +177,7 @@ class Wells:
         return sheet_file("palette.png", next(layers, 1))
 
 
-TAKEN = frozenset(RunSpec.model_fields) - {"goal", "clip", "pictures"} | {
+TAKEN = frozenset(RunSpec.model_fields) - {"goal"} | {
     "photo",
     "settings",
     "out",
@@ -232,12 +189,8 @@ TAKEN = frozenset(RunSpec.model_fields) - {"goal", "clip", "pictures"} | {
     *IMAGINING,
 }
 """Names of options that no kind of goal can have."""
-_PLAN = (
-    *("strokes", "layers", "colors", "canvas", "fit", "ground", "brushes", "strokes_of", "new_paints", "paints"),
-    *("darkest", "focus", "sharpness", "freedom", "render_height", "effort", "planner", "initialiser", "seed"),
-    *("beginning", "avoid", "phrases", "guide"),
-)
-_PAINT = ("together", "minutes", "replans", "replan_policy", "drying", "timelapse_frames", "listener")
+_FILES = "Where the painting goes"
+_WITHOUT_OPTION = ("version", "title", "goal", "initial")
 
 Photo = Annotated[
     Path | None,
@@ -247,64 +200,30 @@ Photo = Annotated[
 ]
 SettingsFile = Annotated[
     Path | None,
-    typer.Option("--settings", metavar="FILE", help="A TOML file with these settings, for example: strokes = 300"),
+    typer.Option(
+        "--settings",
+        metavar="FILE",
+        help="A TOML file with these settings, for example: strokes = 300",
+        rich_help_panel=_FILES,
+    ),
 ]
 Out = Annotated[
     Path | None,
-    typer.Option(parser=out_folder, metavar="FOLDER", help="The output folder. [dim]paintings/NAME-DATE-TIME[/]"),
-]
-CalibrationFile = Annotated[
-    Path | None,
     typer.Option(
-        "--calibration", metavar="FILE", help="The calibration record of the easel. [dim]the virtual studio's own[/]"
-    ),
-]
-ArmMeshes = Annotated[
-    Path | None,
-    typer.Option(
-        "--arm-meshes",
+        parser=out_folder,
         metavar="FOLDER",
-        help="A folder with meshes of the Sawyer arm (OBJ or STL), for the film of the arm. [dim]built-in capsules[/]",
+        help="The output folder. [dim]paintings/NAME-DATE-TIME[/]",
+        rich_help_panel=_FILES,
     ),
 ]
-Film = Annotated[bool, typer.Option("--film/--no-film", help="Make a timelapse film of the painting.")]
-OnCanvas = Annotated[
-    bool,
-    typer.Option(
-        "--on-canvas",
-        help="Begin on what is on the canvas: a toned ground, an old painting, or what you have painted. The light is "
-        "known from the canvas calibration, which saw a bare canvas.",
-    ),
-]
-StudioCanvas = Annotated[
-    Path | None,
-    typer.Option(
-        "--studio-canvas",
-        metavar="FILE",
-        help="A picture of what is on the canvas of the virtual studio at first. [dim]a bare canvas[/]",
-    ),
-]
-_EASEL: Mapping[str, tuple[Any, Any]] = {
-    "robot": (RobotOption, RunSpec.model_fields["robot"].default),
-    "camera": (CameraOption, ""),
-    "workspace": (WorkspaceOption, None),
-    "calibration": (CalibrationFile, None),
-    "placement_error": (PlacementErrorOption, None),
-    "pace": (PaceOption, RunSpec.model_fields["pace"].default),
-    "arm_meshes": (ArmMeshes, None),
-    "on_canvas": (OnCanvas, False),
-    "studio_canvas": (StudioCanvas, None),
-    "film": (Film, RunSpec.model_fields["film"].default),
-}
 
 
-def planning_options() -> list[Parameter]:
-    """Returns the options of a plan."""
+def planning_options(sections: Iterable[type[Section]] = OF_PLANS) -> list[Parameter]:
+    """Returns the options of a plan, with those of the settings in these sections."""
     return [
         *free_goal_options(TAKEN),
         *(_keyword(name, option) for name, option in imagining_options().items()),
-        *(_keyword(name, _option(RunSpec.model_fields[name])) for name in _PLAN),
-        _keyword("palette", PaletteOption),
+        *_settings(sections),
         _keyword("settings", SettingsFile),
         _keyword("out", Out),
         _keyword("help_all", HelpAll, False),
@@ -313,10 +232,16 @@ def planning_options() -> list[Parameter]:
 
 def painting_options() -> list[Parameter]:
     """Returns the options of a painting: those of a plan, and those of the easel and the painting process."""
+    return planning_options(OF_PAINTINGS)
+
+
+def _settings(sections: Iterable[type[Section]]) -> list[Parameter]:
+    """Returns an option for each setting of these sections; without it, the setting has its own default."""
     return [
-        *planning_options(),
-        *(_keyword(name, _option(RunSpec.model_fields[name])) for name in _PAINT),
-        *(_keyword(name, option, default) for name, (option, default) in _EASEL.items()),
+        _keyword(name, _option(field, section.panel, camera_name if name == "camera" else None))
+        for section in sections
+        for name, field in section.model_fields.items()
+        if name not in _WITHOUT_OPTION
     ]
 
 
@@ -340,11 +265,10 @@ def spec_of(photo: Path | None, given: Mapping[str, Any]) -> RunSpec:
 
     Raises ConfigError.
     """
-    defaults = {name: default for name, (_, default) in _EASEL.items()}
     said = {
         name: value
         for name, value in given.items()
-        if name in RunSpec.model_fields and value is not None and name != "goal" and value != defaults.get(name)
+        if name in RunSpec.model_fields and value is not None and name != "goal"
     }
     asked = read_goal_options(photo, given)
     if asked["goal"] or given["settings"] is None:
@@ -362,21 +286,15 @@ def _keyword(name: str, annotation: Any, default: Any = None) -> Parameter:
     return Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
 
 
-def _option(field: FieldInfo) -> Any:
-    """Returns the command-line option of a field of RunSpec; without it, the field's own default holds."""
-    more = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
-    default = more.get("default", field.default)
-    added = registry.names_of_others(str(more["group"])) if "group" in more else ()
-    others = f" Installed packages add {', '.join(added)}." if added else ""
-    text = f"{field.description}{others} [dim]{default}[/]"
-    if field.annotation in (int, int | None):
-        return Annotated[int | None, typer.Option(parser=whole_number, metavar="N", help=text)]
-    if field.annotation in (float, float | None):
-        metavar = str(more.get("metavar", "X"))
-        return Annotated[float | None, typer.Option(parser=any_number, metavar=metavar, help=text)]
-    if field.annotation in (bool, bool | None):
-        return Annotated[bool | None, typer.Option(help=field.description)]
-    choices, names = "|".join(map(str, get_args(field.annotation))), more.get("names")
-    written = [str(name) for name in names] if isinstance(names, list) else []
-    metavar = str(more.get("metavar", choices))
-    return Annotated[str | None, typer.Option(*written, metavar=metavar, help=text)]
+def _option(field: FieldInfo, heading: str, parser: Callable[[str], str] | None) -> Any:
+    """Returns the command-line option of a setting, under a heading; `parser` reads its text."""
+    more, kind = about(field), field.annotation
+    told: dict[str, Any] = {"rich_help_panel": heading, "help": f"{help_of(field)} [dim]{usual_of(field)}[/]"}
+    if kind in (int, int | None):
+        return Annotated[int | None, typer.Option(parser=whole_number, metavar=more["value"] or "N", **told)]
+    if kind in (float, float | None):
+        return Annotated[float | None, typer.Option(parser=any_number, metavar=more["value"] or "X", **told)]
+    if kind in (bool, bool | None):
+        return Annotated[bool | None, typer.Option(**told)]
+    metavar = more["value"] or "|".join(map(str, get_args(kind)))
+    return Annotated[str | None, typer.Option(*more["names"], metavar=metavar, parser=parser, **told)]

@@ -28,7 +28,7 @@ from frida_painter.cli.options import (
 from frida_painter.compiled import LoopCompiler
 from frida_painter.easel.launch import EaselLaunch
 from frida_painter.errors import ConfigError
-from frida_painter.options import PaceOption, out_file, whole_number, whole_number_within
+from frida_painter.options import PaceOption, PictureOut, PlanFile, whole_number_within
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -38,10 +38,6 @@ if TYPE_CHECKING:
     from frida_painter.runs.spec import RunSpec
     from frida_painter.session.events import Event
 
-
-PlanFile = Annotated[
-    Path, typer.Argument(metavar="PLAN", help="A plan.json, or the folder of a painting.", show_default=False)
-]
 
 Candidates = Annotated[
     int,
@@ -191,17 +187,15 @@ def render(
     plan: PlanFile,
     height: Annotated[
         int,
-        typer.Option(parser=whole_number, metavar="PIXELS", help="Height of the picture in pixels, from 16 to 10000."),
+        typer.Option(
+            parser=whole_number_within(16, 10_000),
+            metavar="PIXELS",
+            help="Height of the picture in pixels, from 16 to 10000.",
+        ),
     ] = 1080,
-    out: Annotated[
-        Path, typer.Option(parser=out_file, metavar="FILE", help="The picture to write, .png or .jpg.")
-    ] = Path("render.png"),
+    out: PictureOut = Path("render.png"),
 ) -> None:
     """Render a plan as a picture of any size, with the stroke models of its brushes."""
-    if not 16 <= height <= 10_000:
-        raise ConfigError(f"--height was given {height}; it is from 16 to 10000 pixels.")
-    if out.suffix.lower() not in (".png", ".jpg", ".jpeg"):
-        raise ConfigError(f"--out was given {str(out)!r}; the picture ends in .png or .jpg.")
     from frida_painter import images
     from frida_painter.plan import Plan
     from frida_painter.render.painting import render_plan

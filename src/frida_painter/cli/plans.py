@@ -10,9 +10,11 @@ from rich.table import Table
 
 from frida_painter import storage
 from frida_painter.errors import ConfigError
-from frida_painter.mixing.finish import Finish
+from frida_painter.mixing import Finish
 from frida_painter.options import (
     CameraOption,
+    PictureOut,
+    PlanFile,
     RobotOption,
     WorkspaceOption,
     any_number,
@@ -56,9 +58,7 @@ def mix(
             show_default=False,
         ),
     ] = None,
-    out: Annotated[
-        Path, typer.Option(parser=out_file, metavar="FILE", help="The sheet to write, .png or .jpg.")
-    ] = Path("mixing.png"),
+    out: PictureOut = Path("mixing.png"),
 ) -> None:
     """Give a recipe for each colour of a palette, from the paints that you own, with the predicted error.
 
@@ -66,8 +66,6 @@ def mix(
     own, with a sheet each (mixing-layer-2.png). Colours that your paints cannot reach are marked.
     The recipes are also written as a sheet to print. docs/how-to/mix.md explains the file of your own paints.
     """
-    if out.suffix.lower() not in (".png", ".jpg", ".jpeg"):
-        raise ConfigError(f"--out was given {str(out)!r}; the picture ends in .png or .jpg.")
     from frida_painter import images
     from frida_painter.devices import prepare_process
     from frida_painter.mixing.paint import usual_paints
@@ -129,11 +127,6 @@ def _show(found: list["Recipe"], wanted: list[float] | None) -> None:
 
 
 # Command that writes plans for other programs and for machines: export.
-
-
-PlanFile = Annotated[
-    Path, typer.Argument(metavar="PLAN", help="A plan.json, or the folder of a painting.", show_default=False)
-]
 
 
 def export(
@@ -215,13 +208,8 @@ def export(
     typer.echo(f"{len(loaded)} strokes in {len(loaded.palette)} paints: {path}")
 
 
-PictureOut = Annotated[Path, typer.Option(parser=out_file, metavar="FILE", help="The picture to write, .png or .jpg.")]
-
-
 def check(
-    plan: Annotated[
-        Path, typer.Argument(metavar="PLAN", help="A plan.json, or the folder of a painting.", show_default=False)
-    ],
+    plan: PlanFile,
     robot: Annotated[
         str | None,
         typer.Option(
@@ -248,7 +236,6 @@ def check(
     """
     from frida_painter.cli.plan_output import check_plan
 
-    _require_picture(out)
     if not check_plan(plan, robot, workspace, calibration, out, camera):
         raise typer.Exit(1)
 
@@ -296,15 +283,9 @@ def draw(
     from frida_painter.hardware.workcell import WorkcellConfig
     from frida_painter.report.sheets import workspace_plan
 
-    _require_picture(out)
     workcell = WorkcellConfig.load(workspace)
     images.save(workspace_plan(workcell.workspace, workcell.canvas, workcell.easel), out)
     print(f"{workcell.easel}: {count_of(len(workcell.workspace.wells), 'well')}, canvas of {workcell.canvas}: {out}")
-
-
-def _require_picture(out: Path) -> None:
-    if out.suffix.lower() not in (".png", ".jpg", ".jpeg"):
-        raise ConfigError(f"--out was given {str(out)!r}; the picture ends in .png or .jpg.")
 
 
 def register(app: typer.Typer) -> None:

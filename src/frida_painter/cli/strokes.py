@@ -22,11 +22,13 @@ from frida_painter.brush import (
     PARAM2STROKE,
 )
 from frida_painter.errors import ConfigError
-from frida_painter.options import BrushOption, ListingOption, out_file, whole_number_within
+from frida_painter.options import BrushOption, ListingOption, SeedOption, out_file, whole_number_within
 
 if TYPE_CHECKING:
     from frida_painter.brush.evaluation import Evaluation, Learned, Likelihood
+    from frida_painter.brush.kinds import BrushKind
     from frida_painter.brush.library import StrokeLibrary
+    from frida_painter.procedures.strokes import StrokesFinding
 
 
 # strokes evaluate: error of a stroke model on really painted strokes.
@@ -166,7 +168,7 @@ def train(
             help="Cross-validation: train K times before, each time with another part held out. 0 for none.",
         ),
     ] = 0,
-    seed: Annotated[int, typer.Option(parser=whole_number_within(0, 2**31 - 1), metavar="N", help="Random seed.")] = 0,
+    seed: SeedOption = 0,
     out: Annotated[
         Path, typer.Option(parser=out_file, metavar="FILE", help="The weights to write (.safetensors).")
     ] = Path("weights.safetensors"),
@@ -176,7 +178,7 @@ def train(
     A fifth of the strokes is held out for validation. The learning curve (.csv) and a page with
     pictures (.html) are written beside the weights.
     """
-    from frida_painter.brush.evaluation import cross_validate, learn
+    from frida_painter.brush.evaluation import cross_validate
     from frida_painter.brush.kinds import brush_kind
     from frida_painter.brush.library import StrokeLibrary
     from frida_painter.brush.training import TrainingProgress
@@ -193,7 +195,7 @@ def train(
     strokes = StrokeLibrary.load(library)
     prepare_process()  # one thread: as fast as several here, and the same weights for any number of cores
     # The output file is opened first, so that an unwritable one fails before minutes of training.
-    with storage.replacing(out) as unfinished, training_bar() as bar:
+    with storage.replacing(out) as unfinished, work_bar() as bar:
         if folds:
             task = bar.add_task("cross-validation", total=folds)
 
@@ -206,13 +208,7 @@ def train(
                 f"Cross-validation in {folds} folds: mean error {errors.mean():.4f}, spread {errors.std(ddof=1):.4f} "
                 f"({', '.join(f'{error:.4f}' for error in errors)})."
             )
-        task = bar.add_task("training", total=None)
-
-        def hear(progress: TrainingProgress) -> None:
-            words = f"training, error {progress.validation_error:.4f}, best {progress.best_error:.4f}"
-            bar.update(task, total=progress.epochs, completed=progress.epoch, description=words)
-
-        learned = learn(model, strokes, kind, seed=seed, notify=hear)
+        learned = learn_on(bar, model, strokes, kind, seed)
         learned.model.save(unfinished)
     storage.write_text(out.with_suffix(".csv"), _curve(learned))
     page = out.with_suffix(".html")
@@ -237,8 +233,8 @@ def _curve(learned: "Learned") -> str:
     return text.getvalue()
 
 
-def training_bar() -> Progress:
-    """Returns the progress bar of a training, which goes when it is done."""
+def work_bar() -> Progress:
+    """Returns the progress bar of a training or a library, which goes when it is done."""
     return Progress(
         TextColumn("{task.description}"),
         BarColumn(),
@@ -249,6 +245,44 @@ def training_bar() -> Progress:
     )
 
 
+def learn_on(bar: Progress, model: str, library: "StrokeLibrary", kind: "BrushKind | None", seed: int) -> "Learned":
+    """Learns a stroke model of that name, and shows the progress on a bar."""
+    from frida_painter.brush.evaluation import learn
+    from frida_painter.brush.training import TrainingProgress
+
+    task = bar.add_task("training", total=None)
+
+    def hear(progress: TrainingProgress) -> None:
+        words = f"training, error {progress.validation_error:.4f}, best {progress.best_error:.4f}"
+        bar.update(task, total=progress.epochs, completed=progress.epoch, description=words)
+
+    return learn(model, library, kind, seed=seed, notify=hear)
+
+
+def paint_library(
+    kind: "BrushKind", brush: str, out: Path, count: int, seed: int, refill_every: int = 1
+) -> "StrokesFinding":
+    """Has the virtual studio paint a library of strokes into a file, and shows the progress.
+
+    kind: brush that paints, perhaps with a family; brush: name of the studio's brush.
+    """
+    from frida_painter.brush.library import Flaw
+    from frida_painter.easel.dialogue import lead
+    from frida_painter.easel.virtual_easel import open_virtual_easel
+    from frida_painter.procedures.strokes import StrokesProgress, strokes
+
+    with work_bar() as bar:
+        task = bar.add_task("painting strokes", total=count)
+
+        def hear(progress: StrokesProgress) -> None:
+            flaw = f", {progress.flaw.words}" if progress.flaw is not Flaw.NONE else ""
+            bar.update(task, completed=progress.done, description=f"painting strokes, paper {progress.sheet}{flaw}")
+
+        easel = open_virtual_easel(kind.name, seed)
+        painting = strokes(easel, kind, out, count=count, seed=seed, refill_every=refill_every, notify=hear)
+        return lead(painting, lambda question: question.proposal or False)
+
+
 def paint(
     brush: BrushOption = "broad",
     count: Annotated[
@@ -257,7 +291,7 @@ def paint(
             parser=whole_number_within(1, MAX_STROKES), metavar="N", help="Number of strokes. About 200 are enough."
         ),
     ] = 200,
-    seed: Annotated[int, typer.Option(parser=whole_number_within(0, 2**31 - 1), metavar="N", help="Random seed.")] = 0,
+    seed: SeedOption = 0,
     refill_every: Annotated[
         int,
         typer.Option(
@@ -277,11 +311,8 @@ def paint(
     """
     from frida_painter import images
     from frida_painter.brush.kinds import brush_kind
-    from frida_painter.brush.library import Flaw
     from frida_painter.devices import prepare_process
-    from frida_painter.easel.dialogue import lead
-    from frida_painter.easel.virtual_easel import open_virtual_easel
-    from frida_painter.procedures.strokes import StrokesProgress, strokes, unfinished_folder
+    from frida_painter.procedures.strokes import unfinished_folder
 
     kind = brush_kind(brush)
     if out.suffix != ".npz":
@@ -289,16 +320,7 @@ def paint(
     prepare_process()
     if unfinished_folder(out).exists():
         print(f"Going on with the strokes in {unfinished_folder(out)}.")
-    with _bar_library() as bar:
-        task = bar.add_task("painting strokes", total=count)
-
-        def hear(progress: StrokesProgress) -> None:
-            flaw = f", {progress.flaw.words}" if progress.flaw is not Flaw.NONE else ""
-            bar.update(task, completed=progress.done, description=f"painting strokes, paper {progress.sheet}{flaw}")
-
-        easel = open_virtual_easel(brush, seed)
-        painting = strokes(easel, kind, out, count=count, seed=seed, refill_every=refill_every, notify=hear)
-        finding = lead(painting, lambda question: question.proposal or False)
+    finding = paint_library(kind, out, count, seed, refill_every)
     sheet = out.with_suffix(".png")
     images.save(finding.picture, sheet)
     print(f"{finding.sentence}\nContact sheet: {sheet}")
@@ -329,13 +351,6 @@ def inspect(
     sheet = out or Path(f"{library.stem}-strokes.png")
     images.save(contact_sheet(strokes_seen, f"Strokes of {library.name}"), sheet)
     print(f"Contact sheet: {sheet}")
-
-
-def _bar_library() -> Progress:
-    console = Console(stderr=True, highlight=False)
-    return Progress(
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(), console=console
-    )
 
 
 def register(app: typer.Typer) -> None:

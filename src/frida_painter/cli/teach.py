@@ -8,18 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from frida_painter.brush import MAX_STROKES
-from frida_painter.cli.strokes import training_bar
+from frida_painter.brush import FIELD, MAX_STROKES
+from frida_painter.cli.strokes import learn_on, paint_library, work_bar
 from frida_painter.errors import ConfigError, FridaError
-from frida_painter.options import BrushOption, WorkspaceOption, out_file, whole_number_within
+from frida_painter.options import BrushOption, SeedOption, WorkspaceOption, out_file, whole_number_within
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
-
-    from frida_painter.brush.evaluation import Learned
-    from frida_painter.brush.kinds import BrushKind
-    from frida_painter.brush.library import StrokeLibrary
 
 
 def _sizes(text: str) -> tuple[float, float]:
@@ -78,7 +74,7 @@ def teach(
         ),
     ] = "",
     workspace: WorkspaceOption = None,
-    seed: Annotated[int, typer.Option(parser=whole_number_within(0, 2**31 - 1), metavar="N", help="Random seed.")] = 0,
+    seed: SeedOption = 0,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -128,8 +124,12 @@ def teach(
         images.save(family_sheet(family, taught), out.with_suffix(".png"))
         print(f"{said} Its strokes were not painted: {out}\nSheet: {out.with_suffix('.png')}")
         return
-    strokes = StrokeLibrary.load(library) if library is not None else _paint(kind, count, seed, out)
-    learned = _learn(kind, strokes, seed)
+    if library is not None:
+        strokes = StrokeLibrary.load(library)
+    else:
+        strokes = paint_library(kind, out.with_suffix(".npz"), count, seed).library
+    with work_bar() as bar:
+        learned = learn_on(bar, FIELD, strokes, kind, seed)
     learned.model.save(out)
     images.save(family_sheet(family, taught, learned.model), out.with_suffix(".png"))
     print(
@@ -190,40 +190,6 @@ def guide(robot: str, workspace: Path | None, brush: str, path: Path) -> None:
         raise fault
     sys.stdin.readline()
     print("The arm holds its place and stays stopped. Look at it, then let it paint again: frida-painter arm")
-
-
-def _paint(kind: "BrushKind", count: int, seed: int, out: Path) -> "StrokeLibrary":
-    """Returns the strokes that the virtual studio paints; kept beside `out`."""
-    from frida_painter.brush.library import Flaw
-    from frida_painter.easel.dialogue import lead
-    from frida_painter.easel.virtual_easel import open_virtual_easel
-    from frida_painter.procedures.strokes import StrokesProgress, strokes
-
-    with training_bar() as bar:
-        task = bar.add_task("painting strokes", total=count)
-
-        def hear(progress: StrokesProgress) -> None:
-            flaw = f", {progress.flaw.words}" if progress.flaw is not Flaw.NONE else ""
-            bar.update(task, completed=progress.done, description=f"painting strokes, paper {progress.sheet}{flaw}")
-
-        easel = open_virtual_easel(kind.name, seed)
-        painting = strokes(easel, kind, out.with_suffix(".npz"), count=count, seed=seed, notify=hear)
-        return lead(painting, lambda question: question.proposal or False).library
-
-
-def _learn(kind: "BrushKind", library: "StrokeLibrary", seed: int) -> "Learned":
-    from frida_painter.brush import FIELD
-    from frida_painter.brush.evaluation import learn
-    from frida_painter.brush.training import TrainingProgress
-
-    with training_bar() as bar:
-        task = bar.add_task("training", total=None)
-
-        def hear(progress: TrainingProgress) -> None:
-            words = f"training, error {progress.validation_error:.4f}, best {progress.best_error:.4f}"
-            bar.update(task, total=progress.epochs, completed=progress.epoch, description=words)
-
-        return learn(FIELD, library, kind, seed=seed, notify=hear)
 
 
 def register(app: typer.Typer) -> None:

@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from frida_painter.calibration import SurfaceMap
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import PoseMismatch, WorkspaceViolation
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.robot import MotionReport, Reach, Waypoints, Workspace
 from frida_painter.hardware.travel import TravelLimits
-from frida_painter.surface_map import SurfaceMap
 
 # Limits of the workspace. A batch of motions is allowed as a whole, or nothing of it is sent. Nothing is clamped, and
 # NaN fails every check.

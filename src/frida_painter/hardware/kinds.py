@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from frida_painter.errors import ConfigError
-from frida_painter.extras import install_command
+from frida_painter.registry import install_command
 
 if TYPE_CHECKING:
     from frida_painter.hardware.robot import Camera, Point, Robot, Workspace

@@ -37,12 +37,12 @@ def experiment(target: Target, *, seeds: Sequence[int] = (0, 1, 2), scale: RunSp
     """Returns the experiment: the target painted four times per seed, from the same first plan.
 
     The four ways are with and without looks, by a robot with a small placement error and by one without.
-    Without looks the canvas is photographed equally often, as for a film, which has no effect.
+    Without looks the canvas is photographed as for a film, which has no effect.
     """
     every = scale.strokes // (scale.replans + 1)
     points = [*range(0, scale.strokes, every), scale.strokes]
     looks: dict[str, Any] = {"replan_policy": f"every:{every}"}
-    film: dict[str, Any] = {"replans": 0, "film": True, "timelapse_frames": scale.replans + 1}
+    film: dict[str, Any] = {"replans": 0, "film": True}
     ways = {
         BLIND: (film, ()),
         LOOKING: (looks, ()),

@@ -90,7 +90,7 @@ def experiment(
     judge = judge or EfficientNetLite(weights.tensors(JUDGE))
     encoders = encoders or EncoderRegistry(device=planning_device())
     by_clip = encoders.reads_by_clip
-    readers = " and ".join(reader.name for reader in encoders.readers()) if by_clip else "pictures by their captions"
+    readers = encoders.reader().name if by_clip else "pictures by their captions"
 
     def measure(trial: PaintingTrial, painted: Painted) -> Measurement:
         """Measures the judge's log probability of every class for the painting and its floors."""

@@ -8,7 +8,7 @@ pigment mixtures" (1940); for the surface J. L. Saunderson, "Calculation of the 
 import torch
 from torch import Tensor
 
-from frida_painter.mixing.finish import Finish
+from frida_painter.mixing import Finish
 
 # Reflection by the surface of a dry matte paint for light from outside and from inside (Saunderson).
 _OUTER, _INNER = 0.035, 0.6

@@ -16,7 +16,7 @@ from torch import Tensor
 
 from frida_painter import storage
 from frida_painter.errors import ConfigError
-from frida_painter.mixing.finish import Finish
+from frida_painter.mixing import Finish
 from frida_painter.mixing.kubelka_munk import film_over, ratio, reflectance
 from frida_painter.palette import ciede2000, from_hex, to_lab
 from frida_painter.perception.srgb import to_linear, to_srgb
@@ -29,60 +29,18 @@ BANDS = tuple(range(400, 701, 20))
 """Centres of the bands in nanometres."""
 # CIE 1931 colour matching functions and the power of daylight D65 at the bands (ISO/CIE 11664-1 and -2).
 _X = (
-    0.01431,
-    0.13438,
-    0.34828,
-    0.2908,
-    0.09564,
-    0.0049,
-    0.06327,
-    0.2904,
-    0.5945,
-    0.9163,
-    1.0622,
-    0.85445,
-    0.4479,
-    0.1649,
-    0.04677,
-    0.01136,
-)
+    0.01431, 0.13438, 0.34828, 0.2908, 0.09564, 0.0049, 0.06327, 0.2904,
+    0.5945, 0.9163, 1.0622, 0.85445, 0.4479, 0.1649, 0.04677, 0.01136,
+)  # fmt: skip
 _Y = (0.0004, 0.004, 0.023, 0.06, 0.13902, 0.323, 0.71, 0.954, 0.995, 0.87, 0.631, 0.381, 0.175, 0.061, 0.017, 0.0041)
 _Z = (
-    0.06785,
-    0.6456,
-    1.74706,
-    1.6692,
-    0.81295,
-    0.272,
-    0.07825,
-    0.0203,
-    0.0039,
-    0.00165,
-    0.0008,
-    0.00019,
-    0.00002,
-    0.0,
-    0.0,
-    0.0,
-)
+    0.06785, 0.6456, 1.74706, 1.6692, 0.81295, 0.272, 0.07825, 0.0203,
+    0.0039, 0.00165, 0.0008, 0.00019, 0.00002, 0.0, 0.0, 0.0,
+)  # fmt: skip
 _D65 = (
-    82.75,
-    93.43,
-    104.87,
-    117.81,
-    115.92,
-    109.35,
-    104.79,
-    104.41,
-    100.0,
-    95.79,
-    90.01,
-    87.7,
-    83.7,
-    80.21,
-    78.28,
-    71.61,
-)
+    82.75, 93.43, 104.87, 117.81, 115.92, 109.35, 104.79, 104.41,
+    100.0, 95.79, 90.01, 87.7, 83.7, 80.21, 78.28, 71.61,
+)  # fmt: skip
 _XYZ_TO_RGB = ((3.2406, -1.5372, -0.4986), (-0.9689, 1.8758, 0.0415), (0.0557, -0.2040, 1.0570))
 # Limits of the reflectance of paints. Outside them the computed spectra are extreme and unlike any paint.
 _DARKEST, _LIGHTEST = 0.003, 0.95

@@ -14,7 +14,7 @@ from torch import Tensor
 from frida_painter import registry
 from frida_painter.brush.kinds import brush_kind
 from frida_painter.errors import ConfigError, PluginError
-from frida_painter.mixing.finish import Finish
+from frida_painter.mixing import Finish
 from frida_painter.mixing.kubelka_munk import mix_reflectance
 from frida_painter.mixing.paint import Paint, color_of, read_finish, read_mixer, read_paints, usual_paints
 from frida_painter.palette import ciede2000, to_lab
@@ -114,14 +114,6 @@ class MixerKind:
 KUBELKA_MUNK = MixerKind("kubelka-munk", "Absorption and scattering of the paints add up.", mix_reflectance)
 
 
-def find_mixer(name: str) -> MixerKind:
-    """Returns the theory of that name. Raises ConfigError if there is none, PluginError if it is broken."""
-    known = registry.parts(registry.MIXERS)
-    if name not in known:
-        raise ConfigError(f"There is no mixer called {name[:40]!r}; there are {', '.join(known)}.")
-    return known[name].load(MixerKind)
-
-
 @dataclass(frozen=True, eq=False)
 class PaintSet:
     """Paints of a person, from which the colours of a plan are mixed.
@@ -174,7 +166,9 @@ def recipes(
         raise ConfigError(
             f"{len(paints)} paints and at most {most} of them were given; mixing takes 1 or more, and at most 1 to 4."
         )
-    ready = _Mixer(paints, min(most, len(paints)), finish, darkest, find_mixer(mixer))
+    ready = _Mixer(
+        paints, min(most, len(paints)), finish, darkest, registry.load_part(registry.MIXERS, mixer, MixerKind, "mixer")
+    )
     return [_recipe(color.double(), ready) for color in colors]
 
 

@@ -89,7 +89,7 @@ def importance_of(found: list[Face], rows: int, columns: int) -> Tensor:
     return matters / matters.mean()
 
 
-FACES, SUBJECT, EVERYWHERE = "faces", "subject", "none"
+FACES, EVERYWHERE = "faces", "none"
 """Possible focus of a painting of a photograph."""
 _ROWS = 112  # rows of the examined picture
 _FLAT_ROWS = 256  # rows of the simplified picture
@@ -142,22 +142,19 @@ def simplify(picture: Tensor, importance: Tensor) -> Tensor:
 
 
 def weight_by_focus(goal: Goal, focus: str, encoders: EncoderRegistry) -> Goal:
-    """Returns the goal with more importance on faces (FACES) or on the whole subject (SUBJECT) of its photographs.
+    """Returns the goal with more importance on the faces of its photographs if the focus is FACES.
 
-    A picture that is painted by its content begins with its subject anyway; its faces matter more for both.
-    If it finds faces, it adds a remark to `encoders`. Raises WeightsError if SUBJECT needs a missing network.
+    If it finds faces, it adds a remark to `encoders`.
     """
     if focus == EVERYWHERE:
         return goal
-    terms = [_weight_term(term, focus, encoders) for term in goal.terms]
+    terms = [_weight_term(term, encoders) for term in goal.terms]
     return goal if all(map(operator.is_, terms, goal.terms)) else replace(goal, terms=tuple(terms))
 
 
-def _weight_term(term: Term, focus: str, encoders: EncoderRegistry) -> Term:
+def _weight_term(term: Term, encoders: EncoderRegistry) -> Term:
     if term.picture is None or term.importance is not None or not term.can_be_weighed:
         return term
-    if focus == SUBJECT and term.is_pixelwise:
-        return term.weigh(importance(term.picture, encoders.meaning(), encoders.edges_if_any()))
     found = faces(term.picture)
     if not found:
         return term

@@ -112,7 +112,7 @@ class GuidanceTerm(Term):
             return network
 
         def measure() -> "tuple[list[Words], float]":
-            words = network.read([*self.settings.say(self.prompt), self.settings.avoid])
+            words = network.read([self.prompt, self.settings.avoid])
             seconds = Guidance(network, words, source.scale, 0, 1).measure(context.grid.rows, context.grid.columns)
             encoders.tell(f"A step of {network.name} takes about {seconds:.2g} s on {encoders.device.type}.")
             return words, seconds
@@ -129,7 +129,7 @@ class GuidanceTerm(Term):
 class Guidance:
     """Score distillation: the gradient is (1 - kept share) (noise seen with the words - noise added), at the latents.
 
-    words: the prompt in each of its phrases, taken in turn, and last what to avoid
+    words: the prompt, and what to avoid
     scale: of the guidance without a classifier (Ho and Salimans, 2022). The gradient is divided by it, so that it
     weighs about as much as a squared difference of pictures at any scale.
     calls: number of calls in which the most noise falls from nearly all to half of the timesteps
@@ -146,7 +146,6 @@ class Guidance:
         down, across = torch.rand(2, generator=self._generator).tolist()
         most = _MAX_NOISE + (_MAX_AT_END - _MAX_NOISE) * min(1.0, self._calls / self._of)
         chance = torch.rand((), generator=self._generator).item()
-        wanted = self._words[self._calls % (len(self._words) - 1)]
         self._calls += 1
         _, rows, columns = picture.shape
         height, width = max(1, round(share * rows)), max(1, round(share * columns))
@@ -154,7 +153,7 @@ class Guidance:
         latents = self._latents(picture[:, top : top + height, left : left + width])
         noise = self._noise(latents, self._generator)
         timestep = self._timestep(_MIN_NOISE + (most - _MIN_NOISE) * chance)
-        slope = self.slope(latents.detach(), timestep, noise, wanted)
+        slope = self.slope(latents.detach(), timestep, noise, self._words[0])
         return 0.5 * (latents - (latents - slope).detach()).square().mean()
 
     def slope(self, latents: Tensor, timestep: int, noise: Tensor, wanted: "Words") -> Tensor:

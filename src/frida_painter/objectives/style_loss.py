@@ -11,8 +11,7 @@ from frida_painter.images import resize_to_pixels
 from frida_painter.objectives.encoders.base import Seer
 from frida_painter.objectives.encoders.vgg import Vgg16
 from frida_painter.objectives.objective import Goal, Term
-from frida_painter.objectives.style_flow import magnification
-from frida_painter.objectives.style_places import change_by_place, styles_of
+from frida_painter.objectives.style_flow import change_by_place, magnification, styles_of
 from frida_painter.palette import from_lab, to_lab
 
 # Distance of two clouds of features: a differentiable relaxation of the Earth Mover's Distance

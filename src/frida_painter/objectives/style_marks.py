@@ -19,8 +19,14 @@ from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal, Term
 from frida_painter.objectives.pixel_loss import rise, spread
 from frida_painter.objectives.sketch_loss import color_drawing, filled_areas
-from frida_painter.objectives.style_flow import FACE, clear_edges, magnification, mark_spacing
-from frida_painter.objectives.style_places import change_by_place, styles_of
+from frida_painter.objectives.style_flow import (
+    FACE,
+    change_by_place,
+    clear_edges,
+    magnification,
+    mark_spacing,
+    styles_of,
+)
 from frida_painter.palette import Palette, from_lab, to_lab
 
 # Photographs in the marks of a style. Places with edges of their own keep most of their picture.

@@ -1,6 +1,6 @@
 """The text objective: the painting should look like the prompt to networks that know both words and pictures."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 
 import torch
@@ -49,79 +49,73 @@ class Text:
     """Text objective, l_text of the paper (Eq. "clip_text_loss"): distance of meanings over augmented views.
 
     prompt: text to be shown
-    readers: networks, used in turn, so that strokes cannot satisfy only one of them
+    reader: network that compares words with pictures, such as a CLIP
     seed: of the views and the noise
-    settings: words to avoid, phrases, and the effort
-    sight: shared with objectives of other words, with the same readers, seed and settings of views; a CLIP then sees
-        a picture once for all of them
+    settings: words to avoid, and the effort
+    sight: shared with objectives of other words, with the same reader, seed and settings of views; the reader then
+        sees a picture once for all of them
 
-    A call looks at squares of the picture in random views (perspective, crop); a CLIP sees the whole square in half
-    of them. Half of the calls blur them, and all add noise.
+    A call looks at squares of the picture in random views (perspective, crop); half of them show the whole square.
+    Half of the calls blur them, and all add noise.
     """
 
     def __init__(
         self,
         prompt: str,
-        readers: Sequence[Reader],
+        reader: Reader,
         seed: int,
         settings: WordSettings = USUAL,
         sight: Sight | None = None,
     ) -> None:
-        self._readers, self._seed, self._sight = tuple(readers), seed, sight or Sight()
+        self._reader, self._seed, self._sight = reader, seed, sight or Sight()
         self._calls = 0
-        self._most = settings.budget(readers).views
-        self._views = [Views(_VIEWS, reader.side, seed, wholes=_WHOLES) for reader in readers]
+        self._most = settings.budget(reader).views
+        self._views = Views(_VIEWS, reader.side, seed, wholes=_WHOLES)
         self._generator = torch.Generator().manual_seed(seed)
-        self._next = 0
         elsewhere = torch.rand(_VIEWS - _MIDDLE, generator=self._generator)
         self._places = [0.5] * _MIDDLE + elsewhere.tolist()  # of each view's square, from end to end
-        self._distances = [_Meaning(prompt, reader, settings) for reader in readers]
+        self._meaning = _Meaning(prompt, reader, settings)
 
     def __call__(self, picture: Tensor) -> Tensor:
         """Returns the distance of a picture [3, H, W] in [0, 1] in a few random views; differentiable."""
-        reader, self._next = self._next, (self._next + 1) % len(self._distances)
         many = min(self._most, 1 + self._calls // _CALLS_A_VIEW)
         self._calls += 1
-        which = self._views[reader].some(many, self._generator)
+        which = self._views.some(many, self._generator)
         blurs = bool(torch.rand((), generator=self._generator) < 0.5)
-        side = self._readers[reader].side
+        side = self._reader.side
         noise = _NOISE * torch.randn((many, 3, side, side), generator=self._generator)
 
         def views() -> Tensor:
-            seen = self._embed_views(reader, picture, which)
+            seen = self._look(picture, which)
             if blurs:
                 seen = functional.avg_pool2d(seen, 3, 1, 1, count_include_pad=False)
             return seen + send_to_device(noise.to(seen.dtype), seen.device)
 
-        return _BALANCE * self._distance(reader, picture, which, views, f"call {self._calls}")
+        return _BALANCE * self._distance(picture, which, views, f"call {self._calls}")
 
     def validation(self, picture: Tensor) -> Tensor:
-        """Returns the mean distance by all readers, always in the same few views of the middle.
+        """Returns the distance in always the same few views of the middle.
 
-        A CLIP sees the whole square here, but never straight on, which is the same for all seeds: an objective with
+        The reader sees the whole square here, but never straight on, which is the same for all seeds: an objective with
         another seed judges by views that this one never draws.
         """
-        found = []
         which = torch.arange(1, 1 + _STEADY)
-        for reader in range(len(self._readers)):
-            look = partial(self._embed_views, reader, picture, which)
-            found.append(self._distance(reader, picture, which, look, "steady"))
-        return _BALANCE * torch.stack(found).mean()
+        return _BALANCE * self._distance(picture, which, partial(self._look, picture, which), "steady")
 
-    def _embed_views(self, reader: int, picture: Tensor, which: Tensor) -> Tensor:
-        """Returns the views numbered `which` [n] of a picture [3, H, W] for a reader: [n, 3, side, side]."""
-        return self._views[reader].of_squares(picture, which, [self._places[int(view)] for view in which])
+    def _look(self, picture: Tensor, which: Tensor) -> Tensor:
+        """Returns the views numbered `which` [n] of a picture [3, H, W]: [n, 3, side, side]."""
+        return self._views.of_squares(picture, which, [self._places[int(view)] for view in which])
 
-    def _distance(self, reader: int, picture: Tensor, which: Tensor, views: Callable[[], Tensor], how: str) -> Tensor:
+    def _distance(self, picture: Tensor, which: Tensor, views: Callable[[], Tensor], how: str) -> Tensor:
         """Returns the mean distance of a picture [3, H, W] in the views numbered `which` [n].
 
         views: returns them: [n, 3, side, side]
         how: name of all that the views depend on besides the picture, the seed and their numbers
         """
         again = how == "steady" and torch.is_grad_enabled()  # each look then needs a graph of its own
-        look = () if again else (reader, self._seed, how, *which.tolist())
-        seen = self._sight.embed(picture, look, lambda: self._readers[reader].embed_pictures(views()))
-        return self._distances[reader].of_embeddings(seen).mean()
+        look = () if again else (self._seed, how, *which.tolist())
+        seen = self._sight.embed(picture, look, lambda: self._reader.embed_pictures(views()))
+        return self._meaning.of_embeddings(seen).mean()
 
 
 class _Meaning:
@@ -131,7 +125,7 @@ class _Meaning:
     """
 
     def __init__(self, prompt: str, reader: Reader, settings: WordSettings) -> None:
-        wanted = torch.stack([reader.embed_text(words) for words in settings.say(prompt)]).mean(0)
+        wanted = reader.embed_text(prompt)
         unwanted = reader.embed_text(settings.avoid) if settings.avoid else torch.zeros_like(wanted)
         self._meaning = Constant(wanted - _AVOIDED * unwanted)
         self._level = 1.0 - (_AVOIDED if settings.avoid else 0.0)

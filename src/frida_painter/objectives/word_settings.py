@@ -1,7 +1,6 @@
 """Settings of words: how they become a painting, and how much a network looks at it."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -17,31 +16,19 @@ class WordSettings:
     beginning: first picture. scene: things of the words, put together; colors: a coarse picture, coloured step by step
     by the network that reads the words; nothing: none. auto: a scene, or what a CLIP likes best of the two.
     avoid: words that the painting should not look like; "" for none
-    phrases: sentences with {} in the place of the words; the network compares with the mean of their meanings
     effort: work of the network that reads the words; 1 is what a processor can do with a ViT-B/32
-    Raises ConfigError if a phrase has no {}.
     """
 
     beginning: Beginning = "auto"
     avoid: str = ""
-    phrases: tuple[str, ...] = ("{}",)
     effort: float = 1.0
 
-    def __post_init__(self) -> None:
-        for phrase in self.phrases:
-            if phrase.count("{}") != 1:
-                raise ConfigError(f"The phrase {phrase[:40]!r} was given; it has {{}} once, in the place of the words.")
+    def budget(self, reader: object) -> "ClipWork":
+        """Returns the work for a network, between the least and the most.
 
-    def say(self, prompt: str) -> tuple[str, ...]:
-        """Returns the prompt in each of the phrases."""
-        return tuple(phrase.replace("{}", prompt) for phrase in self.phrases)
-
-    def budget(self, readers: Sequence[object]) -> "ClipWork":
-        """Returns the work for these networks, between the least and the most.
-
-        A network may have the attribute `work`: that of one view, relative to a ViT-B/32; else it counts as one.
+        It may have the attribute `work`: that of one view, relative to a ViT-B/32; else it counts as one.
         """
-        work = max(_OF_VIEWS, *(float(getattr(reader, "work", 1.0)) for reader in readers))
+        work = max(_OF_VIEWS, float(getattr(reader, "work", 1.0)))
         along = min(1.0, max(0.0, math.log(self.effort / work) / math.log(_TIMES)))
         views, steps, lasts = (few * (most / few) ** along for few, most in zip(_MIN_WORK, _MAX_WORK, strict=True))
         return ClipWork(round(views), round(steps), round(lasts))

@@ -19,7 +19,7 @@ from frida_painter import images, picture_file, storage
 from frida_painter.calibration import Calibration
 from frida_painter.errors import ConfigError, FrameRejected, ImageError
 from frida_painter.palette import MAX_COLORS, Palette, difference
-from frida_painter.palette_file import FORMS, is_palette_file
+from frida_painter.palette_file import FORMS, is_palette_file, light_of_lab
 from frida_painter.perception.srgb import light_of_bytes, to_linear, to_srgb
 
 # Colour checker: places, readings and true colours of its 24 patches
@@ -55,15 +55,6 @@ NAMES = (
     "blue", "green", "red", "yellow", "magenta", "cyan",
     "white", "neutral 8", "neutral 6.5", "neutral 5", "neutral 3.5", "black",
 )  # fmt: skip
-# D50 white of the ICC; the matrix from D50 to D65 by K. M. Lam's transform ("Bradford"); the matrix to linear sRGB.
-_D50 = (0.9642, 1.0, 0.8249)
-_TO_D65 = (
-    (0.9555766, -0.0230393, 0.0631636), (-0.0282895, 1.0099416, 0.0210077), (0.0122982, -0.0204830, 1.3299098),
-)  # fmt: skip
-_TO_RGB = (
-    (3.2404542, -1.5371385, -0.4985314), (-0.9692660, 1.8760108, 0.0415560), (0.0556434, -0.2040259, 1.0572252),
-)  # fmt: skip
-
 # Only the middle of a patch is read: this share of the distance of two patches, in cells of some samples.
 _LOOKED_AT = 0.4
 _CELLS, _SAMPLES = 4, 5
@@ -73,13 +64,7 @@ _FAINT = 0.01
 
 def true_colors(edition: str) -> Tensor:
     """Returns the true colours of the patches of an edition: linear light of sRGB in [0, 1], [24, 3] float64."""
-    lab = torch.tensor(_LAB[edition], dtype=torch.float64)
-    lightness = (lab[:, 0] + 16) / 116
-    root = torch.stack((lightness + lab[:, 1] / 500, lightness, lightness - lab[:, 2] / 200), -1)
-    step = 6 / 29
-    xyz = torch.where(root > step, root**3, 3 * step**2 * (root - 4 / 29)) * torch.tensor(_D50, dtype=root.dtype)
-    to_rgb = torch.tensor(_TO_RGB, dtype=root.dtype) @ torch.tensor(_TO_D65, dtype=root.dtype)
-    return (xyz @ to_rgb.T).clamp(0, 1)
+    return torch.tensor([light_of_lab(*lab) for lab in _LAB[edition]], dtype=torch.float64).clamp(0, 1)
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from frida_painter.plan import Plan
 from frida_painter.planning.layers import beneath
 from frida_painter.planning.optimize import stacked_moments
 from frida_painter.planning.placement import Placement, displace_strokes
-from frida_painter.planning.problem import PlanningProblem, PlanningProblems, is_lack_of_memory
+from frida_painter.planning.problem import PlanningProblem, PlanningProblems, tolerating_failure
 from frida_painter.planning.refine import loss_of_paint, visible_area
 from frida_painter.strokes import Strokes
 
@@ -178,12 +178,9 @@ def fading_of(plan: Plan, canvas: Tensor, problems: PlanningProblems, grid: Pixe
     """
     parts, on = problems.stack(plan, canvas, grid)
     guide = problems.guide(on[0])
-    try:
+    with tolerating_failure():
         return _measure_fading(parts, on) if guide is None else _towards(guide, parts, on, seed)
-    except (MemoryError, RuntimeError) as failure:
-        if not is_lack_of_memory(failure):
-            raise
-        return Fading.none(len(plan))
+    return Fading.none(len(plan))
 
 
 def _measure_fading(parts: Sequence[Strokes], on: Sequence[PlanningProblem]) -> Fading:

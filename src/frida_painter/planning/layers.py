@@ -12,9 +12,10 @@ import torch
 from torch import Tensor
 
 from frida_painter.frames import PixelGrid
+from frida_painter.palette import to_lab
 from frida_painter.plan import Plan
 from frida_painter.planning.effort import Effort
-from frida_painter.planning.initialisers import GROWTH, InitialiserKind, InitialTask
+from frida_painter.planning.initialize import optimize_target, progressive
 from frida_painter.planning.optimize import PictureChange, Step, StrokesInScene, optimize, optimize_together
 from frida_painter.planning.problem import PlanningProblem, PlanningProblems
 from frida_painter.planning.refine import HARDLY_APART, MOVED, PROPOSALS, relocate, without_twins
@@ -66,7 +67,6 @@ def free_strokes(
     effort: Effort,
     generator: torch.Generator,
     begin: Callable[[int], Callable[[Step], None]],
-    initialiser: InitialiserKind = GROWTH,
 ) -> Strokes:
     """Plans `count` strokes in colours of their own, from light to dark.
 
@@ -76,7 +76,18 @@ def free_strokes(
     begin: returns the callback that reports the next iterations.
     """
     notify = begin(effort.growing(count))
-    found = initialiser.begin(InitialTask(count, problem, guide, generator, effort.growth, notify))
+    found, _ = progressive(
+        count,
+        problem,
+        optimize_target(problem) if guide is None else guide,
+        paints=None,
+        light_to_dark=True,
+        growth=effort.growth,
+        generator=generator,
+        notify=notify,
+    )
+    found = found.to(problem.canvas.device).project(problem.limits, problem.size)
+    found = found[torch.argsort(to_lab(found.color)[:, 0], descending=True, stable=True)]
     for _ in range(effort.relocations):
         if guide is not None:
             found, _ = relocate(found, None, problem, guide, share=MOVED, proposals=PROPOSALS, generator=generator)

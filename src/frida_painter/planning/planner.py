@@ -16,7 +16,7 @@ from frida_painter.brush.kinds import StrokeModel, kind_of
 from frida_painter.brush.table import cached_table
 from frida_painter.brush.weights import AnyBrush, load_stroke_model, weights_of
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.errors import ConfigError, FridaError, PlanningDiverged, PluginError
+from frida_painter.errors import ConfigError, FridaError, PluginError
 from frida_painter.frames import PixelGrid
 from frida_painter.images import AnyPicture, as_picture
 from frida_painter.mixing.recipe import PaintSet
@@ -28,7 +28,6 @@ from frida_painter.palette import MAX_COLORS, AnyColor, Palette, as_color
 from frida_painter.plan import Plan
 from frida_painter.planning.effort import Effort
 from frida_painter.planning.forecast import Fading, SimilarityForecast, fading_of, forecast
-from frida_painter.planning.initialisers import find_initialiser
 from frida_painter.planning.layers import (
     LayerAtWork,
     StepCount,
@@ -41,7 +40,7 @@ from frida_painter.planning.layers import (
 from frida_painter.planning.mixable import MIXED_PAINTS, MixablePalette, make_mixable
 from frida_painter.planning.optimize import PictureChange, Step, optimize, shift_objective, stacked_cost, stacked_loss
 from frida_painter.planning.placement import Placement, learn
-from frida_painter.planning.problem import PlanningProblems, Region, is_bare, is_lack_of_memory, on_device
+from frida_painter.planning.problem import PlanningProblems, Region, is_bare, on_device, tolerating_failure
 from frida_painter.planning.refine import HARDLY_APART, MOVED, MOVED_WHERE_A_LAYER_BEGINS, bind_to_palette
 from frida_painter.planning.settings import PlannerSettings, layer_sizes, usual_layers, usual_shares
 from frida_painter.planning.variables import Paints, as_palette
@@ -111,7 +110,6 @@ class Planner:
         )
         self.effort: Final = spent
         find_planner(settings.planner)  # before anything is prepared for it
-        self._initialiser = find_initialiser(settings.initialiser)
         self.fine: Final = PixelGrid.of_height(size, settings.rows)
         self.coarse: Final = PixelGrid.of_height(size, max(settings.rows // 2, 32))
         self.encoders: Final = encoders or EncoderRegistry()
@@ -158,16 +156,18 @@ class Planner:
 
     def on_ground(self, ground: AnyColor) -> "Planner":
         """Returns the same planner for a bare canvas of this colour."""
-        return self._with(replace(self.settings, ground=as_color(ground)), self.problems)
+        return self._with(settings=replace(self.settings, ground=as_color(ground)))
 
     def keeping_clear(self, region: Region | None) -> "Planner":
         """Returns the same planner with this protected region."""
-        return self._with(replace(self.settings, region=region), replace(self.problems, region=region))
+        return self._with(
+            settings=replace(self.settings, region=region), problems=replace(self.problems, region=region)
+        )
 
-    def _with(self, settings: PlannerSettings, problems: PlanningProblems) -> "Planner":
-        """Returns a copy that shares the prepared goal."""
+    def _with(self, **changed: Any) -> "Planner":
+        """Returns a copy that shares the prepared goal, with other attributes."""
         other = copy.copy(self)
-        vars(other).update(settings=settings, problems=problems)
+        vars(other).update(changed)
         return other
 
     @property
@@ -255,8 +255,6 @@ class Planner:
         mixes: Sequence[bool],
         canvas: Tensor,
         notify: Callable[[Step], None],
-        *,
-        sparing: bool = False,
         change: PictureChange | None = None,
     ) -> tuple[list[Plan], tuple[tuple[str, str], ...]]:
         """Returns the layers in paints that can be mixed, and what changed: (filling of the wells, words).
@@ -294,7 +292,7 @@ class Planner:
             layers.append(LayerAtWork(part.layers[0].kind, strokes.to(self.device), near, mixes=False))
         begin = StepCount(at_the_end(notify), self.effort.replanning).begin
         last, pace = self.effort.replanning, _POLISHING_PACE
-        return self._settle(layers, canvas, begin, 0, last, pace=pace, sparing=sparing, change=change), tuple(told)
+        return self._settle(layers, canvas, begin, 0, last, pace=pace, change=change), tuple(told)
 
     def _grow(
         self,
@@ -313,7 +311,7 @@ class Planner:
         """
         begin = partial(steps.begin, below=[(layer.kind, layer.strokes) for layer in below])
         problem = self.problems.initial(canvas, self.coarse, brush)
-        found = free_strokes(count, problem, self.problems.guide(problem), effort, generator, begin, self._initialiser)
+        found = free_strokes(count, problem, self.problems.guide(problem), effort, generator, begin)
         wanted = self.problems.of(canvas, self.coarse, brush)
         if isinstance(wells, int):
             times = {"drawing": effort.drawing, "binding": effort.binding}
@@ -343,7 +341,6 @@ class Planner:
         pace: float = 1.0,
         share: float = MOVED,
         generator: torch.Generator | None = None,
-        sparing: bool = False,
         change: PictureChange | None = None,
     ) -> list[Plan]:
         """Settles layers together on a canvas picture [3, H, W] and returns their plans."""
@@ -354,7 +351,7 @@ class Planner:
             canvas,
             self.problems,
             (self.coarse, rounds, self.effort.settling),
-            (self.coarse if sparing else self.fine, polishing),
+            (self.fine, polishing),
             begin,
             pace=pace,
             share=share,
@@ -419,9 +416,9 @@ class Planner:
         fresh: True if a layer begins now, and none of its strokes is painted.
         wetness: as for `expected`. A region that takes strokes away takes their times too; then all paint is dry.
 
-        If no better plan is found, the planner tries again without moving strokes far. If memory is short, the
-        planner tries once more at half the resolution, also without moving strokes far. If that fails or the
-        optimiser diverges, the function returns `rest`, except for strokes that would touch the region.
+        If no better plan is found, the planner tries again without moving strokes far. If memory is short or the
+        optimiser diverges, it tries once more at half the resolution, also without moving strokes far. If that fails,
+        the function returns `rest`, except for strokes that would touch the region.
         """
         rest, canvas = self._clear(rest), as_picture(canvas)
         if len(rest) == 0:
@@ -432,24 +429,26 @@ class Planner:
 
     def _replan_in_layers(self, task: "PlanningTask", rest: Plan) -> Plan:
         """Returns the rest, planned again by the project's own planner."""
-        canvas, hear, wetness = task.canvas, task.notify, task.wetness
-        for sparing in (False, True):
-            try:
-                cost = self.cost(rest, canvas, wetness)
-                for moving in (False,) if sparing else (True, False):
-                    told = hear if moving else at_the_end(hear)
-                    again = self._again(rest, replace(task, notify=told), moving=moving, sparing=sparing)
-                    if self.cost(again, canvas, wetness) < cost:
-                        return again
-                return rest
-            except PlanningDiverged:
-                return rest
-            except (MemoryError, RuntimeError) as failure:
-                if not is_lack_of_memory(failure):
-                    raise
+        with tolerating_failure():
+            return self._replan_better(task, rest, moves=(True, False))
+        with tolerating_failure():
+            return self._with(fine=self.coarse)._replan_better(task, rest, moves=(False,))
         return rest
 
-    def _again(self, rest: Plan, task: "PlanningTask", *, moving: bool, sparing: bool) -> Plan:
+    def _replan_better(self, task: "PlanningTask", rest: Plan, moves: Sequence[bool]) -> Plan:
+        """Returns the first of the new plans that is better than the rest, with strokes that move far or not; else it.
+
+        Raises PlanningDiverged, and MemoryError or RuntimeError at a lack of memory.
+        """
+        cost = self.cost(rest, task.canvas, task.wetness)
+        for moving in moves:
+            told = task.notify if moving else at_the_end(task.notify)
+            again = self._again(rest, replace(task, notify=told), moving=moving)
+            if self.cost(again, task.canvas, task.wetness) < cost:
+                return again
+        return rest
+
+    def _again(self, rest: Plan, task: "PlanningTask", *, moving: bool) -> Plan:
         """Returns all layers of the rest, settled once more."""
         canvas, notify, fresh = task.canvas, task.notify, task.fresh
         layers, change = self._at_work(rest, fresh=fresh), self._wet_change(task.wetness)
@@ -457,9 +456,10 @@ class Planner:
         generator = torch.Generator().manual_seed(self.seed + len(rest)) if moving else None
         steps = StepCount(notify, rounds * self.effort.settling + self.effort.replanning)
         last, share = self.effort.replanning, MOVED_WHERE_A_LAYER_BEGINS if fresh else MOVED
-        how: dict[str, Any] = {"sparing": sparing, "change": change}
-        settled = self._settle(layers, canvas, steps.begin, rounds, last, share=share, generator=generator, **how)
-        return self._join(rest, settled, [layer.mixes for layer in layers], canvas, notify, **how)
+        settled = self._settle(
+            layers, canvas, steps.begin, rounds, last, share=share, generator=generator, change=change
+        )
+        return self._join(rest, settled, [layer.mixes for layer in layers], canvas, notify, change)
 
     def _at_work(self, rest: Plan, *, fresh: bool) -> list[LayerAtWork]:
         """Returns the layers of the rest, to be settled once more."""
@@ -479,13 +479,11 @@ class Planner:
         mixes: Sequence[bool],
         canvas: Tensor,
         notify: Callable[[Step], None],
-        *,
-        sparing: bool = False,
         change: PictureChange | None = None,
     ) -> Plan:
         """Returns the rest with its layers settled once more, in paints that can be mixed."""
         numbers = [number for number, layer in enumerate(rest.layers, 1) if layer.strokes]
-        parts, told = self._make_mixable(settled, numbers, mixes, canvas, notify, sparing=sparing, change=change)
+        parts, told = self._make_mixable(settled, numbers, mixes, canvas, notify, change)
         again = rest.with_parts(parts)
         return replace(again, about=tuple((dict(rest.about) | dict(told)).items())) if told else again
 
@@ -511,15 +509,13 @@ class Planner:
         if not mixed and int(rest.layer[0]) == 0:
             layers[0] = replace(layers[0], mixes=self.settings.new_paints or len(layers) == 1)
         change = self._wet_change(wetness)
-        try:
+        with tolerating_failure():
             settled = self._settle(layers, canvas, begin, 0, count, pace=_POLISHING_PACE, change=change)
-            again = self._join(rest, settled, [layer.mixes for layer in layers], canvas, hear, change=change)
+            again = self._join(rest, settled, [layer.mixes for layer in layers], canvas, hear, change)
             timed = len(again) == len(rest)  # else the region took a stroke, and the times are those of other strokes
-            return again if timed and self.cost(again, canvas, wetness) < self.cost(rest, canvas, wetness) else rest
-        except (PlanningDiverged, MemoryError, RuntimeError) as failure:
-            if isinstance(failure, PlanningDiverged) or is_lack_of_memory(failure):
-                return rest
-            raise
+            if timed and self.cost(again, canvas, wetness) < self.cost(rest, canvas, wetness):
+                return again
+        return rest
 
     def towards(self, goal: Goal) -> "Planner":
         """Returns a planner with the same settings for another goal."""
@@ -746,10 +742,7 @@ class PlannerKind:
 
 def find_planner(name: str) -> PlannerKind:
     """Returns the planner of that name. Raises ConfigError if there is none, PluginError if it is broken."""
-    known = registry.parts(registry.PLANNERS)
-    if name not in known:
-        raise ConfigError(f"There is no planner called {name[:40]!r}; there are {', '.join(known)}.")
-    return known[name].load(PlannerKind)
+    return registry.load_part(registry.PLANNERS, name, PlannerKind, "planner")
 
 
 LAYERS_KIND = PlannerKind(

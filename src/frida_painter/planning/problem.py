@@ -1,7 +1,8 @@
 """Planning problem: the current canvas, a brush and an objective."""
 
 import copy
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import torch
@@ -11,7 +12,7 @@ from torch.nn import functional
 from frida_painter import images
 from frida_painter.brush.kinds import CoverageSpread, StrokeModel, painted_area, spread_of
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.errors import ConfigError, PlanError
+from frida_painter.errors import ConfigError, PlanError, PlanningDiverged
 from frida_painter.frames import ALL_ROWS, PixelGrid, Rows
 from frida_painter.objectives.interpretation import WeightedObjective
 from frida_painter.objectives.objective import CanvasLoss, Goal, Sparing
@@ -374,6 +375,13 @@ class PlanningProblems:
 _SAID = ("out of memory", "not enough memory", "can't allocate memory", "cannot allocate memory")
 
 
-def is_lack_of_memory(failure: Exception) -> bool:
-    """Returns True if the exception reports a lack of memory, on the machine or its accelerator."""
-    return isinstance(failure, MemoryError) or any(words in str(failure).lower() for words in _SAID)
+@contextmanager
+def tolerating_failure() -> Iterator[None]:
+    """Ends its block at a lack of memory, on the machine or its accelerator, and if the optimiser diverges."""
+    try:
+        yield
+    except (MemoryError, PlanningDiverged):
+        pass
+    except RuntimeError as failure:
+        if not any(words in str(failure).lower() for words in _SAID):
+            raise

@@ -38,13 +38,13 @@ class PlannerSettings:
     shares: share of the strokes for each layer. None: the defaults of planning/planner.py.
     new_paints: True if each layer has a palette of its own.
 
-    focus: part of a photograph that matters most (objectives/attention.py): "faces", "subject" or "none".
+    focus: part of a photograph that matters most (objectives/attention.py): "faces" or "none".
     sharpness: how much sharper than the photograph the plan is (objectives/pixel_loss.py).
     ground: colour of the bare canvas.
     darkest: colour of the darkest available paint; no stroke is planned darker. None: black.
     paints: paints from which the palettes are mixed: "acrylics", a file of paints, or "any" for every colour.
     region: part of the canvas that strokes keep clear of.
-    planner, initialiser: names of the registered ways to plan, and to place the first strokes.
+    planner: name of the registered way to plan.
 
         >>> import frida_painter as fp
         >>> from dataclasses import replace
@@ -71,7 +71,6 @@ class PlannerSettings:
     paints: PaintSet | str = "acrylics"
     region: Region | None = None
     planner: str = "layers"
-    initialiser: str = "growth"
 
 
 # Layers: later strokes go on the dry paint of earlier ones, and start light again, as painters work.

@@ -1,6 +1,6 @@
-"""Compiled loops (numba) of wet paint on wet paint, for the CPU and without slopes.
+"""Compiled loops (numba) of wet paint on wet paint, without slopes; tests/planning/test_wet_paint.py has a plain twin.
 
-wet_paint.py has PyTorch versions with equal results. The pixels of all marks are packed, mark after mark: mark i has
+The pixels of all marks are packed, mark after mark: mark i has
 the pixels from begin[i] to begin[i + 1].
 """
 

@@ -6,7 +6,7 @@ own, and each second takes the same amount away until the paint has set. Mixture
 (mixing/kubelka_munk.py), here in three bands. docs/lab/planning.md has the measurements.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -15,14 +15,14 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
-from torch.nn.functional import grid_sample, interpolate
+from torch.nn.functional import interpolate
 
 from frida_painter import images
 from frida_painter.calibration import WetPaint
-from frida_painter.compiled import array, compiles_for
+from frida_painter.compiled import array
 from frida_painter.errors import PlanError
 from frida_painter.frames import PixelGrid
-from frida_painter.perception.srgb import to_linear, to_srgb
+from frida_painter.perception.srgb import to_linear
 from frida_painter.plan import Plan
 from frida_painter.planning.optimize import PictureChange
 from frida_painter.planning.problem import PlanningProblem, PlanningProblems
@@ -72,7 +72,7 @@ def change_by_wet_paint(
     painted_at: Sequence[float],
     seen: int = 0,
 ) -> Tensor:
-    """Returns the change [3, H, W] of the expected picture by wet paint, differentiable in the strokes.
+    """Returns the change [3, H, W] of the expected picture by wet paint, without slopes.
 
     strokes, problems: one for each brush in painting order; the canvas of the first problem is dry.
     painted_at: second at which each stroke is painted, for the strokes of all brushes.
@@ -81,27 +81,10 @@ def change_by_wet_paint(
     """
     rows, columns = problems[-1].canvas.shape[1:]
     grid = PixelGrid.of_height(problems[0].size, min(_ROWS, rows))
-    small = _lay_on(strokes, problems, grid, painted_at, seen)(wet).reshape(1, 3, grid.rows, grid.columns)
+    packed = pack_marks(strokes, problems, grid)
+    laid = lay_packed_marks(packed, wet, painted_at, grid.rows * grid.columns, seen).reshape(1, 3, grid.rows, -1)
+    small = laid.to(problems[0].canvas)
     return interpolate(small, (rows, columns), mode="bilinear", align_corners=False)[0]
-
-
-def _lay_on(
-    strokes: Sequence[Strokes],
-    problems: Sequence[PlanningProblem],
-    grid: PixelGrid,
-    painted_at: Sequence[float],
-    seen: int = 0,
-) -> Callable[[WetPaint], Tensor]:
-    """Returns the function from a wet paint to the change [3, P] of a picture on this grid.
-
-    Compiled loops do the work if no slopes are wanted.
-    """
-    canvas, pixels = problems[0].canvas, grid.rows * grid.columns
-    if compiles_for(canvas) and not torch.is_grad_enabled():
-        packed = pack_marks(strokes, problems, grid)
-        return lambda wet: lay_packed_marks(packed, wet, painted_at, pixels, seen)
-    laid = [mark for part, problem in zip(strokes, problems, strict=True) for mark in marks_on(part, problem, grid)]
-    return lambda wet: lay_wet(laid, wet, painted_at, canvas.new_zeros(3, pixels), seen)
 
 
 @dataclass(frozen=True)
@@ -134,10 +117,11 @@ def learn_wet_paint(painted: Sequence[PaintedPart]) -> WetPaint | None:
             for picture in (part.seen, part.expected)
         )
         off = (seen - expected).flatten(1)
-        known.append((_lay_on(part.strokes, part.problems, grid, part.painted_at), off))
+        known.append((pack_marks(part.strokes, part.problems, grid), part.painted_at, off.cpu()))
 
     def error(wet: WetPaint) -> float:
-        return sum(float((off - lay(wet)).square().mean()) for lay, off in known)
+        laid = ((lay_packed_marks(marks, wet, at, off.shape[1]), off) for marks, at, off in known)
+        return sum(float((off - change).square().mean()) for change, off in laid)
 
     best, least = _TYPICAL, error(_TYPICAL)
     factor = _COARSE
@@ -147,7 +131,7 @@ def learn_wet_paint(painted: Sequence[PaintedPart]) -> WetPaint | None:
             least, best = better
         else:
             factor **= 0.5
-    without = sum(float(off.square().mean()) for _, off in known)
+    without = sum(float(off.square().mean()) for _, _, off in known)
     return best if least < (1 - _MIN_EXPLAINED) * without else None
 
 
@@ -160,77 +144,11 @@ def _near(wet: WetPaint, factor: float) -> Iterator[WetPaint]:
                 yield replace(wet, **{name: value})
 
 
-class WetMark(NamedTuple):
-    """Mark of one stroke on the pixels that it covers.
-
-    pixel [k]: numbers of the pixels
-    alpha [k]: their coverage
-    nearest [k]: the place along the path that is nearest to each
-    steps [17]: metres from the place before; 0 at the first
-    color [3]: sRGB of the paint
-    """
-
-    pixel: Tensor
-    alpha: Tensor
-    nearest: Tensor
-    steps: Tensor
-    color: Tensor
-
-
-def marks_on(strokes: Strokes, problem: PlanningProblem, grid: PixelGrid) -> Iterator[WetMark]:
-    """Yields the marks of the strokes of one brush on a grid."""
-    if len(strokes) == 0:
-        return
-    small = replace(problem, canvas=problem.canvas.new_empty(3, grid.rows, grid.columns))
-    magnitude, affine = small.marks(strokes)
-    path, steps = _way(strokes, grid)
-    row, column = torch.meshgrid(*(torch.arange(count).to(path) for count in (grid.rows, grid.columns)), indexing="ij")
-    place = torch.stack((column.flatten(), row.flatten()), 1)  # [P, 2]
-    last = magnitude.new_tensor((magnitude.shape[2] - 1, magnitude.shape[1] - 1))
-    for index in range(len(strokes)):
-        cell = place @ affine[index, :, :2].T + affine[index, :, 2]
-        shown = (2 * cell / last - 1)[None, None]
-        alpha = grid_sample(magnitude[index][None, None], shown, align_corners=True)[0, 0, 0]
-        pixel = (alpha.detach() > _SEEN).nonzero()[:, 0]
-        nearest = torch.cdist(place[pixel], path[index].detach()).argmin(1)
-        yield WetMark(pixel, alpha[pixel], nearest, steps[index], strokes.color[index])
-
-
 def _way(strokes: Strokes, grid: PixelGrid) -> tuple[Tensor, Tensor]:
     """Returns pixels of places along the paths [n, 17, 2], and the metres to each from the place before [n, 17]."""
     path = grid.to_pixels(strokes.path(torch.linspace(0, 1, _ALONG).to(strokes.length)))
     metres = path * path.new_tensor(grid.pitch)
     return path, torch.cat((path.new_zeros(len(strokes), 1), (metres[:, 1:] - metres[:, :-1]).norm(dim=2)), 1)
-
-
-def lay_wet(
-    marks: Sequence[WetMark], wet: WetPaint, painted_at: Sequence[float], change: Tensor, seen: int = 0
-) -> Tensor:
-    """Returns the change [3, P] of a picture of P pixels by wet paint, after marks in painting order.
-
-    change [3, P]: change before the marks, of a canvas that is dry.
-    seen: number of first marks that the picture shows already.
-    """
-    _check_times(painted_at, len(marks))
-    amount, pigment = change.new_zeros(change.shape[1]), change.new_ones(6, change.shape[1])
-    now = painted_at[0] if painted_at else 0.0
-    for number, (mark, at) in enumerate(zip(marks, painted_at, strict=True)):
-        amount, now = (amount - (at - now) / wet.drying).clamp(min=0), at
-        pixel, alpha = mark.pixel, mark.alpha
-        if len(pixel) == 0:
-            continue
-        below, paint_below = amount[pixel], pigment[:, pixel]
-        own = pigment_of(mark.color)
-        held = _held_along(mark, below, paint_below, own, wet.rate)[mark.nearest].T  # [6, k]
-        mixed = held + wet.share * below * (paint_below - held)
-        if number >= seen:
-            off = color_of(mixed) - color_of(own)[:, None]
-            change = change.index_copy(1, pixel, change[:, pixel] * (1 - alpha) + off * alpha)
-        kept = below * (1 - alpha)
-        total = kept + alpha
-        pigment = pigment.index_copy(1, pixel, (paint_below * kept + mixed * alpha) / total)
-        amount = amount.index_copy(0, pixel, total.clamp(max=1))
-    return change
 
 
 def _check_times(painted_at: Sequence[float], strokes: int) -> None:
@@ -241,29 +159,13 @@ def _check_times(painted_at: Sequence[float], strokes: int) -> None:
         )
 
 
-def _held_along(mark: WetMark, below: Tensor, paint_below: Tensor, own: Tensor, rate: float) -> Tensor:
-    """Returns K and S of the paint on the brush at the places along the path, [17, 6].
-
-    At each place it has exchanged the share 1 - exp(-rate amount way) of its paint. The sum over the places before
-    is in closed form: each share weakens by the exchanges that follow it.
-    """
-    near = torch.zeros(_ALONG, len(mark.pixel)).to(mark.alpha)
-    near = near.scatter(0, mark.nearest[None], mark.alpha[None])
-    there = near.sum(1) + 1e-6
-    amount = near @ below / there
-    paint = (near * below) @ paint_below.T / there[:, None] / amount.clamp(min=_TRACE)[:, None]
-    exchange = rate * mark.steps * amount
-    so_far = exchange.cumsum(0)
-    taken = (-torch.expm1(-exchange) * so_far.exp())[:, None] * paint
-    return (-so_far).exp()[:, None] * (own + taken.cumsum(0))
-
-
 class PackedMarks(NamedTuple):
-    """Marks of n strokes for the compiled loops (wet_kernels.py), which know no slopes.
+    """Marks of n strokes on the pixels that they cover, mark after mark, for the compiled loops (wet_kernels.py).
 
     begin [n + 1]: first pixel of each mark, and the number of all
-    pixel, alpha, nearest [k]: as for `WetMark`, mark after mark
-    steps [n, 17]: as for `WetMark`
+    pixel, alpha [k]: numbers of the pixels, and their coverage
+    nearest [k]: the place along the path that is nearest to each
+    steps [n, 17]: metres from the place before; 0 at the first
     color [n, 3]: sRGB of the paints
     """
 
@@ -276,31 +178,34 @@ class PackedMarks(NamedTuple):
 
 
 def pack_marks(strokes: Sequence[Strokes], problems: Sequence[PlanningProblem], grid: PixelGrid) -> PackedMarks:
-    """Returns the marks of the strokes of all brushes on a grid, as `marks_on` does."""
+    """Returns the marks of the strokes of all brushes on a grid."""
     from frida_painter.planning import wet_kernels  # loads the compiler
     from frida_painter.render.kernels import find_spans, painted_boxes
 
     found = []
     for part, problem in zip(strokes, problems, strict=True):
         small = replace(problem, canvas=problem.canvas.new_empty(3, grid.rows, grid.columns))
-        magnitude, affine = map(array, small.marks(part))
-        path, way = _way(part, grid)
+        with torch.no_grad():
+            magnitude, affine, path, way = (array(each.cpu()) for each in (*small.marks(part), *_way(part, grid)))
         spans = find_spans(affine, painted_boxes(magnitude), grid.rows, grid.columns)
         most, begin = spans.pixels, np.empty(len(part) + 1, np.int64)
         pixels = np.empty(most, np.int32), np.empty(most, magnitude.dtype), np.empty(most, np.int8)
-        wet_kernels.cover(magnitude, affine, array(path), spans, grid.columns, _SEEN, begin, *pixels)
-        found.append((begin, *(each[: begin[-1]] for each in pixels), array(way)))
+        wet_kernels.cover(magnitude, affine, path, spans, grid.columns, _SEEN, begin, *pixels)
+        found.append((begin, *(each[: begin[-1]] for each in pixels), way))
     begins, *rest = zip(*found, strict=True)
     before = np.cumsum([0, *(begin[-1] for begin in begins)])
     begin = np.concatenate([*(one[:-1] + first for one, first in zip(begins, before, strict=False)), before[-1:]])
     pixel, alpha, nearest, steps = map(np.concatenate, rest)
-    return PackedMarks(begin, pixel, alpha, nearest, steps, torch.cat([part.color for part in strokes]).detach())
+    return PackedMarks(begin, pixel, alpha, nearest, steps, torch.cat([part.color for part in strokes]).detach().cpu())
 
 
 def lay_packed_marks(
     marks: PackedMarks, wet: WetPaint, painted_at: Sequence[float], pixels: int, seen: int = 0
 ) -> Tensor:
-    """Returns the change [3, P] of a picture of P pixels by wet paint, as `lay_wet` does on a dry canvas."""
+    """Returns the change [3, P] of a picture of P pixels, whose canvas is dry, by wet paint after packed marks.
+
+    seen: number of first marks that the picture shows already.
+    """
     from frida_painter.planning import wet_kernels
 
     begin, pixel, alpha, nearest, steps, color = marks
@@ -324,9 +229,3 @@ def pigment_of(color: Tensor) -> Tensor:
     ratio = (1 - reflected).square() / (2 * reflected)
     scattering = (1 + ratio).rsqrt()
     return torch.cat((ratio * scattering, scattering))
-
-
-def color_of(pigment: Tensor) -> Tensor:
-    """Returns the colour, sRGB [3, ...], of thick films of paints with K and S [6, ...]."""
-    ratio = pigment[:3] / pigment[3:]
-    return to_srgb(1 + ratio - (ratio.square() + 2 * ratio).sqrt())

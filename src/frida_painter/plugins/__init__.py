@@ -44,7 +44,7 @@ if TYPE_CHECKING:
         Waypoints,
         Workspace,
     )
-    from frida_painter.mixing.finish import Finish
+    from frida_painter.mixing import Finish
     from frida_painter.mixing.recipe import MixerKind
     from frida_painter.objectives.encoders.base import Encoder, Reader, Seer
     from frida_painter.objectives.objective import (
@@ -60,10 +60,8 @@ if TYPE_CHECKING:
     from frida_painter.objectives.picture_library import PictureLibrary
     from frida_painter.palette import Palette
     from frida_painter.plan import Layer, Plan
-    from frida_painter.planning.initialisers import InitialiserKind, InitialTask
     from frida_painter.planning.planner import PlannerKind, PlanningTask
     from frida_painter.plugins.conformance import PartFinding, check
-    from frida_painter.runs.event_file import ListenerKind
     from frida_painter.runs.picture_making import PictureMaker, PictureMakerKind, PictureRequest
     from frida_painter.session.events import Event, Notify
     from frida_painter.session.replan_policy import CanvasSeen, ReplanPolicy
@@ -88,7 +86,7 @@ _HOMES = {
     "hardware.easel": ("Easel", "PersonStroke"),
     "hardware.kinds": ("CameraKind", "MachineName", "Needed", "RobotKind", "require_home", "yes_or_no"),
     "hardware.robot": ("Camera", "Frame", "MotionReport", "Point", "Robot", "Waypoints", "Workspace"),
-    "mixing.finish": ("Finish",),
+    "mixing": ("Finish",),
     "mixing.recipe": ("MixerKind",),
     "objectives.encoders.base": ("Encoder", "Reader", "Seer"),
     "objectives.objective": (
@@ -97,10 +95,8 @@ _HOMES = {
     "objectives.picture_library": ("PictureLibrary",),
     "palette": ("Palette",),
     "plan": ("Layer", "Plan"),
-    "planning.initialisers": ("InitialTask", "InitialiserKind"),
     "planning.planner": ("PlannerKind", "PlanningTask"),
     "plugins.conformance": ("PartFinding", "check"),
-    "runs.event_file": ("ListenerKind",),
     "runs.picture_making": ("PictureMaker", "PictureMakerKind", "PictureRequest"),
     "session.events": ("Event", "Notify"),
     "session.replan_policy": ("CanvasSeen", "ReplanPolicy"),
@@ -137,12 +133,9 @@ __all__ = [
     "GoalKind",
     "HandNoise",
     "ImageError",
-    "InitialTask",
-    "InitialiserKind",
     "Interlock",
     "Interrupted",
     "Layer",
-    "ListenerKind",
     "MachineName",
     "MakingFailed",
     "MapFrame",

@@ -16,7 +16,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from frida_painter import images, protocols, registry
+from frida_painter import images, registry
 from frida_painter.brush.families import FamilyPart
 from frida_painter.brush.kinds import BrushModel, StrokeModel, require_stroke_model
 from frida_painter.canvas_size import CanvasSize
@@ -40,7 +40,7 @@ from frida_painter.hardware.robot import (
     TouchProbe,
     ZeroedRobot,
 )
-from frida_painter.mixing.finish import Finish
+from frida_painter.mixing import Finish
 from frida_painter.mixing.paint import usual_paints
 from frida_painter.mixing.recipe import MixerKind
 from frida_painter.objectives.encoders.base import Encoder, Reader
@@ -50,13 +50,9 @@ from frida_painter.objectives.objective import Gives, Goal, GoalKind, ObjectiveC
 from frida_painter.objectives.picture_library import PictureLibrary
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
-from frida_painter.planning.initialisers import InitialiserKind, InitialTask
-from frida_painter.planning.initialize import Growth
 from frida_painter.planning.planner import Planner, PlannerKind, PlanningTask
 from frida_painter.planning.settings import PlannerSettings
-from frida_painter.runs.event_file import ListenerKind
 from frida_painter.runs.picture_making import PictureMaker, PictureMakerKind, PictureRequest
-from frida_painter.session.events import Drying, Finished
 from frida_painter.session.rehearsal import FlatbedWorkspace
 from frida_painter.session.replan_policy import CanvasSeen, ReplanPolicy
 from frida_painter.session.turn_policy import TurnAnswer, TurnPolicy, TurnTaken
@@ -228,10 +224,10 @@ def _try_robot(kind: RobotKind, given: _Given) -> None:
     named = text if text.partition(":")[0] == kind.name else f"{kind.name}:{text}"
     machine = MachineName.of(named, kind.form)
     made = _opened(lambda: kind.open(machine, place), given)
-    protocols.require_like(made, Robot, "Its driver")
+    registry.require_like(made, Robot, "Its driver")
     for protocol in _ABILITIES:
         if isinstance(made, protocol):
-            protocols.require_like(made, protocol, "Its driver")
+            registry.require_like(made, protocol, "Its driver")
     identities = kind.identify(machine)
     _require(
         isinstance(identities, frozenset) and bool(identities),
@@ -272,17 +268,15 @@ def _try_camera(kind: CameraKind, given: _Given) -> None:
     _require_words(kind, "form", "title")
     _require(kind.form.startswith(kind.name), f"Its form {kind.form!r} does not begin with its name.")
     made = _opened(lambda: kind.open(given.text(_sample(kind.form))), given)
-    protocols.require_like(made, Camera, "Its driver")
+    registry.require_like(made, Camera, "Its driver")
     if isinstance(made, LiveCamera):
-        protocols.require_like(made, LiveCamera, "Its driver")
+        registry.require_like(made, LiveCamera, "Its driver")
 
 
 def _try_easel(kind: EaselKind, given: _Given) -> None:
     _require_words(kind, "title")
     for name, declared in (("open", lambda kind, order: None), ("load", lambda kind: None)):
-        _require(
-            protocols.takes(getattr(kind, name), declared), f"Its {name} is no function of what the program gives."
-        )
+        _require(registry.takes(getattr(kind, name), declared), f"Its {name} is no function of what the program gives.")
     _require(not (kind.person and kind.simulated), "It is simulated and painted by a person; it is one of them.")
 
 
@@ -329,7 +323,7 @@ def _try_goal(kind: GoalKind, given: _Given) -> None:
 
 
 def _is_ours(kind: GoalKind) -> bool:
-    return kind.name in registry.OUR_PARTS[registry.OBJECTIVES]
+    return kind.name in registry.our_parts()[registry.OBJECTIVES]
 
 
 def _open_picture(kind: GoalKind) -> Any:
@@ -367,7 +361,7 @@ def _try_policy(parse: Any, given: _Given) -> None:
             policy = parse(text)
         except ConfigError:
             continue
-        protocols.require_like(policy, ReplanPolicy, "Its policy")
+        registry.require_like(policy, ReplanPolicy, "Its policy")
         for done, of in ((0, 100), (37, 100), (99, 100)):
             look = policy.next_look(done, of)
             _require(
@@ -398,20 +392,6 @@ def _try_planner(kind: PlannerKind, given: _Given) -> None:
     kind.make_rest(PlanningTask(planner, planner.expected(made), len(rest), 2, lambda step: None), rest)
 
 
-def _try_initialiser(kind: InitialiserKind, given: _Given) -> None:
-    _require_words(kind, "help")
-    planner = _planner()
-    problem = planner.problems.initial(planner.bare, planner.coarse, planner.kinds[0])
-
-    def begin(guide: Tensor | None) -> Strokes:
-        chance = torch.Generator().manual_seed(0)
-        return kind.begin(InitialTask(_COUNT, problem, guide, chance, Growth(2, 2, 4), lambda step: None))
-
-    guide = planner.problems.guide(problem)
-    same = torch.equal(begin(guide).position, begin(guide).position)
-    _require(same, "It placed other strokes with the same generator; take every random choice from it.")
-
-
 def _try_mixer(kind: MixerKind, given: _Given) -> None:
     _require_words(kind, "help")
     paints = usual_paints()[:3]
@@ -424,17 +404,6 @@ def _try_mixer(kind: MixerKind, given: _Given) -> None:
     _require(torch.allclose(pure, doubled, atol=1e-4), "Twice the paint gave another colour; only shares count.")
 
 
-def _try_listener(kind: ListenerKind, given: _Given) -> None:
-    _require_words(kind, "help")
-    try:
-        heard = kind.open(given.text(""))
-    except ConfigError:
-        return  # it needs a text, and says so
-    _require(callable(heard), f"It opened a {type(heard).__name__}, and it is a function.")
-    for event in (Drying(1, 60.0, 30.0), Finished(3)):
-        heard(event)
-
-
 def _try_picture_maker(kind: PictureMakerKind, given: _Given) -> None:
     _require_words(kind, "help")
     try:
@@ -443,7 +412,7 @@ def _try_picture_maker(kind: PictureMakerKind, given: _Given) -> None:
         if given.name in given.examples:
             raise
         return  # it needs a text, and says so
-    protocols.require_like(maker, PictureMaker, f"The {type(maker).__name__} that it opened")
+    registry.require_like(maker, PictureMaker, f"The {type(maker).__name__} that it opened")
     with TemporaryDirectory() as folder:
         request = PictureRequest("a lighthouse", (0, 1), 128, 128, Path(folder), torch.device("cpu"), _SECONDS)
         files = maker.make(request)
@@ -487,7 +456,7 @@ def _try_turn_policy(policy: TurnPolicy, given: _Given) -> None:
 def _try_encoder(make: Any, given: _Given) -> None:
     _require(callable(make), "It is no function of a device.")
     encoder = make(torch.device("cpu"))
-    protocols.require_like(encoder, Encoder, "Its encoder")
+    registry.require_like(encoder, Encoder, "Its encoder")
     _require_words(encoder, "name")
     views = torch.stack([_picture(64), _picture(64).flip(2)]).requires_grad_()
     maps = encoder.features(views)
@@ -496,7 +465,7 @@ def _try_encoder(make: Any, given: _Given) -> None:
     _require(all(bool(each.isfinite().all()) for each in maps), "Its features are not finite.")
     _require_gradient(sum(each.square().mean() for each in maps), views, "features")
     if callable(getattr(encoder, "embed_text", None)):
-        protocols.require_like(encoder, Reader, "Its encoder")
+        registry.require_like(encoder, Reader, "Its encoder")
         words, seen = encoder.embed_text("a red apple"), encoder.embed_pictures(views)
         _require(words.dim() == 1 and tuple(seen.shape) == (2, len(words)), "Words and pictures have other lengths.")
         norms = torch.cat([words.norm()[None], seen.norm(dim=1)])
@@ -513,7 +482,7 @@ def _require_gradient(value: Any, views: Tensor, name: str) -> None:
 def _try_library(make: Any, given: _Given) -> None:
     _require(callable(make), "It is no function that returns a library.")
     library = make()
-    protocols.require_like(library, PictureLibrary, "Its library")
+    registry.require_like(library, PictureLibrary, "Its library")
     _require_words(library, "name")
     listed = library.captions()
     _require(bool(listed), "It lists no picture.")
@@ -529,7 +498,7 @@ def _try_studio_arm(kind: StudioArm, given: _Given) -> None:
     _require_words(kind, "easel")
     made = kind.furnish(_CANVAS, find_brush("fine"), 0)
     _require(isinstance(made, ArmAndTable), f"Its furnish returned a {type(made).__name__}; it returns an ArmAndTable.")
-    protocols.require_like(made.arm, Arm, "Its arm")
+    registry.require_like(made.arm, Arm, "Its arm")
 
 
 _TRIALS: Mapping[str, tuple[type[Any], Callable[[Any, _Given], None]]] = {
@@ -541,9 +510,7 @@ _TRIALS: Mapping[str, tuple[type[Any], Callable[[Any, _Given], None]]] = {
     registry.OBJECTIVES: (GoalKind, _try_goal),
     registry.REPLAN_POLICIES: (object, _try_policy),
     registry.PLANNERS: (PlannerKind, _try_planner),
-    registry.INITIALISERS: (InitialiserKind, _try_initialiser),
     registry.MIXERS: (MixerKind, _try_mixer),
-    registry.LISTENERS: (ListenerKind, _try_listener),
     registry.PICTURE_MAKERS: (PictureMakerKind, _try_picture_maker),
     registry.EXPORTERS: (ExporterKind, _try_exporter),
     registry.TURN_POLICIES: (TurnPolicy, _try_turn_policy),

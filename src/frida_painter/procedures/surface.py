@@ -1,6 +1,6 @@
 """The surface procedure: measures how uneven the canvas is, at nine points or more, by touch or by a person's eye.
 
-The heights become a map of the canvas (surface_map.py), which every stroke follows. An arm that feels by its force
+The heights become a map of the canvas (calibration.py), which every stroke follows. An arm that feels by its force
 first touches five points. If they lie in a plane, the plane is the map: it averages the noise of the force.
 """
 
@@ -17,7 +17,7 @@ from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 from torch import Tensor
 
 from frida_painter import storage
-from frida_painter.calibration import Calibration
+from frida_painter.calibration import MAX_LINES, MAX_UNEVENNESS, Calibration, SurfaceMap
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.dialogue import Answer, Confirm, Jog, JogMove, Procedure, Question
 from frida_painter.errors import CalibrationError, ConfigError, WorkspaceViolation
@@ -26,7 +26,6 @@ from frida_painter.hardware.gateway import RobotGateway
 from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.robot import MotionReport, Sense, Waypoints, Workspace
 from frida_painter.sheet import CREAM, INK, LINE, SOFT, Sheet
-from frida_painter.surface_map import MAX_LINES, MAX_UNEVENNESS, SurfaceMap
 
 POINTS = 3
 """Default number of points along each side."""

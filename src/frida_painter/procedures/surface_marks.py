@@ -16,7 +16,7 @@ from scipy.optimize import least_squares
 from torch import Tensor
 
 from frida_painter.brush.kinds import BrushKind
-from frida_painter.calibration import Corners
+from frida_painter.calibration import Corners, SurfaceMap
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.dialogue import Confirm, Procedure
 from frida_painter.errors import CalibrationError, ConfigError
@@ -28,7 +28,6 @@ from frida_painter.perception.rectify import rectify
 from frida_painter.perception.snapshot import read_snapshot
 from frida_painter.procedures.paper import LENGTH, EaselAccess, at_height
 from frida_painter.procedures.surface import POINTS, SurfaceFinding, require_room
-from frida_painter.surface_map import SurfaceMap
 
 SHARES = (-0.5, -0.25, 0.0, 0.25, 0.5, 0.75)
 """Depths of the marks at a point, from the lightest, as shares of the way from the lightest touch to the hardest press.

@@ -12,6 +12,7 @@ import numpy as np
 import torch
 
 from frida_painter.brush.kinds import BrushKind
+from frida_painter.calibration import SurfaceMap
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.connecting import find_zero
 from frida_painter.easel.dialogue import (
@@ -32,7 +33,6 @@ from frida_painter.hardware.robot import Point, Sense, Waypoints, ZeroedRobot
 from frida_painter.procedures.surface import HOW_IT_FEELS, Feeler, feel, lower, surface
 from frida_painter.session.outline import plan_outlines
 from frida_painter.strokes import Strokes
-from frida_painter.surface_map import SurfaceMap
 
 TEST_STROKES = 3
 """Number of the test strokes: light, middle and hard."""

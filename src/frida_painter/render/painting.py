@@ -2,10 +2,11 @@
 
 import io
 from collections.abc import Mapping, Sequence
+from importlib import import_module
 from importlib.util import find_spec
 from itertools import chain
 from pathlib import Path
-from typing import NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import torch
@@ -78,24 +79,22 @@ def composite(
     zero. The compiled methods then skip a part of it.
     Returns the picture [3, H, W]. Differentiable in all four tensors.
 
-    CPU tensors use compiled scanlines if numba is installed. CUDA tensors use compiled tiles if Triton is
-    installed. All other tensors use `reference.composite`, which the others equal, on their device: much slower.
+    CPU tensors use compiled scanlines. CUDA tensors use compiled tiles if Triton is installed. All other tensors use
+    `reference.composite`, which the others equal, on their device: much slower.
     """
+    picture: Tensor = _find_renderer(canvas).composite(
+        magnitude, affine, color, canvas, bare_cells_answer=bare_cells_answer
+    )
+    return picture
+
+
+def _find_renderer(canvas: Tensor) -> Any:
+    """Returns the module that paints strokes fastest on this canvas; each loads its compiler at its first use."""
     if compiles_for(canvas):
-        # Imported here because the compiler takes a second to load, which CUDA users do not need.
-        from frida_painter.render import scanline
-
-        return scanline.composite(magnitude, affine, color, canvas, bare_cells_answer=bare_cells_answer)
-    if _in_tiles(canvas):
-        from frida_painter.render import tiles
-
-        return tiles.composite(magnitude, affine, color, canvas, bare_cells_answer=bare_cells_answer)
-    return reference.composite(magnitude, affine, color, canvas)
-
-
-def _in_tiles(canvas: Tensor) -> bool:
-    """Returns True if tile_kernels.py paints the strokes."""
-    return canvas.device.type == "cuda" and find_spec("triton") is not None
+        return import_module("frida_painter.render.scanline")
+    if canvas.device.type == "cuda" and find_spec("triton") is not None:
+        return import_module("frida_painter.render.tiles")
+    return reference
 
 
 def render(
@@ -238,17 +237,8 @@ def composite_moments(
     variance [H, W]: variance of the canvas; None for zero
     Equals `reference.composite_moments`.
     """
-    if compiles_for(canvas):
-        from frida_painter.render import scanline
-
-        given = magnitude, affine, color, canvas, spread, variance
-        return Moments(*scanline.composite_moments(*given, bare_cells_answer=bare_cells_answer))
-    if _in_tiles(canvas):
-        from frida_painter.render import tiles
-
-        given = magnitude, affine, color, canvas, spread, variance
-        return Moments(*tiles.composite_moments(*given, bare_cells_answer=bare_cells_answer))
-    return Moments(*reference.composite_moments(magnitude, affine, color, canvas, spread, variance))
+    given = magnitude, affine, color, canvas, spread, variance
+    return Moments(*_find_renderer(canvas).composite_moments(*given, bare_cells_answer=bare_cells_answer))
 
 
 def render_moments(

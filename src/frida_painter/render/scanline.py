@@ -40,51 +40,111 @@ def composite(
     If an affine map or a colour is not finite, the whole picture is NaN. Runs on torch's number of threads; the
     bits are the same for any number.
     """
-    magnitude, affine, color = magnitude.to(canvas.dtype), affine.to(canvas.dtype), color.to(canvas.dtype)
-    if torch.is_grad_enabled() and any(tensor.requires_grad for tensor in (magnitude, affine, color, canvas)):
-        apply: Callable[..., Tensor] = _Scanline.apply
-        return apply(magnitude, affine, color, canvas, bare_cells_answer)
-    picture = array(canvas).copy()
-    lay(magnitude, affine, color, (picture,), kernels.blend, array(color))
-    return torch.from_numpy(picture)
+    (picture,) = _paint(magnitude, affine, color, (canvas,), None, bare_cells_answer)
+    return picture
 
 
-class _Scanline(torch.autograd.Function):
-    """`composite` with gradients. The forward pass keeps three numbers for each covered pixel."""
+def composite_moments(
+    magnitude: Tensor,
+    affine: Tensor,
+    color: Tensor,
+    canvas: Tensor,
+    spread: CoverageSpread,
+    variance: Tensor | None = None,
+    *,
+    bare_cells_answer: bool = True,
+) -> tuple[Tensor, Tensor]:
+    """Paints strokes of mean coverage `magnitude` in order on a canvas, as `reference.composite_moments`.
+
+    Tensors, threads and `bare_cells_answer` as in `composite`. Differentiable once in all five tensors.
+    """
+    moments = canvas, torch.zeros_like(canvas[0]) if variance is None else variance
+    mean, variance = _paint(magnitude, affine, color, moments, spread, bare_cells_answer)
+    return mean, variance
+
+
+def _paint(
+    magnitude: Tensor,
+    affine: Tensor,
+    color: Tensor,
+    pictures: tuple[Tensor, ...],
+    spread: CoverageSpread | None,
+    bare_cells_answer: bool,
+) -> tuple[Tensor, ...]:
+    """Returns the pictures after the strokes: the canvas; or mean and variance, if there is a `spread`."""
+    tensors = *(tensor.to(pictures[0].dtype) for tensor in (magnitude, affine, color)), *pictures
+    if torch.is_grad_enabled() and any(tensor.requires_grad for tensor in tensors):
+        apply: Callable[..., tuple[Tensor, ...]] = _Scanlines.apply
+        return apply(spread, bare_cells_answer, *tensors)
+    return _lay_on_copies(spread, *tensors)[0]
+
+
+class _Scanlines(torch.autograd.Function):
+    """`_paint` with gradients. The forward pass keeps three numbers for each covered pixel."""
 
     @staticmethod
     def forward(
-        ctx: Any, magnitude: Tensor, affine: Tensor, color: Tensor, canvas: Tensor, bare_cells_answer: bool
-    ) -> Tensor:
-        picture = array(canvas).copy()
-        whole = bare_cells_answer and ctx.needs_input_grad[0]
-        laid = lay(magnitude, affine, color, (picture,), kernels.blend, array(color), keep=True, whole=whole)
-        ctx.save_for_backward(magnitude, affine, color, canvas, torch.from_numpy(laid.sampled))
+        ctx: Any, spread: CoverageSpread | None, bare_cells_answer: bool, magnitude: Tensor, *others: Tensor
+    ) -> tuple[Tensor, ...]:
+        whole = bare_cells_answer and ctx.needs_input_grad[2]
+        painted, laid = _lay_on_copies(spread, magnitude, *others, keep=True, whole=whole)
+        ctx.spread = spread
+        ctx.save_for_backward(torch.from_numpy(laid.sampled), magnitude, *others)
         ctx.laid = laid._replace(sampled=laid.sampled[:, :0])
-        return torch.from_numpy(picture)
+        return painted
 
     @staticmethod
     @once_differentiable
-    def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor | None, ...]:
-        magnitude, affine, color, canvas, sampled = (array(tensor) for tensor in ctx.saved_tensors)
-        wants_map, wants_affine, wants_color, wants_canvas, _ = ctx.needs_input_grad
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
+        sampled, magnitude, affine, color, *pictures = (array(tensor) for tensor in ctx.saved_tensors)
+        _, _, wants_map, wants_affine, wants_color, *wants_pictures = ctx.needs_input_grad
         laid: Laid = ctx.laid._replace(sampled=sampled)
-        g, through = array(gradient), np.ones_like(canvas[0])
-        bands = bands_of(canvas)
-        to_color = np.zeros((len(bands), *color.shape), canvas.dtype)
-        slope = np.empty(laid.sampled.shape[1] if wants_map or wants_affine else 0, canvas.dtype)
+        bands = bands_of(pictures[0])
+        to_color = np.zeros((len(bands), *color.shape), color.dtype)
+        given = laid.spans, sampled[0], color
         with Team() as team:
-            team.share(
-                bands, kernels.pull_through, laid.spans, laid.sampled[0], color, canvas, g, through, slope, to_color
-            )
+            if ctx.spread is None:
+                gradient, through = array(gradients[0]), np.ones_like(pictures[0][0])
+                slope = np.empty(sampled.shape[1] if wants_map or wants_affine else 0, color.dtype)
+                team.share(bands, kernels.pull_through, *given, *pictures, gradient, through, slope, to_color)
+                to_pictures = (gradient * through,)
+            else:
+                to_pictures, slope = tuple(array(each).copy() for each in gradients), np.empty_like(sampled[0])
+                numbers = _numbers(ctx.spread, color)
+                team.share(
+                    bands, kernels.pull_through_moments, *given, numbers, *pictures, *to_pictures, slope, to_color
+                )
             to_affine, to_map = pull_to_strokes(team, magnitude, affine, laid, slope, wants_affine, wants_map)
+        found = zip(to_pictures, wants_pictures, strict=True)
         return (
+            None,
+            None,
             to_map,
             to_affine,
             torch.from_numpy(to_color.sum(0)) if wants_color else None,
-            torch.from_numpy(g * through) if wants_canvas else None,
-            None,
+            *(torch.from_numpy(each) if wants else None for each, wants in found),
         )
+
+
+def _lay_on_copies(
+    spread: CoverageSpread | None, magnitude: Tensor, affine: Tensor, color: Tensor, *pictures: Tensor, **how: Any
+) -> tuple[tuple[Tensor, ...], "Laid"]:
+    """Returns the pictures after the strokes, and the places of the strokes.
+
+    how: keyword arguments of `lay`
+    """
+    copies = tuple(array(each).copy() for each in pictures)
+    if spread is None:
+        laid = lay(magnitude, affine, color, copies, kernels.blend, array(color), **how)
+    else:
+        numbers = _numbers(spread, copies[0])
+        laid = lay(magnitude, affine, color, copies, kernels.blend_moments, array(color), numbers, **how)
+    return tuple(map(torch.from_numpy, copies)), laid
+
+
+def _numbers(spread: CoverageSpread, like: Array) -> tuple[Any, Any]:
+    """Returns share and full of `spread` in the precision of an array, so that the loops compute in it."""
+    return like.dtype.type(spread.share), like.dtype.type(spread.full)
 
 
 class Laid(NamedTuple):
@@ -201,101 +261,3 @@ class Team:
         running = [self.pool.submit(kernel, begin, end, *arguments) for begin, end in pairwise(edges)]
         for piece in running:
             piece.result()
-
-
-# Strokes of uncertain coverage: mean and variance of the picture, equal to `reference.composite_moments`
-
-
-def composite_moments(
-    magnitude: Tensor,
-    affine: Tensor,
-    color: Tensor,
-    canvas: Tensor,
-    spread: CoverageSpread,
-    variance: Tensor | None = None,
-    *,
-    bare_cells_answer: bool = True,
-) -> tuple[Tensor, Tensor]:
-    """Paints strokes of mean coverage `magnitude` in order on a canvas, as `reference.composite_moments`.
-
-    Tensors, threads and `bare_cells_answer` as in `composite`. Differentiable once in all five tensors.
-    """
-    magnitude, affine, color = magnitude.to(canvas.dtype), affine.to(canvas.dtype), color.to(canvas.dtype)
-    tensors = magnitude, affine, color, canvas, torch.zeros_like(canvas[0]) if variance is None else variance
-    if torch.is_grad_enabled() and any(tensor.requires_grad for tensor in tensors):
-        apply: Callable[..., tuple[Tensor, Tensor]] = _Moments.apply
-        return apply(*tensors, spread, bare_cells_answer)
-    moments, _ = _lay(*tensors, spread)
-    return moments
-
-
-class _Moments(torch.autograd.Function):
-    """`composite_moments` with gradients. The forward pass keeps three numbers for each covered pixel."""
-
-    @staticmethod
-    def forward(
-        ctx: Any,
-        magnitude: Tensor,
-        affine: Tensor,
-        color: Tensor,
-        canvas: Tensor,
-        variance: Tensor,
-        spread: CoverageSpread,
-        bare_cells_answer: bool,
-    ) -> tuple[Tensor, Tensor]:
-        whole = bare_cells_answer and ctx.needs_input_grad[0]
-        moments, laid = _lay(magnitude, affine, color, canvas, variance, spread, keep=True, whole=whole)
-        ctx.spread = spread
-        ctx.save_for_backward(magnitude, affine, color, canvas, variance, torch.from_numpy(laid.sampled))
-        ctx.laid = laid._replace(sampled=laid.sampled[:, :0])
-        return moments
-
-    @staticmethod
-    @once_differentiable
-    def backward(ctx: Any, of_mean: Tensor, of_variance: Tensor) -> tuple[Tensor | None, ...]:
-        magnitude, affine, color, canvas, variance, sampled = (array(tensor) for tensor in ctx.saved_tensors)
-        wants_map, wants_affine, wants_color, wants_canvas, wants_variance, *_ = ctx.needs_input_grad
-        laid: Laid = ctx.laid._replace(sampled=sampled)
-        to_mean, to_variance = array(of_mean).copy(), array(of_variance).copy()
-        bands = bands_of(canvas)
-        to_color, slope = np.zeros((len(bands), *color.shape), canvas.dtype), np.empty_like(sampled[0])
-        spread = _numbers(ctx.spread, canvas)
-        with Team() as team:
-            team.share(
-                bands, kernels.pull_through_moments,
-                laid.spans, sampled[0], color, spread, canvas, variance, to_mean, to_variance, slope, to_color,
-            )  # fmt: skip
-            to_affine, to_map = pull_to_strokes(team, magnitude, affine, laid, slope, wants_affine, wants_map)
-        return (
-            to_map,
-            to_affine,
-            torch.from_numpy(to_color.sum(0)) if wants_color else None,
-            torch.from_numpy(to_mean) if wants_canvas else None,
-            torch.from_numpy(to_variance) if wants_variance else None,
-            None,
-            None,
-        )
-
-
-def _lay(
-    magnitude: Tensor,
-    affine: Tensor,
-    color: Tensor,
-    canvas: Tensor,
-    variance: Tensor,
-    spread: CoverageSpread,
-    **how: Any,
-) -> tuple[tuple[Tensor, Tensor], Laid]:
-    """Returns the moments and the places of the strokes.
-
-    how: keyword arguments of `lay`
-    """
-    moments = array(canvas).copy(), array(variance).copy()
-    numbers = _numbers(spread, moments[0])
-    laid = lay(magnitude, affine, color, moments, kernels.blend_moments, array(color), numbers, **how)
-    return (torch.from_numpy(moments[0]), torch.from_numpy(moments[1])), laid
-
-
-def _numbers(spread: CoverageSpread, like: np.ndarray[Any, Any]) -> tuple[Any, Any]:
-    """Returns share and full of `spread` in the precision of an array, so that the loops compute in it."""
-    return like.dtype.type(spread.share), like.dtype.type(spread.full)

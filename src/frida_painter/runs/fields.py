@@ -203,7 +203,7 @@ def _policy(text: str | None) -> str | None:
 Brushes = Annotated[str | None, BeforeValidator(parse_brushes)]
 Families = Annotated[str | None, BeforeValidator(parse_families)]
 Ground = Annotated[str | None, BeforeValidator(_hex), AfterValidator(_ground)]
-Focus = Literal["faces", "subject", "none"]
+Focus = Literal["faces", "none"]
 DarkestPaint = Annotated[str | None, BeforeValidator(_hex), AfterValidator(_darkest)]
 PaintsInUse = Annotated[str, BeforeValidator(_paints), PlainSerializer(_whole_paints, when_used="json")]
 Policy = Annotated[str | None, AfterValidator(_policy)]

@@ -10,7 +10,7 @@ from torch import Tensor
 from frida_painter.errors import ConfigError
 from frida_painter.images import AnyPicture, as_picture
 from frida_painter.objectives.guidance import GuidanceTerm, GuideSource
-from frida_painter.objectives.image import ImageTerm, PictureTerm
+from frida_painter.objectives.image import ImageTerm, PictureTerm, SemanticTerm, SketchTerm, StyleTerm
 from frida_painter.objectives.objective import (
     Gives,
     Goal,
@@ -21,9 +21,6 @@ from frida_painter.objectives.objective import (
     goal_kinds,
     require_weight,
 )
-from frida_painter.objectives.semantic import SemanticTerm
-from frida_painter.objectives.sketch import SketchTerm
-from frida_painter.objectives.style import StyleTerm
 from frida_painter.objectives.word_settings import WordSettings
 from frida_painter.runs.goal_item import GoalItem
 from frida_painter.runs.spec import RunSpec

@@ -15,7 +15,7 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from frida_painter import images, storage
 from frida_painter.brush.kinds import brush_kind
-from frida_painter.calibration import Calibration
+from frida_painter.calibration import Calibration, SurfaceMap
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.dialogue import Answer, SetupQuestion, lead
 from frida_painter.easel.kinds import NO_CAMERA, state_folder
@@ -38,7 +38,6 @@ from frida_painter.procedures.workspace import (
 )
 from frida_painter.report.machine_sheet import draw_machine
 from frida_painter.runs.calibrating import default_record, record_to_renew
-from frida_painter.surface_map import SurfaceMap
 
 STEPS = {
     "canvas": "mark the corners of the canvas",

@@ -407,16 +407,14 @@ def _rank(
         return 0, "it is the only one"
     try:
         networks = networks or EncoderRegistry(device=request.device, tell=request.tell)
-        readers = networks.readers()
+        reader = networks.reader()
     except FridaError:
         return 0, "it is the first; no network is here that compares pictures with words"
     with torch.no_grad():
-        near = torch.zeros(len(pictures))
-        for reader in readers:
-            wanted = reader.embed_text(words)
-            views = torch.stack([images.fit(picture, reader.side, reader.side) for picture in pictures])
-            near += (reader.embed_pictures(views.to(request.device)) @ wanted.to(request.device)).cpu()
-    return int(near.argmax()), f"it is the nearest to the words by {' and '.join(reader.name for reader in readers)}"
+        wanted = reader.embed_text(words)
+        views = torch.stack([images.fit(picture, reader.side, reader.side) for picture in pictures])
+        near = reader.embed_pictures(views.to(request.device)) @ wanted.to(request.device)
+    return int(near.argmax()), f"it is the nearest to the words by {reader.name}"
 
 
 def usual_maker(spec: RunSpec) -> str | None:

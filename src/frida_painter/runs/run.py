@@ -12,7 +12,7 @@ from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
-from typing import Literal, Self, Unpack
+from typing import Any, Literal, Self
 
 import torch
 from torch import Tensor
@@ -50,7 +50,6 @@ from frida_painter.planning.optimize import Step
 from frida_painter.planning.planner import Planner
 from frida_painter.report.film import SKETCHBOOK
 from frida_painter.report.recorder import Recorder
-from frida_painter.runs.event_file import open_listener
 from frida_painter.runs.goals import open_goal
 from frida_painter.runs.look_folder import REFUSED, USED, GivenPicture, LookFolder
 from frida_painter.runs.painting_easel import needed_calibrations, order, require_sensible, with_operator
@@ -68,7 +67,6 @@ from frida_painter.runs.painting_folder import (
 )
 from frida_painter.runs.painting_folder import input_hashes as hashes
 from frida_painter.runs.run_record import RECORD, RunRecord, hash_picture
-from frida_painter.runs.run_settings import RunSettings
 from frida_painter.runs.settle import (
     Controls,
     SettledRun,
@@ -177,8 +175,6 @@ class PaintingRun:
         self.mixed: Palette | None = None
         self._folder = None if folder is None else Path(folder)
         self.listeners: list[Notify] = list(listeners)
-        if spec.listener is not None:
-            self.listeners.append(open_listener(spec.listener))
         self.controls = controls or Controls()
         self._state = None if state is None else Path(state)
         self._record_may_differ = record_may_differ
@@ -669,7 +665,7 @@ def paint(
     *,
     text: str | None = None,
     folder: str | Path | None = None,
-    **settings: Unpack[RunSettings],
+    **settings: Any,
 ) -> RunOutcome:
     """Paints a photograph, words, or both, in the virtual studio by default; returns the outcome.
 

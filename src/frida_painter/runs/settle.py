@@ -4,12 +4,12 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Unpack
+from typing import Any
 
 import torch
 from torch import Tensor
 
-from frida_painter import images, registry
+from frida_painter import images
 from frida_painter.brush.families import load_family
 from frida_painter.brush.kinds import StrokeModel, brush_kind
 from frida_painter.brush.table import cached_table
@@ -47,7 +47,6 @@ from frida_painter.report.recorder import Recorder
 from frida_painter.runs.fields import OF_SCENE, ground_color, rgb
 from frida_painter.runs.goals import OF_PICTURES, make_goal, picture_of, tell_terms
 from frida_painter.runs.picture_making import making_facts
-from frida_painter.runs.run_settings import RunSettings
 from frida_painter.runs.shares import AUTO, brush_shares, family_shares
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import Notify, PauseCause, Paused
@@ -240,7 +239,7 @@ def planner_settings(spec: RunSpec, model: StrokeModel | Sequence[StrokeModel] |
     model: stroke models instead of the description's brushes.
     """
     known = None if spec.calibration is None else Calibration.load(spec.calibration)
-    unnamed = spec.brushes is None and spec.strokes_of in (None, AUTO)
+    unnamed = spec.brushes is None and spec.strokes_of is None
     usual = unnamed and (spec.strokes < FEWEST_FOR_LAYERS or _is_short(spec) or spec.together)
     names = spec.brush_names[:1] if usual else spec.brush_names
     layers = spec.layers if unnamed or len(names) == 1 else len(names)
@@ -262,12 +261,10 @@ def planner_settings(spec: RunSpec, model: StrokeModel | Sequence[StrokeModel] |
         shares=shares,
         new_paints=spec.new_paints is not False and spec.palette is None,
         focus=spec.focus,
-        sharpness=spec.sharpness,
         ground=ground_color(wanted_ground(spec)) or WHITE,
         darkest=darkest_paint(spec),
         paints=spec.paints if spec.palette is None else ANY_PAINTS,
         planner=spec.planner,
-        initialiser=spec.initialiser,
     )
 
 
@@ -483,39 +480,13 @@ def choose_brushes(
     return min(choices(spec), key=expected_loss)
 
 
-def settle_families(
-    spec: RunSpec,
-    goal: Goal,
-    encoders: EncoderRegistry | None = None,
-    notify: Callable[[Step], None] | None = None,
-) -> tuple[RunSpec, str]:
-    """Returns the description with its families among its brushes, and a sentence about a choice ("" for none).
-
-    With "auto", each registered family is tried with a quick plan beside one without a family.
-    notify: called at every step.
-    Raises FamilyError for an unknown or damaged family, and the errors of `open_planner`.
-    """
-
-    def with_families(families: str | None) -> RunSpec:
-        named = spec.model_copy(update={"strokes_of": families})
-        if families is None:
-            return named
-        return named.model_copy(update={"brushes": named.layer_brushes, "strokes_of": None})
-
-    if spec.strokes_of != AUTO:
-        for source, _ in family_shares(spec.strokes_of or ""):
-            load_family(source)
-        return with_families(spec.strokes_of), ""
-
-    def expected_loss(families: str | None) -> float:
-        effort = max(_MIN_EFFORT, _TRYING * spec.effort)
-        planner = open_planner(with_families(families).model_copy(update={"effort": effort}), goal, encoders)
-        return planner.expected_loss(planner.plan(planner.bare, spec.strokes, spec.colors, notify), planner.bare)
-
-    best = min((None, *registry.parts(registry.STROKE_FAMILIES)), key=expected_loss)
-    if best is None:
-        return with_families(None), "No stroke family suits this picture better than the brushes alone."
-    return with_families(best), f"The stroke family that suits this picture best: {best}."
+def name_families(spec: RunSpec) -> RunSpec:
+    """Returns the description with its stroke families among its brushes. Raises FamilyError for an unknown one."""
+    if spec.strokes_of is None:
+        return spec
+    for source, _ in family_shares(spec.strokes_of):
+        load_family(source)
+    return spec.model_copy(update={"brushes": spec.layer_brushes, "strokes_of": None})
 
 
 def choices(spec: RunSpec) -> Sequence[str]:
@@ -593,9 +564,7 @@ def settle(
         brushes = choose_brushes(spec, made.goal, encoders, notify=lambda step: choosing("brushes"))
         spec = spec.model_copy(update={"brushes": brushes})
         remarks.append(f"The brushes that suit this picture best: {brushes}.")
-    if spec.strokes_of is not None:
-        spec, remark = settle_families(spec, made.goal, encoders, notify=lambda step: choosing("brushes"))
-        remarks += [remark] if remark else []
+    spec = name_families(spec)
     planner = open_planner(spec, made.goal, encoders, tell=tell, heed=heed)
     planner, ground, remark = settle_ground(spec, planner, lambda step: choosing("ground"))
     if spec.ground != ground:
@@ -609,11 +578,7 @@ def check(made: Fitted, encoders: EncoderRegistry | None = None) -> Planner:
     spec = made.spec
     if spec.brushes == AUTO:
         spec = spec.model_copy(update={"brushes": choices(spec)[0]})
-    if spec.strokes_of == AUTO:
-        spec = spec.model_copy(update={"strokes_of": None})
-    elif spec.strokes_of is not None:
-        spec, _ = settle_families(spec, made.goal)
-    planner = open_planner(spec, made.goal, encoders)
+    planner = open_planner(name_families(spec), made.goal, encoders)
     planner.layer_sizes(spec.strokes)
     return planner
 
@@ -624,7 +589,7 @@ def make_planner(
     *,
     model: AnyBrush | Sequence[AnyBrush] | None = None,
     encoders: EncoderRegistry | None = None,
-    **settings: Unpack[RunSettings],
+    **settings: Any,
 ) -> Planner:
     """Returns the planner that `frida-painter plan` uses for a goal or a picture; equal settings make an equal plan.
 
@@ -641,7 +606,7 @@ def make_planner(
         (10, ('broad',))
     """
     wanted = goal if isinstance(goal, Goal) else make_goal(goal)
-    described: RunSettings = {"goal": _describe_terms(wanted.terms), "initial": _describe_terms(wanted.initial)}
+    described = {"goal": _describe_terms(wanted.terms), "initial": _describe_terms(wanted.initial)}
     if "goal" in settings or "initial" in settings:
         raise ConfigError("make_planner takes its goal first, and it was given as a setting; use make_goal for it.")
     settings.update(described)

@@ -90,6 +90,6 @@ def family_shares(text: str) -> tuple[tuple[str, float], ...]:
 def parse_families(value: Any) -> Any:
     """Checks families from a TOML file: a text, or a list of texts."""
     value = _join(value)
-    if isinstance(value, str) and value and value != AUTO:
+    if isinstance(value, str) and value:
         family_shares(value)
     return value

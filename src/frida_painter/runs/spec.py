@@ -6,64 +6,29 @@ Command line, page, TOML files, experiments and notebooks use it. This module lo
 from collections.abc import Mapping
 from dataclasses import astuple, fields
 from pathlib import Path
-from typing import Any, Literal, Self, Unpack
+from typing import Any, Literal, Self
 
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    Field,
-    ValidationError,
-    model_validator,
-)
+from pydantic import ValidationError, model_validator
 
 from frida_painter import storage
-from frida_painter.canvas_size import CanvasSize
-from frida_painter.easel.kinds import HUMAN, NO_CAMERA, SAWYER_SIM, SIMULATED, VIRTUAL
+from frida_painter.easel.kinds import HUMAN, NO_CAMERA, SAWYER_SIM, SIMULATED
 from frida_painter.errors import ConfigError
-from frida_painter.objectives.semantic import USUAL_FREEDOM
-from frida_painter.objectives.word_settings import USUAL, Beginning, WordSettings
-from frida_painter.planning.settings import PlannerSettings
-from frida_painter.registry import (
-    INITIALISERS,
-    LISTENERS,
-    PLANNERS,
-    REPLAN_POLICIES,
-    STROKE_FAMILIES,
-    STROKE_MODELS,
+from frida_painter.objectives.word_settings import USUAL, WordSettings
+from frida_painter.runs.fields import NAMED_PAINTS, canvas_of, paints_of, sentence_on
+from frida_painter.runs.settings import (
+    CanvasSettings,
+    GoalSettings,
+    MachineSettings,
+    PaintingSettings,
+    PlanSettings,
+    setting,
 )
-from frida_painter.runs.fields import (
-    NAMED_PAINTS,
-    Brushes,
-    Canvas,
-    DarkestPaint,
-    Families,
-    File,
-    Focus,
-    Ground,
-    Guide,
-    InitialItems,
-    Items,
-    PaintsInUse,
-    Placement,
-    Policy,
-    canvas_of,
-    paints_of,
-    sentence_on,
-)
-from frida_painter.runs.run_settings import RunSettings
-from frida_painter.runs.shares import AUTO, MAX_LAYERS, brush_shares, family_shares
+from frida_painter.runs.shares import AUTO, brush_shares, family_shares
 from frida_painter.storage import count_of
 
 VERSION = 1
 SETTLED = ("strokes", "layers", "colors", "canvas", "brushes", "new_paints", "ground", "paints")
 """Settings that a plan depends on; they cannot change once there is a plan."""
-EASEL = (
-    "robot", "camera", "workspace", "calibration", "placement_error", "pace", "arm_meshes", "studio_canvas", "on_canvas"
-)  # fmt: skip
-"""Settings of the easel, which do not change the picture."""
-_LONG_TEXTS = ("avoid", "phrases")
-FILES = ("palette", "pictures", "workspace", "calibration", "arm_meshes", "studio_canvas")
-"""Settings that name files, other than those of the goal."""
 USUAL_BRUSHES = "broad:30%,medium:35%,fine:35%"
 """Default brushes of a picture in the virtual studio; plans for other goals, or with few strokes, use the first one."""
 FEWER_BRUSHES = "broad:50%,medium:50%"
@@ -72,29 +37,25 @@ _FEWEST_FOR_ALL = 200  # strokes
 _FEWEST_WITH_SEVERAL = 100  # strokes
 WORDS_BRUSHES = "broad:50%,fine:50%"
 """Default brushes of words alone; people recognise a thing by its outline and its small parts."""
-_OF_PLANS: dict[str, Any] = {field.name: field.default for field in fields(PlannerSettings)}
-"""Defaults of the planner's settings, shared by all interfaces."""
+FILM_FRAMES = 120
+"""Largest number of frames of a film."""
 _WORDS = tuple(field.name for field in fields(WordSettings))
 _MAX_SPEC_BYTES = 2**20
+FORMER = {
+    "tilt": 0,
+    "sharpness": 0.3,
+    "timelapse_frames": FILM_FRAMES,
+    "phrases": "{}",
+    "initialiser": "growth",
+    "listener": None,
+}
+"""Settings of 0.3 that are fixed now, each with the value that it is fixed at."""
 
 
-class RunSpec(BaseModel):
+class RunSpec(PaintingSettings, MachineSettings, PlanSettings, CanvasSettings, GoalSettings):
     """Description of a painting. `of`, `from_toml` and `read` raise ConfigError, which names all faults at once.
 
-    goal, initial: goals of the painting, and goals for its start.
-    together: True if there is no goal: a person begins, and the robot continues the drawing.
-    canvas: wanted size, which `fit` may change.
-    brushes: names or weight files, one for all layers or one each, "broad:60%,fine+comma:40%", or "auto".
-    strokes_of: families for further layers, "comma:40%", or "auto".
-
-    clip: CLIP network for words. None: the fetched one.
-    pictures: folder of the person's own pictures of things that words name.
-    palette: file with the really mixed paints.
-    timelapse_frames: largest number of frames of the film.
-    workspace, calibration: files of a real easel.
-    placement_error: error of the virtual studio's robot, such as "4mm,2deg".
-    on_canvas: True if the painting begins on an existing painting.
-    studio_canvas: picture of that painting in the virtual studio.
+    Its fields are the settings of its sections; `docs/reference/settings.md` lists them.
 
         >>> import frida_painter as fp
         >>> spec = fp.RunSpec.of(goal=[{"image": "photo.jpg"}], strokes=50, canvas="A4")
@@ -102,240 +63,7 @@ class RunSpec(BaseModel):
         (50, '210 x 297 mm', 0)
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, arbitrary_types_allowed=True)
-
-    version: Literal[1] = 1
-    title: str = Field("", max_length=80)
-    goal: Items = ()
-    initial: InitialItems = ()
-    strokes: int = Field(
-        _OF_PLANS["strokes"],
-        ge=1,
-        le=20_000,
-        description="Number of brush strokes. Exactly this number is painted, unless --minutes has fewer.",
-    )
-    together: bool = Field(
-        False,
-        description="Paint without a goal: you begin, and the robot answers each of your turns in the spirit of your "
-        "strokes, with at most --strokes in all.",
-    )
-    minutes: float | None = Field(
-        None,
-        ge=1,
-        le=10_000,
-        allow_inf_nan=False,
-        description="Minutes that the robot may take, with dips, looks, film and drying. The strokes that would be "
-        "missed least are left out until the painting fits.",
-        json_schema_extra={"metavar": "X", "default": "as many as it takes"},
-    )
-    layers: int | None = Field(
-        None,
-        ge=1,
-        le=MAX_LAYERS,
-        description="Number of layers of strokes. Each is painted from light to dark on the dry paint of the one "
-        "before, and planned for the canvas as it is then. The first has most of the strokes.",
-        json_schema_extra={
-            "default": "as many as brushes; of one brush 2 for a picture of 100 strokes or more, otherwise 1; 1 where "
-            "drying takes a third of --minutes"
-        },
-    )
-    colors: int = Field(_OF_PLANS["colors"], ge=1, le=24, description="Number of paints to mix.")
-    canvas: Canvas = Field(
-        CanvasSize(14 * 0.0254, 11 * 0.0254),
-        description="Canvas size: width x height in in, cm or mm, like 14x11in or 297x210mm, or a name from A6 to A0, "
-        "letter, legal or tabloid, like A3 or 'A3 landscape'. It is rotated to match the picture.",
-        json_schema_extra={"metavar": "SIZE", "default": "14x11in"},
-    )
-    fit: Literal["canvas", "crop", "pad"] = Field(
-        "canvas",
-        description="How a picture with another aspect ratio fits onto the canvas. canvas: the canvas takes the aspect "
-        "ratio of the picture, within its size. crop: the picture is cropped. pad: white is added. A real canvas "
-        "keeps its shape; there, canvas means crop.",
-        json_schema_extra={"metavar": "canvas|crop|pad"},
-    )
-    brushes: Brushes = Field(
-        None,
-        min_length=1,
-        description="The brush: fine, medium or broad, or a file of stroke model weights that you trained. Several "
-        "paint a layer each, like broad,medium, with shares of the strokes like broad:60%,medium:40%. auto tries some "
-        "with quick plans, and takes what suits the picture best.",
-        json_schema_extra={
-            "metavar": "NAME,...|auto",
-            "group": STROKE_MODELS,
-            "names": ["--brushes", "--brush"],
-            "default": "in the studio, for a picture, broad:30%,medium:35%,fine:35% from 200 strokes on and "
-            "broad:50%,medium:50% from 100 on; for words alone, from 100 on, broad:50%,fine:50%; otherwise broad",
-        },
-    )
-    strokes_of: Families = Field(
-        None,
-        min_length=1,
-        description="Families of strokes that a person taught, each in a layer of the last brush: comma, zigzag, "
-        "flourish, or a file that teach wrote. With shares of the strokes like comma:20%,flourish:30%; without them "
-        "families get 40% together. auto tries each with a quick plan, and takes one if it comes nearer.",
-        json_schema_extra={
-            "metavar": "FAMILY,...|auto",
-            "group": STROKE_FAMILIES,
-            "names": ["--strokes-of"],
-            "default": "strokes of the brushes alone",
-        },
-    )
-    new_paints: bool | None = Field(
-        None,
-        description="Mix new paints for each layer, --colors of them, or keep those of the first. With --palette they "
-        "are kept.",
-    )
-    render_height: int = Field(
-        _OF_PLANS["rows"],
-        ge=64,
-        le=2048,
-        description="Height of the planning image in pixels. Higher is finer and slower.",
-    )
-    replans: int = Field(
-        4,
-        ge=0,
-        description="How many times to look at the canvas and replan the rest: after the first ten strokes, which tell "
-        "where the robot paints, then evenly spaced, and where a layer begins.",
-    )
-    replan_policy: Policy = Field(
-        None,
-        min_length=1,
-        description="When to replan, instead of --replans. every:75 replans after every 75 strokes. when-off-by:0.02 "
-        "looks after every 10 strokes and replans only if the canvas differs more than that from the expected one. "
-        "when-it-pays looks as often as replanning improves the plan by 0.05 dB. Your own packages can add policies.",
-        json_schema_extra={
-            "group": REPLAN_POLICIES,
-            "metavar": "NAME:VALUE",
-            "default": "evenly spaced, --replans times",
-        },
-    )
-    ground: Ground = Field(
-        None,
-        description="The colour in which the bare canvas is toned before the painting begins. auto takes the one that "
-        "suits the picture. A person tones it; the recipe is told, and the camera looks before anything is planned.",
-        json_schema_extra={
-            "metavar": "auto|white|#RRGGBB",
-            "default": "white; in the studio, auto for a picture of 100 strokes or more, and for words alone and "
-            "styles the commonest colour around the things",
-        },
-    )
-    darkest: DarkestPaint = Field(
-        None,
-        description="The colour of your darkest paint once it is dry. No darker paint is planned, and the forecast is "
-        "right where the picture is darker.",
-        json_schema_extra={"metavar": "#RRGGBB", "default": "in the studio #121212, otherwise #000000"},
-    )
-    paints: PaintsInUse = Field(
-        _OF_PLANS["paints"],
-        min_length=1,
-        description="The paints that you mix from. acrylics: six common ones; FILE: your own, as for mix --paints. A "
-        "colour that they cannot give becomes the nearest one that they can, and colours with one recipe become one. "
-        "any: every colour, for pens, screens and paints that are not mixed. A --palette is never changed.",
-        json_schema_extra={"metavar": "acrylics|any|FILE"},
-    )
-    focus: Focus = Field(
-        _OF_PLANS["focus"],
-        description="What matters most in a picture. faces: faces, where there are any; subject: what the picture "
-        "shows, as networks see it, and edges; none: every place is worth the same.",
-        json_schema_extra={"metavar": "faces|subject|none"},
-    )
-    sharpness: float = Field(
-        _OF_PLANS["sharpness"],
-        ge=0,
-        le=2,
-        allow_inf_nan=False,
-        description="How much sharper than the picture the plan is, because a painting comes out softer than its plan. "
-        "0 plans towards the picture as it is.",
-    )
-    freedom: float = Field(
-        USUAL_FREEDOM,
-        ge=0,
-        le=1,
-        allow_inf_nan=False,
-        description="How far the colours of a painting by content (--semantic) may leave those of the picture: 0 is "
-        "faithful, 1 is wild.",
-    )
-    drying: float = Field(
-        20.0,
-        ge=0,
-        le=1440,
-        allow_inf_nan=False,
-        description="Minutes that a layer dries before the next one is painted on it. Thin acrylic paint needs 10 to "
-        "30; 0 is for what dries at once, such as pens. The virtual studio does not wait, unless --pace says so.",
-        json_schema_extra={"metavar": "MINUTES"},
-    )
-    effort: float = Field(
-        _OF_PLANS["effort"],
-        ge=0.05,
-        le=20,
-        allow_inf_nan=False,
-        description="Planning effort. 2 plans twice as long, 0.5 half as long; a CLIP looks more, or less.",
-    )
-    planner: str = Field(
-        _OF_PLANS["planner"],
-        min_length=1,
-        description="How the plan is made. Your own packages can add planners.",
-        json_schema_extra={"group": PLANNERS, "metavar": "NAME"},
-    )
-    initialiser: str = Field(
-        _OF_PLANS["initialiser"],
-        min_length=1,
-        description="How first strokes are placed: growth or uniform. Your own packages can add ways.",
-        json_schema_extra={"group": INITIALISERS, "metavar": "NAME"},
-    )
-    listener: str | None = Field(
-        None,
-        min_length=1,
-        description="Who hears the events. events:FILE writes them as JSON. Your own packages can add listeners.",
-        json_schema_extra={"group": LISTENERS, "metavar": "NAME:TEXT", "default": "nobody"},
-    )
-    seed: int = Field(
-        _OF_PLANS["seed"],
-        ge=0,
-        le=2**31 - 1,
-        description="Random seed. The same seed gives the same painting, another seed a different one.",
-    )
-    clip: str | None = Field(None, min_length=1)
-    beginning: Beginning = Field(
-        USUAL.beginning,
-        description="First picture of a painting of words alone. scene: pictures of its things; colors: a coarse "
-        "picture, coloured by a CLIP; nothing: none. auto: what a CLIP likes best of the two, or a scene.",
-        json_schema_extra={"metavar": "auto|scene|colors|nothing"},
-    )
-    avoid: str = Field(
-        USUAL.avoid,
-        max_length=200,
-        description="Words that a painting of words should not look like.",
-        json_schema_extra={"metavar": "WORDS", "default": "no words"},
-    )
-    phrases: str = Field(
-        "; ".join(USUAL.phrases),
-        max_length=1000,
-        description="How the words are said to a network: sentences with {} in the place of the words, divided by ; as "
-        'in "a painting of {}; a drawing of {}".',
-        json_schema_extra={"metavar": "SENTENCES", "default": "the words alone"},
-    )
-    guide: Guide = Field(
-        None,
-        min_length=1,
-        description="A diffusion pipeline that leads the plan of words, by score distillation: diffusers:NAME is a "
-        "folder, or a name on the hub, fetched once. diffusers:NAME,scale=X says how strongly the words count, 100 by "
-        "default.",
-        json_schema_extra={"metavar": "diffusers:NAME", "default": "a CLIP alone, if there is one"},
-    )
-    pictures: File = None
-    palette: File = None
-    film: bool = True
-    timelapse_frames: int = Field(120, ge=0, le=2000, description="Maximum number of frames in the timelapse film.")
-    robot: str = Field(VIRTUAL, min_length=1)
-    camera: str = ""
-    workspace: File = None
-    calibration: File = None
-    placement_error: Placement = None
-    pace: float = Field(0.0, ge=0, le=100, allow_inf_nan=False)
-    arm_meshes: File = None
-    on_canvas: bool = False
-    studio_canvas: File = None
+    version: Literal[1] = setting(1, "Version of these settings in a file.")
 
     @model_validator(mode="after")
     def _fit_together(self) -> Self:
@@ -397,19 +125,12 @@ class RunSpec(BaseModel):
 
     def _require_words(self) -> None:
         """Raises ValueError if settings of words are wrong, or given without words."""
-        try:
-            settings = self.words
-        except ConfigError as error:
-            raise ValueError(f"--phrases: {error}") from error
         kinds = {item.kind for item in (*self.goal, *self.initial)}
         if self.guide is not None and all(item.kind != "text" for item in self.goal) and (self.goal or self.together):
             raise ValueError("--guide follows words, and the goal has none; leave it out, or give --text")
-        if kinds and "text" not in kinds and settings != USUAL:
-            option = next(
-                name
-                for name, mine, usual in zip(_WORDS, astuple(settings), astuple(USUAL), strict=True)
-                if mine != usual
-            )
+        if kinds and "text" not in kinds and self.words != USUAL:
+            said = zip(_WORDS, astuple(self.words), astuple(USUAL), strict=True)
+            option = next(name for name, mine, usual in said if mine != usual)
             raise ValueError(f"--{option} is for words, and the goal has none; leave it out, or give --text")
 
     def _require_no_goal(self) -> None:
@@ -434,18 +155,14 @@ class RunSpec(BaseModel):
             )
 
     @classmethod
-    def of(cls, **settings: Unpack[RunSettings]) -> Self:
+    def of(cls, **settings: Any) -> Self:
         """Returns a checked description, with defaults that fit the given values.
 
         These defaults are the canvas of the workspace file, and the number of colours of the palette file. A plan
         with few strokes gets fewer colours and replans.
         Raises ConfigError.
         """
-        values: dict[str, Any] = {**settings}
-        if "brush" in values:  # the usual word for one brush
-            if "brushes" in values:
-                raise ConfigError("A brush was given, and brushes as well; give --brushes alone.")
-            values["brushes"] = values.pop("brush")
+        values = _spell_out(settings)
         try:
             chosen = cls(**values)
         except ValidationError as error:
@@ -453,7 +170,7 @@ class RunSpec(BaseModel):
                 "; ".join(sentence_on(fault, cls.model_fields) for fault in error.errors()) + "."
             ) from error
         for name, value in values.items():
-            fault = storage.path_fault(value) if isinstance(value, str | Path) and name not in _LONG_TEXTS else ""
+            fault = storage.path_fault(value) if isinstance(value, str | Path) and name != "avoid" else ""
             if fault:
                 raise ConfigError(f"{name} was given {str(value)[:40]!r}, which can be no name and no path ({fault}).")
         if chosen.palette is not None and "colors" not in values:
@@ -471,7 +188,7 @@ class RunSpec(BaseModel):
         )
 
     @classmethod
-    def from_toml(cls, path: str | Path, **overrides: Unpack[RunSettings]) -> Self:
+    def from_toml(cls, path: str | Path, **overrides: Any) -> Self:
         """Reads a description from a TOML file, with `overrides`; its file names are relative to it.
 
         Raises ConfigError.
@@ -485,13 +202,10 @@ class RunSpec(BaseModel):
                 values[name] = path.parent / values[name]
         return cls.of(**{**values, **overrides})
 
-    def with_values(self, **settings: Unpack[RunSettings]) -> Self:
+    def with_values(self, **settings: Any) -> Self:
         """Returns a checked copy with other values. Raises ConfigError."""
-        values: dict[str, Any] = {**settings}
-        if "brush" in values:
-            values["brushes"] = values.pop("brush")
         kept = {name: getattr(self, name) for name in self.model_fields_set}
-        return type(self).of(**{**kept, **values})
+        return type(self).of(**{**kept, **_spell_out(settings)})
 
     @property
     def as_kept(self) -> Self:
@@ -537,32 +251,20 @@ class RunSpec(BaseModel):
 
     @property
     def words(self) -> WordSettings:
-        """Settings of the words. Raises ConfigError if a phrase has no place for them."""
-        return WordSettings(
-            self.beginning,
-            self.avoid,
-            tuple(part.strip() for part in self.phrases.split(";")),
-        )
+        """Settings of the words."""
+        return WordSettings(self.beginning, self.avoid)
 
     @property
     def _names_brushes(self) -> bool:
         """True if the description names its brushes, instead of leaving them to the defaults or the planner."""
-        return self.brushes not in (None, AUTO) or self._names_families
-
-    @property
-    def _names_families(self) -> bool:
-        """True if the description names stroke families."""
-        return self.strokes_of not in (None, AUTO)
+        return self.brushes not in (None, AUTO) or self.strokes_of is not None
 
     @property
     def layer_brushes(self) -> str:
         """Named brushes, or the default ones, with a layer for each named family, in the form of --brushes."""
-        return self._with_families(self._own_brushes) if self._names_families else self._own_brushes
-
-    def _with_families(self, brushes: str) -> str:
-        """Returns the brushes in the form of --brushes, with a layer of the last brush for each named family."""
-        assert self.strokes_of is not None
-        families, own = family_shares(self.strokes_of), brush_shares(brushes)
+        if self.strokes_of is None:
+            return self._own_brushes
+        families, own = family_shares(self.strokes_of), brush_shares(self._own_brushes)
         if self.brushes is None and self.strokes < _FEWEST_WITH_SEVERAL:
             own = own[:1]  # few strokes are not divided among brushes
         left = 1 - sum(share for _, share in families)
@@ -641,7 +343,23 @@ class RunSpec(BaseModel):
     @property
     def film_length(self) -> int:
         """Number of timelapse frames: 0 by hand, because nobody wants to step aside after every stroke."""
-        return min(self.strokes, self.timelapse_frames) if self.film and not self.by_hand else 0
+        return min(self.strokes, FILM_FRAMES) if self.film and not self.by_hand else 0
+
+
+FILES = tuple(name for name, field in RunSpec.model_fields.items() if field.annotation == Path | None)
+"""Settings that name files, other than those of the goal."""
+EASEL = tuple(MachineSettings.model_fields)
+"""Settings of the easel, which do not change the picture."""
+
+
+def _spell_out(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Returns settings with `brushes` for `brush`, the usual word for one brush. Raises ConfigError for both."""
+    values = {**settings}
+    if "brush" in values:
+        if "brushes" in values:
+            raise ConfigError("A brush was given, and brushes as well; give --brushes alone.")
+        values["brushes"] = values.pop("brush")
+    return values
 
 
 def upgrade_record(plain: Mapping[str, Any]) -> dict[str, Any]:
@@ -654,10 +372,11 @@ def upgrade_record(plain: Mapping[str, Any]) -> dict[str, Any]:
             f"The settings are of version {version!r}, and this program reads version {VERSION}; use the program that "
             "the painting was begun with, or a newer one."
         )
-    if plain.get("tilt", 0) != 0:  # of 0.3
-        raise ConfigError(
-            f"The settings say tilt = {str(plain['tilt'])[:20]}, and brushes are upright now; use the program that the "
-            "painting was begun with, or delete it there and plan anew."
-        )
-    plain = {name: value for name, value in plain.items() if name != "tilt"}
-    return {"ground": "white", "focus": "none", "sharpness": 0.0, **plain}  # 0.2 may lack these, which were fixed then
+    for name, fixed in FORMER.items():
+        if plain.get(name, fixed) != fixed:
+            raise ConfigError(
+                f"The settings say {name} = {str(plain[name])[:20]}, and it is always {fixed} now; use the program "
+                "that the painting was begun with, or delete it there and plan anew."
+            )
+    kept = {name: value for name, value in plain.items() if name not in FORMER}
+    return {"ground": "white", "focus": "none", **kept}  # 0.2 may lack these, which were fixed then

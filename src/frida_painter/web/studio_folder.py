@@ -23,7 +23,7 @@ from frida_painter.objectives.objective import Gives, goal_kinds
 from frida_painter.runs.fields import Focus, Ground
 from frida_painter.runs.goal_item import Crop, GoalItem
 from frida_painter.runs.shares import AUTO, brush_shares, family_shares
-from frida_painter.runs.spec import RunSpec
+from frida_painter.runs.spec import FORMER, RunSpec
 from frida_painter.session.events import Failed, PlanningProgress, Turns, Written, events_of, record
 
 # Request for a painting from the page: goals with weights and settings, checked before planning.
@@ -71,15 +71,13 @@ Brushes = Annotated[str, _Short, AfterValidator(_require_brushes)]
 
 
 def _families(text: str) -> str:
-    if text not in ("", AUTO):
+    if text:
         family_shares(text)
     return text
 
 
 _FAMILY = r"[a-z][a-z0-9-]{0,29}(:\d{1,2}%)?"
-Families = Annotated[
-    str, StringConstraints(pattern=rf"^({AUTO}|{_FAMILY}(,{_FAMILY}){{0,3}})?$"), AfterValidator(_families)
-]
+Families = Annotated[str, StringConstraints(pattern=rf"^({_FAMILY}(,{_FAMILY}){{0,3}})?$"), AfterValidator(_families)]
 
 
 class _Checked(BaseModel):
@@ -146,7 +144,6 @@ class PaintingRequest(_Checked):
     """Ground; None for the default one."""
     on_canvas: bool = False
     focus: Focus = RunSpec.model_fields["focus"].default
-    sharpness: float = _field_like_spec("sharpness")
     freedom: float = _field_like_spec("freedom")
     paints: Literal["acrylics", "any"] = "acrylics"
     drying: float = _field_like_spec("drying")
@@ -157,10 +154,12 @@ class PaintingRequest(_Checked):
     @model_validator(mode="before")
     @classmethod
     def _upgrade(cls, given: Any) -> Any:
-        """Converts an old request with a single brush, or that of 0.3 with an upright one."""
+        """Converts an old request with a single brush, or that of 0.3 with settings that are fixed now."""
         if not isinstance(given, dict):
             return given
-        known = {name: value for name, value in given.items() if name != "brush" and (name, value) != ("tilt", 0)}
+        known = {
+            name: value for name, value in given.items() if name != "brush" and (name, value) not in FORMER.items()
+        }
         return {"brushes": given["brush"], **known} if "brush" in given else known
 
     @model_validator(mode="after")

@@ -12,7 +12,7 @@ from frida_painter import registry
 from frida_painter.errors import ConfigError, Interrupted
 from frida_painter.objectives.objective import Gives, goal_kinds
 from frida_painter.registry import are_here
-from frida_painter.runs.shares import AUTO, family_shares
+from frida_painter.runs.shares import family_shares
 from frida_painter.session.events import CalibrationStarted, PlanRequested, TakenUp, TeachingStarted
 from frida_painter.session.making_events import MakingStarted
 from frida_painter.session.setup_events import SetupStarted
@@ -233,7 +233,7 @@ class Studio:
     def _require_possible(self, request: PaintingRequest) -> None:
         """Raises ConfigError if a picture of the request is missing, or if a kind of goal is not ready."""
         self._require_pictures(request.pictures)
-        if request.strokes_of not in ("", AUTO):
+        if request.strokes_of:
             unknown = [name for name, _ in family_shares(request.strokes_of) if name not in self._families]
             if unknown:
                 known = ", ".join(self._families)

@@ -110,7 +110,6 @@ class Job:
             on_canvas=request.on_canvas,
             paints=request.paints,
             focus=request.focus,
-            sharpness=request.sharpness,
             freedom=request.freedom,
             drying=request.drying,
             minutes=request.minutes,
@@ -122,8 +121,8 @@ class Job:
 
     def _families(self, asked: str) -> str | None:
         """Returns families in the form of RunSpec; those taught in this studio by their files."""
-        if asked in ("", AUTO):
-            return asked or None
+        if not asked:
+            return None
         files = {name: self.folder.families / f"{name}.safetensors" for name, _ in family_shares(asked)}
         shares = ((str(files[name]) if files[name].is_file() else name, share) for name, share in family_shares(asked))
         return ",".join(f"{source}:{100 * share:g}%" for source, share in shares)
@@ -287,7 +286,7 @@ def paint(job: Job, place: PlanFolder) -> None:
     """Paints the plan, with replans as the description says."""
     folder, plan = job.folder.painting, Plan.load(place.plan)
     spec = job.spec(place).with_values(ground=ground_of(plan))
-    if AUTO in (spec.brushes, spec.strokes_of):
+    if spec.brushes == AUTO:
         spec = spec.with_values(brushes=brushes_of(plan), strokes_of=None)
     with PaintingRun(spec, folder, state=job.state, record_may_differ=True) as run:
         _tell_waits(job, run)

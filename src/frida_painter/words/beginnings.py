@@ -17,8 +17,8 @@ from frida_painter.objectives.objective import Goal, ObjectiveContext, Term
 from frida_painter.objectives.pixel_loss import spread
 from frida_painter.objectives.pyramid import color_in
 from frida_painter.objectives.sketch_loss import color_drawing, filled_areas
+from frida_painter.objectives.style_flow import change_by_place, styles_of
 from frida_painter.objectives.style_marks import in_style
-from frida_painter.objectives.style_places import change_by_place, styles_of
 from frida_painter.objectives.text_loss import Text, holding_weight, wish
 from frida_painter.objectives.word_settings import WordSettings
 from frida_painter.words.composition import lay_in
@@ -57,13 +57,13 @@ def with_beginning(
         return goal
     if prompt is None or not is_alone or not by_clip:
         return initial_composition(goal, context.grid, encoders)
-    readers, size = encoders.readers(), (context.grid.rows, context.grid.columns)
-    judge, remarks, begun = Text(prompt, readers, context.seed + _APART, settings), [*encoders.remarks], None
+    reader, size = encoders.reader(), (context.grid.rows, context.grid.columns)
+    judge, remarks, begun = Text(prompt, reader, context.seed + _APART, settings), [*encoders.remarks], None
     if how != "colors" and encoders.composes:
         (begun,) = initial_composition(goal, context.grid, encoders).initial
     if how != "scene":
-        wanted, budget = wish(prompt, readers[0], settings), settings.budget(readers)
-        colors = color_in(wanted, readers[0], size, context.seed, budget, encoders.tell, encoders.heed)
+        wanted, budget = wish(prompt, reader, settings), settings.budget(reader)
+        colors = color_in(wanted, reader, size, context.seed, budget, encoders.tell, encoders.heed)
         with torch.no_grad():
             scene = None if begun is None else begun.picture
             if scene is None or not judge.validation(scene) < judge.validation(colors):

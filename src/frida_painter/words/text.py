@@ -8,9 +8,7 @@ from dataclasses import dataclass, replace
 
 from frida_painter.errors import ConfigError
 from frida_painter.objectives.objective import (
-    Gives,
     Goal,
-    GoalKind,
     ObjectiveContext,
     ObjectiveTerm,
     Term,
@@ -60,15 +58,15 @@ class TextTerm(Term):
         """
         from frida_painter.objectives.text_loss import Sight, Text
 
-        readers = context.encoders.readers()
-        if not all(reader.reads_all(said) for reader in readers for said in self.settings.say(self.prompt)):
+        reader = context.encoders.reader()
+        if not reader.reads_all(self.prompt):
             context.encoders.remark(f"The words {self.prompt[:40]!r}... are too many; the last were cut off.")
         if not self.settings.avoid and (absent := " ".join(split_absent(self.prompt)[1])):
             context.encoders.remark(f"A CLIP hardly understands that there shall be no {absent!r}: give it to --avoid.")
-        budget = self.settings.budget(readers)
+        budget = self.settings.budget(reader)
         sights = context.shared.setdefault(f"words seen in {budget.views} views", (Sight(), Sight()))
-        words = Text(self.prompt, readers, context.seed, self.settings, sights[0])
-        judge = Text(self.prompt, readers, context.seed + _HELD_OUT, self.settings, sights[1])
+        words = Text(self.prompt, reader, context.seed, self.settings, sights[0])
+        judge = Text(self.prompt, reader, context.seed + _HELD_OUT, self.settings, sights[1])
         return ObjectiveTerm(words, judge.validation, recognizes=True, lasts=budget.lasts, looks=0.34 * budget.views)
 
     @classmethod
@@ -83,14 +81,3 @@ class TextTerm(Term):
         prompt, settings = (None, USUAL) if main is None else (main.prompt, main.settings)
         is_alone = len(said) == len(goal.terms) and not goal.initial
         return with_beginning(goal, context, prompt, settings, is_alone=is_alone)
-
-
-KIND = GoalKind(
-    name="text",
-    gives=Gives.WORDS,
-    help='A text prompt: what to paint, like "a sailing ship".',
-    label="Words",
-    open=TextTerm,
-    initial_help="A text prompt to start from. The painting keeps its composition.",
-    networks=(("clip-vit-b-32", "minilm"),),
-)

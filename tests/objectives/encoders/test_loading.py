@@ -13,9 +13,9 @@ from frida_painter.errors import WeightsError
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.encoders import loading
 from frida_painter.objectives.encoders.loading import Choice, EncoderRegistry
+from frida_painter.objectives.image import StyleTerm
 from frida_painter.objectives.interpretation import prepare
 from frida_painter.objectives.objective import Goal, ObjectiveContext
-from frida_painter.objectives.style import StyleTerm
 from frida_painter.words.text import TextTerm
 from support.networks import QuickEncoders
 from support.planning import picture
@@ -69,7 +69,7 @@ def bring(monkeypatch: pytest.MonkeyPatch) -> Callable[[Any], None]:
 def test_one_that_reads_is_asked_for_words_and_for_meaning(bring: Callable[[Any], None], tmp_path: Path) -> None:
     bring(Reading)
     encoders = EncoderRegistry(tmp_path, clip="own")
-    assert encoders.meaning() is encoders.readers()[0]
+    assert encoders.meaning() is encoders.reader()
     assert encoders.choices == [Choice("meaning", "colours by name"), Choice("words", "colours by name")]
     objective = prepare(Goal((TextTerm("red"),)), PixelGrid.of_height(CanvasSize(0.1, 0.1), 32), encoders)
     red, blue = torch.zeros(2, 3, 32, 32)
@@ -84,7 +84,7 @@ def test_one_that_only_sees_is_asked_for_meaning_alone(bring: Callable[[Any], No
     (seen,) = encoders.meaning().features(picture()[None])
     assert torch.equal(seen, picture()[None])
     with pytest.raises(WeightsError, match=r"fetch clip-vit-b-32"):
-        encoders.readers()
+        encoders.reader()
 
 
 def test_its_layers_describe_styles_too(bring: Callable[[Any], None], tmp_path: Path) -> None:

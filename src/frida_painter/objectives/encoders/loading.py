@@ -91,7 +91,6 @@ class EncoderRegistry:
         self._aside: Seer | None = None
         self._edges: Hed | None = None
         self._sentences: SentenceEncoder | None = None
-        self._readers: tuple[Reader, ...] = ()
         self._kept_by_name: dict[str, Any] = {}
         self.choices: list[Choice] = []
         self.remarks: list[str] = []
@@ -212,17 +211,15 @@ class EncoderRegistry:
         """True if the network is here that finds pictures for words."""
         return self._has("minilm")
 
-    def readers(self) -> tuple[Reader, ...]:
-        """Returns encoders of words and pictures in one space: CLIP."""
+    def reader(self) -> Reader:
+        """Returns the encoder of words and pictures in one space: the CLIP."""
         clip: object = self.clip()
         if not isinstance(clip, Reader):
             raise WeightsError(
                 f"To read words in pictures needs a CLIP; fetch it with `frida-painter models fetch {_CLIP}`."
             )
-        if not self._readers:
-            self._readers = (clip,)
-            self.choices.append(Choice("words", clip.name))
-        return self._readers
+        self._note(Choice("words", clip.name))
+        return clip
 
     def sentences(self) -> "SentenceEncoder":
         """Returns the encoder of words alone, by which pictures are found for them."""

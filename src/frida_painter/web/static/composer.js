@@ -14,7 +14,7 @@ const LATER = { text: "text", style: "a style", sketch: "a drawing", semantic: "
 const FIRST = { text: "+ Text", image: "+ Picture", style: "+ Style" };
 /** @returns {Wish} */
 export const fresh = () => ({
-  title: "", terms: [], initial: [], together: false, strokes: 300, colors: 12, width: 355.6, height: 279.4, brushes: "", strokes_of: "", replans: 4, ground: null, on_canvas: false, focus: "faces", sharpness: 0.3, paints: "acrylics", drying: 20, minutes: null, effort: 1, seed: 0,
+  title: "", terms: [], initial: [], together: false, strokes: 300, colors: 12, width: 355.6, height: 279.4, brushes: "", strokes_of: "", replans: 4, ground: null, on_canvas: false, focus: "faces", paints: "acrylics", drying: 20, minutes: null, effort: 1, seed: 0,
 });
 
 /**
@@ -180,8 +180,6 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
             h("a", { href: "#/teach", "data-for": "operate" }, "Teach a stroke")))),
         group("Care",
           choices({ legend: "Most careful with", name: "focus", value: wish.focus ?? "faces", options: FOCUS, onchange: set("focus") }),
-          slider({ label: "Sharpness", min: 0, max: 10, value: Math.round(10 * (wish.sharpness ?? 0.3)),
-            words: (tenths) => (tenths ? `${tenths / 10} times sharper than the picture` : "as sharp as the picture"), oninput: (tenths) => set("sharpness")(tenths / 10) }),
           !house.watched ? null : slider({ label: "Replans", min: 0, max: 12, value: wish.replans, words: (looks) => (looks ? `${looks} times it looks at the canvas and replans` : "none"), oninput: set("replans") })),
         group("Canvas and beginning",
           h("label", { class: "field" }, h("span", {}, "Canvas"), house.canvas ? h("span", {}, `${Math.round(wish.width)} × ${Math.round(wish.height)} mm, from the workspace file of the robot`) : canvasChoice()),
@@ -199,7 +197,7 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
   }
 
   /** Kinds of strokes beside the brush's own: taught families, by name. @returns {[string, string][]} */
-  const strokeKinds = () => [["", "the brush's own"], ...house.families.map((/** @type {string} */ name) => /** @type {[string, string]} */ ([name, `with 40 % of the stroke "${name}"`])), ["auto", "whichever suits best"]];
+  const strokeKinds = () => [["", "the brush's own"], ...house.families.map((/** @type {string} */ name) => /** @type {[string, string]} */ ([name, `with 40 % of the stroke "${name}"`]))];
 
   /** How long it will take, from how long the last paintings took here; nothing is promised before one was measured. */
   function tellTime() {

@@ -37,7 +37,6 @@ export const brushesInWords = (names) => `${BRUSHES.find(({ value }) => value ==
 /** @type {{ value: string, label: string, title: string, picture: import("./dom.js").Lines }[]} */
 export const FOCUS = [
   { value: "faces", label: "faces", title: "Faces matter most in a picture, where there are any", picture: [[1.5, "M18 3a9 9 0 1 0 .01 0M15 9.5v.5M21 9.5v.5M14 15c2.5 2.5 5.5 2.5 8 0"]] },
-  { value: "subject", label: "the subject", title: "What the picture shows, as networks see it, and edges matter most", picture: [[1.2, "M4 3h28v18h-28z"], [5, "M18 11v2"], [3, "M13 18c2-3 8-3 10 0"]] },
   { value: "none", label: "all alike", title: "Every place of a picture is worth the same", picture: [[1.2, "M4 3h28v18h-28z"], [2.5, "M11 8v.1M18 8v.1M25 8v.1M11 16v.1M18 16v.1M25 16v.1"]] },
 ];
 /** @type {{ label: string, strokes: number, colors: number, replans: number, effort: number, picture: import("./dom.js").Lines }[]} */
